@@ -1,0 +1,30 @@
+"""The one error that bad input raises."""
+
+from __future__ import annotations
+
+
+class InputError(ValueError):
+    """Input that cannot be used, said in one sentence a user can act on.
+
+    Parameters
+    ----------
+    source : str
+        The file or the configuration key at fault.
+    problem : str
+        What is wrong, in a clause without a full stop.
+    remedy : str
+        What to do about it, in a clause without a full stop.
+    place : str, optional
+        Where in the source: a line, a column, a sample, a channel.
+    """
+
+    def __init__(self, source: str, problem: str, remedy: str, place: str = "") -> None:
+        self.source = str(source)
+        self.place = place
+        self.problem = problem
+        self.remedy = remedy
+        where = f"{self.source}, {place}" if place else self.source
+        super().__init__(f"{where}: {problem}; {remedy}.")
+
+    def __reduce__(self) -> tuple[type, tuple[str, str, str, str]]:
+        return (type(self), (self.source, self.problem, self.remedy, self.place))
