@@ -1,0 +1,26 @@
+"""Identify every data set of config.yaml: from its recording to a report."""
+
+from snakemake.utils import min_version
+
+min_version("9.10")
+
+
+report: "workflow/report/workflow.rst"
+
+
+include: "workflow/rules/common.smk"
+
+
+rule all:
+    input:
+        [results_of(dataset) for dataset in DATASETS],
+
+
+include: "workflow/rules/acquisition.smk"
+include: "workflow/rules/preparation.smk"
+include: "workflow/rules/spectrum.smk"
+include: "workflow/rules/order_search.smk"
+include: "workflow/rules/model.smk"
+include: "workflow/rules/validation.smk"
+include: "workflow/rules/figures.smk"
+include: "workflow/rules/report.smk"

@@ -1,0 +1,64 @@
+"""Acquisition: a recorded file or a synthetic record, in one fixed form."""
+
+
+rule read_recording:
+    """Read the input and output channels of a recorded file."""
+    input:
+        file=lambda wildcards: DATASETS[wildcards.dataset]["file"],
+    output:
+        recording="results/{dataset}/recording.npz",
+        origin="results/{dataset}/recording.json",
+    log:
+        "results/{dataset}/logs/recording.log",
+    benchmark:
+        "results/{dataset}/benchmarks/recording.tsv"
+    wildcard_constraints:
+        dataset=one_of(RECORDED),
+    conda:
+        "../envs/evopem.yaml"
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=10,
+    params:
+        channels=channels_of,
+        code=code("read_recording"),
+    script:
+        "../scripts/read_recording.py"
+
+
+use rule read_recording as read_validation_recording with:
+    input:
+        file=lambda wildcards: DATASETS[wildcards.dataset]["validation_file"],
+    output:
+        recording="results/{dataset}/validation_recording.npz",
+        origin="results/{dataset}/validation_recording.json",
+    log:
+        "results/{dataset}/logs/validation_recording.log",
+    benchmark:
+        "results/{dataset}/benchmarks/validation_recording.tsv"
+
+
+rule synthesize_recording:
+    """Simulate a system whose truth is known."""
+    output:
+        recording="results/{dataset}/recording.npz",
+        origin="results/{dataset}/recording.json",
+        truth="results/{dataset}/truth.json",
+    log:
+        "results/{dataset}/logs/recording.log",
+    benchmark:
+        "results/{dataset}/benchmarks/recording.tsv"
+    wildcard_constraints:
+        dataset=one_of(SYNTHETIC),
+    conda:
+        "../envs/evopem.yaml"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=10,
+    params:
+        synthesis=synthesis_of,
+        code=code("synthesize_recording"),
+    script:
+        "../scripts/synthesize_recording.py"

@@ -1,0 +1,158 @@
+"""What all rule files share: the checked configuration and the functions that read it."""
+
+import re
+import sys
+from pathlib import Path
+
+from snakemake.exceptions import WorkflowError
+
+WORKFLOW = Path(str(workflow.current_basedir)).parent
+SCRIPTS = WORKFLOW / "scripts"
+sys.path.insert(0, str(SCRIPTS))
+
+from evopem import configuration
+from evopem.errors import InputError
+
+CONFIG_FILES = ["config.yaml", *workflow.overwrite_configfiles]
+
+try:
+    configuration.check_yaml_files(CONFIG_FILES)
+except InputError as error:
+    raise WorkflowError(str(error)) from None
+
+
+configfile: "config.yaml"
+
+
+try:
+    CONFIG = configuration.complete(
+        config,
+        WORKFLOW / "schemas" / "config.schema.yaml",
+        source=", ".join(map(str, CONFIG_FILES[1:] or CONFIG_FILES)),
+    )
+except InputError as error:
+    raise WorkflowError(str(error)) from None
+
+DATASETS = CONFIG["datasets"]
+RECORDED = [name for name, dataset in DATASETS.items() if "file" in dataset]
+SYNTHETIC = [name for name in DATASETS if name not in RECORDED]
+
+TEMPLATES = sorted(
+    path for path in (WORKFLOW / "templates").rglob("*") if path.is_file()
+)
+FIGURES = (
+    "record",
+    "spectrum",
+    "delay",
+    "phases",
+    "poles_zeros",
+    "frequency_response",
+    "residuals",
+    "simulation",
+    "stabilization",
+    "convergence",
+)
+
+
+def one_of(names):
+    """A wildcard constraint that takes these names and no other; none at all if there is none."""
+    return "|".join(map(re.escape, names)) or "(?!)"
+
+
+def channels_of(wildcards):
+    """Which channels of a recorded file are read, and in which units."""
+    keys = ("input", "output", "sampling_rate", "time", "input_unit", "output_unit")
+    return {key: DATASETS[wildcards.dataset][key] for key in keys}
+
+
+def synthesis_of(wildcards):
+    """The keys of a synthetic data set's source."""
+    keys = ("synthesis", "seed", "samples", "sampling_rate", "noise")
+    dataset = DATASETS[wildcards.dataset]
+    return {key: dataset[key] for key in keys if key in dataset}
+
+
+def recordings_of(wildcards):
+    """The recording of a data set, and the independent one for validation if it has one."""
+    folder = f"results/{wildcards.dataset}"
+    inputs = {"recording": f"{folder}/recording.npz"}
+    if DATASETS[wildcards.dataset].get("validation_file"):
+        inputs["validation_recording"] = f"{folder}/validation_recording.npz"
+    return inputs
+
+
+def code(script, *templates):
+    """A digest of a script and of all code behind it: a rule reruns when it changes."""
+    return configuration.code_version(SCRIPTS / f"{script}.py", templates)
+
+
+def parts_of(wildcards):
+    """The outputs of all jobs of one phase."""
+    parts = part_count(wildcards.dataset, wildcards.phase)
+    folder = f"results/{wildcards.dataset}/phases/{wildcards.phase}"
+    return [f"{folder}/part-{part}.json" for part in range(1, parts + 1)]
+
+
+def part_count(dataset, phase):
+    """The number of jobs of one phase."""
+    return configuration.part_count(
+        phase, DATASETS[dataset], CONFIG["candidates_per_job"]
+    )
+
+
+def candidate_grid(wildcards):
+    """The part of the configuration that says which candidates a phase has."""
+    dataset = DATASETS[wildcards.dataset]
+    if wildcards.phase == "delay":
+        return {"delay": dataset["delay"]}
+    return {"orders": {wildcards.phase: dataset["orders"][wildcards.phase]}}
+
+
+def earlier_choice(wildcards):
+    """What a phase must wait for: its predecessor's choice, and the peaks where they count."""
+    folder = f"results/{wildcards.dataset}"
+    inputs = {}
+    if wildcards.phase != configuration.PHASES[0]:
+        previous = configuration.previous_phase(wildcards.phase)
+        inputs["previous"] = f"{folder}/phases/{previous}.json"
+    if candidate_grid(wildcards) == {"orders": {"common": "auto"}}:
+        inputs["spectrum"] = f"{folder}/spectrum.json"
+    return inputs
+
+
+def truth_of(wildcards):
+    """The truth behind a synthetic data set."""
+    if wildcards.dataset in SYNTHETIC:
+        return {"truth": f"results/{wildcards.dataset}/truth.json"}
+    return {}
+
+
+def results_of(dataset):
+    """Every file that is made for one data set."""
+    names = [
+        "config.yaml",
+        "recording.json",
+        "transforms.json",
+        "spectrum.csv",
+        "spectrum.json",
+        "candidates.csv",
+        "model.json",
+        "model.mat",
+        "modes.csv",
+        "frequency_response.csv",
+        "validation.json",
+        "residual_autocorrelation.csv",
+        "cross_correlation.csv",
+        "simulation.csv",
+        "report.html",
+        *(f"figures/{figure}.svg" for figure in FIGURES),
+    ]
+    if dataset in SYNTHETIC:
+        names.append("truth.json")
+    return [f"results/{dataset}/{name}" for name in names]
+
+
+wildcard_constraints:
+    dataset=one_of(DATASETS),
+    phase=one_of(configuration.PHASES),
+    part=r"\d+",

@@ -1,0 +1,40 @@
+"""Report: one self-contained HTML file for each data set."""
+
+
+rule write_report:
+    """Set the results and figures of one data set into one HTML file."""
+    input:
+        unpack(truth_of),
+        config="results/{dataset}/config.yaml",
+        recording="results/{dataset}/recording.json",
+        transforms="results/{dataset}/transforms.json",
+        spectrum="results/{dataset}/spectrum.json",
+        candidates="results/{dataset}/candidates.csv",
+        phases=expand(
+            "results/{{dataset}}/phases/{phase}.json", phase=configuration.PHASES
+        ),
+        model="results/{dataset}/model.json",
+        validation="results/{dataset}/validation.json",
+        figures=[f"results/{{dataset}}/figures/{figure}.svg" for figure in FIGURES],
+    output:
+        report=report(
+            "results/{dataset}/report.html",
+            caption="../report/report.rst",
+            category="{dataset}",
+            subcategory="Report",
+            labels={"file": "report.html"},
+        ),
+    log:
+        "results/{dataset}/logs/report.log",
+    benchmark:
+        "results/{dataset}/benchmarks/report.tsv"
+    conda:
+        "../envs/evopem.yaml"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=10,
+    params:
+        code=code("write_report", *TEMPLATES),
+    script:
+        "../scripts/write_report.py"

@@ -1,0 +1,181 @@
+"""Errors of form: YAML that hides something, keys and values the schema refuses."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Hashable, Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import yaml
+
+from evopem.errors import InputError
+
+
+class _StrictLoader(yaml.SafeLoader):
+    """A YAML loader that refuses what the usual one passes over in silence."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
+        source = str(self.name)
+        seen = set()
+        for key_node, _ in node.value:
+            if key_node.tag == "tag:yaml.org,2002:merge":
+                continue
+            key = self.construct_object(key_node, deep=True)
+            place = f"line {key_node.start_mark.line + 1}"
+            if not isinstance(key, str):
+                raise InputError(
+                    source,
+                    f"the key {key_node.value} is read as {_shown(key)}, not as text",
+                    "put it in quotes",
+                    place,
+                )
+            if key in seen:
+                raise InputError(
+                    source, f"the key {key} stands here for the second time", "keep one", place
+                )
+            seen.add(key)
+        return super().construct_mapping(node, deep)
+
+
+def check_yaml_files(paths: Iterable[str | Path]) -> None:
+    """Refuse a configuration file with broken YAML, a repeated key or a key that is not text.
+
+    Parameters
+    ----------
+    paths : iterable of path
+        Configuration files; one that does not exist is passed over, for whoever reads it to say.
+
+    Raises
+    ------
+    InputError
+        Naming the file and the line.
+    """
+    for path in map(Path, paths):
+        if not path.is_file():
+            continue
+        try:
+            with path.open(encoding="utf-8") as stream:
+                content = yaml.load(stream, Loader=_StrictLoader)
+        except UnicodeDecodeError as error:
+            raise InputError(
+                str(path), f"byte {error.start} is not UTF-8", "save the file as UTF-8"
+            ) from None
+        except yaml.YAMLError as error:
+            mark = getattr(error, "problem_mark", None)
+            raise InputError(
+                str(path),
+                f"this is not YAML: {getattr(error, 'problem', None) or error}",
+                "check indentation (spaces, no tabs), colons and brackets",
+                f"line {mark.line + 1}" if mark else "",
+            ) from None
+        if not isinstance(content, dict):
+            raise InputError(
+                str(path), "there are no keys in it", "write at least `datasets:` with one data set"
+            )
+
+
+def check_schema(
+    config: Mapping[str, Any], schema: Mapping[str, Any], source: str = "config.yaml"
+) -> None:
+    """Refuse a configuration with a key or a value the schema does not know.
+
+    Parameters
+    ----------
+    config : mapping
+        The configuration as the user wrote it.
+    schema : mapping
+        Its JSON schema. The `description` of a value ends the error's sentence.
+    source : str
+        What the configuration is called in an error.
+
+    Raises
+    ------
+    InputError
+        Naming the path of the key (``datasets.arm.delay.orders``), its value, what is wrong with
+        it and what to do.
+    """
+    errors = jsonschema.Draft202012Validator(schema).iter_errors(config)
+    error = min(errors, key=lambda each: (len(each.path), key_path(each.path)), default=None)
+    if error is None:
+        return
+    if error.validator == "additionalProperties":
+        known = list(error.schema["properties"])
+        unknown = next(key for key in error.instance if key not in known)
+        problem = f"there is no such key{_nearest(str(unknown), known)}"
+        remedy = f"use one of {', '.join(known)}"
+        raise InputError(source, problem, remedy, key_path((*error.path, unknown)))
+    raise InputError(source, *_explained(error), key_path(error.path))
+
+
+def key_path(parts: Iterable[str | int]) -> str:
+    """Join the steps to a value, as in ``datasets.arm.delay.orders[0]``."""
+    path = ""
+    for part in parts:
+        path += f"[{part}]" if isinstance(part, int) else f".{part}" if path else str(part)
+    return path
+
+
+def _shown(value: object) -> str:
+    """Show a value as YAML would, cut when it is long."""
+    text = yaml.safe_dump(_plain(value), default_flow_style=True, width=10_000).strip()
+    text = text.removesuffix("\n...").strip()
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def _plain(value: object) -> object:
+    """Turn the mappings of any type that Snakemake hands over into dicts."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return value if isinstance(value, str | int | float | bool | None) else str(value)
+
+
+def _explained(error: jsonschema.ValidationError) -> tuple[str, str]:
+    """Turn a validator's finding into a problem and a remedy."""
+    schema, limit = error.schema, error.validator_value
+    remedy = f"give {schema.get('description', 'a value of the right kind')}"
+    value = _shown(error.instance)
+    match error.validator:
+        case "required":
+            missing = next(key for key in limit if key not in error.instance)
+            return f"the key {missing} is missing", "add it"
+        case "type":
+            problem = "there is no value" if error.instance is None else f"{value} cannot be used"
+            if isinstance(error.instance, str) and _is_number(error.instance):
+                remedy += f" (YAML reads {error.instance} as text)"
+        case "enum":
+            problem = f"{value} is not known{_nearest(error.instance, limit)}"
+        case "pattern":
+            known = limit.strip("^$()").split("|")
+            problem = f"{value} is not known{_nearest(error.instance, known)}"
+        case "minimum":
+            problem = f"{value} is below {limit}"
+        case "exclusiveMinimum":
+            problem = f"{value} is not above {limit}"
+        case "maximum":
+            problem = f"{value} is above {limit}"
+        case "exclusiveMaximum":
+            problem = f"{value} is not below {limit}"
+        case "minItems" | "maxItems":
+            count = len(error.instance)
+            problem = f"{value} holds {count} value{'s' * (count != 1)}"
+        case _:  # minLength, minProperties
+            problem = "there is nothing in it"
+    return problem, remedy
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _nearest(word: str, known: Iterable[str]) -> str:
+    lowered = {each.lower(): each for each in known}
+    close = difflib.get_close_matches(word.lower(), lowered, n=1)
+    return f" (did you mean {lowered[close[0]]}?)" if close else ""

@@ -1,0 +1,123 @@
+"""The grids of candidate models: which orders each phase tries, and how a phase is cut into jobs.
+
+The number of jobs and the samples on which all candidates are compared follow from the
+configuration alone, so the whole graph is known before anything runs.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+PHASES = ("delay", "common", "c", "b")
+"""The phases of the search, in their order: each takes its predecessor's choice."""
+
+AUTO_COMMON_UPPER = 14
+"""Upper end of ``orders.common: auto``, the chapter's own."""
+
+Candidate = tuple[int, int, int, int]
+
+
+def previous_phase(phase: str) -> str:
+    """Name the phase whose choice `phase` takes; the first one has none.
+
+    Raises
+    ------
+    ValueError
+        For the first phase.
+    """
+    position = PHASES.index(phase)
+    if position == 0:
+        raise ValueError(f"phase {phase} has no predecessor")
+    return PHASES[position - 1]
+
+
+def common_range(common: list[int] | str, peaks: int | None) -> tuple[int, int]:
+    """Find the orders of phase one, both ends included.
+
+    With ``auto`` each spectral peak asks for a pair of complex poles, so the lower end is twice
+    the number of peaks; it stays within the range the graph was planned for.
+
+    Parameters
+    ----------
+    common : [lower, upper] or "auto"
+    peaks : int or None
+        Number of spectral peaks; None stands for "not known yet" and gives the widest range.
+    """
+    if common != "auto":
+        return (int(common[0]), int(common[1]))
+    lower = 2 if peaks is None else max(2, 2 * peaks)
+    return (min(lower, AUTO_COMMON_UPPER), AUTO_COMMON_UPPER)
+
+
+def candidate_orders(
+    phase: str,
+    dataset: Mapping[str, Any],
+    selected: Mapping[str, int] | None = None,
+    peaks: int | None = None,
+) -> list[Candidate]:
+    """List the candidates (na, nb, nc, nk) of a phase.
+
+    Parameters
+    ----------
+    phase : str
+        One of ``PHASES``.
+    dataset : mapping
+        A completed data set; only its ``delay`` and ``orders`` are read.
+    selected : mapping, optional
+        na, nb, nc and nk chosen by the phase before; not needed for the first.
+    peaks : int, optional
+        Number of spectral peaks, for ``orders.common: auto``.
+    """
+    if phase == "delay":
+        return [
+            (order, order, order, delay)
+            for order in _inclusive(dataset["delay"]["orders"])
+            for delay in _inclusive(dataset["delay"]["delays"])
+        ]
+    if selected is None:
+        raise ValueError(f"phase {phase} needs the choice of phase {previous_phase(phase)}")
+    na, nc, nk = selected["na"], selected["nc"], selected["nk"]
+    match phase:
+        case "common":
+            orders = _inclusive(common_range(dataset["orders"]["common"], peaks))
+            return [(order, order, order, nk) for order in orders]
+        case "c":
+            return [(na, selected["nb"], order, nk) for order in _inclusive(dataset["orders"]["c"])]
+        case "b":
+            return [(na, order, nc, nk) for order in _inclusive(dataset["orders"]["b"])]
+    raise ValueError(f"no phase is called {phase}")
+
+
+def widest_candidate_count(phase: str, dataset: Mapping[str, Any]) -> int:
+    """Count the candidates of a phase, at most: the number the graph is planned for."""
+    any_selected = {"na": 1, "nb": 1, "nc": 1, "nk": 0}
+    return len(candidate_orders(phase, dataset, any_selected))
+
+
+def part_count(phase: str, dataset: Mapping[str, Any], candidates_per_job: int) -> int:
+    """Count the jobs of a phase. Job i fits ``candidates[i::parts]``, which evens out the costs."""
+    return math.ceil(widest_candidate_count(phase, dataset) / candidates_per_job)
+
+
+def scoring_start(dataset: Mapping[str, Any]) -> int:
+    """Find the first sample on which every candidate of every phase is compared.
+
+    It lies behind the longest memory of any of them, max(na, nb + nk - 1, nc), and behind the
+    burn-in in which the unknown initial noise states decay (`search.burn_in`).
+    """
+    delay, orders = dataset["delay"], dataset["orders"]
+    common = common_range(orders["common"], None)[1]
+    longest_delay = delay["delays"][1]
+    memory = max(
+        delay["orders"][1],
+        common,
+        orders["c"][1],
+        max(delay["orders"][1], common, orders["b"][1]) + longest_delay - 1,
+    )
+    return int(memory + dataset["search"]["burn_in"])
+
+
+def _inclusive(limits: list[int] | tuple[int, int]) -> range:
+    return range(limits[0], limits[1] + 1)

@@ -1,0 +1,62 @@
+"""Fit a part of the candidates of one phase of the order search."""
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from evopem.estimation.order_search import estimate_candidates
+
+from evopem.configuration import candidate_orders
+from evopem.console import job
+from evopem.models.armax import Orders
+from evopem.signals.preparation import load_prepared
+from evopem.writing import write_json
+
+if TYPE_CHECKING:
+    from logging import Logger
+
+    from snakemake.iocontainers import snakemake
+
+
+def main(
+    prepared_files: tuple[str, str],
+    previous_file: str | None,
+    spectrum_file: str | None,
+    phase: str,
+    part: int,
+    params: dict[str, Any],
+    candidates_file: str,
+    logger: "Logger",
+) -> None:
+    selected = _read(previous_file)["selected"] if previous_file else None
+    peaks = len(_read(spectrum_file)["peaks"]) if spectrum_file else None
+    candidates = candidate_orders(phase, params["grid"], selected, peaks)
+    own = [Orders(*orders) for orders in candidates[part - 1 :: params["parts"]]]
+    fitted = estimate_candidates(
+        load_prepared(*prepared_files).estimation,
+        own,
+        phase,
+        params["search"],
+        params["scoring_start"],
+        log=logger.info,
+    )
+    write_json(candidates_file, fitted)
+
+
+def _read(path: str) -> dict[str, Any]:
+    content: dict[str, Any] = json.loads(Path(path).read_text(encoding="utf-8"))
+    return content
+
+
+if __name__ == "__main__":
+    with job(snakemake.log[0]) as log:
+        main(
+            (snakemake.input.prepared, snakemake.input.transforms),
+            snakemake.input.get("previous"),
+            snakemake.input.get("spectrum"),
+            snakemake.wildcards.phase,
+            int(snakemake.wildcards.part),
+            {key: snakemake.params[key] for key in ("grid", "parts", "search", "scoring_start")},
+            snakemake.output.candidates,
+            log,
+        )
