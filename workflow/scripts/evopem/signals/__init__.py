@@ -1,0 +1,1 @@
+"""Measured signals: reading, resampling, preparation, spectra and correlations."""

@@ -1,0 +1,104 @@
+"""Sample autocorrelation and cross-correlation functions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evopem.errors import InputError
+
+
+@dataclass(frozen=True)
+class Correlation:
+    """A normalised correlation function.
+
+    Attributes
+    ----------
+    lags : ndarray of int, shape (M,)
+        In samples.
+    values : ndarray of float64, shape (M,)
+        Between -1 and 1.
+    """
+
+    lags: NDArray[np.int64]
+    values: NDArray[np.float64]
+
+
+def autocorrelation(signal: NDArray[np.float64], lags: int) -> Correlation:
+    """Biased sample autocorrelation, 1 at lag 0.
+
+    ``r(k) = sum (x[t + k] - m) (x[t] - m) / sum (x[t] - m)**2``, m the mean (Ljung 1999,
+    section 6.1): positive semi-definite, and never above 1.
+
+    Parameters
+    ----------
+    signal : ndarray, shape (N,)
+    lags : int
+        Largest lag, less than N.
+
+    Returns
+    -------
+    Correlation
+        Lags 0 … `lags`.
+
+    Raises
+    ------
+    InputError
+        When there are not more samples than lags, or the signal is constant.
+    """
+    both = cross_correlation(signal, signal, lags)
+    return Correlation(both.lags[lags:], both.values[lags:])
+
+
+def cross_correlation(
+    first: NDArray[np.float64], second: NDArray[np.float64], lags: int
+) -> Correlation:
+    """Biased sample cross-correlation: ``first`` at time t + k with ``second`` at time t.
+
+    ``r(k) = sum (x[t + k] - mx) (y[t] - my) / sqrt(sum (x - mx)**2 sum (y - my)**2)``. With
+    the residuals first and the input second, positive lags hold what the model has left
+    unused of past inputs; negative lags show feedback.
+
+    Parameters
+    ----------
+    first, second : ndarray, shape (N,)
+    lags : int
+        Largest lag, less than N.
+
+    Returns
+    -------
+    Correlation
+        Lags -`lags` … `lags`.
+
+    Raises
+    ------
+    InputError
+        When the lengths differ, there are not more samples than lags, or a signal is
+        constant.
+    """
+    from scipy.fft import irfft, next_fast_len, rfft
+
+    samples = first.size
+    if second.size != samples:
+        raise InputError(
+            "correlation",
+            f"the signals have {samples} and {second.size} samples",
+            "give two signals of equal length",
+        )
+    if not 0 <= lags < samples:
+        raise InputError(
+            "correlation",
+            f"{lags} lags cannot be computed from {samples} samples",
+            "ask for fewer lags than samples",
+        )
+    x, y = first - first.mean(), second - second.mean()
+    energy = float(np.sqrt(np.dot(x, x) * np.dot(y, y)))
+    if energy == 0.0:
+        raise InputError("correlation", "a signal is constant", "give signals that vary")
+    # Zeros beyond the end keep the circular correlation of the transform from wrapping round.
+    length = next_fast_len(samples + lags, real=True)
+    products = irfft(rfft(x, length) * np.conj(rfft(y, length)), length)
+    values = np.concatenate((products[length - lags :], products[: lags + 1])) / energy
+    return Correlation(np.arange(-lags, lags + 1), values)

@@ -1,0 +1,418 @@
+"""From a recording to the samples a model is estimated and validated on, and back."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evopem.errors import InputError
+from evopem.signals.recording import (
+    Recording,
+    check_recording,
+    recording_arrays,
+    recording_from_arrays,
+    recording_names,
+)
+from evopem.signals.resampling import resample_recording
+from evopem.signals.stationarity import (
+    box_cox,
+    difference,
+    invert_box_cox,
+    invert_difference,
+    likeliest_box_cox,
+    positive_shift,
+)
+from evopem.signals.storage import load_arrays, save_arrays
+from evopem.writing import write_json
+
+Part = Literal["estimation", "validation"]
+
+
+@dataclass(frozen=True)
+class Transforms:
+    """Every parameter that takes prepared samples back to measured ones.
+
+    Attributes
+    ----------
+    sampling_rate : float
+        Rate of the prepared samples (Hz).
+    resampled_from : float or None
+        The recording's own rate (Hz) when it was resampled.
+    box_cox : float or None
+        Parameter λ of the output's Box-Cox transform.
+    shift : float
+        Added to the output before it; 0.0 when the output was positive already.
+    difference, difference_input : int
+        How many times the output and the input were differenced.
+    difference_initial, difference_input_initial : tuple of float
+        Values the differences start from, at the first estimation sample.
+    input_mean, output_mean : float
+        Means of the estimation samples, taken from all samples.
+    discard : int
+        Samples dropped at the start, after the differences.
+    validation_difference_initial, validation_difference_input_initial : tuple of float
+        Values the differences start from, at the first validation sample.
+    """
+
+    sampling_rate: float
+    resampled_from: float | None
+    box_cox: float | None
+    shift: float
+    difference: int
+    difference_initial: tuple[float, ...]
+    difference_input: int
+    difference_input_initial: tuple[float, ...]
+    input_mean: float
+    output_mean: float
+    discard: int
+    validation_difference_initial: tuple[float, ...] = ()
+    validation_difference_input_initial: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
+class PreparedData:
+    """Stationary, zero-mean samples, divided for estimation and validation.
+
+    Attributes
+    ----------
+    estimation, validation : Recording
+        The two parts.
+    contiguous : bool
+        True when the validation samples follow the estimation samples without a gap (a
+        cut of one recording), False when they come from another recording.
+    transforms : Transforms
+        What was done to the recording.
+    """
+
+    estimation: Recording
+    validation: Recording
+    contiguous: bool
+    transforms: Transforms
+
+
+def prepare(
+    recording: Recording,
+    stationarity: Mapping[str, Any],
+    split: Mapping[str, Any],
+    resample: float | None = None,
+    validation_recording: Recording | None = None,
+    dataset: str = "",
+) -> PreparedData:
+    """Make a recording stationary and divide it for estimation and validation.
+
+    In this order: resample; Box-Cox transform of the output; differences of the output and
+    of the input, the other signal losing its first samples so that both stay aligned;
+    discard; cut; subtract the means of the estimation samples. A validation recording
+    passes through the same transforms with the same parameters. An automatic Box-Cox
+    parameter is found from the estimation samples alone.
+
+    Parameters
+    ----------
+    recording : Recording
+        What was measured; it is not changed.
+    stationarity : mapping
+        ``box_cox`` (a number, "auto" or "none"), ``difference`` and ``difference_input``
+        (whole numbers from 0); "none", 0 and 0 when left out.
+    split : mapping
+        ``discard``: samples (a whole number from 0) or a share of the samples (a number
+        between 0 and 1) left out at the start; 0 when left out. ``estimation``: samples
+        (a whole number from 1) or a share of those that remain; 0.8 when left out. With a
+        validation recording the default is all of them, and 1.0 says so.
+    resample : float, optional
+        New sampling rate (Hz), at most the recording's.
+    validation_recording : Recording, optional
+        An independent recording to validate on, instead of the end of this one.
+    dataset : str, optional
+        Name of the data set, so that errors name the configuration key in full.
+
+    Returns
+    -------
+    PreparedData
+
+    Raises
+    ------
+    InputError
+        When a setting is not of its kind, the split goes beyond the end, a transform
+        cannot be applied or leaves nothing that varies, or the two recordings were
+        sampled at different rates.
+    """
+    key = f"datasets: {dataset}: " if dataset else ""
+    resampled_from = None
+    records = [recording]
+    if validation_recording is not None:
+        _check_same_rate(recording, validation_recording, f"{key}validation_file")
+        records.append(validation_recording)
+    if resample is not None:
+        records = [resample_recording(one, resample, f"{key}resample") for one in records]
+        if records[0].sampling_rate != recording.sampling_rate:
+            resampled_from = recording.sampling_rate
+
+    differences = _count(stationarity, "difference", f"{key}stationarity")
+    differences_input = _count(stationarity, "difference_input", f"{key}stationarity")
+    lost = max(differences, differences_input)
+    own = validation_recording is None
+    start, stop = _estimation_range(records[0].samples - lost, split, own, f"{key}split")
+    start, stop = start + lost, stop + lost
+    if own:
+        validation_range = (stop, records[0].samples)
+    else:
+        validation_start = lost + _discarded(records[1].samples - lost, split, f"{key}split")
+        validation_range = (validation_start, records[1].samples)
+
+    records, parameter, shift = _transform_outputs(
+        records, stationarity.get("box_cox"), (start, stop), f"{key}stationarity: box_cox"
+    )
+    counts = (differences, differences_input)
+    estimation, estimation_initial = _section(records[0], start, stop, counts)
+    validation, validation_initial = _section(records[-1], *validation_range, counts)
+
+    input_mean, output_mean = float(estimation.input.mean()), float(estimation.output.mean())
+    centred = [
+        replace(part, input=part.input - input_mean, output=part.output - output_mean)
+        for part in (estimation, validation)
+    ]
+    check_recording(centred[0], f"{key}estimation samples, as prepared")
+    check_recording(centred[1], f"{key}validation samples, as prepared")
+    return PreparedData(
+        estimation=centred[0],
+        validation=centred[1],
+        contiguous=own,
+        transforms=Transforms(
+            sampling_rate=records[0].sampling_rate,
+            resampled_from=resampled_from,
+            box_cox=parameter,
+            shift=shift,
+            difference=differences,
+            difference_initial=estimation_initial[1],
+            difference_input=differences_input,
+            difference_input_initial=estimation_initial[0],
+            input_mean=input_mean,
+            output_mean=output_mean,
+            discard=start - lost,
+            validation_difference_initial=validation_initial[1],
+            validation_difference_input_initial=validation_initial[0],
+        ),
+    )
+
+
+def invert_output(
+    transforms: Transforms, output: NDArray[np.float64], part: Part = "estimation"
+) -> NDArray[np.float64]:
+    """Take prepared output samples back to the measured unit.
+
+    Parameters
+    ----------
+    transforms : Transforms
+    output : ndarray, shape (n,)
+        Prepared output samples without a gap, from the first sample of `part` on: the
+        part itself, or, after a cut, estimation and validation samples joined.
+    part : {"estimation", "validation"}
+        Whose first sample `output` begins with; it decides which start values the
+        differences are summed up from.
+
+    Returns
+    -------
+    ndarray, shape (n + difference,)
+        Output at the prepared rate in the measured unit. The first `difference` samples
+        are those just before the part, kept as start values. Rounding errors grow with
+        the summation, see `invert_difference`; resampling itself is not undone.
+    """
+    initial = (
+        transforms.difference_initial
+        if part == "estimation"
+        else transforms.validation_difference_initial
+    )
+    measured = invert_difference(output + transforms.output_mean, initial)
+    if transforms.box_cox is not None:
+        measured = invert_box_cox(measured, transforms.box_cox, transforms.shift)
+    return measured
+
+
+def invert_input(
+    transforms: Transforms,
+    input: NDArray[np.float64],  # noqa: A002
+    part: Part = "estimation",
+) -> NDArray[np.float64]:
+    """Take prepared input samples back to the measured unit, as `invert_output` does."""
+    initial = (
+        transforms.difference_input_initial
+        if part == "estimation"
+        else transforms.validation_difference_input_initial
+    )
+    return invert_difference(input + transforms.input_mean, initial)
+
+
+def save_prepared(prepared: PreparedData, arrays: str | Path, transforms: str | Path) -> None:
+    """Write the samples to one ``.npz`` and the transforms to a JSON file.
+
+    The JSON holds the fields of `Transforms` and ``estimation_samples``,
+    ``validation_samples`` and ``validation_source`` ("cut" or "file").
+    """
+    save_arrays(
+        arrays,
+        recording_arrays(prepared.estimation, "estimation_")
+        | recording_arrays(prepared.validation, "validation_"),
+    )
+    write_json(
+        transforms,
+        asdict(prepared.transforms)
+        | {
+            "estimation_samples": prepared.estimation.samples,
+            "validation_samples": prepared.validation.samples,
+            "validation_source": "cut" if prepared.contiguous else "file",
+        },
+    )
+
+
+def load_prepared(arrays: str | Path, transforms: str | Path) -> PreparedData:
+    """Read what `save_prepared` wrote.
+
+    Raises
+    ------
+    InputError
+        When either file is missing or damaged.
+    """
+    names = recording_names("estimation_") + recording_names("validation_")
+    stored = load_arrays(arrays, names)
+    try:
+        settings: dict[str, Any] = json.loads(Path(transforms).read_text(encoding="utf-8"))
+        contiguous = settings.pop("validation_source") == "cut"
+        for count in ("estimation_samples", "validation_samples"):
+            settings.pop(count)
+        for name, value in settings.items():
+            settings[name] = tuple(value) if isinstance(value, list) else value
+        parameters = Transforms(**settings)
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        raise InputError(
+            str(transforms),
+            "is missing or does not hold the transforms of prepared data",
+            "make the file again by running the step that writes it",
+        ) from None
+    return PreparedData(
+        estimation=recording_from_arrays(stored, "estimation_"),
+        validation=recording_from_arrays(stored, "validation_"),
+        contiguous=contiguous,
+        transforms=parameters,
+    )
+
+
+def _check_same_rate(recording: Recording, validation: Recording, source: str) -> None:
+    if recording.sampling_rate != validation.sampling_rate:
+        raise InputError(
+            source,
+            f"it was sampled at {validation.sampling_rate:g} Hz and the estimation recording at"
+            f" {recording.sampling_rate:g} Hz",
+            "validate on a recording of the same rate",
+        )
+
+
+def _count(settings: Mapping[str, Any], name: str, source: str) -> int:
+    """A whole number from 0 out of the settings; 0 when it is not there."""
+    value = settings.get(name, 0)
+    if isinstance(value, bool) or not isinstance(value, int) or value < 0:
+        raise InputError(
+            f"{source}: {name}",
+            f"{value!r} is not a number of differences",
+            "give a whole number from 0",
+        )
+    return value
+
+
+def _estimation_range(
+    available: int, split: Mapping[str, Any], cut: bool, source: str
+) -> tuple[int, int]:
+    """First estimation sample and the one after the last, among the differenced samples."""
+    if available < 1:
+        raise InputError(
+            source,
+            "the differences leave no sample of the recording",
+            "difference less often or give a longer recording",
+        )
+    discard = _discarded(available, split, source)
+    remaining = available - discard
+    chosen = split.get("estimation", 0.8 if cut else 1.0)
+    key = f"{source}: estimation"
+    if not cut and isinstance(chosen, float) and chosen == 1.0:
+        return discard, available
+    samples = _samples(chosen, remaining, key, smallest=1)
+    if samples > remaining:
+        raise InputError(
+            key,
+            f"{samples} samples are asked for and {remaining} remain after the discarded ones",
+            "ask for fewer samples or a share such as 0.8",
+        )
+    if cut and samples == remaining:
+        raise InputError(
+            key,
+            f"all {remaining} samples are asked for, so none remain to validate on",
+            "ask for fewer samples or name a validation_file",
+        )
+    return discard, discard + samples
+
+
+def _discarded(available: int, split: Mapping[str, Any], source: str) -> int:
+    """Number of samples to leave out at the start of `available` ones."""
+    key = f"{source}: discard"
+    discard = _samples(split.get("discard", 0), available, key, smallest=0)
+    if discard >= available:
+        raise InputError(
+            key,
+            f"{discard} samples are to be discarded and there are only {available}",
+            "discard fewer samples",
+        )
+    return discard
+
+
+def _samples(value: Any, available: int, source: str, smallest: int) -> int:
+    """Turn a number of samples (int) or a share (float between 0 and 1) into samples."""
+    if isinstance(value, int) and not isinstance(value, bool) and value >= smallest:
+        return value
+    if isinstance(value, float) and 0.0 < value < 1.0:
+        return max(smallest, round(value * available))
+    raise InputError(
+        source,
+        f"{value!r} is neither a number of samples nor a share",
+        f"give a whole number from {smallest} or a fraction between 0 and 1",
+    )
+
+
+def _transform_outputs(
+    records: list[Recording], setting: Any, estimation: tuple[int, int], source: str
+) -> tuple[list[Recording], float | None, float]:
+    """Box-Cox transform the outputs of all records alike: records, parameter, shift."""
+    if setting is None or setting == "none":
+        return records, None, 0.0
+    shift = positive_shift(*(record.output for record in records))
+    if setting == "auto":
+        parameter = likeliest_box_cox(records[0].output[slice(*estimation)], shift, source)
+    elif isinstance(setting, int | float) and not isinstance(setting, bool):
+        parameter = float(setting)
+    else:
+        raise InputError(
+            source, f"{setting!r} is not a Box-Cox parameter", 'give a number, "auto" or "none"'
+        )
+    transformed = [
+        replace(record, output=box_cox(record.output, parameter, shift, source))
+        for record in records
+    ]
+    return transformed, parameter, shift
+
+
+def _section(
+    record: Recording, start: int, stop: int, counts: tuple[int, int]
+) -> tuple[Recording, tuple[tuple[float, ...], tuple[float, ...]]]:
+    """Differenced samples `start` to `stop`, and the start values of input and output.
+
+    The differences begin as many samples before `start` as they cost, so that input and
+    output of the section stay aligned.
+    """
+    output_count, input_count = counts
+    u, u_initial = difference(record.input[start - input_count : stop], input_count)
+    y, y_initial = difference(record.output[start - output_count : stop], output_count)
+    return replace(record, input=u, output=y), (u_initial, y_initial)

@@ -1,0 +1,243 @@
+"""One recording out of a measured file, whatever its format."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evopem.errors import InputError
+from evopem.signals.clock import sampling_rate_of
+from evopem.signals.formats.channels import Channel, Reference
+from evopem.signals.recording import Recording, check_recording
+
+FORMATS = {
+    ".csv": "text",
+    ".tsv": "text",
+    ".txt": "text",
+    ".dat": "text",
+    ".asc": "text",
+    ".mat": "matlab",
+    ".npz": "numpy_files",
+    ".npy": "numpy_files",
+    ".parquet": "parquet",
+    ".h5": "hdf5",
+    ".hdf5": "hdf5",
+    ".tdms": "tdms",
+    ".uff": "uff",
+    ".unv": "uff",
+}
+"""The module of `evopem.signals.formats` that reads each extension."""
+
+_SIGNATURES = {
+    b"PAR1": ("Parquet", ("parquet",)),
+    b"\x89HDF\r\n\x1a\n": ("HDF5", ("hdf5", "matlab")),
+    b"PK\x03\x04": ("zip or npz", ("numpy_files",)),
+    b"\x93NUMPY": ("npy", ("numpy_files",)),
+    b"TDSm": ("TDMS", ("tdms",)),
+    b"MATLAB": ("MATLAB", ("matlab",)),
+}
+
+
+def read_recording(
+    path: str | Path,
+    input: Reference,  # noqa: A002
+    output: Reference,
+    sampling_rate: float | None = None,
+    time: Reference | None = None,
+    input_unit: str = "",
+    output_unit: str = "",
+) -> Recording:
+    """Read an input and an output channel of a measured file.
+
+    Parameters
+    ----------
+    path : str or Path
+        A file of one of `FORMATS`; the extension decides.
+    input, output : int or str
+        The channels: a number counted from 1, or a column, variable or channel name.
+    sampling_rate : float, optional
+        Hz. Left out, it is taken from `time`, else from the file where its format states one.
+    time : int or str, optional
+        Channel of time stamps, which must be uniform (see `sampling_rate_of`).
+    input_unit, output_unit : str, optional
+        Units; left out, those that the file states.
+
+    Returns
+    -------
+    Recording
+
+    Raises
+    ------
+    InputError
+        When the file cannot be read as its format, a channel is not there or not a signal
+        of finite numbers, or the sampling rate is unknown or contradicted by the time stamps.
+    """
+    path = Path(path)
+    source = str(path)
+    if sampling_rate is not None and not (np.isfinite(sampling_rate) and sampling_rate > 0):
+        raise InputError(
+            source, f"{sampling_rate} Hz is not a sampling rate", "give a positive number of Hz"
+        )
+    if input == output:
+        raise InputError(
+            source,
+            f"channel {input!r} is named as the input and as the output",
+            "choose two different channels",
+        )
+    references = [input, output] if time is None else [input, output, time]
+    channels = _read_channels(path, references)
+    signals = [_signal(channels[0], "input", source), _signal(channels[1], "output", source)]
+    if signals[0].size != signals[1].size:
+        raise InputError(
+            source,
+            f"the input has {signals[0].size} samples and the output {signals[1].size}",
+            "choose two channels that were sampled together",
+        )
+    recording = Recording(
+        input=signals[0],
+        output=signals[1],
+        sampling_rate=_sampling_rate(channels, sampling_rate, source),
+        input_name=channels[0].name or "input",
+        output_name=channels[1].name or "output",
+        input_unit=input_unit or channels[0].unit,
+        output_unit=output_unit or channels[1].unit,
+    )
+    check_recording(recording, source)
+    return recording
+
+
+def describe_source(
+    path: str | Path,
+    recording: Recording,
+    input: Reference,  # noqa: A002
+    output: Reference,
+) -> dict[str, Any]:
+    """Where a recording came from, for its provenance.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file it was read from.
+    recording : Recording
+        What was read.
+    input, output : int or str
+        The channels as they were asked for.
+
+    Returns
+    -------
+    dict
+        ``kind`` ("file"), ``path``, ``sha256``, ``bytes``, ``format``, ``input_channel``,
+        ``output_channel``, ``samples``, ``sampling_rate`` (Hz), names and units.
+    """
+    path = Path(path)
+    return {
+        "kind": "file",
+        "path": str(path),
+        "sha256": sha256(path),
+        "bytes": path.stat().st_size,
+        "format": _format_of(path),
+        "input_channel": input,
+        "output_channel": output,
+        "samples": recording.samples,
+        "sampling_rate": recording.sampling_rate,
+        "input_name": recording.input_name,
+        "output_name": recording.output_name,
+        "input_unit": recording.input_unit,
+        "output_unit": recording.output_unit,
+    }
+
+
+def sha256(path: str | Path) -> str:
+    """SHA-256 of a file's bytes, as hexadecimal digits."""
+    with Path(path).open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _format_of(path: Path) -> str:
+    extension = path.suffix.lower()
+    if extension not in FORMATS:
+        raise InputError(
+            str(path),
+            f'the extension "{extension}" is none of a known format',
+            f"use one of {' '.join(FORMATS)}",
+        )
+    return FORMATS[extension]
+
+
+def _read_channels(path: Path, references: list[Reference]) -> list[Channel]:
+    format_name = _format_of(path)
+    if not path.exists():
+        raise InputError(str(path), "there is no such file", "check the path in the configuration")
+    if not path.is_file():
+        raise InputError(str(path), "is not a file", "give the path of one file")
+    try:
+        with path.open("rb") as file:
+            beginning = file.read(8)
+    except OSError as error:
+        raise InputError(
+            str(path), f"cannot be opened ({error.strerror})", "check its permissions"
+        ) from None
+    if not beginning:
+        raise InputError(str(path), "the file is empty", "export or copy it again")
+    for signature, (label, formats) in _SIGNATURES.items():
+        if beginning.startswith(signature) and format_name not in formats:
+            raise InputError(
+                str(path),
+                f"its content is {label}, which the extension does not say",
+                "give the file the extension of its format",
+            )
+    reader = importlib.import_module(f"evopem.signals.formats.{format_name}")
+    channels: list[Channel] = reader.read(path, references)
+    return channels
+
+
+def _signal(channel: Channel, role: str, source: str) -> NDArray[np.float64]:
+    """The samples of an input or output channel as real numbers."""
+    if channel.values.dtype.kind not in "fiub":
+        kinds = {"c": "complex numbers", "M": "dates"}
+        raise InputError(
+            source,
+            f"the channel holds {kinds.get(channel.values.dtype.kind, 'text or objects')},"
+            " not real numbers",
+            "choose another channel",
+            f'{role} "{channel.name}"' if channel.name else role,
+        )
+    return channel.values.astype(np.float64)
+
+
+def _sampling_rate(channels: list[Channel], stated: float | None, source: str) -> float:
+    """The rate that is stated, else that of the time stamps, else the file's own."""
+    in_file = {channel.sampling_rate for channel in channels[:2]}
+    if len(in_file) > 1 and stated is None:
+        rates = " and ".join("none" if one is None else f"{one:g} Hz" for one in in_file)
+        raise InputError(
+            source,
+            f"the file states different sampling rates for input and output ({rates})",
+            "choose two channels that were sampled together",
+        )
+    own = next(iter(in_file)) if len(in_file) == 1 else None
+    if len(channels) == 3:
+        clock = channels[2]
+        if clock.values.size != channels[0].values.size:
+            raise InputError(
+                source,
+                f"there are {clock.values.size} time stamps and {channels[0].values.size} samples",
+                "choose the time channel of these signals",
+                f'time "{clock.name}"',
+            )
+        known = stated if stated is not None else own
+        return sampling_rate_of(clock.values, source, clock.name, clock.unit, known)
+    if stated is not None:
+        return float(stated)
+    if own is not None:
+        return own
+    raise InputError(
+        source,
+        "the sampling rate is not known, since the file states none",
+        "give sampling_rate in Hz or the name of a time channel",
+    )

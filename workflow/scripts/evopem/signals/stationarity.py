@@ -1,0 +1,162 @@
+"""Box-Cox transform and differencing, each with its exact inverse."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evopem.errors import InputError
+
+BOX_COX_RANGE = (-5.0, 5.0)
+"""Where ``auto`` looks for the Box-Cox parameter."""
+
+
+def positive_shift(*signals: NDArray[np.float64]) -> float:
+    """The shift that makes every sample of all signals positive; 0.0 when they already are.
+
+    The smallest shifted sample lands one standard deviation of the first signal above
+    zero: a rule free of units, and far enough from the transform's singularity at zero
+    that no single sample dominates.
+
+    Parameters
+    ----------
+    *signals : ndarray, shape (N,)
+        The output to transform, then any other record that shares its transform.
+    """
+    smallest = min(float(signal.min()) for signal in signals)
+    if smallest > 0.0:
+        return 0.0
+    return float(np.std(signals[0])) - smallest
+
+
+def box_cox(
+    signal: NDArray[np.float64], parameter: float, shift: float, source: str = "box_cox"
+) -> NDArray[np.float64]:
+    """Box-Cox transform of a shifted signal: ``((y + shift)**parameter - 1) / parameter``.
+
+    Box & Cox (1964); the logarithm at parameter 0.
+
+    Parameters
+    ----------
+    signal : ndarray, shape (N,)
+    parameter : float
+        The transform's λ.
+    shift : float
+        Added first, in the signal's unit.
+    source : str
+        Configuration key that an error names.
+
+    Raises
+    ------
+    InputError
+        When a shifted sample is not positive, or the transform overflows or loses the
+        signal's digits, so that it could not be undone.
+    """
+    from scipy.special import boxcox
+
+    shifted = signal + shift
+    if shifted.min() <= 0.0:
+        first = int(np.argmax(shifted <= 0.0))
+        raise InputError(
+            source,
+            f"the output plus its shift {shift:g} is {shifted[first]:g}, and the transform needs"
+            " positive values",
+            "use box_cox: none",
+            f"sample {first + 1}",
+        )
+    with np.errstate(over="ignore"):
+        transformed = boxcox(shifted, parameter)
+        back = invert_box_cox(transformed, parameter, shift)
+    largest = float(np.max(np.abs(back - signal)))
+    if not largest <= 1e-6 * float(np.ptp(signal)):
+        raise InputError(
+            source,
+            f"the parameter {parameter:g} flattens this output so far that it could not be"
+            " transformed back",
+            "choose a parameter nearer to 1 or box_cox: none",
+        )
+    return transformed
+
+
+def invert_box_cox(
+    signal: NDArray[np.float64], parameter: float, shift: float
+) -> NDArray[np.float64]:
+    """Undo `box_cox`; NaN where a value lies outside the transform's range."""
+    from scipy.special import inv_boxcox
+
+    return inv_boxcox(signal, parameter) - shift
+
+
+def likeliest_box_cox(signal: NDArray[np.float64], shift: float, source: str = "box_cox") -> float:
+    """The Box-Cox parameter of largest likelihood for a normal distribution.
+
+    Box & Cox (1964), searched between the bounds of `BOX_COX_RANGE`.
+
+    Raises
+    ------
+    InputError
+        When the likelihood has no maximum there.
+    """
+    from scipy.optimize import minimize_scalar
+    from scipy.stats import boxcox_normmax
+
+    def within_range(negative_likelihood):  # type: ignore[no-untyped-def]
+        return minimize_scalar(
+            negative_likelihood, bounds=BOX_COX_RANGE, method="bounded", options={"xatol": 1e-8}
+        )
+
+    # The likelihood's maximiser does not depend on the unit; a unit scale avoids overflow.
+    shifted = signal + shift
+    scaled = shifted / np.exp(np.mean(np.log(shifted)))
+    parameter = float(boxcox_normmax(scaled, method="mle", optimizer=within_range))
+    low, high = BOX_COX_RANGE
+    if not low + 1e-3 < parameter < high - 1e-3:
+        raise InputError(
+            source,
+            f"no parameter between {low:g} and {high:g} makes the output normal",
+            "give a number or box_cox: none",
+        )
+    return parameter
+
+
+def difference(
+    signal: NDArray[np.float64], times: int
+) -> tuple[NDArray[np.float64], tuple[float, ...]]:
+    """Difference a signal `times` times, keeping what the inverse needs.
+
+    Parameters
+    ----------
+    signal : ndarray, shape (N,)
+    times : int
+        0 or more, and less than N.
+
+    Returns
+    -------
+    differenced : ndarray, shape (N - times,)
+    initial : tuple of float
+        First value of the signal, of its first difference, … (`times` values).
+    """
+    initial = []
+    differenced = np.array(signal, dtype=np.float64)
+    for _ in range(times):
+        initial.append(float(differenced[0]))
+        differenced = np.diff(differenced)
+    return differenced, tuple(initial)
+
+
+def invert_difference(
+    differenced: NDArray[np.float64], initial: tuple[float, ...]
+) -> NDArray[np.float64]:
+    """Undo `difference`: sum up once for every initial value, the last one first.
+
+    Returns
+    -------
+    ndarray, shape (N,)
+        As many samples more than `differenced` as there are initial values. Rounding
+        errors add up with each summation: about ``eps * N**times`` of the largest
+        difference.
+    """
+    signal = np.array(differenced, dtype=np.float64)
+    for first in reversed(initial):
+        signal = np.cumsum(np.concatenate(([first], signal)))
+    return signal
