@@ -1,0 +1,207 @@
+"""Figures over frequency: the output's spectrum and the frequency response."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from evopem.figures.style import (
+    ERROR,
+    INK,
+    MODEL,
+    MUTED,
+    TRUTH,
+    decimate,
+    extremes,
+    logarithmic,
+    new_figure,
+    styled,
+    with_unit,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+# Spectra are smooth over the multitaper's bandwidth, so few bins draw them whole.
+BINS = 400
+
+
+def _thinned(table: pd.DataFrame, *columns: str) -> pd.DataFrame:
+    """Rows that keep the extremes of every column."""
+    kept = np.unique(np.concatenate([extremes(table[column], BINS) for column in columns]))
+    return table.iloc[kept]
+
+
+def true_frequencies(truth: Mapping[str, Any] | None) -> list[float]:
+    """Natural frequencies of the truth's modes in Hz; none without a truth."""
+    return [float(mode["frequency_hz"]) for mode in (truth or {}).get("modes", [])]
+
+
+def mark_truth(axes: Axes, truth: Mapping[str, Any] | None) -> None:
+    """Vertical lines at the true natural frequencies."""
+    for number, frequency in enumerate(true_frequencies(truth)):
+        axes.axvline(
+            frequency,
+            color=TRUTH,
+            linewidth=0.9,
+            linestyle=(0, (1.2, 1.6)),
+            zorder=1,
+            label="true modes" if number == 0 else None,
+        )
+
+
+@styled
+def draw_spectrum(
+    spectrum: pd.DataFrame,
+    summary: Mapping[str, Any],
+    unit: str = "",
+    truth: Mapping[str, Any] | None = None,
+) -> Figure:
+    """Multitaper spectrum of the output with its 95 % band and peaks (chapter figure 4).
+
+    Parameters
+    ----------
+    spectrum : pandas.DataFrame
+        As in ``spectrum.csv``.
+    summary : mapping
+        As in ``spectrum.json``.
+    unit : str
+        Unit of the prepared output, "" when not stated.
+    truth : mapping, optional
+        As in ``truth.json``; its modes are marked.
+    """
+    figure = new_figure(3.3)
+    axes = figure.subplots()
+    shown = spectrum[(spectrum["frequency_hz"] > 0) & (spectrum["density"] > 0)]
+    shown = _thinned(shown, "density")
+    axes.fill_between(
+        shown["frequency_hz"],
+        shown["lower"],
+        shown["upper"],
+        color=MODEL,
+        alpha=0.22,
+        linewidth=0,
+        label="95 % band",
+    )
+    axes.plot(shown["frequency_hz"], shown["density"], color=INK, linewidth=1.0, label="estimate")
+    logarithmic(axes)
+    axes.set_xlim(0, shown["frequency_hz"].max())
+    mark_truth(axes, truth)
+    peaks = list(summary.get("peaks") or [])
+    if peaks:
+        axes.plot(
+            [peak["frequency_hz"] for peak in peaks],
+            [peak["density"] for peak in peaks],
+            linestyle="none",
+            marker="v",
+            markersize=6,
+            color=ERROR,
+            label="peaks",
+        )
+    for peak in peaks:
+        axes.annotate(
+            f"{peak['frequency_hz']:.3g} Hz",
+            (peak["frequency_hz"], peak["density"]),
+            xytext=(0, 7),
+            textcoords="offset points",
+            ha="center",
+            fontsize=8,
+            color=INK,
+        )
+    axes.margins(y=0.12)
+    axes.set_xlabel("Frequency (Hz)")
+    squared = f"({unit})²/Hz" if unit else "per Hz"
+    axes.set_ylabel(with_unit("Power spectral density", squared))
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, borderaxespad=0.1)
+    return figure
+
+
+@styled
+def draw_frequency_response(
+    response: pd.DataFrame,
+    spectrum: pd.DataFrame | None = None,
+    unit: str = "",
+    truth: Mapping[str, Any] | None = None,
+) -> Figure:
+    """Gain and phase of G with its 95 % band over the non-parametric estimate (chapter figure 7).
+
+    Parameters
+    ----------
+    response : pandas.DataFrame
+        As in ``frequency_response.csv``.
+    spectrum : pandas.DataFrame, optional
+        As in ``spectrum.csv``, for the non-parametric estimate and the coherence.
+    unit : str
+        Unit of the gain, "" when not stated.
+    truth : mapping, optional
+        As in ``truth.json``; its modes are marked.
+    """
+    figure = new_figure(5.2)
+    gain, phase, coherence = figure.subplots(3, 1, sharex=True, height_ratios=(1.7, 1.1, 0.7))
+    if spectrum is not None:
+        _draw_nonparametric(gain, phase, coherence, spectrum[spectrum["frequency_hz"] > 0])
+    shown = _thinned(response[response["frequency_hz"] > 0], "gain")
+    if {"gain_lower", "gain_upper"} <= set(shown) and shown["gain_lower"].notna().any():
+        floor = 1e-3 * float(shown["gain"].min())
+        gain.fill_between(
+            shown["frequency_hz"],
+            shown["gain_lower"].clip(lower=floor),
+            shown["gain_upper"],
+            color=MODEL,
+            alpha=0.28,
+            linewidth=0,
+            label="95 % band",
+        )
+    gain.plot(shown["frequency_hz"], shown["gain"], color=MODEL, linewidth=1.5, label="model G")
+    phase.plot(*unwrapped_gaps(shown["frequency_hz"], shown["phase_deg"]), color=MODEL)
+    for axes in (gain, phase):
+        mark_truth(axes, truth)
+    _gain_limits(gain, shown["gain"])
+    logarithmic(gain)
+    gain.set_ylabel(with_unit("Gain", unit))
+    gain.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, borderaxespad=0.1)
+    phase.set_ylabel("Phase (°)")
+    phase.set_ylim(-190, 190)
+    phase.set_yticks([-180, -90, 0, 90, 180])
+    coherence.set_ylabel("Coherence")
+    coherence.set_ylim(0, 1.05)
+    coherence.set_xlabel("Frequency (Hz)")
+    coherence.set_xlim(0, float(shown["frequency_hz"].max()))
+    return figure
+
+
+def _draw_nonparametric(gain: Axes, phase: Axes, coherence: Axes, spectrum: pd.DataFrame) -> None:
+    frequency = spectrum["frequency_hz"]
+    gain.plot(
+        *decimate(frequency, spectrum["frequency_response_gain"], BINS),
+        color=MUTED,
+        linewidth=0.7,
+        label="multitaper",
+    )
+    x, y = unwrapped_gaps(frequency, spectrum["frequency_response_phase_deg"])
+    phase.plot(x, y, color=MUTED, linewidth=0.7)
+    x, y = decimate(frequency, spectrum["coherence"], BINS)
+    coherence.fill_between(x, y, color=MUTED, alpha=0.35, linewidth=0)
+    coherence.plot(x, y, color=MUTED, linewidth=0.7)
+
+
+def _gain_limits(axes: Axes, gain: pd.Series) -> None:
+    """Frame the model, not the noise dips of the non-parametric estimate."""
+    positive = gain[gain > 0]
+    if len(positive):
+        axes.set_ylim(float(positive.min()) / 4, float(positive.max()) * 4)
+
+
+def unwrapped_gaps(frequency: pd.Series, degrees: pd.Series) -> tuple[np.ndarray, np.ndarray]:
+    """Phase wrapped to ±180°, its line broken where it jumps from one edge to the other."""
+    x = np.asarray(frequency, dtype=float)
+    wrapped = (np.asarray(degrees, dtype=float) + 180.0) % 360.0 - 180.0
+    jumps = np.flatnonzero(np.abs(np.diff(wrapped)) > 180.0) + 1
+    return np.insert(x, jumps, x[jumps - 1] if jumps.size else []), np.insert(
+        wrapped, jumps, np.nan
+    )

@@ -1,0 +1,226 @@
+"""One look for every figure: colours, lines, labels, and SVG of equal bytes for equal data.
+
+Every role has one colour that also differs in lightness or line style, so that figures read for the
+colour-blind and in greyscale. No colour is used for two roles, so a page may restyle them.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Callable
+from functools import wraps
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from evopem.writing import write_text
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+INK = "#1f2328"  # text, axes and what was measured
+MUTED = "#6b7480"  # what was computed without a model
+GRID = "#dfe3e8"
+PAPER = "#fefefe"  # halos behind text and open markers
+MODEL = "#0a5fa8"  # the parametric model and its band
+ERROR = "#c64b05"  # errors, bounds exceeded, choices
+TRUTH = "#0b8f6a"  # the known truth of a synthetic recording
+FOURTH = "#8b5aa8"  # a further curve of a family
+FIFTH = "#9a7b00"
+FAMILY = (MODEL, ERROR, TRUTH, FOURTH, FIFTH, MUTED)
+FAMILY_MARKERS = ("o", "s", "^", "D", "v", "P")
+FAMILY_LINES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (1.2, 1.2)), "-.", (0, (7, 2)), ":")
+
+WIDTH = 7.2  # inches; 518 pt, the text width of the report
+
+PARAMETERS: Any = {  # matplotlib types its keys as one long Literal
+    "svg.fonttype": "none",
+    "svg.hashsalt": "evopem",
+    "text.parse_math": False,  # names and units are data: a dollar sign is a dollar sign
+    "axes.unicode_minus": True,
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans", "Verdana", "Arial", "Helvetica"],
+    "font.size": 8.5,
+    "axes.titlesize": 8.5,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.titlepad": 5.0,
+    "axes.labelsize": 8.5,
+    "xtick.labelsize": 8.0,
+    "ytick.labelsize": 8.0,
+    "legend.fontsize": 8.0,
+    "legend.frameon": False,
+    "legend.handlelength": 2.2,
+    "text.color": INK,
+    "axes.labelcolor": INK,
+    "axes.edgecolor": INK,
+    "axes.linewidth": 0.7,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": GRID,
+    "grid.linewidth": 0.6,
+    "xtick.color": INK,
+    "ytick.color": INK,
+    "xtick.major.width": 0.7,
+    "ytick.major.width": 0.7,
+    "xtick.minor.width": 0.5,
+    "ytick.minor.width": 0.5,
+    "lines.linewidth": 1.2,
+    "lines.markersize": 4.5,
+    "lines.solid_capstyle": "round",
+    "lines.solid_joinstyle": "round",
+    "path.simplify": True,
+    "figure.facecolor": "none",
+    "axes.facecolor": "none",
+    "savefig.facecolor": "none",
+}
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+
+def styled(draw: Callable[P, T]) -> Callable[P, T]:
+    """Run a drawing function in the project's style, leaving matplotlib's settings alone."""
+
+    @wraps(draw)
+    def wrapper(*args: P.args, **kwargs: P.kwargs) -> T:
+        from matplotlib import rc_context
+
+        with rc_context(PARAMETERS):
+            return draw(*args, **kwargs)
+
+    return wrapper
+
+
+def new_figure(height: float, width: float = WIDTH) -> Figure:
+    """Return an empty figure, in inches, that no global state knows of."""
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+@styled
+def svg_text(figure: Figure) -> str:
+    """Render a figure as SVG text: the same data give the same bytes.
+
+    Path coordinates keep two decimals of a point, far below what is visible, so that the file
+    stays small and does not depend on the last bits of the machine's arithmetic.
+    """
+    stream = io.StringIO()
+    figure.savefig(
+        stream, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None}
+    )
+    return re.sub(
+        r' d="[^"]*"', lambda path: re.sub(r"(\.\d\d)\d+", r"\1", path[0]), stream.getvalue()
+    )
+
+
+def save_svg(figure: Figure, path: Path) -> None:
+    """Write a figure to an SVG file."""
+    write_text(path, svg_text(figure))
+
+
+def with_unit(name: str, unit: str) -> str:
+    """Label of an axis: name and unit, made printable; units not stated are left out."""
+    shown = f"{name} ({unit})" if unit else name
+    return "".join(character if character.isprintable() else "\ufffd" for character in shown)
+
+
+def ratio_unit(output_unit: str, input_unit: str) -> str:
+    """Unit of a gain, empty when either unit is not stated."""
+    if not output_unit or not input_unit:
+        return ""
+    numerator = f"({output_unit})" if " " in output_unit else output_unit
+    denominator = f"({input_unit})" if re.search(r"[ /·]", input_unit) else input_unit
+    return f"{numerator}/{denominator}"
+
+
+def extremes(y: ArrayLike, bins: int = 1000) -> NDArray[np.intp]:
+    """Indices of the smallest and largest value of each bin, in their order.
+
+    Parameters
+    ----------
+    y : array_like, shape (N,)
+        A series; `nan` are passed over.
+    bins : int
+        Number of bins. Of a series of at most 4 × bins points every index is returned, so that a
+        drawing gains from fewer points or shows them all.
+
+    Returns
+    -------
+    ndarray of int, shape (at most 4 * bins,)
+        Drawn at these indices, the envelope of the series is the true one.
+    """
+    y = np.asarray(y, dtype=float)
+    if y.size <= 4 * bins:
+        return np.arange(y.size)
+    edges = np.linspace(0, y.size, bins + 1).astype(int)
+    finite = np.isfinite(y)
+    low = np.where(finite, y, np.inf)
+    high = np.where(finite, y, -np.inf)
+    kept: list[int] = []
+    for start, stop in pairwise(edges.tolist()):
+        if finite[start:stop].any():
+            kept.append(start + int(low[start:stop].argmin()))
+            kept.append(start + int(high[start:stop].argmax()))
+    return np.unique(np.asarray(kept, dtype=np.intp))
+
+
+def decimate(
+    x: ArrayLike, y: ArrayLike, bins: int = 1000
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Reduce a long series to the extremes of each bin; see `extremes`."""
+    kept = extremes(y, bins)
+    return np.asarray(x, dtype=float)[kept], np.asarray(y, dtype=float)[kept]
+
+
+def stems(x: ArrayLike, y: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Vertical lines from zero to y as one broken line: one path however many stems."""
+    x, y = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
+    gap = np.full(x.size, np.nan)
+    return (
+        np.column_stack([x, x, gap]).ravel(),
+        np.column_stack([np.zeros(x.size), y, gap]).ravel(),
+    )
+
+
+_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def power_of_ten(value: float, _position: int | None = None) -> str:
+    """Label of a logarithmic axis in plain characters: 0.01, 1, 100, 10⁻⁵."""
+    if value <= 0:
+        return ""
+    exponent = float(np.log10(value))
+    if -2.001 <= exponent <= 3.001:
+        return f"{value:g}"
+    whole = int(np.floor(exponent + 1e-9))
+    factor = value / 10.0**whole
+    power = f"10{str(whole).translate(_SUPERSCRIPTS)}"
+    return power if abs(factor - 1) < 1e-6 else f"{factor:g}·{power}"
+
+
+def logarithmic(axes: Axes) -> None:
+    """Make the vertical axis logarithmic, with readable labels."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    axes.set_yscale("log")
+    low, high = axes.get_ylim()
+    decades = np.log10(high / low)
+    subs = (1.0, 2.0, 5.0) if decades < 2.3 else (1.0,)
+    axes.yaxis.set_major_locator(LogLocator(base=10, subs=subs, numticks=9))
+    axes.yaxis.set_major_formatter(FuncFormatter(power_of_ten))
+    axes.yaxis.set_minor_formatter(NullFormatter())
+
+
+def say_nothing_to_draw(axes: Axes, sentence: str) -> None:
+    """Say in the figure's place why there is no curve."""
+    axes.set_axis_off()
+    axes.text(0.5, 0.5, sentence, transform=axes.transAxes, ha="center", va="center", color=MUTED)

@@ -1,0 +1,143 @@
+"""Figures over time: the record before and after transforms, and the simulation."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from evopem.figures.labels import (
+    prepared_input_name,
+    prepared_output_name,
+    prepared_output_unit,
+)
+from evopem.figures.style import (
+    ERROR,
+    INK,
+    MODEL,
+    MUTED,
+    decimate,
+    new_figure,
+    styled,
+    with_unit,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from evopem.signals.preparation import PreparedData
+    from evopem.signals.recording import Recording
+
+
+@styled
+def draw_record(recording: Recording, prepared: PreparedData) -> Figure:
+    """Input and output before and after the transforms (chapter figure 3)."""
+    transforms = asdict(prepared.transforms)
+    figure = new_figure(4.4)
+    axes = figure.subplots(2, 2, sharex="col")
+    time = np.arange(recording.output.size) / recording.sampling_rate
+    before = (
+        (recording.input, with_unit(recording.input_name, recording.input_unit)),
+        (recording.output, with_unit(recording.output_name, recording.output_unit)),
+    )
+    for row, (values, label) in enumerate(before):
+        x, y = decimate(time, values)
+        axes[row, 0].plot(x, y, color=INK, linewidth=0.6)
+        axes[row, 0].set_ylabel(_folded(label))
+    axes[0, 0].set_title("As recorded")
+    axes[1, 0].set_xlabel("Time (s)")
+    estimation, validation = prepared.estimation, prepared.validation
+    unit = prepared_output_unit(transforms, estimation.output_unit)
+    after = (
+        (
+            estimation.input,
+            validation.input,
+            with_unit(
+                prepared_input_name(transforms, estimation.input_name), estimation.input_unit
+            ),
+        ),
+        (
+            estimation.output,
+            validation.output,
+            with_unit(prepared_output_name(transforms, estimation.output_name), unit),
+        ),
+    )
+    for row, (fitted, fresh, label) in enumerate(after):
+        _estimation_and_validation(axes[row, 1], fitted, fresh, estimation.sampling_rate)
+        axes[row, 1].set_ylabel(_folded(label))
+    axes[0, 1].set_title("As used")
+    axes[1, 1].set_xlabel(
+        "Time (s)" if prepared.contiguous else "Time (s), validation record set behind"
+    )
+    axes[0, 1].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.1)
+    return figure
+
+
+def _estimation_and_validation(
+    axes: Axes, estimation: np.ndarray, validation: np.ndarray, sampling_rate: float
+) -> None:
+    time = np.arange(estimation.size + validation.size) / sampling_rate
+    x, y = decimate(time[: estimation.size], estimation)
+    axes.plot(x, y, color=INK, linewidth=0.6, label="estimation")
+    x, y = decimate(time[estimation.size :], validation)
+    axes.plot(x, y, color=MODEL, linewidth=0.6, label="validation")
+    if validation.size:
+        axes.axvline(time[estimation.size], color=ERROR, linewidth=0.8, linestyle=(0, (3, 2)))
+
+
+def _folded(label: str, width: int = 26) -> str:
+    """Break a long label into lines."""
+    import textwrap
+
+    return "\n".join(textwrap.wrap(label, width, break_on_hyphens=False)[:3]) or label
+
+
+@styled
+def draw_simulation(simulation: pd.DataFrame, sampling_rate: float, label: str) -> Figure:
+    """One second of validation data, measured and simulated, and the errors (chapter figure 8).
+
+    The second shown starts at the first scored sample; slow recordings show at least 60 samples.
+    """
+    figure = new_figure(5.4)
+    second, error, whole = figure.subplots(3, 1, height_ratios=(1.35, 1.0, 1.0))
+    scored = simulation[simulation["simulated"].notna() & simulation["predicted"].notna()]
+    shown = scored.iloc[: max(round(sampling_rate) + 1, 60)]
+    for column, options in (
+        ("output", {"color": INK, "label": "measured"}),
+        ("simulated", {"color": ERROR, "linestyle": (0, (4, 2)), "label": "simulated"}),
+    ):
+        x, y = decimate(shown["time_s"], shown[column])
+        second.plot(x, y, **options)
+    span = shown["time_s"].iloc[-1] - shown["time_s"].iloc[0] if len(shown) else 0.0
+    second.set_title(f"The first {span:.3g} s of validation data")
+    second.set_ylabel(_folded(label))
+    _legend_above(second)
+    second.tick_params(labelbottom=False)
+    error.sharex(second)
+    for column, options in (
+        ("simulation_error", {"color": ERROR, "linestyle": (0, (4, 2)), "label": "of simulation"}),
+        ("prediction_error", {"color": MODEL, "label": "of one-step prediction"}),
+    ):
+        x, y = decimate(shown["time_s"], shown[column])
+        error.plot(x, y, **options)
+    error.set_title("Errors in that time")
+    error.set_ylabel("Error")
+    error.set_xlabel("Time from the first validation sample (s)")
+    _legend_above(error)
+    x, y = decimate(simulation["time_s"], simulation["output"])
+    whole.plot(x, y, color=MUTED, linewidth=0.6, label="measured")
+    x, y = decimate(simulation["time_s"], simulation["simulation_error"])
+    whole.plot(x, y, color=ERROR, linewidth=0.6, label="error of simulation")
+    whole.set_title("All validation data")
+    whole.set_xlabel("Time from the first validation sample (s)")
+    whole.set_ylabel(_folded(label))
+    _legend_above(whole)
+    return figure
+
+
+def _legend_above(axes: Axes, **options: Any) -> None:
+    """Put the legend above the panel, where it hides no data."""
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, borderaxespad=0.1, **options)

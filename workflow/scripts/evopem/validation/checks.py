@@ -1,0 +1,399 @@
+"""Checks on a fitted model, each passed, failed or not judged, in words.
+
+A check passes on evidence only. Where a number it needs is missing, ``passed`` is None and the
+statement says what is missing.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from evopem.validation.roots import CHI_SQUARE_95, parameter_covariance, root_gradient
+
+# Joint tests are made at the 1 % level: eight checks at 5 % would fail a third of good models.
+SIGNIFICANCE = 0.01
+# Cross-correlations at neighbouring lags move together when the input is coloured, so their share
+# inside scatters more than a binomial one.
+CROSS_CORRELATION_SHARE = 0.90
+# A pole and a zero further apart than this do not cancel, however uncertain they are.
+NEAR = 0.1
+# Without uncertainties only a pair this close is called a cancellation.
+COINCIDENT = 0.01
+
+
+@dataclass(frozen=True)
+class Check:
+    """One check: ``passed`` is True, False, or None when it could not be judged."""
+
+    name: str
+    passed: bool | None
+    statement: str
+    advice: str = ""
+
+
+def checks(
+    model: Mapping[str, Any],
+    validation: Mapping[str, Any] | None = None,
+    spectrum: Mapping[str, Any] | None = None,
+    candidates: pd.DataFrame | None = None,
+) -> list[Check]:
+    """Judge a fitted model on all the evidence there is.
+
+    Parameters
+    ----------
+    model : mapping
+        As in ``model.json``: ``orders``, ``a``, ``b``, ``c``, ``modes`` and, for uncertainties,
+        ``covariance``.
+    validation : mapping, optional
+        As in ``validation.json``.
+    spectrum : mapping, optional
+        As in ``spectrum.json``: the peaks of the output's spectrum and its resolution.
+    candidates : pandas.DataFrame, optional
+        As in ``candidates.csv``: every candidate of every phase with its ``selected`` flag.
+
+    Returns
+    -------
+    list of Check
+        Stable, invertible, white residuals, input independent, no missed spectral peak, no
+        pole-zero cancellation, not at the edge of a search range, excitation adequate.
+    """
+    return [
+        stability(model),
+        invertibility(model),
+        whiteness(validation),
+        input_independence(validation),
+        spectral_peaks_modelled(model, spectrum),
+        no_cancellation(model),
+        inside_search_ranges(candidates),
+        excitation(validation),
+    ]
+
+
+def stability(model: Mapping[str, Any]) -> Check:
+    """All roots of A inside the unit circle."""
+    return _roots_inside(
+        "Stable",
+        "A",
+        "pole",
+        model.get("a"),
+        "Do not simulate with this model; estimate again with a smaller largest root radius.",
+    )
+
+
+def invertibility(model: Mapping[str, Any]) -> Check:
+    """All roots of C inside the unit circle."""
+    return _roots_inside(
+        "Invertible",
+        "C",
+        "root",
+        model.get("c"),
+        "Its predictor diverges; estimate again with a smaller largest root radius or nc.",
+    )
+
+
+def _roots_inside(
+    name: str, polynomial: str, noun: str, coefficients: Sequence[float] | None, advice: str
+) -> Check:
+    if coefficients is None or not np.all(np.isfinite(np.asarray(coefficients, dtype=float))):
+        return Check(name, None, f"The coefficients of {polynomial} are missing or not finite.")
+    radii = np.abs(np.roots(np.asarray(coefficients, dtype=float)))
+    if radii.size == 0:
+        return Check(name, True, f"{polynomial} is 1: it has no root that could leave the circle.")
+    largest = float(radii.max())
+    passed = largest < 1.0
+    where = "inside" if passed else "not inside"
+    return Check(
+        name,
+        passed,
+        f"The largest {noun} radius of {polynomial} is {largest:.5f}, {where} the unit circle.",
+        "" if passed else advice,
+    )
+
+
+def whiteness(validation: Mapping[str, Any] | None) -> Check:
+    """Residual autocorrelations jointly and one by one as small as those of white noise."""
+    name = "White residuals"
+    share = _number(validation, "autocorrelation_share_inside95")
+    p_value = _number(validation, "ljung_box", "p_value")
+    lags = _number(validation, "lags")
+    tested = _number(validation, "ljung_box", "lags")
+    if share is None or p_value is None or lags is None or tested is None:
+        return Check(
+            name,
+            None,
+            "The residual autocorrelation or its Ljung-Box test is missing"
+            " (too few residuals for the number of parameters, or no validation).",
+            "Give a longer record or fewer parameters.",
+        )
+    # Nearly independent lags: the share is binomial, here with three standard deviations.
+    least = 0.95 - 3.0 * math.sqrt(0.95 * 0.05 / lags)
+    passed = p_value >= SIGNIFICANCE and share >= least
+    statement = (
+        f"{100 * share:.1f} % of {lags:.0f} autocorrelations lie inside the 95 % bounds; the"
+        f" Ljung-Box test over {tested:.0f} lags gives p = {_p_value(p_value)}."
+    )
+    return Check(
+        name,
+        passed,
+        statement,
+        ""
+        if passed
+        else "The noise model misses something: raise nc or the common order, or look for trends,"
+        " mains hum or nonlinearity in the record.",
+    )
+
+
+def input_independence(validation: Mapping[str, Any] | None) -> Check:
+    """No residual-input cross-correlation beyond what chance allows over all lags."""
+    name = "Residuals independent of the input"
+    share = _number(validation, "cross_correlation", "share_inside95")
+    largest = _number(validation, "cross_correlation", "max_in_bounds")
+    lags = _number(validation, "cross_correlation", "lags")
+    if share is None or largest is None or lags is None:
+        return Check(name, None, "The residual-input cross-correlation is missing.")
+    from scipy.special import ndtri
+
+    count = int(2 * lags + 1)
+    # Bonferroni holds whatever the dependence between lags.
+    allowed = float(ndtri(1 - SIGNIFICANCE / (2 * count)) / ndtri(0.975))
+    passed = largest <= allowed and share >= CROSS_CORRELATION_SHARE
+    statement = (
+        f"{100 * share:.1f} % of {count} cross-correlations (lags −{lags:.0f} to {lags:.0f}) lie"
+        f" inside their 95 % bounds; the largest is {largest:.2f} times its bound, and chance"
+        f" allows {allowed:.2f} among so many."
+    )
+    return Check(
+        name,
+        passed,
+        statement,
+        ""
+        if passed
+        else "Outliers at positive lags: raise nb or the common order, or try another delay."
+        " At negative lags: the data hold feedback from output to input.",
+    )
+
+
+def spectral_peaks_modelled(model: Mapping[str, Any], spectrum: Mapping[str, Any] | None) -> Check:
+    """Every peak of the output's spectrum has a mode of the model near it."""
+    name = "No missed spectral peak"
+    if spectrum is None or "peaks" not in spectrum:
+        return Check(name, None, "The output's spectrum and its peaks are missing.")
+    modes = model.get("modes")
+    if modes is None:
+        return Check(name, None, "The model's modes are missing.")
+    peaks = spectrum["peaks"]
+    if not peaks:
+        return Check(name, True, "The output's spectrum has no distinct peak to be missed.")
+    resolution = float(spectrum.get("resolution_hz") or 0.0)
+    missed = [
+        float(peak["frequency_hz"])
+        for peak in peaks
+        if not any(_explains(mode, float(peak["frequency_hz"]), resolution) for mode in modes)
+    ]
+    found = len(peaks) - len(missed)
+    if not missed:
+        return Check(
+            name,
+            True,
+            f"Each of the {len(peaks)} spectral peaks has a mode within the spectrum's resolution"
+            f" ({resolution:.2g} Hz) or the mode's own bandwidth.",
+        )
+    listed = ", ".join(f"{frequency:.4g} Hz" for frequency in missed)
+    return Check(
+        name,
+        False,
+        f"{found} of {len(peaks)} spectral peaks have a mode; none is near {listed}.",
+        "Raise the upper bound of the common order, or check whether the peak is already in the"
+        " input or made by a transform.",
+    )
+
+
+def _explains(mode: Mapping[str, Any], frequency: float, resolution: float) -> bool:
+    """Whether a peak lies within a mode's reach: resolution, half-power width or uncertainty."""
+    centre = float(mode["frequency_hz"])
+    damping = abs(float(mode.get("damping_percent") or 0.0)) / 100.0
+    error = float(mode.get("frequency_se_hz") or 0.0)
+    # A resonance peaks at fn sqrt(1 - 2 ζ²) in displacement and fn / sqrt(1 - 2 ζ²) in
+    # acceleration, both inside the half-power band fn (1 ± ζ) for light damping.
+    return abs(centre - frequency) <= max(resolution, damping * centre, 2.0 * error)
+
+
+def no_cancellation(model: Mapping[str, Any]) -> Check:
+    """No pole of G that a zero of G hides, judged by their joint uncertainty."""
+    name = "No pole-zero cancellation"
+    if model.get("a") is None or model.get("b") is None:
+        return Check(name, None, "The coefficients of A or B are missing.")
+    a, b = np.asarray(model["a"], dtype=float), np.asarray(model["b"], dtype=float)
+    poles, zeros = np.roots(a), np.roots(b)
+    if poles.size == 0 or zeros.size == 0:
+        return Check(name, True, "The model has no pair of a pole and a zero.")
+    covariance = parameter_covariance(model.get("covariance"), a.size - 1 + b.size)
+    pairs = [
+        (abs(pole - zero), complex(pole), complex(zero))
+        for pole in poles
+        for zero in zeros
+        if pole.imag >= 0 and zero.imag >= 0
+    ]
+    distance, pole, zero = min(pairs, key=lambda pair: pair[0])
+    nearest = f"The nearest pair, pole {_complex(pole)} and zero {_complex(zero)}, is"
+    advice = (
+        "The pair hardly affects the response: lower na and nb by one (a real pair) or two"
+        " (a complex pair) and compare BIC."
+    )
+    if covariance is None:
+        if distance < COINCIDENT:
+            return Check(name, False, f"{nearest} only {distance:.2g} apart.", advice)
+        return Check(
+            name,
+            None,
+            f"{nearest} {distance:.2g} apart; without a parameter covariance this cannot be"
+            " compared with its uncertainty.",
+        )
+    hidden = [
+        (pole, zero)
+        for distance, pole, zero in pairs
+        if distance < NEAR and _indistinguishable(pole, zero, a, b, covariance)
+    ]
+    if hidden:
+        listed = "; ".join(f"{_complex(pole)} and {_complex(zero)}" for pole, zero in hidden)
+        return Check(
+            name, False, f"A pole and a zero cannot be told apart at 95 %: {listed}.", advice
+        )
+    return Check(
+        name,
+        True,
+        f"{nearest} {distance:.2g} apart; no pair closer than {NEAR:g} is within its joint 95 %"
+        " uncertainty.",
+    )
+
+
+def _indistinguishable(
+    pole: complex,
+    zero: complex,
+    a: NDArray[np.float64],
+    b: NDArray[np.float64],
+    covariance: NDArray[np.float64],
+) -> bool:
+    """Whether pole minus zero is inside its 95 % confidence region around nothing."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        gradient = np.concatenate([root_gradient(a, pole)[1:], -root_gradient(b, zero)])
+    if not np.all(np.isfinite(gradient)):
+        return True  # a repeated root: its position is not determined to first order
+    difference = pole - zero
+    if pole.imag == 0 and zero.imag == 0:
+        jacobian = gradient.real[np.newaxis]
+        offset = np.array([difference.real])
+    else:
+        jacobian = np.vstack([gradient.real, gradient.imag])
+        offset = np.array([difference.real, difference.imag])
+    spread = jacobian @ covariance @ jacobian.T
+    statistic = float(offset @ np.linalg.pinv(spread, hermitian=True) @ offset)
+    return statistic < CHI_SQUARE_95[offset.size]
+
+
+# Phase of the search, the column it varies, its name in words, the smallest value there is.
+RANGES = (
+    ("delay", "nk", "delay nk", 0),
+    ("common", "na", "common order", 1),
+    ("c", "nc", "nc", 0),
+    ("b", "nb", "nb", 1),
+)
+
+
+def inside_search_ranges(candidates: pd.DataFrame | None) -> Check:
+    """No chosen order at an end of the range that was searched, no root on the search's margin."""
+    name = "Not at the edge of a search range"
+    if candidates is None or candidates.empty:
+        return Check(name, None, "The table of candidates is missing.")
+    at_edge, inside, fixed, unknown = [], [], [], []
+    for phase, column, words, least in RANGES:
+        tried = candidates[candidates["phase"] == phase]
+        chosen = tried[tried["selected"].astype(bool)]
+        if tried.empty or chosen.empty:
+            unknown.append(words)
+            continue
+        low, high = int(tried[column].min()), int(tried[column].max())
+        value = int(chosen[column].iloc[0])
+        if low == high:
+            fixed.append(words)
+        elif value == high or (value == low and value > least):
+            at_edge.append(f"{words} = {value} in {low}–{high}")
+        else:
+            inside.append(f"{words} = {value} in {low}–{high}")
+    if "at_margin" in candidates:
+        final = candidates[candidates["selected"].astype(bool)]
+        if not final.empty and _true(final["at_margin"].iloc[-1]):
+            at_edge.append("a root lies on the search's stability margin")
+    if at_edge:
+        return Check(
+            name,
+            False,
+            f"At the edge: {'; '.join(at_edge)}.",
+            "Widen that range in the configuration and run again: a better model may lie outside.",
+        )
+    if unknown:
+        return Check(name, None, f"No choice is on record for: {', '.join(unknown)}.")
+    if not inside:
+        return Check(name, None, "Every order was fixed by the configuration; none was searched.")
+    remark = f" Fixed by the configuration: {', '.join(fixed)}." if fixed else ""
+    return Check(name, True, f"Inside: {'; '.join(inside)}.{remark}")
+
+
+def _true(value: object) -> bool:
+    """Read a flag as CSV gives it."""
+    return str(value).strip().lower() in {"true", "1", "1.0"}
+
+
+def excitation(validation: Mapping[str, Any] | None) -> Check:
+    """The input moves as many directions of its past as the model has to resolve."""
+    name = "Excitation adequate"
+    order = _number(validation, "excitation", "order")
+    needed = _number(validation, "excitation", "needed")
+    if order is None or needed is None:
+        return Check(name, None, "The input's order of excitation is missing.")
+    passed = order >= needed
+    statement = (
+        f"The input excites {order:.0f} of the {needed:.0f} directions (na + nb) that the model"
+        " needs, counting those no more than 40 dB below the strongest."
+    )
+    return Check(
+        name,
+        passed,
+        statement,
+        ""
+        if passed
+        else "Trust the model only where the input has power; record with a broader input or"
+        " resample to a lower rate.",
+    )
+
+
+def _number(values: Mapping[str, Any] | None, *keys: str) -> float | None:
+    """A finite number from nested mappings, or None."""
+    found: Any = values
+    for key in keys:
+        if not isinstance(found, Mapping) or found.get(key) is None:
+            return None
+        found = found[key]
+    try:
+        number = float(found)
+    except (TypeError, ValueError):
+        return None
+    return number if math.isfinite(number) else None
+
+
+def _p_value(value: float) -> str:
+    return "< 0.0001" if value < 1e-4 else f"{value:.2g}"
+
+
+def _complex(root: complex) -> str:
+    """A root in words of three decimals, a true minus sign."""
+    if abs(root.imag) < 5e-4:
+        return f"{root.real:.3f}".replace("-", "−")
+    return f"{root.real:.3f} ± {abs(root.imag):.3f}i".replace("-", "−")

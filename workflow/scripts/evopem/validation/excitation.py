@@ -1,0 +1,38 @@
+"""How well the input excites a model of a given order."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+# An eigenvalue of the input's covariance this far below the largest counts as not excited:
+# there the input is 40 dB weaker than where it is strongest.
+EXCITED = 1e-4
+
+
+def excitation_order(inputs: ArrayLike, largest: int) -> int:
+    """Number of directions of the input's past that it excites, out of ``largest``.
+
+    Parameters
+    ----------
+    inputs : array_like, shape (N,)
+        The input; its mean is removed.
+    largest : int
+        Size of the covariance matrix, na + nb for an ARMAX model.
+
+    Returns
+    -------
+    int
+        Eigenvalues of the ``largest`` × ``largest`` covariance matrix that are above 10⁻⁴ of the
+        biggest. ``largest`` means persistently exciting of that order in practice, not only in
+        rank (Ljung 1999, chapter 13).
+    """
+    from scipy.linalg import toeplitz
+
+    u = np.asarray(inputs, dtype=float)
+    u = u - u.mean()
+    covariance = np.array([u[: u.size - k] @ u[k:] for k in range(min(largest, u.size))])
+    if covariance.size == 0 or covariance[0] == 0:
+        return 0
+    eigenvalues = np.linalg.eigvalsh(toeplitz(covariance))
+    return int(np.count_nonzero(eigenvalues > EXCITED * eigenvalues[-1]))

@@ -1,0 +1,56 @@
+"""Uncertainty of a polynomial's roots, from that of its coefficients."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+# 95 % points of chi-square with one and two degrees of freedom.
+CHI_SQUARE_95 = {1: 3.841458820694124, 2: 5.991464547107979}
+
+
+def root_gradient(coefficients: NDArray[np.float64], root: complex) -> NDArray[np.complex128]:
+    """Derivative of a root with respect to every coefficient of its polynomial in z.
+
+    For p(z) = Σ c_i z^(n−i) and p(r) = 0: dr/dc_i = −r^(n−i) / p'(r). Not finite at a repeated
+    root, which has no derivative.
+    """
+    degree = coefficients.size - 1
+    powers = root ** np.arange(degree, -1, -1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return -powers / np.polyval(np.polyder(coefficients), root)
+
+
+def root_covariance(
+    coefficients: NDArray[np.float64], root: complex, covariance: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Covariance of a root's real and imaginary part, to first order.
+
+    Parameters
+    ----------
+    coefficients : ndarray, shape (n + 1,)
+        A monic polynomial, its leading 1 known exactly.
+    root : complex
+        One of its roots.
+    covariance : ndarray, shape (n, n)
+        Covariance of the other coefficients.
+
+    Returns
+    -------
+    ndarray, shape (2, 2)
+    """
+    gradient = root_gradient(coefficients, root)[1:]
+    jacobian = np.vstack([gradient.real, gradient.imag])
+    return jacobian @ covariance @ jacobian.T
+
+
+def parameter_covariance(given: ArrayLike | None, parameters: int) -> NDArray[np.float64] | None:
+    """Leading block of a parameter covariance, or None when it is missing or not usable."""
+    if given is None:
+        return None
+    covariance = np.asarray(given, dtype=float)
+    if covariance.ndim != 2 or min(covariance.shape) < parameters:
+        return None
+    covariance = covariance[:parameters, :parameters]
+    usable = np.all(np.isfinite(covariance)) and np.all(np.diag(covariance) > 0)
+    return covariance if usable else None

@@ -1,0 +1,259 @@
+"""A fitted model against the data: residual tests, prediction, and pure simulation.
+
+Prediction and simulation answer different questions and are never mixed. The one-step prediction
+uses every measured output up to the sample before; the simulation sees the input alone.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from evopem.validation.correlation import (
+    LjungBox,
+    cross_correlation,
+    ljung_box,
+    ljung_box_lags,
+    residual_autocorrelation,
+    share_inside,
+)
+from evopem.validation.excitation import excitation_order
+from evopem.validation.scores import error_percent, fit_percent
+from evopem.validation.simulation import simulate_with_initial_conditions
+
+if TYPE_CHECKING:
+    from evopem.models.armax import ArmaxModel
+    from evopem.signals.preparation import PreparedData
+
+# Missed dynamics and feedback show at short lags; more lags only dilute the test.
+CROSS_CORRELATION_LAGS = 200
+
+
+@dataclass(frozen=True)
+class Validation:
+    """Everything the validation of one model yields.
+
+    Percentages refer to the scored validation samples; ``samples`` is their number. Errors are
+    100 ‖y − ŷ‖/‖y‖, fits 100 (1 − ‖y − ŷ‖/‖y − ȳ‖).
+    """
+
+    prediction_error_percent: float
+    simulation_error_percent: float
+    prediction_fit_percent: float
+    simulation_fit_percent: float
+    samples: int
+    unscored_samples: int
+    residual_samples: int
+    autocorrelation_share_inside95: float
+    lags: int
+    ljung_box: LjungBox
+    cross_correlation_share_inside95: float
+    cross_correlation_max_abs: float
+    cross_correlation_max_in_bounds: float
+    cross_correlation_lags: int
+    excitation_order: int
+    excitation_needed: int
+    initial_conditions: str
+    residual_autocorrelation: pd.DataFrame
+    cross_correlation: pd.DataFrame
+    simulation: pd.DataFrame
+
+    def scalars(self) -> dict[str, Any]:
+        """Everything but the tables, ready for ``validation.json``.
+
+        A number that could not be computed is None.
+        """
+        return {
+            "prediction_error_percent": _finite(self.prediction_error_percent),
+            "simulation_error_percent": _finite(self.simulation_error_percent),
+            "prediction_fit_percent": _finite(self.prediction_fit_percent),
+            "simulation_fit_percent": _finite(self.simulation_fit_percent),
+            "samples": self.samples,
+            "unscored_samples": self.unscored_samples,
+            "initial_conditions": self.initial_conditions,
+            "residual_samples": self.residual_samples,
+            "autocorrelation_share_inside95": _finite(self.autocorrelation_share_inside95),
+            "lags": self.lags,
+            "ljung_box": {
+                "statistic": _finite(self.ljung_box.statistic),
+                "degrees_of_freedom": self.ljung_box.degrees_of_freedom,
+                "p_value": _finite(self.ljung_box.p_value),
+                "lags": self.ljung_box.lags,
+            },
+            "cross_correlation": {
+                "share_inside95": _finite(self.cross_correlation_share_inside95),
+                "max_abs": _finite(self.cross_correlation_max_abs),
+                "max_in_bounds": _finite(self.cross_correlation_max_in_bounds),
+                "lags": self.cross_correlation_lags,
+            },
+            "excitation": {"order": self.excitation_order, "needed": self.excitation_needed},
+        }
+
+
+def _finite(value: float) -> float | None:
+    """JSON has no nan; say null."""
+    return float(value) if math.isfinite(value) else None
+
+
+@dataclass(frozen=True)
+class _Responses:
+    """Validation samples with the two computed responses; ``nan`` where there is none."""
+
+    input: NDArray[np.float64]
+    output: NDArray[np.float64]
+    predicted: NDArray[np.float64]
+    simulated: NDArray[np.float64]
+    unscored: int
+
+
+def validate(
+    model: ArmaxModel,
+    prepared: PreparedData,
+    lags: int = 1200,
+    scoring_start: int | None = None,
+) -> Validation:
+    """Validate a model on the data it was fitted to and on the samples it never saw.
+
+    Parameters
+    ----------
+    model : ArmaxModel
+        The fitted model.
+    prepared : PreparedData
+        Estimation and validation samples, transformed alike.
+    lags : int
+        Largest lag of the residual autocorrelation; cut to the number of residuals less one.
+    scoring_start : int, optional
+        First estimation sample whose residual is used. By default the start of the recursion plus
+        the time its transient, governed by the slowest root of C, takes to decay to 1 %.
+
+    Returns
+    -------
+    Validation
+
+    Raises
+    ------
+    ValueError
+        When too few samples are left for a test.
+
+    Notes
+    -----
+    Residual tests use the estimation samples (Ljung 1999, section 16.6).
+
+    When the validation samples continue the estimation samples (``prepared.contiguous``), the
+    predictor runs through both, so that it knows all the measured past, and the simulation starts
+    at the beginning of the estimation samples with initial conditions fitted to these alone; it
+    runs through the validation samples without seeing one of their outputs. An independent
+    recording has no past on record: there the predictor starts with the recording, the
+    simulation's na initial conditions are fitted to its output, and the first
+    max(na, nb + nk − 1, nc) samples are not scored.
+    """
+    estimation = prepared.estimation
+    orders = model.orders
+    start = _settled(model) if scoring_start is None else scoring_start
+    residuals = model.residuals(estimation.input, estimation.output)[start:]
+    if residuals.size < 2:
+        raise ValueError(
+            f"{estimation.output.size} estimation samples leave no residuals from sample {start} on"
+        )
+    autocorrelation = residual_autocorrelation(residuals, lags)
+    largest = len(autocorrelation) - 1
+    cross = cross_correlation(
+        residuals, estimation.input[start:], min(lags, CROSS_CORRELATION_LAGS)
+    )
+    fitted = orders.na + orders.nc
+    responses = _continued(model, prepared) if prepared.contiguous else _restarted(model, prepared)
+    scored = slice(responses.unscored, None)
+    measured = responses.output[scored]
+    if measured.size == 0:
+        raise ValueError("no validation sample is left to score; keep more samples for validation")
+    ratio = cross["cross_correlation"].abs() / cross["bound95"]
+    return Validation(
+        prediction_error_percent=error_percent(measured, responses.predicted[scored]),
+        simulation_error_percent=error_percent(measured, responses.simulated[scored]),
+        prediction_fit_percent=fit_percent(measured, responses.predicted[scored]),
+        simulation_fit_percent=fit_percent(measured, responses.simulated[scored]),
+        samples=measured.size,
+        unscored_samples=responses.unscored,
+        residual_samples=residuals.size,
+        autocorrelation_share_inside95=share_inside(
+            autocorrelation["autocorrelation"].iloc[1:], autocorrelation["bound95"].iloc[1:]
+        ),
+        lags=largest,
+        ljung_box=ljung_box(
+            autocorrelation["autocorrelation"],
+            residuals.size,
+            fitted,
+            ljung_box_lags(residuals.size, fitted, largest),
+        ),
+        cross_correlation_share_inside95=share_inside(cross["cross_correlation"], cross["bound95"]),
+        cross_correlation_max_abs=float(cross["cross_correlation"].abs().max()),
+        cross_correlation_max_in_bounds=float(ratio.max()),
+        cross_correlation_lags=int(cross["lag"].max()),
+        excitation_order=excitation_order(estimation.input, orders.na + orders.nb),
+        excitation_needed=orders.na + orders.nb,
+        initial_conditions="estimation" if prepared.contiguous else "validation",
+        residual_autocorrelation=autocorrelation,
+        cross_correlation=cross,
+        simulation=_table(responses, estimation.sampling_rate),
+    )
+
+
+def _settled(model: ArmaxModel) -> int:
+    """First residual past the start-up transient of 1/C."""
+    orders = model.orders
+    first = max(orders.na, orders.nb + orders.nk - 1, orders.nc)
+    radius = float(np.max(np.abs(np.roots(model.c)), initial=0.0))
+    if not 0 < radius < 1:
+        return first
+    return first + min(1000, math.ceil(math.log(0.01) / math.log(radius)))
+
+
+def _continued(model: ArmaxModel, prepared: PreparedData) -> _Responses:
+    """Predict and simulate validation samples that follow the estimation samples directly."""
+    estimation, validation = prepared.estimation, prepared.validation
+    inputs = np.concatenate([estimation.input, validation.input])
+    output = np.concatenate([estimation.output, validation.output])
+    seen = estimation.output.size
+    return _Responses(
+        input=validation.input,
+        output=validation.output,
+        predicted=model.predict(inputs, output)[seen:],
+        simulated=simulate_with_initial_conditions(model, inputs, estimation.output)[seen:],
+        unscored=0,
+    )
+
+
+def _restarted(model: ArmaxModel, prepared: PreparedData) -> _Responses:
+    """Predict and simulate an independent recording, whose past is not on record."""
+    validation = prepared.validation
+    orders = model.orders
+    return _Responses(
+        input=validation.input,
+        output=validation.output,
+        predicted=model.predict(validation.input, validation.output),
+        simulated=simulate_with_initial_conditions(model, validation.input, validation.output),
+        unscored=max(orders.na, orders.nb + orders.nk - 1, orders.nc),
+    )
+
+
+def _table(responses: _Responses, sampling_rate: float) -> pd.DataFrame:
+    """Validation samples, time from their first; unscored computed values are missing."""
+    predicted, simulated = responses.predicted.copy(), responses.simulated.copy()
+    predicted[: responses.unscored] = np.nan
+    simulated[: responses.unscored] = np.nan
+    return pd.DataFrame(
+        {
+            "time_s": np.arange(responses.output.size) / sampling_rate,
+            "input": responses.input,
+            "output": responses.output,
+            "simulated": simulated,
+            "predicted": predicted,
+            "simulation_error": responses.output - simulated,
+            "prediction_error": responses.output - predicted,
+        }
+    )
