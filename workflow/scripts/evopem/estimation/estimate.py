@@ -1,0 +1,196 @@
+"""Estimate one ARMAX model from a record."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from threadpoolctl import threadpool_limits
+
+from evopem.estimation.armax_problem import ArmaxProblem
+from evopem.estimation.hybrid_search import MUTATE, SearchResult, SearchSettings, hybrid_search
+from evopem.estimation.prediction_error import OBJECTIVES, PredictionErrorProblem
+from evopem.estimation.uncertainty import parameter_covariance, residual_jacobian
+from evopem.models.armax import ArmaxModel, Orders
+from evopem.models.polynomials import max_root_radius as largest_radius
+
+Array = NDArray[np.float64]
+
+DEFAULT_BURN_IN = 100
+DEFAULT_MAX_ROOT_RADIUS = 0.9999
+# A root this close to the largest allowed radius, relative to the room left outside it, lies at it.
+MARGIN_WIDTH = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """An estimated model and the evidence for it.
+
+    Attributes
+    ----------
+    model : ArmaxModel
+    objective : str
+        ``absolute`` or ``quadratic``.
+    objective_value : float
+        In percent (chapter eq. 20 or 22).
+    fit_percent : float
+        ``100 (1 - sum|e| / sum|y|)`` (chapter eq. 21).
+    rss : float
+        ``100 ||e||^2 / ||y||^2`` in percent (chapter eq. 22).
+    bic : float
+        ``ln(||e||^2 / N) + n ln(N) / N`` over the scored samples (chapter eq. 23).
+    residuals : (N,) array
+        NaN before the recursion starts.
+    scoring_start : int
+        First sample that counts in all of the above.
+    at_margin : bool
+        Whether a root of A or C lies at the largest radius allowed.
+    search : SearchResult
+    """
+
+    model: ArmaxModel
+    objective: str
+    objective_value: float
+    fit_percent: float
+    rss: float
+    bic: float
+    residuals: Array = field(repr=False)
+    scoring_start: int
+    at_margin: bool
+    search: SearchResult = field(repr=False)
+
+
+def estimate(
+    input: ArrayLike,  # noqa: A002
+    output: ArrayLike,
+    orders: Orders | tuple[int, int, int, int],
+    sampling_rate: float = 1.0,
+    *,
+    objective: str = "absolute",
+    seed: int = 1,
+    scoring_start: int | None = None,
+    max_root_radius: float = DEFAULT_MAX_ROOT_RADIUS,
+    search: SearchSettings | None = None,
+    log: Callable[[str], None] | None = None,
+) -> Estimate:
+    """Find the ARMAX model of given orders with the smallest prediction errors, globally.
+
+    Parameters
+    ----------
+    input, output : (N,) array_like
+        The record; not modified.  Constant parts should have been removed.
+    orders : Orders or (na, nb, nc, nk)
+        ``nb`` counts B's coefficients, the first at lag ``nk``.
+    sampling_rate : float
+        Hz.
+    objective : {"absolute", "quadratic"}
+        Sum of absolute prediction errors (chapter eq. 20-21) or of their squares.
+    seed : int
+        The search draws from ``SeedSequence(seed, spawn_key=orders)``.
+    scoring_start : int, optional
+        First residual that counts.  By default ``orders.first_residual + 100``, so that the
+        unknown noise before the record has died out; records compared on different orders need
+        one number for all.
+    max_root_radius : float
+        Largest radius of the roots of A and C.
+    search : SearchSettings, optional
+    log : callable, optional
+        Receives one line a generation.
+
+    Returns
+    -------
+    Estimate
+
+    Raises
+    ------
+    ValueError
+        When the record cannot carry the orders, or a setting is not what it must be.
+    """
+    orders = orders if isinstance(orders, Orders) else Orders(*orders)
+    search = search or SearchSettings()
+    u = np.ascontiguousarray(input, dtype=float)
+    y = np.ascontiguousarray(output, dtype=float)
+    start = orders.first_residual + DEFAULT_BURN_IN if scoring_start is None else scoring_start
+    _check(u, y, orders, objective, start, max_root_radius, search)
+    # The bits of a result must not depend on how many threads the machine's BLAS would take.
+    with threadpool_limits(limits=1, user_api="blas"):
+        problem = ArmaxProblem(u, y, orders, objective, start, max_root_radius)
+        sequence = np.random.SeedSequence(
+            seed, spawn_key=(orders.na, orders.nb, orders.nc, orders.nk)
+        )
+        result = hybrid_search(problem, search, np.random.default_rng(sequence), log)
+        return describe(problem.errors, result, u, y, sampling_rate)
+
+
+def _check(
+    u: Array,
+    y: Array,
+    orders: Orders,
+    objective: str,
+    scoring_start: int,
+    max_root_radius: float,
+    search: SearchSettings,
+) -> None:
+    if u.ndim != 1 or u.shape != y.shape:
+        raise ValueError(f"input and output must be of one length, not {u.shape} and {y.shape}")
+    if not (np.isfinite(u).all() and np.isfinite(y).all()):
+        raise ValueError("input and output must be finite")
+    if objective not in OBJECTIVES:
+        raise ValueError(f"objective must be one of {OBJECTIVES}, not {objective!r}")
+    if search.mutate not in MUTATE:
+        raise ValueError(f"mutate must be one of {MUTATE}, not {search.mutate!r}")
+    if not 0.0 < max_root_radius < 1.0:
+        raise ValueError(f"max_root_radius must lie between 0 and 1, not {max_root_radius}")
+    if scoring_start < orders.first_residual:
+        raise ValueError(f"{orders} has no residual before sample {orders.first_residual}")
+    if len(y) - scoring_start <= orders.parameters:
+        raise ValueError(
+            f"{orders} has {orders.parameters} parameters and needs more scored samples than "
+            f"that; {len(y)} samples less the first {scoring_start} leave {len(y) - scoring_start}"
+        )
+    if not np.any(y[scoring_start:]):
+        raise ValueError("the output is zero throughout")
+
+
+def describe(
+    errors: PredictionErrorProblem,
+    result: SearchResult,
+    input: Array,  # noqa: A002
+    output: Array,
+    sampling_rate: float,
+) -> Estimate:
+    """The model at a search's best point, with its criteria, residuals and covariance."""
+    point, orders, start = result.point, errors.orders, errors.scoring_start
+    a = np.concatenate([[1.0], point[: orders.na]])
+    b = point[orders.na : orders.na + orders.nb].copy()
+    c = np.concatenate([[1.0], point[orders.na + orders.nb :]])
+    residuals = errors.residuals(point)
+    scored, scored_output = residuals[start:], output[start:]
+    square_sum, count, n = float(scored @ scored), len(scored), orders.parameters
+    bare = ArmaxModel(a, b, c, orders.nk, sampling_rate)
+    jacobian = residual_jacobian(bare, input, output, residuals, errors.recursion_start)
+    model = ArmaxModel(
+        a,
+        b,
+        c,
+        orders.nk,
+        sampling_rate,
+        noise_variance=square_sum / (count - n),
+        covariance=parameter_covariance(jacobian[start:], scored, errors.objective),
+    )
+    residuals[: errors.recursion_start] = np.nan
+    radius = max(largest_radius(a[1:]), largest_radius(c[1:]))
+    return Estimate(
+        model=model,
+        objective=errors.objective,
+        objective_value=result.value,
+        fit_percent=100.0 * (1.0 - float(np.sum(np.abs(scored)) / np.sum(np.abs(scored_output)))),
+        rss=100.0 * square_sum / float(scored_output @ scored_output),
+        bic=float(np.log(square_sum / count) + n * np.log(count) / count),
+        residuals=residuals,
+        scoring_start=start,
+        at_margin=bool(1.0 - radius <= (1.0 + MARGIN_WIDTH) * (1.0 - errors.max_root_radius)),
+        search=result,
+    )

@@ -1,0 +1,263 @@
+"""The prediction-error problem of one record and one model order, for whole populations at once.
+
+A *point* is a parameter vector ``p = [a_1..a_na, b_0..b_(nb-1), c_1..c_nc]`` (chapter eq. 18);
+a population is an (M, n) array.  Numerics only: no search lives here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evopem.estimation import kernels
+from evopem.models.armax import Orders
+from evopem.models.polynomials import reflect_into_disc
+
+Array = NDArray[np.float64]
+
+OBJECTIVES = ("absolute", "quadratic")
+
+# Width of the kernel that estimates the density of the residuals at zero, in mean |e|.
+DENSITY_BANDWIDTH = 0.3
+
+
+@dataclass(frozen=True)
+class _Workspace:
+    """Buffers of one pass of eight models, reused from pass to pass."""
+
+    parameters: Array
+    residuals: Array
+    slope: Array
+    gradient: Array
+    total: Array
+    corner: Array
+
+
+class PredictionErrorProblem:
+    """Objective, gradient, curvature and feasibility of ARMAX parameters on one record.
+
+    Parameters
+    ----------
+    input, output : (N,) arrays
+        The record; not modified.
+    orders : Orders
+    objective : {"absolute", "quadratic"}
+        ``absolute``: ``100 sum|e| / sum|y|`` (chapter eq. 20-21, as ``100 - fit``);
+        ``quadratic``: ``100 sum e**2 / sum y**2`` (eq. 22).
+    scoring_start : int
+        First residual that counts.  The recursion starts before it, at ``recursion_start``, so
+        that the transient of the unknown initial noise dies out first.
+    max_root_radius : float
+        Largest allowed radius of the roots of A and C.
+    """
+
+    def __init__(
+        self,
+        input: Array,  # noqa: A002 - the field's word
+        output: Array,
+        orders: Orders,
+        objective: str,
+        scoring_start: int,
+        max_root_radius: float,
+    ) -> None:
+        self.orders = orders
+        self.objective = objective
+        self.samples = len(output)
+        self.recursion_start = max(orders.first_residual, kernels.MIN_NC)
+        self.scoring_start = scoring_start
+        self.max_root_radius = max_root_radius
+        padded = kernels.padded_length(self.samples, self.recursion_start)
+        self._y = _padded(output, padded)
+        self._u = _padded(input, padded)
+        self._nc = max(orders.nc, kernels.MIN_NC)
+        rows = orders.na + orders.nb + self._nc
+        self._signs = np.ones(rows)
+        self._signs[orders.na :] = -1.0
+        self._work = _Workspace(
+            parameters=np.zeros((rows, kernels.LANES)),
+            residuals=np.zeros((padded, kernels.LANES)),
+            slope=np.zeros((padded + self._nc, kernels.LANES)),
+            gradient=np.zeros((rows, kernels.LANES)),
+            total=np.zeros((1, kernels.LANES)),
+            corner=np.ones((1, kernels.LANES)),
+        )
+        scored = self._y[scoring_start : self.samples]
+        self._scale = float(np.sum(np.abs(scored)) if objective == "absolute" else scored @ scored)
+        self.scored_samples = self.samples - scoring_start
+
+    @property
+    def dimension(self) -> int:
+        """Number of parameters n = na + nb + nc."""
+        return self.orders.parameters
+
+    def values(self, points: Array) -> Array:
+        """Objective of each row of an (M, n) population, in percent; infeasible rows are inf."""
+        values = np.full(len(points), np.inf)
+        total = kernels.absolute_sum if self.objective == "absolute" else kernels.square_sum
+        for rows in self._passes(self.feasible(points)):
+            self._run_residuals(points[rows])
+            work = self._work
+            total(work.residuals, self.scoring_start, self.samples, work.total)
+            values[rows] = 100.0 * work.total[0, : len(rows)] / self._scale
+        values[~np.isfinite(values)] = np.inf
+        return values
+
+    def values_and_gradients(self, points: Array, corners: Array) -> tuple[Array, Array]:
+        """Smoothed objective of each row and its gradient; infeasible rows are inf and 0.
+
+        ``corners`` (M,), in the unit of the output, round the corner of the absolute value,
+        ``sqrt(e**2 + corner**2)``; the quadratic objective does not use them.
+        """
+        values = np.full(len(points), np.inf)
+        gradients = np.zeros(points.shape)
+        o, work = self.orders, self._work
+        factor = 100.0 / self._scale
+        for rows in self._passes(self.feasible(points)):
+            self._run_residuals(points[rows])
+            span = (work.residuals, self.scoring_start, self.samples)
+            if self.objective == "absolute":
+                work.corner[0, : len(rows)] = corners[rows]
+                kernels.smoothed_absolute_slope(*span, work.corner, work.slope, work.total)
+            else:
+                kernels.square_slope(*span, work.slope, work.total)
+            kernels.adjoint_gradient(
+                self._y,
+                self._u,
+                work.residuals,
+                o.na,
+                o.nb,
+                self._nc,
+                o.nk,
+                self.recursion_start,
+                work.parameters,
+                work.slope,
+                work.gradient,
+            )
+            values[rows] = factor * work.total[0, : len(rows)]
+            gradient = (self._signs[:, None] * work.gradient)[: o.parameters, : len(rows)]
+            gradients[rows] = factor * gradient.T
+        bad = ~(np.isfinite(values) & np.isfinite(gradients).all(axis=1))
+        values[bad] = np.inf
+        gradients[bad] = 0.0
+        return values, gradients
+
+    def curvatures(self, points: Array, corners: Array) -> Array:
+        """Gauss-Newton approximation of the Hessian of each row's smoothed objective, (M, n, n).
+
+        For the absolute objective the mean second derivative of the loss (twice the density of
+        the residuals at zero) scales the same matrix.
+        """
+        o, n = self.orders, self.dimension
+        matrices = np.zeros((len(points), n, n))
+        if not len(points):
+            return matrices
+        rows_padded = o.na + o.nb + self._nc
+        length = len(self._y)
+        table = np.zeros((4, length, kernels.LANES))
+        matrix = np.zeros((rows_padded, rows_padded, kernels.LANES))
+        first = max(self.scoring_start, self.recursion_start + self.orders.first_residual + 1)
+        factor = 100.0 / self._scale
+        for rows in self._passes(np.ones(len(points), dtype=bool)):
+            self._run_residuals(points[rows])
+            kernels.gauss_newton(
+                self._y,
+                self._u,
+                self._work.residuals,
+                o.na,
+                o.nb,
+                self._nc,
+                o.nk,
+                self.recursion_start,
+                first,
+                self.samples,
+                self._work.parameters,
+                table[0],
+                table[1],
+                table[2],
+                table[3],
+                matrix,
+            )
+            upper = np.triu(np.moveaxis(matrix[:n, :n, : len(rows)], 2, 0))
+            symmetric = upper + np.swapaxes(np.triu(upper, 1), 1, 2)
+            matrices[rows] = (
+                factor * self._mean_curvature(corners[rows])[:, None, None] * symmetric
+            )
+        return matrices
+
+    def mean_absolute_residuals(self, values: Array) -> Array:
+        """Mean (absolute objective) or root mean square (quadratic) residual of objective values."""
+        total = values / 100.0 * self._scale / self.scored_samples
+        return total if self.objective == "absolute" else np.sqrt(total)
+
+    def residuals(self, point: Array) -> Array:
+        """Residuals of one parameter vector, (N,); zero before ``recursion_start``."""
+        self._run_residuals(point[None, :])
+        return self._work.residuals[: self.samples, 0].copy()
+
+    def feasible(self, points: Array) -> NDArray[np.bool_]:
+        """Whether A and C of each row have all roots within ``max_root_radius``."""
+        o = self.orders
+        finite = np.isfinite(points).all(axis=1)
+        a = np.ascontiguousarray(points[:, : o.na])
+        c = np.ascontiguousarray(points[:, o.na + o.nb :])
+        radius = self.max_root_radius
+        return finite & kernels.schur_stable(a, radius) & kernels.schur_stable(c, radius)
+
+    def repair(self, points: Array) -> Array:
+        """Move the roots of A and C of infeasible rows inside by reflection at the unit circle.
+
+        Reflection of a root of C leaves the spectrum of the noise as it was (Söderström &
+        Stoica 1989, section 6.2); roots in the margin go to its inner edge.
+        """
+        o = self.orders
+        repaired = points.copy()
+        for row in np.flatnonzero(~self.feasible(points)):
+            point = np.where(np.isfinite(points[row]), points[row], 0.0)
+            inner = self.max_root_radius * (1.0 - 1e-6)
+            point[: o.na] = reflect_into_disc(point[: o.na], inner)
+            point[o.na + o.nb :] = reflect_into_disc(point[o.na + o.nb :], inner)
+            repaired[row] = point
+        return repaired
+
+    def _passes(self, chosen: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
+        """Chosen rows in groups of at most one SIMD pass each."""
+        rows = np.flatnonzero(chosen)
+        return [rows[i : i + kernels.LANES] for i in range(0, len(rows), kernels.LANES)]
+
+    def _run_residuals(self, points: Array) -> None:
+        o, work = self.orders, self._work
+        signed = self._signs[: self.dimension, None] * points.T
+        work.parameters[:] = 0.0
+        work.parameters[: self.dimension, : len(points)] = signed
+        kernels.residuals(
+            self._y,
+            self._u,
+            o.na,
+            o.nb,
+            self._nc,
+            o.nk,
+            self.recursion_start,
+            work.parameters,
+            work.residuals,
+        )
+
+    def _mean_curvature(self, corners: Array) -> Array:
+        """Mean second derivative of the loss over the residuals of the last pass, (models,)."""
+        if self.objective == "quadratic":
+            return np.full(len(corners), 2.0)
+        work = self._work
+        span = (work.residuals, self.scoring_start, self.samples)
+        kernels.absolute_sum(*span, work.total)
+        # A kernel estimate of the density at zero, no narrower than the corner itself.
+        width = DENSITY_BANDWIDTH * work.total / self.scored_samples
+        width[0, : len(corners)] = np.maximum(width[0, : len(corners)], corners)
+        kernels.smoothed_absolute_curvature(*span, width, work.total)
+        return work.total[0, : len(corners)] / self.scored_samples
+
+
+def _padded(signal: Array, length: int) -> Array:
+    padded = np.zeros(length)
+    padded[: len(signal)] = signal
+    return padded

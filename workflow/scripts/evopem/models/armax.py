@@ -1,0 +1,204 @@
+"""The ARMAX model ``A(q) y = B(q) u + C(q) e`` (chapter eq. 2-7) as plain data."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from evopem.models.modes import Mode, modes_of
+from evopem.models.polynomials import roots
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, order=True)
+class Orders:
+    """Orders of an ARMAX model.
+
+    ``na`` and ``nc`` are degrees of A and C; ``nb`` is the **number** of B coefficients, the
+    first of which stands at lag ``nk`` (the convention of Ljung 1999 and of MATLAB's ``armax``).
+    """
+
+    na: int
+    nb: int
+    nc: int
+    nk: int
+
+    def __post_init__(self) -> None:
+        if self.na < 0 or self.nb < 1 or self.nc < 0 or self.nk < 0:
+            raise ValueError(f"{self} needs na, nc, nk of at least 0 and nb of at least 1")
+
+    @property
+    def parameters(self) -> int:
+        """Number of parameters n = na + nb + nc."""
+        return self.na + self.nb + self.nc
+
+    @property
+    def first_residual(self) -> int:
+        """Index of the first residual that has all its measured past."""
+        return max(self.na, self.nb + self.nk - 1, self.nc)
+
+    def __str__(self) -> str:
+        return f"ARMAX({self.na},{self.nb},{self.nc},{self.nk})"
+
+
+@dataclass(frozen=True, eq=False)
+class ArmaxModel:
+    """A single-input single-output ARMAX model.
+
+    Attributes
+    ----------
+    a : (na + 1,) array
+        Coefficients of A, leading 1 included.
+    b : (nb,) array
+        Coefficients of B, the first at lag ``nk``.
+    c : (nc + 1,) array
+        Coefficients of C, leading 1 included.
+    nk : int
+        Delay in samples.
+    sampling_rate : float
+        Hz.
+    noise_variance : float
+        Variance of the innovations, in the square of the output's unit.
+    covariance : (n, n) array, optional
+        Covariance of ``[a_1.., b_0.., c_1..]``.
+    """
+
+    a: Array
+    b: Array
+    c: Array
+    nk: int
+    sampling_rate: float = 1.0
+    noise_variance: float = float("nan")
+    covariance: Array | None = None
+
+    @property
+    def orders(self) -> Orders:
+        """Orders na, nb, nc and nk."""
+        return Orders(len(self.a) - 1, len(self.b), len(self.c) - 1, self.nk)
+
+    @property
+    def parameters(self) -> Array:
+        """Parameter vector ``[a_1.., b_0.., c_1..]``, (n,)."""
+        return np.concatenate([self.a[1:], self.b, self.c[1:]])
+
+    @property
+    def delayed_b(self) -> Array:
+        """B with its nk leading zeros, as polynomials are written elsewhere; (nk + nb,)."""
+        return np.concatenate([np.zeros(self.nk), self.b])
+
+    def poles(self) -> NDArray[np.complex128]:
+        """Roots of A in the z plane, (na,)."""
+        return roots(self.a[1:])
+
+    def zeros(self) -> NDArray[np.complex128]:
+        """Finite zeros of G = B/A in the z plane, delay aside."""
+        b = np.trim_zeros(self.b, "f")
+        return roots(b[1:] / b[0]) if len(b) else np.empty(0, dtype=complex)
+
+    def noise_zeros(self) -> NDArray[np.complex128]:
+        """Roots of C in the z plane, (nc,)."""
+        return roots(self.c[1:])
+
+    def residuals(self, input: ArrayLike, output: ArrayLike) -> Array:  # noqa: A002
+        """One-step prediction errors ``C e = A y - B u`` (chapter eq. 8 and 19), (N,).
+
+        The recursion starts at ``orders.first_residual`` with measured past signals and zero
+        past residuals; earlier residuals are NaN, since nothing predicts those samples.
+        """
+        from scipy.signal import lfilter
+
+        u, y = _signals(input, output)
+        t0 = self.orders.first_residual
+        if len(y) <= t0:
+            raise ValueError(f"{self.orders} needs more than {t0} samples, not {len(y)}")
+        equation_error = lfilter(self.a, [1.0], y) - lfilter(self.delayed_b, [1.0], u)
+        e = np.full(len(y), np.nan)
+        e[t0:] = lfilter([1.0], self.c, equation_error[t0:])
+        return e
+
+    def predict(self, input: ArrayLike, output: ArrayLike) -> Array:  # noqa: A002
+        """One-step-ahead prediction of the output from past measured output and input, (N,).
+
+        NaN where the past is not known (see :meth:`residuals`).
+        """
+        _, y = _signals(input, output)
+        predicted: Array = y - self.residuals(input, output)
+        return predicted
+
+    def simulate(self, input: ArrayLike, initial: ArrayLike | None = None) -> Array:  # noqa: A002
+        """Noise-free response ``G u``, (N,), that never sees a measured output.
+
+        Parameters
+        ----------
+        input : (N,) array
+        initial : (na,) array, optional
+            Free response added: state of the delay line of ``1/A`` in the transposed direct form,
+            as :func:`evopem.models.initial.estimate_initial_state` returns it.  Rest by default.
+        """
+        from scipy.signal import lfilter
+
+        u = np.asarray(input, dtype=float)
+        simulated: Array = lfilter(self.delayed_b, self.a, u)
+        if initial is not None:
+            state = np.asarray(initial, dtype=float)
+            simulated = simulated + lfilter([1.0], self.a, np.zeros(len(u)), zi=state)[0]
+        return simulated
+
+    def frequency_response(self, frequencies: ArrayLike) -> NDArray[np.complex128]:
+        """``G = B/A`` (chapter eq. 6) at frequencies in Hz; complex, of the same shape."""
+        return _ratio(self.delayed_b, self.a, frequencies, self.sampling_rate)
+
+    def noise_response(self, frequencies: ArrayLike) -> NDArray[np.complex128]:
+        """``H = C/A`` (chapter eq. 7) at frequencies in Hz."""
+        return _ratio(self.c, self.a, frequencies, self.sampling_rate)
+
+    def modes(self) -> list[Mode]:
+        """Natural frequencies and damping ratios of the oscillating poles, by frequency.
+
+        With standard errors where the model knows its covariance.
+        """
+        na = len(self.a) - 1
+        covariance = None if self.covariance is None else self.covariance[:na, :na]
+        return modes_of(self.a[1:], self.sampling_rate, covariance)
+
+    def to_control(self):  # type: ignore[no-untyped-def]  # noqa: ANN201
+        """``G`` as a discrete-time ``control.TransferFunction``; needs python-control."""
+        import control
+
+        degree = max(len(self.a), len(self.delayed_b))
+        numerator = np.zeros(degree)
+        denominator = np.zeros(degree)
+        numerator[: len(self.delayed_b)] = self.delayed_b
+        denominator[: len(self.a)] = self.a
+        return control.TransferFunction(numerator, denominator, 1.0 / self.sampling_rate)
+
+    def to_scipy(self):  # type: ignore[no-untyped-def]  # noqa: ANN201
+        """``G`` as a ``scipy.signal.TransferFunction`` with ``dt``."""
+        from scipy.signal import TransferFunction
+
+        degree = max(len(self.a), len(self.delayed_b))
+        numerator = np.zeros(degree)
+        denominator = np.zeros(degree)
+        numerator[: len(self.delayed_b)] = self.delayed_b
+        denominator[: len(self.a)] = self.a
+        return TransferFunction(numerator, denominator, dt=1.0 / self.sampling_rate)
+
+
+def _signals(input: ArrayLike, output: ArrayLike) -> tuple[Array, Array]:  # noqa: A002
+    u, y = np.asarray(input, dtype=float), np.asarray(output, dtype=float)
+    if u.ndim != 1 or u.shape != y.shape:
+        raise ValueError(f"input and output must be of one length, not {u.shape} and {y.shape}")
+    return u, y
+
+
+def _ratio(
+    numerator: Array, denominator: Array, frequencies: ArrayLike, rate: float
+) -> NDArray[np.complex128]:
+    z = np.exp(-2j * np.pi * np.asarray(frequencies, dtype=float) / rate)
+    response: NDArray[np.complex128] = np.polynomial.polynomial.polyval(
+        z, numerator
+    ) / np.polynomial.polynomial.polyval(z, denominator)
+    return response

@@ -1,0 +1,85 @@
+"""Natural frequencies and damping ratios of a discrete-time denominator, with standard errors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evopem.models.polynomials import roots
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Mode:
+    """One oscillating mode.
+
+    Attributes
+    ----------
+    frequency_hz : float
+        Undamped natural frequency ``|s| / 2 pi``.
+    damping_ratio : float
+        ``-Re(s) / |s|``.
+    pole : complex
+        Pole in the z plane, upper half.
+    frequency_se_hz, damping_se : float
+        Standard errors; NaN when the covariance is not known.
+    """
+
+    frequency_hz: float
+    damping_ratio: float
+    pole: complex
+    frequency_se_hz: float = float("nan")
+    damping_se: float = float("nan")
+
+
+def modes_of(
+    coefficients: Array, sampling_rate: float, covariance: Array | None = None
+) -> list[Mode]:
+    """Modes of ``A = 1 + a_1 q^-1 + ...`` from ``s = ln(z) fs`` (chapter table 2), by frequency.
+
+    Parameters
+    ----------
+    coefficients : (na,) array
+        ``a_1 ... a_na``.
+    sampling_rate : float
+        Hz.
+    covariance : (na, na) array, optional
+        Covariance of the coefficients, carried to the modes to first order.
+    """
+    modes = []
+    for z in roots(coefficients):
+        if z.imag <= 0.0:
+            continue
+        frequency, damping = _frequency_and_damping(z, sampling_rate)
+        frequency_se = damping_se = float("nan")
+        if covariance is not None:
+            jacobian = _mode_jacobian(coefficients, z, sampling_rate)
+            variances = np.diag(jacobian @ covariance @ jacobian.T)
+            frequency_se, damping_se = (float(s) for s in np.sqrt(np.maximum(variances, 0.0)))
+        modes.append(Mode(frequency, damping, complex(z), frequency_se, damping_se))
+    return sorted(modes, key=lambda mode: mode.frequency_hz)
+
+
+def _frequency_and_damping(z: complex, sampling_rate: float) -> tuple[float, float]:
+    s = np.log(z) * sampling_rate
+    return float(abs(s) / (2.0 * np.pi)), float(-s.real / abs(s))
+
+
+def pole_sensitivity(coefficients: Array, z: complex) -> NDArray[np.complex128]:
+    """``dz/da_i = -z^(na-i) / A'(z)``, (na,) complex."""
+    na = len(coefficients)
+    derivative = np.polyval(np.polyder(np.concatenate([[1.0], coefficients])), z)
+    return -(z ** np.arange(na - 1, -1, -1)) / derivative
+
+
+def _mode_jacobian(coefficients: Array, z: complex, sampling_rate: float) -> Array:
+    """Derivatives of (frequency in Hz, damping ratio) with respect to ``a_1 ... a_na``, (2, na)."""
+    s = np.log(z) * sampling_rate
+    ds = sampling_rate / z * pole_sensitivity(coefficients, z)
+    modulus = abs(s)
+    d_modulus = (np.conj(s) * ds).real / modulus
+    d_damping = -ds.real / modulus + s.real * d_modulus / modulus**2
+    return np.vstack([d_modulus / (2.0 * np.pi), d_damping])
