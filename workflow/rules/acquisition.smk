@@ -58,7 +58,8 @@ rule synthesize_recording:
         mem_mb=1000,
         runtime=10,
     params:
-        synthesis=synthesis_of,
+        kind=lambda wildcards: DATASETS[wildcards.dataset]["synthesis"],
+        settings=synthesis_settings,
         code=code("synthesize_recording"),
     script:
         "../scripts/synthesize_recording.py"

@@ -65,9 +65,9 @@ def channels_of(wildcards):
     return {key: DATASETS[wildcards.dataset][key] for key in keys}
 
 
-def synthesis_of(wildcards):
-    """The keys of a synthetic data set's source."""
-    keys = ("synthesis", "seed", "samples", "sampling_rate", "noise")
+def synthesis_settings(wildcards):
+    """What a synthetic record is made with."""
+    keys = ("seed", "samples", "sampling_rate", "noise")
     dataset = DATASETS[wildcards.dataset]
     return {key: dataset[key] for key in keys if key in dataset}
 

@@ -12,7 +12,9 @@ if TYPE_CHECKING:
 
 def main(result_files: list[str], figure_files: list[str]) -> None:
     directory = Path(figure_files[0]).parent
-    results = {Path(file).relative_to(directory.parent).as_posix(): Path(file) for file in result_files}
+    results = {
+        Path(file).relative_to(directory.parent).as_posix(): Path(file) for file in result_files
+    }
     draw_all(results, directory)
 
 

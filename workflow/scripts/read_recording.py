@@ -1,12 +1,10 @@
 """Read the input and output channels of a recorded file."""
 
-import hashlib
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from evopem.signals.reading import read_recording
-
 from evopem.console import job
+from evopem.signals.origin import origin_of
+from evopem.signals.reading import read_recording
 from evopem.signals.recording import save_recording
 from evopem.writing import write_json
 
@@ -17,24 +15,8 @@ if TYPE_CHECKING:
 def main(file: str, channels: dict[str, Any], recording_file: str, origin_file: str) -> None:
     recording = read_recording(file, **channels)
     save_recording(recording, recording_file)
-    with Path(file).open("rb") as stream:
-        digest = hashlib.file_digest(stream, "sha256").hexdigest()
-    origin = {
-        "kind": "file",
-        "path": file,
-        "sha256": digest,
-        "bytes": Path(file).stat().st_size,
-        "format": Path(file).suffix.lstrip(".").lower(),
-        "input_channel": channels["input"],
-        "output_channel": channels["output"],
-        "samples": recording.samples,
-        "sampling_rate": recording.sampling_rate,
-        "input_name": recording.input_name,
-        "output_name": recording.output_name,
-        "input_unit": recording.input_unit,
-        "output_unit": recording.output_unit,
-    }
-    write_json(origin_file, origin)
+    names = (channels["input"], channels["output"])
+    write_json(origin_file, origin_of(recording, file, "file", names))
 
 
 if __name__ == "__main__":

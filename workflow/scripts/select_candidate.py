@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from evopem.estimation.selection import select_delay, select_order
+from evopem.estimation.order_search import select_delay, select_order
 
 from evopem.console import job
 from evopem.writing import write_json

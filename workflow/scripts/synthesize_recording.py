@@ -1,1 +1,32 @@
-"""To come."""
+"""Simulate a system whose truth is known."""
+
+from typing import TYPE_CHECKING, Any
+
+from evopem.console import job
+from evopem.signals.origin import origin_of
+from evopem.signals.recording import save_recording
+from evopem.synthesis import synthesize
+from evopem.writing import write_json
+
+if TYPE_CHECKING:
+    from snakemake.iocontainers import snakemake
+
+
+def main(
+    kind: str, settings: dict[str, Any], recording_file: str, origin_file: str, truth_file: str
+) -> None:
+    recording, truth = synthesize(kind, **settings)
+    save_recording(recording, recording_file)
+    write_json(origin_file, origin_of(recording, recording_file, "synthesis"))
+    write_json(truth_file, truth)
+
+
+if __name__ == "__main__":
+    with job(snakemake.log[0]):
+        main(
+            snakemake.params.kind,
+            snakemake.params.settings,
+            snakemake.output.recording,
+            snakemake.output.origin,
+            snakemake.output.truth,
+        )

@@ -69,10 +69,19 @@ def _imports(file: Path, root: Path) -> frozenset[Path]:
     """Find the package files a file imports anywhere in it, its functions included."""
     tree = ast.parse(file.read_text(encoding="utf-8"))
     found: set[Path] = set()
-    for node in ast.walk(tree):
+    for node in _run_nodes(tree):
         for name in _names(node, file, root):
             found.update(_files(name, root))
     return frozenset(found)
+
+
+def _run_nodes(tree: ast.AST) -> Iterator[ast.AST]:
+    """Walk a syntax tree, past what only a type checker reads."""
+    for node in ast.iter_child_nodes(tree):
+        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
+            continue
+        yield node
+        yield from _run_nodes(node)
 
 
 def _names(node: ast.AST, file: Path, root: Path) -> Iterator[str]:

@@ -157,10 +157,10 @@ def _completed_source(written: Mapping[str, Any], source: str, place: str) -> di
     """Check and complete the keys that say where a data set's samples come from."""
     kinds = [key for key in ("file", "synthesis") if key in written]
     if len(kinds) != 1:
-        found = (
-            "both file and synthesis are given" if kinds else "neither file nor synthesis is given"
+        found = "are both given" if kinds else "are both missing"
+        raise InputError(
+            source, f"file and synthesis {found}", "give exactly one of the two", place
         )
-        raise InputError(source, found, "give exactly one of the two", place)
     kind = kinds[0] if kinds[0] == "file" else written["synthesis"]
     known = {kinds[0], *_SOURCE_DEFAULTS[kind]} | (_FILE_KEYS if kind == "file" else set())
     foreign = next((k for k in written if k not in known and k not in _ANALYSIS_KEYS), None)

@@ -1,0 +1,51 @@
+# Thin: each target is one or two commands that also work without make, in the environment.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+CORES ?= all
+EXTRAS := --extra formats --extra workflow --extra control
+COMPILE := $(BIN)/uv pip compile pyproject.toml $(EXTRAS) --universal --python-version 3.11 \
+	--generate-hashes --no-emit-index-url --no-emit-find-links --no-header --quiet
+
+.PHONY: report test lint format lock clean
+.DEFAULT_GOAL := report
+
+report: $(VENV)/installed  ## run config.yaml from data to report
+	$(BIN)/snakemake --cores $(CORES)
+	@echo "Reports:"; ls -1 "$(CURDIR)"/results/*/report.html
+
+test: $(VENV)/installed-dev  ## run every test
+	$(BIN)/pytest --numprocesses auto --dist loadgroup
+
+lint: $(VENV)/installed-dev  ## check style, types and the workflow
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/snakefmt --check Snakefile workflow/rules
+	$(BIN)/mypy
+	$(BIN)/snakemake --lint
+
+format: $(VENV)/installed-dev  ## bring every file into the style
+	$(BIN)/ruff check --fix
+	$(BIN)/ruff format
+	$(BIN)/snakefmt Snakefile workflow/rules
+
+lock: $(VENV)/installed-dev  ## pin today's newest versions, with hashes
+	$(COMPILE) --upgrade --output-file requirements.lock
+	$(COMPILE) --upgrade --group dev --constraint requirements.lock --output-file requirements-dev.lock
+
+clean:  ## remove the environment; results stay
+	rm -rf $(VENV)
+
+$(BIN)/python:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
+		echo "evopem needs Python 3.11 or newer; try: make PYTHON=python3.12"; exit 1; }
+	$(PYTHON) -m venv $(VENV) || { rm -rf $(VENV); \
+		echo "Python's venv module is needed (Debian, Ubuntu: apt install python3-venv)"; exit 1; }
+
+$(VENV)/installed: requirements.lock $(BIN)/python
+	$(BIN)/python -m pip install --quiet --require-hashes -r requirements.lock
+	@touch $@
+
+$(VENV)/installed-dev: requirements-dev.lock $(VENV)/installed
+	$(BIN)/python -m pip install --quiet --require-hashes -r requirements-dev.lock
+	@touch $@
