@@ -9,7 +9,6 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, NoReturn
 
-import numpy as np
 from numpy.typing import NDArray
 
 from evopem.errors import InputError
@@ -115,23 +114,3 @@ def refuse_unreadable(path: Path, kind: str) -> NoReturn:
         f"is not a readable {kind} (truncated, damaged, or of another format)",
         "export or copy the file again and check its extension",
     )
-
-
-def one_dimensional(path: Path, name: str, values: Any, kind: str) -> NDArray[Any]:
-    """A vector out of an array that is one up to dimensions of length 1.
-
-    Raises
-    ------
-    InputError
-        When the array holds more than one dimension.
-    """
-    array = np.asarray(values)
-    lengths = [length for length in array.shape if length != 1]
-    if len(lengths) > 1:
-        raise InputError(
-            str(path),
-            f"it is {' x '.join(str(length) for length in array.shape)} where one signal is needed",
-            f"add the column to the name, as in {name}:1",
-            f'{kind} "{name}"',
-        )
-    return array.reshape(-1)

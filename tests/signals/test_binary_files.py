@@ -1,0 +1,461 @@
+"""Binary formats, each written by a library other than the one that reads it where one exists."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import struct
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.io import savemat
+
+from evopem.errors import InputError
+from evopem.signals.reading import describe_source, read_recording
+
+N = 240
+RATE = 250.0
+T = np.arange(N) / RATE
+U = np.random.default_rng(3).standard_normal(N)
+Y = np.convolve(U, [0.0, 0.5, 0.25])[:N]
+
+MOTOR_BENCH = Path(__file__).parents[2].parent / "shared" / "data" / "motor_bench"
+
+
+def assert_read(recording, rate=RATE):
+    np.testing.assert_array_equal(recording.input, U)
+    np.testing.assert_array_equal(recording.output, Y)
+    assert recording.sampling_rate == pytest.approx(rate, rel=1e-9)
+
+
+def refusal(path: Path, *channels, **settings) -> str:
+    with pytest.raises(InputError) as caught:
+        read_recording(path, *(channels or (1, 2)), **({"sampling_rate": 1.0} | settings))
+    message = str(caught.value)
+    assert message.startswith(str(path))
+    assert message.endswith(".")
+    assert "\n" not in message
+    return message
+
+
+# MATLAB up to version 7
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+@pytest.mark.parametrize("form", ["row", "column"])
+def test_matlab_level_5(tmp_path, compressed, form):
+    path = tmp_path / "record.mat"
+    savemat(
+        path,
+        {"t": T, "u": U, "y": Y, "fs": RATE, "note": "made here"},
+        oned_as=form,
+        do_compression=compressed,
+    )
+    assert_read(read_recording(path, "u", "y", time="t"))
+    assert_read(read_recording(path, 2, 3))  # its fs is the rate
+    assert_read(read_recording(path, "u", "y", 10.0), 10.0)
+
+
+def test_matlab_level_4_and_matrices(tmp_path):
+    path = tmp_path / "record.mat"
+    savemat(path, {"data": np.column_stack([T, U, Y])}, format="4")
+    assert_read(read_recording(path, "data:2", "data:3", time="data:1"))
+    assert_read(read_recording(path, 2, 3, RATE))
+    assert 'variable "data": it is a matrix, 240 x 3' in refusal(path, "data", 2)
+    savemat(path, {"data": np.vstack([U, Y])})
+    assert_read(read_recording(path, 1, 2, RATE))
+
+
+def test_matlab_structures_and_whole_numbers(tmp_path):
+    path = tmp_path / "record.mat"
+    counts = (1000 * U).round()
+    savemat(path, {"run": {"motor": {"speed": counts}, "tip": Y, "us": np.arange(N) * 4000}})
+    recording = read_recording(path, "run.motor.speed", "run.tip", time="run.us")
+    np.testing.assert_array_equal(recording.input, counts)
+    assert recording.sampling_rate == RATE
+
+
+def test_matlab_unknown_variable_text_and_complex(tmp_path):
+    path = tmp_path / "record.mat"
+    savemat(path, {"u": U, "y": Y, "note": "text", "z": U + 1j * Y, "cube": np.ones((2, 3, 4))})
+    assert "1 'u', 2 'y', 3 'z'" in refusal(path, "u", "yy")
+    assert "no variable 4" in refusal(path, "u", 4)
+    assert "complex numbers" in refusal(path, "u", "z")
+    assert 'variable "note"' in refusal(path, "u", "note")
+    assert "2 x 3 x 4" in refusal(path, "u", "cube")
+
+
+def test_matlab_lengths_and_missing_values(tmp_path):
+    path = tmp_path / "record.mat"
+    broken = U.copy()
+    broken[17] = np.nan
+    savemat(path, {"u": U, "short": Y[:-1], "broken": broken, "t": T[:-2]})
+    assert "240 samples and the output 239" in refusal(path, "u", "short")
+    assert 'output "broken", sample 18: the value is nan' in refusal(path, "u", "broken")
+    assert "238 time stamps and 240" in refusal(path, "u", "broken", time="t")
+
+
+@pytest.mark.skipif(not MOTOR_BENCH.is_dir(), reason=f"needs the recordings in {MOTOR_BENCH}")
+@pytest.mark.parametrize("name", ["MultisineTypeA.mat", "MultisineTypeB.mat"])
+def test_a_recording_that_matlab_wrote(name):
+    """Holds objects of MATLAB classes, and its time counts microseconds."""
+    path = MOTOR_BENCH / name
+    for settings in ({}, {"time": "time"}, {"sampling_rate": 2500.0, "time": "time"}):
+        recording = read_recording(path, "iq_adx", "omega_max", **settings)
+        assert recording.sampling_rate == 2500.0
+        assert recording.samples == 50_000
+
+
+# MATLAB 7.3
+
+
+def write_matlab_73(path: Path, variables: dict[str, np.ndarray]) -> None:
+    """As MATLAB does: HDF5 behind a block of 512 bytes, columns as rows, classes as attributes."""
+    import h5py
+
+    with h5py.File(path, "w", userblock_size=512) as file:
+        for name, values in variables.items():
+            dataset = file.create_dataset(name, data=np.atleast_2d(values))
+            dataset.attrs["MATLAB_class"] = np.bytes_("double")
+        text = file.create_dataset("note", data=np.array([[72], [105]], dtype=np.uint16))
+        text.attrs["MATLAB_class"] = np.bytes_("char")
+        file.create_group("#refs#").create_dataset("a", data=np.arange(9.0))
+    header = b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + struct.pack(
+        "<HH", 0x0200, 0x4D49
+    )
+    with path.open("r+b") as file:
+        file.write(header)
+
+
+def test_matlab_73(tmp_path):
+    path = tmp_path / "record.mat"
+    write_matlab_73(path, {"data": np.vstack([U, Y]), "t": T, "fs": np.array([RATE])})
+    assert_read(read_recording(path, "data:1", "data:2"))
+    assert_read(read_recording(path, 1, 2, time="t"))
+    message = refusal(path, "u", 1)
+    assert "'data:1', 2 'data:2', 3 't'" in message
+    assert "refs" not in message
+    assert 'variable "note"' in refusal(path, "note", 1)
+
+
+def test_matlab_73_by_an_independent_writer(tmp_path):
+    hdf5storage = pytest.importorskip("hdf5storage", reason="hdf5storage writes the file")
+    path = tmp_path / "record.mat"
+    hdf5storage.savemat(
+        str(path), {"t": T, "run": {"u": U, "y": Y}}, format="7.3", store_python_metadata=False
+    )
+    assert path.read_bytes().startswith(b"MATLAB 7.3")
+    assert_read(read_recording(path, "run.u", "run.y", time="t"))
+
+
+# numpy
+
+
+def test_npz_and_npy(tmp_path):
+    np.savez_compressed(tmp_path / "r.npz", u=U, y=Y.astype(np.float32), t=T)
+    recording = read_recording(tmp_path / "r.npz", "u", 2, time="t")
+    np.testing.assert_array_equal(recording.output, Y.astype(np.float32))
+    np.save(tmp_path / "r.npy", np.column_stack([T, U, Y]))
+    assert_read(read_recording(tmp_path / "r.npy", 2, 3, time=1))
+    records = np.rec.fromarrays([U, Y], names="u,y")
+    np.save(tmp_path / "named.npy", records)
+    assert_read(read_recording(tmp_path / "named.npy", "u", "y", RATE))
+
+
+class Trap:
+    def __reduce__(self):
+        return (sys.exit, ("unpickled",))
+
+
+def test_no_pickle_is_loaded(tmp_path):
+    trapped = np.array([Trap()], dtype=object)
+    np.savez(tmp_path / "r.npz", allow_pickle=True, u=U, y=Y, trap=trapped)
+    assert_read(read_recording(tmp_path / "r.npz", "u", "y", RATE))
+    assert "text or objects" in refusal(tmp_path / "r.npz", "u", "trap")
+    np.save(tmp_path / "r.npy", trapped, allow_pickle=True)
+    assert "without Python objects" in refusal(tmp_path / "r.npy")
+    (tmp_path / "bare.npy").write_bytes(b"\x80\x04K\x01.")
+    assert "without Python objects" in refusal(tmp_path / "bare.npy")
+
+
+# Parquet
+
+
+@pytest.mark.parametrize("unit", ["ns", "us", "ms"])
+def test_parquet(tmp_path, unit):
+    path = tmp_path / "record.parquet"
+    stamps = pd.date_range("2024-01-01", periods=N, freq="4ms", unit=unit)
+    frame = pd.DataFrame({"t": stamps, "u": U, "y": Y, "i": np.arange(N), "label": "ok"})
+    frame.to_parquet(path, index=False)
+    assert_read(read_recording(path, "u", "y", time="t"))
+    assert_read(read_recording(path, 2, 3, RATE))
+    assert "text or objects" in refusal(path, "u", "label")
+    assert "dates" in refusal(path, "u", "t")
+    assert "1 't', 2 'u'" in refusal(path, "u", "v")
+    frame.loc[4, "y"] = None
+    frame.to_parquet(path, index=False)
+    assert 'column "y", sample 5' in refusal(path, "u", "y")
+
+
+def test_parquet_columns_of_one_name(tmp_path):
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    path = tmp_path / "record.parquet"
+    pq.write_table(pa.table([pa.array(U), pa.array(Y)], names=["x", "x"]), path)
+    assert_read(read_recording(path, 1, 2, RATE))
+    assert "stands at 2 columns" in refusal(path, "x", 1)
+
+
+# HDF5
+
+
+def test_hdf5(tmp_path):
+    import h5py
+
+    path = tmp_path / "record.h5"
+    with h5py.File(path, "w") as file:
+        file["run/data"] = np.column_stack([U, Y])
+        file["run/time"] = T
+        file["u"], file["y"] = U, Y
+        file["u"].attrs["unit"] = "N m"
+        file["label"] = "text"
+    assert_read(read_recording(path, "run/data:1", "/run/data:2", time="run/time"))
+    recording = read_recording(path, "u", "/y", RATE)
+    assert recording.input_unit == "N m"
+    assert "'run/data:1', 2 'run/data:2', 3 'run/time', 4 'u', 5 'y'" in refusal(path, "w", "y")
+    assert 'dataset "run/data": it is a matrix' in refusal(path, "/run/data", "y")
+    assert 'dataset "label"' in refusal(path, "label", "y")
+    with h5py.File(path, "a") as file:
+        file.attrs["fs"] = RATE
+    assert_read(read_recording(path, "u", "y"))
+
+
+def test_hdf5_that_pandas_wrote(tmp_path):
+    pytest.importorskip("tables", reason="PyTables writes the file")
+    path = tmp_path / "record.hdf5"
+    pd.DataFrame({"u": U, "y": Y}).to_hdf(path, key="run")
+    assert_read(read_recording(path, "run/block0_values:1", "run/block0_values:2", RATE))
+
+
+# TDMS
+
+
+def write_tdms(path: Path, **properties) -> None:
+    from nptdms import ChannelObject, TdmsWriter
+
+    with TdmsWriter(path) as writer:
+        writer.write_segment(
+            [
+                ChannelObject("run", "torque", U, {"unit_string": "N m"} | properties),
+                ChannelObject("run", "speed", Y, properties),
+                ChannelObject("spare", "speed", Y[::-1], properties),
+            ]
+        )
+
+
+def test_tdms(tmp_path):
+    path = tmp_path / "record.tdms"
+    write_tdms(path, wf_increment=1.0 / RATE)
+    recording = read_recording(path, "torque", "run/speed")
+    assert_read(recording)
+    assert (recording.input_unit, recording.input_name) == ("N m", "torque")
+    assert_read(read_recording(path, 1, 2, RATE))
+    assert "stands at 2 channels" in refusal(path, "torque", "speed")
+    assert "2 'run/speed', 3 'spare/speed'" in refusal(path, "torque", "sped")
+    write_tdms(path)
+    assert "sampling rate is not known" in refusal(path, 1, 2, sampling_rate=None)
+
+
+def test_tdms_channels_of_different_rates(tmp_path):
+    from nptdms import ChannelObject, TdmsWriter
+
+    path = tmp_path / "record.tdms"
+    with TdmsWriter(path) as writer:
+        writer.write_segment(
+            [
+                ChannelObject("run", "u", U, {"wf_increment": 0.01}),
+                ChannelObject("run", "y", Y, {"wf_increment": 0.02}),
+            ]
+        )
+    assert "different sampling rates" in refusal(path, "u", "y", sampling_rate=None)
+
+
+# Universal files
+
+
+def uff_text(values: np.ndarray, name: str, rate: float = RATE, function: int = 1) -> str:
+    """A dataset 58 written out by the published layout: double precision, even abscissa."""
+    lines = [
+        "    -1",
+        "    58",
+        *(text.ljust(80) for text in (name, "NONE", "21-NOV-24 10:00:00", "NONE", "NONE")),
+        f"{function:5d}{1:10d}{0:5d}{0:10d} {'NONE':>10}{12:10d}{3:4d} {'NONE':>10}{0:10d}{0:4d}",
+        f"{4:10d}{values.size:10d}{1:10d}{0.0:13.5e}{1.0 / rate:13.5e}{0.0:13.5e}",
+        f"{17:10d}{0:5d}{0:5d}{0:5d} {'Time':<20} {'s':<20}",
+        f"{12:10d}{0:5d}{0:5d}{0:5d} {'Acceleration':<20} {'m/s^2':<20}",
+        f"{0:10d}{0:5d}{0:5d}{0:5d} {'NONE':<20} {'NONE':<20}",
+        f"{0:10d}{0:5d}{0:5d}{0:5d} {'NONE':<20} {'NONE':<20}",
+    ]
+    rows = [
+        "".join(f"{value:20.11e}" for value in values[start : start + 4])
+        for start in range(0, values.size, 4)
+    ]
+    return "\n".join([*lines, *rows, "    -1", ""])
+
+
+def test_universal_file_by_the_published_layout(tmp_path):
+    path = tmp_path / "record.unv"
+    units = (
+        "    -1\n   164\n         1SI: Meter (newton)        2\n"
+        "  1.0000000000000000D+00  1.0000000000000000D+00  1.0000000000000000D+00\n"
+        "  2.7314999999999998D+02\n    -1\n"
+    )
+    path.write_text(units + uff_text(U, "torque") + uff_text(Y, "tip"))
+    recording = read_recording(path, "torque", "tip")
+    np.testing.assert_allclose(recording.output, Y, atol=1e-11)
+    assert recording.sampling_rate == pytest.approx(RATE, rel=1e-12)
+    assert recording.output_unit == "m/s^2"
+    assert read_recording(path, 1, 2, 10.0).sampling_rate == 10.0
+    assert "1 'torque', 2 'tip'" in refusal(path, "torque", "base")
+    assert "stands at 2 datasets" in refusal(path, "12:Z+", "tip")
+    assert "no dataset 3" in refusal(path, 1, 3)
+
+
+@pytest.mark.parametrize("binary", [0, 1])
+@pytest.mark.parametrize("even", [0, 1])
+def test_universal_file_by_pyuff(tmp_path, binary, even):
+    import pyuff
+
+    path = tmp_path / "record.uff"
+    file = pyuff.UFF(str(path))
+    for name, values in (("torque", U), ("tip", Y)):
+        dataset = pyuff.prepare_58(
+            func_type=1, rsp_node=1, rsp_dir=1, ref_node=1, ref_dir=1, binary=binary, id1=name,
+            data=values, x=T, abscissa_spacing=even, abscissa_spec_data_type=17,
+            ordinate_spec_data_type=12, orddenom_spec_data_type=0,
+        )  # fmt: skip
+        file.write_sets(dataset, mode="add")
+    recording = read_recording(path, "torque", "tip")
+    np.testing.assert_allclose(recording.input, U, rtol=1e-11, atol=0)
+    assert recording.sampling_rate == pytest.approx(RATE, rel=1e-5)
+
+
+def test_universal_file_that_is_no_time_record(tmp_path):
+    path = tmp_path / "record.uff"
+    path.write_text(uff_text(U, "torque") + uff_text(Y, "response", function=4))
+    assert "no real time record" in refusal(path, 1, 2)
+    path.write_text("    -1\n   151\nmodel\n    -1\n")
+    assert "no dataset of type 58" in refusal(path, 1, 2)
+    short = uff_text(U, "torque").replace(f"{N:10d}", f"{N + 4:10d}")
+    path.write_text(short + uff_text(Y, "tip"))
+    assert "announces 244 values and 240" in refusal(path, 1, 2)
+
+
+# Damage
+
+
+def write_every_format(folder: Path) -> dict[str, Path]:
+    import h5py
+
+    paths = {
+        name: folder / f"record.{name}"
+        for name in ("mat", "npz", "npy", "parquet", "h5", "tdms", "uff")
+    }
+    savemat(paths["mat"], {"u": U, "y": Y})
+    write_matlab_73(folder / "new.mat", {"u": U, "y": Y})
+    np.savez(paths["npz"], u=U, y=Y)
+    np.save(paths["npy"], np.column_stack([U, Y]))
+    pd.DataFrame({"u": U, "y": Y}).to_parquet(paths["parquet"])
+    with h5py.File(paths["h5"], "w") as file:
+        file["u"], file["y"] = U, Y
+    write_tdms(paths["tdms"])
+    paths["uff"].write_text(uff_text(U, "u") + uff_text(Y, "y"))
+    return paths | {"7.3 mat": folder / "new.mat"}
+
+
+FORMATS = ("mat", "7.3 mat", "npz", "npy", "parquet", "h5", "tdms", "uff")
+
+
+@pytest.mark.parametrize("form", FORMATS)
+@pytest.mark.parametrize("share", [0.05, 0.3, 0.6, 0.9, 0.99])
+def test_truncated_files_are_refused(tmp_path, form, share):
+    path = write_every_format(tmp_path)[form]
+    whole = path.read_bytes()
+    assert read_recording(path, 1, 2, RATE).samples == N
+    path.write_bytes(whole[: int(share * len(whole))])
+    refusal(path)
+
+
+@pytest.mark.parametrize("form", FORMATS)
+def test_empty_and_random_files_are_refused(tmp_path, form):
+    path = write_every_format(tmp_path)[form]
+    path.write_bytes(b"")
+    assert "empty" in refusal(path)
+    path.write_bytes(np.random.default_rng(5).bytes(5000))
+    refusal(path)
+    path.write_text("time,u,y\n0,1,2\n" * 500)
+    refusal(path)
+
+
+@pytest.mark.parametrize("form", FORMATS)
+def test_damaged_bytes_never_end_in_a_traceback(tmp_path, form):
+    """Either the damage hit what is not needed, or one sentence says that the file is bad."""
+    path = write_every_format(tmp_path)[form]
+    whole = path.read_bytes()
+    generator = np.random.default_rng(7)
+    for _ in range(60):
+        damaged = bytearray(whole)
+        for place in generator.integers(0, min(len(whole), 1500), 4):
+            damaged[place] = int(generator.integers(0, 256))
+        path.write_bytes(bytes(damaged))
+        with contextlib.suppress(InputError):
+            read_recording(path, 1, 2, RATE)
+
+
+@pytest.mark.parametrize(
+    ("form", "module"),
+    [
+        ("7.3 mat", "h5py"),
+        ("h5", "h5py"),
+        ("parquet", "pyarrow"),
+        ("tdms", "nptdms"),
+        ("uff", "pyuff"),
+    ],
+)
+def test_a_missing_library_names_the_extra(tmp_path, monkeypatch, form, module):
+    path = write_every_format(tmp_path)[form]
+    monkeypatch.setitem(sys.modules, module, None)
+    message = refusal(path)
+    assert f"the package {module}" in message
+    assert 'pip install "evopem[formats]"' in message
+
+
+# Provenance
+
+
+def test_description_of_the_source(tmp_path):
+    import hashlib
+
+    path = write_every_format(tmp_path)["npz"]
+    recording = read_recording(path, "u", 2, RATE, output_unit="m")
+    description = describe_source(path, recording, "u", 2)
+    assert description == {
+        "kind": "file",
+        "path": str(path),
+        "sha256": hashlib.sha256(path.read_bytes()).hexdigest(),
+        "bytes": path.stat().st_size,
+        "format": "numpy_files",
+        "input_channel": "u",
+        "output_channel": 2,
+        "samples": N,
+        "sampling_rate": RATE,
+        "input_name": "u",
+        "output_name": "y",
+        "input_unit": "",
+        "output_unit": "m",
+    }
+    json.dumps(description)
