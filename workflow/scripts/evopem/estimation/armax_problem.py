@@ -1,4 +1,4 @@
-"""The ARMAX prediction-error problem as the hybrid search sees it: draw, repair, descend, polish."""
+"""The ARMAX prediction-error problem as the hybrid search sees it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from evopem.models.armax import Orders
 Array = NDArray[np.float64]
 
 MAX_ITERATIONS = 200
-# Corners of the smoothed absolute value in mean |e|, and the relative decrease that ends each stage.
+# Corners of the smoothed absolute value in mean |e|, and the relative decrease that ends a stage.
 DESCENT_STAGES = ((0.1, 1e-6), (0.01, 1e-9))
 POLISH_STAGES = ((1e-2, 1e-10), (1e-3, 1e-10), (1e-4, 1e-11))
 # Smallest eigenvalue kept of a scaled Gauss-Newton matrix: directions the data say less about

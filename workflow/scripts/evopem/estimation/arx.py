@@ -11,12 +11,10 @@ Array = NDArray[np.float64]
 
 
 def regressors(input: Array, output: Array, orders: Orders, start: int) -> Array:  # noqa: A002
-    """Rows ``[-y_(t-1).. -y_(t-na), u_(t-nk).. u_(t-nk-nb+1)]`` for t >= start, (N - start, na + nb)."""
+    """Rows ``[-y_(t-1).., u_(t-nk)..]`` of the regression for t >= start, (N - start, na + nb)."""
     samples = len(output)
     past_outputs = [-output[start - i : samples - i] for i in range(1, orders.na + 1)]
-    past_inputs = [
-        input[start - orders.nk - j : samples - orders.nk - j] for j in range(orders.nb)
-    ]
+    past_inputs = [input[start - orders.nk - j : samples - orders.nk - j] for j in range(orders.nb)]
     return np.column_stack(past_outputs + past_inputs)
 
 

@@ -117,7 +117,7 @@ def _aim(rows: Rows, g: Array, h: Array, d: Array, slope: Array) -> None:
 
 
 def _update(h: Array, rows: Rows, s: Array, y: Array) -> None:
-    """BFGS update of the inverse Hessians (Fletcher 1987), skipped where curvature is not positive."""
+    """Update inverse Hessians by BFGS (Fletcher 1987), except where curvature is not positive."""
     sy = np.einsum("ij,ij->i", s, y)
     norms = np.linalg.norm(s, axis=1) * np.linalg.norm(y, axis=1)
     good = sy > 1e-12 * norms

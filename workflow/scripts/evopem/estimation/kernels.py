@@ -391,9 +391,9 @@ def _lag_products(x, z, i0, j0, rows, columns, first, last, out, row, column, si
 def gauss_newton(  # type: ignore[no-untyped-def]
     y, u, e, na, nb, nc, nk, start, first, last, parameters, work, yf, uf, ef, matrix
 ):
-    """Upper block triangle of ``sum_t J_t J_t'`` over ``first <= t < last``, J with respect to ``[a, b, c]``.
+    """Upper block triangle of ``sum_t J_t J_t'`` over ``first <= t < last``.
 
-    ``J = [y_F(t-i), -u_F(t-nk-j), -e_F(t-k)]`` with the signals filtered through 1/C (Ljung 1999,
+    ``J = [y_F(t-i), -u_F(t-nk-j), -e_F(t-k)]``, with respect to ``[a, b, c]``, signals filtered through 1/C (Ljung 1999,
     section 10.3).  ``matrix`` is (n, n, LANES); blocks below the diagonal are left alone.
     ``first`` must exceed ``start`` by at least ``max(na, nb + nk, nc)`` or so that all lags exist.
     """

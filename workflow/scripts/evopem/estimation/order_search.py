@@ -153,9 +153,7 @@ def select_order(candidates: Sequence[Mapping[str, Any]]) -> tuple[dict[str, int
     reason = f"{name} has the smallest BIC ({best['bic']:.4f}) of {len(ranked)} candidates"
     if len(ranked) > 1:
         runner = ranked[1]
-        reason += (
-            f", {runner['bic'] - best['bic']:.4f} below {Orders(**_orders_of(runner))}"
-        )
+        reason += f", {runner['bic'] - best['bic']:.4f} below {Orders(**_orders_of(runner))}"
     return _orders_of(best), reason + "."
 
 

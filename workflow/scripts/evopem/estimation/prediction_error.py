@@ -181,13 +181,11 @@ class PredictionErrorProblem:
             )
             upper = np.triu(np.moveaxis(matrix[:n, :n, : len(rows)], 2, 0))
             symmetric = upper + np.swapaxes(np.triu(upper, 1), 1, 2)
-            matrices[rows] = (
-                factor * self._mean_curvature(corners[rows])[:, None, None] * symmetric
-            )
+            matrices[rows] = factor * self._mean_curvature(corners[rows])[:, None, None] * symmetric
         return matrices
 
     def mean_absolute_residuals(self, values: Array) -> Array:
-        """Mean (absolute objective) or root mean square (quadratic) residual of objective values."""
+        """Mean (absolute objective) or root mean square (quadratic) residual, from values."""
         total = values / 100.0 * self._scale / self.scored_samples
         return total if self.objective == "absolute" else np.sqrt(total)
 

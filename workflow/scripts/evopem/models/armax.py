@@ -164,7 +164,7 @@ class ArmaxModel:
         covariance = None if self.covariance is None else self.covariance[:na, :na]
         return modes_of(self.a[1:], self.sampling_rate, covariance)
 
-    def to_control(self):  # type: ignore[no-untyped-def]  # noqa: ANN201
+    def to_control(self):  # type: ignore[no-untyped-def]
         """``G`` as a discrete-time ``control.TransferFunction``; needs python-control."""
         import control
 
@@ -175,7 +175,7 @@ class ArmaxModel:
         denominator[: len(self.a)] = self.a
         return control.TransferFunction(numerator, denominator, 1.0 / self.sampling_rate)
 
-    def to_scipy(self):  # type: ignore[no-untyped-def]  # noqa: ANN201
+    def to_scipy(self):  # type: ignore[no-untyped-def]
         """``G`` as a ``scipy.signal.TransferFunction`` with ``dt``."""
         from scipy.signal import TransferFunction
 
@@ -198,7 +198,7 @@ def _ratio(
     numerator: Array, denominator: Array, frequencies: ArrayLike, rate: float
 ) -> NDArray[np.complex128]:
     z = np.exp(-2j * np.pi * np.asarray(frequencies, dtype=float) / rate)
-    response: NDArray[np.complex128] = np.polynomial.polynomial.polyval(
-        z, numerator
-    ) / np.polynomial.polynomial.polyval(z, denominator)
-    return response
+    response = np.polynomial.polynomial.polyval(z, numerator) / np.polynomial.polynomial.polyval(
+        z, denominator
+    )
+    return np.asarray(response, dtype=complex)

@@ -13,6 +13,7 @@ import numpy as np
 
 from evopem.errors import InputError
 from evopem.models.armax import ArmaxModel
+from evopem.writing import whole, write_json
 
 
 def model_record(model: ArmaxModel) -> dict[str, Any]:
@@ -51,18 +52,14 @@ def save_model_json(
 ) -> None:
     """Write a model, and whatever else is known of it, as JSON; whole or not at all."""
     record = {**model_record(model), **(evidence or {})}
-    text = json.dumps(record, indent=2, allow_nan=False)
-    partial = Path(f"{os.fspath(path)}.partial")
-    partial.write_text(text + "\n", encoding="utf-8")
-    partial.replace(path)
+    write_json(Path(path), record)
 
 
 def save_model_mat(model: ArmaxModel, path: str | os.PathLike[str]) -> None:
     """Write the arguments of MATLAB's ``idpoly(A,B,C,D,F,NoiseVariance,Ts)`` to a v5 MAT file."""
     from scipy.io import savemat
 
-    partial = Path(f"{os.fspath(path)}.partial")
-    with partial.open("wb") as stream:
+    with whole(Path(path)) as temporary, temporary.open("wb") as stream:
         savemat(
             stream,
             {
@@ -79,7 +76,6 @@ def save_model_mat(model: ArmaxModel, path: str | os.PathLike[str]) -> None:
         # bytes.  The first 116 bytes are free text (MATLAB Level 5 MAT-file format).
         stream.seek(0)
         stream.write(b"MATLAB 5.0 MAT-file, written by evopem".ljust(116))
-    partial.replace(path)
 
 
 def load(path: str | os.PathLike[str]) -> ArmaxModel:

@@ -32,9 +32,7 @@ def estimate_initial_state(model: ArmaxModel, input: Array, output: Array) -> Ar
     first = max(first, 0)
     remainder = np.asarray(output, dtype=float) - model.simulate(input)
     silence = np.zeros(len(remainder))
-    free = np.column_stack(
-        [lfilter([1.0], model.a, silence, zi=unit)[0] for unit in np.eye(na)]
-    )
+    free = np.column_stack([lfilter([1.0], model.a, silence, zi=unit)[0] for unit in np.eye(na)])
     scale = np.linalg.norm(free[first:], axis=0)
     scale[scale == 0.0] = 1.0
     state = np.linalg.lstsq(free[first:] / scale, remainder[first:], rcond=None)[0] / scale

@@ -1,0 +1,143 @@
+"""A recording made by a known ARMAX model: the chapter's identified system as a truth for tests."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evopem.models.armax import ArmaxModel
+from evopem.models.modes import Mode
+from evopem.signals.recording import Recording
+
+Array = NDArray[np.float64]
+
+# The modes of the chapter's table 2 (Hz, damping ratio) at its sampling rate, and one real pole.
+MODES = ((5.36, 0.0091), (16.65, 0.1750), (37.00, 0.0107))
+REAL_POLE = 0.5
+DELAY = 3
+# The chapter prints neither B nor C.  These roots are ours: distinct from the poles and from each
+# other, so that every order is identifiable.
+INPUT_ZEROS = (0.99, 0.70 + 0.55j, 0.70 - 0.55j, -0.20 + 0.85j, -0.20 - 0.85j)
+INPUT_GAIN = 0.5
+NOISE_ZEROS = (
+    0.85 + 0.30j,
+    0.85 - 0.30j,
+    0.20 + 0.70j,
+    0.20 - 0.70j,
+    -0.55 + 0.60j,
+    -0.55 - 0.60j,
+    0.30,
+)
+WARM_UP = 2000
+
+
+def true_model(sampling_rate: float = 100.0) -> ArmaxModel:
+    """ARMAX(7,6,7,3) with the poles of the chapter's table 2; noise variance not set."""
+    upper = [_pole(frequency, damping, sampling_rate) for frequency, damping in MODES]
+    poles = np.concatenate([upper, np.conj(upper), [REAL_POLE]])
+    return ArmaxModel(
+        a=np.real(np.poly(poles)),
+        b=INPUT_GAIN * np.real(np.poly(INPUT_ZEROS)),
+        c=np.real(np.poly(NOISE_ZEROS)),
+        nk=DELAY,
+        sampling_rate=sampling_rate,
+    )
+
+
+def armax(
+    seed: int,
+    samples: int,
+    sampling_rate: float = 100.0,
+    noise: float = 0.1,
+    box_cox: float | None = None,
+    difference: int = 0,
+) -> tuple[Recording, dict[str, Any]]:
+    """White noise through the true model, with ARMAX noise, made non-stationary on request.
+
+    Parameters
+    ----------
+    seed : int
+    samples : int
+        Samples of the recording.
+    sampling_rate : float
+        Hz; the modes keep their frequencies.
+    noise : float
+        Standard deviation of the innovations over that of the noise-free output.
+    box_cox, difference : float or None, int
+        The output is summed ``difference`` times and put through the inverse Box-Cox transform,
+        so that a preparation with the same values gives the ARMAX record back.
+
+    Returns
+    -------
+    Recording, dict
+        The truth: orders, coefficients, modes, delay, noise and transforms.
+    """
+    model = true_model(sampling_rate)
+    generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(1,)))
+    total = samples + WARM_UP
+    u = generator.standard_normal(total)
+    clean = model.simulate(u)
+    deviation = noise * float(np.std(clean[WARM_UP:]))
+    output = clean + _filtered(model, deviation * generator.standard_normal(total))
+    output = undo_stationarity(output[WARM_UP:], box_cox, difference)
+    recording = Recording(
+        input=u[WARM_UP:],
+        output=output,
+        sampling_rate=sampling_rate,
+        input_name="input",
+        output_name="output",
+    )
+    orders = model.orders
+    truth = {
+        "kind": "armax",
+        "seed": seed,
+        "orders": {"na": orders.na, "nb": orders.nb, "nc": orders.nc, "nk": orders.nk},
+        "a": model.a.tolist(),
+        "b": model.b.tolist(),
+        "c": model.c.tolist(),
+        "delay_samples": orders.nk,
+        "modes": [mode_record(mode) for mode in model.modes()],
+        "noise": {"ratio": noise, "innovation_variance": deviation**2},
+        "transforms": {"box_cox": box_cox, "difference": difference},
+    }
+    return recording, truth
+
+
+def undo_stationarity(signal: Array, box_cox: float | None, difference: int) -> Array:
+    """Sum a signal and transform it so that Box-Cox and differencing bring it back.
+
+    The summed signal is lifted to be positive before the inverse Box-Cox transform; differencing
+    removes the lift, and without differencing the subtraction of means does.
+    """
+    from scipy.special import inv_boxcox
+
+    summed = signal
+    for _ in range(difference):
+        summed = np.cumsum(summed)
+    if box_cox is None:
+        return summed
+    lifted: Array = inv_boxcox(summed - summed.min() + np.std(summed), box_cox)
+    return lifted
+
+
+def mode_record(mode: Mode) -> dict[str, float]:
+    """A mode as it stands in truth.json."""
+    return {
+        "frequency_hz": mode.frequency_hz,
+        "damping_percent": 100.0 * mode.damping_ratio,
+    }
+
+
+def _pole(frequency: float, damping: float, sampling_rate: float) -> complex:
+    w = 2.0 * np.pi * frequency
+    s = w * complex(-damping, np.sqrt(1.0 - damping**2))
+    return complex(np.exp(s / sampling_rate))
+
+
+def _filtered(model: ArmaxModel, innovations: Array) -> Array:
+    from scipy.signal import lfilter
+
+    noise: Array = lfilter(model.c, model.a, innovations)
+    return noise
