@@ -14,6 +14,7 @@ include: "workflow/rules/common.smk"
 rule all:
     input:
         [results_of(dataset) for dataset in DATASETS],
+        "results/index.html" if len(DATASETS) > 1 else [],
 
 
 include: "workflow/rules/acquisition.smk"

@@ -160,6 +160,7 @@ FILE = "datasets: {arm: {file: x.csv, %s}}"
         ("{datasets: {a: {file: x}}, candidates_per_job: 0}", "candidates_per_job", "below 1"),
         ("datasets: {'../x': {synthesis: armax}}", "datasets", "'../x' cannot be the name"),
         ("datasets: {'a..b': {synthesis: armax}}", "datasets", "'a..b' cannot be the name"),
+        ("datasets: {Logs: {synthesis: armax}}", "datasets", "Logs is the name of something else"),
         ("datasets: {A: {file: x}, a: {file: x}}", "datasets", "A and a are one folder"),
     ],
 )

@@ -1,4 +1,4 @@
-"""What all rule files share: the checked configuration and the functions that read it."""
+"""The checked configuration, and the functions with which rules read it."""
 
 import re
 import sys
@@ -66,10 +66,19 @@ def channels_of(wildcards):
 
 
 def synthesis_settings(wildcards):
-    """What a synthetic record is made with."""
-    keys = ("seed", "samples", "sampling_rate", "noise")
+    """What a synthetic record is made with.
+
+    An ARMAX record is made non-stationary in the way that the data set's own preparation undoes.
+    """
     dataset = DATASETS[wildcards.dataset]
-    return {key: dataset[key] for key in keys if key in dataset}
+    keys = ("seed", "samples", "sampling_rate", "noise")
+    settings = {key: dataset[key] for key in keys if key in dataset}
+    if dataset["synthesis"] == "armax":
+        stationarity = dataset["stationarity"]
+        known = not isinstance(stationarity["box_cox"], str)
+        settings["box_cox"] = stationarity["box_cox"] if known else None
+        settings["difference"] = stationarity["difference"]
+    return settings
 
 
 def recordings_of(wildcards):
@@ -128,7 +137,7 @@ def truth_of(wildcards):
 
 
 def results_of(dataset):
-    """Every file that is made for one data set."""
+    """The files of one data set that are there to be used."""
     names = [
         "config.yaml",
         "recording.json",

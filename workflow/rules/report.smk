@@ -38,3 +38,41 @@ rule write_report:
         code=code("write_report", *TEMPLATES),
     script:
         "../scripts/write_report.py"
+
+
+rule write_index:
+    """List all data sets in one HTML file."""
+    input:
+        [
+            f"results/{dataset}/{name}"
+            for dataset in DATASETS
+            for name in (
+                "recording.json",
+                "transforms.json",
+                "spectrum.json",
+                "candidates.csv",
+                "model.json",
+                "validation.json",
+            )
+        ],
+    output:
+        index=report(
+            "results/index.html",
+            caption="../report/index.rst",
+            category="All data sets",
+            labels={"file": "index.html"},
+        ),
+    log:
+        "results/logs/index.log",
+    benchmark:
+        "results/benchmarks/index.tsv"
+    conda:
+        "../envs/evopem.yaml"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=10,
+    params:
+        code=code("write_index", *TEMPLATES),
+    script:
+        "../scripts/write_index.py"

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 
 from evopem import __version__
 from evopem.console import job
@@ -62,8 +61,8 @@ def main(
     write_table(outputs["frequency_response"], response_table(estimate.model))
 
 
-def modes_table(model: ArmaxModel) -> pd.DataFrame:
-    columns = {
+def modes_table(model: ArmaxModel) -> dict[str, Any]:
+    return {
         "frequency_hz": [mode.frequency_hz for mode in model.modes()],
         "frequency_se_hz": [mode.frequency_se_hz for mode in model.modes()],
         "damping_percent": [100.0 * mode.damping_ratio for mode in model.modes()],
@@ -72,22 +71,19 @@ def modes_table(model: ArmaxModel) -> pd.DataFrame:
         "pole_imag": [mode.pole.imag for mode in model.modes()],
         "radius": [abs(mode.pole) for mode in model.modes()],
     }
-    return pd.DataFrame(columns)
 
 
-def response_table(model: ArmaxModel) -> pd.DataFrame:
+def response_table(model: ArmaxModel) -> dict[str, Any]:
     frequencies = np.linspace(0.0, model.sampling_rate / 2.0, FREQUENCIES)
     response = model.frequency_response(frequencies)
     lower, upper = gain_band(model, frequencies)
-    return pd.DataFrame(
-        {
-            "frequency_hz": frequencies,
-            "gain": np.abs(response),
-            "gain_lower": lower,
-            "gain_upper": upper,
-            "phase_deg": np.degrees(np.unwrap(np.angle(response))),
-        }
-    )
+    return {
+        "frequency_hz": frequencies,
+        "gain": np.abs(response),
+        "gain_lower": lower,
+        "gain_upper": upper,
+        "phase_deg": np.degrees(np.unwrap(np.angle(response))),
+    }
 
 
 if __name__ == "__main__":

@@ -3,8 +3,6 @@
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-import pandas as pd
-
 from evopem.console import job
 from evopem.signals.preparation import load_prepared
 from evopem.signals.spectrum import (
@@ -26,20 +24,18 @@ def main(
     spectrum = multitaper_spectrum(samples.output, rate, **settings)
     input_spectrum = multitaper_spectrum(samples.input, rate, **settings)
     response = multitaper_frequency_response(samples.input, samples.output, rate, **settings)
-    table = pd.DataFrame(
-        {
-            "frequency_hz": spectrum.frequencies,
-            "density": spectrum.density,
-            "lower": spectrum.lower,
-            "upper": spectrum.upper,
-            "input_density": input_spectrum.density,
-            "frequency_response_gain": response.gain,
-            "frequency_response_gain_lower": response.gain_lower,
-            "frequency_response_gain_upper": response.gain_upper,
-            "frequency_response_phase_deg": response.phase_deg,
-            "coherence": response.coherence,
-        }
-    )
+    table = {
+        "frequency_hz": spectrum.frequencies,
+        "density": spectrum.density,
+        "lower": spectrum.lower,
+        "upper": spectrum.upper,
+        "input_density": input_spectrum.density,
+        "frequency_response_gain": response.gain,
+        "frequency_response_gain_lower": response.gain_lower,
+        "frequency_response_gain_upper": response.gain_upper,
+        "frequency_response_phase_deg": response.phase_deg,
+        "coherence": response.coherence,
+    }
     write_table(spectrum_file, table)
     summary = {
         "time_halfbandwidth": spectrum.time_halfbandwidth,

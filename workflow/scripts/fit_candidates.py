@@ -4,10 +4,9 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from evopem.estimation.order_search import estimate_candidates
-
 from evopem.configuration import candidate_orders
 from evopem.console import job
+from evopem.estimation.order_search import estimate_candidates
 from evopem.models.armax import Orders
 from evopem.signals.preparation import load_prepared
 from evopem.writing import write_json

@@ -4,9 +4,8 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from evopem.estimation.order_search import select_delay, select_order
-
 from evopem.console import job
+from evopem.estimation.order_search import select_delay, select_order
 from evopem.writing import write_json
 
 if TYPE_CHECKING:

@@ -4,8 +4,6 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import pandas as pd
-
 from evopem.console import job
 from evopem.writing import write_table
 
@@ -37,7 +35,7 @@ def main(phase_files: list[str], candidates_file: str) -> None:
         for candidate in phase["candidates"]:
             selected = all(candidate[order] == phase["selected"][order] for order in ORDERS)
             rows.append(candidate | {"phase": phase["phase"], "selected": selected})
-    write_table(candidates_file, pd.DataFrame(rows)[COLUMNS])
+    write_table(candidates_file, {name: [row[name] for row in rows] for name in COLUMNS})
 
 
 if __name__ == "__main__":

@@ -4,9 +4,8 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from evopem.models.files import load
-
 from evopem.console import job
+from evopem.models.files import load
 from evopem.signals.preparation import load_prepared
 from evopem.validation import validate
 from evopem.writing import write_json, write_table

@@ -30,6 +30,7 @@ _ANALYSIS_KEYS = (
     "search",
 )
 _ALL_SAMPLES = 1.0
+_RESERVED_NAMES = {"index.html", "logs", "benchmarks"}
 _DATASET_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 
 
@@ -112,6 +113,13 @@ def _check_names(datasets: Mapping[str, Any], source: str) -> None:
     """Refuse names that are no safe folder names, or one folder on a careless file system."""
     folders: dict[str, str] = {}
     for name in datasets:
+        if name.lower() in _RESERVED_NAMES:
+            raise InputError(
+                source,
+                f"{name} is the name of something else among the results",
+                "give the data set another name",
+                "datasets",
+            )
         if not _DATASET_NAME.fullmatch(name) or ".." in name or name.endswith("."):
             raise InputError(
                 source,
