@@ -98,19 +98,19 @@ def read_results(paths: Mapping[str, Path]) -> Results:
         recording=load_recording(paths["recording.npz"]),
         prepared=load_prepared(paths["prepared.npz"], paths["transforms.json"]),
         transforms=read_json(paths["transforms.json"]),
-        spectrum=_table(paths["spectrum.csv"]),
+        spectrum=read_table(paths["spectrum.csv"]),
         spectrum_summary=read_json(paths["spectrum.json"]),
-        candidates=_table(paths["candidates.csv"]),
+        candidates=read_table(paths["candidates.csv"]),
         phases={
             phase: read_json(paths[f"phases/{phase}.json"])
             for phase in PHASES
             if f"phases/{phase}.json" in paths
         },
         model=read_json(paths["model.json"]),
-        residual_autocorrelation=_table(paths["residual_autocorrelation.csv"]),
-        cross_correlation=_table(paths["cross_correlation.csv"]),
-        frequency_response=_table(paths["frequency_response.csv"]),
-        simulation=_table(paths["simulation.csv"]),
+        residual_autocorrelation=read_table(paths["residual_autocorrelation.csv"]),
+        cross_correlation=read_table(paths["cross_correlation.csv"]),
+        frequency_response=read_table(paths["frequency_response.csv"]),
+        simulation=read_table(paths["simulation.csv"]),
         validation=read_json(paths["validation.json"]),
         truth=_optional(paths, "truth.json"),
         recording_summary=_optional(paths, "recording.json"),
@@ -141,7 +141,14 @@ def _optional(paths: Mapping[str, Path], name: str) -> dict[str, Any] | None:
     return read_json(paths[name]) if name in paths else None
 
 
-def _table(path: Path) -> pd.DataFrame:
+def read_table(path: Path) -> pd.DataFrame:
+    """Read a CSV table.
+
+    Raises
+    ------
+    InputError
+        When the file is missing or not a table.
+    """
     try:
         return pd.read_csv(path)
     except (OSError, ValueError):

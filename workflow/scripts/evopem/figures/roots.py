@@ -143,10 +143,9 @@ def _frequency_marks(axes: Axes, sampling_rate: float) -> None:
         )
         axes.text(
             1.15 * math.cos(angle),
-            1.15 * math.sin(angle),
-            f"{fraction * sampling_rate:.3g} Hz"
-            if fraction == 0.5
-            else f"{fraction * sampling_rate:.3g}",
+            # On the real axis the label stands above the line.
+            1.15 * math.sin(angle) + (0.08 if fraction == 0.5 else 0.0),
+            f"{fraction * sampling_rate:.3g}" + (" Hz" if fraction == 0.1 else ""),
             ha="center",
             va="center",
             fontsize=7.5,

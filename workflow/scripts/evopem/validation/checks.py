@@ -61,8 +61,9 @@ def checks(
     Returns
     -------
     list of Check
-        Stable, invertible, white residuals, input independent, no missed spectral peak, no
-        pole-zero cancellation, not at the edge of a search range, excitation adequate.
+        Stable; invertible; white residuals; residuals independent of the input; every spectral
+        peak modelled; poles and zeros distinct; orders inside their search ranges; excitation
+        adequate.
     """
     return [
         stability(model),
@@ -182,7 +183,7 @@ def input_independence(validation: Mapping[str, Any] | None) -> Check:
 
 def spectral_peaks_modelled(model: Mapping[str, Any], spectrum: Mapping[str, Any] | None) -> Check:
     """Every peak of the output's spectrum has a mode of the model near it."""
-    name = "No missed spectral peak"
+    name = "Every spectral peak modelled"
     if spectrum is None or "peaks" not in spectrum:
         return Check(name, None, "The output's spectrum and its peaks are missing.")
     modes = model.get("modes")
@@ -227,7 +228,7 @@ def _explains(mode: Mapping[str, Any], frequency: float, resolution: float) -> b
 
 def no_cancellation(model: Mapping[str, Any]) -> Check:
     """No pole of G that a zero of G hides, judged by their joint uncertainty."""
-    name = "No pole-zero cancellation"
+    name = "Poles and zeros distinct"
     if model.get("a") is None or model.get("b") is None:
         return Check(name, None, "The coefficients of A or B are missing.")
     a, b = np.asarray(model["a"], dtype=float), np.asarray(model["b"], dtype=float)
@@ -309,7 +310,7 @@ RANGES = (
 
 def inside_search_ranges(candidates: pd.DataFrame | None) -> Check:
     """No chosen order at an end of the range that was searched, no root on the search's margin."""
-    name = "Not at the edge of a search range"
+    name = "Orders inside their search ranges"
     if candidates is None or candidates.empty:
         return Check(name, None, "The table of candidates is missing.")
     at_edge, inside, fixed, unknown = [], [], [], []

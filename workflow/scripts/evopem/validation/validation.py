@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from evopem.models.initial import estimate_initial_state
 from evopem.validation.correlation import (
     LjungBox,
     cross_correlation,
@@ -24,7 +25,6 @@ from evopem.validation.correlation import (
 )
 from evopem.validation.excitation import excitation_order
 from evopem.validation.scores import error_percent, fit_percent
-from evopem.validation.simulation import simulate_with_initial_conditions
 
 if TYPE_CHECKING:
     from evopem.models.armax import ArmaxModel
@@ -205,9 +205,8 @@ def validate(
 
 def _settled(model: ArmaxModel) -> int:
     """First residual past the start-up transient of 1/C."""
-    orders = model.orders
-    first = max(orders.na, orders.nb + orders.nk - 1, orders.nc)
-    radius = float(np.max(np.abs(np.roots(model.c)), initial=0.0))
+    first = model.orders.first_residual
+    radius = float(np.max(np.abs(model.noise_zeros()), initial=0.0))
     if not 0 < radius < 1:
         return first
     return first + min(1000, math.ceil(math.log(0.01) / math.log(radius)))
@@ -219,11 +218,12 @@ def _continued(model: ArmaxModel, prepared: PreparedData) -> _Responses:
     inputs = np.concatenate([estimation.input, validation.input])
     output = np.concatenate([estimation.output, validation.output])
     seen = estimation.output.size
+    state = estimate_initial_state(model, estimation.input, estimation.output)
     return _Responses(
         input=validation.input,
         output=validation.output,
         predicted=model.predict(inputs, output)[seen:],
-        simulated=simulate_with_initial_conditions(model, inputs, estimation.output)[seen:],
+        simulated=model.simulate(inputs, state)[seen:],
         unscored=0,
     )
 
@@ -231,13 +231,13 @@ def _continued(model: ArmaxModel, prepared: PreparedData) -> _Responses:
 def _restarted(model: ArmaxModel, prepared: PreparedData) -> _Responses:
     """Predict and simulate an independent recording, whose past is not on record."""
     validation = prepared.validation
-    orders = model.orders
+    state = estimate_initial_state(model, validation.input, validation.output)
     return _Responses(
         input=validation.input,
         output=validation.output,
         predicted=model.predict(validation.input, validation.output),
-        simulated=simulate_with_initial_conditions(model, validation.input, validation.output),
-        unscored=max(orders.na, orders.nb + orders.nk - 1, orders.nc),
+        simulated=model.simulate(validation.input, state),
+        unscored=model.orders.first_residual,
     )
 
 

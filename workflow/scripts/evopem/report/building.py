@@ -1,0 +1,210 @@
+"""Building the pages: contents and readings set into the templates."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
+
+from evopem.figures.registry import FIGURES
+from evopem.report import equations, numbers, readings
+from evopem.report.contents import Contents, read_contents
+from evopem.report.inline_svg import inline_svg
+from evopem.report.modes import CHAPTER, CHAPTER_ORDERS, mode_rows
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
+# Figure, heading, paragraphs: the story in the chapter's order.
+STORY = (
+    ("record", "The record", readings.record),
+    ("spectrum", "Spectrum of the output", readings.spectrum),
+    ("delay", "Delay", readings.delay),
+    ("phases", "Orders, in three phases", readings.phases),
+    ("poles_zeros", "Poles and zeros", readings.poles),
+    ("frequency_response", "Frequency response", readings.frequency_response),
+    ("residuals", "Residuals", readings.residuals),
+    ("simulation", "Simulation", readings.simulation),
+    ("stabilization", "Stabilization over the orders", readings.stabilization_reading),
+    ("convergence", "The search", readings.search),
+)
+
+
+def build_report(
+    paths: Mapping[str, Path], template_directory: Path, dataset: str | None = None
+) -> str:
+    """Build the report on one data set.
+
+    Parameters
+    ----------
+    paths : mapping of str to Path
+        Result files by their names relative to the data set's directory, such as ``model.json``,
+        ``phases/delay.json`` or ``figures/record.svg``.
+    template_directory : Path
+        Where ``report.html.j2`` and its parts are.
+    dataset : str, optional
+        The data set's name; by default its key in ``config.yaml``.
+
+    Returns
+    -------
+    str
+        One HTML page that needs no other file.
+
+    Raises
+    ------
+    InputError
+        When a required file is missing or damaged.
+    """
+    contents = read_contents(paths, dataset)
+    page = _environment(template_directory).get_template("report.html.j2")
+    return page.render(_report_values(contents))
+
+
+def build_index(datasets: Mapping[str, Mapping[str, Path]], template_directory: Path) -> str:
+    """Build the table over several data sets, the worst first.
+
+    Parameters
+    ----------
+    datasets : mapping of str to mapping
+        Result files of each data set, as for `build_report`, by the data set's name. The table
+        links to ``<name>/report.html``.
+    template_directory : Path
+        Where ``index.html.j2`` is.
+
+    Returns
+    -------
+    str
+        One HTML page.
+    """
+    rows = [_index_row(name, read_contents(paths, name)) for name, paths in datasets.items()]
+    rows.sort(key=lambda row: (-row["failed"], -row["open"], -row["severity"], row["name"]))
+    return _environment(template_directory).get_template("index.html.j2").render(rows=rows)
+
+
+def _index_row(name: str, contents: Contents) -> dict[str, Any]:
+    verdicts = contents.checks
+    error = contents.validation.get("simulation_error_percent")
+    return {
+        "name": name,
+        "href": f"{quote(name, safe='')}/report.html",
+        "orders": readings.orders_text(contents.model["orders"]),
+        "prediction": contents.validation.get("prediction_error_percent"),
+        "simulation": error,
+        "severity": error if numbers.is_number(error) else float("inf"),
+        "passed": sum(check.passed is True for check in verdicts),
+        "failed": sum(check.passed is False for check in verdicts),
+        "open": sum(check.passed is None for check in verdicts),
+        "concerns": [check.name for check in verdicts if check.passed is not True],
+    }
+
+
+def _environment(template_directory: Path) -> Environment:
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+    environment = Environment(
+        loader=FileSystemLoader(template_directory),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    environment.filters.update(
+        number=numbers.number,
+        fixed=numbers.fixed,
+        percent=numbers.percent,
+        count=numbers.count,
+        file_reference=quote,
+    )
+    environment.globals.update(
+        with_error=numbers.with_error,
+        root=numbers.root,
+        is_number=numbers.is_number,
+        orders_text=readings.orders_text,
+        hertz=readings.hertz,
+    )
+    return environment
+
+
+def _report_values(contents: Contents) -> dict[str, Any]:
+    """Everything the report's template shows."""
+    model, truth = contents.model, contents.truth
+    verdicts = contents.checks
+    captions = {entry.name: entry for entry in FIGURES}
+    sections = [
+        {
+            "id": name,
+            "title": title,
+            "paragraphs": read(contents),
+            "caption": captions[name].caption,
+            "data": captions[name].data,
+            "svg": _figure(contents, name, captions[name].caption),
+        }
+        for name, title, read in STORY
+    ]
+    true_modes = list((truth or {}).get("modes") or [])
+    return {
+        "contents": contents,
+        "model": model,
+        "validation": contents.validation,
+        "truth": truth,
+        "is_stand_in": contents.is_stand_in,
+        "chapter_orders": CHAPTER_ORDERS,
+        "modes": mode_rows(
+            model.get("modes") or [], true_modes, CHAPTER if contents.is_stand_in else []
+        ),
+        "has_truth": bool(true_modes),
+        "polynomials": equations.polynomials(model),
+        "difference_equation": equations.difference_equation(model),
+        "coefficients": equations.coefficient_table(model),
+        "matlab": equations.matlab(model),
+        "python": equations.python(model),
+        "checks": verdicts,
+        "passed": [check for check in verdicts if check.passed is True],
+        "failed": [check for check in verdicts if check.passed is False],
+        "unjudged": [check for check in verdicts if check.passed is None],
+        "effects": readings.transform_effects(contents.transforms),
+        "sections": sections,
+        "provenance": _provenance(contents),
+        "search": json.dumps(model.get("search", {}), ensure_ascii=False, indent=2),
+    }
+
+
+def _figure(contents: Contents, name: str, caption: str) -> Any:
+    text = contents.figures.get(name)
+    return None if text is None else inline_svg(text, name, caption)
+
+
+def _provenance(contents: Contents) -> list[tuple[str, str]]:
+    """What is needed to repeat the run, as terms and values."""
+    recording, model = contents.recording, contents.model
+    synthetic = recording.get("kind") == "synthesis"
+    rows = [
+        (
+            "Source",
+            "simulated, see the configuration" if synthetic else str(recording.get("path") or "–"),
+        )
+    ]
+    if recording.get("sha256"):
+        rows.append(("SHA-256", str(recording["sha256"])))
+    if recording.get("bytes"):
+        rows.append(("Size", f"{numbers.count(recording['bytes'])} bytes"))
+    if not synthetic:
+        for key, term in (
+            ("format", "Format"),
+            ("input_channel", "Input channel"),
+            ("output_channel", "Output channel"),
+        ):
+            if recording.get(key) is not None:
+                rows.append((term, str(recording[key])))
+    rows.append(("Seed of the search", str(model.get("seed", "–"))))
+    if contents.truth and contents.truth.get("seed") is not None:
+        rows.append(("Seed of the synthesis", str(contents.truth["seed"])))
+    evaluations = contents.candidates["evaluations"].fillna(0).sum()
+    rows.append(("Objective evaluations", numbers.count(int(evaluations))))
+    versions = model.get("versions") or {}
+    if versions:
+        rows.append(("Versions", ", ".join(f"{name} {value}" for name, value in versions.items())))
+    return rows

@@ -1,0 +1,69 @@
+"""An SVG file made fit to stand inside a page."""
+
+from __future__ import annotations
+
+import re
+from xml.etree import ElementTree
+
+from markupsafe import Markup
+
+from evopem.figures import style
+
+SVG = "http://www.w3.org/2000/svg"
+XLINK = "http://www.w3.org/1999/xlink"
+# Each role's colour becomes a variable, so that the page can have a light and a dark theme.
+VARIABLES = {
+    style.INK: "--figure-ink",
+    style.MUTED: "--figure-muted",
+    style.GRID: "--figure-grid",
+    style.PAPER: "--figure-paper",
+    style.MODEL: "--figure-model",
+    style.ERROR: "--figure-error",
+    style.TRUTH: "--figure-truth",
+    style.FOURTH: "--figure-fourth",
+    style.FIFTH: "--figure-fifth",
+}
+
+
+def inline_svg(text: str, name: str, label: str) -> Markup:
+    """Prepare a figure's SVG for a page that holds several.
+
+    Parameters
+    ----------
+    text : str
+        An SVG file in the style of `evopem.figures.style`.
+    name : str
+        Prefix that keeps the ids of several figures apart.
+    label : str
+        What the figure shows, for those who do not see it.
+
+    Returns
+    -------
+    markupsafe.Markup
+        An ``svg`` element without fixed size, style sheet, metadata or scripts.
+    """
+    ElementTree.register_namespace("", SVG)
+    ElementTree.register_namespace("xlink", XLINK)
+    root = ElementTree.fromstring(text)
+    for parent in list(root.iter()):
+        for child in list(parent):
+            if child.tag in {f"{{{SVG}}}{tag}" for tag in ("metadata", "style", "script")}:
+                parent.remove(child)
+    for element in root.iter():
+        for attribute, value in list(element.attrib.items()):
+            if attribute.lower().startswith("on"):
+                del element.attrib[attribute]
+            elif attribute == "id":
+                element.set(attribute, f"{name}-{value}")
+            elif attribute in {"href", f"{{{XLINK}}}href"} and value.startswith("#"):
+                element.set(attribute, f"#{name}-{value[1:]}")
+            elif attribute in {"style", "clip-path", "fill", "stroke"}:
+                value = re.sub(r"url\(#", f"url(#{name}-", value)
+                for colour, variable in VARIABLES.items():
+                    value = value.replace(colour, f"var({variable})")
+                element.set(attribute, value)
+    for attribute in ("width", "height", "version"):
+        root.attrib.pop(attribute, None)
+    root.set("role", "img")
+    root.set("aria-label", label)
+    return Markup(ElementTree.tostring(root, encoding="unicode"))

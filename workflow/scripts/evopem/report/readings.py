@@ -1,0 +1,405 @@
+"""Sentences that read the numbers: computed from the results, one function for each step.
+
+Each function returns paragraphs.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from evopem.figures.labels import differences
+from evopem.figures.roots import stabilization
+from evopem.report.contents import Contents
+from evopem.report.numbers import (
+    THIN,
+    count,
+    enumeration,
+    fixed,
+    is_number,
+    number,
+    percent,
+    plural,
+    superscript,
+)
+
+PHASE_WORDS = {
+    "delay": ("nk", "delay nk"),
+    "common": ("na", "common order k = na = nb = nc"),
+    "c": ("nc", "order of C, nc"),
+    "b": ("nb", "number of B coefficients, nb"),
+}
+# A pole seen at this many successive orders is called persistent.
+PERSISTENT = 3
+
+
+def hertz(frequency: float) -> str:
+    """A frequency with its unit."""
+    return f"{number(frequency)}{THIN}Hz"
+
+
+def orders_text(orders: Mapping[str, Any]) -> str:
+    """Orders as ARMAX(na, nb, nc, nk)."""
+    return f"ARMAX({orders['na']}, {orders['nb']}, {orders['nc']}, {orders['nk']})"
+
+
+def record(contents: Contents) -> list[str]:
+    """What was recorded and what was made of it."""
+    recording, transforms = contents.recording, contents.transforms
+    samples, rate = recording.get("samples"), recording.get("sampling_rate")
+    sentences = []
+    if is_number(samples) and is_number(rate):
+        sentences.append(
+            f"The record holds {count(samples)} samples of {recording.get('input_name', 'input')}"
+            f" (input) and {recording.get('output_name', 'output')} (output) at {hertz(rate)},"
+            f" {number(samples / rate)}{THIN}s in all."
+        )
+    if is_number(transforms.get("resampled_from")):
+        sentences.append(
+            f"It was resampled from {hertz(transforms['resampled_from'])} to"
+            f" {hertz(transforms['sampling_rate'])}."
+        )
+    steps = _steps(transforms)
+    sentences.append(
+        f"The output {enumeration(steps)}." if steps else "The output was not transformed."
+    )
+    if transforms.get("difference_input"):
+        sentences.append(f"The input is its {differences(int(transforms['difference_input']))}.")
+    discarded = int(transforms.get("discard") or 0)
+    split = f"{plural(transforms.get('estimation_samples', 0), 'sample')} serve for estimation and"
+    split += f" {count(transforms.get('validation_samples'))} for validation"
+    if transforms.get("validation_source") == "file":
+        split += ", which come from a recording of their own"
+    else:
+        split += ", which follow without a gap"
+    lead = f"After the first {count(discarded)} samples were left out, " if discarded else ""
+    sentences.append(f"{lead}{split}; the means of the estimation samples are subtracted from all.")
+    return [" ".join(sentences)]
+
+
+def _steps(transforms: Mapping[str, Any]) -> list[str]:
+    steps = []
+    if is_number(transforms.get("box_cox")):
+        if transforms.get("shift"):
+            steps.append(f"was shifted by {number(transforms['shift'])} to be positive")
+        steps.append(f"was Box-Cox transformed with λ = {number(transforms['box_cox'])}")
+    if transforms.get("difference"):
+        times = {1: "once", 2: "twice"}.get(
+            transforms["difference"], f"{transforms['difference']} times"
+        )
+        steps.append(f"was differenced {times}")
+    return steps
+
+
+def transform_effects(transforms: Mapping[str, Any]) -> list[str]:
+    """What the transforms do to the model, said wherever they do it."""
+    sentences = []
+    surplus = int(transforms.get("difference") or 0) - int(transforms.get("difference_input") or 0)
+    rate = float(transforms["sampling_rate"])
+    if surplus > 0:
+        at = rate / 50
+        power = "" if surplus == 1 else superscript(surplus)
+        factor = abs(2 * math.sin(math.pi * at / rate)) ** surplus
+        sentences.append(
+            f"The output was differenced {surplus} time{'s' if surplus > 1 else ''} more than the"
+            f" input. That puts the factor (1 − q⁻¹){power} into B: it multiplies"
+            f" the gain by |2 sin(πf/fs)|{power}, which is {number(factor, 2)} at"
+            f" {hertz(at)} and {2**surplus} at {hertz(rate / 2)}. Part of the high-pass trend of"
+            " the response is made by this step and not by the system, and modes at low"
+            " frequencies are weakened with it, down to being lost in the noise. Setting"
+            " “difference_input” to the same number differences both signals and leaves the"
+            " response as it is."
+        )
+    elif surplus < 0:
+        sentences.append(
+            f"The input was differenced {-surplus} time{'s' if surplus < -1 else ''} more than the"
+            " output: the response shown is that to the differenced input and holds the"
+            f" corresponding {'integrator' if surplus == -1 else 'integrators'}."
+        )
+    if is_number(transforms.get("box_cox")) and transforms["box_cox"] != 1:
+        sentences.append(
+            "The Box-Cox transform is not linear: model, errors and simulation refer to the"
+            " transformed output, and the modes are those of the system as far as the transform is"
+            " near a straight line over the range of the record."
+        )
+    return sentences
+
+
+def spectrum(contents: Contents) -> list[str]:
+    """Peaks of the output's spectrum, and what they ask of the order."""
+    summary = contents.spectrum
+    sentences = [
+        f"Thomson's multitaper estimate with time-halfbandwidth"
+        f" {number(summary.get('time_halfbandwidth'))} ({summary.get('tapers')} tapers) and"
+        f" transforms of {count(summary.get('nfft'))} points tells lines apart that are"
+        f" {hertz(summary.get('resolution_hz') or math.nan)} from each other."
+    ]
+    peaks = summary.get("peaks") or []
+    if not peaks:
+        sentences.append("No peak stands out from what noise makes by chance.")
+        return [" ".join(sentences)]
+    listed = [
+        f"{hertz(peak['frequency_hz'])} ({number(peak['prominence_db'], 2)}{THIN}dB)"
+        for peak in peaks
+    ]
+    sentences.append(
+        f"{plural(len(peaks), 'peak')} {'stands' if len(peaks) == 1 else 'stand'} out, at"
+        f" {enumeration(listed)} above the surrounding valleys. Each needs a pair of complex poles,"
+        f" so the order na is at least {2 * len(peaks)}."
+    )
+    return [" ".join(sentences)]
+
+
+def delay(contents: Contents) -> list[str]:
+    """Criteria of the delays beside each other."""
+    tried = contents.candidates[contents.candidates["phase"] == "delay"]
+    sentences = []
+    if not tried.empty:
+        bic = tried.groupby("nk")["bic"].agg(["mean", "min", "max"]).sort_values("mean")
+        best = bic.index[0]
+        text = (
+            f"Over the orders {tried['na'].min()} to {tried['na'].max()}, delay nk = {best} has the"
+            f" smallest mean BIC, {fixed(bic['mean'].iloc[0], 4)}, with a spread of"
+            f" {number(bic['max'].iloc[0] - bic['min'].iloc[0], 2)} between orders"
+        )
+        if len(bic) > 1:
+            text += (
+                f"; the next, nk = {bic.index[1]}, has {fixed(bic['mean'].iloc[1], 4)} with a"
+                f" spread of {number(bic['max'].iloc[1] - bic['min'].iloc[1], 2)}"
+            )
+        sentences.append(f"{text}.")
+    sentences.extend(_choice(contents, "delay"))
+    if contents.truth and is_number(contents.truth.get("delay_samples")):
+        true, chosen = contents.truth["delay_samples"], contents.model["orders"]["nk"]
+        sentences.append(
+            f"The true delay is {true} samples: "
+            + ("found." if true == chosen else f"missed by {abs(true - chosen)}.")
+        )
+    return [" ".join(sentences)]
+
+
+def phases(contents: Contents) -> list[str]:
+    """What each of the three phases chose, against its runner-up."""
+    sentences = []
+    for phase in ("common", "c", "b"):
+        column, words = PHASE_WORDS[phase]
+        tried = contents.candidates[contents.candidates["phase"] == phase]
+        ranked = tried.dropna(subset=["bic"]).sort_values("bic")
+        chosen = contents.phases.get(phase, {}).get("selected")
+        if ranked.empty or not chosen:
+            continue
+        value = int(chosen[column])
+        own = ranked[ranked[column] == value].iloc[0]
+        others = ranked[ranked[column] != value]
+        text = (
+            f"Of the {words} from {tried[column].min()} to {tried[column].max()}, {value} was"
+            f" chosen: BIC {fixed(own['bic'], 4)}, RSS {percent(own['rss'])}"
+        )
+        if not others.empty:
+            second = others.iloc[0]
+            gap = second["bic"] - own["bic"]
+            text += (
+                f"; the next best, {int(second[column])}, has a BIC {number(abs(gap), 2)}"
+                f" {'higher' if gap >= 0 else 'lower'}"
+            )
+        sentences.append(" ".join([f"{text}.", *_choice(contents, phase)]))
+    sentences.append(
+        "RSS falls with every coefficient and is there for the eye; BIC charges for each and"
+        " decides."
+    )
+    return sentences
+
+
+def _choice(contents: Contents, phase: str) -> list[str]:
+    """The reason on record, as a sentence."""
+    reason = str(contents.phases.get(phase, {}).get("reason") or "").strip()
+    return [reason if reason.endswith(".") else f"{reason}."] if reason else []
+
+
+def poles(contents: Contents) -> list[str]:
+    """Where poles and zeros lie."""
+    model = contents.model
+    rate = float(model["sampling_rate"])
+    a, b, c = (np.asarray(model[name], dtype=float) for name in ("a", "b", "c"))
+    sentences = []
+    radii = np.abs(np.roots(a))
+    if radii.size:
+        slowest = float(radii.max())
+        text = f"The slowest pole has radius {fixed(slowest, 5)}"
+        if 0 < slowest < 1:
+            text += (
+                ": its response decays to 37 % within"
+                f" {number(-1 / (rate * math.log(slowest)), 3)}{THIN}s"
+            )
+        sentences.append(f"{text}.")
+    real = int(np.sum(np.abs(np.roots(a).imag) < 1e-12))
+    if radii.size:
+        sentences.append(
+            f"Of {plural(radii.size, 'pole')}, {count(radii.size - real)} form"
+            f" {plural((radii.size - real) // 2, 'oscillating mode')} and {count(real)}"
+            f" {'is' if real == 1 else 'are'} real."
+        )
+    outside = int(np.sum(np.abs(np.roots(np.trim_zeros(b, "f"))) > 1))
+    if b.size > 1:
+        sentences.append(
+            f"{plural(outside, 'zero')} of B {'lies' if outside == 1 else 'lie'} outside the unit"
+            " circle: the inverse of G is not stable."
+            if outside
+            else "All zeros of B lie inside the unit circle."
+        )
+    if c.size > 1:
+        sentences.append(
+            f"The largest root of C has radius {fixed(float(np.abs(np.roots(c)).max()), 5)}."
+        )
+    return [" ".join(sentences)]
+
+
+def frequency_response(contents: Contents) -> list[str]:
+    """Where the gain is largest, and its trend."""
+    model = contents.model
+    rate = float(model["sampling_rate"])
+    frequency = np.linspace(0, rate / 2, 8193)[1:]
+    z = np.exp(-2j * math.pi * frequency / rate)
+    polyval = np.polynomial.polynomial.polyval
+    gain = np.abs(polyval(z, np.asarray(model["b"])) / polyval(z, np.asarray(model["a"])))
+    top = int(np.argmax(gain))
+    decade = slice(0, max(1, gain.size // 10))
+    low, high = float(np.median(gain[decade])), float(np.median(gain[-decade.stop :]))
+    sentences = [f"The gain is largest, {number(gain[top], 3)}, at {hertz(frequency[top])}."]
+    if low > 0 and high > 0:
+        ratio = high / low
+        trend = (
+            "a high-pass trend"
+            if ratio > 2
+            else "a low-pass trend"
+            if ratio < 0.5
+            else "no marked trend"
+        )
+        sentences.append(
+            f"In the highest tenth of the band it is {number(ratio, 2)} times what it is in the"
+            f" lowest: {trend}."
+        )
+    return [" ".join(sentences)]
+
+
+def residuals(contents: Contents) -> list[str]:
+    """How the residual tests came out."""
+    validation = contents.validation
+    share, lags = validation.get("autocorrelation_share_inside95"), validation.get("lags")
+    box = validation.get("ljung_box") or {}
+    cross = validation.get("cross_correlation") or {}
+    sentences = []
+    if is_number(share) and is_number(lags):
+        sentences.append(
+            f"{percent(100 * share)} of {count(lags)} residual autocorrelations lie inside the 95 %"
+            f" bounds ±1.96/√N with N = {count(validation.get('residual_samples'))} residuals of"
+            " the estimation samples; white residuals leave about 95 % there."
+        )
+    if is_number(box.get("p_value")):
+        sentences.append(
+            f"The Ljung-Box statistic over {count(box['lags'])} lags is"
+            f" {number(box['statistic'], 4)} on {count(box['degrees_of_freedom'])} degrees of"
+            f" freedom (lags less na + nc): p = {number(box['p_value'], 2)}."
+        )
+    if is_number(cross.get("share_inside95")):
+        sentences.append(
+            f"{percent(100 * cross['share_inside95'])} of the cross-correlations with the input"
+            f" over lags −{count(cross['lags'])} to {count(cross['lags'])} lie inside their bounds,"
+            f" the largest being {number(cross.get('max_abs'), 2)}. These bounds take the"
+            " autocorrelation of residuals and input into account (Ljung 1999, section 16.6)."
+        )
+    if not sentences:
+        sentences.append("The residual tests could not be made: too few residuals.")
+    return [" ".join(sentences)]
+
+
+def simulation(contents: Contents) -> list[str]:
+    """Simulation on data the model never saw, apart from prediction."""
+    validation = contents.validation
+    own = validation.get("initial_conditions") == "validation"
+    begin = (
+        "Its initial conditions are fitted to the validation recording's own output, which has no"
+        " past on record."
+        if own
+        else "It starts with the estimation samples, to whose output alone its initial conditions"
+        " are fitted, and runs on through the validation samples without seeing one of their"
+        " outputs."
+    )
+    sentences = [
+        f"Driven by the input alone, the simulated output misses the measured one by"
+        f" {percent(validation.get('simulation_error_percent'))} of its norm"
+        f" ({percent(validation.get('simulation_fit_percent'))} NRMSE fit) over"
+        f" {plural(validation.get('samples', 0), 'validation sample')}. {begin}"
+    ]
+    if validation.get("unscored_samples"):
+        sentences.append(
+            f"The first {count(validation['unscored_samples'])} samples have no complete past and"
+            " are not scored."
+        )
+    return [" ".join(sentences)]
+
+
+def stabilization_reading(contents: Contents) -> list[str]:
+    """Which frequencies persist over the orders."""
+    records = contents.phases.get("common", {}).get("candidates", [])
+    table = stabilization(records, float(contents.model["sampling_rate"]))
+    if table.empty:
+        return ["No candidate of the common phase has an oscillating mode."]
+    found = _persistent(table)
+    orders = table["order"]
+    lead = f"Over the orders {orders.min()} to {orders.max()},"
+    if not found:
+        return [f"{lead} no pole stays in place for {PERSISTENT} orders running."]
+    return [
+        f"{lead} poles stay in place, in frequency within 1 % and in damping within 10 %, for"
+        f" {PERSISTENT} orders or more at {enumeration([hertz(f) for f in found])}."
+    ]
+
+
+def _persistent(table: pd.DataFrame) -> list[float]:
+    """Median frequencies of clusters of stable poles that cover enough orders."""
+    stable = table[table["status"] == "stable"].sort_values("frequency_hz")
+    if stable.empty:
+        return []
+    step = stable["frequency_hz"].diff() / stable["frequency_hz"]
+    clusters = stable.groupby((step > 0.02).cumsum())
+    return [
+        float(cluster["frequency_hz"].median())
+        for _, cluster in clusters
+        # A pole stable at n - 1 orders has stood at n.
+        if cluster["order"].nunique() >= PERSISTENT - 1
+    ]
+
+
+def search(contents: Contents) -> list[str]:
+    """What the search cost and how sure it is of its optimum."""
+    candidates = contents.candidates
+    sentences = [
+        f"{plural(len(candidates), 'candidate')} took"
+        f" {count(int(candidates['evaluations'].fillna(0).sum()))} evaluations of the objective and"
+        f" {number(float(candidates['seconds'].fillna(0).sum()), 3)}{THIN}s of computing."
+    ]
+    chosen = contents.chosen
+    if chosen is None:
+        return [" ".join(sentences)]
+    history = np.asarray(chosen.get("convergence") or [], dtype=float)
+    if history.ndim == 2 and history.shape[1] == 2 and history[-1, 1] > 0:
+        near = history[history[:, 1] <= 1.001 * history[-1, 1]]
+        sentences.append(
+            f"The chosen model was within 0.1 % of its final objective after"
+            f" {count(near[0, 0])} of {count(history[-1, 0])} evaluations."
+        )
+    if is_number(chosen.get("agreement")):
+        sentences.append(
+            f"{percent(100 * chosen['agreement'])} of its local searches ended in the best optimum"
+            + (
+                f", out of {plural(int(chosen['basins']), 'basin')} seen."
+                if is_number(chosen.get("basins"))
+                else "."
+            )
+        )
+    return [" ".join(sentences)]
