@@ -27,12 +27,11 @@ def excitation_order(inputs: ArrayLike, largest: int) -> int:
         biggest. ``largest`` means persistently exciting of that order in practice, not only in
         rank (Ljung 1999, chapter 13).
     """
-    from scipy.linalg import toeplitz
-
     u = np.asarray(inputs, dtype=float)
     u = u - u.mean()
-    covariance = np.array([u[: u.size - k] @ u[k:] for k in range(min(largest, u.size))])
-    if covariance.size == 0 or covariance[0] == 0:
+    if u.size < largest or largest < 1 or not np.any(u):
         return 0
-    eigenvalues = np.linalg.eigvalsh(toeplitz(covariance))
+    # Whole windows only: zeros before the record would look like excitation.
+    past = np.lib.stride_tricks.sliding_window_view(u, largest)
+    eigenvalues = np.linalg.eigvalsh(past.T @ past)
     return int(np.count_nonzero(eigenvalues > EXCITED * eigenvalues[-1]))

@@ -1,0 +1,122 @@
+"""Residual tests against another library, brute force and Monte Carlo."""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from evopem.validation.correlation import (
+    cross_correlation,
+    ljung_box,
+    ljung_box_lags,
+    residual_autocorrelation,
+    share_inside,
+)
+from evopem.validation.excitation import excitation_order
+from evopem.validation.scores import error_percent, fit_percent
+
+
+def test_ljung_box_agrees_with_statsmodels():
+    diagnostic = pytest.importorskip(
+        "statsmodels.stats.diagnostic", reason="statsmodels is not installed to compare with"
+    )
+    e = lfilter([1, 0.1], [1.0], np.random.default_rng(1).normal(size=900))
+    table = residual_autocorrelation(e, 100)
+    for lags in (20, 100):
+        theirs = diagnostic.acorr_ljungbox(e, lags=[lags], model_df=14).iloc[0]
+        ours = ljung_box(table["autocorrelation"], e.size, 14, lags)
+        assert ours.statistic == pytest.approx(theirs["lb_stat"], rel=1e-10)
+        assert ours.p_value == pytest.approx(theirs["lb_pvalue"], rel=1e-8)
+        assert ours.degrees_of_freedom == lags - 14
+
+
+def test_ljung_box_without_freedom_gives_no_verdict():
+    result = ljung_box(np.zeros(11), 100, 10, 10)
+    assert np.isnan(result.p_value)
+
+
+def test_lag_count_leaves_freedom():
+    assert ljung_box_lags(4000, 14, 1200) == 36
+    assert ljung_box_lags(4000, 40, 1200) == 50
+    assert ljung_box_lags(100, 14, 12) == 12
+
+
+def test_autocorrelation_is_cut_to_the_record():
+    table = residual_autocorrelation(np.random.default_rng(2).normal(size=30), 1200)
+    assert table["lag"].max() == 29
+    assert table["autocorrelation"].iloc[0] == pytest.approx(1.0)
+
+
+def test_white_residuals_have_95_percent_inside():
+    rng = np.random.default_rng(3)
+    inside = []
+    for _ in range(400):
+        table = residual_autocorrelation(rng.normal(size=1000), 20).iloc[1:]
+        inside.append(share_inside(table["autocorrelation"], table["bound95"]))
+    # 8000 nearly independent lags: standard error 0.25 %.
+    assert np.mean(inside) == pytest.approx(0.95, abs=0.01)
+
+
+def test_cross_correlation_sign_and_values_by_brute_force():
+    rng = np.random.default_rng(4)
+    u, e = rng.normal(size=50), rng.normal(size=50)
+    table = cross_correlation(e, u, 7).set_index("lag")["cross_correlation"]
+    e0, u0 = e - e.mean(), u - u.mean()
+    scale = np.sqrt((e0 @ e0) * (u0 @ u0))
+    for lag in range(-7, 8):
+        pairs = [e0[t] * u0[t - lag] for t in range(50) if 0 <= t - lag < 50]
+        assert table[lag] == pytest.approx(sum(pairs) / scale, abs=1e-12)
+
+
+def test_a_residual_that_follows_the_input_shows_at_positive_lag():
+    u = np.random.default_rng(5).normal(size=500)
+    e = np.concatenate([np.zeros(3), u[:-3]])
+    table = cross_correlation(e, u, 10)
+    assert table.loc[table["cross_correlation"].idxmax(), "lag"] == 3
+
+
+def test_cross_correlation_bound_covers_95_percent_for_coloured_signals():
+    """The bound of white signals, 1.96/√N, covers far less here."""
+    rng = np.random.default_rng(6)
+    inside, inside_white = [], []
+    for _ in range(300):
+        u = lfilter([1.0], [1, -0.8], rng.normal(size=2000))
+        e = lfilter([1.0], [1, -0.6], rng.normal(size=2000))
+        table = cross_correlation(e, u, 20)
+        inside.append(share_inside(table["cross_correlation"], table["bound95"]))
+        inside_white.append(share_inside(table["cross_correlation"], 1.96 / np.sqrt(2000)))
+    assert np.mean(inside) == pytest.approx(0.95, abs=0.02)
+    assert np.mean(inside_white) < 0.85
+
+
+def test_cross_correlation_bound_of_white_residuals_is_that_of_white_signals():
+    rng = np.random.default_rng(7)
+    u = lfilter([1.0], [1, -0.9], rng.normal(size=4000))
+    bound = cross_correlation(rng.normal(size=4000), u, 5)["bound95"].iloc[0]
+    assert bound == pytest.approx(1.96 / np.sqrt(4000), rel=0.1)
+
+
+def test_constant_signals_have_no_correlation():
+    table = cross_correlation(np.zeros(20), np.arange(20.0), 4)
+    assert table["cross_correlation"].isna().all()
+    assert np.isnan(share_inside(table["cross_correlation"], table["bound95"]))
+
+
+def test_scores_by_hand():
+    y, y_hat = [3.0, 4.0, 0.0, -1.0], [3.0, 4.0, 1.0, -3.0]
+    # ‖y − ŷ‖² = 5, ‖y‖² = 26, mean 1.5: ‖y − ȳ‖² = 17.
+    assert error_percent(y, y_hat) == pytest.approx(100 * np.sqrt(5 / 26))
+    assert fit_percent(y, y_hat) == pytest.approx(100 * (1 - np.sqrt(5 / 17)))
+    assert np.isnan(error_percent([0.0, 0.0], [1.0, 1.0]))
+    assert np.isnan(fit_percent([2.0, 2.0], [1.0, 1.0]))
+
+
+@pytest.mark.parametrize(("lines", "order"), [(1, 2), (3, 6)])
+def test_sines_excite_two_directions_each(lines, order):
+    t = np.arange(20_000)
+    u = sum(np.sin(2 * np.pi * (0.07 + 0.11 * k) * t) for k in range(lines))
+    assert excitation_order(u, 12) == order
+
+
+def test_white_noise_excites_every_direction_and_a_constant_none():
+    assert excitation_order(np.random.default_rng(8).normal(size=5000), 25) == 25
+    assert excitation_order(np.full(100, 3.0), 5) == 0

@@ -1,0 +1,171 @@
+"""Prediction and simulation on systems whose answers are known."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from evopem.models.armax import ArmaxModel
+from evopem.signals.preparation import PreparedData, Transforms
+from evopem.signals.recording import Recording
+from evopem.validation import validate
+
+RATE = 100.0
+
+
+def lightly_damped(count=3, sampling_rate=RATE):
+    poles = []
+    for frequency in np.linspace(3, 45, count):
+        w = 2 * math.pi * frequency / sampling_rate
+        pole = np.exp(w * complex(-0.005, math.sqrt(1 - 0.005**2)))
+        poles += [pole, pole.conjugate()]
+    b = np.random.default_rng(0).normal(size=4)
+    c = np.real(np.poly([0.5, -0.3 + 0.4j, -0.3 - 0.4j]))
+    return ArmaxModel(np.real(np.poly(poles)), b, c, 2, sampling_rate, 1.0)
+
+
+def response(model, samples, noise, seed=0, warm_up=500):
+    """A stretch out of the middle of a record: its initial conditions are not zero."""
+    rng = np.random.default_rng(seed)
+    u = rng.normal(size=samples + warm_up)
+    e = noise * rng.normal(size=samples + warm_up)
+    y = lfilter(model.delayed_b, model.a, u) + lfilter(model.c, model.a, e)
+    return u[warm_up:], y[warm_up:]
+
+
+def prepared(u, y, cut, contiguous=True):
+    transforms = Transforms(RATE, None, None, 0.0, 0, (), 0, (), 0.0, 0.0, 0)
+    return PreparedData(
+        Recording(u[:cut], y[:cut], RATE), Recording(u[cut:], y[cut:], RATE), contiguous, transforms
+    )
+
+
+def test_static_gain_by_hand():
+    model = ArmaxModel(np.ones(1), np.array([2.0]), np.ones(1), 0, RATE, 1.0)
+    u = np.array([1.0, -1.0] * 20)
+    y = 2 * u + np.tile([0.0, 0.0, 1.0, 0.0], 10)
+    result = validate(model, prepared(u, y, 36))
+    # The validation samples are 2, −2, 3, −2; both responses are 2, −2, 2, −2.
+    assert result.samples == 4
+    assert result.prediction_error_percent == pytest.approx(100 / math.sqrt(21))
+    assert result.simulation_error_percent == pytest.approx(100 / math.sqrt(21))
+    assert result.prediction_fit_percent == pytest.approx(100 * (1 - 1 / math.sqrt(20.75)))
+
+
+@pytest.mark.parametrize("contiguous", [True, False])
+@pytest.mark.parametrize("modes", [1, 3, 10])
+def test_without_noise_the_simulation_is_exact_from_unknown_initial_conditions(contiguous, modes):
+    model = lightly_damped(modes)
+    u, y = response(model, 3000, noise=0.0)
+    result = validate(model, prepared(u, y, 2000, contiguous))
+    assert result.simulation_error_percent < 1e-8
+
+
+def test_the_simulation_never_sees_a_validation_output():
+    model = lightly_damped()
+    u, y = response(model, 3000, noise=0.1)
+    before = validate(model, prepared(u, y, 2000)).simulation
+    spoilt = y.copy()
+    spoilt[2000:] = np.random.default_rng(1).normal(size=1000)
+    after = validate(model, prepared(u, spoilt, 2000)).simulation
+    assert np.array_equal(before["simulated"], after["simulated"])
+    assert not np.allclose(before["predicted"], after["predicted"])
+
+
+def test_the_prediction_of_a_sample_knows_the_output_before_it_only():
+    model = lightly_damped()
+    u, y = response(model, 3000, noise=0.1)
+    before = validate(model, prepared(u, y, 2000)).simulation["predicted"]
+    spoilt = y.copy()
+    spoilt[2500:] += 1.0
+    after = validate(model, prepared(u, spoilt, 2000)).simulation["predicted"]
+    assert np.array_equal(before[:501], after[:501])
+    assert not np.isclose(before[501], after[501])
+
+
+def test_prediction_continues_the_recursion_over_the_cut():
+    """Brute force: C e = A y − B u over the whole record, sample by sample."""
+    model = lightly_damped()
+    u, y = response(model, 400, noise=0.1)
+    e = np.zeros(400)
+    start = model.orders.first_residual
+    b = model.delayed_b
+    for t in range(start, 400):
+        e[t] = sum(model.a[i] * y[t - i] for i in range(model.a.size))
+        e[t] -= sum(b[i] * u[t - i] for i in range(b.size))
+        e[t] -= sum(model.c[i] * e[t - i] for i in range(1, model.c.size))
+    result = validate(model, prepared(u, y, 300))
+    np.testing.assert_allclose(result.simulation["prediction_error"], e[300:], atol=1e-9)
+    assert result.prediction_error_percent == pytest.approx(
+        100 * np.linalg.norm(e[300:]) / np.linalg.norm(y[300:])
+    )
+
+
+def test_an_independent_recording_has_unscored_samples():
+    model = lightly_damped()
+    u, y = response(model, 3000, noise=0.1)
+    result = validate(model, prepared(u, y, 2000, contiguous=False))
+    first = model.orders.first_residual
+    assert result.unscored_samples == first
+    assert result.samples == 1000 - first
+    assert result.initial_conditions == "validation"
+    assert result.simulation["simulated"].isna().sum() == first
+    assert result.simulation["predicted"].isna().sum() == first
+    restarted = model.predict(u[2000:], y[2000:])[first:]
+    np.testing.assert_array_equal(result.simulation["predicted"][first:], restarted)
+
+
+def test_the_true_model_predicts_to_the_noise_and_leaves_it_white():
+    model = lightly_damped()
+    u, y = response(model, 6000, noise=0.5)
+    result = validate(model, prepared(u, y, 5000))
+    expected = 100 * 0.5 / np.sqrt(np.mean(y[5000:] ** 2))
+    assert result.prediction_error_percent == pytest.approx(expected, rel=0.1)
+    assert result.simulation_error_percent > 2 * result.prediction_error_percent
+    assert result.lags == 1200
+    assert result.ljung_box.p_value > 0.01
+    assert result.autocorrelation_share_inside95 > 0.93
+    assert result.cross_correlation_share_inside95 > 0.9
+
+
+def test_a_model_without_its_noise_polynomial_leaves_coloured_residuals():
+    model = lightly_damped()
+    u, y = response(model, 6000, noise=0.5)
+    result = validate(replace(model, c=np.ones(1)), prepared(u, y, 5000))
+    assert result.ljung_box.p_value < 1e-6
+
+
+def test_scalars_hold_what_the_result_file_promises():
+    u, y = response(lightly_damped(), 600, noise=0.1)
+    scalars = validate(lightly_damped(), prepared(u, y, 500)).scalars()
+    assert {
+        "prediction_error_percent",
+        "simulation_error_percent",
+        "prediction_fit_percent",
+        "simulation_fit_percent",
+        "autocorrelation_share_inside95",
+        "lags",
+        "ljung_box",
+        "cross_correlation",
+        "samples",
+    } <= set(scalars)
+    assert set(scalars["ljung_box"]) == {"statistic", "degrees_of_freedom", "p_value", "lags"}
+
+
+def test_inputs_stay_as_they_are():
+    model = lightly_damped()
+    u, y = response(model, 600, noise=0.1)
+    kept = u.copy(), y.copy()
+    validate(model, prepared(u, y, 500))
+    validate(model, prepared(u, y, 500, contiguous=False))
+    np.testing.assert_array_equal(u, kept[0])
+    np.testing.assert_array_equal(y, kept[1])
+
+
+def test_too_few_samples_are_refused():
+    model = lightly_damped()
+    u, y = response(model, 60, noise=0.1)
+    with pytest.raises(ValueError, match="leave no residuals"):
+        validate(model, prepared(u, y, 40), scoring_start=39)
