@@ -120,6 +120,7 @@ FILE = "datasets: {arm: {file: x.csv, %s}}"
         (FILE % "sampling_rate: 0", "datasets.arm.sampling_rate", "0 is not above 0"),
         (FILE % "input: 2", "datasets.arm.output", "2 is both input and output"),
         (FILE % "input: 0", "datasets.arm.input", "0 is below 1"),
+        ("datasets: {arm: {file: 'x{1}.csv'}}", "datasets.arm.file", "the braces in x{1}.csv"),
         (FILE % "validation_file: x.csv", "datasets.arm.validation_file", "x.csv is also"),
         (
             "datasets: {arm: {synthesis: flexible_arm, noise: 1}}",

@@ -1,6 +1,5 @@
 """Real runs of Snakemake in folders of their own, with small configurations."""
 
-import os
 import shutil
 import subprocess
 import sys
@@ -51,10 +50,8 @@ class Folder:
         return subprocess.Popen(
             self.command(*arguments),
             cwd=self.path,
-            env=os.environ | {"PYTHONDONTWRITEBYTECODE": "1"},
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
             start_new_session=True,
         )
 
@@ -77,7 +74,7 @@ class Folder:
 
     def planned(self, *arguments):
         """Jobs that a run would do: how many of each rule."""
-        output = self.finish("--dry-run", "--quiet", "rules", *arguments)
+        output = self.finish("--quiet", "rules", "--dry-run", *arguments)
         if "Nothing to be done" in output:
             return {}
         table = output.split("Job stats:", 1)[1].split("\n\n", 1)[0]

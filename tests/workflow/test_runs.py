@@ -15,6 +15,26 @@ from .conftest import ROOT, TINY, Folder
 pytestmark = pytest.mark.xdist_group("workflow")
 
 
+PROMISED = (
+    "config.yaml",
+    "recording.json",
+    "transforms.json",
+    "truth.json",
+    "spectrum.csv",
+    "spectrum.json",
+    "candidates.csv",
+    "model.json",
+    "model.mat",
+    "modes.csv",
+    "frequency_response.csv",
+    "validation.json",
+    "residual_autocorrelation.csv",
+    "cross_correlation.csv",
+    "simulation.csv",
+    "report.html",
+)
+
+
 def read_table(path):
     with path.open(encoding="utf-8") as stream:
         return list(csv.DictReader(stream))
@@ -33,24 +53,7 @@ def changed(path, value, config=TINY):
 
 def test_a_run_makes_every_promised_file(finished):
     results = finished.results / "truth"
-    for name in [
-        "config.yaml",
-        "recording.json",
-        "transforms.json",
-        "truth.json",
-        "spectrum.csv",
-        "spectrum.json",
-        "candidates.csv",
-        "model.json",
-        "model.mat",
-        "modes.csv",
-        "frequency_response.csv",
-        "validation.json",
-        "residual_autocorrelation.csv",
-        "cross_correlation.csv",
-        "simulation.csv",
-        "report.html",
-    ]:
+    for name in PROMISED:
         assert (results / name).stat().st_size > 0, name
     model = json.loads((results / "model.json").read_text())
     orders = model["orders"]
@@ -192,12 +195,9 @@ def test_a_killed_run_is_taken_up_again(copy, finished):
     kept = (copy.results / "truth" / "recording.npz").stat().st_mtime_ns
     run = copy.start("--cores", "1")
     deadline = time.monotonic() + 120
-    log = copy.results / "truth" / "logs" / "phases" / "c" / "part-1.log"
-    while not (copy.results / "truth" / "phases" / "common.json").exists() or log.stat().st_size:
+    while not (copy.results / "truth" / "phases" / "common.json").exists():
         assert time.monotonic() < deadline, "the run did not come as far as it should"
         assert run.poll() is None, "the run ended before it could be killed"
-        if (copy.results / "truth" / "phases" / "common.json").exists():
-            break
         time.sleep(0.05)
     os.killpg(run.pid, signal.SIGKILL)
     run.wait()
@@ -218,14 +218,14 @@ def test_a_recorded_file_in_a_folder_of_ones_own(finished, folder):
         table = np.column_stack([stored["output"], stored["input"]])
     (folder.path / "my data").mkdir()
     np.savetxt(
-        folder.path / "my data" / "bench {1}.csv",
+        folder.path / "my data" / "bench 1.csv",
         table,
         delimiter=",",
         header="acc,torque",
         comments="",
     )
     entry = {
-        "file": "my data/bench {1}.csv",
+        "file": "my data/bench 1.csv",
         "input": "torque",
         "output": "acc",
         "sampling_rate": 50,
@@ -235,7 +235,7 @@ def test_a_recorded_file_in_a_folder_of_ones_own(finished, folder):
     folder.finish("--cores", "2", "--until", "complete_model", "--directory", ".")
     results = folder.results / "bench-1.a"
     origin = json.loads((results / "recording.json").read_text())
-    assert origin["path"] == "my data/bench {1}.csv"
+    assert origin["path"] == "my data/bench 1.csv"
     assert (origin["kind"], origin["samples"], origin["output_unit"]) == ("file", 700, "m/s2")
     assert json.loads((results / "model.json").read_text())["sampling_rate"] == 50
     assert not (results / "truth.json").exists()

@@ -197,6 +197,14 @@ def _completed_source(written: Mapping[str, Any], source: str, place: str) -> di
 
 
 def _check_channels(recorded: Mapping[str, Any], source: str, place: str) -> None:
+    for key in ("file", "validation_file"):
+        if {"{", "}"} & set(recorded[key] or ""):
+            raise InputError(
+                source,
+                f"the braces in {recorded[key]} have a meaning of their own in a workflow",
+                "rename the file",
+                f"{place}.{key}",
+            )
     for one, other in (("input", "output"), ("time", "input"), ("time", "output")):
         if recorded[one] == recorded[other]:
             raise InputError(
