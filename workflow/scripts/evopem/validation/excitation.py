@@ -28,9 +28,9 @@ def excitation_order(inputs: ArrayLike, largest: int) -> int:
         rank (Ljung 1999, chapter 13).
     """
     u = np.asarray(inputs, dtype=float)
-    u = u - u.mean()
-    if u.size < largest or largest < 1 or not np.any(u):
+    if u.size < largest or largest < 1 or np.ptp(u) == 0:
         return 0
+    u = u - u.mean()
     # Whole windows only: zeros before the record would look like excitation.
     past = np.lib.stride_tricks.sliding_window_view(u, largest)
     eigenvalues = np.linalg.eigvalsh(past.T @ past)

@@ -1,0 +1,222 @@
+"""Numbers and sentences: printed as a reader expects, computed and not canned."""
+
+from types import SimpleNamespace
+
+import pandas as pd
+import pytest
+
+from evopem.report import equations, numbers, readings
+from evopem.report.modes import CHAPTER, mode_rows
+
+THIN = numbers.THIN
+
+
+@pytest.mark.parametrize(
+    ("value", "error", "text"),
+    [
+        (5.36123, 0.0042, "5.3612 ± 0.0042"),
+        (17.5, 1.96, "17.5 ± 2.0"),
+        (1234.5, 25.0, "1234 ± 25"),
+        (-0.5, 0.031, "−0.500 ± 0.031"),
+        (5.36123, None, "5.361"),
+        (5.36123, float("nan"), "5.361"),
+        (None, 0.1, "–"),
+    ],
+)
+def test_values_with_errors(value, error, text):
+    assert numbers.with_error(value, error) == text
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(0.0004, "0.0004"), (-1.5, "−1.5"), (3.2e-9, "3.2 · 10⁻⁹"), (None, "–"), (float("nan"), "–")],
+)
+def test_numbers(value, text):
+    assert numbers.number(value) == text
+
+
+def test_percentages_and_counts():
+    assert numbers.percent(3.5312) == f"3.53{THIN}%"
+    assert numbers.percent(97.124) == f"97.1{THIN}%"
+    assert numbers.percent(0.0123456) == f"0.0123{THIN}%"
+    assert numbers.percent(0) == f"0{THIN}%"
+    assert numbers.count(1234567) == f"1{THIN}234{THIN}567"
+    assert numbers.fixed(-0.001, 2) == "0.00"
+    assert numbers.root(-0.5, 0.25, 2) == "−0.50 ± 0.25i"
+    assert numbers.root(-0.5, 1e-9, 2) == "−0.50"
+    assert numbers.enumeration(["a", "b", "c"]) == "a, b and c"
+
+
+MODEL = {
+    "orders": {"na": 2, "nb": 2, "nc": 1, "nk": 3},
+    "a": [1.0, -1.5, 0.7],
+    "b": [0.5, -0.25],
+    "c": [1.0, 0.3],
+    "sampling_rate": 100.0,
+    "noise_variance": 0.01,
+    "parameter_standard_errors": [0.1, 0.2, 0.3, 0.4, 0.5],
+}
+
+
+def plain(markup):
+    return " ".join(markup.striptags().split())
+
+
+def test_polynomials_start_b_at_its_delay():
+    shown = {letter: plain(polynomial) for letter, polynomial in equations.polynomials(MODEL)}
+    assert shown == {
+        "A": "1 − 1.5 q−1 + 0.7 q−2",
+        "B": "0.5 q−3 − 0.25 q−4",
+        "C": "1 + 0.3 q−1",
+    }
+
+
+def test_difference_equation_moves_a_to_the_right():
+    assert plain(equations.difference_equation(MODEL)) == (
+        "1.5 y(t − 1) − 0.7 y(t − 2) + 0.5 u(t − 3) − 0.25 u(t − 4) + e(t) + 0.3 e(t − 1)"
+    )
+
+
+def test_python_statement_makes_the_transfer_function():
+    pytest.importorskip("control", reason="python-control is not installed")
+    import numpy as np
+
+    scope = {}
+    exec(equations.python(MODEL), scope)
+    z = np.exp(0.3j)
+    expected = (0.5 * z**-3 - 0.25 * z**-4) / (1 - 1.5 * z**-1 + 0.7 * z**-2)
+    assert scope["G"](z) == pytest.approx(expected)
+    assert scope["G"].dt == 0.01
+
+
+def test_matlab_statement_keeps_the_leading_zeros():
+    text = equations.matlab(MODEL)
+    assert "[0 0 0 0.5 -0.25]" in text
+    assert text.endswith("1, 1, 0.01, 0.01);") or "0.01, 0.01" in text
+
+
+def test_coefficients_with_their_lags_and_errors():
+    assert equations.coefficient_table(MODEL) == [
+        ("a", 1, -1.5, 0.1),
+        ("a", 2, 0.7, 0.2),
+        ("b", 3, 0.5, 0.3),
+        ("b", 4, -0.25, 0.4),
+        ("c", 1, 0.3, 0.5),
+    ]
+
+
+def mode(frequency, damping=1.0, frequency_error=0.1, damping_error=0.5):
+    return {
+        "frequency_hz": frequency,
+        "damping_percent": damping,
+        "frequency_se_hz": frequency_error,
+        "damping_se_percent": damping_error,
+    }
+
+
+def test_modes_are_paired_and_the_missed_ones_listed():
+    truth = [{"frequency_hz": f, "damping_percent": 1.0} for f in (2.0, 5.36, 37.0)]
+    rows = mode_rows([mode(5.4), mode(16.0), mode(36.9), mode(45.0)], truth, CHAPTER)
+    shown = [
+        tuple(part and part["frequency_hz"] for part in (row.estimate, row.truth, row.chapter))
+        for row in rows
+    ]
+    assert shown == [
+        (None, 2.0, None),
+        (5.4, 5.36, 5.36),
+        (16.0, None, 16.65),
+        (36.9, 37.0, 37.0),
+        (45.0, None, None),
+    ]
+    assert rows[1].frequency_deviation == pytest.approx(0.4)
+    assert rows[0].frequency_deviation is None
+
+
+def test_a_far_mode_never_takes_a_near_ones_partner():
+    truth = [{"frequency_hz": 10.0, "damping_percent": 1.0}]
+    rows = mode_rows([mode(8.8), mode(10.1)], truth, [])
+    assert [row.truth is not None for row in rows] == [False, True]
+
+
+def transforms(**changes):
+    return {
+        "sampling_rate": 100.0,
+        "resampled_from": None,
+        "box_cox": None,
+        "shift": 0.0,
+        "difference": 0,
+        "difference_input": 0,
+        "discard": 0,
+    } | changes
+
+
+def test_differencing_the_output_alone_is_explained():
+    (paragraph,) = readings.transform_effects(transforms(difference=2))
+    assert "(1 − q⁻¹)² into B" in paragraph
+    # |2 sin(π · 2/100)|² = 0.0158
+    assert f"0.016 at 2{THIN}Hz and 4 at 50{THIN}Hz" in paragraph
+    assert "high-pass" in paragraph
+
+
+def test_differencing_both_needs_no_explanation():
+    assert readings.transform_effects(transforms(difference=2, difference_input=2)) == []
+
+
+def test_box_cox_is_explained_unless_it_is_linear():
+    assert "not linear" in readings.transform_effects(transforms(box_cox=1.1))[0]
+    assert readings.transform_effects(transforms(box_cox=1.0)) == []
+
+
+def contents(**parts):
+    return SimpleNamespace(**parts)
+
+
+def test_spectrum_reading_counts_the_peaks():
+    summary = {"time_halfbandwidth": 4, "tapers": 7, "nfft": 8192, "resolution_hz": 0.22}
+    peaks = [{"frequency_hz": f, "prominence_db": 20.0} for f in (2.0, 5.0, 36.0)]
+    (text,) = readings.spectrum(contents(spectrum=summary | {"peaks": peaks}))
+    assert f"3 peaks stand out, at 2{THIN}Hz" in text
+    assert "na is at least 6" in text
+    (text,) = readings.spectrum(contents(spectrum=summary | {"peaks": []}))
+    assert "No peak stands out" in text
+
+
+def test_delay_reading_compares_the_two_best():
+    rows = [("delay", k, nk, bic) for k in (6, 7) for nk, bic in ((0, -1.0), (1, -3.0), (2, -2.5))]
+    table = pd.DataFrame(rows, columns=["phase", "na", "nk", "bic"])
+    (text,) = readings.delay(
+        contents(
+            candidates=table,
+            phases={"delay": {"reason": "It is the best"}},
+            truth={"delay_samples": 2},
+            model={"orders": {"nk": 1}},
+        )
+    )
+    assert "delay nk = 1 has the smallest mean BIC, −3.0000" in text
+    assert "nk = 2, has −2.5000" in text
+    assert "It is the best." in text
+    assert "missed by 1" in text
+
+
+@pytest.mark.parametrize(
+    ("b", "trend"), [([1.0, -1.0], "high-pass"), ([1.0, 1.0], "low-pass"), ([1.0], "no marked")]
+)
+def test_trend_of_the_response(b, trend):
+    model = {"a": [1.0], "b": b, "sampling_rate": 100.0}
+    assert trend in readings.frequency_response(contents(model=model))[0]
+
+
+def test_simulation_reading_says_where_it_starts():
+    validation = {
+        "simulation_error_percent": 21.0,
+        "simulation_fit_percent": 79.0,
+        "samples": 900,
+        "unscored_samples": 0,
+        "initial_conditions": "estimation",
+    }
+    (text,) = readings.simulation(contents(validation=validation))
+    assert "without seeing one of their outputs" in text
+    validation |= {"initial_conditions": "validation", "unscored_samples": 8}
+    (text,) = readings.simulation(contents(validation=validation))
+    assert "validation recording's own output" in text
+    assert "The first 8 samples" in text
