@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -122,11 +123,14 @@ def multitaper_spectrum(
     The mean is removed. A signal of up to `nfft` samples is padded with zeros to `nfft`. A
     longer one is cut into the fewest equal segments of at most `nfft` samples, whose
     eigenspectra are averaged: `nfft` then sets the resolution, every segment narrows the
-    band, and the memory needed does not grow with the signal. The adaptive weights are
-    those of Percival & Walden (1993, eq. 368a), the band that of their eq. 258 with the
-    degrees of freedom of eq. 370b, halved at zero and at the Nyquist frequency. The whole
-    density is scaled (by a few per cent at most for a stationary signal) so that its
-    integral equals the variance.
+    band, and the memory needed does not grow with the signal. Of such a signal at most one
+    sample a segment is left over at its end.
+
+    The adaptive weights are those of Percival & Walden (1993, eq. 368a), the chi-square band
+    has the degrees of freedom of their eq. 370b, halved at zero and at the Nyquist frequency.
+    It tells the chance of the record, not what averaging over ± W does to a narrower peak.
+    The whole density is scaled (by a few per cent at most for a stationary signal) so that
+    its integral equals the variance.
 
     Parameters
     ----------
@@ -179,12 +183,16 @@ def multitaper_spectrum(
 def spectral_peaks(spectrum: Spectrum) -> list[SpectralPeak]:
     """Peaks of a density that stand out from what noise makes by chance.
 
-    A peak is a local maximum whose prominence exceeds the spread that the largest and the
-    smallest of all M independent estimates of a flat spectrum reach with a probability of
-    5 %: ``10 log10(q(1 - a) / q(a))``, with q the chi-square quantile at the median
-    degrees of freedom, ``a = 0.05 / (2M)``, and M the number of resolution cells (width
-    2W) up to the Nyquist frequency. Within W of zero and of the Nyquist frequency the
-    density is held at its value W away, because removing the mean digs a valley there.
+    A peak is a local maximum whose prominence exceeds the spread between the largest and
+    the smallest of M independent estimates, reached in 5 % of records:
+    ``10 log10(q(1 - a) / q(a))`` with q the quantile of the estimate over its expectation
+    (chi-square, the degrees of freedom those found at the peak and in its valley), ``a =
+    0.05 / (2M)``, and M the number of resolution cells (width 2W) up to the Nyquist
+    frequency. The rule is applied to the density as it is and to its averages over 4 and
+    over 16 cells, whose smaller spread lets broad, well damped peaks show; a broad one
+    counts only where no narrower one stands on its upper half (in dB). Within W of
+    zero and of the Nyquist frequency the density is held at its value W away, because
+    removing the mean digs a valley there.
 
     Parameters
     ----------
@@ -195,21 +203,37 @@ def spectral_peaks(spectrum: Spectrum) -> list[SpectralPeak]:
     list of SpectralPeak
         By rising frequency.
     """
-    from scipy.signal import find_peaks
+    from scipy.ndimage import uniform_filter1d
 
-    density = _without_ends(spectrum)
-    decibels = 10.0 * np.log10(density)
-    found, properties = find_peaks(decibels, prominence=_noise_spread_db(spectrum))
+    step = spectrum.frequencies[1]
+    level = _without_ends(spectrum)
+    found: dict[int, float] = {}
+    for cells in PEAK_WIDTHS:
+        width = max(1, round(cells * spectrum.resolution_hz / step))
+        if cells > 1 and width > PEAK_SHARE * level.size:
+            break
+        averaged = level if cells == 1 else uniform_filter1d(level, width, mode="nearest")
+        narrower = np.array(list(found), dtype=np.int64)
+        for hill in _prominent(averaged, spectrum, cells):
+            known = (narrower >= hill.start - width) & (narrower <= hill.stop + width)
+            if cells == 1 or not known.any():
+                found[hill.top] = hill.prominence_db
     return [
         SpectralPeak(
             frequency_hz=float(spectrum.frequencies[index]),
             density=float(spectrum.density[index]),
-            prominence_db=float(prominence),
+            prominence_db=float(found[index]),
             lower=float(spectrum.lower[index]),
             upper=float(spectrum.upper[index]),
         )
-        for index, prominence in zip(found, properties["prominences"], strict=True)
+        for index in sorted(found)
     ]
+
+
+PEAK_WIDTHS = (1, 4, 16)
+"""Resolution cells over which the density is averaged before peaks are sought."""
+PEAK_SHARE = 0.2
+"""No average is taken over more than this share of the frequency axis."""
 
 
 def multitaper_frequency_response(
@@ -432,11 +456,30 @@ def _without_ends(spectrum: Spectrum) -> Floats:
     return density
 
 
-def _noise_spread_db(spectrum: Spectrum) -> float:
-    """Prominence that the extremes of a flat spectrum's estimates reach in 5 % of records."""
+class _Hill(NamedTuple):
+    """A prominent local maximum: its index, and where it is halfway down (in dB)."""
+
+    top: int
+    start: float
+    stop: float
+    prominence_db: float
+
+
+def _prominent(averaged: Floats, spectrum: Spectrum, cells: int) -> list[_Hill]:
+    """Local maxima whose prominence exceeds the noise's spread."""
+    from scipy.signal import find_peaks
     from scipy.stats import chi2
 
-    cells = max(1.0, spectrum.frequencies[-1] / spectrum.resolution_hz)
-    freedom = float(np.median(spectrum.degrees_of_freedom))
-    tail = (1.0 - CONFIDENCE) / (2.0 * cells)
-    return float(10.0 * np.log10(chi2.isf(tail, freedom) / chi2.ppf(tail, freedom)))
+    decibels = 10.0 * np.log10(averaged)
+    tops, found = find_peaks(decibels, prominence=0.0, width=0.0, rel_height=0.5)
+    left, right = found["left_bases"], found["right_bases"]
+    valleys = np.where(averaged[left] > averaged[right], left, right)
+    independent = max(1.0, spectrum.frequencies[-1] / (cells * spectrum.resolution_hz))
+    tail = (1.0 - CONFIDENCE) / (2.0 * independent)
+    freedom = cells * spectrum.degrees_of_freedom
+    high = chi2.isf(tail, freedom[tops]) / freedom[tops]
+    low = chi2.ppf(tail, freedom[valleys]) / freedom[valleys]
+    return [
+        _Hill(int(tops[k]), found["left_ips"][k], found["right_ips"][k], found["prominences"][k])
+        for k in np.flatnonzero(found["prominences"] > 10.0 * np.log10(high / low))
+    ]

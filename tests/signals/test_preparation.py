@@ -1,0 +1,232 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from evopem.errors import InputError
+from evopem.signals.preparation import (
+    invert_input,
+    invert_output,
+    load_prepared,
+    prepare,
+    save_prepared,
+)
+from evopem.signals.recording import Recording
+
+PLAIN = {"box_cox": "none", "difference": 0}
+
+
+def record(samples: int = 400, seed: int = 0, rate: float = 100.0) -> Recording:
+    generator = np.random.default_rng(seed)
+    return Recording(
+        generator.standard_normal(samples) + 0.5,
+        np.cumsum(generator.standard_normal(samples)) - 3.0,
+        rate,
+        input_name="torque",
+        output_unit="m/s2",
+    )
+
+
+def measured(recording: Recording, length: int, end: int) -> np.ndarray:
+    return recording.output[end - length : end]
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    box=st.sampled_from(["none", "auto", 1.1, 0.0, 0.7]),
+    d=st.integers(0, 3),
+    du=st.integers(0, 3),
+    discard=st.one_of(st.integers(0, 100), st.floats(0.01, 0.3)),
+    estimation=st.one_of(st.integers(20, 150), st.floats(0.2, 0.8)),
+)
+def test_every_transform_is_undone(box, d, du, discard, estimation):
+    recording = record()
+    prepared = prepare(
+        recording,
+        {"box_cox": box, "difference": d, "difference_input": du},
+        {"discard": discard, "estimation": estimation},
+    )
+    estimated, validated = prepared.estimation.samples, prepared.validation.samples
+    first = recording.samples - estimated - validated
+    assert first == max(d, du) + prepared.transforms.discard
+    everything = np.concatenate([prepared.estimation.output, prepared.validation.output])
+    tolerance = {"rtol": 0, "atol": 1e-7}
+    np.testing.assert_allclose(
+        invert_output(prepared.transforms, everything), recording.output[first - d :], **tolerance
+    )
+    np.testing.assert_allclose(
+        invert_output(prepared.transforms, prepared.estimation.output),
+        recording.output[first - d : first + estimated],
+        **tolerance,
+    )
+    np.testing.assert_allclose(
+        invert_output(prepared.transforms, prepared.validation.output, "validation"),
+        recording.output[first + estimated - d :],
+        **tolerance,
+    )
+    np.testing.assert_allclose(
+        invert_input(prepared.transforms, prepared.validation.input, "validation"),
+        recording.input[first + estimated - du :],
+        **tolerance,
+    )
+    np.testing.assert_allclose(
+        invert_input(prepared.transforms, prepared.estimation.input),
+        recording.input[first - du : first + estimated],
+        **tolerance,
+    )
+
+
+def test_order_of_the_steps_against_plain_numpy():
+    recording = record()
+    prepared = prepare(
+        recording,
+        {"box_cox": "none", "difference": 2, "difference_input": 1},
+        {"discard": 50, "estimation": 200},
+    )
+    y, u = np.diff(recording.output, 2)[50:], np.diff(recording.input)[1:][50:]
+    np.testing.assert_allclose(prepared.estimation.output, y[:200] - y[:200].mean(), atol=1e-13)
+    np.testing.assert_allclose(prepared.validation.output, y[200:] - y[:200].mean(), atol=1e-13)
+    np.testing.assert_allclose(prepared.estimation.input, u[:200] - u[:200].mean(), atol=1e-13)
+    np.testing.assert_allclose(prepared.validation.input, u[200:] - u[:200].mean(), atol=1e-13)
+    assert prepared.contiguous
+    assert prepared.estimation.input_name == "torque"
+
+
+def test_input_and_output_stay_aligned():
+    """An output that is the input three samples later still is, whatever is differenced."""
+    u = np.random.default_rng(3).standard_normal(300)
+    recording = Recording(u, np.roll(u, 3), 1.0)
+    for d in (0, 1, 2):
+        settings = {"difference": d, "difference_input": d}
+        part = prepare(recording, settings, {"discard": 5, "estimation": 200}).estimation
+        assert np.corrcoef(part.input[:-3], part.output[3:])[0, 1] == pytest.approx(1.0)
+    uneven = prepare(recording, {"difference": 2}, {"discard": 5, "estimation": 200})
+    direct = np.diff(recording.output, 2)[5:205]
+    np.testing.assert_allclose(
+        uneven.estimation.output + uneven.transforms.output_mean, direct, atol=1e-13
+    )
+    np.testing.assert_allclose(
+        uneven.estimation.input + uneven.transforms.input_mean, u[7:207], atol=1e-13
+    )
+
+
+def test_defaults_and_unchanged_arrays():
+    recording = record()
+    kept = recording.output.copy()
+    prepared = prepare(recording, {}, {})
+    assert (prepared.estimation.samples, prepared.validation.samples) == (320, 80)
+    np.testing.assert_array_equal(recording.output, kept)
+
+
+def test_box_cox_parameter_does_not_see_the_validation_samples():
+    recording = record()
+    changed = replace(recording, output=recording.output.copy())
+    changed.output[350:] = changed.output[350:][::-1]
+    split = {"discard": 20, "estimation": 300}
+    first, second = (prepare(one, {"box_cox": "auto"}, split) for one in (recording, changed))
+    assert first.transforms.box_cox == second.transforms.box_cox
+    np.testing.assert_array_equal(first.estimation.output, second.estimation.output)
+
+
+def test_validation_recording_passes_through_the_same_transforms():
+    estimation, validation = record(), record(300, seed=1)
+    stationarity = {"box_cox": "auto", "difference": 1}
+    prepared = prepare(estimation, stationarity, {"discard": 30}, validation_recording=validation)
+    assert not prepared.contiguous
+    assert prepared.estimation.samples == 400 - 1 - 30
+    assert prepared.validation.samples == 300 - 1 - 30
+    np.testing.assert_allclose(
+        invert_output(prepared.transforms, prepared.validation.output, "validation"),
+        validation.output[30:],
+        atol=1e-8,
+    )
+    np.testing.assert_allclose(
+        invert_output(prepared.transforms, prepared.estimation.output),
+        estimation.output[30:],
+        atol=1e-8,
+    )
+    alone = prepare(estimation, stationarity, {"estimation": 1.0}, validation_recording=validation)
+    assert alone.estimation.samples == 399
+    part = prepare(estimation, PLAIN, {"estimation": 0.5}, validation_recording=validation)
+    assert (part.estimation.samples, part.validation.samples) == (200, 300)
+
+
+def test_resampling_comes_first_and_is_recorded():
+    prepared = prepare(record(rate=125.0), PLAIN, {"estimation": 0.5}, resample=100.0)
+    assert prepared.transforms.sampling_rate == prepared.estimation.sampling_rate == 100.0
+    assert prepared.transforms.resampled_from == 125.0
+    assert prepared.estimation.samples + prepared.validation.samples == 320
+    same = prepare(record(), PLAIN, {"estimation": 0.5}, resample=100.0)
+    assert same.transforms.resampled_from is None
+
+
+@pytest.mark.parametrize("validation", [None, record(seed=2)])
+def test_prepared_data_survive_their_files(tmp_path, validation):
+    prepared = prepare(
+        record(),
+        {"box_cox": "auto", "difference": 2, "difference_input": 1},
+        {"discard": 10},
+        validation_recording=validation,
+    )
+    names = tmp_path / "prepared.npz", tmp_path / "transforms.json"
+    save_prepared(prepared, *names)
+    loaded = load_prepared(*names)
+    assert loaded.transforms == prepared.transforms
+    assert loaded.contiguous == prepared.contiguous
+    for part in ("estimation", "validation"):
+        before, after = getattr(prepared, part), getattr(loaded, part)
+        assert after.output.tobytes() == before.output.tobytes()
+        assert after.input.tobytes() == before.input.tobytes()
+        assert (after.sampling_rate, after.output_unit) == (before.sampling_rate, "m/s2")
+    names[1].write_text("{}")
+    with pytest.raises(InputError, match="transforms"):
+        load_prepared(*names)
+
+
+@pytest.mark.parametrize(
+    ("split", "key", "problem"),
+    [
+        ({"estimation": 400}, "estimation", "none remain to validate on"),
+        ({"estimation": 401}, "estimation", "401 samples are asked for and 400 remain"),
+        ({"estimation": 1.0}, "estimation", "neither a number of samples nor a share"),
+        ({"estimation": 0}, "estimation", "0 is neither"),
+        ({"estimation": -0.2}, "estimation", "neither"),
+        ({"estimation": True}, "estimation", "neither"),
+        ({"estimation": "most"}, "estimation", "'most' is neither"),
+        ({"discard": 400}, "discard", "there are only 400"),
+        ({"discard": 1.0}, "discard", "neither"),
+        ({"discard": -1}, "discard", "neither"),
+        ({"discard": 395, "estimation": 10}, "estimation", "10 samples are asked for and 5 remain"),
+    ],
+)
+def test_splits_that_do_not_fit_name_their_key(split, key, problem):
+    with pytest.raises(InputError, match=problem) as caught:
+        prepare(record(), PLAIN, split, dataset="arm")
+    assert caught.value.source == f"datasets: arm: split: {key}"
+
+
+@pytest.mark.parametrize(
+    ("stationarity", "key", "problem"),
+    [
+        ({"box_cox": "yes"}, ": stationarity: box_cox", "not a Box-Cox parameter"),
+        ({"difference": -1}, ": stationarity: difference", "not a number of differences"),
+        ({"difference": 1.5}, ": stationarity: difference", "not a number of differences"),
+        ({"difference": 400}, ": split", "leave no sample"),
+    ],
+)
+def test_stationarity_that_does_not_fit_names_its_key(stationarity, key, problem):
+    with pytest.raises(InputError, match=problem) as caught:
+        prepare(record(), stationarity, {}, dataset="arm")
+    assert caught.value.source == f"datasets: arm{key}"
+
+
+def test_differences_that_leave_nothing_and_rates_that_differ():
+    line = replace(record(), output=np.arange(400.0))
+    with pytest.raises(InputError, match="nothing to identify"):
+        prepare(line, {"difference": 1}, {})
+    with pytest.raises(InputError, match="sampled at 50 Hz"):
+        prepare(record(), PLAIN, {}, validation_recording=record(rate=50.0))

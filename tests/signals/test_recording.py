@@ -1,0 +1,95 @@
+from __future__ import annotations
+
+import os
+import time
+
+import numpy as np
+import pytest
+
+from evopem.errors import InputError
+from evopem.signals.recording import Recording, check_recording, load_recording, save_recording
+from evopem.signals.storage import load_arrays
+
+
+def record(samples: int = 20, **changes) -> Recording:
+    generator = np.random.default_rng(0)
+    fields = {
+        "input": generator.standard_normal(samples),
+        "output": generator.standard_normal(samples),
+        "sampling_rate": 100.0 / 3.0,
+        "input_name": "Drehmoment µ",
+        "output_unit": "m/s²",
+    }
+    return Recording(**(fields | changes))
+
+
+def test_a_recording_survives_its_file_bit_by_bit(tmp_path):
+    recording = record()
+    save_recording(recording, tmp_path / "deep" / "recording.npz")
+    loaded = load_recording(tmp_path / "deep" / "recording.npz")
+    assert loaded.input.tobytes() == recording.input.tobytes()
+    assert loaded.output.tobytes() == recording.output.tobytes()
+    assert loaded.sampling_rate == recording.sampling_rate
+    for field in ("input_name", "output_name", "input_unit", "output_unit"):
+        assert getattr(loaded, field) == getattr(recording, field)
+
+
+def test_equal_recordings_give_equal_bytes(tmp_path, monkeypatch):
+    save_recording(record(), tmp_path / "a.npz")
+    later = time.time() + 10_000
+    monkeypatch.setattr(time, "time", lambda: later)
+    save_recording(record(), tmp_path / "b.npz")
+    assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
+
+
+def test_a_failed_write_leaves_the_old_file_alone(tmp_path, monkeypatch):
+    path = tmp_path / "recording.npz"
+    save_recording(record(), path)
+    before = path.read_bytes()
+
+    def fail(file, **arrays):
+        file.write(b"half")
+        raise OSError("disk full")
+
+    monkeypatch.setattr(np, "savez", fail)
+    with pytest.raises(OSError, match="disk full"):
+        save_recording(record(30), path)
+    assert path.read_bytes() == before
+    assert os.listdir(tmp_path) == ["recording.npz"]  # noqa: PTH208
+
+
+def test_missing_damaged_and_foreign_files_are_refused(tmp_path):
+    path = tmp_path / "recording.npz"
+    with pytest.raises(InputError, match="no such file"):
+        load_recording(path)
+    save_recording(record(), path)
+    whole = path.read_bytes()
+    for length in (0, 1, 50, len(whole) // 2, len(whole) - 1):
+        path.write_bytes(whole[:length])
+        with pytest.raises(InputError, match="not a readable array file"):
+            load_recording(path)
+    np.savez(path, input=np.ones(3))
+    with pytest.raises(InputError, match="output"):
+        load_recording(path)
+    np.savez(path, allow_pickle=True, a=np.array([object()], dtype=object))
+    with pytest.raises(InputError):
+        load_arrays(path, ("a",))
+
+
+@pytest.mark.parametrize(
+    ("changes", "expected"),
+    [
+        ({"input": np.ones((20, 2))}, "2 dimensions"),
+        ({"input": np.arange(19.0)}, "the input has 19 samples and the output 20"),
+        ({"output": np.full(20, 3.5)}, 'output "output": every sample is 3.5'),
+        ({"input": np.where(np.arange(20) == 4, np.inf, 1.0)}, "sample 5: the value is inf"),
+        ({"sampling_rate": 0.0}, "sampling rate is 0.0 Hz"),
+        ({"sampling_rate": float("nan")}, "sampling rate is nan Hz"),
+        ({"input": np.arange(3.0), "output": np.arange(3.0)}, "only 3 samples"),
+    ],
+)
+def test_what_cannot_be_identified_is_refused(changes, expected):
+    check_recording(record(), "file.csv")
+    with pytest.raises(InputError, match=expected) as caught:
+        check_recording(record(**changes), "file.csv")
+    assert str(caught.value).startswith("file.csv")
