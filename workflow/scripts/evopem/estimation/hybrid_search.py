@@ -60,7 +60,8 @@ class SearchSettings:
     evaluations : int
         Evaluations after which no new generation starts; a gradient counts as one more.
     agreement : int
-        Independent populations that must end at the same best value for the search to stop early.
+        Independent populations that must end at the same best value, and be at least half of
+        all, for the search to stop early.
     """
 
     mu: int = 15
@@ -150,7 +151,8 @@ def hybrid_search(
             best_point, best_value = point[0].copy(), float(value[0])
         convergence.append((spent, best_value))
         ends.append(min(float(value[0]), float(values[0])))
-        if sum(_same(end, best_value) for end in ends) >= settings.agreement:
+        agreeing = sum(_same(end, best_value) for end in ends)
+        if agreeing >= settings.agreement and 2 * agreeing >= len(ends):
             break
     assert best_point is not None
     return SearchResult(

@@ -393,8 +393,9 @@ def gauss_newton(  # type: ignore[no-untyped-def]
 ):
     """Upper block triangle of ``sum_t J_t J_t'`` over ``first <= t < last``.
 
-    ``J = [y_F(t-i), -u_F(t-nk-j), -e_F(t-k)]``, with respect to ``[a, b, c]``, signals filtered through 1/C (Ljung 1999,
-    section 10.3).  ``matrix`` is (n, n, LANES); blocks below the diagonal are left alone.
+    ``J = [y_F(t-i), -u_F(t-nk-j), -e_F(t-k)]``, with respect to ``[a, b, c]``, of signals filtered
+    through 1/C (Ljung 1999, section 10.3).  ``matrix`` is (n, n, LANES); blocks below the
+    diagonal are left alone.
     ``first`` must exceed ``start`` by at least ``max(na, nb + nk, nc)`` or so that all lags exist.
     """
     c = na + nb

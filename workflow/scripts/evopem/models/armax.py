@@ -134,17 +134,18 @@ class ArmaxModel:
         Parameters
         ----------
         input : (N,) array
-        initial : (na,) array, optional
-            Free response added: state of the delay line of ``1/A`` in the transposed direct form,
-            as :func:`evopem.models.initial.estimate_initial_state` returns it.  Rest by default.
+        initial : (max(na, nk + nb - 1),) array, optional
+            State before the first sample, as
+            :func:`evopem.models.initial.estimate_initial_state` returns it.  Rest by default.
         """
         from scipy.signal import lfilter
 
         u = np.asarray(input, dtype=float)
-        simulated: Array = lfilter(self.delayed_b, self.a, u)
-        if initial is not None:
+        if initial is None:
+            simulated: Array = lfilter(self.delayed_b, self.a, u)
+        else:
             state = np.asarray(initial, dtype=float)
-            simulated = simulated + lfilter([1.0], self.a, np.zeros(len(u)), zi=state)[0]
+            simulated = lfilter(self.delayed_b, self.a, u, zi=state)[0]
         return simulated
 
     def frequency_response(self, frequencies: ArrayLike) -> NDArray[np.complex128]:

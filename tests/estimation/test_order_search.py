@@ -1,0 +1,88 @@
+"""The three-phase order search on truths that are known."""
+
+import numpy as np
+import pytest
+
+from evopem.errors import InputError
+from evopem.estimation.order_search import (
+    estimate_candidates,
+    recall,
+    select_delay,
+    select_order,
+)
+from evopem.signals.recording import Recording
+from evopem.synthesis.armax import armax
+
+SEARCH = {
+    "objective": "quadratic",
+    "mu": 15,
+    "lambda": 100,
+    "nu": 10,
+    "mutate": "worst",
+    "seed": 1,
+    "evaluations": 8000,
+    "max_root_radius": 0.9999,
+    "burn_in": 100,
+}
+
+
+@pytest.fixture(scope="module")
+def record():
+    return armax(seed=3, samples=4500)[0]
+
+
+def test_the_delay_is_found(record):
+    orders = [(k, k, k, nk) for k in (6, 7) for nk in range(5)]
+    selected, reason = select_delay(estimate_candidates(record, orders, "delay", SEARCH, 118))
+    assert selected["nk"] == 3
+    assert "delay of 3 samples" in reason
+
+
+def test_the_true_orders_are_found(record):
+    """Phases c and b from the true common order, near the truth."""
+    phase_c = estimate_candidates(record, [(7, 7, k, 3) for k in range(5, 10)], "c", SEARCH, 118)
+    selected, reason = select_order(phase_c)
+    assert selected == {"na": 7, "nb": 7, "nc": 7, "nk": 3}
+    assert "ARMAX(7,7,7,3) has the smallest BIC" in reason
+    phase_b = estimate_candidates(record, [(7, k, 7, 3) for k in range(4, 9)], "b", SEARCH, 118)
+    assert select_order(phase_b)[0] == {"na": 7, "nb": 6, "nc": 7, "nk": 3}
+
+
+def test_parts_of_a_sweep_give_the_bits_of_the_whole(record):
+    short = Recording(record.input[:600], record.output[:600], 100.0)
+    orders = [(2, 2, k, 3) for k in range(1, 5)]
+    whole = estimate_candidates(short, orders, "c", SEARCH, 110)
+    parts = [estimate_candidates(short, orders[i::2], "c", SEARCH, 110) for i in (1, 0)]
+    parts_in_order = [parts[1][0], parts[0][0], parts[1][1], parts[0][1]]
+    for one, other in zip(whole, parts_in_order, strict=True):
+        assert {**one, "seconds": 0} == {**other, "seconds": 0}
+
+
+def test_a_recalled_estimate_is_the_estimate(record):
+    short = Recording(record.input[:600], record.output[:600], 100.0)
+    (candidate,) = estimate_candidates(short, [(2, 2, 2, 3)], "b", SEARCH, 110)
+    again = recall(candidate, short, SEARCH, 110)
+    assert again.bic == candidate["bic"]
+    assert again.rss == candidate["rss"]
+    assert again.model.a.tolist() == candidate["a"]
+    assert np.isfinite(again.model.covariance).all()
+
+
+def test_a_record_too_short_for_an_order_is_refused_in_a_sentence(record):
+    short = Recording(record.input[:120], record.output[:120], 100.0)
+    with pytest.raises(InputError, match=r"ARMAX\(7,7,7,3\) has 21 parameters"):
+        estimate_candidates(short, [(7, 7, 7, 3)], "b", SEARCH, 110)
+
+
+def test_select_delay_weighs_the_mean_over_the_orders():
+    candidates = [
+        {"na": k, "nb": k, "nc": k, "nk": nk, "bic": bic}
+        for nk, values in ((0, (1.0, -2.0)), (1, (-1.0, -1.5)), (2, (-0.9, -1.4)))
+        for k, bic in zip((6, 7), values, strict=True)
+    ]
+    assert select_delay(candidates)[0] == {"na": 7, "nb": 7, "nc": 7, "nk": 1}
+
+
+def test_select_order_prefers_the_smaller_of_equals():
+    candidates = [{"na": 2, "nb": k, "nc": 2, "nk": 0, "bic": 1.0} for k in (5, 3, 4)]
+    assert select_order(candidates)[0]["nb"] == 3

@@ -1,0 +1,114 @@
+"""The model class against brute force, scipy and python-control."""
+
+import numpy as np
+import pytest
+
+from evopem.models.armax import ArmaxModel, Orders
+from evopem.models.initial import estimate_initial_state, state_dimension
+from evopem.synthesis.armax import true_model
+
+
+@pytest.fixture
+def model():
+    return ArmaxModel(
+        a=np.array([1.0, -1.2, 0.8]),
+        b=np.array([0.5, -0.3, 0.1]),
+        c=np.array([1.0, 0.4]),
+        nk=2,
+        sampling_rate=50.0,
+        noise_variance=1.0,
+    )
+
+
+def brute_force_residuals(model, u, y):
+    """The difference equation, term by term."""
+    o = model.orders
+    e = np.zeros(len(y))
+    for t in range(o.first_residual, len(y)):
+        e[t] = sum(model.a[i] * y[t - i] for i in range(o.na + 1))
+        e[t] -= sum(model.b[j] * u[t - o.nk - j] for j in range(o.nb))
+        e[t] -= sum(model.c[k] * e[t - k] for k in range(1, o.nc + 1))
+    return e
+
+
+def test_residuals_follow_the_difference_equation(model):
+    rng = np.random.default_rng(1)
+    u, y = rng.standard_normal((2, 60))
+    t0 = model.orders.first_residual
+    residuals = model.residuals(u, y)
+    assert t0 == 4
+    assert np.isnan(residuals[:t0]).all()
+    np.testing.assert_allclose(
+        residuals[t0:], brute_force_residuals(model, u, y)[t0:], rtol=1e-12, atol=1e-12
+    )
+
+
+def test_prediction_and_residual_add_up_to_the_output(model):
+    rng = np.random.default_rng(2)
+    u, y = rng.standard_normal((2, 60))
+    known = slice(model.orders.first_residual, None)
+    total = model.predict(u, y) + model.residuals(u, y)
+    np.testing.assert_allclose(total[known], y[known], rtol=1e-12)
+
+
+def test_innovations_come_back_as_residuals():
+    from scipy.signal import lfilter
+
+    model = true_model()
+    rng = np.random.default_rng(3)
+    u, e = rng.standard_normal((2, 4000))
+    y = model.simulate(u) + lfilter(model.c, model.a, e)
+    # The unknown past innovations are forgotten as the largest root of C, 0.90, decays.
+    np.testing.assert_allclose(model.residuals(u, y)[500:], e[500:], atol=1e-8)
+
+
+def test_simulation_and_response_agree_with_control(model):
+    control = pytest.importorskip("control")
+    u = np.random.default_rng(4).standard_normal(80)
+    theirs = control.forced_response(model.to_control(), inputs=u).outputs
+    np.testing.assert_allclose(model.simulate(u), theirs, atol=1e-10)
+    frequencies = np.array([0.0, 3.0, 11.0, 24.0])
+    evaluated = model.to_control()(np.exp(2j * np.pi * frequencies / 50.0))
+    np.testing.assert_allclose(model.frequency_response(frequencies), evaluated, rtol=1e-10)
+
+
+def test_scipy_system_has_the_same_impulse_response(model):
+    from scipy.signal import BadCoefficients, dlsim
+
+    impulse = np.zeros(30)
+    impulse[0] = 1.0
+    # SciPy warns of the leading zeros, which are the delay.
+    with pytest.warns(BadCoefficients):
+        theirs = dlsim(model.to_scipy(), impulse)[1]
+    np.testing.assert_allclose(model.simulate(impulse), theirs[:, 0], atol=1e-12)
+
+
+def test_a_simulation_goes_on_from_an_estimated_state():
+    """A stretch cut from the middle of a noise-free record is reproduced from its first sample."""
+    model = true_model()
+    u = np.random.default_rng(5).standard_normal(1200)
+    y = model.simulate(u)
+    state = estimate_initial_state(model, u[700:], y[700:])
+    assert state.shape == (state_dimension(model),) == (8,)
+    np.testing.assert_allclose(model.simulate(u[700:], state), y[700:], atol=1e-6)
+
+
+def test_arguments_stay_as_they_were(model):
+    u, y = np.random.default_rng(6).standard_normal((2, 50))
+    before = u.copy(), y.copy()
+    model.residuals(u, y)
+    model.simulate(u)
+    estimate_initial_state(model, u, y)
+    np.testing.assert_array_equal(u, before[0])
+    np.testing.assert_array_equal(y, before[1])
+
+
+def test_zeros_do_not_count_the_delay():
+    model = true_model()
+    assert sorted(np.round(model.zeros().real, 6)) == [-0.2, -0.2, 0.7, 0.7, 0.99]
+    assert model.orders == Orders(7, 6, 7, 3)
+
+
+def test_orders_refuse_what_no_model_has():
+    with pytest.raises(ValueError, match="nb of at least 1"):
+        Orders(2, 0, 1, 0)
