@@ -16,6 +16,7 @@ SCRIPTS = Path(__file__).parents[2] / "workflow" / "scripts"
 def scripts(tmp_path):
     package = tmp_path / "evopem"
     (package / "signals").mkdir(parents=True)
+    (package / "formats").mkdir()
     for name, text in {
         "one.py": "from evopem.signals.a import x\n",
         "evopem/__init__.py": "",
@@ -23,6 +24,7 @@ def scripts(tmp_path):
         "evopem/signals/a.py": "def x():\n    from .b import y\n    return y\n",
         "evopem/signals/b.py": "import evopem.errors\ny = 1\n",
         "evopem/signals/c.py": "z = 1\n",
+        "evopem/formats/text.py": "read = 1\n",
         "evopem/errors.py": (
             "from typing import TYPE_CHECKING\n"
             "if TYPE_CHECKING:\n    from evopem.signals.c import z\n"
@@ -56,6 +58,11 @@ def test_imports_are_followed_into_functions_and_not_into_type_checking(scripts)
     ]
 
 
+def test_modules_whose_names_are_put_together_are_found(scripts):
+    (scripts / "two.py").write_text("import_module(f'evopem.formats.{name}')\n")
+    assert imported_modules(scripts / "two.py") == ["evopem/formats/text.py"]
+
+
 @pytest.mark.parametrize("name", ["one.py", "evopem/signals/b.py", "evopem/errors.py"])
 def test_code_that_is_used_counts(scripts, name):
     before = version(scripts)
@@ -80,6 +87,8 @@ def test_templates_count(scripts):
 
 def test_scripts_reach_their_part_of_the_package_and_no_more():
     reached = {script.stem: imported_modules(script) for script in SCRIPTS.glob("*.py")}
+    assert "evopem/signals/formats/matlab.py" in reached["read_recording"]
+    assert "evopem/signals/formats/matlab.py" not in reached["prepare_signals"]
     assert "evopem/estimation/order_search.py" in reached["fit_candidates"]
     assert "evopem/signals/spectrum.py" in reached["estimate_spectrum"]
     for early in ("read_recording", "prepare_signals", "estimate_spectrum", "fit_candidates"):
@@ -87,6 +96,7 @@ def test_scripts_reach_their_part_of_the_package_and_no_more():
         assert later == [], early
     assert not [name for name in reached["prepare_signals"] if "/estimation/" in name]
     assert "evopem/signals/spectrum.py" not in reached["fit_candidates"]
+    assert "evopem/configuration/completion.py" not in reached["fit_candidates"]
 
 
 def test_scripts_name_submodules_and_not_the_package():
@@ -97,7 +107,10 @@ def test_scripts_name_submodules_and_not_the_package():
 
 
 def test_a_snakefile_can_import_the_configuration_without_numpy():
-    command = "import evopem.configuration, sys; print('numpy' in sys.modules)"
+    command = (
+        "import sys; import evopem.configuration.code, evopem.configuration.completion,"
+        " evopem.configuration.grids; print('numpy' in sys.modules)"
+    )
     run = subprocess.run(
         [sys.executable, "-c", command],
         env=os.environ | {"PYTHONPATH": str(SCRIPTS)},

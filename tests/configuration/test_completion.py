@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from evopem.configuration import check_yaml_files, complete
+from evopem.configuration.checking import check_yaml_files
+from evopem.configuration.completion import complete
 from evopem.errors import InputError
 
 SCHEMA = Path(__file__).parents[2] / "workflow" / "schemas" / "config.schema.yaml"

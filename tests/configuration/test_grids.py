@@ -7,10 +7,10 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from evopem.configuration import (
+from evopem.configuration.completion import complete
+from evopem.configuration.grids import (
     PHASES,
     candidate_orders,
-    complete,
     part_count,
     previous_phase,
     scoring_start,

@@ -10,13 +10,16 @@ WORKFLOW = Path(str(workflow.current_basedir)).parent
 SCRIPTS = WORKFLOW / "scripts"
 sys.path.insert(0, str(SCRIPTS))
 
-from evopem import configuration
+from evopem.configuration import grids
+from evopem.configuration.checking import check_yaml_files
+from evopem.configuration.code import code_version
+from evopem.configuration.completion import complete
 from evopem.errors import InputError
 
 CONFIG_FILES = ["config.yaml", *workflow.overwrite_configfiles]
 
 try:
-    configuration.check_yaml_files(CONFIG_FILES)
+    check_yaml_files(CONFIG_FILES)
 except InputError as error:
     raise WorkflowError(str(error)) from None
 
@@ -25,7 +28,7 @@ configfile: "config.yaml"
 
 
 try:
-    CONFIG = configuration.complete(
+    CONFIG = complete(
         config,
         WORKFLOW / "schemas" / "config.schema.yaml",
         source=", ".join(map(str, CONFIG_FILES[1:] or CONFIG_FILES)),
@@ -92,7 +95,7 @@ def recordings_of(wildcards):
 
 def code(script, *templates):
     """A digest of a script and of all code behind it: a rule reruns when it changes."""
-    return configuration.code_version(SCRIPTS / f"{script}.py", templates)
+    return code_version(SCRIPTS / f"{script}.py", templates)
 
 
 def parts_of(wildcards):
@@ -104,9 +107,7 @@ def parts_of(wildcards):
 
 def part_count(dataset, phase):
     """The number of jobs of one phase."""
-    return configuration.part_count(
-        phase, DATASETS[dataset], CONFIG["candidates_per_job"]
-    )
+    return grids.part_count(phase, DATASETS[dataset], CONFIG["candidates_per_job"])
 
 
 def candidate_grid(wildcards):
@@ -121,8 +122,8 @@ def earlier_choice(wildcards):
     """What a phase must wait for: its predecessor's choice, and the peaks where they count."""
     folder = f"results/{wildcards.dataset}"
     inputs = {}
-    if wildcards.phase != configuration.PHASES[0]:
-        previous = configuration.previous_phase(wildcards.phase)
+    if wildcards.phase != grids.PHASES[0]:
+        previous = grids.previous_phase(wildcards.phase)
         inputs["previous"] = f"{folder}/phases/{previous}.json"
     if candidate_grid(wildcards) == {"orders": {"common": "auto"}}:
         inputs["spectrum"] = f"{folder}/spectrum.json"
@@ -163,5 +164,5 @@ def results_of(dataset):
 
 wildcard_constraints:
     dataset=one_of(DATASETS),
-    phase=one_of(configuration.PHASES),
+    phase=one_of(grids.PHASES),
     part=r"\d+",

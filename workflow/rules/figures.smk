@@ -11,9 +11,7 @@ rule draw_figures:
         transforms="results/{dataset}/transforms.json",
         spectrum="results/{dataset}/spectrum.csv",
         peaks="results/{dataset}/spectrum.json",
-        phases=expand(
-            "results/{{dataset}}/phases/{phase}.json", phase=configuration.PHASES
-        ),
+        phases=expand("results/{{dataset}}/phases/{phase}.json", phase=grids.PHASES),
         candidates="results/{dataset}/candidates.csv",
         model="results/{dataset}/model.json",
         frequency_response="results/{dataset}/frequency_response.csv",

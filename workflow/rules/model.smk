@@ -35,9 +35,7 @@ rule complete_model:
         mem_mb=1000,
         runtime=20,
     params:
-        scoring_start=lambda wildcards: configuration.scoring_start(
-            DATASETS[wildcards.dataset]
-        ),
+        scoring_start=lambda wildcards: grids.scoring_start(DATASETS[wildcards.dataset]),
         search=lambda wildcards: DATASETS[wildcards.dataset]["search"],
         code=code("complete_model"),
     script:
@@ -47,9 +45,7 @@ rule complete_model:
 rule tabulate_candidates:
     """List every candidate of every phase in one table."""
     input:
-        phases=expand(
-            "results/{{dataset}}/phases/{phase}.json", phase=configuration.PHASES
-        ),
+        phases=expand("results/{{dataset}}/phases/{phase}.json", phase=grids.PHASES),
     output:
         candidates=report(
             "results/{dataset}/candidates.csv",

@@ -22,9 +22,7 @@ rule fit_candidates:
     params:
         grid=candidate_grid,
         parts=lambda wildcards: part_count(wildcards.dataset, wildcards.phase),
-        scoring_start=lambda wildcards: configuration.scoring_start(
-            DATASETS[wildcards.dataset]
-        ),
+        scoring_start=lambda wildcards: grids.scoring_start(DATASETS[wildcards.dataset]),
         search=lambda wildcards: DATASETS[wildcards.dataset]["search"],
         code=code("fit_candidates"),
     script:

@@ -10,9 +10,7 @@ rule write_report:
         transforms="results/{dataset}/transforms.json",
         spectrum="results/{dataset}/spectrum.json",
         candidates="results/{dataset}/candidates.csv",
-        phases=expand(
-            "results/{{dataset}}/phases/{phase}.json", phase=configuration.PHASES
-        ),
+        phases=expand("results/{{dataset}}/phases/{phase}.json", phase=grids.PHASES),
         model="results/{dataset}/model.json",
         validation="results/{dataset}/validation.json",
         figures=[f"results/{{dataset}}/figures/{figure}.svg" for figure in FIGURES],

@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from evopem.configuration import candidate_orders
+from evopem.configuration.grids import candidate_orders
 from evopem.console import job
 from evopem.estimation.order_search import estimate_candidates
 from evopem.models.armax import Orders

@@ -3,8 +3,7 @@
 from typing import TYPE_CHECKING, Any
 
 from evopem.console import job
-from evopem.signals.origin import origin_of
-from evopem.signals.reading import read_recording
+from evopem.signals.reading import describe_source, read_recording
 from evopem.signals.recording import save_recording
 from evopem.writing import write_json
 
@@ -15,8 +14,8 @@ if TYPE_CHECKING:
 def main(file: str, channels: dict[str, Any], recording_file: str, origin_file: str) -> None:
     recording = read_recording(file, **channels)
     save_recording(recording, recording_file)
-    names = (channels["input"], channels["output"])
-    write_json(origin_file, origin_of(recording, file, "file", names))
+    origin = describe_source(file, recording, channels["input"], channels["output"])
+    write_json(origin_file, origin)
 
 
 if __name__ == "__main__":

@@ -100,7 +100,8 @@ def _names(node: ast.AST, file: Path, root: Path) -> Iterator[str]:
         and isinstance(node.value, str)
         and node.value.startswith(f"{_PACKAGE}.")
     ):
-        # A lazily imported name is given as text in the `__init__` of its package.
+        # A module imported by `importlib` is named as text, or, where a part of its name is
+        # known only when it runs, the text before that: `evopem.signals.formats.`.
         yield node.value
 
 
@@ -110,6 +111,9 @@ def _files(name: str, root: Path) -> Iterator[Path]:
     if first != _PACKAGE:
         return
     path = Path(_PACKAGE)
+    if name.endswith("."):
+        steps.pop()
+        yield from (file.relative_to(root) for file in (root / path).joinpath(*steps).glob("*.py"))
     for step in steps:
         path /= step
         for file in (path.with_suffix(".py"), path / "__init__.py"):
