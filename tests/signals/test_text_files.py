@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from evopem.errors import InputError
 from evopem.signals.reading import read_recording
@@ -196,6 +199,17 @@ def test_a_constant_channel_and_a_short_record(tmp_path):
     text = "".join(f"{u!r},7\n" for u in U.tolist())
     assert 'output "output": every sample is 7' in refusal(write(tmp_path, text))
     assert "only 3 samples" in refusal(write(tmp_path, "1,2\n3,4\n5,7\n"))
+
+
+@settings(
+    max_examples=400, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(text=st.text(alphabet="0123456789.,;:\t -+eEdDT\"'\n\r#%_naif", max_size=200))
+def test_no_text_ends_in_a_traceback(tmp_path, text):
+    path = write(tmp_path, text)
+    for references in ((1, 2), ("a", 1)):
+        with contextlib.suppress(InputError):
+            read_recording(path, *references, time=3)
 
 
 def test_a_long_table_keeps_every_digit(tmp_path):

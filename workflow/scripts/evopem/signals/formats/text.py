@@ -269,11 +269,6 @@ def _values(
     if not finite.all():
         first = int(np.argmin(finite))
         _refuse_field(path, fields[first], rows[first][0], column)
-    if dialect.decimal == "." and not any("." in f or "e" in f or "E" in f for f in fields[:1000]):
-        whole = values.astype(np.int64)
-        # Whole numbers stay whole: time stamps may be counts of milliseconds.
-        if np.array_equal(whole, values):
-            return whole
     return values
 
 
