@@ -175,27 +175,54 @@ def test_spectrum_reading_counts_the_peaks():
     summary = {"time_halfbandwidth": 4, "tapers": 7, "nfft": 8192, "resolution_hz": 0.22}
     peaks = [{"frequency_hz": f, "prominence_db": 20.0} for f in (2.0, 5.0, 36.0)]
     (text,) = readings.spectrum(contents(spectrum=summary | {"peaks": peaks}))
-    assert f"3 peaks stand out, at 2{THIN}Hz" in text
+    assert f"3 peaks stand out, at 2{THIN}Hz, 5{THIN}Hz and 36{THIN}Hz, 20{THIN}dB" in text
     assert "na is at least 6" in text
     (text,) = readings.spectrum(contents(spectrum=summary | {"peaks": []}))
     assert "No peak stands out" in text
 
 
-def test_delay_reading_compares_the_two_best():
-    rows = [("delay", k, nk, bic) for k in (6, 7) for nk, bic in ((0, -1.0), (1, -3.0), (2, -2.5))]
+def test_delay_reading_compares_the_deviations_between_orders():
+    rows = [
+        ("delay", k, nk, bic * k) for k in (6, 7) for nk, bic in ((0, -1.0), (1, -0.25), (2, -2.5))
+    ]
     table = pd.DataFrame(rows, columns=["phase", "na", "nk", "bic"])
     (text,) = readings.delay(
         contents(
             candidates=table,
-            phases={"delay": {"reason": "It is the best"}},
+            phases={"delay": {"reason": "It is best (-3.1)", "selected": {"nk": 1}}},
             truth={"delay_samples": 2},
             model={"orders": {"nk": 1}},
         )
     )
-    assert "delay nk = 1 has the smallest mean BIC, −3.0000" in text
-    assert "nk = 2, has −2.5000" in text
-    assert "It is the best." in text
-    assert "missed by 1" in text
+    assert text.startswith("It is best (−3.1).")
+    assert "Over the orders 6 to 7 the BIC of nk = 1 varies by 0.25" in text
+    assert "that of the other delays by 1 to 2.5" in text
+    assert text.endswith("The true delay is 2 samples: missed by 1.")
+
+
+def test_phase_readings_set_rss_beside_the_choice():
+    table = pd.DataFrame(
+        {"phase": "c", "nc": [2, 3, 4], "rss": [2.0, 1.5, 1.25], "bic": [-1.0, -2.0, -1.5]}
+    )
+    paragraphs = readings.phases(
+        contents(candidates=table, phases={"c": {"selected": {"nc": 3}, "reason": "Least BIC."}})
+    )
+    assert paragraphs[0] == (
+        f"The order of C, nc, from 2 to 4: 3, with an RSS of 1.500{THIN}% where the smallest, at 4,"
+        f" is 1.250{THIN}%. Least BIC."
+    )
+
+
+def test_missed_and_spurious_modes_get_a_word():
+    truth = [{"frequency_hz": 2.0, "damping_percent": 1.0}]
+    rows = mode_rows([mode(10.0), mode(30.0, damping=84.0), mode(53.0)], truth, [])
+    given = contents(model={"sampling_rate": 100.0}, transforms=transforms(difference=2))
+    (text,) = readings.modes(given, rows)
+    assert "Mode 3 is damped by more than half" in text
+    assert "Mode 4 lies above half the sampling rate" in text
+    assert f"The true mode at 2{THIN}Hz was not found." in text
+    assert "a factor 0.016 of the gain" in text
+    assert readings.modes(given, mode_rows([mode(10.0)], [], [])) == []
 
 
 @pytest.mark.parametrize(

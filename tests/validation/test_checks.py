@@ -160,6 +160,13 @@ def test_a_missed_peak_is_named(model, spectrum):
     assert "0.4 Hz" in check.statement
 
 
+@pytest.mark.parametrize(("damping", "error"), [(84.0, 0.001), (40.0, 0.2)])
+def test_a_broad_or_uncertain_mode_does_not_pass_for_every_peak(model, spectrum, damping, error):
+    model["modes"][0] |= {"damping_percent": damping, "frequency_se_hz": error}
+    spectrum["peaks"] = [{"frequency_hz": 1.3 * FREQUENCY}]
+    assert verdict(checks(model, spectrum=spectrum), "Every").passed is False
+
+
 def test_a_spectrum_without_peaks_misses_none(model):
     check = verdict(checks(model, spectrum={"peaks": [], "resolution_hz": 0.1}), "Every")
     assert check.passed is True

@@ -108,7 +108,7 @@ def draw_poles_zeros(model: Mapping[str, Any], truth: Mapping[str, Any] | None =
     circle.legend(
         loc="lower left", bbox_to_anchor=(-0.05, 1.0), ncols=2, columnspacing=1.0, borderaxespad=0.1
     )
-    _modes(damping, model.get("modes") or [], truth)
+    _modes(damping, model.get("modes") or [], truth, float(model["sampling_rate"]) / 2)
     return figure
 
 
@@ -185,8 +185,13 @@ def _true_poles(truth: Mapping[str, Any] | None, sampling_rate: float) -> NDArra
     return np.asarray(poles, dtype=complex)
 
 
-def _modes(axes: Axes, modes: Sequence[Mapping[str, Any]], truth: Mapping[str, Any] | None) -> None:
-    """Damping ratio against natural frequency with 95 % intervals."""
+def _modes(
+    axes: Axes,
+    modes: Sequence[Mapping[str, Any]],
+    truth: Mapping[str, Any] | None,
+    nyquist: float,
+) -> None:
+    """Damping ratio against natural frequency with 95 % intervals, up to the Nyquist frequency."""
     axes.set_title("Modes, with 95 % intervals")
     if not modes:
         say_nothing_to_draw(axes, "The model has no oscillating mode.")
@@ -227,7 +232,10 @@ def _modes(axes: Axes, modes: Sequence[Mapping[str, Any]], truth: Mapping[str, A
     axes.margins(x=0.12, y=0.15)
     if damping.min() > 0:
         logarithmic(axes)
-    axes.set_xlim(left=0)
+    axes.set_xlim(0, 1.04 * nyquist)
+    beyond = int(np.sum(frequency > 1.04 * nyquist))
+    if beyond:
+        axes.set_title(f"Modes, with 95 % intervals ({beyond} beyond the frame)")
     axes.set_xlabel("Natural frequency (Hz)")
     axes.set_ylabel("Damping ratio (%)")
 

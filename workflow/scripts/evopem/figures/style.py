@@ -43,6 +43,7 @@ PARAMETERS: Any = {  # matplotlib types its keys as one long Literal
     "svg.hashsalt": "evopem",
     "text.parse_math": False,  # names and units are data: a dollar sign is a dollar sign
     "axes.unicode_minus": True,
+    "axes.formatter.useoffset": False,  # tick labels are the values themselves
     "font.family": "sans-serif",
     "font.sans-serif": ["DejaVu Sans", "Verdana", "Arial", "Helvetica"],
     "font.size": 8.5,

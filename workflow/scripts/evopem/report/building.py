@@ -145,6 +145,7 @@ def _report_values(contents: Contents) -> dict[str, Any]:
         for name, title, read in STORY
     ]
     true_modes = list((truth or {}).get("modes") or [])
+    rows = mode_rows(model.get("modes") or [], true_modes, CHAPTER if contents.is_stand_in else [])
     return {
         "contents": contents,
         "model": model,
@@ -152,9 +153,8 @@ def _report_values(contents: Contents) -> dict[str, Any]:
         "truth": truth,
         "is_stand_in": contents.is_stand_in,
         "chapter_orders": CHAPTER_ORDERS,
-        "modes": mode_rows(
-            model.get("modes") or [], true_modes, CHAPTER if contents.is_stand_in else []
-        ),
+        "modes": rows,
+        "mode_remarks": readings.modes(contents, rows),
         "has_truth": bool(true_modes),
         "polynomials": equations.polynomials(model),
         "difference_equation": equations.difference_equation(model),
@@ -188,7 +188,7 @@ def _provenance(contents: Contents) -> list[tuple[str, str]]:
         )
     ]
     if recording.get("sha256"):
-        rows.append(("SHA-256", str(recording["sha256"])))
+        rows.append(("SHA-256 of the record", str(recording["sha256"])))
     if recording.get("bytes"):
         rows.append(("Size", f"{numbers.count(recording['bytes'])} bytes"))
     if not synthetic:

@@ -6,7 +6,8 @@ Each function returns paragraphs.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ import pandas as pd
 from evopem.figures.labels import differences
 from evopem.figures.roots import stabilization
 from evopem.report.contents import Contents
+from evopem.report.modes import ModeRow
 from evopem.report.numbers import (
     THIN,
     count,
@@ -88,11 +90,12 @@ def _steps(transforms: Mapping[str, Any]) -> list[str]:
             steps.append(f"was shifted by {number(transforms['shift'])} to be positive")
         steps.append(f"was Box-Cox transformed with λ = {number(transforms['box_cox'])}")
     if transforms.get("difference"):
-        times = {1: "once", 2: "twice"}.get(
-            transforms["difference"], f"{transforms['difference']} times"
-        )
-        steps.append(f"was differenced {times}")
+        steps.append(f"was differenced {_times(transforms['difference'])}")
     return steps
+
+
+def _times(amount: int) -> str:
+    return {0: "not at all", 1: "once", 2: "twice"}.get(amount, f"{amount} times")
 
 
 def transform_effects(transforms: Mapping[str, Any]) -> list[str]:
@@ -103,22 +106,22 @@ def transform_effects(transforms: Mapping[str, Any]) -> list[str]:
     if surplus > 0:
         at = rate / 50
         power = "" if surplus == 1 else superscript(surplus)
-        factor = abs(2 * math.sin(math.pi * at / rate)) ** surplus
         sentences.append(
-            f"The output was differenced {surplus} time{'s' if surplus > 1 else ''} more than the"
-            f" input. That puts the factor (1 − q⁻¹){power} into B: it multiplies"
-            f" the gain by |2 sin(πf/fs)|{power}, which is {number(factor, 2)} at"
-            f" {hertz(at)} and {2**surplus} at {hertz(rate / 2)}. Part of the high-pass trend of"
-            " the response is made by this step and not by the system, and modes at low"
-            " frequencies are weakened with it, down to being lost in the noise. Setting"
-            " “difference_input” to the same number differences both signals and leaves the"
-            " response as it is."
+            f"The output was differenced {_times(transforms['difference'])}, the input"
+            f" {_times(transforms.get('difference_input') or 0)}. That puts the factor"
+            f" (1 − q⁻¹){power} into B: it multiplies the gain by |2 sin(πf/fs)|{power}, which is"
+            f" {number(difference_gain(transforms, at), 2)} at {hertz(at)} and {2**surplus} at"
+            f" {hertz(rate / 2)}. Part of the high-pass trend of the response is made by this step"
+            " and not by the system, and modes at low frequencies are weakened with it, down to"
+            " being lost in the noise. Setting “difference_input” to the same number differences"
+            " both signals and leaves the response as it is."
         )
     elif surplus < 0:
         sentences.append(
-            f"The input was differenced {-surplus} time{'s' if surplus < -1 else ''} more than the"
-            " output: the response shown is that to the differenced input and holds the"
-            f" corresponding {'integrator' if surplus == -1 else 'integrators'}."
+            f"The input was differenced {_times(transforms['difference_input'])}, the output"
+            f" {_times(transforms.get('difference') or 0)}: the response shown is that to the"
+            " differenced input and holds the corresponding"
+            f" {'integrator' if surplus == -1 else 'integrators'}."
         )
     if is_number(transforms.get("box_cox")) and transforms["box_cox"] != 1:
         sentences.append(
@@ -127,6 +130,46 @@ def transform_effects(transforms: Mapping[str, Any]) -> list[str]:
             " near a straight line over the range of the record."
         )
     return sentences
+
+
+def difference_gain(transforms: Mapping[str, Any], frequency: float) -> float:
+    """Factor |2 sin(πf/fs)|^d on the gain, d the output's differences beyond the input's."""
+    surplus = int(transforms.get("difference") or 0) - int(transforms.get("difference_input") or 0)
+    turn = math.pi * frequency / float(transforms["sampling_rate"])
+    return float(abs(2 * math.sin(turn)) ** surplus)
+
+
+def modes(contents: Contents, rows: Sequence[ModeRow]) -> list[str]:
+    """What the table of modes holds that needs a word."""
+    nyquist = float(contents.model["sampling_rate"]) / 2
+    sentences = []
+    for place, row in enumerate(rows, start=1):
+        mode = row.estimate
+        if mode is None:
+            continue
+        damped = float(mode["damping_percent"]) > 50
+        if damped or float(mode["frequency_hz"]) > nyquist:
+            why = "is damped by more than half" if damped else "lies above half the sampling rate"
+            sentences.append(
+                f"Mode {place} {why}: a fast-decaying pair of poles that shapes the fit and not a"
+                " resonance of the system."
+            )
+    missed = [row.truth for row in rows if row.estimate is None and row.truth is not None]
+    if missed:
+        listed = enumeration([hertz(mode["frequency_hz"]) for mode in missed])
+        text = (
+            f"The true {'mode' if len(missed) == 1 else 'modes'} at {listed}"
+            f" {'was' if len(missed) == 1 else 'were'} not found."
+        )
+        lowest = float(missed[0]["frequency_hz"])
+        factor = difference_gain(contents.transforms, lowest)
+        if factor < 0.1:
+            text += (
+                f" At {hertz(lowest)} differencing the output leaves a factor {number(factor, 2)}"
+                " of the gain, so little of it was left to find."
+            )
+        sentences.append(text)
+    return [" ".join(sentences)] if sentences else []
 
 
 def spectrum(contents: Contents) -> list[str]:
@@ -142,14 +185,12 @@ def spectrum(contents: Contents) -> list[str]:
     if not peaks:
         sentences.append("No peak stands out from what noise makes by chance.")
         return [" ".join(sentences)]
-    listed = [
-        f"{hertz(peak['frequency_hz'])} ({number(peak['prominence_db'], 2)}{THIN}dB)"
-        for peak in peaks
-    ]
+    places = enumeration([hertz(peak["frequency_hz"]) for peak in peaks])
+    heights = enumeration([f"{number(peak['prominence_db'], 2)}{THIN}dB" for peak in peaks])
     sentences.append(
-        f"{plural(len(peaks), 'peak')} {'stands' if len(peaks) == 1 else 'stand'} out, at"
-        f" {enumeration(listed)} above the surrounding valleys. Each needs a pair of complex poles,"
-        f" so the order na is at least {2 * len(peaks)}."
+        f"{plural(len(peaks), 'peak')} {'stands' if len(peaks) == 1 else 'stand'} out, at {places},"
+        f" {heights} above the valleys beside. Each needs a pair of complex poles, so the order na"
+        f" is at least {2 * len(peaks)}."
     )
     return [" ".join(sentences)]
 
@@ -157,55 +198,44 @@ def spectrum(contents: Contents) -> list[str]:
 def delay(contents: Contents) -> list[str]:
     """Criteria of the delays beside each other."""
     tried = contents.candidates[contents.candidates["phase"] == "delay"]
-    sentences = []
-    if not tried.empty:
-        bic = tried.groupby("nk")["bic"].agg(["mean", "min", "max"]).sort_values("mean")
-        best = bic.index[0]
-        text = (
-            f"Over the orders {tried['na'].min()} to {tried['na'].max()}, delay nk = {best} has the"
-            f" smallest mean BIC, {fixed(bic['mean'].iloc[0], 4)}, with a spread of"
-            f" {number(bic['max'].iloc[0] - bic['min'].iloc[0], 2)} between orders"
-        )
-        if len(bic) > 1:
-            text += (
-                f"; the next, nk = {bic.index[1]}, has {fixed(bic['mean'].iloc[1], 4)} with a"
-                f" spread of {number(bic['max'].iloc[1] - bic['min'].iloc[1], 2)}"
-            )
-        sentences.append(f"{text}.")
-    sentences.extend(_choice(contents, "delay"))
-    if contents.truth and is_number(contents.truth.get("delay_samples")):
-        true, chosen = contents.truth["delay_samples"], contents.model["orders"]["nk"]
+    sentences = _choice(contents, "delay")
+    chosen = (contents.phases.get("delay", {}).get("selected") or {}).get("nk")
+    spread = tried.groupby("nk")["bic"].agg(lambda bic: bic.max() - bic.min())
+    if chosen in spread.index and len(spread) > 1:
+        others = spread.drop(chosen)
+        low, high = number(others.min(), 2), number(others.max(), 2)
         sentences.append(
-            f"The true delay is {true} samples: "
-            + ("found." if true == chosen else f"missed by {abs(true - chosen)}.")
+            f"Over the orders {tried['na'].min()} to {tried['na'].max()} the BIC of nk = {chosen}"
+            f" varies by {number(spread[chosen], 2)}, that of the other delays by"
+            f" {low if low == high else f'{low} to {high}'}; the chapter takes small deviations"
+            " between orders for a sign of the right delay."
+        )
+    if contents.truth and is_number(contents.truth.get("delay_samples")):
+        true, found = contents.truth["delay_samples"], contents.model["orders"]["nk"]
+        sentences.append(
+            f"The true delay is {plural(true, 'sample')}: "
+            + ("found." if true == found else f"missed by {abs(true - found)}.")
         )
     return [" ".join(sentences)]
 
 
 def phases(contents: Contents) -> list[str]:
-    """What each of the three phases chose, against its runner-up."""
+    """What each of the three phases chose, and what RSS alone would have chosen."""
     sentences = []
     for phase in ("common", "c", "b"):
         column, words = PHASE_WORDS[phase]
-        tried = contents.candidates[contents.candidates["phase"] == phase]
-        ranked = tried.dropna(subset=["bic"]).sort_values("bic")
+        tried = contents.candidates[contents.candidates["phase"] == phase].dropna(subset=["rss"])
         chosen = contents.phases.get(phase, {}).get("selected")
-        if ranked.empty or not chosen:
+        if tried.empty or not chosen:
             continue
-        value = int(chosen[column])
-        own = ranked[ranked[column] == value].iloc[0]
-        others = ranked[ranked[column] != value]
+        own = tried[tried[column] == int(chosen[column])].iloc[0]
+        least = tried.loc[tried["rss"].idxmin()]
         text = (
-            f"Of the {words} from {tried[column].min()} to {tried[column].max()}, {value} was"
-            f" chosen: BIC {fixed(own['bic'], 4)}, RSS {percent(own['rss'])}"
+            f"The {words}, from {tried[column].min()} to {tried[column].max()}:"
+            f" {int(chosen[column])}, with an RSS of {percent(own['rss'], 4)}"
         )
-        if not others.empty:
-            second = others.iloc[0]
-            gap = second["bic"] - own["bic"]
-            text += (
-                f"; the next best, {int(second[column])}, has a BIC {number(abs(gap), 2)}"
-                f" {'higher' if gap >= 0 else 'lower'}"
-            )
+        if least[column] != own[column]:
+            text += f" where the smallest, at {int(least[column])}, is {percent(least['rss'], 4)}"
         sentences.append(" ".join([f"{text}.", *_choice(contents, phase)]))
     sentences.append(
         "RSS falls with every coefficient and is there for the eye; BIC charges for each and"
@@ -217,6 +247,7 @@ def phases(contents: Contents) -> list[str]:
 def _choice(contents: Contents, phase: str) -> list[str]:
     """The reason on record, as a sentence."""
     reason = str(contents.phases.get(phase, {}).get("reason") or "").strip()
+    reason = re.sub(r"(?<![\w-])-(?=\d)", "−", reason)
     return [reason if reason.endswith(".") else f"{reason}."] if reason else []
 
 
@@ -393,13 +424,22 @@ def search(contents: Contents) -> list[str]:
             f"The chosen model was within 0.1 % of its final objective after"
             f" {count(near[0, 0])} of {count(history[-1, 0])} evaluations."
         )
-    if is_number(chosen.get("agreement")):
+    objective = contents.model.get("objective") or {}
+    if is_number(objective.get("value")):
         sentences.append(
-            f"{percent(100 * chosen['agreement'])} of its local searches ended in the best optimum"
-            + (
-                f", out of {plural(int(chosen['basins']), 'basin')} seen."
-                if is_number(chosen.get("basins"))
-                else "."
-            )
+            f"Its objective, “{objective.get('name')}”, ended at {number(objective['value'], 5)};"
+            f" the fit on the estimation samples is"
+            f" {percent(contents.model.get('fit_percent'), 4)}."
         )
+    if is_number(chosen.get("agreement")):
+        text = (
+            f"{percent(100 * chosen['agreement'])} of its independent populations ended at the same"
+            " best value"
+        )
+        if is_number(chosen.get("basins")):
+            text += (
+                f", while the local searches within them ended at"
+                f" {plural(int(chosen['basins']), 'distinct value')}"
+            )
+        sentences.append(f"{text}.")
     return [" ".join(sentences)]

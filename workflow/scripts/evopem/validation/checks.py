@@ -204,7 +204,7 @@ def spectral_peaks_modelled(model: Mapping[str, Any], spectrum: Mapping[str, Any
             name,
             True,
             f"Each of the {len(peaks)} spectral peaks has a mode within the spectrum's resolution"
-            f" ({resolution:.2g} Hz) or the mode's own bandwidth.",
+            f" ({resolution:.2g} Hz) or the mode's own bandwidth and uncertainty.",
         )
     listed = ", ".join(f"{frequency:.4g} Hz" for frequency in missed)
     return Check(
@@ -217,13 +217,18 @@ def spectral_peaks_modelled(model: Mapping[str, Any], spectrum: Mapping[str, Any
 
 
 def _explains(mode: Mapping[str, Any], frequency: float, resolution: float) -> bool:
-    """Whether a peak lies within a mode's reach: resolution, half-power width or uncertainty."""
+    """Whether a peak lies within a mode's reach: resolution, half-power width or uncertainty.
+
+    A mode damped beyond 1/√2 has no resonance and explains no peak, and no mode's reach goes beyond
+    a tenth of its frequency: a broad or uncertain one must not pass for every peak.
+    """
     centre = float(mode["frequency_hz"])
     damping = abs(float(mode.get("damping_percent") or 0.0)) / 100.0
+    if damping > math.sqrt(0.5):
+        return False
     error = float(mode.get("frequency_se_hz") or 0.0)
-    # A resonance peaks at fn sqrt(1 - 2 ζ²) in displacement and fn / sqrt(1 - 2 ζ²) in
-    # acceleration, both inside the half-power band fn (1 ± ζ) for light damping.
-    return abs(centre - frequency) <= max(resolution, damping * centre, 2.0 * error)
+    own = min(max(damping * centre, 2.0 * error), 0.1 * centre)
+    return abs(centre - frequency) <= max(resolution, own)
 
 
 def no_cancellation(model: Mapping[str, Any]) -> Check:
