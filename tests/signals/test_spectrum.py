@@ -116,6 +116,19 @@ def test_leakage_stays_below_a_spectrum_of_110_db():
     assert level == pytest.approx(2.0 * 1e-10 / RATE, rel=0.2)
 
 
+@pytest.mark.parametrize("scale", [1e-12, 1.0, 1e12])
+def test_signals_without_power_at_some_frequencies(scale):
+    """A beat of the half rate, an impulse and a step: no value is lost to a division by zero."""
+    for signal in (np.resize([1.0, -1.0], 512), np.eye(1, 512, 3)[0], np.repeat([0.0, 1.0], 256)):
+        spectrum = multitaper_spectrum(scale * signal, RATE, 4.0, 1024)
+        assert np.all(np.isfinite(spectrum.density))
+        assert np.all(spectrum.lower <= spectrum.density)
+        assert np.all(spectrum.density <= spectrum.upper)
+        assert all(np.isfinite(peak.prominence_db) for peak in spectral_peaks(spectrum))
+        unscaled = multitaper_spectrum(signal, RATE, 4.0, 1024)
+        np.testing.assert_allclose(spectrum.density, scale**2 * unscaled.density, rtol=1e-6)
+
+
 def test_long_signals_take_bounded_memory():
     import tracemalloc
 

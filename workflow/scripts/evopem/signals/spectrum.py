@@ -373,7 +373,8 @@ class _Layout:
         )
         return cls(
             sequences=sequences,
-            concentrations=np.minimum(concentrations, 1.0),
+            # Rounding may leave a share of 1 or more; something always leaks.
+            concentrations=np.minimum(concentrations, 1.0 - np.finfo(np.float64).eps),
             segments=segments,
             nfft=nfft,
             frequencies=np.asarray(np.fft.rfftfreq(nfft, 1.0 / sampling_rate), np.float64),
@@ -401,7 +402,9 @@ def _adaptive_weights(eigenspectra: Floats, layout: _Layout, flat_density: float
     """Thomson's weights b_k² λ_k, shape (K, F), Percival & Walden (1993, eq. 368a).
 
     A taper counts less wherever its leakage from the rest of the spectrum, at most
-    (1 - λ_k) times the variance, outweighs the density itself.
+    (1 - λ_k) times the variance, outweighs the density itself. The factor S², common to the
+    tapers of one frequency, is left out: it cancels in every use, and would make the weights
+    vanish where there is no power at all.
     """
     kept = layout.concentrations[:, np.newaxis]
     leaked = (1.0 - kept) * flat_density
@@ -409,7 +412,7 @@ def _adaptive_weights(eigenspectra: Floats, layout: _Layout, flat_density: float
         return np.ones_like(eigenspectra)
     density = eigenspectra[:2].mean(axis=0)
     for _ in range(MOST_WEIGHT_ITERATIONS):
-        weights = (density / (kept * density + leaked)) ** 2 * kept
+        weights = kept / (kept * density + leaked) ** 2
         previous, density = density, _average(weights, eigenspectra)
         if np.all(np.abs(density - previous) <= 1e-9 * density):
             break
@@ -470,7 +473,7 @@ def _prominent(averaged: Floats, spectrum: Spectrum, cells: int) -> list[_Hill]:
     from scipy.signal import find_peaks
     from scipy.stats import chi2
 
-    decibels = 10.0 * np.log10(averaged)
+    decibels = 10.0 * np.log10(np.maximum(averaged, np.finfo(np.float64).tiny))
     tops, found = find_peaks(decibels, prominence=0.0, width=0.0, rel_height=0.5)
     left, right = found["left_bases"], found["right_bases"]
     valleys = np.where(averaged[left] > averaged[right], left, right)
