@@ -39,6 +39,7 @@ def test_percentages_and_counts():
     assert numbers.percent(3.5312) == f"3.53{THIN}%"
     assert numbers.percent(97.124) == f"97.1{THIN}%"
     assert numbers.percent(0.0123456) == f"0.0123{THIN}%"
+    assert numbers.percent(3.54e-6) == f"3.54 · 10⁻⁶{THIN}%"
     assert numbers.percent(0) == f"0{THIN}%"
     assert numbers.count(1234567) == f"1{THIN}234{THIN}567"
     assert numbers.fixed(-0.001, 2) == "0.00"
@@ -179,6 +180,10 @@ def test_spectrum_reading_counts_the_peaks():
     assert "na is at least 6" in text
     (text,) = readings.spectrum(contents(spectrum=summary | {"peaks": []}))
     assert "No peak stands out" in text
+    lines = [{"frequency_hz": float(k), "prominence_db": 20.0} for k in range(1, 100)]
+    (text,) = readings.spectrum(contents(spectrum=summary | {"peaks": lines}))
+    assert f"Its 99 peaks stand about 1{THIN}Hz apart" in text
+    assert "at least" not in text
 
 
 def test_delay_reading_compares_the_deviations_between_orders():

@@ -167,6 +167,21 @@ def test_a_broad_or_uncertain_mode_does_not_pass_for_every_peak(model, spectrum,
     assert verdict(checks(model, spectrum=spectrum), "Every").passed is False
 
 
+def test_lines_of_a_periodic_input_are_not_taken_for_modes(model, spectrum):
+    jitter = np.random.default_rng(3).uniform(-0.1, 0.1, 60)
+    spectrum["peaks"] = [{"frequency_hz": k + j} for k, j in enumerate(jitter, start=1)]
+    check = verdict(checks(model, spectrum=spectrum), "Every")
+    assert check.passed is None
+    assert "60 peaks about" in check.statement
+
+
+def test_many_uneven_peaks_are_judged_and_not_all_listed(model, spectrum):
+    spectrum["peaks"] = [{"frequency_hz": 1.3**k} for k in range(1, 16)]
+    check = verdict(checks(model, spectrum=spectrum), "Every")
+    assert check.passed is False
+    assert "and 9 more" in check.statement
+
+
 def test_a_spectrum_without_peaks_misses_none(model):
     check = verdict(checks(model, spectrum={"peaks": [], "resolution_hz": 0.1}), "Every")
     assert check.passed is True

@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
 # Spectra are smooth over the multitaper's bandwidth, so few bins draw them whole.
 BINS = 400
+# Peaks that are given their frequency, the most prominent ones.
+MOST_LABELS = 8
 
 
 def _thinned(table: pd.DataFrame, *columns: str) -> pd.DataFrame:
@@ -103,7 +105,8 @@ def draw_spectrum(
             color=ERROR,
             label="peaks",
         )
-    for peak in peaks:
+    prominent = sorted(peaks, key=lambda peak: -float(peak.get("prominence_db") or 0.0))
+    for peak in prominent[:MOST_LABELS]:
         axes.annotate(
             f"{peak['frequency_hz']:.3g} Hz",
             (peak["frequency_hz"], peak["density"]),

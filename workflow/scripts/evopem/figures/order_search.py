@@ -18,6 +18,7 @@ from evopem.figures.style import (
     PAPER,
     logarithmic,
     new_figure,
+    power_of_ten,
     say_nothing_to_draw,
     styled,
 )
@@ -129,10 +130,15 @@ def _whole_numbers(axes: Axes) -> None:
 
 
 def _logarithmic_if_wide(axes: Axes, values: pd.Series) -> None:
-    """Spread values over decades where one bad candidate would flatten the rest."""
+    """Spread values over decades where one bad candidate would flatten the rest.
+
+    Small values are labelled one by one rather than with a common factor above the axis.
+    """
     finite = values[np.isfinite(values)]
     if len(finite) and finite.min() > 0 and finite.max() > 8 * finite.min():
         logarithmic(axes)
+    elif len(finite) and 0 < finite.max() < 1e-3:
+        axes.yaxis.set_major_formatter(power_of_ten)
 
 
 @styled

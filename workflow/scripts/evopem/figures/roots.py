@@ -36,6 +36,8 @@ if TYPE_CHECKING:
 # harder to determine.
 FREQUENCY_TOLERANCE = 0.01
 DAMPING_TOLERANCE = 0.10
+# Half the side of the frame around the unit circle.
+FRAME = 1.3
 
 
 def frequency_and_damping(
@@ -74,7 +76,7 @@ def draw_poles_zeros(model: Mapping[str, Any], truth: Mapping[str, Any] | None =
         for pole in poles:
             _ellipse(circle, a, complex(pole), covariance)
     _scatter(circle, noise_zeros, "D", FOURTH, "roots of C", 3.5)
-    inside = zeros[np.abs(zeros) <= 1.45]
+    inside = zeros[(np.abs(zeros.real) <= FRAME) & (np.abs(zeros.imag) <= FRAME)]
     _scatter(circle, inside, "o", ERROR, "zeros of B", 5.0)
     circle.plot(
         poles.real, poles.imag, "x", color=MODEL, markersize=6, mew=1.6, label="poles", zorder=4
@@ -90,18 +92,19 @@ def draw_poles_zeros(model: Mapping[str, Any], truth: Mapping[str, Any] | None =
             color=TRUTH,
             label="true poles",
         )
-    if inside.size < zeros.size:
+    outside = zeros.size - inside.size
+    if outside:
         circle.text(
-            0.0,
-            -0.13,
-            f"{zeros.size - inside.size} zeros outside the frame",
+            0.02,
+            0.02,
+            f"{outside} zero{'s' if outside > 1 else ''} beyond",
             transform=circle.transAxes,
             fontsize=7.5,
             color=MUTED,
         )
     circle.set_aspect("equal")
-    circle.set_xlim(-1.3, 1.3)
-    circle.set_ylim(-1.3, 1.3)
+    circle.set_xlim(-FRAME, FRAME)
+    circle.set_ylim(-FRAME, FRAME)
     circle.set_xlabel("Real part")
     circle.set_ylabel("Imaginary part")
     circle.grid(False)
@@ -235,7 +238,15 @@ def _modes(
     axes.set_xlim(0, 1.04 * nyquist)
     beyond = int(np.sum(frequency > 1.04 * nyquist))
     if beyond:
-        axes.set_title(f"Modes, with 95 % intervals ({beyond} beyond the frame)")
+        axes.text(
+            0.98,
+            0.02,
+            f"{beyond} at higher frequency",
+            transform=axes.transAxes,
+            ha="right",
+            fontsize=7.5,
+            color=MUTED,
+        )
     axes.set_xlabel("Natural frequency (Hz)")
     axes.set_ylabel("Damping ratio (%)")
 

@@ -195,7 +195,7 @@ def stems(x: ArrayLike, y: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.f
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
-def power_of_ten(value: float, _position: int | None = None) -> str:
+def power_of_ten(value: float, _position: float | None = None) -> str:
     """Label of a logarithmic axis in plain characters: 0.01, 1, 100, 10⁻⁵."""
     if value <= 0:
         return ""

@@ -43,8 +43,10 @@ def percent(value: Any, digits: int = 3) -> str:
     """A percentage with its sign."""
     if not is_number(value):
         return MISSING
+    if value and abs(value) < 1e-4:
+        return f"{number(value, digits)}{THIN}%"
     decimals = max(0, digits - 1 - math.floor(math.log10(abs(value)))) if value else 0
-    return f"{fixed(value, min(decimals, 6))}{THIN}%"
+    return f"{fixed(value, decimals)}{THIN}%"
 
 
 def count(value: Any) -> str:

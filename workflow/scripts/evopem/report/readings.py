@@ -28,6 +28,7 @@ from evopem.report.numbers import (
     plural,
     superscript,
 )
+from evopem.validation.checks import line_spacing, p_text
 
 PHASE_WORDS = {
     "delay": ("nk", "delay nk"),
@@ -55,9 +56,13 @@ def record(contents: Contents) -> list[str]:
     samples, rate = recording.get("samples"), recording.get("sampling_rate")
     sentences = []
     if is_number(samples) and is_number(rate):
+        input_name = recording.get("input_name") or "input"
+        output_name = recording.get("output_name") or "output"
+        names = f"{input_name} (input) and {output_name} (output)"
+        if (input_name, output_name) == ("input", "output"):
+            names = "one input and one output"
         sentences.append(
-            f"The record holds {count(samples)} samples of {recording.get('input_name', 'input')}"
-            f" (input) and {recording.get('output_name', 'output')} (output) at {hertz(rate)},"
+            f"The record holds {count(samples)} samples of {names} at {hertz(rate)},"
             f" {number(samples / rate)}{THIN}s in all."
         )
     if is_number(transforms.get("resampled_from")):
@@ -184,6 +189,13 @@ def spectrum(contents: Contents) -> list[str]:
     peaks = summary.get("peaks") or []
     if not peaks:
         sentences.append("No peak stands out from what noise makes by chance.")
+        return [" ".join(sentences)]
+    spacing = line_spacing([float(peak["frequency_hz"]) for peak in peaks])
+    if spacing is not None:
+        sentences.append(
+            f"Its {count(len(peaks))} peaks stand about {hertz(spacing)} apart: they are the lines"
+            " of a periodic input and say nothing about the number of modes."
+        )
         return [" ".join(sentences)]
     places = enumeration([hertz(peak["frequency_hz"]) for peak in peaks])
     heights = enumeration([f"{number(peak['prominence_db'], 2)}{THIN}dB" for peak in peaks])
@@ -334,7 +346,7 @@ def residuals(contents: Contents) -> list[str]:
         sentences.append(
             f"The Ljung-Box statistic over {count(box['lags'])} lags is"
             f" {number(box['statistic'], 4)} on {count(box['degrees_of_freedom'])} degrees of"
-            f" freedom (lags less na + nc): p = {number(box['p_value'], 2)}."
+            f" freedom (lags less na + nc): {p_text(box['p_value'])}."
         )
     if is_number(cross.get("share_inside95")):
         sentences.append(

@@ -24,6 +24,8 @@ SIGNIFICANCE = 0.01
 CROSS_CORRELATION_SHARE = 0.90
 # A pole and a zero further apart than this do not cancel, however uncertain they are.
 NEAR = 0.1
+# So many evenly spaced peaks are lines of the input and not modes.
+FEWEST_LINES = 10
 # Without uncertainties only a pair this close is called a cancellation.
 COINCIDENT = 0.01
 
@@ -138,7 +140,7 @@ def whiteness(validation: Mapping[str, Any] | None) -> Check:
     passed = p_value >= SIGNIFICANCE and share >= least
     statement = (
         f"{100 * share:.1f} % of {lags:.0f} autocorrelations lie inside the 95 % bounds; the"
-        f" Ljung-Box test over {tested:.0f} lags gives p = {_p_value(p_value)}."
+        f" Ljung-Box test over {tested:.0f} lags gives {p_text(p_value)}."
     )
     return Check(
         name,
@@ -192,6 +194,15 @@ def spectral_peaks_modelled(model: Mapping[str, Any], spectrum: Mapping[str, Any
     peaks = spectrum["peaks"]
     if not peaks:
         return Check(name, True, "The output's spectrum has no distinct peak to be missed.")
+    spacing = line_spacing([float(peak["frequency_hz"]) for peak in peaks])
+    if spacing is not None:
+        return Check(
+            name,
+            None,
+            f"The spectrum has {len(peaks)} peaks about {spacing:.3g} Hz apart: the lines of a"
+            " periodic input, among which resonances do not stand out as peaks.",
+            "Compare the gain of the model with the multitaper estimate at the lines.",
+        )
     resolution = float(spectrum.get("resolution_hz") or 0.0)
     missed = [
         float(peak["frequency_hz"])
@@ -206,7 +217,9 @@ def spectral_peaks_modelled(model: Mapping[str, Any], spectrum: Mapping[str, Any
             f"Each of the {len(peaks)} spectral peaks has a mode within the spectrum's resolution"
             f" ({resolution:.2g} Hz) or the mode's own bandwidth and uncertainty.",
         )
-    listed = ", ".join(f"{frequency:.4g} Hz" for frequency in missed)
+    listed = ", ".join(f"{frequency:.4g} Hz" for frequency in missed[:6])
+    if len(missed) > 6:
+        listed += f" and {len(missed) - 6} more"
     return Check(
         name,
         False,
@@ -214,6 +227,20 @@ def spectral_peaks_modelled(model: Mapping[str, Any], spectrum: Mapping[str, Any
         "Raise the upper bound of the common order, or check whether the peak is already in the"
         " input or made by a transform.",
     )
+
+
+def line_spacing(frequencies: Sequence[float]) -> float | None:
+    """Spacing in Hz of evenly spaced spectral lines, as a periodic input makes; else None.
+
+    Lines are more than ten peaks of which four fifths follow each other at a distance within 30 %
+    of the median one.
+    """
+    gaps = np.diff(np.sort(np.asarray(frequencies, dtype=float)))
+    if gaps.size < FEWEST_LINES:
+        return None
+    spacing = float(np.median(gaps))
+    even = np.abs(gaps - spacing) <= 0.3 * spacing
+    return spacing if float(np.mean(even)) >= 0.8 else None
 
 
 def _explains(mode: Mapping[str, Any], frequency: float, resolution: float) -> bool:
@@ -394,12 +421,13 @@ def _number(values: Mapping[str, Any] | None, *keys: str) -> float | None:
     return number if math.isfinite(number) else None
 
 
-def _p_value(value: float) -> str:
-    return "< 0.0001" if value < 1e-4 else f"{value:.2g}"
+def p_text(value: float) -> str:
+    """A p-value in words: "p = 0.42", "p < 0.0001"."""
+    return "p < 0.0001" if value < 1e-4 else f"p = {value:.2g}"
 
 
 def _complex(root: complex) -> str:
-    """A root in words of three decimals, a true minus sign."""
-    if abs(root.imag) < 5e-4:
-        return f"{root.real:.3f}".replace("-", "−")
-    return f"{root.real:.3f} ± {abs(root.imag):.3f}i".replace("-", "−")
+    """A root to four decimals, with a true minus sign."""
+    if abs(root.imag) < 5e-5:
+        return f"{root.real:.4f}".replace("-", "−")
+    return f"{root.real:.4f} ± {abs(root.imag):.4f}i".replace("-", "−")
