@@ -60,6 +60,7 @@ def test_the_record_of_a_search_is_consistent():
     assert counts[-1] == result.evaluations
     assert values[-1] == result.value
     assert 0.0 < result.agreement <= 1.0
+    assert result.populations >= 2
     assert result.basins > 1
     assert result.value == Ripples().values(result.point[None, :])[0]
 
@@ -70,6 +71,12 @@ def test_the_same_seed_gives_the_same_bits():
     )
     np.testing.assert_array_equal(one.point, two.point)
     assert one.convergence == two.convergence
+
+
+def test_one_population_agrees_with_nobody():
+    settings = SearchSettings(evaluations=1)
+    result = hybrid_search(Ripples(), settings, np.random.default_rng(1))
+    assert (result.populations, result.agreement) == (1, 0.0)
 
 
 def test_it_stops_soon_after_its_evaluations_are_spent():

@@ -85,7 +85,8 @@ class SearchResult:
     populations : int
         Independent populations drawn.
     agreement : float
-        Share of the populations that ended at the best value.
+        Share of the populations, other than the one that found it, that ended at the best value;
+        0 when there was only one.
     basins : int
         Distinct end values of BFGS among all mutated individuals.
     convergence : tuple of (evaluations, best value)
@@ -161,7 +162,7 @@ def hybrid_search(
         evaluations=spent,
         generations=generations,
         populations=len(ends),
-        agreement=float(np.mean([_same(end, best_value) for end in ends])),
+        agreement=_agreement(ends, best_value),
         basins=_distinct(basins),
         convergence=tuple(convergence),
     )
@@ -211,6 +212,11 @@ def _chosen(
     if settings.mutate == "random":
         return generator.permutation(len(values))[:count]
     return order
+
+
+def _agreement(ends: list[float], best: float) -> float:
+    agreeing = sum(_same(end, best) for end in ends)
+    return (agreeing - 1) / (len(ends) - 1) if len(ends) > 1 else 0.0
 
 
 def _same(value: float, best: float, tolerance: float = SAME_OPTIMUM) -> bool:
