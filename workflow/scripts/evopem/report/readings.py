@@ -38,8 +38,6 @@ PHASE_WORDS = {
 }
 # A pole seen at this many successive orders is called persistent.
 PERSISTENT = 3
-# A larger model can always do as well as one it contains; this much worse is the search's doing.
-SHORTFALL = 0.001
 
 
 def hertz(frequency: float) -> str:
@@ -250,26 +248,9 @@ def phases(contents: Contents) -> list[str]:
         )
         if least[column] != own[column]:
             text += f" where the smallest, at {int(least[column])}, is {percent(least['rss'], 4)}"
-        sentences.append(
-            " ".join([f"{text}.", *_choice(contents, phase), *_shortfalls(tried, column)])
-        )
+        sentences.append(" ".join([f"{text}.", *_choice(contents, phase)]))
     sentences.append("RSS has no charge for a coefficient and is there for the eye; BIC decides.")
     return sentences
-
-
-def _shortfalls(tried: pd.DataFrame, column: str) -> list[str]:
-    """Name the candidates that are worse than a smaller one they contain."""
-    sweep = tried.dropna(subset=["objective"]).sort_values(column)
-    smaller = sweep["objective"].cummin().shift()
-    short = sweep.loc[sweep["objective"] > (1 + SHORTFALL) * smaller, column]
-    if short.empty:
-        return []
-    listed = enumeration([str(int(value)) for value in short])
-    return [
-        f"At {listed} the objective is more than {100 * SHORTFALL:g} % above that of a smaller"
-        " model contained in the larger one: there the search fell short of the optimum, and more"
-        " evaluations would help."
-    ]
 
 
 def _choice(contents: Contents, phase: str) -> list[str]:
