@@ -86,14 +86,16 @@ def test_another_configuration_file_is_named_in_its_errors(folder):
     assert "more.yaml, candidates_per_job: none cannot be used" in run.stdout
 
 
-def test_bad_data_ends_in_one_sentence(folder):
+def test_bad_data_ends_in_one_sentence_and_leaves_other_data_sets_alone(folder):
     (folder.path / "bad.csv").write_text("1,2\n3,oops\n" * 300)
-    folder.configure({"datasets": {"bench": {"file": "bad.csv", "sampling_rate": 10}}})
-    run = folder.run("--cores", "1")
+    bench = {"file": "bad.csv", "sampling_rate": 10}
+    folder.configure(TINY | {"datasets": {"bench": bench, **TINY["datasets"]}})
+    run = folder.run("--cores", "1", "--until", "prepare_signals")
     assert run.returncode != 0
     assert "Traceback" not in run.stdout
     assert "bad.csv" in (folder.results / "bench" / "logs" / "recording.log").read_text()
     assert not list((folder.results / "bench").glob("recording.*"))
+    assert (folder.results / "truth" / "prepared.npz").exists()
 
 
 def test_rules_and_package_agree_on_the_figures():
