@@ -31,7 +31,7 @@ try:
     CONFIG = complete(
         config,
         WORKFLOW / "schemas" / "config.schema.yaml",
-        source=", ".join(map(str, CONFIG_FILES[1:] or CONFIG_FILES)),
+        source=" and ".join(map(str, CONFIG_FILES)),
     )
 except InputError as error:
     raise WorkflowError(str(error)) from None
