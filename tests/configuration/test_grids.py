@@ -53,7 +53,7 @@ def test_auto_takes_two_orders_for_each_peak(peaks, lowest):
 
 
 def test_scoring_starts_behind_the_longest_memory_of_all_candidates():
-    assert scoring_start(dataset()) == 16 + 3 - 1 + 100
+    assert scoring_start(dataset()) == 16 + 3 - 1 + 20
     assert scoring_start(dataset("search: {burn_in: 0}, orders: {c: [2, 40]}")) == 40
     assert scoring_start(dataset("search: {burn_in: 0}, delay: {delays: [0, 50]}")) == 65
 

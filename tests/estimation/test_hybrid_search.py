@@ -53,7 +53,7 @@ def test_it_finds_the_lowest_of_many_minima(mutate):
 
 
 def test_the_record_of_a_search_is_consistent():
-    result = hybrid_search(Ripples(), SearchSettings(), np.random.default_rng(3))
+    result = hybrid_search(Ripples(2), SearchSettings(), np.random.default_rng(3))
     counts, values = zip(*result.convergence, strict=True)
     assert list(counts) == sorted(counts)
     assert list(values) == sorted(values, reverse=True)
@@ -62,7 +62,7 @@ def test_the_record_of_a_search_is_consistent():
     assert 0.0 < result.agreement <= 1.0
     assert result.populations >= 2
     assert result.basins > 1
-    assert result.value == Ripples().values(result.point[None, :])[0]
+    assert result.value == Ripples(2).values(result.point[None, :])[0]
 
 
 def test_the_same_seed_gives_the_same_bits():

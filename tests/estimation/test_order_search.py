@@ -22,7 +22,7 @@ SEARCH = {
     "seed": 1,
     "evaluations": 8000,
     "max_root_radius": 0.9999,
-    "burn_in": 100,
+    "burn_in": 20,
 }
 
 
@@ -33,18 +33,18 @@ def record():
 
 def test_the_delay_is_found(record):
     orders = [(k, k, k, nk) for k in (6, 7) for nk in range(5)]
-    selected, reason = select_delay(estimate_candidates(record, orders, "delay", SEARCH, 118))
+    selected, reason = select_delay(estimate_candidates(record, orders, "delay", SEARCH, 38))
     assert selected["nk"] == 3
     assert "delay of 3 samples" in reason
 
 
 def test_the_true_orders_are_found(record):
     """Phases c and b from the true common order, near the truth."""
-    phase_c = estimate_candidates(record, [(7, 7, k, 3) for k in range(5, 10)], "c", SEARCH, 118)
+    phase_c = estimate_candidates(record, [(7, 7, k, 3) for k in range(5, 10)], "c", SEARCH, 38)
     selected, reason = select_order(phase_c)
     assert selected == {"na": 7, "nb": 7, "nc": 7, "nk": 3}
     assert "ARMAX(7,7,7,3) has the smallest BIC" in reason
-    phase_b = estimate_candidates(record, [(7, k, 7, 3) for k in range(4, 9)], "b", SEARCH, 118)
+    phase_b = estimate_candidates(record, [(7, k, 7, 3) for k in range(4, 9)], "b", SEARCH, 38)
     assert select_order(phase_b)[0] == {"na": 7, "nb": 6, "nc": 7, "nk": 3}
 
 

@@ -4,7 +4,11 @@ import numpy as np
 import pytest
 
 from evopem.models.armax import ArmaxModel, Orders
-from evopem.models.initial import estimate_initial_state, state_dimension
+from evopem.models.initial import (
+    estimate_initial_state,
+    estimate_noise_state,
+    state_dimension,
+)
 from evopem.synthesis.armax import true_model
 
 
@@ -60,6 +64,23 @@ def test_innovations_come_back_as_residuals():
     y = model.simulate(u) + lfilter(model.c, model.a, e)
     # The unknown past innovations are forgotten as the largest root of C, 0.90, decays.
     np.testing.assert_allclose(model.residuals(u, y)[500:], e[500:], atol=1e-8)
+
+
+def test_an_estimated_noise_state_leaves_no_transient():
+    """A stretch cut from a record: its residuals are the innovations from the first one on."""
+    from scipy.signal import lfilter
+
+    slow = ArmaxModel(a=np.array([1.0, -0.9]), b=np.array([1.0]), c=np.poly([0.995, 0.99]), nk=1)
+    rng = np.random.default_rng(8)
+    u, e = rng.standard_normal((2, 3000))
+    y = slow.simulate(u) + lfilter(slow.c, slow.a, e)
+    u, y, e = u[1000:], y[1000:], e[1000:]
+    plain = slow.residuals(u, y)
+    state = estimate_noise_state(slow, u, y)
+    settled = slow.residuals(u, y, state)
+    assert np.std(plain[100:] - e[100:]) > 0.5
+    # Two states are estimated from 2000 samples of unit variance.
+    assert np.sqrt(np.sum((settled[2:] - e[2:]) ** 2)) < 5.0
 
 
 def test_simulation_and_response_agree_with_control(model):

@@ -242,11 +242,12 @@ def test_simulation_reading_says_where_it_starts():
         "simulation_fit_percent": 79.0,
         "samples": 900,
         "unscored_samples": 0,
-        "initial_conditions": "estimation",
+        "continued_simulation_error_percent": 24.0,
     }
     (text,) = readings.simulation(contents(validation=validation))
-    assert "without seeing one of their outputs" in text
-    validation |= {"initial_conditions": "validation", "unscored_samples": 8}
+    assert "the state that fits these samples best" in text
+    assert "without seeing one validation output, the same model misses by 24" in text
+    validation |= {"continued_simulation_error_percent": None, "unscored_samples": 8}
     (text,) = readings.simulation(contents(validation=validation))
-    assert "validation recording's own output" in text
+    assert "without seeing" not in text
     assert "The first 8 samples" in text

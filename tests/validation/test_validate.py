@@ -8,6 +8,7 @@ import pytest
 from scipy.signal import lfilter
 
 from evopem.models.armax import ArmaxModel
+from evopem.models.initial import estimate_initial_state, estimate_noise_state
 from evopem.signals.preparation import PreparedData, Transforms
 from evopem.signals.recording import Recording
 from evopem.validation import validate
@@ -47,7 +48,8 @@ def test_static_gain_by_hand():
     u = np.array([1.0, -1.0] * 20)
     y = 2 * u + np.tile([0.0, 0.0, 1.0, 0.0], 10)
     result = validate(model, prepared(u, y, 36))
-    # The validation samples are 2, −2, 3, −2; both responses are 2, −2, 2, −2.
+    # The validation samples are 2, −2, 3, −2; all responses are 2, −2, 2, −2.
+    assert result.continued_simulation_error_percent == pytest.approx(100 / math.sqrt(21))
     assert result.samples == 4
     assert result.prediction_error_percent == pytest.approx(100 / math.sqrt(21))
     assert result.simulation_error_percent == pytest.approx(100 / math.sqrt(21))
@@ -61,17 +63,33 @@ def test_without_noise_the_simulation_is_exact_from_unknown_initial_conditions(c
     u, y = response(model, 3000, noise=0.0)
     result = validate(model, prepared(u, y, 2000, contiguous))
     assert result.simulation_error_percent < 1e-8
+    if contiguous:
+        assert result.continued_simulation_error_percent < 1e-8
 
 
-def test_the_simulation_never_sees_a_validation_output():
+def test_the_continued_simulation_never_sees_a_validation_output():
     model = lightly_damped()
     u, y = response(model, 3000, noise=0.1)
-    before = validate(model, prepared(u, y, 2000)).simulation
+    state = estimate_initial_state(model, u[:2000], y[:2000])
+    expected = y[2000:] - model.simulate(u, state)[2000:]
+    result = validate(model, prepared(u, y, 2000))
+    assert result.continued_simulation_error_percent == pytest.approx(
+        100 * np.linalg.norm(expected) / np.linalg.norm(y[2000:])
+    )
+
+
+def test_the_simulation_takes_no_more_than_its_initial_state_from_the_output():
+    """Two outputs that differ by more than a free response give simulations that differ by one."""
+    model = lightly_damped()
+    u, y = response(model, 3000, noise=0.1)
+    before = validate(model, prepared(u, y, 2000)).simulation["simulated"].to_numpy()
     spoilt = y.copy()
-    spoilt[2000:] = np.random.default_rng(1).normal(size=1000)
-    after = validate(model, prepared(u, spoilt, 2000)).simulation
-    assert np.array_equal(before["simulated"], after["simulated"])
-    assert not np.allclose(before["predicted"], after["predicted"])
+    spoilt[2000:] += np.random.default_rng(1).normal(size=1000)
+    after = validate(model, prepared(u, spoilt, 2000)).simulation["simulated"].to_numpy()
+    equation = lfilter(model.a, [1.0], after - before)
+    memory = max(model.a.size, model.delayed_b.size) - 1
+    assert np.abs(equation[:memory]).max() > 1e-3
+    np.testing.assert_allclose(equation[memory:], 0.0, atol=1e-9)
 
 
 def test_the_prediction_of_a_sample_knows_the_output_before_it_only():
@@ -91,11 +109,13 @@ def test_prediction_continues_the_recursion_over_the_cut():
     u, y = response(model, 400, noise=0.1)
     e = np.zeros(400)
     start = model.orders.first_residual
+    state = estimate_noise_state(model, u[:300], y[:300])
     b = model.delayed_b
     for t in range(start, 400):
         e[t] = sum(model.a[i] * y[t - i] for i in range(model.a.size))
         e[t] -= sum(b[i] * u[t - i] for i in range(b.size))
         e[t] -= sum(model.c[i] * e[t - i] for i in range(1, model.c.size))
+        e[t] += state[t - start] if t - start < state.size else 0.0
     result = validate(model, prepared(u, y, 300))
     np.testing.assert_allclose(result.simulation["prediction_error"], e[300:], atol=1e-9)
     assert result.prediction_error_percent == pytest.approx(
@@ -107,13 +127,14 @@ def test_an_independent_recording_has_unscored_samples():
     model = lightly_damped()
     u, y = response(model, 3000, noise=0.1)
     result = validate(model, prepared(u, y, 2000, contiguous=False))
-    first = model.orders.first_residual
+    first = model.orders.first_residual + model.orders.nc
     assert result.unscored_samples == first
     assert result.samples == 1000 - first
-    assert result.initial_conditions == "validation"
+    assert result.continued_simulation_error_percent is None
     assert result.simulation["simulated"].isna().sum() == first
     assert result.simulation["predicted"].isna().sum() == first
-    restarted = model.predict(u[2000:], y[2000:])[first:]
+    state = estimate_noise_state(model, u[2000:], y[2000:])
+    restarted = model.predict(u[2000:], y[2000:], state)[first:]
     np.testing.assert_array_equal(result.simulation["predicted"][first:], restarted)
 
 

@@ -105,7 +105,7 @@ def scoring_start(dataset: Mapping[str, Any]) -> int:
     """Find the first sample on which every candidate of every phase is compared.
 
     It lies behind the longest memory of any of them, max(na, nb + nk - 1, nc), and behind the
-    burn-in in which the unknown initial noise states decay (`search.burn_in`).
+    burn-in, whose first residuals are fitted by the unknown initial noise (`search.burn_in`).
     """
     delay, orders = dataset["delay"], dataset["orders"]
     common = common_range(orders["common"], None)[1]

@@ -19,6 +19,8 @@ POLISH_STAGES = ((1e-2, 1e-10), (1e-3, 1e-10), (1e-4, 1e-11))
 # Smallest eigenvalue kept of a scaled Gauss-Newton matrix: directions the data say less about
 # than this are left to BFGS.
 EIGENVALUE_FLOOR = 1e-9
+# Smallest ratio of a diagonal entry to the largest one at which a coordinate has any effect.
+FELT = 1e-60
 
 
 class ArmaxProblem:
@@ -29,7 +31,7 @@ class ArmaxProblem:
     input, output : (N,) arrays
     orders : Orders
     objective : {"absolute", "quadratic"}
-    scoring_start : int
+    recursion_start, scoring_start : int
     max_root_radius : float
     """
 
@@ -39,24 +41,28 @@ class ArmaxProblem:
         output: Array,
         orders: Orders,
         objective: str,
+        recursion_start: int,
         scoring_start: int,
         max_root_radius: float,
     ) -> None:
         self.errors = PredictionErrorProblem(
-            input, output, orders, objective, scoring_start, max_root_radius
+            input, output, orders, objective, recursion_start, scoring_start, max_root_radius
         )
-        self._arx = fit_arx(input, output, orders, scoring_start)
+        self._arx = fit_arx(input, output, orders, recursion_start)
 
     def draw(self, count: int, generator: np.random.Generator) -> Array:
-        """Individuals with A and B of stage one and C from the standard normal distribution.
+        """Individuals with A and B of stage one, C from the standard normal distribution, d = 0.
 
         One of them has C = 1.  The draw of C is hardly ever invertible as it falls; the search
         repairs it by reflecting its roots (chapter section 4, as restored).
         """
         orders = self.errors.orders
-        points = np.zeros((count, orders.parameters))
-        points[:, : orders.na + orders.nb] = self._arx
-        points[1:, orders.na + orders.nb :] = generator.standard_normal((count - 1, orders.nc))
+        points = np.zeros((count, self.errors.dimension))
+        regression = orders.na + orders.nb
+        points[:, :regression] = self._arx
+        points[1:, regression : orders.parameters] = generator.standard_normal(
+            (count - 1, orders.nc)
+        )
         return points
 
     def repair(self, points: Array) -> Array:
@@ -112,7 +118,9 @@ class ArmaxProblem:
 def _damped_inverses(matrices: Array) -> Array:
     """Inverses of positive semidefinite matrices with their small eigenvalues raised to a floor."""
     diagonal = np.einsum("ijj->ij", matrices)
-    scale = 1.0 / np.sqrt(np.maximum(diagonal, np.finfo(float).tiny))
+    # Coordinates without any effect, such as a noise state that has died out, stay where they are.
+    felt = diagonal > FELT * diagonal.max(axis=1, keepdims=True)
+    scale = np.where(felt, 1.0 / np.sqrt(np.where(felt, diagonal, 1.0)), 0.0)
     scaled = matrices * scale[:, :, None] * scale[:, None, :]
     finite = np.isfinite(scaled).all(axis=(1, 2))
     scaled[~finite] = np.eye(matrices.shape[1])

@@ -11,6 +11,7 @@ from threadpoolctl import threadpool_limits
 
 from evopem.estimation.armax_problem import ArmaxProblem
 from evopem.estimation.hybrid_search import MUTATE, SearchResult, SearchSettings, hybrid_search
+from evopem.estimation.kernels import MIN_NC
 from evopem.estimation.prediction_error import OBJECTIVES, PredictionErrorProblem
 from evopem.estimation.uncertainty import parameter_covariance, residual_jacobian
 from evopem.models.armax import ArmaxModel, Orders
@@ -18,7 +19,7 @@ from evopem.models.polynomials import max_root_radius as largest_radius
 
 Array = NDArray[np.float64]
 
-DEFAULT_BURN_IN = 100
+DEFAULT_BURN_IN = 20
 DEFAULT_MAX_ROOT_RADIUS = 0.9999
 # A root this close to the largest allowed radius, relative to the room left outside it, lies at it.
 MARGIN_WIDTH = 0.05
@@ -43,8 +44,12 @@ class Estimate:
         ``ln(||e||^2 / N) + n ln(N) / N`` over the scored samples (chapter eq. 23).
     residuals : (N,) array
         NaN before the recursion starts.
+    noise_state : (nc,) array
+        What the noise before ``recursion_start`` adds to the first equation errors.
+    recursion_start : int
+        First residual.
     scoring_start : int
-        First sample that counts in all of the above.
+        First residual that counts in all of the above.
     at_margin : bool
         Whether a root of A or C lies at the largest radius allowed.
     search : SearchResult
@@ -57,6 +62,8 @@ class Estimate:
     rss: float
     bic: float
     residuals: Array = field(repr=False)
+    noise_state: Array = field(repr=False)
+    recursion_start: int
     scoring_start: int
     at_margin: bool
     search: SearchResult = field(repr=False)
@@ -70,6 +77,7 @@ def estimate(
     *,
     objective: str = "absolute",
     seed: int = 1,
+    recursion_start: int | None = None,
     scoring_start: int | None = None,
     max_root_radius: float = DEFAULT_MAX_ROOT_RADIUS,
     search: SearchSettings | None = None,
@@ -89,10 +97,11 @@ def estimate(
         Sum of absolute prediction errors (chapter eq. 20-21) or of their squares.
     seed : int
         The search draws from ``SeedSequence(seed, spawn_key=orders)``.
+    recursion_start : int, optional
+        First residual; by default ``orders.first_residual``.
     scoring_start : int, optional
-        First residual that counts.  By default ``orders.first_residual + 100``, so that the
-        unknown noise before the record has died out; records compared on different orders need
-        one number for all.
+        First residual that counts; by default 20 (or nc) after the first.  Models of different
+        order that are to be compared need one ``recursion_start`` and one ``scoring_start``.
     max_root_radius : float
         Largest radius of the roots of A and C.
     search : SearchSettings, optional
@@ -112,11 +121,13 @@ def estimate(
     search = search or SearchSettings()
     u = np.ascontiguousarray(input, dtype=float)
     y = np.ascontiguousarray(output, dtype=float)
-    start = orders.first_residual + DEFAULT_BURN_IN if scoring_start is None else scoring_start
-    _check(u, y, orders, objective, start, max_root_radius, search)
+    first = orders.first_residual if recursion_start is None else recursion_start
+    start = first + max(DEFAULT_BURN_IN, orders.nc) if scoring_start is None else scoring_start
+    _check(u, y, orders, objective, (first, start), max_root_radius, search)
+    first, start = max(first, MIN_NC), max(start, MIN_NC)  # what the kernels look back on
     # The bits of a result must not depend on how many threads the machine's BLAS would take.
     with threadpool_limits(limits=1, user_api="blas"):
-        problem = ArmaxProblem(u, y, orders, objective, start, max_root_radius)
+        problem = ArmaxProblem(u, y, orders, objective, first, start, max_root_radius)
         sequence = np.random.SeedSequence(
             seed, spawn_key=(orders.na, orders.nb, orders.nc, orders.nk)
         )
@@ -129,7 +140,7 @@ def _check(
     y: Array,
     orders: Orders,
     objective: str,
-    scoring_start: int,
+    starts: tuple[int, int],
     max_root_radius: float,
     search: SearchSettings,
 ) -> None:
@@ -143,8 +154,11 @@ def _check(
         raise ValueError(f"mutate must be one of {MUTATE}, not {search.mutate!r}")
     if not 0.0 < max_root_radius < 1.0:
         raise ValueError(f"max_root_radius must lie between 0 and 1, not {max_root_radius}")
-    if scoring_start < orders.first_residual:
+    recursion_start, scoring_start = starts
+    if recursion_start < orders.first_residual:
         raise ValueError(f"{orders} has no residual before sample {orders.first_residual}")
+    if scoring_start < recursion_start:
+        raise ValueError(f"scoring starts at {scoring_start}, before the first residual")
     if len(y) - scoring_start <= orders.parameters:
         raise ValueError(
             f"{orders} has {orders.parameters} parameters and needs more scored samples than "
@@ -165,7 +179,7 @@ def describe(
     point, orders, start = result.point, errors.orders, errors.scoring_start
     a = np.concatenate([[1.0], point[: orders.na]])
     b = point[orders.na : orders.na + orders.nb].copy()
-    c = np.concatenate([[1.0], point[orders.na + orders.nb :]])
+    c = np.concatenate([[1.0], point[orders.na + orders.nb : orders.parameters]])
     residuals = errors.residuals(point)
     scored, scored_output = residuals[start:], output[start:]
     square_sum, count, n = float(scored @ scored), len(scored), orders.parameters
@@ -178,7 +192,7 @@ def describe(
         orders.nk,
         sampling_rate,
         noise_variance=square_sum / (count - n),
-        covariance=parameter_covariance(jacobian[start:], scored, errors.objective),
+        covariance=parameter_covariance(jacobian[start:], scored, n, errors.objective),
     )
     residuals[: errors.recursion_start] = np.nan
     radius = max(largest_radius(a[1:]), largest_radius(c[1:]))
@@ -190,6 +204,8 @@ def describe(
         rss=100.0 * square_sum / float(scored_output @ scored_output),
         bic=float(np.log(square_sum / count) + n * np.log(count) / count),
         residuals=residuals,
+        noise_state=point[orders.parameters :].copy(),
+        recursion_start=errors.recursion_start,
         scoring_start=start,
         at_margin=bool(1.0 - radius <= (1.0 + MARGIN_WIDTH) * (1.0 - errors.max_root_radius)),
         search=result,

@@ -7,8 +7,10 @@ the bits of a result do not depend on the width of a machine's vectors or on whi
 pass.
 
 The recursion works through blocks of four samples; callers pad the record accordingly (see
-:func:`padded_length`).  Parameters arrive *signed*: rows ``[a, -b, -c]``, with C padded by zero
-coefficients to :data:`MIN_NC` rows, so that every term of the recursion is an addition.
+:func:`padded_length`).  Parameters arrive *signed*: rows ``[a, -b, -c, d]``, with C padded by zero
+coefficients to :data:`MIN_NC` rows, so that every term of the recursion is an addition.  ``d``,
+as many rows as C has, is the state that the unknown noise before the record left behind: ``d_i``
+is added to the equation error of sample ``start + i``.
 
 Everything compiled lives in this one file because numba's on-disk cache notices changes of the
 file that defines a function, and of no other.
@@ -160,14 +162,14 @@ def padded_length(samples: int, start: int) -> int:
 
 @njit(error_model="numpy", cache=True)
 def residuals(y, u, na, nb, nc, nk, start, parameters, e):  # type: ignore[no-untyped-def]
-    """Residuals ``C e = A y - B u`` of eight models, from zero past residuals at ``start``.
+    """Residuals ``C e = A y - B u + d`` of eight models, from zero past residuals at ``start``.
 
     Parameters
     ----------
     y, u : (T,) float arrays, padded to ``T = padded_length(N, start)``
     na, nb, nc, nk : int, with ``nc >= MIN_NC``
     start : int, at least ``max(na, nb + nk - 1, nc)``
-    parameters : (na + nb + nc, LANES) signed parameters
+    parameters : (na + nb + 2 nc, LANES) signed parameters
     e : (T, LANES), overwritten; rows beyond N are meaningless
     """
     zero = _constant(0.0)
@@ -177,6 +179,15 @@ def residuals(y, u, na, nb, nc, nk, start, parameters, e):  # type: ignore[no-un
     c1, c2, c3 = _load(parameters, c), _load(parameters, c + 1), _load(parameters, c + 2)
     for t in range(start, y.size, BLOCK):
         s0, s1, s2, s3 = _sample(y, t), _sample(y, t + 1), _sample(y, t + 2), _sample(y, t + 3)
+        if t < start + nc:
+            row, last = c + nc + t - start, c + 2 * nc - 1
+            s0 = _add(s0, _load(parameters, row))
+            if row + 1 <= last:
+                s1 = _add(s1, _load(parameters, row + 1))
+            if row + 2 <= last:
+                s2 = _add(s2, _load(parameters, row + 2))
+            if row + 3 <= last:
+                s3 = _add(s3, _load(parameters, row + 3))
         for i in range(na):
             p, q = _load(parameters, i), t - 1 - i
             s0, s1 = _fma(p, _sample(y, q), s0), _fma(p, _sample(y, q + 1), s1)
@@ -281,7 +292,7 @@ def adjoint_gradient(  # type: ignore[no-untyped-def]
     ``e``.  The gradient (rows as ``parameters``) is with respect to the signed parameters.
     """
     zero = _constant(0.0)
-    for row in range(na + nb + nc):
+    for row in range(na + nb + 2 * nc):
         _store(gradient, row, zero)
     c = na + nb
     c1, c2, c3 = _load(parameters, c), _load(parameters, c + 1), _load(parameters, c + 2)
@@ -320,6 +331,8 @@ def adjoint_gradient(  # type: ignore[no-untyped-def]
             even = _fma(s2, _load(e, q - 2), _fma(s0, _load(e, q), _load(gradient, c + k)))
             odd = _fma(s3, _load(e, q - 3), _fma(s1, _load(e, q - 1), zero))
             _store(gradient, c + k, _add(even, odd))
+    for k in range(nc):
+        _store(gradient, c + nc + k, _load(slope, start + k))
 
 
 @njit(error_model="numpy", cache=True)
@@ -389,13 +402,13 @@ def _lag_products(x, z, i0, j0, rows, columns, first, last, out, row, column, si
 
 @njit(error_model="numpy", cache=True)
 def gauss_newton(  # type: ignore[no-untyped-def]
-    y, u, e, na, nb, nc, nk, start, first, last, parameters, work, yf, uf, ef, matrix
+    y, u, e, na, nb, nc, nk, start, first, last, parameters, work, yf, uf, ef, df, matrix
 ):
     """Upper block triangle of ``sum_t J_t J_t'`` over ``first <= t < last``.
 
-    ``J = [y_F(t-i), -u_F(t-nk-j), -e_F(t-k)]``, with respect to ``[a, b, c]``, of signals filtered
-    through 1/C (Ljung 1999, section 10.3).  ``matrix`` is (n, n, LANES); blocks below the
-    diagonal are left alone.
+    ``J = [y_F(t-i), -u_F(t-nk-j), -e_F(t-k), i_F(t-k)]``, with respect to ``[a, b, c, d]``, of
+    signals filtered through 1/C (Ljung 1999, section 10.3), ``i`` an impulse at ``start``.
+    ``matrix`` is (n, n, LANES) with n = na + nb + 2 nc; blocks below the diagonal are left alone.
     ``first`` must exceed ``start`` by at least ``max(na, nb + nk, nc)`` or so that all lags exist.
     """
     c = na + nb
@@ -406,12 +419,20 @@ def gauss_newton(  # type: ignore[no-untyped-def]
         _store(work, t, _sample(u, t))
     _inverse_filter(work, nc, c, start, parameters, uf)
     _inverse_filter(e, nc, c, start, parameters, ef)
+    for t in range(yf.shape[0]):
+        _store(work, t, _constant(1.0 if t == start else 0.0))
+    _inverse_filter(work, nc, c, start, parameters, df)
+    d = c + nc
     _lag_products(yf, yf, 1, 1, na, na, first, last, matrix, 0, 0, 1.0)
     _lag_products(yf, uf, 1, nk, na, nb, first, last, matrix, 0, na, -1.0)
     _lag_products(yf, ef, 1, 1, na, nc, first, last, matrix, 0, c, -1.0)
     _lag_products(uf, uf, nk, nk, nb, nb, first, last, matrix, na, na, 1.0)
     _lag_products(uf, ef, nk, 1, nb, nc, first, last, matrix, na, c, 1.0)
     _lag_products(ef, ef, 1, 1, nc, nc, first, last, matrix, c, c, 1.0)
+    _lag_products(yf, df, 1, 0, na, nc, first, last, matrix, 0, d, 1.0)
+    _lag_products(uf, df, nk, 0, nb, nc, first, last, matrix, na, d, -1.0)
+    _lag_products(ef, df, 1, 0, nc, nc, first, last, matrix, c, d, -1.0)
+    _lag_products(df, df, 0, 0, nc, nc, first, last, matrix, d, d, 1.0)
 
 
 @njit(error_model="numpy", cache=True)

@@ -17,6 +17,7 @@ from threadpoolctl import threadpool_limits
 from evopem.errors import InputError
 from evopem.estimation.estimate import Estimate, describe, estimate
 from evopem.estimation.hybrid_search import SearchResult, SearchSettings
+from evopem.estimation.kernels import MIN_NC
 from evopem.estimation.prediction_error import PredictionErrorProblem
 from evopem.models.armax import Orders
 from evopem.models.polynomials import max_root_radius
@@ -45,7 +46,8 @@ def estimate_candidates(
     search : mapping
         The ``search`` block of the configuration.
     scoring_start : int
-        First residual that counts, one number for all sweeps of a data set.
+        First residual that counts, one number for all sweeps of a data set.  The recursion starts
+        ``search["burn_in"]`` samples earlier, for all orders alike.
     log : callable, optional
         Receives a line at the start and the end of each estimate and one a generation.
 
@@ -77,6 +79,7 @@ def estimate_candidates(
             data.sampling_rate,
             objective=search["objective"],
             seed=search["seed"],
+            recursion_start=scoring_start - search["burn_in"],
             scoring_start=scoring_start,
             max_root_radius=search["max_root_radius"],
             search=search_settings(search),
@@ -104,7 +107,9 @@ def recall(
 ) -> Estimate:
     """The full estimate of a candidate, recomputed at its parameters without a search."""
     orders = Orders(candidate["na"], candidate["nb"], candidate["nc"], candidate["nk"])
-    point = np.array(candidate["a"][1:] + candidate["b"] + candidate["c"][1:])
+    point = np.array(
+        candidate["a"][1:] + candidate["b"] + candidate["c"][1:] + candidate["noise_state"]
+    )
     result = SearchResult(
         point=point,
         value=candidate["objective"],
@@ -117,6 +122,7 @@ def recall(
             data.output,
             orders,
             search["objective"],
+            max(scoring_start - search["burn_in"], MIN_NC),
             scoring_start,
             search["max_root_radius"],
         )
@@ -139,8 +145,9 @@ def select_delay(candidates: Sequence[Mapping[str, Any]]) -> tuple[dict[str, int
     others = [means[nk] for nk in means if nk != chosen]
     lead = f", {min(others) - means[chosen]:.4f} below the next" if others else ""
     reason = (
-        f"A delay of {chosen} samples has the smallest mean BIC over the orders "
-        f"({means[chosen]:.4f}{lead}); over its orders BIC varies by {spreads[chosen]:.4f}."
+        f"A delay of {chosen} sample{'' if chosen == 1 else 's'} has the smallest mean BIC over "
+        f"the orders ({means[chosen]:.4f}{lead}); over its orders BIC varies by "
+        f"{spreads[chosen]:.4f}."
     )
     return _orders_of(best), reason
 
@@ -176,6 +183,7 @@ def _record(found: Estimate, phase: str, seconds: float) -> Candidate:
         "a": model.a.tolist(),
         "b": model.b.tolist(),
         "c": model.c.tolist(),
+        "noise_state": found.noise_state.tolist(),
         "convergence": [list(entry) for entry in found.search.convergence],
     }
 

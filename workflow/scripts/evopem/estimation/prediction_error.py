@@ -1,7 +1,11 @@
 """The prediction-error problem of one record and one model order, for whole populations at once.
 
-A *point* is a parameter vector ``p = [a_1..a_na, b_0..b_(nb-1), c_1..c_nc]`` (chapter eq. 18);
-a population is an (M, n) array.  Numerics only: no search lives here.
+A *point* is a parameter vector ``p = [a_1..a_na, b_0..b_(nb-1), c_1..c_nc]`` (chapter eq. 18)
+followed by the noise state ``d_0..d_(nc-1)``: what the unknown noise before the first residual has
+to do with the residuals after it.  Estimated along with p, it leaves no transient, however slow
+the roots of C; a fixed zero would, and on a twice-differenced record, whose C has roots close to
+the unit circle, that transient would decide between the orders.  A population is an (M, n + nc)
+array.  Numerics only: no search lives here.
 """
 
 from __future__ import annotations
@@ -46,9 +50,11 @@ class PredictionErrorProblem:
     objective : {"absolute", "quadratic"}
         ``absolute``: ``100 sum|e| / sum|y|`` (chapter eq. 20-21, as ``100 - fit``);
         ``quadratic``: ``100 sum e**2 / sum y**2`` (eq. 22).
+    recursion_start : int
+        First residual, at least ``orders.first_residual``.  One number for all orders that are
+        compared, so that a smaller model is a special case of a larger one.
     scoring_start : int
-        First residual that counts.  The recursion starts before it, at ``recursion_start``, so
-        that the transient of the unknown initial noise dies out first.
+        First residual that counts, at least nc later: nc residuals are fitted by the noise state.
     max_root_radius : float
         Largest allowed radius of the roots of A and C.
     """
@@ -59,22 +65,26 @@ class PredictionErrorProblem:
         output: Array,
         orders: Orders,
         objective: str,
+        recursion_start: int,
         scoring_start: int,
         max_root_radius: float,
     ) -> None:
         self.orders = orders
         self.objective = objective
         self.samples = len(output)
-        self.recursion_start = max(orders.first_residual, kernels.MIN_NC)
+        self.recursion_start = recursion_start
         self.scoring_start = scoring_start
         self.max_root_radius = max_root_radius
         padded = kernels.padded_length(self.samples, self.recursion_start)
         self._y = _padded(output, padded)
         self._u = _padded(input, padded)
         self._nc = max(orders.nc, kernels.MIN_NC)
-        rows = orders.na + orders.nb + self._nc
+        rows = orders.na + orders.nb + 2 * self._nc
         self._signs = np.ones(rows)
-        self._signs[orders.na :] = -1.0
+        self._signs[orders.na : orders.na + orders.nb + self._nc] = -1.0
+        # Rows of the kernels' tables that hold a point: C is padded there, points are not.
+        noise = orders.na + orders.nb + np.arange(orders.nc)
+        self._rows = np.concatenate([np.arange(orders.na + orders.nb), noise, noise + self._nc])
         self._work = _Workspace(
             parameters=np.zeros((rows, kernels.LANES)),
             residuals=np.zeros((padded, kernels.LANES)),
@@ -89,8 +99,8 @@ class PredictionErrorProblem:
 
     @property
     def dimension(self) -> int:
-        """Number of parameters n = na + nb + nc."""
-        return self.orders.parameters
+        """Length of a point: n = na + nb + nc parameters and nc noise states."""
+        return self.orders.parameters + self.orders.nc
 
     def values(self, points: Array) -> Array:
         """Objective of each row of an (M, n) population, in percent; infeasible rows are inf."""
@@ -136,7 +146,7 @@ class PredictionErrorProblem:
                 work.gradient,
             )
             values[rows] = factor * work.total[0, : len(rows)]
-            gradient = (self._signs[:, None] * work.gradient)[: o.parameters, : len(rows)]
+            gradient = (self._signs[:, None] * work.gradient)[self._rows, : len(rows)]
             gradients[rows] = factor * gradient.T
         bad = ~(np.isfinite(values) & np.isfinite(gradients).all(axis=1))
         values[bad] = np.inf
@@ -153,11 +163,9 @@ class PredictionErrorProblem:
         matrices = np.zeros((len(points), n, n))
         if not len(points):
             return matrices
-        rows_padded = o.na + o.nb + self._nc
-        length = len(self._y)
-        table = np.zeros((4, length, kernels.LANES))
+        rows_padded = len(self._signs)
+        table = np.zeros((5, len(self._y), kernels.LANES))
         matrix = np.zeros((rows_padded, rows_padded, kernels.LANES))
-        first = max(self.scoring_start, self.recursion_start + self.orders.first_residual + 1)
         factor = 100.0 / self._scale
         for rows in self._passes(np.ones(len(points), dtype=bool)):
             self._run_residuals(points[rows])
@@ -170,16 +178,18 @@ class PredictionErrorProblem:
                 self._nc,
                 o.nk,
                 self.recursion_start,
-                first,
+                self.scoring_start,
                 self.samples,
                 self._work.parameters,
                 table[0],
                 table[1],
                 table[2],
                 table[3],
+                table[4],
                 matrix,
             )
-            upper = np.triu(np.moveaxis(matrix[:n, :n, : len(rows)], 2, 0))
+            kept = matrix[np.ix_(self._rows, self._rows)][:, :, : len(rows)]
+            upper = np.triu(np.moveaxis(kept, 2, 0))
             symmetric = upper + np.swapaxes(np.triu(upper, 1), 1, 2)
             matrices[rows] = factor * self._mean_curvature(corners[rows])[:, None, None] * symmetric
         return matrices
@@ -199,7 +209,7 @@ class PredictionErrorProblem:
         o = self.orders
         finite = np.isfinite(points).all(axis=1)
         a = np.ascontiguousarray(points[:, : o.na])
-        c = np.ascontiguousarray(points[:, o.na + o.nb :])
+        c = np.ascontiguousarray(points[:, o.na + o.nb : o.parameters])
         radius = self.max_root_radius
         return finite & kernels.schur_stable(a, radius) & kernels.schur_stable(c, radius)
 
@@ -215,7 +225,8 @@ class PredictionErrorProblem:
             point = np.where(np.isfinite(points[row]), points[row], 0.0)
             inner = self.max_root_radius * (1.0 - 1e-6)
             point[: o.na] = reflect_into_disc(point[: o.na], inner)
-            point[o.na + o.nb :] = reflect_into_disc(point[o.na + o.nb :], inner)
+            noise = slice(o.na + o.nb, o.parameters)
+            point[noise] = reflect_into_disc(point[noise], inner)
             repaired[row] = point
         return repaired
 
@@ -226,9 +237,8 @@ class PredictionErrorProblem:
 
     def _run_residuals(self, points: Array) -> None:
         o, work = self.orders, self._work
-        signed = self._signs[: self.dimension, None] * points.T
         work.parameters[:] = 0.0
-        work.parameters[: self.dimension, : len(points)] = signed
+        work.parameters[self._rows, : len(points)] = self._signs[self._rows, None] * points.T
         kernels.residuals(
             self._y,
             self._u,

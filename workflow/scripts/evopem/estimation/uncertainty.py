@@ -17,10 +17,11 @@ def residual_jacobian(
     residuals: Array,
     recursion_start: int,
 ) -> Array:
-    """Derivatives of the residuals with respect to ``[a, b, c]``, (N, n).
+    """Derivatives of the residuals with respect to ``[a, b, c]`` and the noise state, (N, n + nc).
 
     ``d e/d a_i = y_F(t-i)``, ``d e/d b_j = -u_F(t-nk-j)``, ``d e/d c_k = -e_F(t-k)`` with signals
-    filtered through 1/C from rest at ``recursion_start`` (Ljung 1999, section 10.3).
+    filtered through 1/C from rest at ``recursion_start`` (Ljung 1999, section 10.3), and impulses
+    there for the noise state.
     """
     from scipy.signal import lfilter
 
@@ -31,15 +32,22 @@ def residual_jacobian(
         + [(residuals, k, -1.0) for k in range(1, o.nc + 1)]
     )
     samples = len(output)
-    jacobian = np.zeros((samples, o.parameters))
+    jacobian = np.zeros((samples, o.parameters + o.nc))
     for column, (signal, lag, sign) in enumerate(columns):
         delayed = signal[recursion_start - lag : samples - lag]
         jacobian[recursion_start:, column] = sign * lfilter([1.0], model.c, delayed)
+    impulse = np.zeros(samples)
+    impulse[recursion_start] = 1.0
+    response = lfilter([1.0], model.c, impulse)
+    for k in range(o.nc):
+        jacobian[k:, o.parameters + k] = response[: samples - k]
     return jacobian
 
 
-def parameter_covariance(jacobian: Array, residuals: Array, objective: str) -> Array:
-    """Asymptotic covariance of the parameters, (n, n).
+def parameter_covariance(
+    jacobian: Array, residuals: Array, parameters: int, objective: str
+) -> Array:
+    """Asymptotic covariance of the parameters, (n, n), the noise state being estimated as well.
 
     ``sigma^2 (J'J)^-1`` for the quadratic objective (Ljung 1999, eq. 9.17), and
     ``(J'J)^-1 / (2 f(0))^2`` for the absolute one, f the density of the residuals (Bassett &
@@ -47,17 +55,20 @@ def parameter_covariance(jacobian: Array, residuals: Array, objective: str) -> A
 
     Parameters
     ----------
-    jacobian : (N, n) array
+    jacobian : (N, n + nc) array
         Over the scored samples only.
     residuals : (N,) array
         The same samples.
+    parameters : int
+        n.
     objective : {"absolute", "quadratic"}
     """
-    samples, n = jacobian.shape
+    samples, n = len(jacobian), parameters
     scale = np.linalg.norm(jacobian, axis=0)
     scale[scale == 0.0] = 1.0
-    inverse = np.linalg.pinv(np.linalg.qr(jacobian / scale, mode="r"))
-    information_inverse = (inverse @ inverse.T) / np.outer(scale, scale)
+    # A noise state that has died out before the first scored sample leaves no trace there.
+    inverse = np.linalg.pinv(np.linalg.qr(jacobian / scale, mode="r"), rcond=1e-10)
+    information_inverse = ((inverse @ inverse.T) / np.outer(scale, scale))[:n, :n]
     if objective == "quadratic":
         spread = float(residuals @ residuals) / max(samples - n, 1)
     else:

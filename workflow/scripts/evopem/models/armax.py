@@ -102,30 +102,52 @@ class ArmaxModel:
         """Roots of C in the z plane, (nc,)."""
         return roots(self.c[1:])
 
-    def residuals(self, input: ArrayLike, output: ArrayLike) -> Array:  # noqa: A002
+    def residuals(
+        self,
+        input: ArrayLike,  # noqa: A002
+        output: ArrayLike,
+        noise_state: ArrayLike | None = None,
+        start: int | None = None,
+    ) -> Array:
         """One-step prediction errors ``C e = A y - B u`` (chapter eq. 8 and 19), (N,).
 
-        The recursion starts at ``orders.first_residual`` with measured past signals and zero
-        past residuals; earlier residuals are NaN, since nothing predicts those samples.
+        Parameters
+        ----------
+        input, output : (N,) arrays
+        noise_state : (nc,) array, optional
+            What the noise before the first residual adds to the first nc equation errors, as
+            :func:`evopem.models.initial.estimate_noise_state` returns it.  By default nothing:
+            the transient then decays with the roots of C.
+        start : int, optional
+            First residual, by default ``orders.first_residual``, the first that has all its
+            measured past.  Earlier residuals are NaN, since nothing predicts those samples.
         """
         from scipy.signal import lfilter
 
         u, y = _signals(input, output)
-        t0 = self.orders.first_residual
+        t0 = self.orders.first_residual if start is None else start
         if len(y) <= t0:
             raise ValueError(f"{self.orders} needs more than {t0} samples, not {len(y)}")
         equation_error = lfilter(self.a, [1.0], y) - lfilter(self.delayed_b, [1.0], u)
+        if noise_state is not None:
+            state = np.asarray(noise_state, dtype=float)[: len(y) - t0]
+            equation_error[t0 : t0 + len(state)] += state
         e = np.full(len(y), np.nan)
         e[t0:] = lfilter([1.0], self.c, equation_error[t0:])
         return e
 
-    def predict(self, input: ArrayLike, output: ArrayLike) -> Array:  # noqa: A002
+    def predict(
+        self,
+        input: ArrayLike,  # noqa: A002
+        output: ArrayLike,
+        noise_state: ArrayLike | None = None,
+    ) -> Array:
         """One-step-ahead prediction of the output from past measured output and input, (N,).
 
-        NaN where the past is not known (see :meth:`residuals`).
+        NaN where the past is not known; ``noise_state`` as in :meth:`residuals`.
         """
         _, y = _signals(input, output)
-        predicted: Array = y - self.residuals(input, output)
+        predicted: Array = y - self.residuals(input, output, noise_state)
         return predicted
 
     def simulate(self, input: ArrayLike, initial: ArrayLike | None = None) -> Array:  # noqa: A002

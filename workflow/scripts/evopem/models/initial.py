@@ -1,4 +1,4 @@
-"""Initial conditions of a simulation, from a stretch of measured output."""
+"""Initial conditions of simulation and prediction, from a stretch of measured signals."""
 
 from __future__ import annotations
 
@@ -34,17 +34,39 @@ def estimate_initial_state(model: ArmaxModel, input: Array, output: Array) -> Ar
     (state_dimension(model),) array
         For :meth:`ArmaxModel.simulate`.
     """
+    remainder = np.asarray(output, dtype=float) - model.simulate(input)
+    return _impulses_behind(remainder, model.a, state_dimension(model))
+
+
+def estimate_noise_state(model: ArmaxModel, input: Array, output: Array) -> Array:  # noqa: A002
+    """What the noise before the first residual adds to the first nc equation errors.
+
+    Least squares on the residuals of the whole stretch; (nc,), for
+    :meth:`ArmaxModel.residuals` and :meth:`ArmaxModel.predict`.
+
+    Parameters
+    ----------
+    model : ArmaxModel
+        Invertible.
+    input, output : (N,) arrays
+    """
+    residuals = model.residuals(input, output)[model.orders.first_residual :]
+    return _impulses_behind(-residuals, model.c, model.orders.nc)
+
+
+def _impulses_behind(signal: Array, denominator: Array, count: int) -> Array:
+    """Impulses at samples 0, 1, ... whose response through ``1/denominator`` fits a signal."""
     from scipy.signal import lfilter
 
-    remainder = np.asarray(output, dtype=float) - model.simulate(input)
-    samples, states = len(remainder), state_dimension(model)
-    if states == 0:
+    if count == 0:
         return np.empty(0)
+    samples = len(signal)
+    count = min(count, samples)
     impulse = np.zeros(samples)
     impulse[0] = 1.0
-    response = lfilter([1.0], model.a, impulse)
-    free = np.column_stack(
-        [np.concatenate([np.zeros(k), response[: samples - k]]) for k in range(states)]
+    response = lfilter([1.0], denominator, impulse)
+    responses = np.column_stack(
+        [np.concatenate([np.zeros(k), response[: samples - k]]) for k in range(count)]
     )
-    state: Array = np.linalg.lstsq(free, remainder, rcond=1e-10)[0]
-    return state
+    impulses: Array = np.linalg.lstsq(responses, signal, rcond=1e-10)[0]
+    return impulses

@@ -360,15 +360,17 @@ def residuals(contents: Contents) -> list[str]:
 def simulation(contents: Contents) -> list[str]:
     """Simulation on data the model never saw, apart from prediction."""
     validation = contents.validation
-    own = validation.get("initial_conditions") == "validation"
     begin = (
-        "Its initial conditions are fitted to the validation recording's own output, which has no"
-        " past on record."
-        if own
-        else "It starts with the estimation samples, to whose output alone its initial conditions"
-        " are fitted, and runs on through the validation samples without seeing one of their"
-        " outputs."
+        "It starts from the state that fits these samples best, as published figures and MATLAB's"
+        " compare do; nothing else of their output is used."
     )
+    if is_number(validation.get("continued_simulation_error_percent")):
+        begin += (
+            " Started with the estimation samples instead, and run on without seeing one"
+            " validation output, the same model misses by"
+            f" {percent(validation['continued_simulation_error_percent'])}: noise, which no"
+            " simulation can know, has moved the state meanwhile."
+        )
     sentences = [
         f"Driven by the input alone, the simulated output misses the measured one by"
         f" {percent(validation.get('simulation_error_percent'))} of its norm"

@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from evopem.models.initial import estimate_initial_state
+from evopem.models.initial import estimate_initial_state, estimate_noise_state
 from evopem.validation.correlation import (
     LjungBox,
     cross_correlation,
@@ -29,6 +29,7 @@ from evopem.validation.scores import error_percent, fit_percent
 if TYPE_CHECKING:
     from evopem.models.armax import ArmaxModel
     from evopem.signals.preparation import PreparedData
+    from evopem.signals.recording import Recording
 
 # Missed dynamics and feedback show at short lags; more lags only dilute the test.
 CROSS_CORRELATION_LAGS = 200
@@ -39,13 +40,15 @@ class Validation:
     """Everything the validation of one model yields.
 
     Percentages refer to the scored validation samples; ``samples`` is their number. Errors are
-    100 ‖y − ŷ‖/‖y‖, fits 100 (1 − ‖y − ŷ‖/‖y − ȳ‖).
+    100 ‖y − ŷ‖/‖y‖, fits 100 (1 − ‖y − ŷ‖/‖y − ȳ‖).  ``continued_simulation_error_percent`` is None
+    where the validation samples do not continue the estimation samples.
     """
 
     prediction_error_percent: float
     simulation_error_percent: float
     prediction_fit_percent: float
     simulation_fit_percent: float
+    continued_simulation_error_percent: float | None
     samples: int
     unscored_samples: int
     residual_samples: int
@@ -58,7 +61,6 @@ class Validation:
     cross_correlation_lags: int
     excitation_order: int
     excitation_needed: int
-    initial_conditions: str
     residual_autocorrelation: pd.DataFrame
     cross_correlation: pd.DataFrame
     simulation: pd.DataFrame
@@ -73,9 +75,13 @@ class Validation:
             "simulation_error_percent": _finite(self.simulation_error_percent),
             "prediction_fit_percent": _finite(self.prediction_fit_percent),
             "simulation_fit_percent": _finite(self.simulation_fit_percent),
+            "continued_simulation_error_percent": (
+                None
+                if self.continued_simulation_error_percent is None
+                else _finite(self.continued_simulation_error_percent)
+            ),
             "samples": self.samples,
             "unscored_samples": self.unscored_samples,
-            "initial_conditions": self.initial_conditions,
             "residual_samples": self.residual_samples,
             "autocorrelation_share_inside95": _finite(self.autocorrelation_share_inside95),
             "lags": self.lags,
@@ -108,6 +114,7 @@ class _Responses:
     output: NDArray[np.float64]
     predicted: NDArray[np.float64]
     simulated: NDArray[np.float64]
+    continued: NDArray[np.float64] | None
     unscored: int
 
 
@@ -128,8 +135,8 @@ def validate(
     lags : int
         Largest lag of the residual autocorrelation; cut to the number of residuals less one.
     scoring_start : int, optional
-        First estimation sample whose residual is used. By default the start of the recursion plus
-        the time its transient, governed by the slowest root of C, takes to decay to 1 %.
+        First estimation sample whose residual is used. By default the nc-th residual: the ones
+        before are fitted by the noise state.
 
     Returns
     -------
@@ -142,20 +149,26 @@ def validate(
 
     Notes
     -----
-    Residual tests use the estimation samples (Ljung 1999, section 16.6).
+    Residual tests use the estimation samples (Ljung 1999, section 16.6), from the noise state that
+    fits them best.
 
-    When the validation samples continue the estimation samples (``prepared.contiguous``), the
-    predictor runs through both, so that it knows all the measured past, and the simulation starts
-    at the beginning of the estimation samples with initial conditions fitted to these alone; it
-    runs through the validation samples without seeing one of their outputs. An independent
-    recording has no past on record: there the predictor starts with the recording, the
-    simulation's na initial conditions are fitted to its output, and the first
-    max(na, nb + nk − 1, nc) samples are not scored.
+    The simulation of the validation samples starts from the initial state that fits them best, as
+    published figures and MATLAB's ``compare`` have it: a few numbers, and nothing else, come from
+    the output it is compared with.  When the validation samples continue the estimation samples
+    (``prepared.contiguous``), a stricter simulation goes with it: it starts with the estimation
+    samples, to which alone its state is fitted, and runs on without seeing one validation output
+    (``continued_simulation_error_percent``).
+
+    The predictor runs through both parts of a continuous record, so that it knows all the measured
+    past.  An independent recording has no past on record: there the predictor starts with the
+    recording, its noise state is fitted to it, and the first max(na, nb + nk − 1, nc) samples and
+    the nc after them are not scored.
     """
     estimation = prepared.estimation
     orders = model.orders
-    start = _settled(model) if scoring_start is None else scoring_start
-    residuals = model.residuals(estimation.input, estimation.output)[start:]
+    start = orders.first_residual + orders.nc if scoring_start is None else scoring_start
+    noise_state = estimate_noise_state(model, estimation.input, estimation.output)
+    residuals = model.residuals(estimation.input, estimation.output, noise_state)[start:]
     if residuals.size < 2:
         raise ValueError(
             f"{estimation.output.size} estimation samples leave no residuals from sample {start} on"
@@ -166,7 +179,11 @@ def validate(
         residuals, estimation.input[start:], min(lags, CROSS_CORRELATION_LAGS)
     )
     fitted = orders.na + orders.nc
-    responses = _continued(model, prepared) if prepared.contiguous else _restarted(model, prepared)
+    responses = (
+        _continued(model, prepared, noise_state)
+        if prepared.contiguous
+        else _restarted(model, prepared)
+    )
     scored = slice(responses.unscored, None)
     measured = responses.output[scored]
     if measured.size == 0:
@@ -177,6 +194,11 @@ def validate(
         simulation_error_percent=error_percent(measured, responses.simulated[scored]),
         prediction_fit_percent=fit_percent(measured, responses.predicted[scored]),
         simulation_fit_percent=fit_percent(measured, responses.simulated[scored]),
+        continued_simulation_error_percent=(
+            None
+            if responses.continued is None
+            else error_percent(measured, responses.continued[scored])
+        ),
         samples=measured.size,
         unscored_samples=responses.unscored,
         residual_samples=residuals.size,
@@ -196,23 +218,15 @@ def validate(
         cross_correlation_lags=int(cross["lag"].max()),
         excitation_order=excitation_order(estimation.input, orders.na + orders.nb),
         excitation_needed=orders.na + orders.nb,
-        initial_conditions="estimation" if prepared.contiguous else "validation",
         residual_autocorrelation=autocorrelation,
         cross_correlation=cross,
         simulation=_table(responses, estimation.sampling_rate),
     )
 
 
-def _settled(model: ArmaxModel) -> int:
-    """First residual past the start-up transient of 1/C."""
-    first = model.orders.first_residual
-    radius = float(np.max(np.abs(model.noise_zeros()), initial=0.0))
-    if not 0 < radius < 1:
-        return first
-    return first + min(1000, math.ceil(math.log(0.01) / math.log(radius)))
-
-
-def _continued(model: ArmaxModel, prepared: PreparedData) -> _Responses:
+def _continued(
+    model: ArmaxModel, prepared: PreparedData, noise_state: NDArray[np.float64]
+) -> _Responses:
     """Predict and simulate validation samples that follow the estimation samples directly."""
     estimation, validation = prepared.estimation, prepared.validation
     inputs = np.concatenate([estimation.input, validation.input])
@@ -222,8 +236,9 @@ def _continued(model: ArmaxModel, prepared: PreparedData) -> _Responses:
     return _Responses(
         input=validation.input,
         output=validation.output,
-        predicted=model.predict(inputs, output)[seen:],
-        simulated=model.simulate(inputs, state)[seen:],
+        predicted=model.predict(inputs, output, noise_state)[seen:],
+        simulated=_simulated(model, validation),
+        continued=model.simulate(inputs, state)[seen:],
         unscored=0,
     )
 
@@ -231,14 +246,21 @@ def _continued(model: ArmaxModel, prepared: PreparedData) -> _Responses:
 def _restarted(model: ArmaxModel, prepared: PreparedData) -> _Responses:
     """Predict and simulate an independent recording, whose past is not on record."""
     validation = prepared.validation
-    state = estimate_initial_state(model, validation.input, validation.output)
+    noise_state = estimate_noise_state(model, validation.input, validation.output)
     return _Responses(
         input=validation.input,
         output=validation.output,
-        predicted=model.predict(validation.input, validation.output),
-        simulated=model.simulate(validation.input, state),
-        unscored=model.orders.first_residual,
+        predicted=model.predict(validation.input, validation.output, noise_state),
+        simulated=_simulated(model, validation),
+        continued=None,
+        unscored=model.orders.first_residual + model.orders.nc,
     )
+
+
+def _simulated(model: ArmaxModel, validation: Recording) -> NDArray[np.float64]:
+    """Response to the validation input from the state that fits the validation output best."""
+    state = estimate_initial_state(model, validation.input, validation.output)
+    return model.simulate(validation.input, state)
 
 
 def _table(responses: _Responses, sampling_rate: float) -> pd.DataFrame:
