@@ -24,6 +24,10 @@ def model():
         "sampling_rate": 1.0,
         "covariance": (1e-6 * np.eye(5)).tolist(),
         "modes": [{"frequency_hz": FREQUENCY, "damping_percent": 20.0, "frequency_se_hz": 1e-4}],
+        "search": {
+            "settings": {"max_root_radius": 0.9999},
+            "found": {"populations": 3, "agreement": 0.5, "at_margin": False},
+        },
     }
 
 
@@ -54,9 +58,7 @@ def candidates():
     rows += [("common", k, k, k, 1, k == 3) for k in range(2, 6)]
     rows += [("c", 3, 3, k, 1, k == 3) for k in range(2, 6)]
     rows += [("b", 3, k, 3, 1, k == 3) for k in range(2, 6)]
-    table = pd.DataFrame(rows, columns=["phase", "na", "nb", "nc", "nk", "selected"])
-    table["at_margin"] = False
-    return table
+    return pd.DataFrame(rows, columns=["phase", "na", "nb", "nc", "nk", "selected"])
 
 
 def verdict(results, start):
@@ -66,14 +68,15 @@ def verdict(results, start):
 
 def test_good_evidence_passes_every_check(model, validation, spectrum, candidates):
     results = checks(model, validation, spectrum, candidates)
-    assert [check.passed for check in results] == [True] * 8
+    assert [check.passed for check in results] == [True] * 10
     assert all(check.statement and not check.advice for check in results)
 
 
 def test_without_evidence_nothing_passes():
     results = checks({})
-    assert [check.passed for check in results] == [None] * 8
-    assert all("missing" in check.statement for check in results)
+    assert [check.passed for check in results] == [None] * 10
+    assert all("missing" in check.statement or "not on" in check.statement for check in results)
+    assert all(check.advice for check in results)
 
 
 @pytest.mark.parametrize(
@@ -83,6 +86,9 @@ def test_without_evidence_nothing_passes():
         (("model", "c"), "Invertible"),
         (("model", "modes"), "Every"),
         (("model", "covariance"), "Poles"),
+        (("model", "search", "found", "at_margin"), "Roots"),
+        (("model", "search", "found", "populations"), "Search"),
+        (("model", "search", "found", "agreement"), "Search"),
         (("validation", "ljung_box", "p_value"), "White"),
         (("validation", "autocorrelation_share_inside95"), "White"),
         (("validation", "cross_correlation", "max_in_bounds"), "Residuals"),
@@ -104,6 +110,7 @@ def test_one_missing_number_leaves_its_check_open(
         place[path[-1]] = None
     results = checks(given["model"], given["validation"], given["spectrum"], candidates)
     assert verdict(results, name).passed is None
+    assert verdict(results, name).advice
 
 
 def test_roots_outside_fail(model):
@@ -229,9 +236,29 @@ def test_edges_of_the_ranges(candidates, phase, column, value, passed):
     assert verdict(checks({}, candidates=candidates), "Orders").passed is passed
 
 
-def test_a_root_on_the_margin_fails(candidates):
-    candidates.loc[candidates.index[-3], "at_margin"] = True  # the last phase's choice
-    assert verdict(checks({}, candidates=candidates), "Orders").passed is False
+def test_a_root_on_the_margin_fails(model):
+    model["search"]["found"]["at_margin"] = True
+    check = verdict(checks(model), "Roots")
+    assert check.passed is False
+    assert "0.9999" in check.statement
+    assert check.advice
+
+
+@pytest.mark.parametrize(
+    ("populations", "agreement", "passed", "statement"),
+    [
+        (1, 0.0, None, "no independent one"),
+        (2, 0.0, False, "0 of 1 further population,"),
+        (2, 1.0, True, "1 of 1 further population,"),
+        (7, 1 / 3, True, "2 of 6 further populations"),
+    ],
+)
+def test_agreement_of_independent_populations(model, populations, agreement, passed, statement):
+    model["search"]["found"] |= {"populations": populations, "agreement": agreement}
+    check = verdict(checks(model), "Search")
+    assert check.passed is passed
+    assert statement in check.statement
+    assert bool(check.advice) == (passed is not True)
 
 
 def test_no_search_at_all_is_not_judged(candidates):
@@ -271,3 +298,10 @@ def test_root_covariance_by_monte_carlo():
     roots = (-drawn[:, 0] + np.sqrt(drawn[:, 0] ** 2 - 4 * drawn[:, 1] + 0j)) / 2
     sampled = np.cov(roots.real, np.abs(roots.imag))
     np.testing.assert_allclose(root_covariance(a, POLES[0], covariance), sampled, rtol=0.05)
+
+
+def test_root_covariance_of_a_polynomial_that_is_not_monic():
+    # The root of b0 z + b1 is −b1/b0, its variance by propagation (var b1 + r² var b0) / b0².
+    b = np.array([2.0, -1.0])
+    spread = root_covariance(b, 0.5, np.diag([0.01, 0.04]))
+    np.testing.assert_allclose(spread, [[(0.04 + 0.25 * 0.01) / 4, 0.0], [0.0, 0.0]])

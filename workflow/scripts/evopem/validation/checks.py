@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from evopem.validation.roots import CHI_SQUARE_95, parameter_covariance, root_gradient
 
-# Joint tests are made at the 1 % level: eight checks at 5 % would fail a third of good models.
+# Joint tests are made at the 1 % level: the checks at 5 % each would fail a third of good models.
 SIGNIFICANCE = 0.01
 # Cross-correlations at neighbouring lags move together when the input is coloured, so their share
 # inside scatters more than a binomial one.
@@ -28,6 +28,8 @@ NEAR = 0.1
 FEWEST_LINES = 10
 # Without uncertainties only a pair this close is called a cancellation.
 COINCIDENT = 0.01
+COMPLETE_MODEL = "Run the stage that completes the model again."
+SEARCH_AGAIN = "Run the order search again: these results were made without that record."
 
 
 @dataclass(frozen=True)
@@ -51,8 +53,8 @@ def checks(
     Parameters
     ----------
     model : mapping
-        As in ``model.json``: ``orders``, ``a``, ``b``, ``c``, ``modes`` and, for uncertainties,
-        ``covariance``.
+        As in ``model.json``: ``orders``, ``a``, ``b``, ``c``, ``modes``, for uncertainties
+        ``covariance``, and ``search`` with what was found.
     validation : mapping, optional
         As in ``validation.json``.
     spectrum : mapping, optional
@@ -64,8 +66,8 @@ def checks(
     -------
     list of Check
         Stable; invertible; white residuals; residuals independent of the input; every spectral
-        peak modelled; poles and zeros distinct; orders inside their search ranges; excitation
-        adequate.
+        peak modelled; poles and zeros distinct; orders inside their search ranges; roots off the
+        search's margin; search repeatable; excitation adequate.
     """
     return [
         stability(model),
@@ -75,6 +77,8 @@ def checks(
         spectral_peaks_modelled(model, spectrum),
         no_cancellation(model),
         inside_search_ranges(candidates),
+        roots_off_margin(model),
+        search_repeatable(model),
         excitation(validation),
     ]
 
@@ -105,7 +109,12 @@ def _roots_inside(
     name: str, polynomial: str, noun: str, coefficients: Sequence[float] | None, advice: str
 ) -> Check:
     if coefficients is None or not np.all(np.isfinite(np.asarray(coefficients, dtype=float))):
-        return Check(name, None, f"The coefficients of {polynomial} are missing or not finite.")
+        return Check(
+            name,
+            None,
+            f"The coefficients of {polynomial} are missing or not finite.",
+            COMPLETE_MODEL,
+        )
     radii = np.abs(np.roots(np.asarray(coefficients, dtype=float)))
     if radii.size == 0:
         return Check(name, True, f"{polynomial} is 1: it has no root that could leave the circle.")
@@ -160,7 +169,12 @@ def input_independence(validation: Mapping[str, Any] | None) -> Check:
     largest = _number(validation, "cross_correlation", "max_in_bounds")
     lags = _number(validation, "cross_correlation", "lags")
     if share is None or largest is None or lags is None:
-        return Check(name, None, "The residual-input cross-correlation is missing.")
+        return Check(
+            name,
+            None,
+            "The residual-input cross-correlation is missing.",
+            "Give a longer record or fewer parameters, and run the validation again.",
+        )
     from scipy.special import ndtri
 
     count = int(2 * lags + 1)
@@ -187,10 +201,15 @@ def spectral_peaks_modelled(model: Mapping[str, Any], spectrum: Mapping[str, Any
     """Every peak of the output's spectrum has a mode of the model near it."""
     name = "Every spectral peak modelled"
     if spectrum is None or spectrum.get("peaks") is None:
-        return Check(name, None, "The output's spectrum and its peaks are missing.")
+        return Check(
+            name,
+            None,
+            "The output's spectrum and its peaks are missing.",
+            "Run the stage that estimates the spectrum again.",
+        )
     modes = model.get("modes")
     if modes is None:
-        return Check(name, None, "The model's modes are missing.")
+        return Check(name, None, "The model's modes are missing.", COMPLETE_MODEL)
     peaks = spectrum["peaks"]
     if not peaks:
         return Check(name, True, "The output's spectrum has no distinct peak to be missed.")
@@ -262,7 +281,7 @@ def no_cancellation(model: Mapping[str, Any]) -> Check:
     """No pole of G that a zero of G hides, judged by their joint uncertainty."""
     name = "Poles and zeros distinct"
     if model.get("a") is None or model.get("b") is None:
-        return Check(name, None, "The coefficients of A or B are missing.")
+        return Check(name, None, "The coefficients of A or B are missing.", COMPLETE_MODEL)
     a, b = np.asarray(model["a"], dtype=float), np.asarray(model["b"], dtype=float)
     poles, zeros = np.roots(a), np.roots(b)
     if poles.size == 0 or zeros.size == 0:
@@ -288,6 +307,8 @@ def no_cancellation(model: Mapping[str, Any]) -> Check:
             None,
             f"{nearest} {distance:.2g} apart; without a parameter covariance this cannot be"
             " compared with its uncertainty.",
+            "The covariance of an over-large model is not determined: lower the orders, or give a"
+            " longer record.",
         )
     hidden = [
         (pole, zero)
@@ -341,10 +362,15 @@ RANGES = (
 
 
 def inside_search_ranges(candidates: pd.DataFrame | None) -> Check:
-    """No chosen order at an end of the range that was searched, no root on the search's margin."""
+    """No chosen order at an end of the range that was searched."""
     name = "Orders inside their search ranges"
     if candidates is None or candidates.empty:
-        return Check(name, None, "The table of candidates is missing.")
+        return Check(
+            name,
+            None,
+            "The table of candidates is missing.",
+            "Run the stage that tabulates the candidates again.",
+        )
     at_edge, inside, fixed, unknown = [], [], [], []
     for phase, column, words, least in RANGES:
         tried = candidates[candidates["phase"] == phase]
@@ -360,10 +386,6 @@ def inside_search_ranges(candidates: pd.DataFrame | None) -> Check:
             at_edge.append(f"{words} = {value} in {low}–{high}")
         else:
             inside.append(f"{words} = {value} in {low}–{high}")
-    if "at_margin" in candidates:
-        final = candidates[candidates["selected"].astype(bool)]
-        if not final.empty and _true(final["at_margin"].iloc[-1]):
-            at_edge.append("a root lies on the search's stability margin")
     if at_edge:
         return Check(
             name,
@@ -372,16 +394,77 @@ def inside_search_ranges(candidates: pd.DataFrame | None) -> Check:
             "Widen that range in the configuration and run again: a better model may lie outside.",
         )
     if unknown:
-        return Check(name, None, f"No choice is on record for: {', '.join(unknown)}.")
+        return Check(
+            name,
+            None,
+            f"No choice is on record for: {', '.join(unknown)}.",
+            "Run the order search again.",
+        )
     if not inside:
-        return Check(name, None, "Every order was fixed by the configuration; none was searched.")
+        return Check(
+            name,
+            None,
+            "Every order was fixed by the configuration; none was searched.",
+            "Give at least one order a range, if these orders are not known for certain.",
+        )
     remark = f" Fixed by the configuration: {', '.join(fixed)}." if fixed else ""
     return Check(name, True, f"Inside: {'; '.join(inside)}.{remark}")
 
 
-def _true(value: object) -> bool:
-    """Read a flag as CSV gives it."""
-    return str(value).strip().lower() in {"true", "1", "1.0"}
+def roots_off_margin(model: Mapping[str, Any]) -> Check:
+    """No root that the limit of the search, and not the data, has put where it is."""
+    name = "Roots off the search's margin"
+    at_margin = _found(model).get("at_margin")
+    if not isinstance(at_margin, bool):
+        return Check(
+            name, None, "Whether a root lies at the search's margin is not on record.", SEARCH_AGAIN
+        )
+    limit = _number(model, "search", "settings", "max_root_radius")
+    margin = "the largest root radius that the search allows" + (f", {limit:g}" if limit else "")
+    if not at_margin:
+        return Check(name, True, f"No root of A or C lies at {margin}.")
+    return Check(
+        name,
+        False,
+        f"A root of A or C lies at {margin}: this limit and not the data keeps it there.",
+        "A root of C there is what differencing too often leaves: lower “difference”. A pole there"
+        " is a drift or hardly any damping: remove the drift, or raise “max_root_radius” towards 1."
+        " With a short record, lower the orders.",
+    )
+
+
+def search_repeatable(model: Mapping[str, Any]) -> Check:
+    """Another population, drawn independently, ended at the optimum that was chosen."""
+    name = "Search repeatable"
+    populations = _number(model, "search", "found", "populations")
+    agreement = _number(model, "search", "found", "agreement")
+    if populations is None or agreement is None:
+        return Check(
+            name, None, "How many populations agreed on the optimum is not on record.", SEARCH_AGAIN
+        )
+    more = "Raise “evaluations” of the search, and compare the results of another “seed”."
+    others = int(populations) - 1
+    if others < 1:
+        return Check(
+            name,
+            None,
+            "The evaluations were spent on one population: no independent one was there to confirm"
+            " its optimum.",
+            more,
+        )
+    agreed = round(agreement * others)
+    statement = (
+        f"{agreed} of {others} further {'population' if others == 1 else 'populations'}, drawn"
+        " independently, ended at the same optimum."
+    )
+    return Check(name, agreed > 0, statement, "" if agreed else more)
+
+
+def _found(model: Mapping[str, Any]) -> Mapping[str, Any]:
+    """What the search of the chosen model found, as far as it is on record."""
+    search = model.get("search")
+    found = search.get("found") if isinstance(search, Mapping) else None
+    return found if isinstance(found, Mapping) else {}
 
 
 def excitation(validation: Mapping[str, Any] | None) -> Check:
@@ -390,7 +473,12 @@ def excitation(validation: Mapping[str, Any] | None) -> Check:
     order = _number(validation, "excitation", "order")
     needed = _number(validation, "excitation", "needed")
     if order is None or needed is None:
-        return Check(name, None, "The input's order of excitation is missing.")
+        return Check(
+            name,
+            None,
+            "The input's order of excitation is missing.",
+            "Run the validation again.",
+        )
     passed = order >= needed
     statement = (
         f"The input excites {order:.0f} of the {needed:.0f} directions (na + nb) that the model"

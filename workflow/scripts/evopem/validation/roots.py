@@ -29,17 +29,17 @@ def root_covariance(
     Parameters
     ----------
     coefficients : ndarray, shape (n + 1,)
-        A monic polynomial, its leading 1 known exactly.
+        A polynomial in z, highest power first.
     root : complex
         One of its roots.
-    covariance : ndarray, shape (n, n)
-        Covariance of the other coefficients.
+    covariance : ndarray, shape (n, n) or (n + 1, n + 1)
+        Covariance of the coefficients; of all but the first where that is a 1 known exactly.
 
     Returns
     -------
     ndarray, shape (2, 2)
     """
-    gradient = root_gradient(coefficients, root)[1:]
+    gradient = root_gradient(coefficients, root)[-len(covariance) :]
     jacobian = np.vstack([gradient.real, gradient.imag])
     return jacobian @ covariance @ jacobian.T
 
