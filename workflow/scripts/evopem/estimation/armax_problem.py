@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 from evopem.estimation.arx import fit_arx
 from evopem.estimation.bfgs import descend
 from evopem.estimation.prediction_error import PredictionErrorProblem
-from evopem.models.armax import Orders
 
 Array = NDArray[np.float64]
 
@@ -28,27 +27,12 @@ class ArmaxProblem:
 
     Parameters
     ----------
-    input, output : (N,) arrays
-    orders : Orders
-    objective : {"absolute", "quadratic"}
-    recursion_start, scoring_start : int
-    max_root_radius : float
+    errors : PredictionErrorProblem
     """
 
-    def __init__(
-        self,
-        input: Array,  # noqa: A002
-        output: Array,
-        orders: Orders,
-        objective: str,
-        recursion_start: int,
-        scoring_start: int,
-        max_root_radius: float,
-    ) -> None:
-        self.errors = PredictionErrorProblem(
-            input, output, orders, objective, recursion_start, scoring_start, max_root_radius
-        )
-        self._arx = fit_arx(input, output, orders, recursion_start)
+    def __init__(self, errors: PredictionErrorProblem) -> None:
+        self.errors = errors
+        self._arx = fit_arx(errors.input, errors.output, errors.orders, errors.recursion_start)
 
     def draw(self, count: int, generator: np.random.Generator) -> Array:
         """Individuals with A and B of stage one, C from the standard normal distribution, d = 0.

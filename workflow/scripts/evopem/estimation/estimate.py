@@ -127,12 +127,12 @@ def estimate(
     first, start = max(first, MIN_NC), max(start, MIN_NC)  # what the kernels look back on
     # The bits of a result must not depend on how many threads the machine's BLAS would take.
     with threadpool_limits(limits=1, user_api="blas"):
-        problem = ArmaxProblem(u, y, orders, objective, first, start, max_root_radius)
+        errors = PredictionErrorProblem(u, y, orders, objective, first, start, max_root_radius)
         sequence = np.random.SeedSequence(
             seed, spawn_key=(orders.na, orders.nb, orders.nc, orders.nk)
         )
-        result = hybrid_search(problem, search, np.random.default_rng(sequence), log)
-        return describe(problem.errors, result, u, y, sampling_rate)
+        result = hybrid_search(ArmaxProblem(errors), search, np.random.default_rng(sequence), log)
+        return describe(errors, result, sampling_rate)
 
 
 def _check(
@@ -169,11 +169,7 @@ def _check(
 
 
 def describe(
-    errors: PredictionErrorProblem,
-    result: SearchResult,
-    input: Array,  # noqa: A002
-    output: Array,
-    sampling_rate: float,
+    errors: PredictionErrorProblem, result: SearchResult, sampling_rate: float
 ) -> Estimate:
     """The model at a search's best point, with its criteria, residuals and covariance."""
     point, orders, start = result.point, errors.orders, errors.scoring_start
@@ -181,10 +177,12 @@ def describe(
     b = point[orders.na : orders.na + orders.nb].copy()
     c = np.concatenate([[1.0], point[orders.na + orders.nb : orders.parameters]])
     residuals = errors.residuals(point)
-    scored, scored_output = residuals[start:], output[start:]
+    scored, scored_output = residuals[start:], errors.output[start:]
     square_sum, count, n = float(scored @ scored), len(scored), orders.parameters
     bare = ArmaxModel(a, b, c, orders.nk, sampling_rate)
-    jacobian = residual_jacobian(bare, input, output, residuals, errors.recursion_start)
+    jacobian = residual_jacobian(
+        bare, errors.input, errors.output, residuals, errors.recursion_start
+    )
     model = ArmaxModel(
         a,
         b,

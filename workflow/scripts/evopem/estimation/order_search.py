@@ -126,7 +126,7 @@ def recall(
             scoring_start,
             search["max_root_radius"],
         )
-        return describe(errors, result, data.input, data.output, data.sampling_rate)
+        return describe(errors, result, data.sampling_rate)
 
 
 def select_delay(candidates: Sequence[Mapping[str, Any]]) -> tuple[dict[str, int], str]:

@@ -69,7 +69,7 @@ class PredictionErrorProblem:
         scoring_start: int,
         max_root_radius: float,
     ) -> None:
-        self.orders = orders
+        self.input, self.output, self.orders = input, output, orders
         self.objective = objective
         self.samples = len(output)
         self.recursion_start = recursion_start
