@@ -249,7 +249,8 @@ def test_poles_zeros_and_ellipses(model):
     true = 2 * np.pi * 5.0 / 50.0 * np.array([-0.08, np.sqrt(1 - 0.08**2)])
     z = np.exp(complex(*true))
     assert_drawn(circle, [z.real, z.real], [z.imag, -z.imag])
-    assert len(circle.patches) == 3
+    # An ellipse for each of three poles and for the zero of B.
+    assert len(circle.patches) == 4
     assert_drawn(damping, [4.8], [8.5])
 
 

@@ -208,7 +208,11 @@ def test_delay_reading_compares_the_deviations_between_orders():
 def test_phase_readings_set_rss_beside_the_choice():
     table = pd.DataFrame({"phase": "c", "nc": [2, 3, 4], "rss": [2.0, 1.5, 1.25]})
     paragraphs = readings.phases(
-        contents(candidates=table, phases={"c": {"selected": {"nc": 3}, "reason": "Least BIC."}})
+        contents(
+            is_stand_in=False,
+            candidates=table,
+            phases={"c": {"selected": {"nc": 3}, "reason": "Least BIC."}},
+        )
     )
     assert paragraphs[0] == (
         f"The order of C, nc, from 2 to 4: 3, with an RSS of 1.500{THIN}% where the smallest, at 4,"

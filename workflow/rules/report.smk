@@ -1,18 +1,34 @@
 """Report: one self-contained HTML file for each data set."""
 
 
+def validation_record_of(wildcards):
+    """Where the independent validation recording came from, if there is one."""
+    if DATASETS[wildcards.dataset].get("validation_file"):
+        folder = f"results/{wildcards.dataset}"
+        return {"validation_recording": f"{folder}/validation_recording.json"}
+    return {}
+
+
 rule write_report:
     """Set the results and figures of one data set into one HTML file."""
     input:
         unpack(truth_of),
+        unpack(validation_record_of),
         config="results/{dataset}/config.yaml",
-        recording="results/{dataset}/recording.json",
+        origin="results/{dataset}/recording.json",
+        recording="results/{dataset}/recording.npz",
+        prepared="results/{dataset}/prepared.npz",
         transforms="results/{dataset}/transforms.json",
-        spectrum="results/{dataset}/spectrum.json",
+        spectrum="results/{dataset}/spectrum.csv",
+        peaks="results/{dataset}/spectrum.json",
         candidates="results/{dataset}/candidates.csv",
         phases=expand("results/{{dataset}}/phases/{phase}.json", phase=grids.PHASES),
         model="results/{dataset}/model.json",
+        frequency_response="results/{dataset}/frequency_response.csv",
         validation="results/{dataset}/validation.json",
+        residual_autocorrelation="results/{dataset}/residual_autocorrelation.csv",
+        cross_correlation="results/{dataset}/cross_correlation.csv",
+        simulation="results/{dataset}/simulation.csv",
         figures=[f"results/{{dataset}}/figures/{figure}.svg" for figure in FIGURES],
     output:
         report=report(
@@ -30,7 +46,7 @@ rule write_report:
         "../envs/evopem.yaml"
     threads: 1
     resources:
-        mem_mb=1000,
+        mem_mb=2000,
         runtime=10,
     params:
         code=code("write_report", *TEMPLATES),

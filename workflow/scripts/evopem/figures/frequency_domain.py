@@ -11,6 +11,7 @@ import pandas as pd
 from evopem.figures.style import (
     ERROR,
     INK,
+    LABEL_BOX,
     MODEL,
     MUTED,
     TRUTH,
@@ -115,6 +116,7 @@ def draw_spectrum(
             ha="center",
             fontsize=8,
             color=INK,
+            bbox=LABEL_BOX,
         )
     axes.margins(y=0.12)
     axes.set_xlabel("Frequency (Hz)")

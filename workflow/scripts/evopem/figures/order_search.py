@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 CRITERIA = (("rss", "RSS (%)"), ("bic", "BIC"))
+# Least height of a convergence plot, as a share of the objective.
+SMALLEST_SPAN = 0.01
 # Phase, the order it varies, title.
 PHASES = (
     ("common", "na", "Common order: na = nb = nc = k"),
@@ -172,6 +174,10 @@ def draw_convergence(candidate: Mapping[str, Any] | None) -> Figure:
     axes.set_xlim(left=0)
     axes.margins(y=0.12)
     _logarithmic_if_wide(axes, pd.Series(best))
+    if np.ptp(best) < SMALLEST_SPAN * abs(best[-1]):
+        # The last digits of a search that was over at once are not made to look like a descent.
+        middle, half = float(np.mean(best)), SMALLEST_SPAN / 2 * abs(best[-1])
+        axes.set_ylim(middle - half, middle + half)
     axes.set_xlabel("Objective evaluations (a gradient counts as one more)")
     axes.set_ylabel("Best objective")
     return figure

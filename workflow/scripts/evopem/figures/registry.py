@@ -12,11 +12,24 @@ from evopem.figures.labels import prepared_output_name, prepared_output_unit
 from evopem.figures.order_search import draw_convergence, draw_delay, draw_phases
 from evopem.figures.residuals import draw_residuals
 from evopem.figures.results import Results, read_results
-from evopem.figures.roots import draw_poles_zeros, draw_stabilization, stabilization
+from evopem.figures.roots import draw_poles_zeros, draw_stabilization
 from evopem.figures.style import ratio_unit, save_svg, with_unit
+from evopem.figures.tables import (
+    convergence_table,
+    delay_table,
+    frequency_response_table,
+    phases_table,
+    record_table,
+    residuals_table,
+    roots_table,
+    simulation_table,
+    spectrum_table,
+    stabilization_table,
+)
 from evopem.figures.time_domain import draw_record, draw_simulation
 
 if TYPE_CHECKING:
+    import pandas as pd
     from matplotlib.figure import Figure
 
 
@@ -34,12 +47,15 @@ class FigureEntry:
         Result files that hold what is drawn.
     draw : callable
         From the results to a matplotlib figure.
+    table : callable
+        From the results to the numbers that are drawn.
     """
 
     name: str
     caption: str
     data: tuple[str, ...]
     draw: Callable[[Results], Figure]
+    table: Callable[[Results], pd.DataFrame]
 
     @property
     def file(self) -> str:
@@ -61,11 +77,13 @@ def _simulation_label(results: Results) -> str:
 
 
 def _stabilization(results: Results) -> Figure:
-    common = results.phases.get("common", {}).get("candidates", [])
-    rate = float(results.model["sampling_rate"])
     selected = results.phases.get("common", {}).get("selected") or {}
     return draw_stabilization(
-        stabilization(common, rate), rate, results.spectrum, selected.get("na"), results.truth
+        stabilization_table(results),
+        float(results.model["sampling_rate"]),
+        results.spectrum,
+        selected.get("na"),
+        results.truth,
     )
 
 
@@ -73,8 +91,9 @@ FIGURES = (
     FigureEntry(
         "record",
         "Input and output as recorded, and as used after the transforms (chapter figure 3).",
-        (),
+        ("recording.npz", "prepared.npz"),
         lambda results: draw_record(results.recording, results.prepared),
+        record_table,
     ),
     FigureEntry(
         "spectrum",
@@ -84,24 +103,28 @@ FIGURES = (
         lambda results: draw_spectrum(
             results.spectrum, results.spectrum_summary, _output_unit(results), results.truth
         ),
+        spectrum_table,
     ),
     FigureEntry(
         "delay",
         "RSS and BIC against the order for each delay (chapter figure 5).",
         ("candidates.csv",),
         lambda results: draw_delay(results.candidates),
+        delay_table,
     ),
     FigureEntry(
         "phases",
         "RSS and BIC of the three phases, the choice marked.",
         ("candidates.csv",),
         lambda results: draw_phases(results.candidates),
+        phases_table,
     ),
     FigureEntry(
         "poles_zeros",
         "Poles and zeros in the unit circle with 95 % confidence ellipses, and the modes.",
-        ("modes.csv", "model.json"),
+        ("model.json",),
         lambda results: draw_poles_zeros(results.model, results.truth),
+        roots_table,
     ),
     FigureEntry(
         "frequency_response",
@@ -111,6 +134,7 @@ FIGURES = (
         lambda results: draw_frequency_response(
             results.frequency_response, results.spectrum, _gain_unit(results), results.truth
         ),
+        frequency_response_table,
     ),
     FigureEntry(
         "residuals",
@@ -118,6 +142,7 @@ FIGURES = (
         " bounds (chapter figure 6).",
         ("residual_autocorrelation.csv", "cross_correlation.csv"),
         lambda results: draw_residuals(results.residual_autocorrelation, results.cross_correlation),
+        residuals_table,
     ),
     FigureEntry(
         "simulation",
@@ -126,18 +151,22 @@ FIGURES = (
         lambda results: draw_simulation(
             results.simulation, float(results.model["sampling_rate"]), _simulation_label(results)
         ),
+        simulation_table,
     ),
     FigureEntry(
         "stabilization",
         "Stabilization diagram: the poles of every common order, with the spectrum behind.",
-        ("candidates.csv",),
+        ("phases/common.json",),
         _stabilization,
+        stabilization_table,
     ),
     FigureEntry(
         "convergence",
-        "Convergence of the search for the chosen model.",
-        ("candidates.csv",),
+        "Convergence of the search for the chosen model: the best objective after each generation"
+        " and each final polish.",
+        ("phases/b.json",),
         lambda results: draw_convergence(results.chosen_candidate()),
+        convergence_table,
     ),
 )
 FIGURE_NAMES = tuple(entry.name for entry in FIGURES)

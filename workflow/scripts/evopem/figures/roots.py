@@ -15,6 +15,7 @@ from evopem.figures.style import (
     ERROR,
     FOURTH,
     INK,
+    LABEL_BOX,
     MODEL,
     MUTED,
     PAPER,
@@ -65,18 +66,17 @@ def draw_poles_zeros(model: Mapping[str, Any], truth: Mapping[str, Any] | None =
     figure = new_figure(3.9)
     circle, damping = figure.subplots(1, 2, width_ratios=(1.25, 1.0))
     a, b, c = (np.asarray(model[name], dtype=float) for name in ("a", "b", "c"))
-    poles, zeros, noise_zeros = _roots(a), _roots(b), _roots(c)
+    poles, zeros, noise_zeros = roots_in_z(a), roots_in_z(b), roots_in_z(c)
     angle = np.linspace(0, 2 * math.pi, 361)
     circle.plot(np.cos(angle), np.sin(angle), color=INK, linewidth=0.8)
     for axis_line in (circle.axhline, circle.axvline):
         axis_line(0, color=MUTED, linewidth=0.5)
     _frequency_marks(circle, float(model["sampling_rate"]))
-    covariance = parameter_covariance(model.get("covariance"), a.size - 1)
-    if covariance is not None:
-        for pole in poles:
-            _ellipse(circle, a, complex(pole), covariance)
-    _scatter(circle, noise_zeros, "D", FOURTH, "roots of C", 3.5)
     inside = zeros[(np.abs(zeros.real) <= FRAME) & (np.abs(zeros.imag) <= FRAME)]
+    for polynomial, roots, colour in (("b", inside, ERROR), ("a", poles, MODEL)):
+        for root in roots:
+            _ellipse(circle, complex(root), root_spread(model, polynomial, complex(root)), colour)
+    _scatter(circle, noise_zeros, "D", FOURTH, "roots of C", 3.5)
     _scatter(circle, inside, "o", ERROR, "zeros of B", 5.0)
     circle.plot(
         poles.real, poles.imag, "x", color=MODEL, markersize=6, mew=1.6, label="poles", zorder=4
@@ -115,7 +115,8 @@ def draw_poles_zeros(model: Mapping[str, Any], truth: Mapping[str, Any] | None =
     return figure
 
 
-def _roots(coefficients: NDArray[np.float64]) -> NDArray[np.complex128]:
+def roots_in_z(coefficients: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """Roots of a polynomial in z, its leading coefficients passed over where they are zero."""
     return np.roots(np.trim_zeros(coefficients, "f")).astype(complex)
 
 
@@ -156,24 +157,51 @@ def _frequency_marks(axes: Axes, sampling_rate: float) -> None:
         )
 
 
-def _ellipse(
-    axes: Axes, a: NDArray[np.float64], pole: complex, covariance: NDArray[np.float64]
-) -> None:
-    """Outline of the 95 % confidence region of one pole."""
-    spread = root_covariance(a, pole, covariance)
-    if not np.all(np.isfinite(spread)):
+def root_spread(
+    model: Mapping[str, Any], polynomial: str, root: complex
+) -> NDArray[np.float64] | None:
+    """Covariance of a root's real and imaginary part; None where it is not known.
+
+    Parameters
+    ----------
+    model : mapping
+        As in ``model.json``.
+    polynomial : {"a", "b", "c"}
+    root : complex
+        One of its roots.
+    """
+    sizes = (len(model["a"]) - 1, len(model["b"]), len(model["c"]) - 1)
+    covariance = parameter_covariance(model.get("covariance"), sum(sizes))
+    if covariance is None:
+        return None
+    place = "abc".index(polynomial)
+    own = slice(sum(sizes[:place]), sum(sizes[: place + 1]))
+    coefficients = np.asarray(model[polynomial], dtype=float)
+    spread = root_covariance(coefficients, root, covariance[own, own])
+    return spread if np.all(np.isfinite(spread)) else None
+
+
+def ellipse_radii(root: complex, spread: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Half axes of a root's 95 % confidence region, the smaller first."""
+    freedom = 1 if root.imag == 0 else 2
+    eigenvalues = np.linalg.eigvalsh(spread)
+    radii: NDArray[np.float64] = np.sqrt(np.clip(eigenvalues, 0, None) * CHI_SQUARE_95[freedom])
+    return radii
+
+
+def _ellipse(axes: Axes, root: complex, spread: NDArray[np.float64] | None, colour: str) -> None:
+    """Outline of the 95 % confidence region of one root."""
+    if spread is None:
         return
-    freedom = 1 if pole.imag == 0 else 2
-    eigenvalues, vectors = np.linalg.eigh(spread)
-    radii = np.sqrt(np.clip(eigenvalues, 0, None) * CHI_SQUARE_95[freedom])
+    radii, vectors = ellipse_radii(root, spread), np.linalg.eigh(spread)[1]
     angle = np.linspace(0, 2 * math.pi, 73)
     outline = vectors @ (radii[:, np.newaxis] * np.vstack([np.cos(angle), np.sin(angle)]))
     axes.fill(
-        pole.real + outline[0],
-        pole.imag + outline[1],
-        facecolor=MODEL,
+        root.real + outline[0],
+        root.imag + outline[1],
+        facecolor=colour,
         alpha=0.3,
-        edgecolor=MODEL,
+        edgecolor=colour,
         linewidth=0.8,
     )
 
@@ -196,8 +224,11 @@ def _modes(
 ) -> None:
     """Damping ratio against natural frequency with 95 % intervals, up to the Nyquist frequency."""
     axes.set_title("Modes, with 95 % intervals")
+    shown = [mode for mode in modes if float(mode["frequency_hz"]) <= 1.04 * nyquist]
+    beyond = len(modes) - len(shown)
+    modes = shown
     if not modes:
-        say_nothing_to_draw(axes, "The model has no oscillating mode.")
+        say_nothing_to_draw(axes, "The model has no oscillating mode in the band.")
         return
     frequency = np.array([float(mode["frequency_hz"]) for mode in modes])
     damping = np.array([float(mode["damping_percent"]) for mode in modes])
@@ -236,7 +267,6 @@ def _modes(
     if damping.min() > 0:
         logarithmic(axes)
     axes.set_xlim(0, 1.04 * nyquist)
-    beyond = int(np.sum(frequency > 1.04 * nyquist))
     if beyond:
         axes.text(
             0.98,
@@ -278,7 +308,7 @@ def stabilization(candidates: Sequence[Mapping[str, Any]], sampling_rate: float)
     rows: list[tuple[int, float, float, str]] = []
     below_f = below_z = np.empty(0)
     for order in sorted(best):
-        f, z = frequency_and_damping(_roots(np.asarray(best[order]["a"], float)), sampling_rate)
+        f, z = frequency_and_damping(roots_in_z(np.asarray(best[order]["a"], float)), sampling_rate)
         for frequency, ratio in zip(f, z, strict=True):
             near = np.abs(below_f - frequency) <= FREQUENCY_TOLERANCE * frequency
             alike = near & (np.abs(below_z - ratio) <= DAMPING_TOLERANCE * abs(ratio))
@@ -358,6 +388,7 @@ def draw_stabilization(
             textcoords="offset points",
             ha="right",
             fontsize=8,
+            bbox=LABEL_BOX,
         )
     axes.set_xlim(0, sampling_rate / 2)
     axes.set_yticks(sorted(poles["order"].unique()))

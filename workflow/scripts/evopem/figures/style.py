@@ -36,6 +36,9 @@ FAMILY = (MODEL, ERROR, TRUTH, FOURTH, FIFTH, MUTED)
 FAMILY_MARKERS = ("o", "s", "^", "D", "v", "P")
 FAMILY_LINES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (1.2, 1.2)), "-.", (0, (7, 2)), ":")
 
+# Behind a label that stands on lines.
+LABEL_BOX = {"facecolor": PAPER, "edgecolor": "none", "pad": 0.8}
+
 WIDTH = 7.2  # inches; 518 pt, the text width of the report
 
 PARAMETERS: Any = {  # matplotlib types its keys as one long Literal

@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
-import json
+import hashlib
+from base64 import b64encode
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 from evopem.figures.registry import FIGURES
-from evopem.report import equations, numbers, readings
+from evopem.figures.results import read_results
+from evopem.report import equations, numbers, provenance, readings
 from evopem.report.contents import Contents, read_contents
+from evopem.report.downloads import csv_download
 from evopem.report.inline_svg import inline_svg
 from evopem.report.modes import CHAPTER, CHAPTER_ORDERS, mode_rows
 
 if TYPE_CHECKING:
     from jinja2 import Environment
+
+    from evopem.figures.results import Results
 
 # Figure, heading, paragraphs: the story in the chapter's order.
 STORY = (
@@ -33,7 +38,10 @@ STORY = (
 
 
 def build_report(
-    paths: Mapping[str, Path], template_directory: Path, dataset: str | None = None
+    paths: Mapping[str, Path],
+    template_directory: Path,
+    dataset: str | None = None,
+    commit: str = "unknown",
 ) -> str:
     """Build the report on one data set.
 
@@ -46,6 +54,8 @@ def build_report(
         Where ``report.html.j2`` and its parts are.
     dataset : str, optional
         The data set's name; by default its key in ``config.yaml``.
+    commit : str
+        Commit of the workflow that writes the report.
 
     Returns
     -------
@@ -59,7 +69,7 @@ def build_report(
     """
     contents = read_contents(paths, dataset)
     page = _environment(template_directory).get_template("report.html.j2")
-    return page.render(_report_values(contents))
+    return page.render(_report_values(contents, read_results(paths), commit))
 
 
 def build_index(datasets: Mapping[str, Mapping[str, Path]], template_directory: Path) -> str:
@@ -116,7 +126,7 @@ def _environment(template_directory: Path) -> Environment:
         fixed=numbers.fixed,
         percent=numbers.percent,
         count=numbers.count,
-        file_reference=quote,
+        raw=numbers.raw,
     )
     environment.globals.update(
         with_error=numbers.with_error,
@@ -124,11 +134,19 @@ def _environment(template_directory: Path) -> Environment:
         is_number=numbers.is_number,
         orders_text=readings.orders_text,
         hertz=readings.hertz,
+        script=_script(template_directory / "page.js"),
     )
     return environment
 
 
-def _report_values(contents: Contents) -> dict[str, Any]:
+def _script(file: Path) -> dict[str, str]:
+    """The page's only script, and the digest by which the page's policy allows it to run."""
+    text = file.read_text(encoding="utf-8")
+    digest = b64encode(hashlib.sha256(text.encode()).digest()).decode()
+    return {"text": text, "digest": f"sha256-{digest}"}
+
+
+def _report_values(contents: Contents, results: Results, commit: str) -> dict[str, Any]:
     """Everything the report's template shows."""
     model, truth = contents.model, contents.truth
     verdicts = contents.checks
@@ -140,6 +158,7 @@ def _report_values(contents: Contents) -> dict[str, Any]:
             "paragraphs": read(contents),
             "caption": captions[name].caption,
             "data": captions[name].data,
+            "download": csv_download(captions[name].table(results), contents.dataset, name),
             "svg": _figure(contents, name, captions[name].caption),
         }
         for name, title, read in STORY
@@ -159,52 +178,26 @@ def _report_values(contents: Contents) -> dict[str, Any]:
         "polynomials": equations.polynomials(model),
         "difference_equation": equations.difference_equation(model),
         "coefficients": equations.coefficient_table(model),
-        "matlab": equations.matlab(model),
-        "python": equations.python(model),
+        "copies": [
+            ("text", "Plain text", equations.text(model)),
+            ("matlab", "MATLAB", equations.matlab(model)),
+            ("python", "Python", equations.python(model)),
+            ("json", "JSON", equations.as_json(model)),
+        ],
         "checks": verdicts,
         "passed": [check for check in verdicts if check.passed is True],
         "failed": [check for check in verdicts if check.passed is False],
         "unjudged": [check for check in verdicts if check.passed is None],
         "effects": readings.transform_effects(contents.transforms),
         "sections": sections,
-        "provenance": _provenance(contents),
-        "search": json.dumps(model.get("search", {}), ensure_ascii=False, indent=2),
+        "beside_chapter": readings.beside_chapter(contents) if contents.is_stand_in else [],
+        "candidates": contents.candidates.to_dict("records"),
+        "provenance": provenance.terms(contents, commit),
+        "stages": provenance.stages(contents),
+        "command": provenance.command(commit),
     }
 
 
 def _figure(contents: Contents, name: str, caption: str) -> Any:
     text = contents.figures.get(name)
     return None if text is None else inline_svg(text, name, caption)
-
-
-def _provenance(contents: Contents) -> list[tuple[str, str]]:
-    """What is needed to repeat the run, as terms and values."""
-    recording, model = contents.recording, contents.model
-    synthetic = recording.get("kind") == "synthesis"
-    rows = [
-        (
-            "Source",
-            "simulated, see the configuration" if synthetic else str(recording.get("path") or "–"),
-        )
-    ]
-    if recording.get("sha256"):
-        rows.append(("SHA-256 of the record", str(recording["sha256"])))
-    if recording.get("bytes"):
-        rows.append(("Size", f"{numbers.count(recording['bytes'])} bytes"))
-    if not synthetic:
-        for key, term in (
-            ("format", "Format"),
-            ("input_channel", "Input channel"),
-            ("output_channel", "Output channel"),
-        ):
-            if recording.get(key) is not None:
-                rows.append((term, str(recording[key])))
-    rows.append(("Seed of the search", str(model.get("seed", "–"))))
-    if contents.truth and contents.truth.get("seed") is not None:
-        rows.append(("Seed of the synthesis", str(contents.truth["seed"])))
-    evaluations = contents.candidates["evaluations"].fillna(0).sum()
-    rows.append(("Objective evaluations", numbers.count(int(evaluations))))
-    versions = model.get("versions") or {}
-    if versions:
-        rows.append(("Versions", ", ".join(f"{name} {value}" for name, value in versions.items())))
-    return rows

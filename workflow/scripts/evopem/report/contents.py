@@ -39,6 +39,8 @@ class Contents:
     validation: Mapping[str, Any]
     truth: Mapping[str, Any] | None
     figures: Mapping[str, str]
+    validation_recording: Mapping[str, Any] | None
+    wall_clock: Mapping[str, float]
 
     @property
     def checks(self) -> list[Check]:
@@ -103,7 +105,29 @@ def read_contents(paths: Mapping[str, Path], dataset: str | None = None) -> Cont
             for name, path in paths.items()
             if name.startswith("figures/") and name.endswith(".svg")
         },
+        validation_recording=(
+            read_json(paths["validation_recording.json"])
+            if "validation_recording.json" in paths
+            else None
+        ),
+        wall_clock=_wall_clock(paths),
     )
+
+
+def _wall_clock(paths: Mapping[str, Path]) -> dict[str, float]:
+    """Seconds from start to end of each job of one run, by its stage, as Snakemake measured them.
+
+    Benchmark files are records and no results: one that is missing or empty is passed over.
+    """
+    seconds = {}
+    for name, path in paths.items():
+        folder, _, file = name.rpartition("/")
+        if folder == "benchmarks" and file.endswith(".tsv"):
+            try:
+                seconds[file.removesuffix(".tsv")] = float(pd.read_csv(path, sep="\t")["s"].mean())
+            except (OSError, ValueError, KeyError):
+                continue
+    return seconds
 
 
 def _configuration(path: Path | None) -> tuple[str, str, Mapping[str, Any]]:

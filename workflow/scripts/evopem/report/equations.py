@@ -1,7 +1,8 @@
-"""The model as an equation: HTML to read, MATLAB and Python to run."""
+"""The model as an equation: HTML to read; plain text, MATLAB, Python and JSON to copy."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -69,6 +70,31 @@ def difference_equation(model: Mapping[str, Any]) -> Markup:
         + Markup(' <span class="term">+ {}</span> ').format(_at("e", 0))
         + _signed_rest(noise)
     )
+
+
+def text(model: Mapping[str, Any]) -> str:
+    """The equation and its polynomials in plain characters, ten significant digits."""
+    nk = int(model["orders"]["nk"])
+    lines = ["A(q) y(t) = B(q) u(t) + C(q) e(t)"]
+    for letter, first in (("a", 0), ("b", nk), ("c", 0)):
+        terms: list[str] = []
+        for lag, coefficient in enumerate(model[letter], start=first):
+            size = f"{abs(coefficient):.10g}" + (f" q^-{lag}" if lag else "")
+            if not terms:
+                terms.append(f"-{size}" if coefficient < 0 else size)
+            else:
+                terms.append(f"{'-' if coefficient < 0 else '+'} {size}")
+        lines.append(f"{letter.upper()}(q) = {' '.join(terms) or '0'}")
+    lines.append(f"variance of e = {model['noise_variance']:.10g}")
+    lines.append(f"sampling rate = {model['sampling_rate']:.10g} Hz")
+    return "\n".join(lines)
+
+
+def as_json(model: Mapping[str, Any]) -> str:
+    """Orders, coefficients, noise variance and sampling rate as a JSON object."""
+    keys = ("orders", "a", "b", "c", "noise_variance", "sampling_rate")
+    entries = [f"  {json.dumps(key)}: {json.dumps(model[key])}" for key in keys]
+    return "{\n" + ",\n".join(entries) + "\n}"
 
 
 def matlab(model: Mapping[str, Any]) -> str:

@@ -26,6 +26,11 @@ def number(value: Any, digits: int = 4) -> str:
     return text.replace("-", "−")
 
 
+def raw(value: Any) -> str:
+    """A number for machines, at full precision; nothing for none."""
+    return f"{value:.12g}" if is_number(value) else ""
+
+
 def superscript(power: int) -> str:
     """A power as raised digits."""
     return str(power).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))

@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from evopem.figures.labels import differences
-from evopem.figures.roots import stabilization
+from evopem.figures.roots import ellipse_radii, root_spread, roots_in_z, stabilization
 from evopem.report.contents import Contents
 from evopem.report.modes import ModeRow
 from evopem.report.numbers import (
@@ -28,6 +28,7 @@ from evopem.report.numbers import (
     plural,
     superscript,
 )
+from evopem.report.numbers import root as root_text
 from evopem.validation.checks import line_spacing, p_text
 
 PHASE_WORDS = {
@@ -35,6 +36,15 @@ PHASE_WORDS = {
     "common": ("na", "common order k = na = nb = nc"),
     "c": ("nc", "order of C, nc"),
     "b": ("nb", "number of B coefficients, nb"),
+}
+# Sections 5.1 to 5.4 of the chapter, on its own record.
+CHAPTER_CHOICES = {
+    "Spectral peaks (Hz)": "near 2, 5 and 36, a broad one near 17",
+    "Delay nk": "3",
+    "Phase one, common order": "7",
+    "Phase two, nc": "7",
+    "Phase three, nb": "6",
+    "Model": "ARMAX(7, 6, 7, 3)",
 }
 # A pole seen at this many successive orders is called persistent.
 PERSISTENT = 3
@@ -250,7 +260,29 @@ def phases(contents: Contents) -> list[str]:
             text += f" where the smallest, at {int(least[column])}, is {percent(least['rss'], 4)}"
         sentences.append(" ".join([f"{text}.", *_choice(contents, phase)]))
     sentences.append("RSS has no charge for a coefficient and is there for the eye; BIC decides.")
+    if contents.is_stand_in:
+        sentences.append(
+            "On its own record the chapter chose the common order 7, then nc = 7, then nb = 6."
+        )
     return sentences
+
+
+def beside_chapter(contents: Contents) -> list[tuple[str, str, str]]:
+    """Quantity, this run's value and the chapter's, for the data set that stands in for its arm."""
+    selected = {
+        phase: contents.phases.get(phase, {}).get("selected") or {} for phase in PHASE_WORDS
+    }
+    peaks = contents.spectrum.get("peaks") or []
+    ours = {
+        "Spectral peaks (Hz)": ", ".join(number(peak["frequency_hz"], 3) for peak in peaks)
+        or "none",
+        "Delay nk": str(selected["delay"].get("nk", "–")),
+        "Phase one, common order": str(selected["common"].get("na", "–")),
+        "Phase two, nc": str(selected["c"].get("nc", "–")),
+        "Phase three, nb": str(selected["b"].get("nb", "–")),
+        "Model": orders_text(contents.model["orders"]),
+    }
+    return [(name, value, CHAPTER_CHOICES[name]) for name, value in ours.items()]
 
 
 def _choice(contents: Contents, phase: str) -> list[str]:
@@ -291,11 +323,34 @@ def poles(contents: Contents) -> list[str]:
             if outside
             else "All zeros of B lie inside the unit circle."
         )
+    uncertain = _least_certain(model)
+    if uncertain:
+        sentences.append(uncertain)
     if c.size > 1:
         sentences.append(
             f"The largest root of C has radius {fixed(float(np.abs(np.roots(c)).max()), 5)}."
         )
     return [" ".join(sentences)]
+
+
+def _least_certain(model: Mapping[str, Any]) -> str:
+    """The pole and the zero with the largest confidence ellipse."""
+    found = []
+    for polynomial, noun in (("a", "pole"), ("b", "zero")):
+        sizes = []
+        for root in roots_in_z(np.asarray(model[polynomial], dtype=float)):
+            spread = root_spread(model, polynomial, complex(root))
+            if spread is not None:
+                sizes.append((float(ellipse_radii(complex(root), spread)[-1]), complex(root)))
+        if sizes:
+            radius, root = max(sizes, key=lambda size: size[0])
+            found.append(f"{number(radius, 2)} for the {noun} {root_text(root.real, root.imag)}")
+    if not found:
+        return "There is no parameter covariance, so no ellipse is drawn."
+    return (
+        f"The longest half axis of a 95 % ellipse is {enumeration(found)}; an ellipse that is not"
+        " seen is smaller than its mark."
+    )
 
 
 def frequency_response(contents: Contents) -> list[str]:
@@ -442,15 +497,58 @@ def search(contents: Contents) -> list[str]:
             f" the fit on the estimation samples is"
             f" {percent(contents.model.get('fit_percent'), 4)}."
         )
-    if is_number(chosen.get("agreement")):
-        text = (
-            f"{percent(100 * chosen['agreement'])} of its independent populations ended at the same"
-            " best value"
-        )
-        if is_number(chosen.get("basins")):
-            text += (
-                f", while the local searches within them ended at"
-                f" {plural(int(chosen['basins']), 'distinct value')}"
-            )
-        sentences.append(f"{text}.")
+    sentences += _evidence(chosen)
+    sentences.append(_confirmed(candidates))
     return [" ".join(sentences)]
+
+
+def _evidence(chosen: Mapping[str, Any]) -> list[str]:
+    """What the search of one model says about its own optimum."""
+    sentences = []
+    populations, agreement = chosen.get("populations"), chosen.get("agreement")
+    if is_number(populations) and is_number(agreement):
+        others = int(populations) - 1
+        text = f"It went through {plural(int(chosen.get('generations') or 0), 'generation')} of"
+        if others < 1:
+            text += (
+                " one population, which used up its evaluations: no independent one confirms the"
+                " optimum."
+            )
+        else:
+            text += (
+                f" {plural(int(populations), 'independent population')};"
+                f" {count(round(agreement * others))} of the {count(others)} beside the one that"
+                " found the optimum ended there too."
+            )
+        sentences.append(text)
+    if is_number(chosen.get("basins")):
+        sentences.append(
+            f"Its local searches ended at {plural(int(chosen['basins']), 'distinct value')}, local"
+            " optima and halted descents alike."
+        )
+    if chosen.get("at_margin") is True:
+        sentences.append(
+            "A root of A or C lies at the largest radius that the search allows, where the limit"
+            " and not the data holds it."
+        )
+    if chosen.get("noise_state"):
+        sentences.append(
+            f"The {plural(len(chosen['noise_state']), 'noise sample')} before the first residual"
+            " were estimated with the coefficients, so that no transient of the start counts as an"
+            " error."
+        )
+    return sentences
+
+
+def _confirmed(candidates: pd.DataFrame) -> str:
+    """How many of all candidates another population confirmed, and how many lie at the margin."""
+    if not {"agreement", "at_margin"} <= set(candidates):
+        return "Whether other populations confirmed the candidates is not on record."
+    confirmed = int((candidates["agreement"] > 0).sum())
+    margin = int((candidates["at_margin"].astype(str).str.lower() == "true").sum())
+    return (
+        f"Of all {count(len(candidates))} candidates {count(confirmed) if confirmed else 'none'}"
+        f" {'was' if confirmed < 2 else 'were'} confirmed by another population and {count(margin)}"
+        f" {'has' if margin == 1 else 'have'} a root at the margin; what was not confirmed may lie"
+        " above its true optimum, and its criteria with it."
+    )
