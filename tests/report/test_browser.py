@@ -1,10 +1,14 @@
 """The pages in a real browser."""
 
 import base64
+import importlib.util
+import io
 import json
 import shutil
+from html.parser import HTMLParser
 from itertools import pairwise
 from pathlib import Path
+from unicodedata import normalize
 
 import pytest
 from result_files import write_results
@@ -177,7 +181,12 @@ def test_hostile_names_are_shown_and_not_run(browser, hostile):
     visit(browser, hostile)
     assert browser.find_element("tag name", "h1").text == HOSTILE
     assert browser.title == f"{HOSTILE}: identification report"
-    assert browser.find_elements("tag name", "script") == []
+    assert len(browser.find_elements("tag name", "script")) == 1
+    names = browser.execute_script(
+        "return Array.from(document.querySelectorAll('a[download]')).map(link => link.download)"
+    )
+    assert len(names) == len(FIGURE_NAMES)
+    assert not set("".join(names)) & set("<>\"'&/\\")
 
 
 def test_everything_can_be_reached_by_keyboard(browser, report):
@@ -202,8 +211,207 @@ def test_headings_descend_by_one(browser, report):
     assert all(after - before <= 1 for before, after in pairwise(levels))
 
 
-def test_prints_to_pages(browser, report):
+AXE = importlib.util.find_spec("axe_playwright_python")
+
+
+@pytest.mark.skipif(AXE is None, reason="axe-core is not installed (axe-playwright-python)")
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("width", [360, 1440])
+@pytest.mark.parametrize("name", ["report", "hostile", "index"])
+def test_no_accessibility_violation(browser, request, name, width, scheme):
+    visit(browser, request.getfixturevalue(name), width, scheme)
+    browser.execute_script("document.querySelectorAll('details').forEach(d => d.open = true)")
+    browser.execute_script((Path(AXE.origin).parent / "axe.min.js").read_text(encoding="utf-8"))
+    found = browser.execute_async_script(
+        """const done = arguments[arguments.length - 1];
+        axe.run(document, {resultTypes: ['violations']}).then(
+            result => done({
+                passes: result.passes.length,
+                violations: result.violations.map(v => [v.id, v.nodes.map(n => n.html)]),
+            }),
+            error => done({violations: [String(error)]}))"""
+    )
+    assert found["violations"] == []
+    assert found["passes"] > 15
+
+
+def copied(browser):
+    """Text on the clipboard."""
+    browser.execute_cdp_cmd(
+        "Browser.grantPermissions",
+        {"permissions": ["clipboardReadWrite", "clipboardSanitizedWrite"]},
+    )
+    return browser.execute_async_script(
+        """const done = arguments[arguments.length - 1];
+        (window.clipboard ?? navigator.clipboard).readText().then(done, e => done(String(e)))"""
+    )
+
+
+def press(browser, label):
+    """Press the button of that name by keyboard and wait until it has said what it did."""
+    from selenium.webdriver.common.keys import Keys
+    from selenium.webdriver.support.ui import WebDriverWait
+
+    button = browser.find_element("css selector", f'button[aria-label="{label}"]')
+    button.send_keys(Keys.ENTER)
+    WebDriverWait(browser, 5).until(lambda _: button.text == "Copied")
+    assert "copied" in browser.find_element("id", "status").get_attribute("textContent")
+
+
+@pytest.mark.parametrize("clipboard", ["granted", "absent", "refused"])
+def test_the_model_is_copied_in_every_notation(browser, report, results, clipboard):
     visit(browser, report)
-    pdf = base64.b64decode(browser.execute_cdp_cmd("Page.printToPDF", {})["data"])
-    assert pdf.startswith(b"%PDF")
-    assert 5 <= pdf.count(b"/Type /Page\n") <= 14
+    if clipboard != "granted":
+        value = {
+            "absent": "undefined",
+            "refused": "{writeText: () => Promise.reject(new Error('no'))}",
+        }[clipboard]
+        browser.execute_script(
+            "window.clipboard = navigator.clipboard;"
+            f"Object.defineProperty(navigator, 'clipboard', {{value: {value}}})"
+        )
+    model = json.loads((results / "model.json").read_text())
+    press(browser, "Copy JSON")
+    taken = json.loads(copied(browser))
+    assert {key: model[key] for key in taken} == taken
+    assert {"orders", "a", "b", "c", "noise_variance", "sampling_rate"} == set(taken)
+    press(browser, "Copy Plain text")
+    assert copied(browser).startswith("A(q) y(t) = B(q) u(t) + C(q) e(t)\nA(q) = 1 ")
+    press(browser, "Copy MATLAB")
+    assert copied(browser).startswith("model = idpoly([1 ")
+    press(browser, "Copy Python")
+    assert "control.tf(" in copied(browser)
+
+
+def test_a_table_is_copied_with_numbers_at_full_precision(browser, report, results):
+    visit(browser, report)
+    press(browser, "Copy table: Modes")
+    header, *rows = [line.split("\t") for line in copied(browser).split("\n")]
+    assert header[:5] == [
+        "Mode",
+        "fn (Hz)",
+        "fn (Hz) standard error",
+        "zeta (%)",
+        "zeta (%) standard error",
+    ]
+    assert {len(row) for row in rows} == {len(header)}
+    modes = json.loads((results / "model.json").read_text())["modes"]
+    for row, mode in zip(rows, modes, strict=True):
+        assert float(row[1]) == pytest.approx(mode["frequency_hz"], rel=1e-11)
+        assert float(row[4]) == pytest.approx(mode["damping_se_percent"], rel=1e-11)
+    press(browser, "Copy table: Time of each stage")
+    assert "\u202f" not in copied(browser)
+
+
+def column(browser, table, index):
+    return browser.execute_script(
+        """return Array.from(document.querySelector(`table[data-name="${arguments[0]}"]`)
+            .tBodies[0].rows).map(row => row.cells[arguments[1]].dataset.value ??
+                row.cells[arguments[1]].textContent)""",
+        table,
+        index,
+    )
+
+
+def test_tables_sort_by_keyboard(browser, report):
+    from selenium.webdriver.common.keys import Keys
+
+    visit(browser, report)
+    browser.execute_script("document.querySelectorAll('details').forEach(d => d.open = true)")
+    heads = browser.find_elements("css selector", 'table[data-name="Candidates"] thead th')
+    bic = next(i for i, head in enumerate(heads) if head.text.startswith("BIC"))
+    button = heads[bic].find_element("tag name", "button")
+    before = [float(value) for value in column(browser, "Candidates", bic)]
+    button.send_keys(Keys.ENTER)
+    assert [float(v) for v in column(browser, "Candidates", bic)] == sorted(before)
+    assert heads[bic].get_attribute("aria-sort") == "ascending"
+    button.send_keys(Keys.SPACE)
+    assert [float(v) for v in column(browser, "Candidates", bic)] == sorted(before, reverse=True)
+    assert heads[bic].get_attribute("aria-sort") == "descending"
+    assert "falling" in browser.find_element("id", "status").get_attribute("textContent")
+    heads[0].find_element("tag name", "button").send_keys(Keys.ENTER)
+    assert heads[bic].get_attribute("aria-sort") is None
+    words = column(browser, "Candidates", 0)
+    assert words == sorted(words)
+
+
+def test_what_has_no_number_stays_at_the_end(browser, report):
+    visit(browser, report)
+    button = browser.find_element(
+        "xpath", '//table[@data-name="Time of each stage"]//button[text()="Evaluations"]'
+    )
+    for reverse in (False, True):
+        button.click()
+        values = column(browser, "Time of each stage", 2)
+        numbers = [float(value) for value in values if value]
+        assert numbers == sorted(numbers, reverse=reverse)
+        assert values == [v for v in values if v] + [""] * (len(values) - len(numbers))
+
+
+def test_a_figures_numbers_are_saved_from_the_page(browser, report, tmp_path):
+    import pandas as pd
+    from selenium.webdriver.support.ui import WebDriverWait
+
+    visit(browser, report)
+    browser.execute_cdp_cmd(
+        "Browser.setDownloadBehavior", {"behavior": "allow", "downloadPath": str(tmp_path)}
+    )
+    link = browser.find_element("css selector", "#delay a[download]")
+    browser.execute_script("arguments[0].click()", link)
+    saved = tmp_path / "arm-delay.csv"
+    WebDriverWait(browser, 10).until(lambda _: saved.is_file())
+    assert list(pd.read_csv(saved))[:4] == ["na", "nb", "nc", "nk"]
+    assert browser.current_url == report.as_uri()
+
+
+def test_complete_without_javascript(browser, report):
+    browser.execute_cdp_cmd("Emulation.setScriptExecutionDisabled", {"value": True})
+    try:
+        visit(browser, report)
+        assert len(browser.find_elements("css selector", "figure svg")) == len(FIGURE_NAMES)
+        assert [b for b in browser.find_elements("tag name", "button") if b.is_displayed()] == []
+        assert "Copy the model" not in browser.find_element("tag name", "body").text
+    finally:
+        browser.execute_cdp_cmd("Emulation.setScriptExecutionDisabled", {"value": False})
+
+
+class Drawings(HTMLParser):
+    """The words inside each figure of a page, by the section it stands in."""
+
+    def __init__(self, html):
+        super().__init__()
+        self.words, self.section, self.inside = {}, None, False
+        self.feed(html)
+
+    def handle_starttag(self, tag, attrs):
+        if tag == "section":
+            self.section = dict(attrs).get("id")
+        self.inside = tag == "text" or (self.inside and tag == "tspan")
+
+    def handle_endtag(self, tag):
+        self.inside = self.inside and tag != "text"
+
+    def handle_data(self, data):
+        if self.inside and data.strip():
+            self.words.setdefault(self.section, []).append("".join(normalize("NFKC", data).split()))
+
+
+@pytest.mark.parametrize("paper", [(8.27, 11.69), (8.5, 11.0)], ids=["A4", "letter"])
+def test_prints_without_blank_pages_and_cut_figures(browser, report, paper):
+    pypdf = pytest.importorskip("pypdf")
+    visit(browser, report, scheme="dark")
+    width, height = paper
+    printed = browser.execute_cdp_cmd(
+        "Page.printToPDF",
+        {"paperWidth": width, "paperHeight": height, "preferCSSPageSize": False},
+    )
+    pages = pypdf.PdfReader(io.BytesIO(base64.b64decode(printed["data"]))).pages
+    texts = ["".join(normalize("NFKC", page.extract_text()).split()) for page in pages]  # ligatures
+    assert 5 <= len(pages) <= 16
+    assert min(len(text) for text in texts) > 40
+    drawings = Drawings(report.read_text(encoding="utf-8")).words
+    assert set(drawings) == set(FIGURE_NAMES)
+    for name, words in drawings.items():
+        telling = {word for word in words if len(word) > 3}
+        assert telling
+        assert any(all(word in text for word in telling) for text in texts), name
