@@ -3,13 +3,14 @@
 import subprocess
 import sys
 import time
+from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from evopem.figures import FIGURE_NAMES
+from evopem.figures import FIGURE_NAMES, FIGURES
 from evopem.figures.frequency_domain import (
     draw_frequency_response,
     draw_spectrum,
@@ -341,3 +342,11 @@ def test_style_leaves_no_trace():
 
 def test_every_figure_has_a_name_of_its_own():
     assert len(set(FIGURE_NAMES)) == len(FIGURE_NAMES) == 10
+
+
+def test_the_archive_of_all_results_has_the_same_captions():
+    folder = Path(__file__).parents[2] / "workflow" / "report" / "figures"
+    captions = {file.stem: file.read_text(encoding="utf-8") for file in folder.iterdir()}
+    assert captions == {
+        entry.name: f"{{{{ snakemake.wildcards.dataset }}}}: {entry.caption}\n" for entry in FIGURES
+    }

@@ -23,7 +23,7 @@ rule draw_figures:
         [
             report(
                 f"results/{{dataset}}/figures/{figure}.svg",
-                caption="../report/figure.rst",
+                caption=f"../report/figures/{figure}.rst",
                 category="{dataset}",
                 subcategory="Figures",
                 labels={"figure": figure.replace("_", " ")},

@@ -1,0 +1,49 @@
+"""The archive of all results that `snakemake --report` packs."""
+
+import re
+import zipfile
+
+import pytest
+
+pytestmark = pytest.mark.xdist_group("workflow")
+
+FIGURES = {
+    "record",
+    "spectrum",
+    "delay",
+    "phases",
+    "poles_zeros",
+    "frequency_response",
+    "residuals",
+    "simulation",
+    "stabilization",
+    "convergence",
+}
+TABLES = {"candidates.csv", "modes.csv", "spectrum.csv"}
+MODEL = {"model.json", "validation.json"}
+
+
+@pytest.fixture(scope="module")
+def archive(finished):
+    finished.finish("--report", "archive.zip")
+    with zipfile.ZipFile(finished.path / "archive.zip") as packed:
+        yield packed
+    (finished.path / "archive.zip").unlink()
+
+
+def test_every_figure_table_and_the_report_are_packed(archive):
+    names = {name.rpartition("/")[2] for name in archive.namelist() if "/data/raw/" in name}
+    assert names == {f"{figure}.svg" for figure in FIGURES} | TABLES | MODEL | {"report.html"}
+
+
+def test_each_has_its_place_and_a_caption(archive):
+    (page,) = [name for name in archive.namelist() if name.count("/") == 1]
+    html = archive.read(page).decode()
+    for category in ("Figures", "Tables", "Model", "Report"):
+        assert f'"{category}"' in html
+    for figure in FIGURES:
+        assert figure.replace("_", " ") in html
+    # Captions come as HTML, with the data set's name put in.
+    captions = set(re.findall(r"truth: [A-Z][^.<]+", html))
+    assert len(captions) == len(FIGURES)
+    assert "{{" not in "".join(captions)
