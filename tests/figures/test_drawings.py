@@ -18,7 +18,13 @@ from evopem.figures.frequency_domain import (
 )
 from evopem.figures.order_search import draw_convergence, draw_delay, draw_phases
 from evopem.figures.residuals import draw_residuals
-from evopem.figures.roots import draw_poles_zeros, draw_stabilization, stabilization
+from evopem.figures.roots import (
+    draw_poles_zeros,
+    draw_stabilization,
+    ellipse_radii,
+    root_spread,
+    stabilization,
+)
 from evopem.figures.style import svg_text
 from evopem.figures.time_domain import draw_record, draw_simulation
 from evopem.signals.preparation import PreparedData, Transforms
@@ -255,6 +261,24 @@ def test_poles_zeros_and_ellipses(model):
     assert_drawn(damping, [4.8], [8.5])
 
 
+def test_ellipses_hold_as_many_estimates_as_they_say(model):
+    rng = np.random.default_rng(3)
+    size = len(model["a"]) + len(model["b"]) + len(model["c"]) - 2
+    b, half = [1.0, -1.0, 0.5], 0.01  # zeros 0.5 ± 0.5i
+    model |= {"b": b, "covariance": np.diag([half**2] * (size + 3 - len(model["b"]))).tolist()}
+    zero = 0.5 + 0.5j
+    spread = root_spread(model, "b", zero)
+    drawn = b + half * rng.normal(size=(4000, 3))
+    offsets = np.array([max(np.roots(p), key=lambda root: root.imag) - zero for p in drawn])
+    points = np.vstack([offsets.real, offsets.imag])
+    radii = np.sqrt(np.sum(points * np.linalg.solve(spread, points), axis=0))
+    # 95 % within √5.99, up to three standard errors of 4000 draws.
+    assert np.mean(radii < np.sqrt(5.9915)) == pytest.approx(0.95, abs=0.0104)
+    # The half axes are the square roots of the eigenvalues, stretched as much.
+    expected = np.sqrt(5.9915 * np.linalg.eigvalsh(spread))
+    np.testing.assert_allclose(ellipse_radii(zero, spread), expected, rtol=1e-4)
+
+
 def test_without_covariance_no_ellipse_is_invented(model):
     del model["covariance"]
     assert len(draw_poles_zeros(model).axes[0].patches) == 0
@@ -287,6 +311,21 @@ def test_convergence_ends_where_the_search_did():
     figure = draw_convergence({"convergence": [[1, 9.0], [50, 5.0], [90, 4.5]]})
     assert_drawn(figure.axes[0], [1, 50, 90], [9.0, 5.0, 4.5])
     assert "4.5" in words(figure)
+
+
+def test_the_last_digits_of_a_search_are_not_blown_up():
+    history = [[1000, 3.5903], [2000, 3.5902]]
+    low, high = draw_convergence({"convergence": history}).axes[0].get_ylim()
+    assert high - low == pytest.approx(0.01 * 3.5902)
+    assert low < 3.5902 < 3.5903 < high
+
+
+def test_neighbouring_peaks_are_named_on_different_levels(spectrum):
+    peaks = [{"frequency_hz": f, "density": 1.0, "prominence_db": 9.0} for f in (1.0, 1.5, 20.0)]
+    texts = draw_spectrum(spectrum, {"peaks": peaks}).axes[0].texts
+    assert [text.get_text() for text in texts] == ["1 Hz", "1.5 Hz", "20 Hz"]
+    heights = [text.xyann[1] for text in texts]
+    assert heights[1] > heights[0] == heights[2]
 
 
 def test_what_is_missing_is_said(candidates):

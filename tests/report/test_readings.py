@@ -29,7 +29,13 @@ def test_values_with_errors(value, error, text):
 
 @pytest.mark.parametrize(
     ("value", "text"),
-    [(0.0004, "0.0004"), (-1.5, "−1.5"), (3.2e-9, "3.2 · 10⁻⁹"), (None, "–"), (float("nan"), "–")],
+    [
+        (0.0004, "0.0004"),
+        (-1.5, "−1.5"),
+        (3.2e-9, "3.2\u00a0·\u00a010⁻⁹"),
+        (None, "–"),
+        (float("nan"), "–"),
+    ],
 )
 def test_numbers(value, text):
     assert numbers.number(value) == text
@@ -39,7 +45,7 @@ def test_percentages_and_counts():
     assert numbers.percent(3.5312) == f"3.53{THIN}%"
     assert numbers.percent(97.124) == f"97.1{THIN}%"
     assert numbers.percent(0.0123456) == f"0.0123{THIN}%"
-    assert numbers.percent(3.54e-6) == f"3.54 · 10⁻⁶{THIN}%"
+    assert numbers.percent(3.54e-6) == f"3.54\u00a0·\u00a010⁻⁶{THIN}%"
     assert numbers.percent(0) == f"0{THIN}%"
     assert numbers.count(1234567) == f"1{THIN}234{THIN}567"
     assert numbers.fixed(-0.001, 2) == "0.00"
@@ -255,3 +261,81 @@ def test_simulation_reading_says_where_it_starts():
     (text,) = readings.simulation(contents(validation=validation))
     assert "without seeing" not in text
     assert "The first 8 samples" in text
+
+
+def chosen(**evidence):
+    found = {"generations": 9, "populations": 4, "agreement": 2 / 3, "basins": 5}
+    return found | {"at_margin": False, "noise_state": [0.1, 0.2]} | evidence
+
+
+@pytest.mark.parametrize(
+    ("evidence", "sentence"),
+    [
+        ({}, "9 generations of 4 independent populations; 2 of the 3 beside the one"),
+        ({"populations": 1, "agreement": 0.0}, "no independent one confirms the optimum"),
+        ({}, "ended at 5 distinct values"),
+        ({}, "The 2 noise samples before the first residual"),
+        ({"at_margin": True}, "the limit and not the data holds it"),
+    ],
+)
+def test_evidence_of_the_search_in_words(evidence, sentence):
+    candidates = pd.DataFrame(
+        {
+            "evaluations": [100, 200],
+            "seconds": [1.0, 2.0],
+            "agreement": [0.0, 2 / 3],
+            "at_margin": [True, False],
+        }
+    )
+    (text,) = readings.search(contents(candidates=candidates, chosen=chosen(**evidence), model={}))
+    assert sentence in text
+    assert "Of all 2 candidates 1 was confirmed by another population and 1 has a root" in text
+    assert ("the limit and not" in text) == (evidence.get("at_margin") is True)
+
+
+def test_the_search_without_evidence_says_so():
+    candidates = pd.DataFrame({"evaluations": [100], "seconds": [1.0]})
+    (text,) = readings.search(contents(candidates=candidates, chosen={}, model={}))
+    assert "is not on record" in text
+
+
+def test_the_chapters_choices_stand_beside_ours():
+    phases = {
+        "delay": {"selected": {"nk": 3}},
+        "common": {"selected": {"na": 8}},
+        "c": {"selected": {"nc": 7}},
+    }
+    rows = readings.beside_chapter(
+        contents(
+            phases=phases,
+            spectrum={"peaks": [{"frequency_hz": 5.41}, {"frequency_hz": 37.0}]},
+            model={"orders": {"na": 8, "nb": 8, "nc": 7, "nk": 3}},
+        )
+    )
+    assert ("Delay nk", "3", "3") in rows
+    assert ("Phase one, common order", "8", "7") in rows
+    assert ("Phase three, nb", "–", "6") in rows
+    assert ("Model", "ARMAX(8, 8, 7, 3)", "ARMAX(7, 6, 7, 3)") in rows
+    assert rows[0][1] == "5.41, 37"
+
+
+def test_the_equation_in_plain_text_and_json_gives_the_model_back():
+    import json
+
+    model = {
+        "orders": {"na": 1, "nb": 2, "nc": 1, "nk": 3},
+        "a": [1.0, -0.123456789012],
+        "b": [0.5, -2e-7],
+        "c": [1.0, 0.25],
+        "noise_variance": 0.01,
+        "sampling_rate": 100.0,
+    }
+    assert equations.text(model).splitlines() == [
+        "A(q) y(t) = B(q) u(t) + C(q) e(t)",
+        "A(q) = 1 - 0.123456789 q^-1",
+        "B(q) = 0.5 q^-3 - 2e-07 q^-4",
+        "C(q) = 1 + 0.25 q^-1",
+        "variance of e = 0.01",
+        "sampling rate = 100 Hz",
+    ]
+    assert json.loads(equations.as_json(model)) == model

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 BINS = 400
 # Peaks that are given their frequency, the most prominent ones.
 MOST_LABELS = 8
+# Labels closer than this share of the band would lie on each other.
+LABEL_WIDTH = 0.1
 
 
 def _thinned(table: pd.DataFrame, *columns: str) -> pd.DataFrame:
@@ -106,24 +108,33 @@ def draw_spectrum(
             color=ERROR,
             label="peaks",
         )
-    prominent = sorted(peaks, key=lambda peak: -float(peak.get("prominence_db") or 0.0))
-    for peak in prominent[:MOST_LABELS]:
-        axes.annotate(
-            f"{peak['frequency_hz']:.3g} Hz",
-            (peak["frequency_hz"], peak["density"]),
-            xytext=(0, 7),
-            textcoords="offset points",
-            ha="center",
-            fontsize=8,
-            color=INK,
-            bbox=LABEL_BOX,
-        )
+    _name_peaks(axes, peaks, float(shown["frequency_hz"].max()))
     axes.margins(y=0.12)
     axes.set_xlabel("Frequency (Hz)")
     squared = f"({unit})²/Hz" if unit else "per Hz"
     axes.set_ylabel(with_unit("Power spectral density", squared))
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, borderaxespad=0.1)
     return figure
+
+
+def _name_peaks(axes: Axes, peaks: Sequence[Mapping[str, Any]], highest: float) -> None:
+    """Label the most prominent peaks with their frequencies, side by side ones on two levels."""
+    prominent = sorted(peaks, key=lambda peak: -float(peak.get("prominence_db") or 0.0))
+    left, level = -highest, 0
+    for peak in sorted(prominent[:MOST_LABELS], key=lambda peak: float(peak["frequency_hz"])):
+        frequency = float(peak["frequency_hz"])
+        level = (level + 1) % 3 if frequency - left < LABEL_WIDTH * highest else 0
+        left = frequency
+        axes.annotate(
+            f"{frequency:.4g} Hz",
+            (frequency, peak["density"]),
+            xytext=(0, 7 + 11 * level),
+            textcoords="offset points",
+            ha="center",
+            fontsize=8,
+            color=INK,
+            bbox=LABEL_BOX,
+        )
 
 
 @styled

@@ -14,6 +14,7 @@ from evopem.figures.style import (
     FAMILY_LINES,
     FAMILY_MARKERS,
     INK,
+    LABEL_BOX,
     MODEL,
     PAPER,
     logarithmic,
@@ -108,14 +109,17 @@ def draw_phases(candidates: pd.DataFrame) -> Figure:
                 axes.axvline(k, color=ERROR, linewidth=0.9, linestyle=(0, (3, 2)), zorder=1)
                 axes.plot([k], chosen[criterion].iloc[:1], "o", color=ERROR, markersize=6.5)
                 if criterion == "rss":
+                    beyond = k > 0.7 * tried[order].max() + 0.3 * tried[order].min()
                     axes.annotate(
                         f"k = {k}",
                         (k, 1.0),
                         xycoords=("data", "axes fraction"),
-                        xytext=(4, -9),
+                        xytext=(-4 if beyond else 4, -9),
                         textcoords="offset points",
+                        ha="right" if beyond else "left",
                         fontsize=8,
                         color=INK,
+                        bbox=LABEL_BOX,
                     )
             _whole_numbers(axes)
             _logarithmic_if_wide(axes, tried[criterion])

@@ -149,7 +149,7 @@ def _frequency_marks(axes: Axes, sampling_rate: float) -> None:
             1.15 * math.cos(angle),
             # On the real axis the label stands above the line.
             1.15 * math.sin(angle) + (0.08 if fraction == 0.5 else 0.0),
-            f"{fraction * sampling_rate:.3g}" + (" Hz" if fraction == 0.1 else ""),
+            f"{fraction * sampling_rate:.4g}" + (" Hz" if fraction == 0.1 else ""),
             ha="center",
             va="center",
             fontsize=7.5,

@@ -7,6 +7,8 @@ from typing import Any, TypeGuard
 
 # Narrow no-break space, between a number and its unit.
 THIN = "\u202f"
+# No-break space, inside a number.
+FIRM = "\u00a0"
 MISSING = "–"
 
 
@@ -22,7 +24,7 @@ def number(value: Any, digits: int = 4) -> str:
     text = f"{value:.{digits}g}"
     if "e" in text:
         mantissa, exponent = text.split("e")
-        return f"{mantissa} · 10{superscript(int(exponent))}".replace("-", "−")
+        return f"{mantissa}{FIRM}·{FIRM}10{superscript(int(exponent))}".replace("-", "−")
     return text.replace("-", "−")
 
 

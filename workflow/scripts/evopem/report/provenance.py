@@ -77,7 +77,7 @@ def _origin(recording: Mapping[str, Any], suffix: str) -> list[tuple[str, str]]:
     if recording.get("kind") == "synthesis":
         return [(f"Recording{suffix}", "simulated, see the configuration")]
     rows = [(f"File{suffix}", str(recording.get("path") or "unknown"))]
-    rows.append((f"Its SHA-256{suffix}", str(recording.get("sha256") or "unknown")))
+    rows.append((f"SHA-256{suffix}", str(recording.get("sha256") or "unknown")))
     if recording.get("bytes"):
         rows.append((f"Size{suffix}", f"{count(recording['bytes'])} bytes"))
     named = (
