@@ -167,22 +167,22 @@ def main() -> None:
         "search and the three phases with the built-in configuration.",
         "",
     ]
-    with ProcessPoolExecutor(arguments.processes) as pool:
-        for objective in arguments.objectives:
-            arms = range(1, arguments.arms + 1)
-            lines += arm_table(
-                list(pool.map(partial(recover_arm, objective=objective), arms)), objective
-            )
-            print("\n".join(lines), flush=True)
-        for objective in arguments.objectives:
-            records = range(1, arguments.records + 1)
-            lines += armax_table(
-                list(pool.map(partial(recover_armax, objective=objective), records)), objective
-            )
-            print("\n".join(lines), flush=True)
     target = ROOT / "docs" / "evidence" / "truth.md"
     target.parent.mkdir(parents=True, exist_ok=True)
-    target.write_text("\n".join(lines).rstrip() + "\n", encoding="utf-8")
+    stages = (
+        (recover_arm, arm_table, arguments.arms),
+        (recover_armax, armax_table, arguments.records),
+    )
+    with ProcessPoolExecutor(arguments.processes) as pool:
+        for recover, table, count in stages:
+            for objective in arguments.objectives if count else []:
+                run = partial(recover, objective=objective)
+                results = []
+                for result in pool.map(run, range(1, count + 1)):
+                    results.append(result)
+                    print(objective, result, flush=True)
+                lines += table(results, objective)
+                target.write_text("\n".join(lines).rstrip() + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

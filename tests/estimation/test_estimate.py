@@ -134,6 +134,18 @@ def test_the_same_seed_gives_the_same_bits_and_the_record_stays():
     np.testing.assert_array_equal((u, y), before)
 
 
+@pytest.mark.parametrize("exponent", [-150, -3, 150])
+def test_units_do_not_matter(exponent):
+    """A record in other units, by powers of two, gives the same model in those units."""
+    u, y = small_record()
+    one = estimate(u, y, (2, 2, 1, 1)).model
+    scale = 2.0**exponent
+    other = estimate(u / scale, y * scale, (2, 2, 1, 1)).model
+    np.testing.assert_array_equal(one.a, other.a)
+    np.testing.assert_array_equal(one.b, other.b / scale**2)
+    np.testing.assert_allclose(other.covariance[:2, :2], one.covariance[:2, :2], rtol=1e-9)
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [

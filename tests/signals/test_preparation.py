@@ -204,22 +204,22 @@ def test_prepared_data_survive_their_files(tmp_path, validation):
 def test_splits_that_do_not_fit_name_their_key(split, key, problem):
     with pytest.raises(InputError, match=problem) as caught:
         prepare(record(), PLAIN, split, dataset="arm")
-    assert caught.value.source == f"datasets: arm: split: {key}"
+    assert caught.value.source == f"datasets.arm.split.{key}"
 
 
 @pytest.mark.parametrize(
     ("stationarity", "key", "problem"),
     [
-        ({"box_cox": "yes"}, ": stationarity: box_cox", "not a Box-Cox parameter"),
-        ({"difference": -1}, ": stationarity: difference", "not a number of differences"),
-        ({"difference": 1.5}, ": stationarity: difference", "not a number of differences"),
-        ({"difference": 400}, ": split", "leave no sample"),
+        ({"box_cox": "yes"}, "stationarity.box_cox", "not a Box-Cox parameter"),
+        ({"difference": -1}, "stationarity.difference", "not a number of differences"),
+        ({"difference": 1.5}, "stationarity.difference", "not a number of differences"),
+        ({"difference": 400}, "split", "leave no sample"),
     ],
 )
 def test_stationarity_that_does_not_fit_names_its_key(stationarity, key, problem):
     with pytest.raises(InputError, match=problem) as caught:
         prepare(record(), stationarity, {}, dataset="arm")
-    assert caught.value.source == f"datasets: arm{key}"
+    assert caught.value.source == f"datasets.arm.{key}"
 
 
 def test_differences_that_leave_nothing_and_rates_that_differ():

@@ -85,4 +85,4 @@ def test_input_and_output_stay_together_and_are_not_changed():
 def test_rates_that_cannot_be_reached(rate, expected):
     signal = np.random.default_rng(1).standard_normal(500)
     with pytest.raises(InputError, match=expected):
-        resample_recording(Recording(signal, signal, 125.0), rate, "datasets: a: resample")
+        resample_recording(Recording(signal, signal, 125.0), rate, "datasets.a.resample")

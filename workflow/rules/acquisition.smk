@@ -4,7 +4,7 @@
 rule read_recording:
     """Read the input and output channels of a recorded file."""
     input:
-        file=lambda wildcards: DATASETS[wildcards.dataset]["file"],
+        unpack(recorded_file("file")),
     output:
         recording="results/{dataset}/recording.npz",
         origin="results/{dataset}/recording.json",
@@ -21,6 +21,7 @@ rule read_recording:
         mem_mb=2000,
         runtime=10,
     params:
+        file=lambda wildcards: DATASETS[wildcards.dataset]["file"],
         channels=channels_of,
         code=code("read_recording"),
     script:
@@ -29,7 +30,7 @@ rule read_recording:
 
 use rule read_recording as read_validation_recording with:
     input:
-        file=lambda wildcards: DATASETS[wildcards.dataset]["validation_file"],
+        unpack(recorded_file("validation_file")),
     output:
         recording="results/{dataset}/validation_recording.npz",
         origin="results/{dataset}/validation_recording.json",
@@ -37,6 +38,10 @@ use rule read_recording as read_validation_recording with:
         "results/{dataset}/logs/validation_recording.log",
     benchmark:
         "results/{dataset}/benchmarks/validation_recording.tsv"
+    params:
+        file=lambda wildcards: DATASETS[wildcards.dataset]["validation_file"],
+        channels=channels_of,
+        code=code("read_recording"),
 
 
 rule synthesize_recording:

@@ -62,6 +62,22 @@ def one_of(names):
     return "|".join(map(re.escape, names)) or "(?!)"
 
 
+def recorded_file(key):
+    """The recorded file that a data set names under a key.
+
+    One that is missing is no input before its first reading: its job then says so in a sentence,
+    and the other data sets go on, where Snakemake would stop them all. Later it stays an input, so
+    that nothing made from it is lost.
+    """
+
+    def existing(wildcards):
+        path = DATASETS[wildcards.dataset][key]
+        read_before = Path(f"results/{wildcards.dataset}/recording.npz").exists()
+        return {"file": path} if read_before or Path(path).exists() else {}
+
+    return existing
+
+
 def channels_of(wildcards):
     """Which channels of a recorded file are read, and in which units."""
     keys = ("input", "output", "sampling_rate", "time", "input_unit", "output_unit")

@@ -21,7 +21,7 @@ def main(file: str, channels: dict[str, Any], recording_file: str, origin_file: 
 if __name__ == "__main__":
     with job(snakemake.log[0]):
         main(
-            snakemake.input.file,
+            snakemake.params.file,
             snakemake.params.channels,
             snakemake.output.recording,
             snakemake.output.origin,

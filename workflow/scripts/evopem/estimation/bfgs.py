@@ -16,6 +16,8 @@ InverseHessians = Callable[[Array, Rows], Array]
 SUFFICIENT_DECREASE = 1e-4
 CURVATURE = 0.9
 LONGEST_LINE_SEARCH = 30
+# Accepted steps after which the inverse Hessian is approximated anew.
+REFRESH = 40
 
 
 @dataclass(frozen=True)
@@ -95,8 +97,11 @@ def descend(
             continue
         _update(h, moved, step[moved, None] * d[moved], gt[accept] - g[moved])
         x[moved], f[moved], g[moved] = trial[accept], ft[accept], gt[accept]
-        _aim(moved, g, h, d, slope)
         iterations[moved] += 1
+        stale = moved[iterations[moved] % REFRESH == 0]
+        if len(stale):
+            h[stale] = inverse_hessians(x[stale], stale)
+        _aim(moved, g, h, d, slope)
         step[moved], low[moved], high[moved], tries[moved] = 1.0, 0.0, np.inf, 0
         limit = tolerance * np.abs(f[moved])
         done = (-0.5 * slope[moved] <= limit) & (drop[accept] <= limit)

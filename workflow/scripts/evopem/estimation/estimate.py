@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -126,13 +126,29 @@ def estimate(
     _check(u, y, orders, objective, (first, start), max_root_radius, search)
     first, start = max(first, MIN_NC), max(start, MIN_NC)  # what the kernels look back on
     # The bits of a result must not depend on how many threads the machine's BLAS would take.
+    # The search works on signals of moderate size; powers of two leave every bit of them alone.
+    input_scale, output_scale = _power_of_two(u), _power_of_two(y)
     with threadpool_limits(limits=1, user_api="blas"):
-        errors = PredictionErrorProblem(u, y, orders, objective, first, start, max_root_radius)
+        scaled = ArmaxProblem(
+            PredictionErrorProblem(
+                u / input_scale, y / output_scale, orders, objective, first, start, max_root_radius
+            )
+        )
         sequence = np.random.SeedSequence(
             seed, spawn_key=(orders.na, orders.nb, orders.nc, orders.nk)
         )
-        result = hybrid_search(ArmaxProblem(errors), search, np.random.default_rng(sequence), log)
-        return describe(errors, result, sampling_rate)
+        result = hybrid_search(scaled, search, np.random.default_rng(sequence), log)
+        point = result.point.copy()
+        point[orders.na : orders.na + orders.nb] *= output_scale / input_scale
+        point[orders.parameters :] *= output_scale
+        errors = PredictionErrorProblem(u, y, orders, objective, first, start, max_root_radius)
+        return describe(errors, replace(result, point=point), sampling_rate)
+
+
+def _power_of_two(signal: Array) -> float:
+    """The power of two next below a signal's largest magnitude; 1 for a signal of zeros."""
+    largest = float(np.max(np.abs(signal)))
+    return 2.0 ** np.floor(np.log2(largest)) if largest > 0.0 else 1.0
 
 
 def _check(

@@ -142,7 +142,7 @@ def prepare(
         cannot be applied or leaves nothing that varies, or the two recordings were
         sampled at different rates.
     """
-    key = f"datasets: {dataset}: " if dataset else ""
+    key = f"datasets.{dataset}." if dataset else ""
     resampled_from = None
     records = [recording]
     if validation_recording is not None:
@@ -166,7 +166,7 @@ def prepare(
         validation_range = (validation_start, records[1].samples)
 
     records, parameter, shift = _transform_outputs(
-        records, stationarity.get("box_cox"), (start, stop), f"{key}stationarity: box_cox"
+        records, stationarity.get("box_cox"), (start, stop), f"{key}stationarity.box_cox"
     )
     counts = (differences, differences_input)
     estimation, estimation_initial = _section(records[0], start, stop, counts)
@@ -177,8 +177,8 @@ def prepare(
         replace(part, input=part.input - input_mean, output=part.output - output_mean)
         for part in (estimation, validation)
     ]
-    check_recording(centred[0], f"{key}estimation samples, as prepared")
-    check_recording(centred[1], f"{key}validation samples, as prepared")
+    check_recording(centred[0], f"{key}estimation (the samples as prepared)")
+    check_recording(centred[1], f"{key}validation (the samples as prepared)")
     return PreparedData(
         estimation=centred[0],
         validation=centred[1],
@@ -317,7 +317,7 @@ def _count(settings: Mapping[str, Any], name: str, source: str) -> int:
     value = settings.get(name, 0)
     if isinstance(value, bool) or not isinstance(value, int) or value < 0:
         raise InputError(
-            f"{source}: {name}",
+            f"{source}.{name}",
             f"{value!r} is not a number of differences",
             "give a whole number from 0",
         )
@@ -337,7 +337,7 @@ def _estimation_range(
     discard = _discarded(available, split, source)
     remaining = available - discard
     chosen = split.get("estimation", 0.8 if cut else 1.0)
-    key = f"{source}: estimation"
+    key = f"{source}.estimation"
     if not cut and isinstance(chosen, float) and chosen == 1.0:
         return discard, available
     samples = _samples(chosen, remaining, key, smallest=1)
@@ -358,7 +358,7 @@ def _estimation_range(
 
 def _discarded(available: int, split: Mapping[str, Any], source: str) -> int:
     """Number of samples to leave out at the start of `available` ones."""
-    key = f"{source}: discard"
+    key = f"{source}.discard"
     discard = _samples(split.get("discard", 0), available, key, smallest=0)
     if discard >= available:
         raise InputError(

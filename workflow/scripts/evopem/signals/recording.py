@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 from evopem.errors import InputError
 from evopem.signals.storage import load_arrays, save_arrays
 
+LARGEST = 1e100
+"""Magnitudes from here on, and below its inverse, cannot be squared and summed safely."""
+
 MINIMUM_SAMPLES = 8
 """A recording shorter than this cannot even be described, let alone identified."""
 
@@ -60,7 +63,8 @@ def check_recording(recording: Recording, source: str = "recording") -> None:
     InputError
         When a signal is not one-dimensional, the lengths differ, there are fewer than
         `MINIMUM_SAMPLES` samples, a sample is not finite (the first one is named, counted
-        from 1), a signal never changes, or the sampling rate is not a positive number.
+        from 1), a signal never changes, or is too large or too small to be squared, or the
+        sampling rate is not a positive number.
     """
     signals = {
         f'input "{recording.input_name}"': recording.input,
@@ -101,6 +105,14 @@ def check_recording(recording: Recording, source: str = "recording") -> None:
                 source,
                 f"every sample is {values[0]:g}, so there is nothing to identify",
                 "choose a channel that varies",
+                channel,
+            )
+        if not LARGEST**-1 < np.max(np.abs(values)) < LARGEST:
+            raise InputError(
+                source,
+                f"the largest value is {np.max(np.abs(values)):g}, whose square leaves the range of"
+                " numbers",
+                "record in another unit or scale the channel",
                 channel,
             )
     if not (np.isfinite(recording.sampling_rate) and recording.sampling_rate > 0):
