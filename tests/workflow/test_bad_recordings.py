@@ -36,7 +36,7 @@ BAD = {
     "binary.csv": (bytes(range(256)) * 9, "binary.csv, line 1: is not a text file"),
     "flat.csv": (text(GOOD * [1, 0] + [0, 3]), "flat.csv"),
     "huge.csv": (text(GOOD * 1e300), "leaves the range of numbers"),
-    "short.csv": (text(GOOD[:32]), "ARMAX("),
+    "short.csv": (text(GOOD[:38]), "ARMAX("),
     "damaged.mat": (b"MATLAB 5.0 MAT-file" + bytes(300), "damaged.mat: is not a readable MATLAB"),
     "program.exe": (b"MZ", "program.exe"),
 }
