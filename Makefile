@@ -7,7 +7,7 @@ EXTRAS := --extra formats --extra workflow --extra control
 COMPILE := $(BIN)/uv pip compile pyproject.toml $(EXTRAS) --universal --python-version 3.11 \
 	--generate-hashes --no-emit-index-url --no-emit-find-links --no-header --quiet
 
-.PHONY: report test lint format lock clean
+.PHONY: report test lint format lock screenshots clean
 .DEFAULT_GOAL := report
 
 report: $(VENV)/installed  ## run config.yaml from data to report
@@ -32,6 +32,9 @@ format: $(VENV)/installed-dev  ## bring every file into the style
 lock: $(VENV)/installed-dev  ## pin today's newest versions, with hashes
 	$(COMPILE) --upgrade --output-file requirements.lock
 	$(COMPILE) --upgrade --group dev --constraint requirements.lock --output-file requirements-dev.lock
+
+screenshots: report $(VENV)/installed-dev  ## take the README's pictures of the default run
+	$(BIN)/python docs/take_screenshots.py results/arm/report.html
 
 clean:  ## remove the environment; results stay
 	rm -rf $(VENV)
