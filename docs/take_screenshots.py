@@ -58,7 +58,7 @@ def take(
         return [edges[0].top + scrollY, edges[1].bottom + scrollY]""",
         [first, last],
     )
-    area = {"x": 0, "y": max(top - 24, 0), "width": WIDTH, "height": bottom - top + 48, "scale": 1}
+    area = {"x": 0, "y": max(top - 16, 0), "width": WIDTH, "height": bottom - top + 28, "scale": 1}
     shot = browser.execute_cdp_cmd(
         "Page.captureScreenshot", {"captureBeyondViewport": True, "clip": area}
     )
