@@ -15,7 +15,6 @@ from evopem.figures.style import (
     ERROR,
     FOURTH,
     INK,
-    LABEL_BOX,
     MODEL,
     MUTED,
     PAPER,
@@ -384,11 +383,10 @@ def draw_stabilization(
             "chosen",
             (1.0, chosen_order),
             xycoords=("axes fraction", "data"),
-            xytext=(-2, 3),
+            xytext=(4, 0),
             textcoords="offset points",
-            ha="right",
+            va="center",
             fontsize=8,
-            bbox=LABEL_BOX,
         )
     axes.set_xlim(0, sampling_rate / 2)
     axes.set_yticks(sorted(poles["order"].unique()))
