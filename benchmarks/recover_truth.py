@@ -158,7 +158,8 @@ def main() -> None:
     parser.add_argument("--arms", type=int, default=20)
     parser.add_argument("--records", type=int, default=50)
     parser.add_argument("--processes", type=int, default=2)
-    parser.add_argument("--objectives", nargs="+", default=["absolute", "quadratic"])
+    parser.add_argument("--arm-objectives", nargs="+", default=["absolute"])
+    parser.add_argument("--record-objectives", nargs="+", default=["quadratic"])
     arguments = parser.parse_args()
     lines = [
         "# Recovery of known truths",
@@ -170,12 +171,12 @@ def main() -> None:
     target = ROOT / "docs" / "evidence" / "truth.md"
     target.parent.mkdir(parents=True, exist_ok=True)
     stages = (
-        (recover_arm, arm_table, arguments.arms),
-        (recover_armax, armax_table, arguments.records),
+        (recover_arm, arm_table, arguments.arms, arguments.arm_objectives),
+        (recover_armax, armax_table, arguments.records, arguments.record_objectives),
     )
     with ProcessPoolExecutor(arguments.processes) as pool:
-        for recover, table, count in stages:
-            for objective in arguments.objectives if count else []:
+        for recover, table, count, objectives in stages:
+            for objective in objectives if count else []:
                 run = partial(recover, objective=objective)
                 results = []
                 for result in pool.map(run, range(1, count + 1)):

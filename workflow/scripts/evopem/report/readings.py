@@ -416,7 +416,7 @@ def simulation(contents: Contents) -> list[str]:
     """Simulation on data the model never saw, apart from prediction."""
     validation = contents.validation
     begin = (
-        "It starts from the state that fits these samples best, as published figures and MATLAB's"
+        "It starts from the state that fits these samples best, as MATLAB's"
         " compare do; nothing else of their output is used."
     )
     if is_number(validation.get("continued_simulation_error_percent")):

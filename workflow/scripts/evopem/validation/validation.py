@@ -153,8 +153,8 @@ def validate(
     fits them best.
 
     The simulation of the validation samples starts from the initial state that fits them best, as
-    published figures and MATLAB's ``compare`` have it: a few numbers, and nothing else, come from
-    the output it is compared with.  When the validation samples continue the estimation samples
+    MATLAB's ``compare`` has it: a few numbers, and nothing else, come from the output it is
+    compared with.  When the validation samples continue the estimation samples
     (``prepared.contiguous``), a stricter simulation goes with it: it starts with the estimation
     samples, to which alone its state is fitted, and runs on without seeing one validation output
     (``continued_simulation_error_percent``).
