@@ -129,6 +129,25 @@ def recall(
         return describe(errors, result, data.sampling_rate)
 
 
+def evidence_of(estimate: Estimate, search: Mapping[str, Any]) -> dict[str, Any]:
+    """What speaks for an estimate, as it stands in model.json beside the model itself."""
+    return {
+        "objective": {"name": estimate.objective, "value": estimate.objective_value},
+        "fit_percent": estimate.fit_percent,
+        "rss": estimate.rss,
+        "bic": estimate.bic,
+        "recursion_start": estimate.recursion_start,
+        "scoring_start": estimate.scoring_start,
+        "noise_state": estimate.noise_state.tolist(),
+        "search": {
+            "settings": dict(search),
+            "found": {key: getattr(estimate.search, key) for key in _SEARCH_COUNTS}
+            | {"at_margin": estimate.at_margin},
+        },
+        "seed": search["seed"],
+    }
+
+
 def select_delay(candidates: Sequence[Mapping[str, Any]]) -> tuple[dict[str, int], str]:
     """The delay with the smallest mean BIC over the orders (chapter section 5.3).
 
