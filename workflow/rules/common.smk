@@ -109,6 +109,14 @@ def recordings_of(wildcards):
     return inputs
 
 
+def validation_record_of(wildcards):
+    """Where the independent validation recording came from, if there is one."""
+    if DATASETS[wildcards.dataset].get("validation_file"):
+        folder = f"results/{wildcards.dataset}"
+        return {"validation_recording": f"{folder}/validation_recording.json"}
+    return {}
+
+
 def code(script, *templates):
     """A digest of a script and of all code behind it: a rule reruns when it changes."""
     return code_version(SCRIPTS / f"{script}.py", templates)

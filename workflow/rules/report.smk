@@ -1,14 +1,6 @@
 """Report: one self-contained HTML file for each data set."""
 
 
-def validation_record_of(wildcards):
-    """Where the independent validation recording came from, if there is one."""
-    if DATASETS[wildcards.dataset].get("validation_file"):
-        folder = f"results/{wildcards.dataset}"
-        return {"validation_recording": f"{folder}/validation_recording.json"}
-    return {}
-
-
 rule write_report:
     """Set the results and figures of one data set into one HTML file."""
     input:
