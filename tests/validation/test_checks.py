@@ -6,8 +6,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from evopem.models.polynomials import root_gradient
 from evopem.validation import checks
-from evopem.validation.roots import root_covariance, root_gradient
+from evopem.validation.roots import root_covariance
 
 POLES = [0.9 * np.exp(0.5j), 0.9 * np.exp(-0.5j)]
 # ω = |ln z| at one sample a second.

@@ -125,9 +125,9 @@ def estimate(
     start = first + max(DEFAULT_BURN_IN, orders.nc) if scoring_start is None else scoring_start
     _check(u, y, orders, objective, (first, start), max_root_radius, search)
     first, start = max(first, MIN_NC), max(start, MIN_NC)  # what the kernels look back on
-    # The bits of a result must not depend on how many threads the machine's BLAS would take.
     # The search works on signals of moderate size; powers of two leave every bit of them alone.
     input_scale, output_scale = _power_of_two(u), _power_of_two(y)
+    # The bits of a result must not depend on how many threads the machine's BLAS would take.
     with threadpool_limits(limits=1, user_api="blas"):
         scaled = ArmaxProblem(
             PredictionErrorProblem(

@@ -164,7 +164,7 @@ class PredictionErrorProblem:
         if not len(points):
             return matrices
         rows_padded = len(self._signs)
-        table = np.zeros((5, len(self._y), kernels.LANES))
+        table = np.empty((5, len(self._y), kernels.LANES))  # the kernel writes every row
         matrix = np.zeros((rows_padded, rows_padded, kernels.LANES))
         factor = 100.0 / self._scale
         for rows in self._passes(np.ones(len(points), dtype=bool)):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -54,14 +54,8 @@ class Results:
     recording_summary: Mapping[str, Any] | None
 
     def chosen_candidate(self) -> Mapping[str, Any] | None:
-        """Record of the last phase's choice, with its search history; None without records."""
-        for phase in reversed(PHASES):
-            record = self.phases.get(phase, {})
-            selected = record.get("selected")
-            for candidate in record.get("candidates", []):
-                if selected and all(candidate.get(key) == selected[key] for key in selected):
-                    return candidate
-        return None
+        """Record of the candidate that became the model; None without records."""
+        return candidate_of(self.model["orders"], self.phases)
 
 
 def result_paths(directory: Path) -> dict[str, Path]:
@@ -91,9 +85,7 @@ def read_results(paths: Mapping[str, Path]) -> Results:
     from evopem.signals.preparation import load_prepared
     from evopem.signals.recording import load_recording
 
-    for name in REQUIRED:
-        if name not in paths:
-            raise InputError(name, "is not among the results", "run the stage that writes it")
+    require(REQUIRED, paths)
     return Results(
         recording=load_recording(paths["recording.npz"]),
         prepared=load_prepared(paths["prepared.npz"], paths["transforms.json"]),
@@ -101,20 +93,49 @@ def read_results(paths: Mapping[str, Path]) -> Results:
         spectrum=read_table(paths["spectrum.csv"]),
         spectrum_summary=read_json(paths["spectrum.json"]),
         candidates=read_table(paths["candidates.csv"]),
-        phases={
-            phase: read_json(paths[f"phases/{phase}.json"])
-            for phase in PHASES
-            if f"phases/{phase}.json" in paths
-        },
+        phases=read_phases(paths),
         model=read_json(paths["model.json"]),
         residual_autocorrelation=read_table(paths["residual_autocorrelation.csv"]),
         cross_correlation=read_table(paths["cross_correlation.csv"]),
         frequency_response=read_table(paths["frequency_response.csv"]),
         simulation=read_table(paths["simulation.csv"]),
         validation=read_json(paths["validation.json"]),
-        truth=_optional(paths, "truth.json"),
-        recording_summary=_optional(paths, "recording.json"),
+        truth=read_optional(paths, "truth.json"),
+        recording_summary=read_optional(paths, "recording.json"),
     )
+
+
+def require(names: Iterable[str], paths: Mapping[str, Path]) -> None:
+    """Refuse results that lack one of the files.
+
+    Raises
+    ------
+    InputError
+        Naming the first one that is missing.
+    """
+    for name in names:
+        if name not in paths:
+            raise InputError(name, "is not among the results", "run the stage that writes it")
+
+
+def read_phases(paths: Mapping[str, Path]) -> dict[str, dict[str, Any]]:
+    """Read the record of every phase of the order search that is there."""
+    return {
+        phase: read_json(paths[f"phases/{phase}.json"])
+        for phase in PHASES
+        if f"phases/{phase}.json" in paths
+    }
+
+
+def candidate_of(
+    orders: Mapping[str, int], phases: Mapping[str, Mapping[str, Any]]
+) -> Mapping[str, Any] | None:
+    """Record of the candidate of these orders, from the last phase that tried it."""
+    for phase in reversed(PHASES):
+        for candidate in phases.get(phase, {}).get("candidates", []):
+            if all(candidate.get(key) == value for key, value in orders.items()):
+                return candidate
+    return None
 
 
 def read_json(path: Path) -> dict[str, Any]:
@@ -137,7 +158,8 @@ def read_json(path: Path) -> dict[str, Any]:
     return content
 
 
-def _optional(paths: Mapping[str, Path], name: str) -> dict[str, Any] | None:
+def read_optional(paths: Mapping[str, Path], name: str) -> dict[str, Any] | None:
+    """Read a JSON object that need not be among the results; None where it is not."""
     return read_json(paths[name]) if name in paths else None
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.models.polynomials import roots
+from evopem.models.polynomials import root_gradient, roots
 
 Array = NDArray[np.float64]
 
@@ -68,17 +68,10 @@ def _frequency_and_damping(z: complex, sampling_rate: float) -> tuple[float, flo
     return float(abs(s) / (2.0 * np.pi)), float(-s.real / abs(s))
 
 
-def pole_sensitivity(coefficients: Array, z: complex) -> NDArray[np.complex128]:
-    """``dz/da_i = -z^(na-i) / A'(z)``, (na,) complex."""
-    na = len(coefficients)
-    derivative = np.polyval(np.polyder(np.concatenate([[1.0], coefficients])), z)
-    return -(z ** np.arange(na - 1, -1, -1)) / derivative
-
-
 def _mode_jacobian(coefficients: Array, z: complex, sampling_rate: float) -> Array:
     """Derivatives of (frequency in Hz, damping ratio) with respect to ``a_1 ... a_na``, (2, na)."""
     s = np.log(z) * sampling_rate
-    ds = sampling_rate / z * pole_sensitivity(coefficients, z)
+    ds = sampling_rate / z * root_gradient(np.concatenate([[1.0], coefficients]), z)[1:]
     modulus = abs(s)
     d_modulus = (np.conj(s) * ds).real / modulus
     d_damping = -ds.real / modulus + s.real * d_modulus / modulus**2

@@ -1,4 +1,7 @@
-"""Monic polynomials in the backshift operator, given by their coefficients after the leading 1."""
+"""Polynomials in the backshift operator and their roots in z.
+
+Monic ones are given by their coefficients after the leading 1.
+"""
 
 from __future__ import annotations
 
@@ -39,3 +42,15 @@ def reflect_into_disc(coefficients: Array, radius: float) -> Array:
     inside = np.zeros(len(coefficients))
     inside[: len(monic) - 1] = monic[1:]
     return inside
+
+
+def root_gradient(coefficients: Array, root: complex) -> NDArray[np.complex128]:
+    """Derivative of a root with respect to every coefficient of its polynomial in z.
+
+    For p(z) = Σ c_i z^(n−i) and p(r) = 0: dr/dc_i = −r^(n−i) / p'(r). Not finite at a repeated
+    root, which has no derivative.
+    """
+    degree = coefficients.size - 1
+    powers = root ** np.arange(degree, -1, -1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return -powers / np.polyval(np.polyder(coefficients), root)

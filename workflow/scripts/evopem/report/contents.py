@@ -9,8 +9,14 @@ from typing import Any
 
 import pandas as pd
 
-from evopem.errors import InputError
-from evopem.figures.results import PHASES, read_json, read_table
+from evopem.figures.results import (
+    candidate_of,
+    read_json,
+    read_optional,
+    read_phases,
+    read_table,
+    require,
+)
 from evopem.validation.checks import Check, checks
 
 REQUIRED = (
@@ -50,12 +56,7 @@ class Contents:
     @property
     def chosen(self) -> Mapping[str, Any] | None:
         """Record of the candidate that became the model."""
-        orders = self.model["orders"]
-        for phase in reversed(PHASES):
-            for candidate in self.phases.get(phase, {}).get("candidates", []):
-                if all(candidate.get(key) == value for key, value in orders.items()):
-                    return candidate
-        return None
+        return candidate_of(self.model["orders"], self.phases)
 
     @property
     def is_stand_in(self) -> bool:
@@ -80,9 +81,7 @@ def read_contents(paths: Mapping[str, Path], dataset: str | None = None) -> Cont
     InputError
         When a required file is missing or damaged.
     """
-    for name in REQUIRED:
-        if name not in paths:
-            raise InputError(name, "is not among the results", "run the stage that writes it")
+    require(REQUIRED, paths)
     config_text, named, config = _configuration(paths.get("config.yaml"))
     return Contents(
         dataset=dataset or named or paths["model.json"].resolve().parent.name,
@@ -92,24 +91,16 @@ def read_contents(paths: Mapping[str, Path], dataset: str | None = None) -> Cont
         transforms=read_json(paths["transforms.json"]),
         spectrum=read_json(paths["spectrum.json"]),
         candidates=read_table(paths["candidates.csv"]),
-        phases={
-            phase: read_json(paths[f"phases/{phase}.json"])
-            for phase in PHASES
-            if f"phases/{phase}.json" in paths
-        },
+        phases=read_phases(paths),
         model=read_json(paths["model.json"]),
         validation=read_json(paths["validation.json"]),
-        truth=read_json(paths["truth.json"]) if "truth.json" in paths else None,
+        truth=read_optional(paths, "truth.json"),
         figures={
             Path(name).stem: path.read_text(encoding="utf-8")
             for name, path in paths.items()
             if name.startswith("figures/") and name.endswith(".svg")
         },
-        validation_recording=(
-            read_json(paths["validation_recording.json"])
-            if "validation_recording.json" in paths
-            else None
-        ),
+        validation_recording=read_optional(paths, "validation_recording.json"),
         wall_clock=_wall_clock(paths),
     )
 

@@ -15,7 +15,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from evopem.validation.roots import CHI_SQUARE_95, parameter_covariance, root_gradient
+from evopem.models.polynomials import root_gradient
+from evopem.validation.roots import CHI_SQUARE_95, parameter_covariance
 
 # Joint tests are made at the 1 % level: the checks at 5 % each would fail a third of good models.
 SIGNIFICANCE = 0.01

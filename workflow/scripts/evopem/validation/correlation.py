@@ -9,10 +9,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
+from evopem.models.gain_band import NORMAL_95
 from evopem.signals import correlation as signals
-
-# The two-sided 95 % point of the normal distribution.
-NORMAL_95 = 1.959963984540054
 
 
 @dataclass(frozen=True)

@@ -5,20 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from evopem.models.polynomials import root_gradient
+
 # 95 % points of chi-square with one and two degrees of freedom.
 CHI_SQUARE_95 = {1: 3.841458820694124, 2: 5.991464547107979}
-
-
-def root_gradient(coefficients: NDArray[np.float64], root: complex) -> NDArray[np.complex128]:
-    """Derivative of a root with respect to every coefficient of its polynomial in z.
-
-    For p(z) = Σ c_i z^(n−i) and p(r) = 0: dr/dc_i = −r^(n−i) / p'(r). Not finite at a repeated
-    root, which has no derivative.
-    """
-    degree = coefficients.size - 1
-    powers = root ** np.arange(degree, -1, -1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return -powers / np.polyval(np.polyder(coefficients), root)
 
 
 def root_covariance(
