@@ -98,5 +98,5 @@ def test_what_cannot_be_identified_is_refused(changes, expected):
 @pytest.mark.parametrize("scale", [1e200, 1e-200])
 def test_values_that_cannot_be_squared_are_refused(scale):
     signal = np.random.default_rng(1).standard_normal(50)
-    with pytest.raises(InputError, match="leaves the range of numbers; record in another unit"):
+    with pytest.raises(InputError, match="leave the range of numbers; record in another unit"):
         check_recording(Recording(signal, scale * signal, 100.0), "r.csv")

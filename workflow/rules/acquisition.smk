@@ -14,6 +14,7 @@ rule read_recording:
         "results/{dataset}/benchmarks/recording.tsv"
     wildcard_constraints:
         dataset=one_of(RECORDED),
+    priority: 10  # what cannot be read is said before any search begins
     conda:
         "../envs/evopem.yaml"
     threads: 1

@@ -12,6 +12,7 @@ rule prepare_signals:
         "results/{dataset}/logs/prepared.log",
     benchmark:
         "results/{dataset}/benchmarks/prepared.tsv"
+    priority: 10
     conda:
         "../envs/evopem.yaml"
     threads: 1
@@ -28,11 +29,14 @@ rule prepare_signals:
 
 
 rule write_configuration:
-    """Keep the complete configuration of a data set beside its results."""
+    """Keep the complete configuration of a data set, once its record can carry every model."""
+    input:
+        transforms="results/{dataset}/transforms.json",
     output:
         config="results/{dataset}/config.yaml",
     log:
         "results/{dataset}/logs/config.log",
+    priority: 10
     localrule: True
     conda:
         "../envs/evopem.yaml"

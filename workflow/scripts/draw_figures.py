@@ -19,5 +19,5 @@ def main(result_files: list[str], figure_files: list[str]) -> None:
 
 
 if __name__ == "__main__":
-    with job(snakemake.log[0]):
+    with job(snakemake.log[0], snakemake.input, snakemake.output):
         main(list(snakemake.input), list(snakemake.output))

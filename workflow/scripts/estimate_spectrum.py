@@ -49,7 +49,7 @@ def main(
 
 
 if __name__ == "__main__":
-    with job(snakemake.log[0]):
+    with job(snakemake.log[0], snakemake.input, snakemake.output):
         main(
             (snakemake.input.prepared, snakemake.input.transforms),
             snakemake.params.spectrum,

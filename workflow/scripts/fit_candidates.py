@@ -48,7 +48,7 @@ def _read(path: str) -> dict[str, Any]:
 
 
 if __name__ == "__main__":
-    with job(snakemake.log[0]) as log:
+    with job(snakemake.log[0], snakemake.input, snakemake.output) as log:
         main(
             (snakemake.input.prepared, snakemake.input.transforms),
             snakemake.input.get("previous"),

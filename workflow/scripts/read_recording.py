@@ -19,7 +19,7 @@ def main(file: str, channels: dict[str, Any], recording_file: str, origin_file: 
 
 
 if __name__ == "__main__":
-    with job(snakemake.log[0]):
+    with job(snakemake.log[0], snakemake.input, snakemake.output):
         main(
             snakemake.params.file,
             snakemake.params.channels,

@@ -30,5 +30,5 @@ def main(part_files: list[str], phase: str, phase_file: str, logger: "Logger") -
 
 
 if __name__ == "__main__":
-    with job(snakemake.log[0]) as log:
+    with job(snakemake.log[0], snakemake.input, snakemake.output) as log:
         main(list(snakemake.input.parts), snakemake.wildcards.phase, snakemake.output.phase, log)

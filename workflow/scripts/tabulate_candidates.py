@@ -39,5 +39,5 @@ def main(phase_files: list[str], candidates_file: str) -> None:
 
 
 if __name__ == "__main__":
-    with job(snakemake.log[0]):
+    with job(snakemake.log[0], snakemake.input, snakemake.output):
         main(list(snakemake.input.phases), snakemake.output.candidates)

@@ -26,7 +26,7 @@ def main(model_file: str, prepared_files: tuple[str, str], outputs: dict[str, st
 
 
 if __name__ == "__main__":
-    with job(snakemake.log[0]):
+    with job(snakemake.log[0], snakemake.input, snakemake.output):
         main(
             snakemake.input.model,
             (snakemake.input.prepared, snakemake.input.transforms),

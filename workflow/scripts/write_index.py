@@ -21,7 +21,7 @@ def main(result_files: list[str], templates: Path, index_file: str) -> None:
 
 
 if __name__ == "__main__":
-    with job(snakemake.log[0]):
+    with job(snakemake.log[0], snakemake.input, snakemake.output):
         main(
             list(snakemake.input),
             Path(snakemake.scriptdir).parent / "templates",

@@ -46,7 +46,7 @@ def commit_of(workflow: Path) -> str:
 
 
 if __name__ == "__main__":
-    with job(snakemake.log[0]):
+    with job(snakemake.log[0], snakemake.input, snakemake.output):
         main(
             list(snakemake.input),
             Path(snakemake.scriptdir).parent,

@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import logging
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from evopem.errors import InputError
+from evopem.seals import check_seals, seal
 
 
 @contextmanager
-def job(log_file: str | Path) -> Iterator[logging.Logger]:
-    """Run a job's work, its messages and warnings written to a log file.
+def job(
+    log_file: str | Path,
+    inputs: Iterable[str | Path] = (),
+    outputs: Iterable[str | Path] = (),
+) -> Iterator[logging.Logger]:
+    """Run a job's work on results that are as they were written, its messages in a log file.
 
     An `InputError` ends the process with exit code 1 and its sentence on standard error and in
     the log; any other error leaves its traceback there as well.
@@ -21,14 +26,22 @@ def job(log_file: str | Path) -> Iterator[logging.Logger]:
     Parameters
     ----------
     log_file : path
-        Created with its folder, or overwritten.
+        Created with its folder, or overwritten; somewhere below a folder ``logs``, beside which
+        the outputs lie, where there are any.
+    inputs : iterable of path
+        Checked against their seals before the work begins.
+    outputs : iterable of path
+        Sealed when it is done.
 
     Yields
     ------
     logging.Logger
         The package's logger, for progress.
     """
-    Path(log_file).parent.mkdir(parents=True, exist_ok=True)
+    log_file = Path(log_file)
+    log_file.parent.mkdir(parents=True, exist_ok=True)
+    # A log that cannot be written must not hide what the job says.
+    logging.raiseExceptions = False
     logger = logging.getLogger("evopem")
     warnings = logging.getLogger("py.warnings")
     logging.captureWarnings(True)
@@ -38,7 +51,10 @@ def job(log_file: str | Path) -> Iterator[logging.Logger]:
     for each in (logger, warnings):
         each.addHandler(handler)
     try:
+        check_seals(inputs)
         yield logger
+        if outputs:
+            seal(outputs, next(up.parent for up in log_file.parents if up.name == "logs"))
     except InputError as error:
         logger.error("%s", error)
         print(error, file=sys.stderr)

@@ -12,6 +12,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from evopem.errors import InputError
+
 if TYPE_CHECKING:
     import pandas as pd
 
@@ -29,14 +31,26 @@ def whole(path: str | Path) -> Iterator[Path]:
     ------
     Path
         Where to write; it ends like `path`.
+
+    Raises
+    ------
+    InputError
+        When the file system refuses: a full disk, a folder that may not be written to.
     """
     path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=path.parent, prefix=".writing-") as folder:
-        # A file made inside has the permissions of any new file.
-        temporary = Path(folder) / path.name
-        yield temporary
-        os.replace(temporary, path)  # noqa: PTH105
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=path.parent, prefix=".writing-") as folder:
+            # A file made inside has the permissions of any new file.
+            temporary = Path(folder) / path.name
+            yield temporary
+            os.replace(temporary, path)  # noqa: PTH105
+    except OSError as error:
+        raise InputError(
+            str(path),
+            f"cannot be written ({error.strerror or error})",
+            "make room or give permission there, and run again",
+        ) from error
 
 
 def write_text(path: str | Path, text: str) -> None:

@@ -30,7 +30,7 @@ _ANALYSIS_KEYS = (
     "search",
 )
 _ALL_SAMPLES = 1.0
-_RESERVED_NAMES = {"index.html", "logs", "benchmarks"}
+_RESERVED_NAMES = {"index.html", "logs", "benchmarks", "seals"}
 _DATASET_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 
 

@@ -10,6 +10,8 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from evopem.errors import InputError
+
 PHASES = ("delay", "common", "c", "b")
 """The phases of the search, in their order: each takes its predecessor's choice."""
 
@@ -99,6 +101,63 @@ def widest_candidate_count(phase: str, dataset: Mapping[str, Any]) -> int:
 def part_count(phase: str, dataset: Mapping[str, Any], candidates_per_job: int) -> int:
     """Count the jobs of a phase. Job i fits ``candidates[i::parts]``, which evens out the costs."""
     return math.ceil(widest_candidate_count(phase, dataset) / candidates_per_job)
+
+
+def most_parameters(dataset: Mapping[str, Any]) -> int:
+    """Find the largest na + nb + nc that any phase may have to fit."""
+    orders = dataset["orders"]
+    common = common_range(orders["common"], None)[1]
+    any_b = max(dataset["delay"]["orders"][1], common)
+    return int(
+        max(
+            3 * dataset["delay"]["orders"][1],
+            3 * common,
+            common + any_b + orders["c"][1],
+            common + orders["b"][1] + orders["c"][1],
+        )
+    )
+
+
+def check_samples(
+    dataset: Mapping[str, Any], estimation: int, validation: int, place: str = ""
+) -> None:
+    """Refuse a record that is too short for some candidate, before any of them is fitted.
+
+    Every candidate needs more scored residuals than parameters. The validation samples have to
+    outnumber twice what the longest model settles in, its memory and its nc noise states: the state
+    a simulation starts from is fitted to them, and would explain fewer by itself.
+
+    Parameters
+    ----------
+    dataset : mapping
+        A completed data set.
+    estimation, validation : int
+        Numbers of prepared samples.
+    place : str
+        What leads the keys in an error, such as ``datasets.arm``.
+
+    Raises
+    ------
+    InputError
+    """
+    prefix = f"{place}." if place else ""
+    start, parameters = scoring_start(dataset), most_parameters(dataset)
+    if estimation - start <= parameters:
+        raise InputError(
+            f"{prefix}orders",
+            f"the largest model has {parameters} parameters and {estimation} estimation samples, "
+            f"without the first {start}, leave {max(estimation - start, 0)} to fit it to",
+            "lower the upper ends of delay and orders, shorten split.discard, or record longer",
+        )
+    settling = start - int(dataset["search"]["burn_in"]) + int(dataset["orders"]["c"][1])
+    if validation <= 2 * settling:
+        raise InputError(
+            f"{prefix}split",
+            f"{validation} validation samples are left and more than {2 * settling} are needed, "
+            "twice what the longest model takes to settle",
+            "leave more samples to validation, lower the upper ends of delay and orders, or "
+            "record longer",
+        )
 
 
 def scoring_start(dataset: Mapping[str, Any]) -> int:

@@ -94,7 +94,7 @@ def cross_correlation(
             "ask for fewer lags than samples",
         )
     x, y = first - first.mean(), second - second.mean()
-    energy = float(np.sqrt(np.dot(x, x) * np.dot(y, y)))
+    energy = float(np.sqrt(np.dot(x, x)) * np.sqrt(np.dot(y, y)))
     if energy == 0.0:
         raise InputError("correlation", "a signal is constant", "give signals that vary")
     # Zeros beyond the end keep the circular correlation of the transform from wrapping round.

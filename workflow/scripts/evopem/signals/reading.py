@@ -33,6 +33,10 @@ FORMATS = {
 }
 """The module of `evopem.signals.formats` that reads each extension."""
 
+LARGEST_STUCK_SHARE = 0.9
+"""An output with more than this share of its samples at one value, or at its two limits, is
+refused; less is left to the report to judge."""
+
 _SIGNATURES = {
     b"PAR1": ("Parquet", ("parquet",)),
     b"\x89HDF\r\n\x1a\n": ("HDF5", ("hdf5", "matlab")),
@@ -108,6 +112,7 @@ def read_recording(
         output_unit=output_unit or channels[1].unit,
     )
     check_recording(recording, source)
+    _refuse_stuck(recording, source)
     return recording
 
 
@@ -208,6 +213,26 @@ def _signal(channel: Channel, role: str, source: str) -> NDArray[np.float64]:
             f'{role} "{channel.name}"' if channel.name else role,
         )
     return channel.values.astype(np.float64)
+
+
+def _refuse_stuck(recording: Recording, source: str) -> None:
+    """Refuse an output that hardly ever moves; an input of two levels is a good excitation."""
+    output = recording.output
+    values, counts = np.unique(output, return_counts=True)
+    at_limits = np.count_nonzero((output == values[0]) | (output == values[-1])) / output.size
+    usual = int(np.argmax(counts))
+    for share, where in (
+        (counts[usual] / output.size, f"are the same value, {values[usual]:g}"),
+        (at_limits, f"lie at its smallest or largest value, {values[0]:g} or {values[-1]:g}"),
+    ):
+        if share > LARGEST_STUCK_SHARE:
+            raise InputError(
+                source,
+                f"{100 * share:.1f} % of its samples {where}, so the channel was saturated, cut off"
+                " or hardly ever moved",
+                "record again within the range of the instrument, or cut that part away",
+                f'output "{recording.output_name}"',
+            )
 
 
 def _sampling_rate(channels: list[Channel], stated: float | None, source: str) -> float:

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from evopem.errors import InputError
 from evopem.signals.storage import load_arrays, save_arrays
 
-LARGEST = 1e100
-"""Magnitudes from here on, and below its inverse, cannot be squared and summed safely."""
+LARGEST = 1e60
+"""Magnitudes from here on, and below its inverse, do not leave room for the squares of residuals
+that are ten digits smaller, or of gains from the least input to the greatest output."""
 
 MINIMUM_SAMPLES = 8
 """A recording shorter than this cannot even be described, let alone identified."""
@@ -110,8 +111,8 @@ def check_recording(recording: Recording, source: str = "recording") -> None:
         if not LARGEST**-1 < np.max(np.abs(values)) < LARGEST:
             raise InputError(
                 source,
-                f"the largest value is {np.max(np.abs(values)):g}, whose square leaves the range of"
-                " numbers",
+                f"the largest magnitude is {np.max(np.abs(values)):g}, with which the squares of"
+                " small residuals leave the range of numbers",
                 "record in another unit or scale the channel",
                 channel,
             )

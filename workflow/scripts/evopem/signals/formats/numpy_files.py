@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
-from zlib import error as ZlibError  # noqa: N812
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +27,9 @@ def read(path: Path, references: Sequence[Reference]) -> list[Channel]:
     try:
         content = np.load(path, allow_pickle=False)
         arrays = _members(content) if isinstance(content, np.lib.npyio.NpzFile) else _alone(content)
-    except (OSError, ValueError, EOFError, BadZipFile, ZlibError, KeyError):
+    except Exception:
+        # numpy and zipfile meet damage with ValueError, EOFError, BadZipFile, zlib.error,
+        # RuntimeError (encrypted), NotImplementedError (packed in another way), MemoryError …
         refuse_unreadable(path, "numpy file without Python objects")
     return channels_of(path, arrays, references, "array")
 
