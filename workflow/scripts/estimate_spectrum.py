@@ -8,6 +8,7 @@ from evopem.signals.preparation import load_prepared
 from evopem.signals.spectrum import (
     multitaper_frequency_response,
     multitaper_spectrum,
+    resonance_count,
     spectral_peaks,
 )
 from evopem.writing import write_json, write_table
@@ -37,13 +38,15 @@ def main(
         "coherence": response.coherence,
     }
     write_table(spectrum_file, table)
+    peaks = spectral_peaks(spectrum)
     summary = {
         "time_halfbandwidth": spectrum.time_halfbandwidth,
         "tapers": spectrum.tapers,
         "nfft": spectrum.nfft,
         "segments": spectrum.segments,
         "resolution_hz": spectrum.resolution_hz,
-        "peaks": [asdict(peak) for peak in spectral_peaks(spectrum)],
+        "peaks": [asdict(peak) for peak in peaks],
+        "resonances": resonance_count(peaks),
     }
     write_json(peaks_file, summary)
 

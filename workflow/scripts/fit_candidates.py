@@ -28,8 +28,8 @@ def main(
     logger: "Logger",
 ) -> None:
     selected = _read(previous_file)["selected"] if previous_file else None
-    peaks = len(_read(spectrum_file)["peaks"]) if spectrum_file else None
-    candidates = candidate_orders(phase, params["grid"], selected, peaks)
+    resonances = _read(spectrum_file)["resonances"] if spectrum_file else None
+    candidates = candidate_orders(phase, params["grid"], selected, resonances)
     own = [Orders(*orders) for orders in candidates[part - 1 :: params["parts"]]]
     fitted = estimate_candidates(
         load_prepared(*prepared_files).estimation,

@@ -16,6 +16,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from evopem.errors import InputError
+
 Array = NDArray[np.float64]
 
 MUTATE = ("worst", "all", "best", "random")
@@ -119,6 +121,11 @@ def hybrid_search(
         Every random draw of the search comes from it.
     log : callable, optional
         Receives one line a generation.
+
+    Raises
+    ------
+    InputError
+        When not one value was finite.
     """
     best_point, best_value = None, np.inf
     ends: list[float] = []
@@ -155,7 +162,12 @@ def hybrid_search(
         agreeing = sum(_same(end, best_value) for end in ends)
         if agreeing >= settings.agreement and 2 * agreeing >= len(ends):
             break
-    assert best_point is not None
+    if best_point is None:
+        raise InputError(
+            "search",
+            "no model that was tried predicts the output with finite errors",
+            "look for values that stand out by many orders of magnitude, and remove them",
+        )
     return SearchResult(
         point=best_point,
         value=best_value,

@@ -29,7 +29,8 @@ from evopem.report.numbers import (
     superscript,
 )
 from evopem.report.numbers import root as root_text
-from evopem.validation.checks import line_spacing, p_text
+from evopem.signals.spectrum import line_spacing
+from evopem.validation.checks import p_text
 
 PHASE_WORDS = {
     "delay": ("nk", "delay nk"),

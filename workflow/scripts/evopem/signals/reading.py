@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import importlib
+import os
+import signal
+import warnings
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -12,7 +17,7 @@ from numpy.typing import NDArray
 
 from evopem.errors import InputError
 from evopem.signals.clock import sampling_rate_of
-from evopem.signals.formats.channels import Channel, Reference
+from evopem.signals.formats.channels import Channel, Reference, refuse_unreadable
 from evopem.signals.recording import Recording, check_recording
 
 FORMATS = {
@@ -32,6 +37,9 @@ FORMATS = {
     ".unv": "uff",
 }
 """The module of `evopem.signals.formats` that reads each extension."""
+
+COMPILED = {"matlab": "MATLAB", "hdf5": "HDF5", "parquet": "Parquet"}
+"""The readers whose libraries parse a file in compiled code."""
 
 LARGEST_STUCK_SHARE = 0.9
 """An output with more than this share of its samples at one value, or at its two limits, is
@@ -197,8 +205,31 @@ def _read_channels(path: Path, references: list[Reference]) -> list[Channel]:
                 "give the file the extension of its format",
             )
     reader = importlib.import_module(f"evopem.signals.formats.{format_name}")
+    if format_name in COMPILED and hasattr(os, "fork"):
+        _refuse_deadly(reader, path, references)
     channels: list[Channel] = reader.read(path, references)
     return channels
+
+
+def _refuse_deadly(reader: ModuleType, path: Path, references: list[Reference]) -> None:
+    """Refuse a file that crashes its reader, by reading it first in a process of its own.
+
+    A damaged file can make compiled code read past its memory, as scipy's reader of MATLAB files
+    does, which no exception reports.
+    """
+    with warnings.catch_warnings():
+        # From Python 3.12 on, a fork beside the idle threads of a BLAS is warned about.
+        warnings.simplefilter("ignore", DeprecationWarning)
+        child = os.fork()
+    if child == 0:
+        for deadly in (signal.SIGSEGV, signal.SIGBUS, signal.SIGABRT, signal.SIGFPE):
+            signal.signal(deadly, signal.SIG_DFL)
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
+        with contextlib.suppress(BaseException):
+            reader.read(path, references)
+        os._exit(0)
+    if os.waitpid(child, 0)[1] != 0:
+        refuse_unreadable(path, f"{COMPILED[reader.__name__.rpartition('.')[2]]} file")
 
 
 def _signal(channel: Channel, role: str, source: str) -> NDArray[np.float64]:

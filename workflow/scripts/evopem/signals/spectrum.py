@@ -7,7 +7,7 @@ Bendat & Piersol (2010), "Random Data", chapter 9.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -230,6 +230,27 @@ def spectral_peaks(spectrum: Spectrum) -> list[SpectralPeak]:
     ]
 
 
+def line_spacing(frequencies: Sequence[float]) -> float | None:
+    """Spacing in Hz of evenly spaced spectral lines, as a periodic input makes; else None.
+
+    Lines are more than ten peaks of which four fifths follow each other at a distance within 30 %
+    of the median one.
+    """
+    gaps = np.diff(np.sort(np.asarray(frequencies, dtype=float)))
+    if gaps.size < FEWEST_LINES:
+        return None
+    spacing = float(np.median(gaps))
+    even = np.abs(gaps - spacing) <= 0.3 * spacing
+    return spacing if float(np.mean(even)) >= 0.8 else None
+
+
+def resonance_count(peaks: Sequence[SpectralPeak]) -> int:
+    """How many peaks may be resonances: none where they are the lines of a periodic input."""
+    return 0 if line_spacing([peak.frequency_hz for peak in peaks]) else len(peaks)
+
+
+FEWEST_LINES = 10
+"""So many evenly spaced peaks are lines of the input and not modes."""
 PEAK_WIDTHS = (1, 4, 16)
 """Resolution cells over which the density is averaged before peaks are sought."""
 PEAK_SHARE = 0.2

@@ -16,6 +16,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from evopem.models.polynomials import root_gradient
+from evopem.signals.spectrum import line_spacing
 from evopem.validation.roots import CHI_SQUARE_95, parameter_covariance
 
 # Joint tests are made at the 1 % level: the checks at 5 % each would fail a third of good models.
@@ -25,8 +26,6 @@ SIGNIFICANCE = 0.01
 CROSS_CORRELATION_SHARE = 0.90
 # A pole and a zero further apart than this do not cancel, however uncertain they are.
 NEAR = 0.1
-# So many evenly spaced peaks are lines of the input and not modes.
-FEWEST_LINES = 10
 # Without uncertainties only a pair this close is called a cancellation.
 COINCIDENT = 0.01
 COMPLETE_MODEL = "Run the stage that completes the model again."
@@ -247,20 +246,6 @@ def spectral_peaks_modelled(model: Mapping[str, Any], spectrum: Mapping[str, Any
         "Raise the upper bound of the common order, or check whether the peak is already in the"
         " input or made by a transform.",
     )
-
-
-def line_spacing(frequencies: Sequence[float]) -> float | None:
-    """Spacing in Hz of evenly spaced spectral lines, as a periodic input makes; else None.
-
-    Lines are more than ten peaks of which four fifths follow each other at a distance within 30 %
-    of the median one.
-    """
-    gaps = np.diff(np.sort(np.asarray(frequencies, dtype=float)))
-    if gaps.size < FEWEST_LINES:
-        return None
-    spacing = float(np.median(gaps))
-    even = np.abs(gaps - spacing) <= 0.3 * spacing
-    return spacing if float(np.mean(even)) >= 0.8 else None
 
 
 def _explains(mode: Mapping[str, Any], frequency: float, resolution: float) -> bool:

@@ -1,0 +1,54 @@
+"""Coverage-guided fuzzing of the readers, by atheris; see `make fuzz`.
+
+    python tests/fuzz/readers.py [folder] [libFuzzer options]
+
+Starts from a small good recording in every format and from what earlier runs found worth keeping.
+Any exception but the clear `InputError` stops it, and its bytes are left as `crash-…`.
+"""
+
+import logging
+import sys
+import tempfile
+from pathlib import Path
+
+import atheris
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "workflow" / "scripts"))
+sys.path.insert(0, str(Path(__file__).parent))
+INSTRUMENTED = ("evopem.signals", "nptdms", "pyuff", "numpy.lib", "zipfile", "scipy.io.matlab")
+
+with atheris.instrument_imports(include=list(INSTRUMENTED)):
+    import nptdms  # noqa: F401
+    import pyuff  # noqa: F401
+    from targets import read_bytes, seeds
+
+    import evopem.signals.formats.hdf5
+    import evopem.signals.formats.matlab
+    import evopem.signals.formats.numpy_files
+    import evopem.signals.formats.parquet
+    import evopem.signals.formats.tdms
+    import evopem.signals.formats.text
+    import evopem.signals.formats.uff  # noqa: F401
+
+CORPUS = Path(__file__).parent / "corpus"
+
+
+def main() -> None:
+    """Fuzz until told to stop: `-max_total_time=600`, `-runs=100000`."""
+    logging.disable(logging.CRITICAL)
+    working = tempfile.mkdtemp(
+        prefix="evopem-fuzz-", dir="/dev/shm" if Path("/dev/shm").is_dir() else None
+    )
+    corpus = Path(working) / "corpus"
+    corpus.mkdir()
+    for name, data in seeds().items():
+        (corpus / name).write_bytes(data)
+    options = ["-max_len=6000", "-rss_limit_mb=4000", "-timeout=20", *sys.argv[1:]]
+    # New finds go into the first folder, the working one; the kept ones are read only.
+    arguments = [sys.argv[0], str(corpus), str(CORPUS), *options]
+    atheris.Setup(arguments, lambda data: read_bytes(data, Path(working)))
+    atheris.Fuzz()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,135 @@
+"""What the fuzzers feed: bytes read as a recording in a format, and the seeds they start from."""
+
+import io
+import tempfile
+import warnings
+from pathlib import Path
+
+import numpy as np
+
+from evopem.errors import InputError
+from evopem.signals.reading import FORMATS, read_recording
+
+EXTENSIONS = sorted(FORMATS)
+CHANNELS = ((1, 2, None), (1, 3, 2), ("u", "y", None), ("u", "y", "time"))
+SAMPLES = 12
+
+
+def read_bytes(data: bytes, folder: Path) -> bool:
+    """Read bytes as a recording: the first one chooses the format, the second the channels.
+
+    True when they were one, False when they were refused in a sentence; all else is a bug.
+    """
+    if len(data) < 2:
+        return False
+    file = folder / f"recording{EXTENSIONS[data[0] % len(EXTENSIONS)]}"
+    file.write_bytes(data[2:])
+    input_, output, time = CHANNELS[data[1] % len(CHANNELS)]
+    rate = None if data[1] & 4 else 100.0
+    with warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.simplefilter("ignore")
+        try:
+            recording = read_recording(file, input_, output, sampling_rate=rate, time=time)
+        except InputError as refusal:
+            if "\n" in str(refusal) or not str(refusal).startswith(str(file)):
+                raise ValueError(f"this is no sentence about the file: {refusal}") from refusal
+            return False
+    assert np.isfinite(recording.input).all()
+    assert recording.input.shape == recording.output.shape
+    assert recording.sampling_rate > 0
+    return True
+
+
+def seeds() -> dict[str, bytes]:
+    """A small good recording in every format, as the fuzzers want it."""
+    time = np.arange(SAMPLES) / 100.0
+    u, y = np.random.default_rng(1).standard_normal((2, SAMPLES)).round(3)
+    table = np.column_stack([u, time, y])
+    comma = "u,time,y\n" + "\n".join(",".join(map(str, row)) for row in table)
+    contents = {
+        ".csv": comma.encode(),
+        ".tsv": comma.replace(",", "\t").encode("utf-16"),
+        ".txt": comma.replace(",", ";").replace(".", ",").encode("latin-1"),
+        ".dat": "\n".join(" ".join(map(str, row)) for row in table).encode(),
+        ".asc": ("# u time y\n" + "\n".join(f"{a:e} {b} {c}" for a, b, c in table)).encode(),
+        ".mat": _matlab(u=u, time=time, y=y),
+        ".npz": _numpy(u=u, time=time, y=y),
+        ".npy": _numpy_alone(table),
+        ".parquet": _parquet(u=u, time=time, y=y),
+        ".h5": _hdf5(u=u, time=time, y=y),
+        ".tdms": _tdms(u=u, time=time, y=y),
+        ".uff": _uff(u, y),
+    }
+    found = {}
+    for extension, content in contents.items():
+        for channels in range(2 * len(CHANNELS)):
+            name = f"seed{extension.replace('.', '-')}-{channels}"
+            found[name] = bytes([EXTENSIONS.index(extension), channels]) + content
+    return found
+
+
+def _matlab(**arrays: np.ndarray) -> bytes:
+    from scipy.io import savemat
+
+    stream = io.BytesIO()
+    savemat(stream, arrays)
+    return stream.getvalue()
+
+
+def _numpy(**arrays: np.ndarray) -> bytes:
+    stream = io.BytesIO()
+    np.savez(stream, **arrays)
+    return stream.getvalue()
+
+
+def _numpy_alone(array: np.ndarray) -> bytes:
+    stream = io.BytesIO()
+    np.save(stream, array)
+    return stream.getvalue()
+
+
+def _parquet(**arrays: np.ndarray) -> bytes:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    stream = io.BytesIO()
+    pq.write_table(pa.table(arrays), stream)
+    return stream.getvalue()
+
+
+def _hdf5(**arrays: np.ndarray) -> bytes:
+    import h5py
+
+    stream = io.BytesIO()
+    with h5py.File(stream, "w") as file:
+        for name, array in arrays.items():
+            file[name] = array
+    return stream.getvalue()
+
+
+def _tdms(**arrays: np.ndarray) -> bytes:
+    import nptdms
+
+    stream = io.BytesIO()
+    with nptdms.TdmsWriter(stream) as writer:
+        writer.write_segment(
+            [nptdms.ChannelObject("bench", name, array) for name, array in arrays.items()]
+        )
+    return stream.getvalue()
+
+
+def _uff(*signals: np.ndarray) -> bytes:
+    import pyuff
+
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "two.uff"
+        writer = pyuff.UFF(str(file))
+        for number, signal in enumerate(signals, start=1):
+            dataset = pyuff.prepare_58(
+                func_type=1, rsp_node=1, rsp_dir=1, ref_node=1, ref_dir=1, binary=0,
+                id1="uy"[number - 1], data=signal, x=np.arange(signal.size) / 100.0,
+                abscissa_spacing=1, abscissa_spec_data_type=17,
+                ordinate_spec_data_type=12, orddenom_spec_data_type=0,
+            )  # fmt: skip
+            writer.write_sets(dataset, "add")
+        return file.read_bytes()
