@@ -5,8 +5,6 @@ rule fit_candidates:
     """Fit every parts-th candidate of a phase; the grid starts at the choice of the one before."""
     input:
         unpack(earlier_choice),
-        # Written when the record can carry every model; its content is of no concern here.
-        config=ancient("results/{dataset}/config.yaml"),
         prepared="results/{dataset}/prepared.npz",
         transforms="results/{dataset}/transforms.json",
     output:

@@ -23,20 +23,18 @@ rule prepare_signals:
         stationarity=lambda wildcards: DATASETS[wildcards.dataset]["stationarity"],
         split=lambda wildcards: DATASETS[wildcards.dataset]["split"],
         resample=lambda wildcards: DATASETS[wildcards.dataset]["resample"],
+        needs=lambda wildcards: grids.sample_needs(DATASETS[wildcards.dataset]),
         code=code("prepare_signals"),
     script:
         "../scripts/prepare_signals.py"
 
 
 rule write_configuration:
-    """Keep the complete configuration of a data set, once its record can carry every model."""
-    input:
-        transforms="results/{dataset}/transforms.json",
+    """Keep the complete configuration of a data set beside its results."""
     output:
         config="results/{dataset}/config.yaml",
     log:
         "results/{dataset}/logs/config.log",
-    priority: 10
     localrule: True
     conda:
         "../envs/evopem.yaml"

@@ -2,6 +2,7 @@
 
 from typing import TYPE_CHECKING, Any
 
+from evopem.configuration.grids import check_samples
 from evopem.console import job
 from evopem.signals.preparation import prepare, save_prepared
 from evopem.signals.recording import load_recording
@@ -26,6 +27,8 @@ def main(
         load_recording(validation_file) if validation_file else None,
         dataset,
     )
+    counts = (prepared.estimation.samples, prepared.validation.samples)
+    check_samples(settings["needs"], *counts, f"datasets.{dataset}")
     save_prepared(prepared, prepared_file, transforms_file)
 
 
@@ -34,7 +37,7 @@ if __name__ == "__main__":
         main(
             snakemake.input.recording,
             snakemake.input.get("validation_recording"),
-            {key: snakemake.params[key] for key in ("stationarity", "split", "resample")},
+            {key: snakemake.params[key] for key in ("stationarity", "split", "resample", "needs")},
             snakemake.wildcards.dataset,
             snakemake.output.prepared,
             snakemake.output.transforms,

@@ -1,12 +1,9 @@
-"""Keep the complete configuration of a data set, once its record can carry every model."""
+"""Keep the complete configuration of a data set, ready to be run again."""
 
-import json
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import yaml
 
-from evopem.configuration.grids import check_samples
 from evopem.console import job
 from evopem.writing import write_text
 
@@ -14,10 +11,7 @@ if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
 
 
-def main(name: str, dataset: dict[str, Any], transforms_file: str, config_file: str) -> None:
-    prepared = json.loads(Path(transforms_file).read_text(encoding="utf-8"))
-    counts = (prepared["estimation_samples"], prepared["validation_samples"])
-    check_samples(dataset, *counts, f"datasets.{name}")
+def main(name: str, dataset: dict[str, Any], config_file: str) -> None:
     given = {key: value for key, value in dataset.items() if value is not None}
     text = yaml.safe_dump(
         {"datasets": {name: given}}, sort_keys=False, allow_unicode=True, default_flow_style=None
@@ -27,9 +21,4 @@ def main(name: str, dataset: dict[str, Any], transforms_file: str, config_file: 
 
 if __name__ == "__main__":
     with job(snakemake.log[0], snakemake.input, snakemake.output):
-        main(
-            snakemake.wildcards.dataset,
-            snakemake.params.dataset,
-            snakemake.input.transforms,
-            snakemake.output.config,
-        )
+        main(snakemake.wildcards.dataset, snakemake.params.dataset, snakemake.output.config)

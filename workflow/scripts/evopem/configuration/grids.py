@@ -103,34 +103,37 @@ def part_count(phase: str, dataset: Mapping[str, Any], candidates_per_job: int) 
     return math.ceil(widest_candidate_count(phase, dataset) / candidates_per_job)
 
 
-def most_parameters(dataset: Mapping[str, Any]) -> int:
-    """Find the largest na + nb + nc that any phase may have to fit."""
-    orders = dataset["orders"]
-    common = common_range(orders["common"], None)[1]
-    any_b = max(dataset["delay"]["orders"][1], common)
-    return int(
-        max(
-            3 * dataset["delay"]["orders"][1],
-            3 * common,
-            common + any_b + orders["c"][1],
-            common + orders["b"][1] + orders["c"][1],
-        )
-    )
+def sample_needs(dataset: Mapping[str, Any]) -> dict[str, int]:
+    """Find what a record must be able to carry: numbers of samples and parameters.
+
+    Returns
+    -------
+    dict
+        ``start``: first scored residual; ``parameters``: the largest na + nb + nc that any phase
+        may fit; ``settling``: samples in which the longest model settles, its memory and its nc
+        noise states.
+    """
+    orders, common = dataset["orders"], common_range(dataset["orders"]["common"], None)[1]
+    in_delay, any_b = dataset["delay"]["orders"][1], max(common, orders["b"][1])
+    start = scoring_start(dataset)
+    return {
+        "start": start,
+        "parameters": max(3 * in_delay, 3 * common, common + any_b + orders["c"][1]),
+        "settling": start - dataset["search"]["burn_in"] + orders["c"][1],
+    }
 
 
-def check_samples(
-    dataset: Mapping[str, Any], estimation: int, validation: int, place: str = ""
-) -> None:
+def check_samples(needs: Mapping[str, int], estimation: int, validation: int, place: str) -> None:
     """Refuse a record that is too short for some candidate, before any of them is fitted.
 
     Every candidate needs more scored residuals than parameters. The validation samples have to
-    outnumber twice what the longest model settles in, its memory and its nc noise states: the state
-    a simulation starts from is fitted to them, and would explain fewer by itself.
+    outnumber twice those in which the longest model settles: the state that a simulation starts
+    from is fitted to them, and would explain fewer by itself.
 
     Parameters
     ----------
-    dataset : mapping
-        A completed data set.
+    needs : mapping
+        As `sample_needs` finds them.
     estimation, validation : int
         Numbers of prepared samples.
     place : str
@@ -140,23 +143,22 @@ def check_samples(
     ------
     InputError
     """
-    prefix = f"{place}." if place else ""
-    start, parameters = scoring_start(dataset), most_parameters(dataset)
-    if estimation - start <= parameters:
+    left = max(estimation - needs["start"], 0)
+    if left <= needs["parameters"]:
         raise InputError(
-            f"{prefix}orders",
-            f"the largest model has {parameters} parameters and {estimation} estimation samples, "
-            f"without the first {start}, leave {max(estimation - start, 0)} to fit it to",
+            f"{place}.orders",
+            f"the largest model has {needs['parameters']} parameters and {estimation} estimation"
+            f" samples, without the first {needs['start']}, leave {left} to fit it to",
             "lower the upper ends of delay and orders, shorten split.discard, or record longer",
         )
-    settling = start - int(dataset["search"]["burn_in"]) + int(dataset["orders"]["c"][1])
-    if validation <= 2 * settling:
+    least = 2 * needs["settling"]
+    if validation <= least:
         raise InputError(
-            f"{prefix}split",
-            f"{validation} validation samples are left and more than {2 * settling} are needed, "
-            "twice what the longest model takes to settle",
-            "leave more samples to validation, lower the upper ends of delay and orders, or "
-            "record longer",
+            f"{place}.split",
+            f"{validation} validation samples are left and more than {least} are needed, twice"
+            " what the longest model takes to settle",
+            "leave more samples to validation, lower the upper ends of delay and orders, or"
+            " record longer",
         )
 
 
