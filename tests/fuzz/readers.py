@@ -30,23 +30,25 @@ with atheris.instrument_imports(include=list(INSTRUMENTED)):
     import evopem.signals.formats.text
     import evopem.signals.formats.uff  # noqa: F401
 
-CORPUS = Path(__file__).parent / "corpus"
+KEPT = Path(__file__).parent / "corpus"
 
 
 def main() -> None:
     """Fuzz until told to stop: `-max_total_time=600`, `-runs=100000`."""
     logging.disable(logging.CRITICAL)
-    working = tempfile.mkdtemp(
-        prefix="evopem-fuzz-", dir="/dev/shm" if Path("/dev/shm").is_dir() else None
-    )
-    corpus = Path(working) / "corpus"
-    corpus.mkdir()
+    options = sys.argv[1:]
+    in_memory = "/dev/shm" if Path("/dev/shm").is_dir() else None
+    scratch = Path(tempfile.mkdtemp(prefix="evopem-fuzz-", dir=in_memory))
+    corpus = scratch / "corpus"
+    if options and not options[0].startswith("-"):
+        corpus = Path(options.pop(0))
+    corpus.mkdir(parents=True, exist_ok=True)
     for name, data in seeds().items():
         (corpus / name).write_bytes(data)
-    options = ["-max_len=6000", "-rss_limit_mb=4000", "-timeout=20", *sys.argv[1:]]
-    # New finds go into the first folder, the working one; the kept ones are read only.
-    arguments = [sys.argv[0], str(corpus), str(CORPUS), *options]
-    atheris.Setup(arguments, lambda data: read_bytes(data, Path(working)))
+    # What is new goes into the first folder; the kept finds are only read.
+    limits = ["-max_len=6000", "-rss_limit_mb=4000", "-timeout=20"]
+    arguments = [sys.argv[0], str(corpus), str(KEPT), *limits, *options]
+    atheris.Setup(arguments, lambda data: read_bytes(data, scratch))
     atheris.Fuzz()
 
 

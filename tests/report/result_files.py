@@ -15,7 +15,7 @@ from scipy.signal import lfilter
 
 from evopem.models.armax import ArmaxModel, Orders
 from evopem.signals.preparation import PreparedData, prepare, save_prepared
-from evopem.signals.recording import Recording, save_recording
+from evopem.signals.recording import Recording, describe_recording, save_recording
 from evopem.signals.spectrum import (
     multitaper_frequency_response,
     multitaper_spectrum,
@@ -279,12 +279,7 @@ def write_results(
             "kind": "synthesis",
             "path": None,
             "sha256": None,
-            "samples": samples,
-            "sampling_rate": RATE,
-            "input_name": recording.input_name,
-            "output_name": recording.output_name,
-            "input_unit": recording.input_unit,
-            "output_unit": recording.output_unit,
+            **describe_recording(recording),
         },
         "spectrum.json": {
             "time_halfbandwidth": 4,

@@ -457,5 +457,7 @@ def test_description_of_the_source(tmp_path):
         "output_name": "y",
         "input_unit": "",
         "output_unit": "m",
+        "input_saturated_percent": 0.0,
+        "output_saturated_percent": 0.0,
     }
     json.dumps(description)

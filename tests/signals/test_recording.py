@@ -7,7 +7,13 @@ import numpy as np
 import pytest
 
 from evopem.errors import InputError
-from evopem.signals.recording import Recording, check_recording, load_recording, save_recording
+from evopem.signals.recording import (
+    Recording,
+    check_recording,
+    load_recording,
+    saturated_share,
+    save_recording,
+)
 from evopem.signals.storage import load_arrays
 
 
@@ -52,7 +58,9 @@ def test_a_failed_write_leaves_the_old_file_alone(tmp_path, monkeypatch):
         raise OSError("disk full")
 
     monkeypatch.setattr(np, "savez", fail)
-    with pytest.raises(OSError, match="disk full"):
+    with pytest.raises(
+        InputError, match=r"recording.npz: cannot be written \(disk full\); make room"
+    ):
         save_recording(record(30), path)
     assert path.read_bytes() == before
     assert os.listdir(tmp_path) == ["recording.npz"]  # noqa: PTH208
@@ -100,3 +108,17 @@ def test_values_that_cannot_be_squared_are_refused(scale):
     signal = np.random.default_rng(1).standard_normal(50)
     with pytest.raises(InputError, match="leave the range of numbers; record in another unit"):
         check_recording(Recording(signal, scale * signal, 100.0), "r.csv")
+
+
+def test_a_channel_cut_off_shows_in_its_saturated_share():
+    signal = np.sin(0.1 * np.arange(1000))
+    assert saturated_share(signal) == 0.0
+    clipped = np.clip(signal, -0.8, 0.8)
+    assert saturated_share(clipped) == np.mean(np.abs(signal) >= 0.8)
+
+
+def test_a_signal_of_a_few_levels_is_not_called_saturated():
+    telegraph = np.repeat(np.random.default_rng(1).choice([-1.0, 1.0], 100), 10)
+    assert saturated_share(telegraph) == 0.0
+    white = np.random.default_rng(1).standard_normal(1000)
+    assert saturated_share(np.round(white * 20) / 20) == 0.0

@@ -45,7 +45,13 @@ def validation():
             "lags": 200,
         },
         "excitation": {"order": 4, "needed": 4},
+        "residual_outlier_percent": 0.0,
     }
+
+
+@pytest.fixture
+def recording():
+    return {"input_saturated_percent": 0.0, "output_saturated_percent": 0.0}
 
 
 @pytest.fixture
@@ -67,15 +73,15 @@ def verdict(results, start):
     return found
 
 
-def test_good_evidence_passes_every_check(model, validation, spectrum, candidates):
-    results = checks(model, validation, spectrum, candidates)
-    assert [check.passed for check in results] == [True] * 10
+def test_good_evidence_passes_every_check(model, validation, spectrum, candidates, recording):
+    results = checks(model, validation, spectrum, candidates, recording)
+    assert [check.passed for check in results] == [True] * 13
     assert all(check.statement and not check.advice for check in results)
 
 
 def test_without_evidence_nothing_passes():
     results = checks({})
-    assert [check.passed for check in results] == [None] * 10
+    assert [check.passed for check in results] == [None] * 13
     assert all("missing" in check.statement or "not on" in check.statement for check in results)
     assert all(check.advice for check in results)
 
@@ -94,14 +100,24 @@ def test_without_evidence_nothing_passes():
         (("validation", "autocorrelation_share_inside95"), "White"),
         (("validation", "cross_correlation", "max_in_bounds"), "Residuals"),
         (("validation", "excitation"), "Excitation"),
+        (("validation", "residual_outlier_percent"), "Few"),
+        (("model", "covariance"), "Input"),
+        (("recording", "output_saturated_percent"), "Record"),
         (("spectrum", "peaks"), "Every"),
     ],
 )
 @pytest.mark.parametrize("how", ["absent", "null"])
 def test_one_missing_number_leaves_its_check_open(
-    path, name, how, model, validation, spectrum, candidates
+    path, name, how, model, validation, spectrum, candidates, recording
 ):
-    given = copy.deepcopy({"model": model, "validation": validation, "spectrum": spectrum})
+    given = copy.deepcopy(
+        {
+            "model": model,
+            "validation": validation,
+            "spectrum": spectrum,
+            "recording": recording,
+        }
+    )
     place = given
     for key in path[:-1]:
         place = place[key]
@@ -109,7 +125,9 @@ def test_one_missing_number_leaves_its_check_open(
         del place[path[-1]]
     else:
         place[path[-1]] = None
-    results = checks(given["model"], given["validation"], given["spectrum"], candidates)
+    results = checks(
+        given["model"], given["validation"], given["spectrum"], candidates, given["recording"]
+    )
     assert verdict(results, name).passed is None
     assert verdict(results, name).advice
 
@@ -274,6 +292,34 @@ def test_a_phase_without_choice_is_not_judged(candidates):
 def test_weak_excitation_fails(validation):
     validation["excitation"]["order"] = 2
     assert verdict(checks({}, validation), "Excitation").passed is False
+
+
+@pytest.mark.parametrize(
+    ("objective", "percent", "passed"),
+    [
+        ("quadratic", 0.1, True),
+        ("quadratic", 0.2, False),
+        ("absolute", 5, True),
+        ("absolute", 6, False),
+    ],
+)
+def test_outliers_weigh_by_the_objective(model, validation, objective, percent, passed):
+    model["objective"] = {"name": objective, "value": 1.0}
+    validation["residual_outlier_percent"] = percent
+    check = verdict(checks(model, validation), "Few")
+    assert check.passed is passed
+    assert ("“absolute”" in check.advice) == (not passed and objective == "quadratic")
+
+
+def test_a_gain_within_its_uncertainty_fails(model):
+    model["b"] = [0.001, -0.0005]
+    assert verdict(checks(model), "Input").passed is False
+
+
+def test_a_channel_cut_off_is_named(recording):
+    check = verdict(checks({}, recording=recording | {"output_saturated_percent": 3.0}), "Record")
+    assert check.passed is False
+    assert check.statement.startswith("3 % of the output rests")
 
 
 def test_root_gradient_against_finite_differences():

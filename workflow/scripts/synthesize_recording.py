@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING, Any
 
 from evopem.console import job
-from evopem.signals.recording import save_recording
+from evopem.signals.recording import describe_recording, save_recording
 from evopem.synthesis import synthesize
 from evopem.writing import write_json
 
@@ -16,16 +16,7 @@ def main(
 ) -> None:
     recording, truth = synthesize(kind, **settings)
     save_recording(recording, recording_file)
-    origin = {
-        "kind": "synthesis",
-        "samples": recording.samples,
-        "sampling_rate": recording.sampling_rate,
-        "input_name": recording.input_name,
-        "output_name": recording.output_name,
-        "input_unit": recording.input_unit,
-        "output_unit": recording.output_unit,
-    }
-    write_json(origin_file, origin)
+    write_json(origin_file, {"kind": "synthesis", **describe_recording(recording)})
     write_json(truth_file, truth)
 
 

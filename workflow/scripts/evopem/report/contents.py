@@ -51,7 +51,7 @@ class Contents:
     @property
     def checks(self) -> list[Check]:
         """The checks on the model."""
-        return checks(self.model, self.validation, self.spectrum, self.candidates)
+        return checks(self.model, self.validation, self.spectrum, self.candidates, self.recording)
 
     @property
     def chosen(self) -> Mapping[str, Any] | None:

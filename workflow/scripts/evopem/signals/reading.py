@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from evopem.errors import InputError
 from evopem.signals.clock import sampling_rate_of
 from evopem.signals.formats.channels import Channel, Reference, refuse_unreadable
-from evopem.signals.recording import Recording, check_recording
+from evopem.signals.recording import Recording, check_recording, describe_recording
 
 FORMATS = {
     ".csv": "text",
@@ -145,7 +145,7 @@ def describe_source(
     -------
     dict
         ``kind`` ("file"), ``path``, ``sha256``, ``bytes``, ``format``, ``input_channel``,
-        ``output_channel``, ``samples``, ``sampling_rate`` (Hz), names and units.
+        ``output_channel``, and what `describe_recording` says.
     """
     path = Path(path)
     return {
@@ -156,12 +156,7 @@ def describe_source(
         "format": _format_of(path),
         "input_channel": input,
         "output_channel": output,
-        "samples": recording.samples,
-        "sampling_rate": recording.sampling_rate,
-        "input_name": recording.input_name,
-        "output_name": recording.output_name,
-        "input_unit": recording.input_unit,
-        "output_unit": recording.output_unit,
+        **describe_recording(recording),
     }
 
 

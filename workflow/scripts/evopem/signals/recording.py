@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,12 @@ that are ten digits smaller, or of gains from the least input to the greatest ou
 
 MINIMUM_SAMPLES = 8
 """A recording shorter than this cannot even be described, let alone identified."""
+
+
+DESIGNED_LEVELS = 16
+"""A signal of no more levels than these was made of levels."""
+SATURATED_RUN = 3
+"""So many equal samples on end at a signal's limit are no chance."""
 
 
 @dataclass(frozen=True)
@@ -124,6 +131,21 @@ def check_recording(recording: Recording, source: str = "recording") -> None:
         )
 
 
+def saturated_share(signal: NDArray[np.float64]) -> float:
+    """Share of samples that stay at the signal's smallest or largest value for a while.
+
+    Three equal samples on end at a limit are what a cut-off channel leaves; a measured one meets
+    its extremes once. A signal of few levels, such as a random telegraph, is meant to stay there.
+    """
+    if np.unique(signal).size <= DESIGNED_LEVELS:
+        return 0.0
+    at_limit = (signal == signal.min()) | (signal == signal.max())
+    starts = np.flatnonzero(np.diff(signal) != 0.0) + 1
+    lengths = np.diff(np.concatenate(([0], starts, [signal.size])))
+    stays = np.repeat(lengths >= SATURATED_RUN, lengths)
+    return float(np.mean(at_limit & stays))
+
+
 def save_recording(recording: Recording, path: str | Path) -> None:
     """Write a recording to one ``.npz``, whole or not at all; equal recordings, equal bytes."""
     save_arrays(path, recording_arrays(recording))
@@ -154,6 +176,17 @@ _FIELDS = (
 def recording_arrays(recording: Recording, prefix: str = "") -> dict[str, NDArray]:
     """The fields of a recording as arrays, each name led by `prefix`."""
     return {prefix + field: np.asarray(getattr(recording, field)) for field in _FIELDS}
+
+
+def describe_recording(recording: Recording) -> dict[str, Any]:
+    """What a recording's provenance says of its samples: number, rate, names, units, saturation."""
+    return {
+        "samples": recording.samples,
+        "sampling_rate": recording.sampling_rate,
+        **{name: getattr(recording, name) for name in _FIELDS[3:]},
+        "input_saturated_percent": 100.0 * saturated_share(recording.input),
+        "output_saturated_percent": 100.0 * saturated_share(recording.output),
+    }
 
 
 def recording_names(prefix: str = "") -> tuple[str, ...]:

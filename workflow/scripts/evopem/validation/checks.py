@@ -28,6 +28,11 @@ CROSS_CORRELATION_SHARE = 0.90
 NEAR = 0.1
 # Without uncertainties only a pair this close is called a cancellation.
 COINCIDENT = 0.01
+# Percentage of residuals far out that mean nothing, and that an absolute objective bears.
+FEW_OUTLIERS = 0.1
+BEARABLE_OUTLIERS = 5.0
+# Percentage of a channel at its limits from which on it counts as cut off.
+SATURATED = 0.1
 COMPLETE_MODEL = "Run the stage that completes the model again."
 SEARCH_AGAIN = "Run the order search again: these results were made without that record."
 
@@ -47,6 +52,7 @@ def checks(
     validation: Mapping[str, Any] | None = None,
     spectrum: Mapping[str, Any] | None = None,
     candidates: pd.DataFrame | None = None,
+    recording: Mapping[str, Any] | None = None,
 ) -> list[Check]:
     """Judge a fitted model on all the evidence there is.
 
@@ -61,13 +67,16 @@ def checks(
         As in ``spectrum.json``: the peaks of the output's spectrum and its resolution.
     candidates : pandas.DataFrame, optional
         As in ``candidates.csv``: every candidate of every phase with its ``selected`` flag.
+    recording : mapping, optional
+        As in ``recording.json``: how much of each channel was saturated.
 
     Returns
     -------
     list of Check
         Stable; invertible; white residuals; residuals independent of the input; every spectral
         peak modelled; poles and zeros distinct; orders inside their search ranges; roots off the
-        search's margin; search repeatable; excitation adequate.
+        search's margin; search repeatable; excitation adequate; input felt in the output; few
+        residual outliers; record not saturated.
     """
     return [
         stability(model),
@@ -80,6 +89,9 @@ def checks(
         roots_off_margin(model),
         search_repeatable(model),
         excitation(validation),
+        input_felt(model),
+        residuals_without_outliers(model, validation),
+        record_not_saturated(recording),
     ]
 
 
@@ -478,6 +490,92 @@ def excitation(validation: Mapping[str, Any] | None) -> Check:
         if passed
         else "Trust the model only where the input has power; record with a broader input or"
         " resample to a lower rate.",
+    )
+
+
+def input_felt(model: Mapping[str, Any]) -> Check:
+    """B differs from zero by more than its uncertainty (a Wald test)."""
+    name = "Input felt in the output"
+    if model.get("a") is None or model.get("b") is None:
+        return Check(name, None, "The coefficients of A or B are missing.", COMPLETE_MODEL)
+    poles, b = len(model["a"]) - 1, np.asarray(model["b"], dtype=float)
+    covariance = parameter_covariance(model.get("covariance"), poles + b.size)
+    if covariance is None:
+        return Check(
+            name,
+            None,
+            "Without a parameter covariance B cannot be compared with its uncertainty.",
+            "Lower the orders, or give a longer record.",
+        )
+    from scipy.special import chdtrc
+
+    of_b = covariance[poles:, poles:]
+    p_value = float(chdtrc(b.size, b @ np.linalg.pinv(of_b, hermitian=True) @ b))
+    passed = p_value < SIGNIFICANCE
+    return Check(
+        name,
+        passed,
+        f"Were there no response to the input, a B as large as this one would come by chance with"
+        f" {p_text(p_value)}.",
+        ""
+        if passed
+        else "This is no model of the response to this input: check that the channels belong"
+        " together and that their clocks agree, and try longer delays.",
+    )
+
+
+def residuals_without_outliers(
+    model: Mapping[str, Any], validation: Mapping[str, Any] | None
+) -> Check:
+    """Hardly any residual far out, or an objective that bears a few of them."""
+    name = "Few residual outliers"
+    share = _number(validation, "residual_outlier_percent")
+    if share is None:
+        return Check(
+            name, None, "The share of residual outliers is missing.", "Run the validation again."
+        )
+    statement = f"{share:.2g} % of the residuals lie beyond five robust standard deviations"
+    if share <= FEW_OUTLIERS:
+        return Check(name, True, f"{statement}.")
+    objective = model.get("objective")
+    absolute = isinstance(objective, Mapping) and objective.get("name") == "absolute"
+    if absolute and share <= BEARABLE_OUTLIERS:
+        return Check(
+            name, True, f"{statement}; the absolute objective does not let so few decide the model."
+        )
+    return Check(
+        name,
+        False,
+        f"{statement}, and they weigh on the model.",
+        "Look at them in the record: spikes and drop-outs are to be repaired."
+        + ("" if absolute else " The objective “absolute” gives them less weight."),
+    )
+
+
+def record_not_saturated(recording: Mapping[str, Any] | None) -> Check:
+    """Neither channel rests at its smallest or largest value, as one that is cut off does."""
+    name = "Record not saturated"
+    shares = {
+        channel: _number(recording, f"{channel}_saturated_percent")
+        for channel in ("input", "output")
+    }
+    if None in shares.values():
+        return Check(
+            name,
+            None,
+            "How much of the record is saturated is missing.",
+            "Run the reading of the recording again.",
+        )
+    cut = {channel: share for channel, share in shares.items() if share and share > SATURATED}
+    if not cut:
+        return Check(name, True, "Neither channel rests at its smallest or largest value.")
+    listed = " and ".join(f"{share:.2g} % of the {channel}" for channel, share in cut.items())
+    return Check(
+        name,
+        False,
+        f"{listed} rests at its smallest or largest value.",
+        "The channel was cut off, which no linear model describes: record again within the range"
+        " of the instrument.",
     )
 
 

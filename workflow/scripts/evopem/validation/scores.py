@@ -25,3 +25,14 @@ def fit_percent(measured: ArrayLike, computed: ArrayLike) -> float:
     if reference == 0:
         return math.nan
     return 100.0 * (1.0 - float(np.linalg.norm(y - y_hat)) / reference)
+
+
+def outlier_percent(residuals: ArrayLike) -> float:
+    """Percentage of residuals that lie beyond five robust standard deviations of their median.
+
+    The robust standard deviation is 1.4826 times the median distance from the median; of normal
+    residuals one in two million lies so far out.
+    """
+    e = np.asarray(residuals, dtype=float)
+    distance = np.abs(e - np.median(e))
+    return float(100.0 * np.mean(distance > 5.0 * 1.4826 * np.median(distance)))

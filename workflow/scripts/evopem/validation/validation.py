@@ -24,7 +24,7 @@ from evopem.validation.correlation import (
     share_inside,
 )
 from evopem.validation.excitation import excitation_order
-from evopem.validation.scores import error_percent, fit_percent
+from evopem.validation.scores import error_percent, fit_percent, outlier_percent
 
 if TYPE_CHECKING:
     from evopem.models.armax import ArmaxModel
@@ -61,6 +61,7 @@ class Validation:
     cross_correlation_lags: int
     excitation_order: int
     excitation_needed: int
+    residual_outlier_percent: float
     residual_autocorrelation: pd.DataFrame
     cross_correlation: pd.DataFrame
     simulation: pd.DataFrame
@@ -97,6 +98,7 @@ class Validation:
                 "max_in_bounds": _finite(self.cross_correlation_max_in_bounds),
                 "lags": self.cross_correlation_lags,
             },
+            "residual_outlier_percent": _finite(self.residual_outlier_percent),
             "excitation": {"order": self.excitation_order, "needed": self.excitation_needed},
         }
 
@@ -218,6 +220,7 @@ def validate(
         cross_correlation_lags=int(cross["lag"].max()),
         excitation_order=excitation_order(estimation.input, orders.na + orders.nb),
         excitation_needed=orders.na + orders.nb,
+        residual_outlier_percent=outlier_percent(residuals),
         residual_autocorrelation=autocorrelation,
         cross_correlation=cross,
         simulation=_table(responses, estimation.sampling_rate),
