@@ -10,7 +10,7 @@ WORKFLOW = Path(str(workflow.current_basedir)).parent
 SCRIPTS = WORKFLOW / "scripts"
 sys.path.insert(0, str(SCRIPTS))
 
-from evopem.configuration import grids
+from evopem.configuration import experiments, grids
 from evopem.configuration.checking import check_yaml_files
 from evopem.configuration.code import code_version
 from evopem.configuration.completion import complete
@@ -37,6 +37,7 @@ except InputError as error:
     raise WorkflowError(str(error)) from None
 
 DATASETS = CONFIG["datasets"]
+COMPARISON = CONFIG["fletcher_powell"]
 RECORDED = [name for name, dataset in DATASETS.items() if "file" in dataset]
 SYNTHETIC = [name for name in DATASETS if name not in RECORDED]
 
@@ -161,6 +162,27 @@ def truth_of(wildcards):
     return {}
 
 
+def comparison_runs(wildcards):
+    """The outputs of all jobs of the comparison on the Fletcher-Powell function."""
+    return [
+        f"results/fletcher_powell/runs/{part}/{algorithm}/{instance}/{block}.json"
+        for part in experiments.PARTS
+        for algorithm in experiments.algorithms(part)
+        for instance in experiments.instances(COMPARISON)
+        for block in range(1, experiments.block_count(part, algorithm, COMPARISON) + 1)
+    ]
+
+
+def comparison_cases(wildcards):
+    """What one job of the comparison runs."""
+    return experiments.cases(
+        wildcards.comparison_part,
+        wildcards.algorithm,
+        int(wildcards.block),
+        COMPARISON,
+    )
+
+
 def results_of(dataset):
     """The files of one data set that are there to be used."""
     names = [
@@ -190,3 +212,7 @@ wildcard_constraints:
     dataset=one_of(DATASETS),
     phase=one_of(grids.PHASES),
     part=r"\d+",
+    comparison_part=one_of(experiments.PARTS),
+    algorithm=one_of(sorted({*experiments.IN_TABLE, *experiments.AT_LARGEST})),
+    instance=one_of(experiments.instances(COMPARISON)),
+    block=r"\d+",

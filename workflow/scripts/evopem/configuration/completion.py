@@ -30,7 +30,7 @@ _ANALYSIS_KEYS = (
     "search",
 )
 _ALL_SAMPLES = 1.0
-_RESERVED_NAMES = {"index.html", "logs", "benchmarks", "seals"}
+_RESERVED_NAMES = {"index.html", "logs", "benchmarks", "seals", "fletcher_powell"}
 _DATASET_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 
 
@@ -51,8 +51,9 @@ def complete(
     Returns
     -------
     dict
-        ``candidates_per_job`` and ``datasets``: for each name its source's keys and every key of
-        the analysis, always in the same order, whatever the order in the file.
+        ``candidates_per_job``, ``fletcher_powell``, and ``datasets``: for each name its source's
+        keys and every key of the analysis, always in the same order, whatever the order in the
+        file.
 
     Raises
     ------
@@ -80,7 +81,8 @@ def complete(
     per_job = config.get(
         "candidates_per_job", schema["properties"]["candidates_per_job"]["default"]
     )
-    return {"datasets": datasets, "candidates_per_job": per_job}
+    comparison = _merged(_defaults(schema, "fletcher_powell"), config.get("fletcher_powell", {}))
+    return {"datasets": datasets, "candidates_per_job": per_job, "fletcher_powell": comparison}
 
 
 def _without_integral_floats(value: Any, source: str, path: tuple[str | int, ...] = ()) -> Any:
@@ -139,6 +141,11 @@ def _check_names(datasets: Mapping[str, Any], source: str) -> None:
 
 def _built_in(schema: Mapping[str, Any]) -> dict[str, Any]:
     """Collect the schema's `default` values of the analysis keys."""
+    return {key: _defaults(schema, key) for key in _ANALYSIS_KEYS}
+
+
+def _defaults(schema: Mapping[str, Any], name: str) -> Any:
+    """Collect the `default` values below one of the schema's definitions."""
     definitions = schema["$defs"]
 
     def default(node: Mapping[str, Any]) -> Any:
@@ -148,7 +155,7 @@ def _built_in(schema: Mapping[str, Any]) -> dict[str, Any]:
             return node["default"]
         return {key: default(child) for key, child in node["properties"].items()}
 
-    return {key: default(definitions[key]) for key in _ANALYSIS_KEYS}
+    return default(definitions[name])
 
 
 def _merged(lower: Mapping[str, Any], upper: Mapping[str, Any]) -> dict[str, Any]:

@@ -36,6 +36,7 @@ def descend(
     inverse_hessians: InverseHessians,
     max_iterations: int,
     tolerance: float,
+    refresh: int | None = REFRESH,
 ) -> Descent:
     """Minimise from each row of ``starts`` by BFGS with a weak Wolfe line search.
 
@@ -56,6 +57,9 @@ def descend(
     tolerance : float
         A start has converged once the decrease its quadratic model promises, and the decrease it
         last made, are below this fraction of its value.
+    refresh : int, optional
+        Accepted steps after which ``inverse_hessians`` is asked again; None where it knows no more
+        than at the start.
     """
     x = starts.copy()
     f, g = evaluate(x, np.arange(len(x)))
@@ -98,9 +102,10 @@ def descend(
         _update(h, moved, step[moved, None] * d[moved], gt[accept] - g[moved])
         x[moved], f[moved], g[moved] = trial[accept], ft[accept], gt[accept]
         iterations[moved] += 1
-        stale = moved[iterations[moved] % REFRESH == 0]
-        if len(stale):
-            h[stale] = inverse_hessians(x[stale], stale)
+        if refresh is not None:
+            stale = moved[iterations[moved] % refresh == 0]
+            if len(stale):
+                h[stale] = inverse_hessians(x[stale], stale)
         _aim(moved, g, h, d, slope)
         step[moved], low[moved], high[moved], tries[moved] = 1.0, 0.0, np.inf, 0
         limit = tolerance * np.abs(f[moved])

@@ -1,0 +1,87 @@
+"""The Fletcher-Powell function as the hybrid search sees it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evopem.estimation.bfgs import descend
+from evopem.fletcher_powell.function import wrap
+from evopem.fletcher_powell.objective import Objective
+
+Array = NDArray[np.float64]
+
+# Accepted steps a descent may take, for each coordinate.
+MAX_ITERATIONS = 10
+# Relative decrease at which a descent has converged.
+TOLERANCE = 1e-9
+# Root mean square of a descent's first trial step over the coordinates, in radians.
+FIRST_STEP = 1.0
+
+
+class FletcherPowellProblem:
+    """Search problem of one objective; see :class:`evopem.estimation.hybrid_search.Problem`.
+
+    The search runs unbounded and wraps its end points into the box: the faces of the box would
+    make false minima of a function that is periodic.
+    """
+
+    def __init__(self, objective: Objective) -> None:
+        self.objective = objective
+
+    def draw(self, count: int, generator: np.random.Generator) -> Array:
+        """Individuals uniform in the box [-π, π]."""
+        return generator.uniform(-np.pi, np.pi, (count, self.objective.dimension))
+
+    def repair(self, points: Array) -> Array:
+        """The images of the points in the box."""
+        return wrap(points)
+
+    def values(self, points: Array) -> Array:
+        """f of each row, (M,)."""
+        return self.objective.values(points)
+
+    def descend(self, points: Array) -> tuple[Array, Array, int]:
+        """BFGS from each row to convergence."""
+        before = self.objective.evaluations
+        ends, values = descend_in_turn(self.objective, points)
+        return ends, values, self.objective.evaluations - before
+
+    def polish(self, points: Array) -> tuple[Array, Array, int]:
+        """The same: a converged descent on a smooth function has nothing left to polish."""
+        return self.descend(points)
+
+
+def descend_in_turn(objective: Objective, points: Array) -> tuple[Array, Array]:
+    """Where BFGS ends from each row, in the box, and f there.
+
+    The descents are computed side by side but counted one after another, as they would be made
+    without that: none of them knows of the others, so a run that ends in one of them has not
+    spent anything on those behind it.
+
+    Raises
+    ------
+    RunOver
+        From the objective.
+    """
+    count, n = points.shape
+    seen: list[list[float]] = [[] for _ in range(count)]
+    steepest = np.empty(count)
+
+    def evaluate(trial: Array, rows: NDArray[np.intp]) -> tuple[Array, Array]:
+        values, gradients = objective.uncounted(trial)
+        for row, value in zip(rows, values, strict=True):
+            seen[row].append(float(value))
+        steepest[rows] = np.linalg.norm(gradients, axis=1)
+        return values, gradients
+
+    def inverse_hessians(_: Array, rows: NDArray[np.intp]) -> Array:
+        scale = FIRST_STEP * np.sqrt(n) / np.maximum(steepest[rows], np.finfo(float).tiny)
+        return scale[:, None, None] * np.eye(n)
+
+    result = descend(
+        evaluate, points, inverse_hessians, MAX_ITERATIONS * n, TOLERANCE, refresh=None
+    )
+    for values in seen:
+        objective.record(np.array(values), gradients=True)
+    return wrap(result.points), result.values
