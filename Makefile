@@ -31,7 +31,7 @@ format: $(VENV)/installed-dev  ## bring every file into the style
 
 lock: $(VENV)/installed-dev  ## pin today's newest versions, with hashes
 	$(COMPILE) --upgrade --output-file requirements.lock
-	$(COMPILE) --upgrade --group dev --constraint requirements.lock --output-file requirements-dev.lock
+	$(COMPILE) --upgrade --extra benchmarks --group dev --constraint requirements.lock --output-file requirements-dev.lock
 
 screenshots: report $(VENV)/installed-dev  ## take the README's pictures of the default run
 	$(BIN)/python docs/take_screenshots.py results/arm/report.html

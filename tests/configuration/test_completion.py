@@ -29,6 +29,16 @@ def test_only_datasets_is_a_complete_configuration():
     config = completed("datasets: {arm: {synthesis: flexible_arm}}")
     assert config == {
         "candidates_per_job": 6,
+        "fletcher_powell": {
+            "dimension": 20,
+            "evaluations": 200000,
+            "instances": 10,
+            "runs": 10,
+            "slow_runs": 2,
+            "scale": {"dimensions": [5, 10, 20, 40, 70, 100], "runs": 2},
+            "runs_per_job": 10,
+            "seed": 1,
+        },
         "datasets": {
             "arm": {
                 "synthesis": "flexible_arm",
