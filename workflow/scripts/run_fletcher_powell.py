@@ -24,7 +24,7 @@ def main(
 
 
 if __name__ == "__main__":
-    with job(snakemake.log[0]) as log:
+    with job(snakemake.log[0], outputs=snakemake.output) as log:
         main(
             snakemake.wildcards.algorithm,
             snakemake.wildcards.instance,
