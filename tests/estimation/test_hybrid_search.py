@@ -15,7 +15,7 @@ class Ripples:
         self.weights = np.sqrt(np.arange(1.0, dimension + 1))
 
     def draw(self, count, generator):
-        return generator.uniform(-5, 5, (count, self.dimension))
+        return generator.uniform(-5, 5, (count, self.dimension)), 0
 
     def repair(self, points):
         return points

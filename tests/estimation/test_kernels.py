@@ -2,7 +2,9 @@
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
+from evopem.estimation import kernels
 from evopem.estimation.prediction_error import PredictionErrorProblem
 from evopem.models.armax import Orders
 
@@ -60,13 +62,13 @@ def test_objectives_are_the_chapters(orders):
 def test_adjoint_gradient_is_the_derivative(orders, objective):
     errors, _, _ = problem(orders, objective)
     points = population(orders, 9)
-    corners = np.full(9, 0.3)
-    _, gradients = errors.values_and_gradients(points, corners)
+    corners, barriers = np.full(9, 0.3), np.full(9, 0.2)
+    _, gradients = errors.values_and_gradients(points, corners, barriers)
     for i in range(errors.dimension):
         step = np.zeros(errors.dimension)
         step[i] = 1e-6
-        up, _ = errors.values_and_gradients(points + step, corners)
-        down, _ = errors.values_and_gradients(points - step, corners)
+        up, _ = errors.values_and_gradients(points + step, corners, barriers)
+        down, _ = errors.values_and_gradients(points - step, corners, barriers)
         scale = np.abs(gradients).max(axis=1)
         np.testing.assert_allclose((up - down) / 2e-6 / scale, gradients[:, i] / scale, atol=1e-6)
 
@@ -82,7 +84,7 @@ def test_gauss_newton_matrix_is_that_of_the_jacobian(orders):
         ]
     )[40:]
     expected = 200.0 * jacobian.T @ jacobian / np.sum(y[40:] ** 2)
-    (found,) = errors.curvatures(point[None, :], np.zeros(1))
+    (found,) = errors.curvatures(point[None, :], np.zeros(1), np.zeros(1))
     # The kernel forgets the start of the filters; 1500 samples make that a small share.
     # A noise state that has died out before the scored samples has no derivative to compare.
     felt = np.diag(expected) > 1e-12 * np.diag(expected).max()
@@ -95,10 +97,10 @@ def test_a_model_gets_the_same_bits_whatever_shares_its_pass():
     orders = Orders(7, 6, 7, 3)
     errors, _, _ = problem(orders, "absolute")
     points = population(orders, 21)
-    corners = np.full(21, 0.1)
-    together = errors.values_and_gradients(points, corners)
+    corners, barriers = np.full(21, 0.1), np.full(21, 0.2)
+    together = errors.values_and_gradients(points, corners, barriers)
     for i in (0, 7, 8, 20):
-        alone = errors.values_and_gradients(points[i : i + 1], corners[:1])
+        alone = errors.values_and_gradients(points[i : i + 1], corners[:1], barriers[:1])
         assert alone[0][0] == together[0][i]
         np.testing.assert_array_equal(alone[1][0], together[1][i])
 
@@ -117,10 +119,43 @@ def test_infeasible_points_are_infinite_and_repair_makes_them_feasible():
     assert np.isfinite(errors.values(repaired)).all()
 
 
+@pytest.mark.parametrize("degree", [1, 2, 5, 8])
+def test_the_stability_barrier_is_the_log_variance_of_filtered_noise(degree):
+    """Of white noise through 1/A: sum of the squared impulse response (Jury's identity)."""
+    generator = np.random.default_rng(degree)
+    roots = (
+        0.95 * generator.random(degree // 2) * np.exp(1j * np.pi * generator.random(degree // 2))
+    )
+    roots = np.concatenate([roots, roots.conj(), [0.3] * (degree % 2)])
+    coefficients = np.real(np.poly(roots))[1:]
+    radius = 0.98
+    scaled = np.concatenate([[1.0], coefficients / radius ** np.arange(1, degree + 1)])
+    response = lfilter([1.0], scaled, np.eye(1, 20000)[0])
+    values, gradients, curvatures = kernels.stability_barrier(coefficients[None, :], radius, True)
+    np.testing.assert_allclose(values[0], np.log(response @ response), rtol=1e-9, atol=1e-12)
+    for j in range(degree):
+        step = 1e-6 * np.eye(degree)[j]
+        moved = np.array([coefficients + step, coefficients - step])
+        up, down = kernels.stability_barrier(moved, radius, False)[0]
+        np.testing.assert_allclose(gradients[0, j], (up - down) / 2e-6, rtol=1e-5, atol=1e-5)
+    np.testing.assert_allclose(curvatures[0], curvatures[0].T, rtol=1e-9)
+    assert np.linalg.eigvalsh(curvatures[0])[0] > -1e-9 * np.linalg.norm(curvatures[0])
+
+
+def test_the_stability_barrier_is_infinite_outside():
+    values, gradients, _ = kernels.stability_barrier(
+        np.array([[-0.5], [-0.97], [-0.99], [np.nan]]), 0.98, False
+    )
+    assert np.isfinite(values[:2]).all()
+    assert values[1] > values[0]
+    assert np.isinf(values[2:]).all()
+    np.testing.assert_array_equal(gradients[2:], 0.0)
+
+
 def test_the_record_is_not_modified():
     orders = Orders(2, 1, 2, 0)
     u, y = np.random.default_rng(1).standard_normal((2, 200))
     before = u.copy(), y.copy()
     errors = PredictionErrorProblem(u, y, orders, "absolute", 11, 40, 0.999)
-    errors.values_and_gradients(population(orders, 5), np.full(5, 0.1))
+    errors.values_and_gradients(population(orders, 5), np.full(5, 0.1), np.zeros(5))
     np.testing.assert_array_equal((u, y), before)

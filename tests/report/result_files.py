@@ -78,7 +78,6 @@ def fit_linear(data: Recording, orders: Orders, innovations: np.ndarray, start: 
         "bic": math.log(float(e @ e) / n) + p.size * math.log(n) / n,
         "objective": 100 * float(np.abs(e).sum() / np.abs(y[start:]).sum()),
         "evaluations": 800 + 40 * p.size,
-        "seconds": 0.5,
         "max_pole_radius": float(np.max(np.abs(np.roots(a)))),
         "max_zero_radius": 0.9,
         "at_margin": False,

@@ -282,7 +282,6 @@ def test_evidence_of_the_search_in_words(evidence, sentence):
     candidates = pd.DataFrame(
         {
             "evaluations": [100, 200],
-            "seconds": [1.0, 2.0],
             "agreement": [0.0, 2 / 3],
             "at_margin": [True, False],
         }
@@ -294,7 +293,7 @@ def test_evidence_of_the_search_in_words(evidence, sentence):
 
 
 def test_the_search_without_evidence_says_so():
-    candidates = pd.DataFrame({"evaluations": [100], "seconds": [1.0]})
+    candidates = pd.DataFrame({"evaluations": [100]})
     (text,) = readings.search(contents(candidates=candidates, chosen={}, model={}))
     assert "is not on record" in text
 

@@ -30,23 +30,26 @@ rule fit_candidates:
 
 
 rule select_candidate:
-    """Collect the candidates of a phase and choose one of them."""
+    """Collect the candidates of a phase, search again where in doubt, and choose one of them."""
     input:
         parts=parts_of,
+        prepared="results/{dataset}/prepared.npz",
+        transforms="results/{dataset}/transforms.json",
     output:
         phase="results/{dataset}/phases/{phase}.json",
     log:
         "results/{dataset}/logs/phases/{phase}.log",
     benchmark:
         "results/{dataset}/benchmarks/phases/{phase}.tsv"
-    localrule: True
     conda:
         "../envs/evopem.yaml"
     threads: 1
     resources:
-        mem_mb=500,
-        runtime=5,
+        mem_mb=1000,
+        runtime=240,
     params:
+        scoring_start=lambda wildcards: grids.scoring_start(DATASETS[wildcards.dataset]),
+        search=lambda wildcards: DATASETS[wildcards.dataset]["search"],
         code=code("select_candidate"),
     script:
         "../scripts/select_candidate.py"

@@ -1,11 +1,13 @@
 """Collect the candidates of one phase and choose one of them."""
 
 import json
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from evopem.console import job
-from evopem.estimation.order_search import select_delay, select_order
+from evopem.estimation.order_search import search_again, select
+from evopem.signals.preparation import load_prepared
 from evopem.writing import write_json
 
 if TYPE_CHECKING:
@@ -14,14 +16,23 @@ if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
 
 
-def main(part_files: list[str], phase: str, phase_file: str, logger: "Logger") -> None:
+def main(
+    part_files: list[str],
+    prepared_files: tuple[str, str],
+    phase: str,
+    params: dict[str, Any],
+    phase_file: str,
+    logger: "Logger",
+) -> None:
     candidates = [
         candidate
         for part_file in part_files
         for candidate in json.loads(Path(part_file).read_text(encoding="utf-8"))
     ]
     candidates.sort(key=lambda candidate: [candidate[order] for order in ("na", "nb", "nc", "nk")])
-    selected, reason = (select_delay if phase == "delay" else select_order)(candidates)
+    data = load_prepared(*prepared_files).estimation
+    again = partial(search_again, data=data, **params, log=logger.info)
+    selected, reason, candidates = select(candidates, phase, again)
     logger.info("%s", reason)
     write_json(
         phase_file,
@@ -31,4 +42,11 @@ def main(part_files: list[str], phase: str, phase_file: str, logger: "Logger") -
 
 if __name__ == "__main__":
     with job(snakemake.log[0], snakemake.input, snakemake.output) as log:
-        main(list(snakemake.input.parts), snakemake.wildcards.phase, snakemake.output.phase, log)
+        main(
+            list(snakemake.input.parts),
+            (snakemake.input.prepared, snakemake.input.transforms),
+            snakemake.wildcards.phase,
+            {key: snakemake.params[key] for key in ("search", "scoring_start")},
+            snakemake.output.phase,
+            log,
+        )

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 def main(result_files: list[str], workflow: Path, dataset: str, report_file: str) -> None:
     directory = Path(report_file).parent
     # Times are a record beside the results: a report is not out of date when they are gone.
-    files = [*map(Path, result_files), *(directory / "benchmarks").glob("*.tsv")]
+    files = [*map(Path, result_files), *(directory / "benchmarks").rglob("*.tsv")]
     results = {file.relative_to(directory).as_posix(): file for file in files}
     page = build_report(results, workflow / "templates", dataset, commit_of(workflow))
     write_text(report_file, page)

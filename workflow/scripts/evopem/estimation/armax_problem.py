@@ -2,19 +2,42 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from evopem.estimation.arx import fit_arx
 from evopem.estimation.bfgs import descend
+from evopem.estimation.growth import random_pairs, smaller_orders, with_factor
 from evopem.estimation.prediction_error import PredictionErrorProblem
 
 Array = NDArray[np.float64]
 
+# How individuals of a first population come about.
+STARTS = ("chapter", "grown")
+
 MAX_ITERATIONS = 200
-# Corners of the smoothed absolute value in mean |e|, and the relative decrease that ends a stage.
-DESCENT_STAGES = ((0.1, 1e-6), (0.01, 1e-9))
-POLISH_STAGES = ((1e-2, 1e-10), (1e-3, 1e-10), (1e-4, 1e-11))
+
+
+class Stage(NamedTuple):
+    """One BFGS run of a descent.
+
+    The corner of the smoothed absolute value is in mean |e|, the weight of the stability barrier
+    in values of the objective, and the tolerance the relative decrease that ends the run.
+    """
+
+    corner: float
+    barrier: float
+    tolerance: float
+
+
+DESCENT_STAGES = (Stage(0.1, 1e-4, 1e-5), Stage(0.01, 1e-7, 1e-9))
+POLISH_STAGES = (Stage(1e-2, 1e-7, 1e-10), Stage(1e-3, 1e-8, 1e-10), Stage(1e-4, 1e-9, 1e-11))
+# Factors tried for each individual and step of growth, and those of them that are descended from.
+PLACES = 16
+DESCENDED = 2
 # Smallest eigenvalue kept of a scaled Gauss-Newton matrix: directions the data say less about
 # than this are left to BFGS.
 EIGENVALUE_FLOOR = 1e-9
@@ -28,26 +51,71 @@ class ArmaxProblem:
     Parameters
     ----------
     errors : PredictionErrorProblem
+    start : {"chapter", "grown"}
+        ``chapter``: A and B of stage one, C at random.  ``grown``: each individual grown from
+        the smallest orders by pairs of roots (:mod:`evopem.estimation.growth`).
     """
 
-    def __init__(self, errors: PredictionErrorProblem) -> None:
+    def __init__(self, errors: PredictionErrorProblem, start: str = "chapter") -> None:
         self.errors = errors
-        self._arx = fit_arx(errors.input, errors.output, errors.orders, errors.recursion_start)
+        self.start = start
+        self._regression = fit_arx(
+            errors.input, errors.output, errors.orders, errors.recursion_start
+        )
+        # What stage one alone reaches: the scale of the objective, however bad a point is.
+        self._scale = float(self.values(self._of_stage_one(1, np.random.default_rng(0)))[0])
 
-    def draw(self, count: int, generator: np.random.Generator) -> Array:
+    def draw(self, count: int, generator: np.random.Generator) -> tuple[Array, int]:
+        """A first population, and the evaluations that it took."""
+        if self.start == "grown":
+            return self._grown(count, generator)
+        return self._of_stage_one(count, generator), 0
+
+    def _of_stage_one(self, count: int, generator: np.random.Generator) -> Array:
         """Individuals with A and B of stage one, C from the standard normal distribution, d = 0.
 
-        One of them has C = 1.  The draw of C is hardly ever invertible as it falls; the search
-        repairs it by reflecting its roots (chapter section 4, as restored).
+        One of them has C = 1.  The draw of C is hardly ever invertible as it falls; its roots
+        are reflected inside (chapter section 4, as restored).
         """
         orders = self.errors.orders
         points = np.zeros((count, self.errors.dimension))
         regression = orders.na + orders.nb
-        points[:, :regression] = self._arx
+        points[:, :regression] = self._regression
         points[1:, regression : orders.parameters] = generator.standard_normal(
             (count - 1, orders.nc)
         )
-        return points
+        return self.repair(points)
+
+    def _grown(self, count: int, generator: np.random.Generator) -> tuple[Array, int]:
+        """Individuals that each took the most promising of a few random pairs at every step."""
+        problems = [
+            ArmaxProblem(self.errors.of_orders(orders))
+            for orders in smaller_orders(self.errors.orders)
+        ]
+        problems.append(self)
+        points = problems[0]._of_stage_one(DESCENDED * count, generator)
+        points, values, evaluations = problems[0].descend(points)
+        points, values = _best_of_each(points, values, count)
+        for smaller, larger in pairwise(problems):
+            starts = []
+            for point, value in zip(points, values, strict=True):
+                places = with_factor(smaller.errors, point, random_pairs(PLACES, generator))
+                promised = larger._promise(places, value)
+                starts.append(places[np.argsort(promised, kind="stable")[:DESCENDED]])
+                evaluations += 2 * len(places)
+            points, values, used = larger.descend(np.concatenate(starts))
+            points, values = _best_of_each(points, values, count)
+            evaluations += used
+        return points, evaluations
+
+    def _promise(self, points: Array, value: float) -> Array:
+        """Objective that one Gauss-Newton step from each point promises; inf where infeasible."""
+        stage = DESCENT_STAGES[0]
+        corners = np.full(len(points), stage.corner * float(self._mean_absolute(np.array(value))))
+        barriers = np.full(len(points), stage.barrier * min(value, self._scale))
+        values, gradients = self.errors.values_and_gradients(points, corners, barriers)
+        inverses = _damped_inverses(self.errors.curvatures(points, corners, barriers))
+        return values - 0.5 * np.einsum("ij,ijk,ik->i", gradients, inverses, gradients)
 
     def repair(self, points: Array) -> Array:
         """Reflect the roots of A and C of infeasible points inside."""
@@ -69,34 +137,41 @@ class ArmaxProblem:
         polished[worse], values[worse] = points[worse], before[worse]
         return polished, values, evaluations + len(points)
 
-    def _stages(
-        self, points: Array, stages: tuple[tuple[float, float], ...]
-    ) -> tuple[Array, Array, int]:
-        if self.errors.objective == "quadratic":
-            stages = stages[-1:]
+    def _stages(self, points: Array, stages: tuple[Stage, ...]) -> tuple[Array, Array, int]:
         values = self.values(points)
         evaluations = len(points)
-        for corner, tolerance in stages:
-            points, used = self._bfgs(points, corner * self._mean_absolute(values), tolerance)
+        for stage in stages:
+            corners = stage.corner * self._mean_absolute(values)
+            barriers = stage.barrier * np.minimum(values, self._scale)
+            points, used = self._bfgs(points, corners, barriers, stage.tolerance)
             values = self.values(points)
             evaluations += used + len(points)
         return points, values, evaluations
 
-    def _bfgs(self, points: Array, corners: Array, tolerance: float) -> tuple[Array, int]:
+    def _bfgs(
+        self, points: Array, corners: Array, barriers: Array, tolerance: float
+    ) -> tuple[Array, int]:
         errors = self.errors
         result = descend(
-            lambda trial, rows: errors.values_and_gradients(trial, corners[rows]),
+            lambda trial, rows: errors.values_and_gradients(trial, corners[rows], barriers[rows]),
             points,
-            lambda starts, rows: _damped_inverses(errors.curvatures(starts, corners[rows])),
+            lambda at, rows: _damped_inverses(errors.curvatures(at, corners[rows], barriers[rows])),
             MAX_ITERATIONS,
             tolerance,
         )
-        return result.points, 2 * result.evaluations + len(points)
+        return result.points, 2 * result.evaluations
 
     def _mean_absolute(self, values: Array) -> Array:
         """Mean |e| of points from their objective; 1 where they are infeasible or exact."""
         mean = self.errors.mean_absolute_residuals(values)
         return np.where(np.isfinite(mean) & (mean > 0.0), mean, 1.0)
+
+
+def _best_of_each(points: Array, values: Array, count: int) -> tuple[Array, Array]:
+    """The best of each of ``count`` equally large groups of neighbouring rows."""
+    groups = values.reshape(count, -1)
+    best = np.argmin(groups, axis=1) + groups.shape[1] * np.arange(count)
+    return points[best], values[best]
 
 
 def _damped_inverses(matrices: Array) -> Array:

@@ -16,6 +16,8 @@ InverseHessians = Callable[[Array, Rows], Array]
 SUFFICIENT_DECREASE = 1e-4
 CURVATURE = 0.9
 LONGEST_LINE_SEARCH = 30
+# Least part of a bracket that an interpolated step keeps.
+SHORTEST_CUT = 0.1
 # Accepted steps after which the inverse Hessian is approximated anew.
 REFRESH = 40
 
@@ -78,7 +80,8 @@ def descend(
         rows = np.flatnonzero(active)
         trial = x[rows] + step[rows, None] * d[rows]
         ft, gt = evaluate(trial, rows)
-        evaluations += len(rows)
+        # A step out of the stability region is refused before any residual is computed.
+        evaluations += int(np.isfinite(ft).sum())
         tries[rows] += 1
         drop = f[rows] - ft
         decreased = ft <= f[rows] + SUFFICIENT_DECREASE * step[rows] * slope[rows]
@@ -90,9 +93,8 @@ def descend(
         stretch = rows[decreased & ~accept]
         low[stretch] = step[stretch]
         searching = rows[~accept]
-        bounded = np.isfinite(high[searching])
-        step[searching] = np.where(
-            bounded, 0.5 * (low[searching] + high[searching]), 2.0 * low[searching]
+        step[searching] = _next_step(
+            low[searching], high[searching], f[searching], slope[searching], ft[~accept]
         )
         active[searching[tries[searching] >= LONGEST_LINE_SEARCH]] = False
 
@@ -113,6 +115,22 @@ def descend(
         converged[moved[done]] = True
         active[moved[done | (iterations[moved] >= max_iterations)]] = False
     return Descent(x, f, converged, evaluations)
+
+
+def _next_step(low: Array, high: Array, f: Array, slope: Array, beyond: Array) -> Array:
+    """The next trial step: twice the last one until a bracket is found, then inside it.
+
+    While the bracket starts at zero its inside is the minimum of the parabola through value and
+    slope there and the value at its far end; later, and where that end is infeasible, its middle.
+    """
+    width = high - low
+    with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
+        parabola = -slope * high**2 / (2.0 * (beyond - f - slope * high))
+    usable = np.isfinite(high) & np.isfinite(parabola) & np.isfinite(beyond) & (low == 0.0)
+    inside = np.where(
+        usable, np.clip(parabola, SHORTEST_CUT * width, 0.5 * width), low + 0.5 * width
+    )
+    return np.where(np.isfinite(high), inside, 2.0 * low)
 
 
 def _aim(rows: Rows, g: Array, h: Array, d: Array, slope: Array) -> None:

@@ -10,10 +10,16 @@ from numpy.typing import ArrayLike, NDArray
 from threadpoolctl import threadpool_limits
 
 from evopem.estimation.armax_problem import ArmaxProblem
-from evopem.estimation.hybrid_search import MUTATE, SearchResult, SearchSettings, hybrid_search
+from evopem.estimation.hybrid_search import (
+    MUTATE,
+    SearchResult,
+    SearchSettings,
+    hybrid_search,
+    pooled,
+)
 from evopem.estimation.kernels import MIN_NC
 from evopem.estimation.prediction_error import OBJECTIVES, PredictionErrorProblem
-from evopem.estimation.uncertainty import parameter_covariance, residual_jacobian
+from evopem.estimation.uncertainty import jacobian_triangle, parameter_covariance
 from evopem.models.armax import ArmaxModel, Orders
 from evopem.models.polynomials import max_root_radius as largest_radius
 
@@ -81,6 +87,7 @@ def estimate(
     scoring_start: int | None = None,
     max_root_radius: float = DEFAULT_MAX_ROOT_RADIUS,
     search: SearchSettings | None = None,
+    earlier: SearchResult | None = None,
     log: Callable[[str], None] | None = None,
 ) -> Estimate:
     """Find the ARMAX model of given orders with the smallest prediction errors, globally.
@@ -96,7 +103,8 @@ def estimate(
     objective : {"absolute", "quadratic"}
         Sum of absolute prediction errors (chapter eq. 20-21) or of their squares.
     seed : int
-        The search draws from ``SeedSequence(seed, spawn_key=orders)``.
+        The search draws from ``SeedSequence(seed, spawn_key=orders)``, with a 1 appended to the
+        key when it goes on from an earlier one.
     recursion_start : int, optional
         First residual; by default ``orders.first_residual``.
     scoring_start : int, optional
@@ -105,6 +113,8 @@ def estimate(
     max_root_radius : float
         Largest radius of the roots of A and C.
     search : SearchSettings, optional
+    earlier : SearchResult, optional
+        The result of an earlier search of the same problem, to be pooled with this one.
     log : callable, optional
         Receives one line a generation.
 
@@ -134,15 +144,17 @@ def estimate(
                 u / input_scale, y / output_scale, orders, objective, first, start, max_root_radius
             )
         )
-        sequence = np.random.SeedSequence(
-            seed, spawn_key=(orders.na, orders.nb, orders.nc, orders.nk)
-        )
+        key = (orders.na, orders.nb, orders.nc, orders.nk, *((1,) if earlier else ()))
+        sequence = np.random.SeedSequence(seed, spawn_key=key)
         result = hybrid_search(scaled, search, np.random.default_rng(sequence), log)
         point = result.point.copy()
         point[orders.na : orders.na + orders.nb] *= output_scale / input_scale
         point[orders.parameters :] *= output_scale
+        result = replace(result, point=point)
+        if earlier is not None:
+            result = pooled(earlier, result)
         errors = PredictionErrorProblem(u, y, orders, objective, first, start, max_root_radius)
-        return describe(errors, replace(result, point=point), sampling_rate)
+        return describe(errors, result, sampling_rate)
 
 
 def _power_of_two(signal: Array) -> float:
@@ -196,8 +208,8 @@ def describe(
     scored, scored_output = residuals[start:], errors.output[start:]
     square_sum, count, n = float(scored @ scored), len(scored), orders.parameters
     bare = ArmaxModel(a, b, c, orders.nk, sampling_rate)
-    jacobian = residual_jacobian(
-        bare, errors.input, errors.output, residuals, errors.recursion_start
+    triangle = jacobian_triangle(
+        bare, errors.input, errors.output, residuals, errors.recursion_start, start
     )
     model = ArmaxModel(
         a,
@@ -206,7 +218,7 @@ def describe(
         orders.nk,
         sampling_rate,
         noise_variance=square_sum / (count - n),
-        covariance=parameter_covariance(jacobian[start:], scored, n, errors.objective),
+        covariance=parameter_covariance(triangle, scored, n, errors.objective),
     )
     residuals[: errors.recursion_start] = np.nan
     radius = max(largest_radius(a[1:]), largest_radius(c[1:]))

@@ -31,8 +31,8 @@ COLLAPSED = 1e-5
 class Problem(Protocol):
     """What the search needs to know of an objective."""
 
-    def draw(self, count: int, generator: np.random.Generator) -> Array:
-        """A first population, (count, n)."""
+    def draw(self, count: int, generator: np.random.Generator) -> tuple[Array, int]:
+        """A first population, (count, n), and the evaluations that it took."""
 
     def repair(self, points: Array) -> Array:
         """The points, moved into the feasible region where they lie outside."""
@@ -84,11 +84,8 @@ class SearchResult:
     value : float
     evaluations : int
     generations : int
-    populations : int
-        Independent populations drawn.
-    agreement : float
-        Share of the populations, other than the one that found it, that ended at the best value;
-        0 when there was only one.
+    ends : tuple of float
+        Best value of each independent population.
     basins : int
         Distinct end values of BFGS among all mutated individuals.
     convergence : tuple of (evaluations, best value)
@@ -99,10 +96,23 @@ class SearchResult:
     value: float
     evaluations: int
     generations: int
-    populations: int
-    agreement: float
+    ends: tuple[float, ...]
     basins: int
     convergence: tuple[tuple[int, float], ...]
+
+    @property
+    def populations(self) -> int:
+        """Independent populations drawn."""
+        return len(self.ends)
+
+    @property
+    def agreement(self) -> float:
+        """Share of the populations, other than the one that found it, that ended at the best.
+
+        0 when there was only one.
+        """
+        agreeing = sum(_same(end, self.value) for end in self.ends)
+        return (agreeing - 1) / (len(self.ends) - 1) if len(self.ends) > 1 else 0.0
 
 
 def hybrid_search(
@@ -133,9 +143,9 @@ def hybrid_search(
     convergence: list[tuple[int, float]] = []
     spent = generations = 0
     while spent < settings.evaluations:
-        parents = problem.repair(problem.draw(settings.mu, generator))
+        parents, used = problem.draw(settings.mu, generator)
         values = problem.values(parents)
-        spent += len(parents)
+        spent += used + len(parents)
         while True:
             parents, values, used, descents = _generation(
                 problem, settings, parents, values, generator
@@ -173,10 +183,29 @@ def hybrid_search(
         value=best_value,
         evaluations=spent,
         generations=generations,
-        populations=len(ends),
-        agreement=_agreement(ends, best_value),
+        ends=tuple(ends),
         basins=_distinct(basins),
         convergence=tuple(convergence),
+    )
+
+
+def pooled(first: SearchResult, second: SearchResult) -> SearchResult:
+    """Two searches of one problem with independent draws, as one.
+
+    The larger number of basins stands, since which of them are the same is no longer known.
+    """
+    best = second if second.value < first.value else first
+    continued = (
+        (first.evaluations + spent, min(value, first.value)) for spent, value in second.convergence
+    )
+    return SearchResult(
+        point=best.point,
+        value=best.value,
+        evaluations=first.evaluations + second.evaluations,
+        generations=first.generations + second.generations,
+        ends=first.ends + second.ends,
+        basins=max(first.basins, second.basins),
+        convergence=(*first.convergence, *continued),
     )
 
 
@@ -224,11 +253,6 @@ def _chosen(
     if settings.mutate == "random":
         return generator.permutation(len(values))[:count]
     return order
-
-
-def _agreement(ends: list[float], best: float) -> float:
-    agreeing = sum(_same(end, best) for end in ends)
-    return (agreeing - 1) / (len(ends) - 1) if len(ends) > 1 else 0.0
 
 
 def _same(value: float, best: float, tolerance: float = SAME_OPTIMUM) -> bool:

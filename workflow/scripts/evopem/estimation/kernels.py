@@ -1,4 +1,4 @@
-"""Compiled kernels: residuals, loss, adjoint gradient and Gauss-Newton matrix of ARMAX models.
+"""Compiled kernels of ARMAX models: residuals, loss, adjoint gradient, Gauss-Newton, stability.
 
 Eight candidate models share one pass over the record, one in each lane of a SIMD vector, so that
 the sequential recursion through 1/C costs the same for eight models as for one.  All arithmetic
@@ -470,3 +470,67 @@ def schur_stable(coefficients, radius):  # type: ignore[no-untyped-def]
                 x[i] = (head - k * tail) * d
                 x[j] = (tail - k * head) * d
     return stable
+
+
+@njit(error_model="numpy", cache=True)
+def stability_barrier(coefficients, radius, with_curvature):  # type: ignore[no-untyped-def]
+    """``-sum log(1 - k_i**2)`` over the reflection coefficients of each row's polynomial.
+
+    It grows without bound as a root approaches ``radius``, and is the logarithm of the variance
+    of white noise filtered through the polynomial's inverse, roots divided by ``radius``.
+
+    Parameters
+    ----------
+    coefficients : (models, m) float array, without the leading 1
+    radius : float
+    with_curvature : bool
+        Whether to return the Gauss-Newton part of the second derivatives as well.
+
+    Returns
+    -------
+    values (models,), infinite where a root lies outside; gradients (models, m); curvatures
+    (models, m, m), zero unless asked for.
+    """
+    models_count, m = coefficients.shape
+    values = np.zeros(models_count)
+    gradients = np.zeros((models_count, m))
+    curvatures = np.zeros((models_count, m if with_curvature else 0, m))
+    x, next_x = np.empty(m), np.empty(m)
+    slopes, next_slopes = np.empty((m, m)), np.empty((m, m))  # d x_i / d coefficient_j
+    for model in range(models_count):
+        scale = 1.0
+        for i in range(m):
+            scale *= radius
+            x[i] = coefficients[model, i] / scale
+            slopes[i, :] = 0.0
+            slopes[i, i] = 1.0 / scale
+        for order in range(m, 0, -1):
+            k = x[order - 1]
+            if not abs(k) < 1.0:
+                values[model] = np.inf
+                gradients[model] = 0.0
+                if with_curvature:
+                    curvatures[model] = 0.0
+                break
+            d = 1.0 / (1.0 - k * k)
+            own = slopes[order - 1]
+            values[model] -= np.log1p(-k * k)
+            for j in range(m):
+                gradients[model, j] += 2.0 * k * d * own[j]
+            if with_curvature:
+                weight = 2.0 * (1.0 + k * k) * d * d
+                for i in range(m):
+                    for j in range(m):
+                        curvatures[model, i, j] += weight * own[i] * own[j]
+            for i in range(order - 1):
+                mirror = order - 2 - i
+                next_x[i] = (x[i] - k * x[mirror]) * d
+                for j in range(m):
+                    change = slopes[i, j] - k * slopes[mirror, j]
+                    change += (2.0 * k * next_x[i] - x[mirror]) * own[j]
+                    next_slopes[i, j] = change * d
+            for i in range(order - 1):
+                x[i] = next_x[i]
+                for j in range(m):
+                    slopes[i, j] = next_slopes[i, j]
+    return values, gradients, curvatures

@@ -5,10 +5,9 @@ Candidates are plain JSON-able dicts, so that the parts of a sweep can travel be
 
 from __future__ import annotations
 
-import time
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,7 @@ from threadpoolctl import threadpool_limits
 
 from evopem.errors import InputError
 from evopem.estimation.estimate import Estimate, describe, estimate
-from evopem.estimation.hybrid_search import SearchResult, SearchSettings
+from evopem.estimation.hybrid_search import SAME_OPTIMUM, SearchResult, SearchSettings
 from evopem.estimation.kernels import MIN_NC
 from evopem.estimation.prediction_error import PredictionErrorProblem
 from evopem.models.armax import Orders
@@ -24,6 +23,9 @@ from evopem.models.polynomials import max_root_radius
 from evopem.signals.recording import Recording
 
 Candidate = dict[str, Any]
+
+# Evaluations of a search that is made again, as a multiple of the first one's.
+MORE = 5
 
 
 def estimate_candidates(
@@ -71,24 +73,51 @@ def estimate_candidates(
             )
         if log is not None:
             log(f"{phase}: {order}, candidate {position + 1} of {len(orders)}")
-        began = time.process_time()
-        found = estimate(
-            data.input,
-            data.output,
-            order,
-            data.sampling_rate,
-            objective=search["objective"],
-            seed=search["seed"],
-            recursion_start=scoring_start - search["burn_in"],
-            scoring_start=scoring_start,
-            max_root_radius=search["max_root_radius"],
-            search=search_settings(search),
-            log=log,
-        )
-        candidates.append(_record(found, phase, time.process_time() - began))
+        found = _searched(data, order, search, scoring_start, search_settings(search), None, log)
+        candidates.append(_record(found, phase))
         if log is not None:
             log(f"{phase}: {order} objective {found.objective_value:.9g}, BIC {found.bic:.6f}")
     return candidates
+
+
+def search_again(
+    candidate: Mapping[str, Any],
+    data: Recording,
+    search: Mapping[str, Any],
+    scoring_start: int,
+    log: Callable[[str], None] | None = None,
+) -> Candidate:
+    """The candidate after a further, independent search with :data:`MORE` times the evaluations."""
+    settings = search_settings(search)
+    settings = replace(settings, evaluations=MORE * settings.evaluations)
+    order, earlier = Orders(**_orders_of(candidate)), _result_of(candidate)
+    found = _searched(data, order, search, scoring_start, settings, earlier, log)
+    return _record(found, candidate["phase"])
+
+
+def _searched(
+    data: Recording,
+    orders: Orders,
+    search: Mapping[str, Any],
+    scoring_start: int,
+    settings: SearchSettings,
+    earlier: SearchResult | None,
+    log: Callable[[str], None] | None,
+) -> Estimate:
+    return estimate(
+        data.input,
+        data.output,
+        orders,
+        data.sampling_rate,
+        objective=search["objective"],
+        seed=search["seed"],
+        recursion_start=scoring_start - search["burn_in"],
+        scoring_start=scoring_start,
+        max_root_radius=search["max_root_radius"],
+        search=settings,
+        earlier=earlier,
+        log=log,
+    )
 
 
 def search_settings(search: Mapping[str, Any]) -> SearchSettings:
@@ -106,16 +135,7 @@ def recall(
     candidate: Mapping[str, Any], data: Recording, search: Mapping[str, Any], scoring_start: int
 ) -> Estimate:
     """The full estimate of a candidate, recomputed at its parameters without a search."""
-    orders = Orders(candidate["na"], candidate["nb"], candidate["nc"], candidate["nk"])
-    point = np.array(
-        candidate["a"][1:] + candidate["b"] + candidate["c"][1:] + candidate["noise_state"]
-    )
-    result = SearchResult(
-        point=point,
-        value=candidate["objective"],
-        convergence=tuple((count, value) for count, value in candidate["convergence"]),
-        **{key: candidate[key] for key in _SEARCH_COUNTS},
-    )
+    orders, result = Orders(**_orders_of(candidate)), _result_of(candidate)
     with threadpool_limits(limits=1, user_api="blas"):
         errors = PredictionErrorProblem(
             data.input,
@@ -127,6 +147,19 @@ def recall(
             search["max_root_radius"],
         )
         return describe(errors, result, data.sampling_rate)
+
+
+def _result_of(candidate: Mapping[str, Any]) -> SearchResult:
+    """The result of the search as the candidate's record has it."""
+    return SearchResult(
+        point=np.array(
+            candidate["a"][1:] + candidate["b"] + candidate["c"][1:] + candidate["noise_state"]
+        ),
+        value=candidate["objective"],
+        ends=tuple(candidate["ends"]),
+        convergence=tuple((count, value) for count, value in candidate["convergence"]),
+        **{key: candidate[key] for key in ("evaluations", "generations", "basins")},
+    )
 
 
 def evidence_of(estimate: Estimate, search: Mapping[str, Any]) -> dict[str, Any]:
@@ -141,11 +174,70 @@ def evidence_of(estimate: Estimate, search: Mapping[str, Any]) -> dict[str, Any]
         "noise_state": estimate.noise_state.tolist(),
         "search": {
             "settings": dict(search),
-            "found": {key: getattr(estimate.search, key) for key in _SEARCH_COUNTS}
+            "found": {key: getattr(estimate.search, key) for key in _CERTIFICATE}
             | {"at_margin": estimate.at_margin},
         },
         "seed": search["seed"],
     }
+
+
+def select(
+    candidates: Sequence[Candidate],
+    phase: str,
+    again: Callable[[Candidate], Candidate],
+) -> tuple[dict[str, int], str, list[Candidate]]:
+    """Choose a phase's delay or order, once the searches that decide it can be relied on.
+
+    A candidate is searched again, once, before the choice stands when it would be chosen although
+    no second population ended at its best value, or when its search is proven to have failed: a
+    smaller model, which is a special case of it, has the lower objective.
+
+    Parameters
+    ----------
+    candidates : sequence of candidates
+        Of the whole phase.
+    phase : str
+    again : callable
+        Returns a candidate after a further search; see :func:`search_again`.
+
+    Returns
+    -------
+    chosen orders, the reason in a sentence, and the candidates as they now are
+    """
+    settled = list(candidates)
+    choose = select_delay if phase == "delay" else select_order
+    searched: set[int] = set()
+    while True:
+        chosen, reason = choose(settled)
+        doubtful = {
+            row
+            for row, candidate in enumerate(settled)
+            if (_decides(candidate, chosen, phase) and candidate["agreement"] == 0.0)
+            or any(_proves_failed(smaller, candidate) for smaller in settled)
+        }
+        if doubtful <= searched:
+            return chosen, reason, settled
+        for row in sorted(doubtful - searched):
+            settled[row] = again(settled[row])
+        searched |= doubtful
+
+
+def _decides(candidate: Mapping[str, Any], chosen: Mapping[str, int], phase: str) -> bool:
+    """Whether the choice rests on a candidate: for the delay, on all orders with that delay."""
+    names = ("nk",) if phase == "delay" else tuple(chosen)
+    return all(candidate[name] == chosen[name] for name in names)
+
+
+def _proves_failed(smaller: Mapping[str, Any], larger: Mapping[str, Any]) -> bool:
+    """Whether a model that is a special case of a larger one has the lower objective."""
+    contained = (
+        smaller["na"] <= larger["na"]
+        and smaller["nc"] <= larger["nc"]
+        and smaller["nk"] >= larger["nk"]
+        and smaller["nk"] + smaller["nb"] <= larger["nk"] + larger["nb"]
+    )
+    lower = larger["objective"] - smaller["objective"] > SAME_OPTIMUM * smaller["objective"]
+    return bool(contained and lower)
 
 
 def select_delay(candidates: Sequence[Mapping[str, Any]]) -> tuple[dict[str, int], str]:
@@ -183,10 +275,10 @@ def select_order(candidates: Sequence[Mapping[str, Any]]) -> tuple[dict[str, int
     return _orders_of(best), reason + "."
 
 
-_SEARCH_COUNTS = ("evaluations", "generations", "populations", "agreement", "basins")
+_CERTIFICATE = ("evaluations", "generations", "populations", "agreement", "basins")
 
 
-def _record(found: Estimate, phase: str, seconds: float) -> Candidate:
+def _record(found: Estimate, phase: str) -> Candidate:
     model = found.model
     return {
         "phase": phase,
@@ -194,11 +286,11 @@ def _record(found: Estimate, phase: str, seconds: float) -> Candidate:
         "rss": found.rss,
         "bic": found.bic,
         "objective": found.objective_value,
-        "seconds": round(seconds, 4),
         "max_pole_radius": max_root_radius(model.a[1:]),
         "max_zero_radius": max_root_radius(model.c[1:]),
         "at_margin": found.at_margin,
-        **{key: getattr(found.search, key) for key in _SEARCH_COUNTS},
+        **{key: getattr(found.search, key) for key in _CERTIFICATE},
+        "ends": list(found.search.ends),
         "a": model.a.tolist(),
         "b": model.b.tolist(),
         "c": model.c.tolist(),

@@ -97,6 +97,18 @@ class PredictionErrorProblem:
         self._scale = float(np.sum(np.abs(scored)) if objective == "absolute" else scored @ scored)
         self.scored_samples = self.samples - scoring_start
 
+    def of_orders(self, orders: Orders) -> PredictionErrorProblem:
+        """The same problem for other orders that have residuals from ``recursion_start`` on."""
+        return PredictionErrorProblem(
+            self.input,
+            self.output,
+            orders,
+            self.objective,
+            self.recursion_start,
+            self.scoring_start,
+            self.max_root_radius,
+        )
+
     @property
     def dimension(self) -> int:
         """Length of a point: n = na + nb + nc parameters and nc noise states."""
@@ -114,17 +126,23 @@ class PredictionErrorProblem:
         values[~np.isfinite(values)] = np.inf
         return values
 
-    def values_and_gradients(self, points: Array, corners: Array) -> tuple[Array, Array]:
+    def values_and_gradients(
+        self, points: Array, corners: Array, barriers: Array
+    ) -> tuple[Array, Array]:
         """Smoothed objective of each row and its gradient; infeasible rows are inf and 0.
 
         ``corners`` (M,), in the unit of the output, round the corner of the absolute value,
-        ``sqrt(e**2 + corner**2)``; the quadratic objective does not use them.
+        ``sqrt(e**2 + corner**2)``; the quadratic objective does not use them.  ``barriers``
+        (M,), in percent, weigh a barrier that grows towards the edge of the stability region
+        (:func:`evopem.estimation.kernels.stability_barrier` of A and of C), so that a descent
+        is led along the edge instead of being stuck at it.
         """
         values = np.full(len(points), np.inf)
         gradients = np.zeros(points.shape)
+        feasible = self.feasible(points)
         o, work = self.orders, self._work
         factor = 100.0 / self._scale
-        for rows in self._passes(self.feasible(points)):
+        for rows in self._passes(feasible):
             self._run_residuals(points[rows])
             span = (work.residuals, self.scoring_start, self.samples)
             if self.objective == "absolute":
@@ -148,13 +166,18 @@ class PredictionErrorProblem:
             values[rows] = factor * work.total[0, : len(rows)]
             gradient = (self._signs[:, None] * work.gradient)[self._rows, : len(rows)]
             gradients[rows] = factor * gradient.T
+        inside = np.flatnonzero(feasible)
+        for part in self._polynomials():
+            barrier, slope, _ = self._barrier(points[inside], part, with_curvature=False)
+            values[inside] += barriers[inside] * barrier
+            gradients[inside, part] += barriers[inside, None] * slope
         bad = ~(np.isfinite(values) & np.isfinite(gradients).all(axis=1))
         values[bad] = np.inf
         gradients[bad] = 0.0
         return values, gradients
 
-    def curvatures(self, points: Array, corners: Array) -> Array:
-        """Gauss-Newton approximation of the Hessian of each row's smoothed objective, (M, n, n).
+    def curvatures(self, points: Array, corners: Array, barriers: Array) -> Array:
+        """Gauss-Newton approximation of the Hessian of what rows of a descent minimise, (M, n, n).
 
         For the absolute objective the mean second derivative of the loss (twice the density of
         the residuals at zero) scales the same matrix.
@@ -192,6 +215,9 @@ class PredictionErrorProblem:
             upper = np.triu(np.moveaxis(kept, 2, 0))
             symmetric = upper + np.swapaxes(np.triu(upper, 1), 1, 2)
             matrices[rows] = factor * self._mean_curvature(corners[rows])[:, None, None] * symmetric
+        for part in self._polynomials():
+            curvature = self._barrier(points, part, with_curvature=True)[2]
+            matrices[:, part, part] += barriers[:, None, None] * curvature
         return matrices
 
     def mean_absolute_residuals(self, values: Array) -> Array:
@@ -206,12 +232,12 @@ class PredictionErrorProblem:
 
     def feasible(self, points: Array) -> NDArray[np.bool_]:
         """Whether A and C of each row have all roots within ``max_root_radius``."""
-        o = self.orders
-        finite = np.isfinite(points).all(axis=1)
-        a = np.ascontiguousarray(points[:, : o.na])
-        c = np.ascontiguousarray(points[:, o.na + o.nb : o.parameters])
-        radius = self.max_root_radius
-        return finite & kernels.schur_stable(a, radius) & kernels.schur_stable(c, radius)
+        feasible = np.asarray(np.isfinite(points).all(axis=1))
+        for part in self._polynomials():
+            coefficients = np.ascontiguousarray(points[:, part])
+            stable: NDArray[np.bool_] = kernels.schur_stable(coefficients, self.max_root_radius)
+            feasible = np.logical_and(feasible, stable)
+        return feasible
 
     def repair(self, points: Array) -> Array:
         """Move the roots of A and C of infeasible rows inside by reflection at the unit circle.
@@ -219,16 +245,28 @@ class PredictionErrorProblem:
         Reflection of a root of C leaves the spectrum of the noise as it was (Söderström &
         Stoica 1989, section 6.2); roots in the margin go to its inner edge.
         """
-        o = self.orders
         repaired = points.copy()
+        inner = self.max_root_radius * (1.0 - 1e-6)
         for row in np.flatnonzero(~self.feasible(points)):
             point = np.where(np.isfinite(points[row]), points[row], 0.0)
-            inner = self.max_root_radius * (1.0 - 1e-6)
-            point[: o.na] = reflect_into_disc(point[: o.na], inner)
-            noise = slice(o.na + o.nb, o.parameters)
-            point[noise] = reflect_into_disc(point[noise], inner)
+            for part in self._polynomials():
+                point[part] = reflect_into_disc(point[part], inner)
             repaired[row] = point
         return repaired
+
+    def _polynomials(self) -> tuple[slice, slice]:
+        """Where the coefficients of A and of C stand in a point."""
+        o = self.orders
+        return slice(0, o.na), slice(o.na + o.nb, o.parameters)
+
+    def _barrier(
+        self, points: Array, part: slice, *, with_curvature: bool
+    ) -> tuple[Array, Array, Array]:
+        coefficients = np.ascontiguousarray(points[:, part])
+        barrier: tuple[Array, Array, Array] = kernels.stability_barrier(
+            coefficients, self.max_root_radius, with_curvature
+        )
+        return barrier
 
     def _passes(self, chosen: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
         """Chosen rows in groups of at most one SIMD pass each."""

@@ -2,50 +2,72 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
+from evopem.estimation.least_squares import chunks, triangle_of
 from evopem.models.armax import ArmaxModel
 
 Array = NDArray[np.float64]
 
 
-def residual_jacobian(
+def jacobian_triangle(
     model: ArmaxModel,
     input: Array,  # noqa: A002
     output: Array,
     residuals: Array,
     recursion_start: int,
+    scoring_start: int,
 ) -> Array:
-    """Derivatives of the residuals with respect to ``[a, b, c]`` and the noise state, (N, n + nc).
+    """R of the QR decomposition of the scored residuals' Jacobian, (n + nc, n + nc) or fewer rows.
 
-    ``d e/d a_i = y_F(t-i)``, ``d e/d b_j = -u_F(t-nk-j)``, ``d e/d c_k = -e_F(t-k)`` with signals
-    filtered through 1/C from rest at ``recursion_start`` (Ljung 1999, section 10.3), and impulses
+    With respect to ``[a, b, c]`` and the noise state: ``d e/d a_i = y_F(t-i)``,
+    ``d e/d b_j = -u_F(t-nk-j)``, ``d e/d c_k = -e_F(t-k)`` with signals filtered through 1/C from
+    rest at ``recursion_start`` (Ljung 1999, section 10.3), and impulses
     there for the noise state.
     """
+    blocks = _jacobian_blocks(model, input, output, residuals, recursion_start)
+    return triangle_of(
+        block[max(scoring_start - first, 0) :]
+        for first, block in blocks
+        if first + len(block) > scoring_start
+    )
+
+
+def _jacobian_blocks(
+    model: ArmaxModel,
+    input: Array,  # noqa: A002
+    output: Array,
+    residuals: Array,
+    recursion_start: int,
+) -> Iterator[tuple[int, Array]]:
+    """First sample and rows of the Jacobian, chunk by chunk."""
     from scipy.signal import lfilter
 
     o = model.orders
+    samples = len(output)
+    impulse = np.zeros(samples)
+    impulse[recursion_start] = 1.0
     columns = (
         [(output, i, 1.0) for i in range(1, o.na + 1)]
         + [(input, o.nk + j, -1.0) for j in range(o.nb)]
         + [(residuals, k, -1.0) for k in range(1, o.nc + 1)]
+        + [(impulse, k, 1.0) for k in range(o.nc)]
     )
-    samples = len(output)
-    jacobian = np.zeros((samples, o.parameters + o.nc))
-    for column, (signal, lag, sign) in enumerate(columns):
-        delayed = signal[recursion_start - lag : samples - lag]
-        jacobian[recursion_start:, column] = sign * lfilter([1.0], model.c, delayed)
-    impulse = np.zeros(samples)
-    impulse[recursion_start] = 1.0
-    response = lfilter([1.0], model.c, impulse)
-    for k in range(o.nc):
-        jacobian[k:, o.parameters + k] = response[: samples - k]
-    return jacobian
+    states = [np.zeros(o.nc) for _ in columns]
+    for first, stop in chunks(recursion_start, samples):
+        block = np.empty((stop - first, len(columns)))
+        for column, (signal, lag, sign) in enumerate(columns):
+            delayed = signal[first - lag : stop - lag]
+            filtered, states[column] = lfilter([1.0], model.c, delayed, zi=states[column])
+            block[:, column] = sign * filtered
+        yield first, block
 
 
 def parameter_covariance(
-    jacobian: Array, residuals: Array, parameters: int, objective: str
+    triangle: Array, residuals: Array, parameters: int, objective: str
 ) -> Array:
     """Asymptotic covariance of the parameters, (n, n), the noise state being estimated as well.
 
@@ -55,19 +77,19 @@ def parameter_covariance(
 
     Parameters
     ----------
-    jacobian : (N, n + nc) array
-        Over the scored samples only.
+    triangle : (n + nc, n + nc) array
+        Of :func:`jacobian_triangle`.
     residuals : (N,) array
-        The same samples.
+        The scored ones.
     parameters : int
         n.
     objective : {"absolute", "quadratic"}
     """
-    samples, n = len(jacobian), parameters
-    scale = np.linalg.norm(jacobian, axis=0)
+    samples, n = len(residuals), parameters
+    scale = np.linalg.norm(triangle, axis=0)
     scale[scale == 0.0] = 1.0
     # A noise state that has died out before the first scored sample leaves no trace there.
-    inverse = np.linalg.pinv(np.linalg.qr(jacobian / scale, mode="r"), rcond=1e-10)
+    inverse = np.linalg.pinv(triangle / scale, rcond=1e-10)
     information_inverse = ((inverse @ inverse.T) / np.outer(scale, scale))[:n, :n]
     if objective == "quadratic":
         spread = float(residuals @ residuals) / max(samples - n, 1)

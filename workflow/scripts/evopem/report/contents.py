@@ -106,18 +106,22 @@ def read_contents(paths: Mapping[str, Path], dataset: str | None = None) -> Cont
 
 
 def _wall_clock(paths: Mapping[str, Path]) -> dict[str, float]:
-    """Seconds from start to end of each job of one run, by its stage, as Snakemake measured them.
+    """Seconds from start to end of the jobs of each stage, summed, as Snakemake measured them.
 
-    Benchmark files are records and no results: one that is missing or empty is passed over.
+    The jobs of a phase of the order search stand in a folder of its name.  Benchmark files are
+    records and no results: one that is missing or empty is passed over.
     """
-    seconds = {}
+    seconds: dict[str, float] = {}
     for name, path in paths.items():
-        folder, _, file = name.rpartition("/")
-        if folder == "benchmarks" and file.endswith(".tsv"):
-            try:
-                seconds[file.removesuffix(".tsv")] = float(pd.read_csv(path, sep="\t")["s"].mean())
-            except (OSError, ValueError, KeyError):
-                continue
+        if not (name.startswith("benchmarks/") and name.endswith(".tsv")):
+            continue
+        stage = name.removeprefix("benchmarks/").removesuffix(".tsv").removeprefix("phases/")
+        stage = stage.partition("/")[0]
+        try:
+            taken = float(pd.read_csv(path, sep="\t")["s"].mean())
+        except (OSError, ValueError, KeyError):
+            continue
+        seconds[stage] = seconds.get(stage, 0.0) + taken
     return seconds
 
 

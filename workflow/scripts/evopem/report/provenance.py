@@ -35,8 +35,7 @@ class Stage:
 def stages(contents: Contents) -> list[Stage]:
     """Time of every stage in its order.
 
-    Processor time of the fits, which may run side by side; of the others the time from start to
-    end of their job, None where it was not kept.
+    From start to end of its jobs, which may run side by side; None where it was not kept.
     """
     clock = contents.wall_clock
     rows = [Stage(name, clock.get(stage)) for stage, name in BEFORE]
@@ -44,7 +43,7 @@ def stages(contents: Contents) -> list[Stage]:
         tried = contents.candidates[contents.candidates["phase"] == phase]
         if not tried.empty:
             evaluations = int(tried["evaluations"].fillna(0).sum())
-            rows.append(Stage(name, float(tried["seconds"].sum()), len(tried), evaluations))
+            rows.append(Stage(name, clock.get(phase), len(tried), evaluations))
     return rows + [Stage(name, clock.get(stage)) for stage, name in AFTER]
 
 

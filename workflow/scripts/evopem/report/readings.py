@@ -478,8 +478,7 @@ def search(contents: Contents) -> list[str]:
     candidates = contents.candidates
     sentences = [
         f"{plural(len(candidates), 'candidate')} took"
-        f" {count(int(candidates['evaluations'].fillna(0).sum()))} evaluations of the objective and"
-        f" {number(float(candidates['seconds'].fillna(0).sum()), 3)}{THIN}s of computing."
+        f" {count(int(candidates['evaluations'].fillna(0).sum()))} evaluations of the objective."
     ]
     chosen = contents.chosen
     if chosen is None:
