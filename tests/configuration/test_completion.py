@@ -63,6 +63,7 @@ def test_only_datasets_is_a_complete_configuration():
             "mu": 15,
             "lambda": 100,
             "nu": 10,
+            "start": "chapter",
             "mutate": "worst",
             "seed": 1,
         }.items()

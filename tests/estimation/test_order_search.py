@@ -19,6 +19,7 @@ from evopem.synthesis.armax import armax
 
 SEARCH = {
     "objective": "quadratic",
+    "start": "chapter",
     "mu": 15,
     "lambda": 100,
     "nu": 10,

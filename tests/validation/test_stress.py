@@ -17,6 +17,7 @@ SEARCH = {
     "mu": 5,
     "lambda": 20,
     "nu": 5,
+    "start": "chapter",
     "mutate": "worst",
     "evaluations": 3000,
     "seed": 1,

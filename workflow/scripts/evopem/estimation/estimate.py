@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from threadpoolctl import threadpool_limits
 
-from evopem.estimation.armax_problem import ArmaxProblem
+from evopem.estimation.armax_problem import STARTS, ArmaxProblem
 from evopem.estimation.hybrid_search import (
     MUTATE,
     SearchResult,
@@ -87,6 +87,7 @@ def estimate(
     scoring_start: int | None = None,
     max_root_radius: float = DEFAULT_MAX_ROOT_RADIUS,
     search: SearchSettings | None = None,
+    start: str = "chapter",
     earlier: SearchResult | None = None,
     log: Callable[[str], None] | None = None,
 ) -> Estimate:
@@ -113,6 +114,9 @@ def estimate(
     max_root_radius : float
         Largest radius of the roots of A and C.
     search : SearchSettings, optional
+    start : {"chapter", "grown"}
+        First individuals: A and B of stage one with C at random, as in the chapter, or grown from
+        smaller orders by pairs of roots, which finds more in over-parameterised models.
     earlier : SearchResult, optional
         The result of an earlier search of the same problem, to be pooled with this one.
     log : callable, optional
@@ -132,17 +136,28 @@ def estimate(
     u = np.ascontiguousarray(input, dtype=float)
     y = np.ascontiguousarray(output, dtype=float)
     first = orders.first_residual if recursion_start is None else recursion_start
-    start = first + max(DEFAULT_BURN_IN, orders.nc) if scoring_start is None else scoring_start
-    _check(u, y, orders, objective, (first, start), max_root_radius, search)
-    first, start = max(first, MIN_NC), max(start, MIN_NC)  # what the kernels look back on
+    burnt_in = first + max(DEFAULT_BURN_IN, orders.nc)
+    scored_from = burnt_in if scoring_start is None else scoring_start
+    _check(u, y, orders, objective, (first, scored_from), max_root_radius, search)
+    if start not in STARTS:
+        raise ValueError(f"start must be one of {STARTS}, not {start!r}")
+    # What the kernels look back on.
+    first, scored_from = max(first, MIN_NC), max(scored_from, MIN_NC)
     # The search works on signals of moderate size; powers of two leave every bit of them alone.
     input_scale, output_scale = _power_of_two(u), _power_of_two(y)
     # The bits of a result must not depend on how many threads the machine's BLAS would take.
     with threadpool_limits(limits=1, user_api="blas"):
         scaled = ArmaxProblem(
             PredictionErrorProblem(
-                u / input_scale, y / output_scale, orders, objective, first, start, max_root_radius
-            )
+                u / input_scale,
+                y / output_scale,
+                orders,
+                objective,
+                first,
+                scored_from,
+                max_root_radius,
+            ),
+            start,
         )
         key = (orders.na, orders.nb, orders.nc, orders.nk, *((1,) if earlier else ()))
         sequence = np.random.SeedSequence(seed, spawn_key=key)
@@ -153,7 +168,9 @@ def estimate(
         result = replace(result, point=point)
         if earlier is not None:
             result = pooled(earlier, result)
-        errors = PredictionErrorProblem(u, y, orders, objective, first, start, max_root_radius)
+        errors = PredictionErrorProblem(
+            u, y, orders, objective, first, scored_from, max_root_radius
+        )
         return describe(errors, result, sampling_rate)
 
 

@@ -115,6 +115,7 @@ def _searched(
         scoring_start=scoring_start,
         max_root_radius=search["max_root_radius"],
         search=settings,
+        start=search["start"],
         earlier=earlier,
         log=log,
     )
