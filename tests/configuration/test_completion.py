@@ -30,6 +30,7 @@ def test_only_datasets_is_a_complete_configuration():
     assert config == {
         "candidates_per_job": 6,
         "fletcher_powell": {
+            "algorithms": config["fletcher_powell"]["algorithms"],
             "dimension": 20,
             "evaluations": 200000,
             "instances": 10,

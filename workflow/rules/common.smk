@@ -167,7 +167,7 @@ def comparison_runs(wildcards):
     return [
         f"results/fletcher_powell/runs/{part}/{algorithm}/{instance}/{block}.json"
         for part in experiments.PARTS
-        for algorithm in experiments.algorithms(part)
+        for algorithm in experiments.algorithms(part, COMPARISON)
         for instance in experiments.instances(COMPARISON)
         for block in range(1, experiments.block_count(part, algorithm, COMPARISON) + 1)
     ]

@@ -34,15 +34,19 @@ AT_LARGEST = (*HYBRIDS[1:], SMALL_HYBRID)
 PARTS = ("table", "scale")
 """What a job runs: both studies of the table's dimension, or all dimensions of the scale."""
 
+FIGURES = ("final", "convergence", "mutation", "scale", "landscape")
+"""The figures of the page, in its order."""
+
 
 def instances(settings: Mapping[str, Any]) -> list[str]:
     """Name the instances: the citable one first, the others by their seeds."""
     return ["cec2005-f12", *(f"seed-{seed}" for seed in range(1, settings["instances"]))]
 
 
-def algorithms(part: str) -> tuple[str, ...]:
+def algorithms(part: str, settings: Mapping[str, Any]) -> list[str]:
     """Name the algorithms of a part."""
-    return IN_TABLE if part == "table" else (*IN_SCALE, *AT_LARGEST)
+    own = IN_TABLE if part == "table" else (*IN_SCALE, *AT_LARGEST)
+    return [name for name in own if name in settings["algorithms"]]
 
 
 def block_count(part: str, algorithm: str, settings: Mapping[str, Any]) -> int:

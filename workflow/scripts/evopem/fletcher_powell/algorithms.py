@@ -62,7 +62,7 @@ def _on_values(algorithm: Callable[..., None]) -> Run:
 
 _HYBRID_SETTINGS = (
     f"({HYBRID.mu}+{HYBRID.lambda_}), ν = {HYBRID.nu}: the identification's defaults; discrete "
-    "recombination of two parents, BFGS to convergence (at most 10 n steps), a new population when "
+    "recombination of two parents, BFGS to convergence (at most 200 or 10 n steps), a new population when "
     "one has collapsed; unbounded, end points wrapped into the box"
 )
 ALGORITHMS: dict[str, Algorithm] = {

@@ -11,8 +11,8 @@ from evopem.fletcher_powell.objective import Objective
 
 Array = NDArray[np.float64]
 
-# Accepted steps a descent may take, for each coordinate.
-MAX_ITERATIONS = 10
+# Accepted steps a descent may take: so many, or so many for each coordinate.
+MAX_ITERATIONS, MAX_ITERATIONS_EACH = 200, 10
 # Relative decrease at which a descent has converged.
 TOLERANCE = 1e-9
 # Root mean square of a descent's first trial step over the coordinates, in radians.
@@ -79,9 +79,8 @@ def descend_in_turn(objective: Objective, points: Array) -> tuple[Array, Array]:
         scale = FIRST_STEP * np.sqrt(n) / np.maximum(steepest[rows], np.finfo(float).tiny)
         return scale[:, None, None] * np.eye(n)
 
-    result = descend(
-        evaluate, points, inverse_hessians, MAX_ITERATIONS * n, TOLERANCE, refresh=None
-    )
+    most = max(MAX_ITERATIONS, MAX_ITERATIONS_EACH * n)
+    result = descend(evaluate, points, inverse_hessians, most, TOLERANCE, refresh=None)
     for values in seen:
         objective.record(np.array(values), gradients=True)
     return wrap(result.points), result.values

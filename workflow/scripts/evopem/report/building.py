@@ -68,7 +68,7 @@ def build_report(
         When a required file is missing or damaged.
     """
     contents = read_contents(paths, dataset)
-    page = _environment(template_directory).get_template("report.html.j2")
+    page = environment(template_directory).get_template("report.html.j2")
     return page.render(_report_values(contents, read_results(paths), commit))
 
 
@@ -90,7 +90,7 @@ def build_index(datasets: Mapping[str, Mapping[str, Path]], template_directory: 
     """
     rows = [_index_row(name, read_contents(paths, name)) for name, paths in datasets.items()]
     rows.sort(key=lambda row: (-row["failed"], -row["open"], -row["severity"], row["name"]))
-    return _environment(template_directory).get_template("index.html.j2").render(rows=rows)
+    return environment(template_directory).get_template("index.html.j2").render(rows=rows)
 
 
 def _index_row(name: str, contents: Contents) -> dict[str, Any]:
@@ -110,7 +110,7 @@ def _index_row(name: str, contents: Contents) -> dict[str, Any]:
     }
 
 
-def _environment(template_directory: Path) -> Environment:
+def environment(template_directory: Path) -> Environment:
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
     environment = Environment(
