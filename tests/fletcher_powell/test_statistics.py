@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 
 from evopem.fletcher_powell.claims import claims
+from evopem.fletcher_powell.function import instance
 from evopem.fletcher_powell.statistics import (
     comparison,
     expected_evaluations,
@@ -97,8 +98,13 @@ def test_progress_has_a_floor():
     assert progress([1e-8, 0.0, 100.0]).tolist() == pytest.approx([-8.0, -30.0, 2.0])
 
 
-def test_the_minima_of_two_variables_are_distinct_and_the_lowest_is_zero():
+def test_the_minima_of_two_variables_are_distinct_and_alpha_is_one_of_them():
     minima = minima_table("seed-1")
-    assert minima["f"].iloc[0] < 1e-9
-    assert np.all(minima["f"].iloc[1:] > 1e-3)
-    assert minima[["x1", "x2"]].round(2).drop_duplicates().shape[0] == len(minima)
+    points = minima[["x1", "x2"]].to_numpy()
+    assert len(minima) < 10
+    assert minima["f"].is_monotonic_increasing
+    at_alpha = np.max(np.abs(points - instance("seed-1", 2).alpha), axis=1) < 1e-6
+    assert at_alpha.sum() == 1
+    assert np.all(minima["f"][at_alpha] < 1e-9)
+    for row in points:
+        assert np.sum(np.max(np.abs(points - row), axis=1) < 1e-3) == 1

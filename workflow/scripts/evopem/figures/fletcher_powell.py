@@ -50,6 +50,8 @@ MUTATIONS = {
 }
 SCALE = ("hybrid", "multi-start", "monotonic-basin-hopping", "basin-hopping")
 TARGET = -6.0
+# Below this a minimum is a global one.
+ZERO = 1e-9
 
 
 @dataclass(frozen=True)
@@ -92,7 +94,8 @@ def draw_landscape(landscape: pd.DataFrame, minima: pd.DataFrame) -> Figure:
         shade = 0.02 + 0.62 * number / len(levels)
         axes.contourf(x, y, values, [low - 1.0, high], colors=[MODEL], alpha=shade)
     axes.contour(x, y, values, levels, colors=[MODEL], linewidths=0.5)
-    others, lowest = minima.iloc[1:], minima.iloc[0]
+    is_global = minima["f"] < ZERO
+    others, lowest = minima[~is_global], minima[is_global]
     axes.plot(
         others["x1"],
         others["x2"],
@@ -103,12 +106,13 @@ def draw_landscape(landscape: pd.DataFrame, minima: pd.DataFrame) -> Figure:
         label="other minima",
     )
     axes.plot(
-        *lowest[["x1", "x2"]],
+        lowest["x1"],
+        lowest["x2"],
         linestyle="none",
         marker="*",
         markersize=11,
         color=TRUTH,
-        label="global minimum, f = 0",
+        label="f = 0",
     )
     ticks = np.pi * np.array([-1, -0.5, 0, 0.5, 1])
     labels = ["−π", "−π/2", "0", "π/2", "π"]
@@ -368,6 +372,7 @@ COMPARISON_FIGURES = (
         "landscape",
         "The function",
         "The function for n = 2 (chapter figure 1), of the first instance: the darker the higher."
+        " Two equations in two unknowns can have several solutions: f may be 0 beside α, too."
         " Opposite sides of the box join: f is 2π-periodic.",
         lambda results: draw_landscape(results.landscape, results.minima),
         lambda results: results.landscape,

@@ -29,9 +29,9 @@ class FletcherPowellProblem:
     def __init__(self, objective: Objective) -> None:
         self.objective = objective
 
-    def draw(self, count: int, generator: np.random.Generator) -> Array:
-        """Individuals uniform in the box [-π, π]."""
-        return generator.uniform(-np.pi, np.pi, (count, self.objective.dimension))
+    def draw(self, count: int, generator: np.random.Generator) -> tuple[Array, int]:
+        """Individuals uniform in the box [-π, π], which takes no evaluation."""
+        return generator.uniform(-np.pi, np.pi, (count, self.objective.dimension)), 0
 
     def repair(self, points: Array) -> Array:
         """The images of the points in the box."""
