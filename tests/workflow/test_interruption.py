@@ -1,0 +1,85 @@
+"""Runs that are stopped and files that are spoilt: it goes on or says so; never a wrong result."""
+
+import resource
+import subprocess
+
+import pytest
+
+from .conftest import TINY
+from .interruption import final_files, run_with_kills
+
+pytestmark = pytest.mark.xdist_group("workflow")
+
+
+def without_times(files):
+    """Results without those that hold processor times, and their seals."""
+    return {
+        name: content
+        for name, content in files.items()
+        if "phases/" not in name and "candidates.csv" not in name
+    }
+
+
+def test_killed_at_any_moment_the_results_are_those_of_an_undisturbed_run(folder, finished):
+    """`python tests/workflow/interruption.py` does the same with twenty kills."""
+    folder.configure(TINY)
+    story = run_with_kills(folder, 4, 1, "--cores", "2")
+    assert story
+    assert without_times(final_files(folder)) == without_times(final_files(finished))
+
+
+def test_a_changed_or_truncated_result_is_refused_and_made_again(copy, finished):
+    results = copy.results / "truth"
+    phase, prepared = results / "phases" / "c.json", results / "prepared.npz"
+    text = phase.read_text()
+    place = text.index('"bic": ') + 9
+    digit = "1" if text[place] != "1" else "2"
+    phase.write_text(text[:place] + digit + text[place + 1 :])
+    prepared.write_bytes(prepared.read_bytes()[:3000])
+    for name in ("candidates.csv", "model.json", "report.html"):
+        (results / name).unlink()
+    run = copy.run("--cores", "1")
+    assert run.returncode != 0
+    assert "Traceback" not in run.stdout
+    for file in (phase, prepared):
+        assert (
+            f"{file.relative_to(copy.path)}: it was changed or damaged after it was written;"
+            " delete it and run snakemake again" in run.stdout
+        )
+    assert not (results / "model.json").exists()
+    assert not (results / "report.html").exists()
+    phase.unlink()
+    prepared.unlink()
+    copy.finish("--cores", "2")
+    assert without_times(final_files(copy)) == without_times(final_files(finished))
+
+
+def test_a_deleted_result_is_made_again(copy, finished):
+    for name in ("model.json", "modes.csv", "phases/b/part-1.json"):
+        (copy.results / "truth" / name).unlink()
+    copy.finish("--cores", "2")
+    assert without_times(final_files(copy)) == without_times(final_files(finished))
+
+
+def test_a_full_disk_is_said_and_leaves_nothing_half_written(copy, finished):
+    """No file may grow beyond 40 kB, as on a full disk: the drawing of figures fails."""
+    figures = copy.results / "truth" / "figures"
+    for figure in figures.iterdir():
+        figure.unlink()
+    (copy.results / "truth" / "report.html").unlink()
+    limit = 40_000
+    run = subprocess.run(
+        copy.command("--cores", "1"),
+        cwd=copy.path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        check=False,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)),
+    )
+    assert run.returncode != 0
+    assert "Traceback" not in run.stdout
+    assert "cannot be written (File too large); make room or give permission" in run.stdout
+    assert not list(figures.glob("**/*"))
+    copy.finish("--cores", "1")
+    assert without_times(final_files(copy)) == without_times(final_files(finished))
