@@ -1,9 +1,10 @@
 """Real runs of Snakemake in folders of their own, with small configurations."""
 
+import os
 import shutil
 import subprocess
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
@@ -30,6 +31,7 @@ class Folder:
 
     path: Path
     snakefile: Path = ROOT / "Snakefile"
+    environment: dict[str, str] = field(default_factory=dict)
 
     @property
     def results(self):
@@ -60,6 +62,7 @@ class Folder:
         return subprocess.run(
             self.command(*arguments),
             cwd=self.path,
+            env=os.environ | self.environment,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,

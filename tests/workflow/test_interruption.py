@@ -6,18 +6,9 @@ import subprocess
 import pytest
 
 from .conftest import TINY
-from .interruption import final_files, run_with_kills
+from .interruption import final_files, run_with_kills, without_times
 
 pytestmark = pytest.mark.xdist_group("workflow")
-
-
-def without_times(files):
-    """Results without those that hold processor times, and their seals."""
-    return {
-        name: content
-        for name, content in files.items()
-        if "phases/" not in name and "candidates.csv" not in name
-    }
 
 
 def test_killed_at_any_moment_the_results_are_those_of_an_undisturbed_run(folder, finished):
