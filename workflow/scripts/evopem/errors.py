@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import re
+
+_CONTROLS = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]+")
+
 
 class InputError(ValueError):
     """Input that cannot be used, said in one sentence a user can act on.
@@ -24,7 +28,8 @@ class InputError(ValueError):
         self.problem = problem
         self.remedy = remedy
         where = f"{self.source}, {place}" if place else self.source
-        super().__init__(f"{where}: {problem}; {remedy}.")
+        # Names and values come from files: one line, and nothing a terminal would obey.
+        super().__init__(_CONTROLS.sub(" ", f"{where}: {problem}; {remedy}."))
 
     def __reduce__(self) -> tuple[type, tuple[str, str, str, str]]:
         return (type(self), (self.source, self.problem, self.remedy, self.place))
