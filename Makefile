@@ -3,11 +3,12 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 CORES ?= all
+FUZZ_SECONDS ?= 600
 EXTRAS := --extra formats --extra workflow --extra control
 COMPILE := $(BIN)/uv pip compile pyproject.toml $(EXTRAS) --universal --python-version 3.11 \
 	--generate-hashes --no-emit-index-url --no-emit-find-links --no-header --quiet
 
-.PHONY: report test lint format lock screenshots clean
+.PHONY: report test lint format lock audit fuzz screenshots clean
 .DEFAULT_GOAL := report
 
 report: $(VENV)/installed  ## run config.yaml from data to report
@@ -32,6 +33,13 @@ format: $(VENV)/installed-dev  ## bring every file into the style
 lock: $(VENV)/installed-dev  ## pin today's newest versions, with hashes
 	$(COMPILE) --upgrade --output-file requirements.lock
 	$(COMPILE) --upgrade --extra benchmarks --group dev --constraint requirements.lock --output-file requirements-dev.lock
+
+audit: $(VENV)/installed-dev  ## ask the advisory database about every pinned version (online)
+	$(BIN)/uv tool run pip-audit --disable-pip --require-hashes --requirement requirements.lock
+
+fuzz: $(VENV)/installed-dev  ## fuzz the readers for FUZZ_SECONDS, guided by coverage
+	$(BIN)/uv pip install --quiet --python $(BIN)/python --group fuzz
+	$(BIN)/python tests/fuzz/readers.py $(VENV)/fuzz-corpus -max_total_time=$(FUZZ_SECONDS)
 
 screenshots: report $(VENV)/installed-dev  ## take the README's pictures of the default run
 	$(BIN)/python docs/take_screenshots.py results/arm/report.html
