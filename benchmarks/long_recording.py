@@ -38,7 +38,7 @@ def main(samples: int = 10_000_000, last: str = "results/long/phases/delay.json"
         del u, e, y
         command = [sys.executable, "-m", "snakemake", "--snakefile", str(ROOT / "Snakefile")]
         targets = [] if last == "all" else ["results/long/spectrum.json", last]
-        run = subprocess.run([*command, "--cores", "1", "--quiet", "all", *targets], cwd=folder)
+        run = subprocess.run([*command, "--quiet", "all", "--cores", "1", *targets], cwd=folder)
         print("| step | wall s | processor s | peak MB |\n|---|---|---|---|")
         times = Path(folder) / "results" / "long" / "benchmarks"
         for file in sorted(times.rglob("*.tsv"), key=lambda file: file.stat().st_mtime):
