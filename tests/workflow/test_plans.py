@@ -65,6 +65,11 @@ def test_the_default_configuration_runs_from_the_checkout(folder):
         ("datasets: {arm: {file: a}}\ndatasets: {}", "config.yaml, line 2: the key datasets"),
         ("datasets: {arm: {file: a}", "config.yaml, line 1: this is not YAML"),
         ("datasets: {../arm: {file: a}}", "the data set name '../arm' cannot"),
+        ("datasets: {Größe der Welle: {file: a}}", "'Größe der Welle' cannot be the name"),
+        ("datasets: {arm: {file: a, orders: {b: []}}}", "datasets.arm.orders.b: [] holds 0"),
+        ("datasets: {arm: {file: a, search: {seed: x}}}", "datasets.arm.search.seed: x cannot"),
+        ("datasets: {arm: {synthesis: armax, file: a}}", "file and synthesis are both given"),
+        ("defaults: {split: {estimation: 1.5}}\ndatasets: {arm: {file: a}}", "1.5 is neither"),
         ("", "config.yaml: there are no keys"),
     ],
 )
