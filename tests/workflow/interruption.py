@@ -1,6 +1,6 @@
 """Runs killed again and again, as a power cut would, and what is left of them.
 
-    python tests/workflow/interruption.py [kills] [seed]
+    python -m tests.workflow.interruption [kills] [seed]
 
 kills 20 runs of a small configuration at random moments, lets the 21st end, and compares its
 results with those of a run that nobody disturbed.
@@ -14,10 +14,7 @@ import tempfile
 import time
 from pathlib import Path
 
-if __name__ == "__main__":
-    sys.path.insert(0, str(Path(__file__).parents[2]))
-
-from tests.workflow.conftest import TINY, Folder
+from .conftest import TINY, Folder
 
 LONGEST = 12.0  # seconds that a run is left alone, at most
 

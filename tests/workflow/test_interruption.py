@@ -12,7 +12,7 @@ pytestmark = pytest.mark.xdist_group("workflow")
 
 
 def test_killed_at_any_moment_the_results_are_those_of_an_undisturbed_run(folder, finished):
-    """`python tests/workflow/interruption.py` does the same with twenty kills."""
+    """`python -m tests.workflow.interruption` does the same with twenty kills."""
     folder.configure(TINY)
     story = run_with_kills(folder, 4, 1, "--cores", "2")
     assert story
