@@ -30,7 +30,8 @@ KINDS = {
     },
 }
 ORDERS = ((4, 4, 4, 3), (7, 6, 7, 3), (10, 10, 10, 3))
-RECORDS = (1, 2, 3)
+RECORDS = (1, 2)
+MODES = (5.36, 16.65, 37.0)  # Hz: those of the records; others come and go with the orders
 
 
 def search() -> list[dict]:
@@ -43,7 +44,13 @@ def search() -> list[dict]:
         record, _ = synthesize("armax", seed=seed, samples=3000, sampling_rate=100.0, noise=0.1)
         for orders in ORDERS:
             fit = estimate(record.input, record.output, orders, 100.0)
-            modes = [(mode.frequency_hz, mode.damping_ratio) for mode in fit.model.modes()]
+            modes = [
+                min(
+                    ((mode.frequency_hz, mode.damping_ratio) for mode in fit.model.modes()),
+                    key=lambda mode: abs(mode[0] - true),
+                )
+                for true in MODES
+            ]
             found.append(
                 {"objective": fit.objective_value, "bic": fit.bic, "modes": modes}
                 | {"orders": orders, "bits": [float(x).hex() for x in fit.model.a]}

@@ -42,7 +42,7 @@ def run_with_kills(folder: Folder, kills: int, seed: int, *arguments: str) -> li
 
 def final_files(folder: Folder) -> dict[str, bytes]:
     """Every result by its name; logs, times and the report that shows these are left out."""
-    passing = {"logs", "benchmarks", "report.html"}
+    passing = {"logs", "benchmarks", "report.html", "report.html.sha256"}
     return {
         path.relative_to(folder.results).as_posix(): path.read_bytes()
         for path in sorted(folder.results.rglob("*"))
