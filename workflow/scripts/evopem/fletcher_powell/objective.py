@@ -53,6 +53,8 @@ class Objective:
 
     Attributes
     ----------
+    differences : bool
+        Whether gradients are made by differences.
     evaluations, value_count, gradient_count : int
     best : float
         Lowest value seen within the budget.
@@ -64,11 +66,10 @@ class Objective:
         if gradient not in GRADIENTS:
             raise ValueError(f"gradient must be one of {GRADIENTS}, not {gradient!r}")
         self.instance = instance
-        self.gradient_cost = instance.dimension if gradient == DIFFERENCES else 1
+        self.differences = gradient == DIFFERENCES
+        self.gradient_cost = instance.dimension if self.differences else 1
         self._with_gradients = (
-            instance.values_and_differences
-            if gradient == DIFFERENCES
-            else instance.values_and_gradients
+            instance.values_and_differences if self.differences else instance.values_and_gradients
         )
         self.budget = budget
         self.until = until

@@ -15,6 +15,9 @@ Array = NDArray[np.float64]
 MAX_ITERATIONS, MAX_ITERATIONS_EACH = 200, 10
 # Relative decrease at which a descent has converged.
 TOLERANCE = 1e-9
+# A descent by differences that has not come below this share of its lowest value in so many
+# evaluations is where the error of the differences holds it; there its gradient counts as zero.
+PROGRESS, STALLED = 0.999, 30
 # Root mean square of a descent's first trial step over the coordinates, in radians.
 FIRST_STEP = 1.0
 
@@ -67,11 +70,16 @@ def descend_in_turn(objective: Objective, points: Array) -> tuple[Array, Array]:
     count, n = points.shape
     seen: list[list[float]] = [[] for _ in range(count)]
     steepest = np.empty(count)
+    lowest, since = np.full(count, np.inf), np.zeros(count, dtype=int)
 
     def evaluate(trial: Array, rows: NDArray[np.intp]) -> tuple[Array, Array]:
         values, gradients = objective.uncounted(trial)
         for row, value in zip(rows, values, strict=True):
             seen[row].append(float(value))
+        if objective.differences:
+            since[rows] = np.where(values < PROGRESS * lowest[rows], 0, since[rows] + 1)
+            lowest[rows] = np.minimum(lowest[rows], values)
+            gradients[since[rows] >= STALLED] = 0.0
         steepest[rows] = np.linalg.norm(gradients, axis=1)
         return values, gradients
 
