@@ -15,15 +15,28 @@ include: "workflow/rules/common.smk"
 rule all:
     input:
         [results_of(dataset) for dataset in DATASETS],
-        "results/index.html" if len(DATASETS) > 1 else [],
+        OVERVIEW,
 
 
-include: "workflow/rules/acquisition.smk"
-include: "workflow/rules/preparation.smk"
-include: "workflow/rules/spectrum.smk"
-include: "workflow/rules/order_search.smk"
-include: "workflow/rules/model.smk"
-include: "workflow/rules/validation.smk"
-include: "workflow/rules/figures.smk"
-include: "workflow/rules/report.smk"
+onerror:
+    collect_unfinished()
+
+
+if CONFIG["one_job_per"] == "recording":
+
+    include: "workflow/rules/recording.smk"
+
+else:
+
+    include: "workflow/rules/acquisition.smk"
+    include: "workflow/rules/preparation.smk"
+    include: "workflow/rules/spectrum.smk"
+    include: "workflow/rules/order_search.smk"
+    include: "workflow/rules/model.smk"
+    include: "workflow/rules/validation.smk"
+    include: "workflow/rules/figures.smk"
+    include: "workflow/rules/report.smk"
+
+
+include: "workflow/rules/fleet.smk"
 include: "workflow/rules/fletcher_powell.smk"

@@ -28,7 +28,10 @@ def refusal(text):
 def test_only_datasets_is_a_complete_configuration():
     config = completed("datasets: {arm: {synthesis: flexible_arm}}")
     assert config == {
-        "candidates_per_job": 6,
+        "candidates_per_job": "auto",
+        "one_job_per": "stage",
+        "report": "html",
+        "share": None,
         "fletcher_powell": {
             "algorithms": config["fletcher_powell"]["algorithms"],
             "dimension": 20,
@@ -174,6 +177,12 @@ FILE = "datasets: {arm: {file: x.csv, %s}}"
             "lambda is 5",
         ),
         ("{datasets: {a: {file: x}}, candidates_per_job: 0}", "candidates_per_job", "below 1"),
+        ("{datasets: {a: {file: x}}, candidates_per_job: aut}", "per_job", "did you mean auto?"),
+        ("{datasets: {a: {file: x}}, share: 5/4}", "share", "there is no share 5/4"),
+        ("datasets: [arm]", "datasets", "[arm] cannot be used"),
+        ("datasets: absent.csv", "absent.csv", "there is no such table"),
+        ("datasets: {'b-*': {file: x.csv}}", "datasets.b-*", "all files of a pattern"),
+        ("datasets: {'*': {file: 'absent/*.csv'}}", "datasets.*.file", "no file matches"),
         ("datasets: {'../x': {synthesis: armax}}", "datasets", "'../x' cannot be the name"),
         ("datasets: {'a..b': {synthesis: armax}}", "datasets", "'a..b' cannot be the name"),
         ("datasets: {a/b: {synthesis: armax}}", "datasets", "'a/b' cannot be the name"),

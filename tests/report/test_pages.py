@@ -18,6 +18,7 @@ from result_files import write_results
 from evopem.errors import InputError
 from evopem.figures import FIGURE_NAMES, draw_all, result_paths
 from evopem.report import build_index, build_report
+from evopem.report.fleet import summarize
 
 TEMPLATES = Path(__file__).parents[2] / "workflow" / "templates"
 HOSTILE = """<script>alert("x")</script>'&"""
@@ -265,7 +266,8 @@ def datasets(results, tmp_path):
 
 
 def test_index_has_the_worst_first_and_links_each_report(datasets):
-    html = build_index(datasets, TEMPLATES)
+    summaries = {name: summarize(paths) for name, paths in datasets.items()}
+    html = build_index(summaries | {"gone": {"problem": "gone.csv: <no> file"}}, TEMPLATES)
     page = Page(html)
     links = [reference for reference in page.references if reference.endswith("report.html")]
     assert links == [
@@ -273,6 +275,8 @@ def test_index_has_the_worst_first_and_links_each_report(datasets):
         "a%20%2F%20b%3F%23/report.html",
         "good/report.html",
     ]
+    assert page.references.index("gone/logs/") < page.references.index(links[0])
+    assert "gone.csv: <no> file" in page.text
     assert "2 failed" in page.text
     assert "13 passed" in page.text
     assert page.tags.count("script") == html.count("<script") == 1

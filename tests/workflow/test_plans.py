@@ -17,11 +17,19 @@ ARM = {"synthesis": "flexible_arm"}
 @pytest.mark.parametrize(
     ("config", "fits", "total"),
     [
-        ({"datasets": {"arm": ARM}}, 3 + 2 + 3 + 3, 24),
-        ({"datasets": {"arm": ARM}, "candidates_per_job": 100}, 4, 17),
-        ({"datasets": {"arm": {**ARM, "orders": {"common": "auto"}}}}, 3 + 3 + 3 + 3, 25),
-        ({"datasets": {"a": ARM, "b": ARM}}, 22, 49),
-        ({"datasets": {"arm": ARM}, "defaults": {"delay": {"orders": [7, 7]}}}, 1 + 2 + 3 + 3, 22),
+        ({"datasets": {"arm": ARM}}, 4, 18),
+        ({"datasets": {"arm": ARM}, "candidates_per_job": 6}, 3 + 2 + 3 + 3, 25),
+        ({"datasets": {"arm": ARM}, "candidates_per_job": 100}, 4, 18),
+        (
+            {
+                "datasets": {"arm": {**ARM, "orders": {"common": "auto"}}},
+                "candidates_per_job": 6,
+            },
+            3 + 3 + 3 + 3,
+            26,
+        ),
+        ({"datasets": {"a": ARM, "b": ARM}}, 8, 36),
+        ({"datasets": {"arm": ARM}, "report": "none"}, 4, 16),
     ],
 )
 def test_the_number_of_jobs_is_known_before_anything_runs(folder, config, fits, total):

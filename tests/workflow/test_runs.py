@@ -32,6 +32,7 @@ PROMISED = (
     "residual_autocorrelation.csv",
     "cross_correlation.csv",
     "simulation.csv",
+    "summary.json",
     "report.html",
 )
 
@@ -128,8 +129,14 @@ def test_changed_code_reruns_what_uses_it(copy, tmp_path, module, rerun, untouch
     assert not untouched & planned
 
 
-FROM_SPECTRUM = {"estimate_spectrum", "draw_figures", "write_report"}
-FROM_MODEL = {"complete_model", "validate_model", "draw_figures", "write_report"}
+FROM_SPECTRUM = {"estimate_spectrum", "summarize_data_set", "draw_figures", "write_report"}
+FROM_MODEL = {
+    "complete_model",
+    "validate_model",
+    "summarize_data_set",
+    "draw_figures",
+    "write_report",
+}
 FROM_SELECTION = {"select_candidate", "tabulate_candidates", *FROM_MODEL}
 FROM_FITS = {"fit_candidates", *FROM_SELECTION}
 
@@ -167,7 +174,7 @@ def test_a_changed_range_of_the_last_phase_leaves_the_earlier_ones(copy):
 def test_another_data_set_leaves_the_first_alone(copy):
     copy.configure(changed("datasets.other", {"synthesis": "armax", "samples": 800}))
     planned = copy.planned()
-    assert planned.pop("write_index") == 1
+    assert planned.pop("collect_fleet") == 1
     assert planned["fit_candidates"] == 4
     assert planned["synthesize_recording"] == 1
 

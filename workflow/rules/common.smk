@@ -1,5 +1,6 @@
 """The checked configuration, and the functions with which rules read it."""
 
+import os
 import re
 import sys
 from pathlib import Path
@@ -39,7 +40,14 @@ except InputError as error:
 DATASETS = CONFIG["datasets"]
 COMPARISON = CONFIG["fletcher_powell"]
 RECORDED = [name for name, dataset in DATASETS.items() if "file" in dataset]
-SYNTHETIC = [name for name in DATASETS if name not in RECORDED]
+VALIDATED = [name for name in RECORDED if DATASETS[name]["validation_file"]]
+SYNTHETIC = [name for name, dataset in DATASETS.items() if "synthesis" in dataset]
+# What lists all data sets: not for one of them, nor for a share.
+OVERVIEW = (
+    ["results/index.html", "results/fleet.csv", "results/fleet.parquet"]
+    if len(DATASETS) > 1 and not CONFIG["share"]
+    else []
+)
 
 TEMPLATES = sorted(
     path for path in (WORKFLOW / "templates").rglob("*") if path.is_file()
@@ -56,10 +64,40 @@ FIGURES = (
     "stabilization",
     "convergence",
 )
+RESULTS = (
+    "config.yaml",
+    "recording.json",
+    "transforms.json",
+    "spectrum.csv",
+    "spectrum.json",
+    "candidates.csv",
+    "model.json",
+    "model.mat",
+    "modes.csv",
+    "frequency_response.csv",
+    "validation.json",
+    "residual_autocorrelation.csv",
+    "cross_correlation.csv",
+    "simulation.csv",
+    "summary.json",
+)
+# What each row of a list of all data sets leads to.
+PAGE = "report.html" if CONFIG["report"] == "html" else "modes.csv"
+PAGES = (
+    ["report.html", *(f"figures/{figure}.svg" for figure in FIGURES)]
+    if CONFIG["report"] == "html"
+    else []
+)
 
 
 def one_of(names):
-    """A wildcard constraint that takes these names and no other; none at all if there is none."""
+    """A wildcard constraint that takes these names and no other of the data sets.
+
+    None if there is none, and a name's form alone where there are no others: a list of thousands
+    would be tried for each of thousands of files.
+    """
+    if len(names) == len(DATASETS):
+        return r"[A-Za-z0-9][A-Za-z0-9_.-]*"
     return "|".join(map(re.escape, names)) or "(?!)"
 
 
@@ -74,7 +112,8 @@ def recorded_file(key):
     def existing(wildcards):
         path = DATASETS[wildcards.dataset][key]
         read_before = Path(f"results/{wildcards.dataset}/recording.npz").exists()
-        return {"file": path} if read_before or Path(path).exists() else {}
+        # It is the user's own: a module's prefix is for results.
+        return {"file": local(path)} if read_before or Path(path).exists() else {}
 
     return existing
 
@@ -118,6 +157,13 @@ def validation_record_of(wildcards):
     return {}
 
 
+def fitting_cores(wildcards):
+    """The cores that one job's candidates share: with `auto` all of them, over all data sets."""
+    if CONFIG["candidates_per_job"] != "auto":
+        return 1
+    return max(1, workflow.cores // len(DATASETS))
+
+
 def code(script, *templates):
     """A digest of a script and of all code behind it: a rule reruns when it changes."""
     return code_version(SCRIPTS / f"{script}.py", templates)
@@ -137,10 +183,7 @@ def part_count(dataset, phase):
 
 def candidate_grid(wildcards):
     """The part of the configuration that says which candidates a phase has."""
-    dataset = DATASETS[wildcards.dataset]
-    if wildcards.phase == "delay":
-        return {"delay": dataset["delay"]}
-    return {"orders": {wildcards.phase: dataset["orders"][wildcards.phase]}}
+    return grids.part_for(wildcards.phase, DATASETS[wildcards.dataset])
 
 
 def earlier_choice(wildcards):
@@ -183,29 +226,46 @@ def comparison_cases(wildcards):
     )
 
 
+def settings_of(wildcards):
+    """Everything about a data set that its results depend on, for the one job that makes them."""
+    dataset = DATASETS[wildcards.dataset]
+    source = (
+        {"channels": channels_of(wildcards)}
+        if wildcards.dataset in RECORDED
+        else {"synthesis": synthesis_settings(wildcards)}
+    )
+    return source | {
+        "dataset": dataset,
+        "needs": grids.sample_needs(dataset),
+        "scoring_start": grids.scoring_start(dataset),
+        "grids": {phase: grids.part_for(phase, dataset) for phase in grids.PHASES},
+    }
+
+
 def results_of(dataset):
     """The files of one data set that are there to be used."""
-    names = [
-        "config.yaml",
-        "recording.json",
-        "transforms.json",
-        "spectrum.csv",
-        "spectrum.json",
-        "candidates.csv",
-        "model.json",
-        "model.mat",
-        "modes.csv",
-        "frequency_response.csv",
-        "validation.json",
-        "residual_autocorrelation.csv",
-        "cross_correlation.csv",
-        "simulation.csv",
-        "report.html",
-        *(f"figures/{figure}.svg" for figure in FIGURES),
-    ]
-    if dataset in SYNTHETIC:
-        names.append("truth.json")
+    names = [*RESULTS, *PAGES, *(["truth.json"] if dataset in SYNTHETIC else [])]
     return [f"results/{dataset}/{name}" for name in names]
+
+
+def results_of_one_job(*others):
+    """The files that one job makes of a recording, those on the way to its results among them."""
+    phases = [f"phases/{phase}.json" for phase in grids.PHASES]
+    names = ["recording.npz", "prepared.npz", *phases, *RESULTS, *PAGES, *others]
+    return [f"results/{{dataset}}/{name}" for name in names]
+
+
+def collect_unfinished():
+    """List all data sets after a run in which some failed, and say what these said last.
+
+    The lists are older than any result, so that the next run makes them again.
+    """
+    from collect_fleet import main
+
+    if OVERVIEW and any(Path(f"results/{dataset}").is_dir() for dataset in DATASETS):
+        main(DATASETS, WORKFLOW / "templates", PAGE, OVERVIEW)
+        for file in OVERVIEW:
+            os.utime(file, (0, 0))
 
 
 wildcard_constraints:

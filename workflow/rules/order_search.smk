@@ -15,7 +15,7 @@ rule fit_candidates:
         "results/{dataset}/benchmarks/phases/{phase}/part-{part}.tsv"
     conda:
         "../envs/evopem.yaml"
-    threads: 1
+    threads: fitting_cores
     resources:
         mem_mb=1000,
         runtime=240,

@@ -46,39 +46,28 @@ rule write_report:
         "../scripts/write_report.py"
 
 
-rule write_index:
-    """List all data sets in one HTML file."""
+rule summarize_data_set:
+    """Put the modes, errors and checks of one data set into one small file."""
     input:
-        [
-            f"results/{dataset}/{name}"
-            for dataset in DATASETS
-            for name in (
-                "recording.json",
-                "transforms.json",
-                "spectrum.json",
-                "candidates.csv",
-                "model.json",
-                "validation.json",
-            )
-        ],
+        origin="results/{dataset}/recording.json",
+        transforms="results/{dataset}/transforms.json",
+        peaks="results/{dataset}/spectrum.json",
+        candidates="results/{dataset}/candidates.csv",
+        model="results/{dataset}/model.json",
+        validation="results/{dataset}/validation.json",
     output:
-        index=report(
-            "results/index.html",
-            caption="../report/index.rst",
-            category="All data sets",
-            labels={"file": "index.html"},
-        ),
+        summary="results/{dataset}/summary.json",
     log:
-        "results/logs/index.log",
+        "results/{dataset}/logs/summary.log",
     benchmark:
-        "results/benchmarks/index.tsv"
+        "results/{dataset}/benchmarks/summary.tsv"
     conda:
         "../envs/evopem.yaml"
     threads: 1
     resources:
-        mem_mb=1000,
-        runtime=10,
+        mem_mb=500,
+        runtime=5,
     params:
-        code=code("write_index", *TEMPLATES),
+        code=code("summarize_data_set"),
     script:
-        "../scripts/write_index.py"
+        "../scripts/summarize_data_set.py"

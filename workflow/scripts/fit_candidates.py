@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from evopem.configuration.grids import candidate_orders
 from evopem.console import job
-from evopem.estimation.order_search import estimate_candidates
+from evopem.estimation.side_by_side import estimate_side_by_side
 from evopem.models.armax import Orders
 from evopem.signals.preparation import load_prepared
 from evopem.writing import write_json
@@ -26,18 +26,20 @@ def main(
     params: dict[str, Any],
     candidates_file: str,
     logger: "Logger",
+    cores: int,
 ) -> None:
     selected = _read(previous_file)["selected"] if previous_file else None
     resonances = _read(spectrum_file)["resonances"] if spectrum_file else None
     candidates = candidate_orders(phase, params["grid"], selected, resonances)
     own = [Orders(*orders) for orders in candidates[part - 1 :: params["parts"]]]
-    fitted = estimate_candidates(
+    fitted = estimate_side_by_side(
         load_prepared(*prepared_files).estimation,
         own,
         phase,
         params["search"],
         params["scoring_start"],
         log=logger.info,
+        cores=cores,
     )
     write_json(candidates_file, fitted)
 
@@ -58,4 +60,5 @@ if __name__ == "__main__":
             {key: snakemake.params[key] for key in ("grid", "parts", "search", "scoring_start")},
             snakemake.output.candidates,
             log,
+            snakemake.threads,
         )

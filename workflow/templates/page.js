@@ -1,5 +1,5 @@
 "use strict";
-// Sorting and copying. The page is complete without this script: it adds the buttons it serves.
+// Sorting, searching and copying. The page is complete without this script: it adds the buttons it serves.
 (() => {
   const status = document.getElementById("status");
   const say = (words) => { status.textContent = words; };
@@ -62,11 +62,11 @@
     const text = cell.dataset.value ?? plain(cell).replace(/ ?%$/, "");
     return text === "" ? NaN : Number(text);
   };
-  const order = (first, second) => {
-    const [a, b] = [number(first), number(second)];
-    if (!Number.isNaN(a) && !Number.isNaN(b)) return a - b;
-    if (Number.isNaN(a) !== Number.isNaN(b)) return Number.isNaN(a) ? 1 : -1;
-    return plain(first).localeCompare(plain(second), "en", { numeric: true });
+  const words = new Intl.Collator("en", { numeric: true });
+  const order = (a, b) => {
+    if (!Number.isNaN(a.number) && !Number.isNaN(b.number)) return a.number - b.number;
+    if (Number.isNaN(a.number) !== Number.isNaN(b.number)) return Number.isNaN(a.number) ? 1 : -1;
+    return words.compare(a.text, b.text);
   };
 
   const asText = (table, head) => {
@@ -85,6 +85,28 @@
     return lines.map((cells) => cells.join("\t")).join("\n");
   };
 
+  // A field that keeps the rows which hold every word typed into it, anywhere and in any case.
+  const searchField = (table) => {
+    const label = document.createElement("label");
+    const field = document.createElement("input");
+    field.type = "search";
+    label.append("Search ", field);
+    const rows = [...table.tBodies[0].rows].map((row) => [row, plain(row).toLowerCase()]);
+    field.addEventListener("input", () => {
+      const sought = field.value.toLowerCase().split(/\s+/).filter(Boolean);
+      let shown = 0;
+      for (const [row, text] of rows) {
+        row.hidden = !sought.every((word) => text.includes(word));
+        shown += row.hidden ? 0 : 1;
+      }
+      say(`${shown} of ${rows.length} rows shown.`);
+    });
+    const place = document.createElement("p");
+    place.className = "tools";
+    place.append(label);
+    return place;
+  };
+
   for (const table of document.querySelectorAll("table")) {
     const head = columns(table.tHead.rows[table.tHead.rows.length - 1]);
     const caption = table.dataset.name;
@@ -97,16 +119,19 @@
       cell.append(sort);
       sort.addEventListener("click", () => {
         const falling = cell.getAttribute("aria-sort") === "ascending";
-        const rows = [...table.tBodies[0].rows];
+        // Read each cell once: a table may have thousands of rows.
+        const rows = [...table.tBodies[0].rows].map((row) => {
+          const at = columns(row)[index];
+          return { row, number: number(at), text: plain(at) };
+        });
         // What has no number stays at the end either way.
-        rows.sort((first, second) => {
-          const [a, b] = [columns(first)[index], columns(second)[index]];
-          const missing = Number.isNaN(number(a)) !== Number.isNaN(number(b));
+        rows.sort((a, b) => {
+          const missing = Number.isNaN(a.number) !== Number.isNaN(b.number);
           return falling && !missing ? order(b, a) : order(a, b);
         });
         head.forEach((other) => other.removeAttribute("aria-sort"));
         cell.setAttribute("aria-sort", falling ? "descending" : "ascending");
-        table.tBodies[0].append(...rows);
+        table.tBodies[0].append(...rows.map((each) => each.row));
         say(`${caption} sorted by ${cell.dataset.head ?? plain(cell)}, ${falling ? "falling" : "rising"}.`);
       });
     });
@@ -115,5 +140,6 @@
     tools.append(button("Copy table", (own) => copy(asText(table, head), own, caption)));
     tools.firstChild.setAttribute("aria-label", `Copy table: ${caption}`);
     table.closest(".scroll").after(tools);
+    if (table.dataset.search !== undefined) table.closest(".scroll").before(searchField(table));
   }
 })();

@@ -17,6 +17,8 @@ from evopem.errors import InputError
 if TYPE_CHECKING:
     import pandas as pd
 
+_INSTALL = "install it, or evopem with its formats: pip install 'PATH[formats]'"
+
 
 @contextmanager
 def whole(path: str | Path) -> Iterator[Path]:
@@ -91,3 +93,22 @@ def _python_values(column: Iterable[Any]) -> list[Any]:
     """List a column's values as Python's own, whose text is exact."""
     values = column.tolist() if hasattr(column, "tolist") else list(column)
     return ["" if value is None or value != value else value for value in values]
+
+
+def write_parquet(path: str | Path, table: pd.DataFrame) -> None:
+    """Write a table as Parquet.
+
+    Raises
+    ------
+    InputError
+        When pyarrow is not installed.
+    """
+    try:
+        import pyarrow as arrow
+        from pyarrow import parquet
+    except ImportError:
+        raise InputError(
+            str(path), "Parquet is written by pyarrow, which is not installed", _INSTALL
+        ) from None
+    with whole(path) as temporary:
+        parquet.write_table(arrow.Table.from_pandas(table, preserve_index=False), temporary)

@@ -106,9 +106,14 @@ def _names(node: ast.AST, file: Path, root: Path) -> Iterator[str]:
 
 
 def _files(name: str, root: Path) -> Iterator[Path]:
-    """Find the files that an import of a dotted name runs, below the package's own `__init__`."""
+    """Find the files that an import of a dotted name runs, below the package's own `__init__`.
+
+    A script may import another one beside it.
+    """
     first, *steps = name.split(".")
     if first != _PACKAGE:
+        if (root / f"{first}.py").is_file():
+            yield Path(f"{first}.py")
         return
     path = Path(_PACKAGE)
     if name.endswith("."):

@@ -11,6 +11,7 @@ from typing import Any
 import yaml
 
 from evopem.configuration.checking import check_schema, key_path
+from evopem.configuration.datasets import Origin, expand, share_of
 from evopem.errors import InputError
 
 _SOURCE_DEFAULTS: dict[str, dict[str, Any]] = {
@@ -51,9 +52,8 @@ def complete(
     Returns
     -------
     dict
-        ``candidates_per_job``, ``fletcher_powell``, and ``datasets``: for each name its source's
-        keys and every key of the analysis, always in the same order, whatever the order in the
-        file.
+        ``datasets``: for each name its source's keys and every key of the analysis, always in
+        the same order, whatever the order in the file; and what else is at the top level.
 
     Raises
     ------
@@ -61,9 +61,22 @@ def complete(
         In one sentence that names the key, its value, what is wrong and what to do.
     """
     schema = yaml.safe_load(Path(schema_path).read_text(encoding="utf-8"))
-    config = _without_integral_floats(config, source)
-    check_schema(config, schema, source)
-    _check_names(config["datasets"], source)
+    config = dict(_without_integral_floats(config, source))
+    datasets, origin = expand(config.get("datasets"), source)
+    try:
+        if "datasets" in config:
+            config["datasets"] = _without_integral_floats(datasets, source, ("datasets",))
+        check_schema(config, schema, source)
+        return _completed(config, schema, origin, source)
+    except InputError as error:
+        raise _placed(error, datasets, origin) from None
+
+
+def _completed(
+    config: Mapping[str, Any], schema: Mapping[str, Any], origin: Origin, source: str
+) -> dict[str, Any]:
+    """Fill in every value of a configuration that the schema accepts."""
+    _check_names(config["datasets"], origin)
     built_in = _built_in(schema)
     defaults = config.get("defaults", {})
     _check_analysis(defaults, _merged(built_in, defaults), source, "defaults")
@@ -78,11 +91,26 @@ def complete(
         _check_analysis(written, analysis, source, place)
         _check_something_left(written, analysis, source, place)
         datasets[name] = own_source | analysis
-    per_job = config.get(
-        "candidates_per_job", schema["properties"]["candidates_per_job"]["default"]
-    )
+    if "share" in config:
+        datasets = share_of(datasets, config["share"], source)
+    top_level = schema["properties"]
     comparison = _merged(_defaults(schema, "fletcher_powell"), config.get("fletcher_powell", {}))
-    return {"datasets": datasets, "candidates_per_job": per_job, "fletcher_powell": comparison}
+    return {"datasets": datasets, "fletcher_powell": comparison} | {
+        key: config.get(key, top_level[key].get("default"))
+        for key in ("candidates_per_job", "one_job_per", "report", "share")
+    }
+
+
+def _placed(error: InputError, datasets: Any, origin: Origin) -> InputError:
+    """Name the place in a table or a pattern's entry where an error's key was written."""
+    names = datasets if isinstance(datasets, Mapping) else ()
+    for name in sorted(names, key=len, reverse=True):
+        place = f"datasets.{name}"
+        rest = error.place.removeprefix(place)
+        if rest != error.place and (not rest or rest[0] == "."):
+            here = origin.of_key(name, rest.removeprefix("."))
+            return InputError(origin.source, error.problem, error.remedy, here)
+    return error
 
 
 def _without_integral_floats(value: Any, source: str, path: tuple[str | int, ...] = ()) -> Any:
@@ -111,31 +139,31 @@ def _without_integral_floats(value: Any, source: str, path: tuple[str | int, ...
     return value
 
 
-def _check_names(datasets: Mapping[str, Any], source: str) -> None:
+def _check_names(datasets: Mapping[str, Any], origin: Origin) -> None:
     """Refuse names that are no safe folder names, or one folder on a careless file system."""
     folders: dict[str, str] = {}
     for name in datasets:
         if name.lower() in _RESERVED_NAMES:
             raise InputError(
-                source,
+                origin.source,
                 f"{name} is the name of something else among the results",
                 "give the data set another name",
-                "datasets",
+                origin.of_name(name),
             )
         if not _DATASET_NAME.fullmatch(name) or ".." in name or name.endswith("."):
             raise InputError(
-                source,
+                origin.source,
                 f"the data set name {name!r} cannot be the name of a folder everywhere",
                 "use letters, digits, _, - and single dots, a letter or digit first",
-                "datasets",
+                origin.of_name(name),
             )
         twin = folders.setdefault(name.lower(), name)
         if twin != name:
             raise InputError(
-                source,
+                origin.source,
                 f"{twin} and {name} are one folder where letter case does not count",
                 "rename one of them",
-                "datasets",
+                origin.of_name(name),
             )
 
 

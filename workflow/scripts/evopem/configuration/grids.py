@@ -92,15 +92,28 @@ def candidate_orders(
     raise ValueError(f"no phase is called {phase}")
 
 
+def part_for(phase: str, dataset: Mapping[str, Any]) -> dict[str, Any]:
+    """Take the part of a data set's configuration that says which candidates a phase has."""
+    if phase == "delay":
+        return {"delay": dataset["delay"]}
+    return {"orders": {phase: dataset["orders"][phase]}}
+
+
 def widest_candidate_count(phase: str, dataset: Mapping[str, Any]) -> int:
     """Count the candidates of a phase, at most: the number the graph is planned for."""
     any_selected = {"na": 1, "nb": 1, "nc": 1, "nk": 0}
     return len(candidate_orders(phase, dataset, any_selected))
 
 
-def part_count(phase: str, dataset: Mapping[str, Any], candidates_per_job: int) -> int:
-    """Count the jobs of a phase. Job i fits ``candidates[i::parts]``, which evens out the costs."""
-    return math.ceil(widest_candidate_count(phase, dataset) / candidates_per_job)
+def part_count(phase: str, dataset: Mapping[str, Any], candidates_per_job: int | str) -> int:
+    """Count the jobs of a phase. Job i fits ``candidates[i::parts]``, which evens out the costs.
+
+    With ``auto`` there is one, which shares its candidates out among the cores it is given: the
+    graph, and with it what is up to date, does not depend on their number.
+    """
+    if candidates_per_job == "auto":
+        return 1
+    return math.ceil(widest_candidate_count(phase, dataset) / int(candidates_per_job))
 
 
 def sample_needs(dataset: Mapping[str, Any]) -> dict[str, int]:

@@ -14,6 +14,7 @@ from evopem.figures.results import read_results
 from evopem.report import equations, numbers, provenance, readings
 from evopem.report.contents import Contents, read_contents
 from evopem.report.downloads import csv_download
+from evopem.report.fleet import Summary
 from evopem.report.inline_svg import inline_svg
 from evopem.report.modes import CHAPTER, CHAPTER_ORDERS, mode_rows
 
@@ -72,41 +73,49 @@ def build_report(
     return page.render(_report_values(contents, read_results(paths), commit))
 
 
-def build_index(datasets: Mapping[str, Mapping[str, Path]], template_directory: Path) -> str:
+def build_index(
+    summaries: Mapping[str, Summary], template_directory: Path, page: str = "report.html"
+) -> str:
     """Build the table over several data sets, the worst first.
 
     Parameters
     ----------
-    datasets : mapping of str to mapping
-        Result files of each data set, as for `build_report`, by the data set's name. The table
-        links to ``<name>/report.html``.
+    summaries : mapping of str to mapping
+        Summary of each data set, as `evopem.report.fleet.read_summaries` gives it, by its name.
     template_directory : Path
         Where ``index.html.j2`` is.
+    page : str
+        File that each row links to, in the folder of its data set.
 
     Returns
     -------
     str
         One HTML page.
     """
-    rows = [_index_row(name, read_contents(paths, name)) for name, paths in datasets.items()]
-    rows.sort(key=lambda row: (-row["failed"], -row["open"], -row["severity"], row["name"]))
+    rows = [_index_row(name, summary, page) for name, summary in summaries.items()]
+    rows.sort(key=lambda row: (row["rank"], row["severity"], row["name"]))
     return environment(template_directory).get_template("index.html.j2").render(rows=rows)
 
 
-def _index_row(name: str, contents: Contents) -> dict[str, Any]:
-    verdicts = contents.checks
-    error = contents.validation.get("simulation_error_percent")
+def _index_row(name: str, summary: Summary, page: str) -> dict[str, Any]:
+    verdicts = summary.get("checks", {})
+    error = summary.get("simulation_error_percent")
+    failed = sum(passed is False for passed in verdicts.values())
+    unjudged = sum(passed is None for passed in verdicts.values())
+    problem = summary.get("problem")
     return {
         "name": name,
-        "href": f"{quote(name, safe='')}/report.html",
-        "orders": readings.orders_text(contents.model["orders"]),
-        "prediction": contents.validation.get("prediction_error_percent"),
+        "href": f"{quote(name, safe='')}/{'logs/' if problem else page}",
+        "problem": problem,
+        "orders": readings.orders_text(summary["orders"]) if "orders" in summary else "",
+        "prediction": summary.get("prediction_error_percent"),
         "simulation": error,
-        "severity": error if numbers.is_number(error) else float("inf"),
-        "passed": sum(check.passed is True for check in verdicts),
-        "failed": sum(check.passed is False for check in verdicts),
-        "open": sum(check.passed is None for check in verdicts),
-        "concerns": [check.name for check in verdicts if check.passed is not True],
+        "rank": (problem is None, -failed, -unjudged),
+        "severity": -error if numbers.is_number(error) else -float("inf"),
+        "passed": sum(passed is True for passed in verdicts.values()),
+        "failed": failed,
+        "open": unjudged,
+        "concerns": [check for check, passed in verdicts.items() if passed is not True],
     }
 
 

@@ -1,0 +1,31 @@
+"""Fleet: all data sets in one page and one table."""
+
+
+rule collect_fleet:
+    """List all data sets, the worst first, and put all their modes and checks into one table."""
+    input:
+        [f"results/{dataset}/summary.json" for dataset in DATASETS],
+    output:
+        index=report(
+            "results/index.html",
+            caption="../report/index.rst",
+            category="All data sets",
+            labels={"file": "index.html"},
+        ),
+        csv="results/fleet.csv",
+        parquet="results/fleet.parquet",
+    log:
+        "results/logs/fleet.log",
+    benchmark:
+        "results/benchmarks/fleet.tsv"
+    conda:
+        "../envs/evopem.yaml"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=10,
+    params:
+        page=PAGE,
+        code=code("collect_fleet", *TEMPLATES),
+    script:
+        "../scripts/collect_fleet.py"
