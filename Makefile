@@ -4,11 +4,11 @@ VENV := .venv
 BIN := $(VENV)/bin
 CORES ?= all
 FUZZ_SECONDS ?= 600
-EXTRAS := --extra formats --extra workflow --extra control
+EXTRAS := --extra formats --extra workflow --extra slurm --extra control
 COMPILE := $(BIN)/uv pip compile pyproject.toml $(EXTRAS) --universal --python-version 3.11 \
 	--generate-hashes --no-emit-index-url --no-emit-find-links --no-header --quiet
 
-.PHONY: report test lint format lock audit fuzz screenshots clean
+.PHONY: report test test-slurm lint format lock audit fuzz screenshots clean
 .DEFAULT_GOAL := report
 
 report: $(VENV)/installed  ## run config.yaml from data to report
@@ -17,6 +17,9 @@ report: $(VENV)/installed  ## run config.yaml from data to report
 
 test: $(VENV)/installed-dev  ## run every test
 	$(BIN)/pytest --numprocesses auto --dist loadgroup
+
+test-slurm: $(VENV)/installed-dev  ## run the tests on SLURM, started for them where that can be done
+	PATH="$(CURDIR)/$(BIN):$$PATH" tests/workflow/with_slurm.sh $(BIN)/pytest tests/workflow/test_slurm.py
 
 lint: $(VENV)/installed-dev  ## check style, types and the workflow
 	$(BIN)/ruff check

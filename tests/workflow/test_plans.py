@@ -28,7 +28,7 @@ ARM = {"synthesis": "flexible_arm"}
             3 + 3 + 3 + 3,
             26,
         ),
-        ({"datasets": {"a": ARM, "b": ARM}}, 8, 36),
+        ({"datasets": {"a": ARM, "b": ARM}}, 8, 37),
         ({"datasets": {"arm": ARM}, "report": "none"}, 4, 16),
     ],
 )
@@ -96,7 +96,7 @@ def test_another_configuration_file_is_named_in_its_errors(folder):
     (folder.path / "more.yaml").write_text("candidates_per_job: none\n")
     run = folder.run("--cores", "1", "--configfile", "more.yaml")
     assert run.returncode != 0
-    assert "more.yaml, candidates_per_job: none cannot be used" in run.stdout
+    assert "more.yaml, candidates_per_job: none is not known" in run.stdout
 
 
 def test_bad_data_ends_in_one_sentence_and_leaves_other_data_sets_alone(folder):
@@ -109,6 +109,17 @@ def test_bad_data_ends_in_one_sentence_and_leaves_other_data_sets_alone(folder):
     assert "bad.csv" in (folder.results / "bench" / "logs" / "recording.log").read_text()
     assert not list((folder.results / "bench").glob("recording.*"))
     assert (folder.results / "truth" / "prepared.npz").exists()
+
+
+@pytest.mark.parametrize("name", ["slurm", "generic"])
+def test_a_clusters_profile_keeps_what_the_default_one_says(name):
+    """`--workflow-profile` takes the place of profiles/default, its rerun triggers and all."""
+    default, cluster = (
+        yaml.safe_load((ROOT / "profiles" / each / "config.yaml").read_text())
+        for each in ("default", name)
+    )
+    del default["cores"]  # a cluster's own are its jobs
+    assert default.items() <= cluster.items()
 
 
 def test_rules_and_package_agree_on_the_figures():

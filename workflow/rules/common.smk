@@ -17,7 +17,13 @@ from evopem.configuration.code import code_version
 from evopem.configuration.completion import complete
 from evopem.errors import InputError
 
-CONFIG_FILES = ["config.yaml", *workflow.overwrite_configfiles]
+# A module is given its configuration by the project that uses it.
+IS_MODULE = workflow.modifier.skip_configfile
+CONFIG_FILES = (
+    ["config of the module"]
+    if IS_MODULE
+    else ["config.yaml", *workflow.overwrite_configfiles]
+)
 
 try:
     check_yaml_files(CONFIG_FILES)
@@ -158,10 +164,17 @@ def validation_record_of(wildcards):
 
 
 def fitting_cores(wildcards):
-    """The cores that one job's candidates share: with `auto` all of them, over all data sets."""
-    if CONFIG["candidates_per_job"] != "auto":
+    """The cores that one job's candidates share: with `auto` all of them, over all data sets.
+
+    On a cluster a profile's `set-threads` says how many a job asks for; a node that a job came to
+    may have others.
+    """
+    if CONFIG["candidates_per_job"] != "auto" or workflow.remote_exec:
         return 1
-    return max(1, workflow.cores // len(DATASETS))
+    try:
+        return max(1, workflow.cores // len(DATASETS))
+    except WorkflowError:
+        return 1
 
 
 def code(script, *templates):

@@ -1,0 +1,97 @@
+"""The workflow as a module of another project, with that project's configuration and data."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import yaml
+
+from .conftest import ROOT, TINY
+
+pytestmark = pytest.mark.xdist_group("workflow")
+
+SNAKEFILE = """
+configfile: "project.yaml"
+
+module identification:
+    snakefile: {snakefile!r}
+    config: config["identification"]
+    {prefix}
+
+use rule * from identification as identification_*
+
+rule first_mode:
+    input: "{folder}results/bench/modes.csv"
+    output: "first_mode.txt"
+    shell: "head -n 2 {{input}} | tail -n 1 > {{output}}"
+
+rule everything:
+    default_target: True
+    input: "first_mode.txt", rules.identification_all.input
+"""
+
+
+@pytest.fixture
+def project(tmp_path):
+    """Another project: its own Snakefile, configuration and recording."""
+    (tmp_path / "measured").mkdir()
+    # Not a configuration of this workflow, and not even one that it would accept.
+    (tmp_path / "config.yaml").write_text("project: of somebody else\nproject: twice\n")
+
+    def write(prefix="", **more):
+        folder = f"{prefix}/" if prefix else ""
+        given = f"prefix: {prefix!r}" if prefix else ""
+        text = SNAKEFILE.format(snakefile=str(ROOT / "Snakefile"), prefix=given, folder=folder)
+        (tmp_path / "Snakefile").write_text(text)
+        source = {"file": "measured/bench.csv", "sampling_rate": 100}
+        config = {"defaults": TINY["defaults"], "datasets": {"bench": source}} | more
+        (tmp_path / "project.yaml").write_text(yaml.safe_dump({"identification": config}))
+        return tmp_path
+
+    return write
+
+
+def snakemake(folder, *arguments):
+    return subprocess.run(
+        [sys.executable, "-m", "snakemake", "--nocolor", "--cores", "1", *arguments],
+        cwd=folder,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        check=False,
+    )
+
+
+def test_another_project_uses_the_workflow_under_a_prefix(project, finished):
+    folder = project("models", one_job_per="recording", report="none")
+    with np.load(finished.results / "truth" / "recording.npz") as stored:
+        record = np.column_stack([stored["input"], stored["output"]])
+    np.savetxt(folder / "measured" / "bench.csv", record, delimiter=",", fmt="%.17g")
+    run = snakemake(folder)
+    assert run.returncode == 0, run.stdout
+    assert not (folder / "results").exists()
+    made, own = (
+        json.loads((results / "model.json").read_text())
+        for results in (folder / "models" / "results" / "bench", finished.results / "truth")
+    )
+    assert {key: made[key] for key in "abc"} == {key: own[key] for key in "abc"}
+    frequency = float((folder / "first_mode.txt").read_text().split(",")[0])
+    assert frequency == own["modes"][0]["frequency_hz"]
+    assert "Nothing to be done" in snakemake(folder).stdout
+
+
+def test_rules_keep_their_folders_without_a_prefix(project):
+    folder = project()
+    (folder / "measured" / "bench.csv").write_text("1,2\n")
+    run = snakemake(folder, "--dry-run", "--quiet", "rules")
+    assert run.returncode == 0, run.stdout
+    assert "identification_fit_candidates" in run.stdout
+
+
+def test_an_error_names_the_modules_configuration(project):
+    run = snakemake(project(candidates_per_job=0), "--dry-run")
+    assert run.returncode != 0
+    assert "config of the module, candidates_per_job: 0 is below 1" in run.stdout
+    assert "Traceback" not in run.stdout

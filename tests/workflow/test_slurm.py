@@ -1,0 +1,251 @@
+"""The workflow on a real SLURM: `make test-slurm` starts one where it can."""
+
+import csv
+import os
+import shutil
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from .conftest import ROOT, TINY, Folder
+
+
+def answers():
+    if os.environ.get("EVOPEM_TEST_SLURM") != "1":
+        return False
+    return (
+        bool(shutil.which("sinfo")) and subprocess.run("sinfo", capture_output=True).returncode == 0
+    )
+
+
+pytestmark = [
+    pytest.mark.skipif(not answers(), reason="no SLURM was asked for (make test-slurm) or answers"),
+    pytest.mark.xdist_group("slurm"),
+]
+PROFILE = ("--workflow-profile", str(ROOT / "profiles" / "slurm"))
+ON_SLURM = (*PROFILE, "--slurm-init-seconds-before-status-checks", "3")
+ONE_JOB = TINY | {"one_job_per": "recording", "report": "none", "candidates_per_job": "auto"}
+RESULTS = (
+    *("model.json", "model.mat", "modes.csv", "candidates.csv", "frequency_response.csv"),
+    *("validation.json", "residual_autocorrelation.csv", "cross_correlation.csv"),
+    *("simulation.csv", "spectrum.csv", "spectrum.json", "summary.json", "transforms.json"),
+)
+
+
+class Runs:
+    """Runs side by side, each in a folder of its own: SLURM's waits then overlap."""
+
+    def __init__(self, base):
+        self.base, self.folders, self.running = base, {}, {}
+
+    def start(self, name, config, *arguments, command=None):
+        folder = self.folders.setdefault(name, Folder(self.base / name))
+        folder.path.mkdir(exist_ok=True)
+        folder.configure(config)
+        with (folder.path / "output.txt").open("a") as output:
+            self.running[name] = subprocess.Popen(
+                command or folder.command(*arguments),
+                cwd=folder.path,
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+            )
+        return folder
+
+    def end(self, name, seconds=400):
+        """Wait for a run; what it printed, its exit code."""
+        code = self.running[name].wait(timeout=seconds)
+        return (self.folders[name].path / "output.txt").read_text(), code
+
+    def stop(self):
+        for run in self.running.values():
+            if run.poll() is None:
+                os.killpg(run.pid, signal.SIGINT)
+        for run in self.running.values():
+            run.wait(timeout=60)
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    started = Runs(tmp_path_factory.mktemp("slurm"))
+    started.start("stages", TINY | {"candidates_per_job": "auto"}, *ON_SLURM, *threads(2))
+    started.start("time", ONE_JOB, *ON_SLURM, *needs("mem_mb=1000", "runtime=attempt"))
+    started.start("memory", ONE_JOB, *ON_SLURM, *needs("mem_mb=200*attempt**2", "runtime=5"))
+    started.start("cancelled", ONE_JOB, *ON_SLURM)
+    hold_up(started.folders["time"])
+    yield started
+    started.stop()
+
+
+def threads(count):
+    return ("--set-threads", f"fit_candidates={count}")
+
+
+def needs(*resources):
+    rule = "identify_synthetic_recording"
+    return ("--set-resources", *(f"{rule}:{resource}" for resource in resources))
+
+
+def until(found, what, seconds=120):
+    deadline = time.monotonic() + seconds
+    while not (value := found()):
+        assert time.monotonic() < deadline, f"{what} did not come"
+        time.sleep(0.3)
+    return value
+
+
+def jobs_of(folder, *more):
+    """SLURM's jobs of a run: numbers and states, of those still there."""
+    listed = subprocess.run(
+        ["squeue", "--noheader", "--format=%i|%T|%Z", *more],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    rows = (line.split("|") for line in listed.stdout.splitlines())
+    return [(number, state) for number, state, place in rows if Path(place) == folder.path]
+
+
+def states(folder):
+    """How the jobs of a run ended, in their order."""
+    listed = subprocess.run(
+        ["sacct", "--noheader", "--allocations", "--parsable2", "--format=JobID,State,WorkDir"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    rows = (line.split("|") for line in listed.stdout.splitlines())
+    return [state.split()[0] for _, state, place in rows if Path(place) == folder.path]
+
+
+def peak_of_first_job(folder):
+    """The most memory, in MB, that SLURM saw the first job of a run use."""
+    listed = subprocess.run(
+        ["sacct", "--noheader", "--parsable2", "--units=M", "--format=JobID,MaxRSS,WorkDir"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    rows = [line.split("|") for line in listed.stdout.splitlines()]
+    first = next(number for number, _, place in rows if place and Path(place) == folder.path)
+    steps = [peak for number, peak, _ in rows if number.startswith(f"{first}.") and peak]
+    return max(float(peak.removesuffix("M")) for peak in steps)
+
+
+def script_of(folder):
+    """The process in which a job of a run computes."""
+    for process in Path("/proc").glob("[0-9]*"):
+        try:
+            words = (process / "cmdline").read_bytes().split(b"\0")
+            here = (process / "cwd").resolve() == folder.path
+        except OSError:
+            continue
+        if here and any(b".snakemake/scripts/" in word for word in words):
+            return int(process.name)
+    return None
+
+
+def hold_up(folder):
+    """Stop the process of a run's job, for it to last longer than SLURM lets it."""
+    os.kill(until(lambda: script_of(folder), "the job's process"), signal.SIGSTOP)
+
+
+def test_a_run_that_is_stopped_leaves_no_job_and_goes_on_later(runs):
+    """Ctrl-C takes the jobs along; a job that somebody cancels is tried again."""
+    folder = runs.folders["cancelled"]
+    until(lambda: script_of(folder), "the job's process")
+    os.killpg(runs.running["cancelled"].pid, signal.SIGINT)
+    _, code = runs.end("cancelled", seconds=60)
+    assert code != 0
+    until(lambda: not jobs_of(folder), "the end of all jobs", seconds=30)
+    until(lambda: script_of(folder) is None, "the end of all processes", seconds=30)
+    assert not (folder.results / "truth" / "model.json").exists()
+
+    runs.start("cancelled", ONE_JOB, *ON_SLURM)
+    until(lambda: script_of(folder), "the job's process")
+    ((number, _),) = jobs_of(folder)
+    subprocess.run(["scancel", number], check=True)
+    output, code = runs.end("cancelled")
+    assert code == 0, output
+    assert states(folder)[1:] == ["CANCELLED", "COMPLETED"]
+
+
+def test_a_job_out_of_time_gets_more(runs):
+    """Its first attempt is held up until SLURM ends it after the minute that it asked for."""
+    folder = runs.folders["time"]
+    until(lambda: "TIMEOUT" in states(folder), "SLURM's time limit", seconds=180)
+    output, code = runs.end("time")
+    assert code == 0, output
+    assert states(folder) == ["TIMEOUT", "COMPLETED"]
+
+
+def test_a_job_out_of_memory_gets_more(runs):
+    output, code = runs.end("memory")
+    assert code == 0, output
+    folder = runs.folders["memory"]
+    # Without cgroups SLURM kills the step that it sees above its limit, and the job then fails.
+    assert states(folder)[0] in ("OUT_OF_MEMORY", "FAILED")
+    assert peak_of_first_job(folder) > 200
+    assert states(folder)[-1] == "COMPLETED"
+
+
+def test_pilots_take_a_fleet_in_shares(runs, finished):
+    """Two tasks of an array identify four recordings, the last job lists them, one of them bad."""
+    with np.load(finished.results / "truth" / "recording.npz") as stored:
+        record = np.column_stack([stored["input"], stored["output"]])
+    folder = Folder(runs.base / "fleet")
+    (folder.path / "data").mkdir(parents=True)
+    for number in range(1, 4):
+        np.savetxt(folder.path / "data" / f"{number}.csv", record[number:], delimiter=",")
+    (folder.path / "data" / "4.csv").write_text("1,2\n3,oops\n" * 300)
+    config = ONE_JOB | {"datasets": {"r*": {"file": "data/*.csv", "sampling_rate": 100}}}
+    pilots = [str(ROOT / "profiles" / "slurm" / "pilots.sh"), "2", "--time=5", "--mem=1000"]
+    runs.folders["fleet"] = folder
+    runs.start("fleet", config, command=pilots)
+    output, code = runs.end("fleet", seconds=60)
+    assert code == 0, output
+    until(lambda: not jobs_of(folder), "the end of the pilots", seconds=240)
+    with (folder.results / "fleet.csv").open() as stream:
+        rows = {row["dataset"]: row for row in csv.DictReader(stream)}
+    assert [row["status"] for row in rows.values()] == ["complete"] * 3 + ["failed"]
+    assert "4.csv, line 2" in rows["r4"]["problem"]
+
+
+def test_any_scheduler_with_a_submit_command(runs):
+    """The generic profile with two lines for this one."""
+    submit = "sbatch --parsable --mem={resources.mem_mb} --time={resources.runtime} -c {threads}"
+    runs.start(
+        "generic",
+        ONE_JOB,
+        *("--workflow-profile", str(ROOT / "profiles" / "generic")),
+        *("--cluster-generic-submit-cmd", submit),
+        *("--cluster-generic-cancel-cmd", "scancel"),
+    )
+    output, code = runs.end("generic")
+    assert code == 0, output
+    folder = runs.folders["generic"]
+    assert (folder.results / "truth" / "model.json").exists()
+    assert states(folder) == ["COMPLETED"]
+
+
+def test_results_are_those_of_a_local_run(runs, finished):
+    output, code = runs.end("stages")
+    assert code == 0, output
+    folder = runs.folders["stages"]
+    assert set(states(folder)) == {"COMPLETED"}
+    assert len(states(folder)) == 1 + 4 + 1  # preparation, a fit for each phase, results
+    for name in RESULTS:
+        here, there = (each.results / "truth" / name for each in (folder, finished))
+        if name == "candidates.csv" and b"seconds" in there.read_bytes():
+            continue
+        assert here.read_bytes() == there.read_bytes(), name
+    one_job = runs.folders["memory"].results / "truth" / "model.json"
+    assert one_job.read_bytes() == (finished.results / "truth" / "model.json").read_bytes()
+
+
+def test_nothing_is_left_running(runs):
+    assert [job for folder in runs.folders.values() for job in jobs_of(folder)] == []
