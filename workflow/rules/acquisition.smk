@@ -19,8 +19,8 @@ rule read_recording:
         "../envs/evopem.yaml"
     threads: 1
     resources:
-        mem_mb=2000,
-        runtime=10,
+        mem_mb=light_memory,
+        runtime=light_time,
     params:
         file=lambda wildcards: DATASETS[wildcards.dataset]["file"],
         channels=channels_of,

@@ -177,6 +177,44 @@ def fitting_cores(wildcards):
         return 1
 
 
+def light_memory(wildcards, input, attempt):
+    """MB of a job that reads a record once, more at each attempt (docs/planning.md)."""
+    return int(attempt * (800 + 40 * input.size_mb))
+
+
+def light_time(wildcards, input, attempt):
+    """Minutes of such a job."""
+    return int(attempt * (5 + input.size_mb / 4))
+
+
+def largest_fit(wildcards, input):
+    """Samples times parameters of a data set's largest model; a sample has at least 8 bytes."""
+    dataset = DATASETS[wildcards.dataset]
+    samples = dataset.get("samples", input.size / 8)
+    return samples * grids.sample_needs(dataset)["parameters"]
+
+
+def fitting_memory(wildcards, input, threads, attempt):
+    """MB of Snakemake and of the processes that fit, more at each attempt (docs/planning.md)."""
+    processes = threads + 1 if threads > 1 else 1
+    each = 250 + 80e-6 * largest_fit(wildcards, input)
+    return int(attempt * (400 + processes * each))
+
+
+def fitting_time(wildcards, input, threads, attempt):
+    """Minutes of a job's fits, more at each attempt (docs/planning.md)."""
+    dataset = DATASETS[wildcards.dataset]
+    if "phase" in wildcards.keys():
+        count = grids.candidates_in_part(
+            wildcards.phase, dataset, CONFIG["candidates_per_job"]
+        )
+    else:
+        count = sum(grids.widest_candidate_count(each, dataset) for each in grids.PHASES)
+    evaluations = dataset["search"]["evaluations"]
+    each = 2 + 2e-9 * evaluations * largest_fit(wildcards, input)
+    return int(attempt * (10 + 3 * count * each / threads / 60))
+
+
 def code(script, *templates):
     """A digest of a script and of all code behind it: a rule reruns when it changes."""
     return code_version(SCRIPTS / f"{script}.py", templates)

@@ -38,8 +38,8 @@ rule draw_figures:
         "../envs/evopem.yaml"
     threads: 1
     resources:
-        mem_mb=2000,
-        runtime=20,
+        mem_mb=light_memory,
+        runtime=light_time,
     params:
         code=code("draw_figures"),
     script:

@@ -32,8 +32,8 @@ rule complete_model:
         "../envs/evopem.yaml"
     threads: 1
     resources:
-        mem_mb=1000,
-        runtime=20,
+        mem_mb=light_memory,
+        runtime=light_time,
     params:
         scoring_start=lambda wildcards: grids.scoring_start(DATASETS[wildcards.dataset]),
         search=lambda wildcards: DATASETS[wildcards.dataset]["search"],

@@ -17,8 +17,8 @@ rule fit_candidates:
         "../envs/evopem.yaml"
     threads: fitting_cores
     resources:
-        mem_mb=1000,
-        runtime=240,
+        mem_mb=fitting_memory,
+        runtime=fitting_time,
     params:
         grid=candidate_grid,
         parts=lambda wildcards: part_count(wildcards.dataset, wildcards.phase),

@@ -17,8 +17,8 @@ rule prepare_signals:
         "../envs/evopem.yaml"
     threads: 1
     resources:
-        mem_mb=2000,
-        runtime=10,
+        mem_mb=light_memory,
+        runtime=light_time,
     params:
         stationarity=lambda wildcards: DATASETS[wildcards.dataset]["stationarity"],
         split=lambda wildcards: DATASETS[wildcards.dataset]["split"],

@@ -17,8 +17,8 @@ rule identify_recording:
         "../envs/evopem.yaml"
     threads: fitting_cores
     resources:
-        mem_mb=1000,
-        runtime=240,
+        mem_mb=fitting_memory,
+        runtime=fitting_time,
     params:
         settings=settings_of,
         code=code("identify_recording", *TEMPLATES),

@@ -38,8 +38,8 @@ rule write_report:
         "../envs/evopem.yaml"
     threads: 1
     resources:
-        mem_mb=2000,
-        runtime=10,
+        mem_mb=light_memory,
+        runtime=light_time,
     params:
         code=code("write_report", *TEMPLATES),
     script:

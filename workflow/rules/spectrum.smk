@@ -23,8 +23,8 @@ rule estimate_spectrum:
         "../envs/evopem.yaml"
     threads: 1
     resources:
-        mem_mb=2000,
-        runtime=10,
+        mem_mb=light_memory,
+        runtime=light_time,
     params:
         spectrum=lambda wildcards: DATASETS[wildcards.dataset]["spectrum"],
         code=code("estimate_spectrum"),

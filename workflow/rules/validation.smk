@@ -26,8 +26,8 @@ rule validate_model:
         "../envs/evopem.yaml"
     threads: 1
     resources:
-        mem_mb=2000,
-        runtime=20,
+        mem_mb=light_memory,
+        runtime=light_time,
     params:
         code=code("validate_model"),
     script:

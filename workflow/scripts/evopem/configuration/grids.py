@@ -175,6 +175,14 @@ def check_samples(needs: Mapping[str, int], estimation: int, validation: int, pl
         )
 
 
+def candidates_in_part(
+    phase: str, dataset: Mapping[str, Any], candidates_per_job: int | str
+) -> int:
+    """Count the candidates of a phase's largest job, at most."""
+    parts = part_count(phase, dataset, candidates_per_job)
+    return math.ceil(widest_candidate_count(phase, dataset) / parts)
+
+
 def scoring_start(dataset: Mapping[str, Any]) -> int:
     """Find the first sample on which every candidate of every phase is compared.
 
