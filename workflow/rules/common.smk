@@ -177,41 +177,47 @@ def fitting_cores(wildcards):
         return 1
 
 
-def light_memory(wildcards, input, attempt):
+def record_size(wildcards):
+    """Bytes of a data set's recordings, known before any job has run."""
+    dataset = DATASETS[wildcards.dataset]
+    if "samples" in dataset:
+        return 16 * dataset["samples"]
+    files = [dataset[key] for key in ("file", "validation_file") if dataset[key]]
+    return sum(Path(file).stat().st_size for file in files if Path(file).is_file())
+
+
+def light_memory(wildcards, attempt):
     """MB of a job that reads a record once, more at each attempt (docs/planning.md)."""
-    return int(attempt * (800 + 40 * input.size_mb))
+    return int(attempt * (800 + 40e-6 * record_size(wildcards)))
 
 
-def light_time(wildcards, input, attempt):
+def light_time(wildcards, attempt):
     """Minutes of such a job."""
-    return int(attempt * (5 + input.size_mb / 4))
+    return int(attempt * (5 + 0.25e-6 * record_size(wildcards)))
 
 
-def largest_fit(wildcards, input):
+def largest_fit(wildcards):
     """Samples times parameters of a data set's largest model; a sample has at least 8 bytes."""
     dataset = DATASETS[wildcards.dataset]
-    samples = dataset.get("samples", input.size / 8)
+    samples = dataset.get("samples", record_size(wildcards) / 8)
     return samples * grids.sample_needs(dataset)["parameters"]
 
 
-def fitting_memory(wildcards, input, threads, attempt):
+def fitting_memory(wildcards, threads, attempt):
     """MB of Snakemake and of the processes that fit, more at each attempt (docs/planning.md)."""
     processes = threads + 1 if threads > 1 else 1
-    each = 250 + 80e-6 * largest_fit(wildcards, input)
+    each = 250 + 80e-6 * largest_fit(wildcards)
     return int(attempt * (400 + processes * each))
 
 
-def fitting_time(wildcards, input, threads, attempt):
+def fitting_time(wildcards, threads, attempt):
     """Minutes of a job's fits, more at each attempt (docs/planning.md)."""
     dataset = DATASETS[wildcards.dataset]
-    if "phase" in wildcards.keys():
-        count = grids.candidates_in_part(
-            wildcards.phase, dataset, CONFIG["candidates_per_job"]
-        )
-    else:
-        count = sum(grids.widest_candidate_count(each, dataset) for each in grids.PHASES)
+    phases = [wildcards.phase] if "phase" in wildcards.keys() else grids.PHASES
+    per_job = CONFIG["candidates_per_job"]
+    count = sum(grids.candidates_in_part(each, dataset, per_job) for each in phases)
     evaluations = dataset["search"]["evaluations"]
-    each = 2 + 2e-9 * evaluations * largest_fit(wildcards, input)
+    each = 2 + 2e-9 * evaluations * largest_fit(wildcards)
     return int(attempt * (10 + 3 * count * each / threads / 60))
 
 

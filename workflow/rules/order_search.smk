@@ -45,8 +45,8 @@ rule select_candidate:
         "../envs/evopem.yaml"
     threads: 1
     resources:
-        mem_mb=1000,
-        runtime=240,
+        mem_mb=fitting_memory,
+        runtime=fitting_time,
     params:
         scoring_start=lambda wildcards: grids.scoring_start(DATASETS[wildcards.dataset]),
         search=lambda wildcards: DATASETS[wildcards.dataset]["search"],

@@ -79,7 +79,8 @@ def main(
         params = {"grid": grid, "parts": 1, "search": search, "scoring_start": start}
         (part,) = at(f"phases/{phase}/part-1.json")
         fit_candidates.main(tuple(prepared), previous, peaks, phase, 1, params, part, logger, cores)
-        select_candidate.main([part], phase, phase_file, logger)
+        again = {"search": search, "scoring_start": start}
+        select_candidate.main([part], tuple(prepared), phase, again, phase_file, logger)
         Path(part).unlink()  # the phase holds all of it
         previous = phase_file
 

@@ -42,9 +42,8 @@ def summarize(paths: Mapping[str, Path]) -> Summary:
     """
     model, validation = read_json(paths["model.json"]), read_json(paths["validation.json"])
     recording, transforms = read_json(paths["recording.json"]), read_json(paths["transforms.json"])
-    verdicts = checks(
-        model, validation, read_json(paths["spectrum.json"]), read_table(paths["candidates.csv"])
-    )
+    spectrum, candidates = read_json(paths["spectrum.json"]), read_table(paths["candidates.csv"])
+    verdicts = checks(model, validation, spectrum, candidates, recording)
     return {
         "file": recording.get("path"),
         "sha256": recording.get("sha256"),
