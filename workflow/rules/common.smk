@@ -257,7 +257,7 @@ def earlier_choice(wildcards):
 
 def truth_of(wildcards):
     """The truth behind a synthetic data set."""
-    if wildcards.dataset in SYNTHETIC:
+    if "synthesis" in DATASETS[wildcards.dataset]:
         return {"truth": f"results/{wildcards.dataset}/truth.json"}
     return {}
 
@@ -288,7 +288,7 @@ def settings_of(wildcards):
     dataset = DATASETS[wildcards.dataset]
     source = (
         {"channels": channels_of(wildcards)}
-        if wildcards.dataset in RECORDED
+        if "file" in dataset
         else {"synthesis": synthesis_settings(wildcards)}
     )
     return source | {
@@ -301,7 +301,8 @@ def settings_of(wildcards):
 
 def results_of(dataset):
     """The files of one data set that are there to be used."""
-    names = [*RESULTS, *PAGES, *(["truth.json"] if dataset in SYNTHETIC else [])]
+    truth = ["truth.json"] if "synthesis" in DATASETS[dataset] else []
+    names = [*RESULTS, *PAGES, *truth]
     return [f"results/{dataset}/{name}" for name in names]
 
 
