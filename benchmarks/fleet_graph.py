@@ -2,7 +2,7 @@
 
     python benchmarks/fleet_graph.py FOLDER [RECORDINGS ...]
 
-plans fleets of empty recordings in FOLDER by dry runs and prints a table of processor seconds and MB.
+plans fleets of empty recordings in FOLDER by dry runs and prints processor seconds and MB.
 """
 
 import os
