@@ -8,7 +8,7 @@ EXTRAS := --extra formats --extra workflow --extra slurm --extra control
 COMPILE := $(BIN)/uv pip compile pyproject.toml $(EXTRAS) --universal --python-version 3.11 \
 	--generate-hashes --no-emit-index-url --no-emit-find-links --no-header --quiet
 
-.PHONY: report test test-slurm lint format lock audit fuzz screenshots clean
+.PHONY: report test test-slurm lint format lock audit fuzz bench screenshots clean
 .DEFAULT_GOAL := report
 
 report: $(VENV)/installed  ## run config.yaml from data to report
@@ -43,6 +43,10 @@ audit: $(VENV)/installed-dev  ## ask the advisory database about every pinned ve
 fuzz: $(VENV)/installed-dev  ## fuzz the readers for FUZZ_SECONDS, guided by coverage
 	$(BIN)/uv pip install --quiet --python $(BIN)/python --group fuzz
 	$(BIN)/python tests/fuzz/readers.py $(VENV)/fuzz-corpus -max_total_time=$(FUZZ_SECONDS)
+
+bench: $(VENV)/installed-dev  ## compare the estimator's speed with others', in one run
+	$(BIN)/uv pip install --quiet --python $(BIN)/python --group bench
+	$(BIN)/python benchmarks/speed.py
 
 screenshots: report $(VENV)/installed-dev  ## take the README's pictures of the default run
 	$(BIN)/python docs/take_screenshots.py results/arm/report.html
