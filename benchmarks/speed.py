@@ -119,7 +119,8 @@ def search(seed: int, orders: Orders) -> tuple[float, float]:
     errors = problem(seed, orders)
     began = time.process_time()
     result = hybrid_search(ArmaxProblem(errors), SearchSettings(), np.random.default_rng(1))
-    return result.value, time.process_time() - began
+    seconds = time.process_time() - began
+    return of_point(errors, result.point), seconds
 
 
 def sippy(seed: int, orders: Orders) -> tuple[float, float]:
@@ -136,7 +137,7 @@ def sippy(seed: int, orders: Orders) -> tuple[float, float]:
                 errors.output,
                 errors.input,
                 "ARMAX",
-                ARMAX_orders=[orders.na, orders.nb, orders.nc, orders.nk],
+                ARMAX_orders=[orders.na, orders.nb, orders.nc, orders.nk - 1],
                 ARMAX_mod="OPT",
                 max_iterations=200,
             )
@@ -168,17 +169,27 @@ def polynomials(model: object, orders: Orders) -> tuple[Array, Array, Array]:
 
 
 def objective_of(errors: PredictionErrorProblem, a: Array, b: Array, c: Array) -> float:
-    """The objective of a model, its noise state fitted: the same terms as the search's own."""
+    """The objective of a model, with a noise state of moderate size fitted to it.
+
+    One for all methods: where C has forgotten its start before the scored samples, an enormous
+    state would fit a few residuals more, and say nothing of the model.
+    """
     o = errors.orders
     point = np.concatenate([a[1:], b, c[1:], np.zeros(o.nc)])
     impulses = np.eye(errors.samples - errors.recursion_start, o.nc)
     kept = slice(errors.scoring_start - errors.recursion_start, None)
     columns = lfilter([1.0], c, impulses, axis=0)[kept]
     e = errors.residuals(point)[errors.scoring_start :]
-    state = np.linalg.lstsq(columns, -e, rcond=None)[0]
+    state = np.linalg.lstsq(columns, -e, rcond=1e-3)[0]
     e = e + columns @ state
     y = errors.output[errors.scoring_start :]
     return float(100.0 * (e @ e) / (y @ y))
+
+
+def of_point(errors: PredictionErrorProblem, point: Array) -> float:
+    o = errors.orders
+    a, b, c, _ = np.split(point, [o.na, o.na + o.nb, o.parameters])
+    return objective_of(errors, np.concatenate([[1.0], a]), b, np.concatenate([[1.0], c]))
 
 
 def scipy_local(seed: int, orders: Orders) -> tuple[float, float]:
@@ -207,7 +218,7 @@ def scipy_local(seed: int, orders: Orders) -> tuple[float, float]:
     began = time.process_time()
     found = least_squares(lambda x: parts(x)[0][kept:], start, jacobian, method="lm", x_scale="jac")
     seconds = time.process_time() - began
-    return float(errors.values(found.x[None, :])[0]), seconds
+    return of_point(errors, found.x), seconds
 
 
 def statsmodels_local(seed: int, orders: Orders, samples: int) -> float:
