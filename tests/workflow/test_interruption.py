@@ -1,5 +1,6 @@
 """Runs that are stopped and files that are spoilt: it goes on or says so; never a wrong result."""
 
+import os
 import resource
 import subprocess
 
@@ -19,28 +20,35 @@ def test_killed_at_any_moment_the_results_are_those_of_an_undisturbed_run(folder
     assert without_times(final_files(folder)) == without_times(final_files(finished))
 
 
+def spoil(path, content):
+    """Change a file as a failing disk does: its time stays as it was."""
+    times = path.stat()
+    path.write_bytes(content)
+    os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))
+
+
 def test_a_changed_or_truncated_result_is_refused_and_made_again(copy, finished):
     results = copy.results / "truth"
-    phase, prepared = results / "phases" / "c.json", results / "prepared.npz"
-    text = phase.read_text()
+    changed, truncated = results / "phases" / "c.json", results / "phases" / "b.json"
+    text = changed.read_text()
     place = text.index('"bic": ') + 9
     digit = "1" if text[place] != "1" else "2"
-    phase.write_text(text[:place] + digit + text[place + 1 :])
-    prepared.write_bytes(prepared.read_bytes()[:3000])
+    spoil(changed, (text[:place] + digit + text[place + 1 :]).encode())
+    spoil(truncated, truncated.read_bytes()[:300])
     for name in ("candidates.csv", "model.json", "report.html"):
         (results / name).unlink()
     run = copy.run("--cores", "1")
     assert run.returncode != 0
     assert "Traceback" not in run.stdout
-    for file in (phase, prepared):
+    for file in (changed, truncated):
         assert (
             f"{file.relative_to(copy.path)}: it was changed or damaged after it was written;"
             " delete it and run snakemake again" in run.stdout
         )
     assert not (results / "model.json").exists()
     assert not (results / "report.html").exists()
-    phase.unlink()
-    prepared.unlink()
+    changed.unlink()
+    truncated.unlink()
     copy.finish("--cores", "2")
     assert without_times(final_files(copy)) == without_times(final_files(finished))
 
