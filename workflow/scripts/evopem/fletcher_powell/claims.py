@@ -70,7 +70,7 @@ def _solves_all(summary: pd.DataFrame) -> Claim | None:
     return Claim(
         "The hybrid solves every run with finite differences.",
         bool(row["successes"] == row["runs"]),
-        f"{row['successes']} of {row['runs']} runs below 10⁻⁶ within {row['budget']} evaluations; "
+        f"{row['successes']} of {row['runs']} runs below 10⁻⁶ within {row['budget']} evaluations. "
         + _final(row),
     )
 
@@ -180,17 +180,16 @@ def _ratio_claim(
 ) -> Claim | None:
     """Judge a ratio of expected evaluations.
 
-    It holds where the ratio is at most ``most``; ``within_error``, where its interval reaches
-    that far down; ``strictly``, where all of its interval lies below, and is then undecided where
-    the interval spans it.
+    It holds where the ratio is at most ``most``, and fails where all of its interval lies above;
+    else it is undecided.  ``within_error``: it holds unless it fails.  ``strictly``: it holds only
+    where all of its interval lies below.
     """
     if found is None:
         return None
-    holds: bool | None = found["ratio"] <= most
-    if within_error:
-        holds = found["low"] <= most
-    elif strictly:
-        holds = True if found["high"] < most else False if found["low"] > most else None
+    reached = found["low"] if within_error else found["high"] if strictly else found["ratio"]
+    holds: bool | None = False if found["low"] > most else None
+    if reached < most or (reached == most and not strictly):
+        holds = True
     return Claim(
         statement,
         holds,

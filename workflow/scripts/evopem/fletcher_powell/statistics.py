@@ -171,16 +171,14 @@ def comparison(
 ) -> dict[str, float] | None:
     """Expected evaluations of one algorithm over another's, with its 95 % bootstrap interval.
 
-    None where either has no run or no success.
+    Both on the instances that both were run on; None where either has no success there.
     """
     generator = np.random.default_rng(SEED)
+    there = runs[(runs["study"] == study) & (runs["dimension"] == dimension)]
+    pair = [there[there["algorithm"] == algorithm] for algorithm in (one, other)]
+    common = set(pair[0]["instance"]) & set(pair[1]["instance"])
     expected, replicates = [], []
-    for algorithm in (one, other):
-        chosen = runs[
-            (runs["study"] == study)
-            & (runs["dimension"] == dimension)
-            & (runs["algorithm"] == algorithm)
-        ]
+    for chosen in (each[each["instance"].isin(common)] for each in pair):
         found = chosen["success_evaluations"].notna().to_numpy(dtype=bool)
         if not found.any():
             return None
