@@ -31,7 +31,10 @@ FREQUENCIES = np.linspace(1.0, 49.0, 25)
 WARM_UP = 2000
 NOISE_RATIO = 0.1
 # At the true orders a few descents find the optimum; the intervals do not depend on the way there.
-SEARCH = SearchSettings(mu=4, lambda_=4, nu=4, evaluations=2500)
+SEARCH = {
+    4500: SearchSettings(mu=4, lambda_=4, nu=4, evaluations=1),
+    500: SearchSettings(mu=4, lambda_=4, nu=4, evaluations=2500),
+}
 
 
 def innovations(noise: str, generator: np.random.Generator, samples: int) -> NDArray[np.float64]:
@@ -52,7 +55,7 @@ def covered(seed: int, samples: int, noise: str, objective: str) -> NDArray[np.f
     e = NOISE_RATIO * np.std(clean[WARM_UP:]) * innovations(noise, generator, total)
     y = clean + lfilter(truth.c, truth.a, e)
     found = estimate(
-        u[WARM_UP:], y[WARM_UP:], truth.orders, 100.0, objective=objective, search=SEARCH
+        u[WARM_UP:], y[WARM_UP:], truth.orders, 100.0, objective=objective, search=SEARCH[samples]
     ).model
     assert found.covariance is not None
     errors = np.abs(found.parameters - truth.parameters)
