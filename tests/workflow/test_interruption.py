@@ -7,7 +7,7 @@ import subprocess
 import pytest
 
 from .conftest import TINY
-from .interruption import final_files, run_with_kills, without_times
+from .interruption import final_files, run_with_kills
 
 pytestmark = pytest.mark.xdist_group("workflow")
 
@@ -17,7 +17,7 @@ def test_killed_at_any_moment_the_results_are_those_of_an_undisturbed_run(folder
     folder.configure(TINY)
     story = run_with_kills(folder, 4, 1, "--cores", "2")
     assert story
-    assert without_times(final_files(folder)) == without_times(final_files(finished))
+    assert final_files(folder) == final_files(finished)
 
 
 def spoil(path, content):
@@ -50,14 +50,14 @@ def test_a_changed_or_truncated_result_is_refused_and_made_again(copy, finished)
     changed.unlink()
     truncated.unlink()
     copy.finish("--cores", "2")
-    assert without_times(final_files(copy)) == without_times(final_files(finished))
+    assert final_files(copy) == final_files(finished)
 
 
 def test_a_deleted_result_is_made_again(copy, finished):
     for name in ("model.json", "modes.csv", "phases/b/part-1.json"):
         (copy.results / "truth" / name).unlink()
     copy.finish("--cores", "2")
-    assert without_times(final_files(copy)) == without_times(final_files(finished))
+    assert final_files(copy) == final_files(finished)
 
 
 def test_a_full_disk_is_said_and_leaves_nothing_half_written(copy, finished):
@@ -81,4 +81,4 @@ def test_a_full_disk_is_said_and_leaves_nothing_half_written(copy, finished):
     assert "cannot be written (File too large); make room or give permission" in run.stdout
     assert not list(figures.glob("**/*"))
     copy.finish("--cores", "1")
-    assert without_times(final_files(copy)) == without_times(final_files(finished))
+    assert final_files(copy) == final_files(finished)
