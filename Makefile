@@ -16,7 +16,7 @@ report: $(VENV)/installed  ## run config.yaml from data to report
 	@echo "Reports:"; ls -1 "$(CURDIR)"/results/*/report.html
 
 test: $(VENV)/installed-dev  ## run every test
-	$(BIN)/pytest --numprocesses auto --dist loadgroup
+	$(BIN)/pytest --numprocesses auto --dist loadfile
 
 test-slurm: $(VENV)/installed-dev  ## run the tests on SLURM, started for them where that can be done
 	PATH="$(CURDIR)/$(BIN):$$PATH" tests/workflow/with_slurm.sh $(BIN)/pytest tests/workflow/test_slurm.py

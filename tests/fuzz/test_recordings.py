@@ -74,7 +74,14 @@ def recordings(draw):
 def test_any_recording_gives_a_finite_model_or_one_sentence(
     recording, box_cox, difference, difference_input, discard, estimation, objective
 ):
-    search = {"objective": objective, "mu": 3, "lambda": 6, "nu": 2, "mutate": "worst"}
+    search = {
+        "objective": objective,
+        "start": "grown",
+        "mu": 3,
+        "lambda": 6,
+        "nu": 2,
+        "mutate": "worst",
+    }
     search |= {"evaluations": 60, "seed": 1, "max_root_radius": 0.9999, "burn_in": 5}
     stationarity = {
         "box_cox": box_cox, "difference": difference, "difference_input": difference_input

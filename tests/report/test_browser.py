@@ -29,7 +29,6 @@ pytestmark = [
         not (CHROMIUM and DRIVER),
         reason="no Chromium here (Debian packages chromium and chromium-driver)",
     ),
-    pytest.mark.xdist_group("report"),
 ]
 
 

@@ -8,8 +8,6 @@ from evopem.figures.results import read_json
 from evopem.report.fleet import fleet_table, read_summaries, summarize
 from evopem.writing import write_json, write_parquet, write_table
 
-pytestmark = pytest.mark.xdist_group("report")
-
 
 @pytest.fixture(scope="module")
 def fleet(results, tmp_path_factory):

@@ -20,8 +20,6 @@ from evopem.signals.recording import save_recording
 TEMPLATES = Path(__file__).parents[2] / "workflow" / "templates"
 SAMPLES = 1_000_000
 
-pytestmark = pytest.mark.xdist_group("report")
-
 
 class Links(HTMLParser):
     def __init__(self, html):

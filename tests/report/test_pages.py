@@ -23,8 +23,6 @@ from evopem.report.fleet import summarize
 TEMPLATES = Path(__file__).parents[2] / "workflow" / "templates"
 HOSTILE = """<script>alert("x")</script>'&"""
 
-pytestmark = pytest.mark.xdist_group("report")
-
 
 class Page(HTMLParser):
     """Tags, ids and text of a page."""

@@ -10,7 +10,6 @@ import pytest
 SCRIPT = Path(__file__).parents[2] / "workflow" / "scripts" / "write_report.py"
 
 pytestmark = [
-    pytest.mark.xdist_group("report"),
     pytest.mark.skipif(shutil.which("git") is None, reason="git is not installed"),
 ]
 

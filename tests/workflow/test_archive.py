@@ -5,8 +5,6 @@ import zipfile
 
 import pytest
 
-pytestmark = pytest.mark.xdist_group("workflow")
-
 FIGURES = {
     "record",
     "spectrum",

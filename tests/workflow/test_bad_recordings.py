@@ -7,8 +7,6 @@ import pytest
 from .bad_recordings import BAD, GOOD, PAYLOAD_RAN, RATE, VALIDATION_FILES, text, write
 from .conftest import TINY, Folder
 
-pytestmark = pytest.mark.xdist_group("workflow")
-
 DEFAULTS = TINY["defaults"] | {
     "stationarity": {"box_cox": "none", "difference": 0},
     "split": {"discard": 0},

@@ -9,8 +9,6 @@ import pytest
 
 from .conftest import TINY
 
-pytestmark = pytest.mark.xdist_group("workflow")
-
 SAME = (
     *("model.json", "model.mat", "candidates.csv", "modes.csv", "frequency_response.csv"),
     *("validation.json", "simulation.csv", "spectrum.csv", "summary.json", "phases/b.json"),

@@ -11,8 +11,6 @@ from evopem.configuration import experiments
 
 from .conftest import ROOT, Folder
 
-pytestmark = pytest.mark.xdist_group("workflow")
-
 SMALL = {
     "algorithms": ["hybrid", "hybrid-best", "ga", "multi-start"],
     "dimension": 4,

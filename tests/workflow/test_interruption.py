@@ -4,12 +4,8 @@ import os
 import resource
 import subprocess
 
-import pytest
-
 from .conftest import TINY
 from .interruption import final_files, run_with_kills
-
-pytestmark = pytest.mark.xdist_group("workflow")
 
 
 def test_killed_at_any_moment_the_results_are_those_of_an_undisturbed_run(folder, finished):

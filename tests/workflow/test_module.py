@@ -10,8 +10,6 @@ import yaml
 
 from .conftest import ROOT, TINY
 
-pytestmark = pytest.mark.xdist_group("workflow")
-
 SNAKEFILE = """
 configfile: "project.yaml"
 

@@ -9,8 +9,6 @@ import yaml
 
 from .conftest import ROOT, TINY
 
-pytestmark = pytest.mark.xdist_group("workflow")
-
 ARM = {"synthesis": "flexible_arm"}
 
 

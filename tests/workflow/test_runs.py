@@ -13,9 +13,6 @@ import pytest
 from .conftest import ROOT, TINY, Folder
 from .interruption import final_files
 
-pytestmark = pytest.mark.xdist_group("workflow")
-
-
 PROMISED = (
     "config.yaml",
     "recording.json",

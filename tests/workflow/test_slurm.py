@@ -24,7 +24,6 @@ def answers():
 
 pytestmark = [
     pytest.mark.skipif(not answers(), reason="no SLURM was asked for (make test-slurm) or answers"),
-    pytest.mark.xdist_group("slurm"),
 ]
 PROFILE = ("--workflow-profile", str(ROOT / "profiles" / "slurm"))
 ON_SLURM = (*PROFILE, "--slurm-init-seconds-before-status-checks", "3")
