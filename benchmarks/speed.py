@@ -44,7 +44,7 @@ RECORDS = (1, 2, 3)
 # Of the chapter's 57 candidates, those that SIPPY is timed at; the rest is extrapolated.
 SAMPLE = (
     Orders(6, 6, 6, 3),
-    Orders(9, 9, 9, 0),
+    Orders(9, 9, 9, 1),
     Orders(10, 10, 10, 3),
     Orders(14, 14, 14, 3),
     Orders(7, 7, 4, 3),
@@ -180,6 +180,8 @@ def objective_of(errors: PredictionErrorProblem, a: Array, b: Array, c: Array) -
     kept = slice(errors.scoring_start - errors.recursion_start, None)
     columns = lfilter([1.0], c, impulses, axis=0)[kept]
     e = errors.residuals(point)[errors.scoring_start :]
+    if not (np.isfinite(e).all() and np.isfinite(columns).all()):
+        return np.inf  # C is not invertible
     state = np.linalg.lstsq(columns, -e, rcond=1e-3)[0]
     e = e + columns @ state
     y = errors.output[errors.scoring_start :]
