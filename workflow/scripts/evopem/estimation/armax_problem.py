@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -88,11 +89,7 @@ class ArmaxProblem:
 
     def _grown(self, count: int, generator: np.random.Generator) -> tuple[Array, int]:
         """Individuals that each took the most promising of a few random pairs at every step."""
-        problems = [
-            ArmaxProblem(self.errors.of_orders(orders))
-            for orders in smaller_orders(self.errors.orders)
-        ]
-        problems.append(self)
+        problems = [*self._smaller, self]
         points = problems[0]._of_stage_one(DESCENDED * count, generator)
         points, values, evaluations = problems[0].descend(points)
         points, values = _best_of_each(points, values, count)
@@ -108,11 +105,17 @@ class ArmaxProblem:
             evaluations += used
         return points, evaluations
 
+    @cached_property
+    def _smaller(self) -> list[ArmaxProblem]:
+        """The problems on the way from the smallest orders to these, the same for every draw."""
+        return [
+            ArmaxProblem(self.errors.of_orders(orders))
+            for orders in smaller_orders(self.errors.orders)
+        ]
+
     def _promise(self, points: Array, value: float) -> Array:
         """Objective that one Gauss-Newton step from each point promises; inf where infeasible."""
-        stage = DESCENT_STAGES[0]
-        corners = np.full(len(points), stage.corner * float(self._mean_absolute(np.array(value))))
-        barriers = np.full(len(points), stage.barrier * min(value, self._scale))
+        corners, barriers = self._smoothing(DESCENT_STAGES[0], np.full(len(points), value))
         values, gradients = self.errors.values_and_gradients(points, corners, barriers)
         inverses = _damped_inverses(self.errors.curvatures(points, corners, barriers))
         return values - 0.5 * np.einsum("ij,ijk,ik->i", gradients, inverses, gradients)
@@ -141,12 +144,16 @@ class ArmaxProblem:
         values = self.values(points)
         evaluations = len(points)
         for stage in stages:
-            corners = stage.corner * self._mean_absolute(values)
-            barriers = stage.barrier * np.minimum(values, self._scale)
+            corners, barriers = self._smoothing(stage, values)
             points, used = self._bfgs(points, corners, barriers, stage.tolerance)
             values = self.values(points)
             evaluations += used + len(points)
         return points, values, evaluations
+
+    def _smoothing(self, stage: Stage, values: Array) -> tuple[Array, Array]:
+        """Corner and weight of the barrier for points that start a stage at these values."""
+        corners = stage.corner * self._mean_absolute(values)
+        return corners, stage.barrier * np.minimum(values, self._scale)
 
     def _bfgs(
         self, points: Array, corners: Array, barriers: Array, tolerance: float

@@ -138,9 +138,7 @@ def estimate(
     first = orders.first_residual if recursion_start is None else recursion_start
     burnt_in = first + max(DEFAULT_BURN_IN, orders.nc)
     scored_from = burnt_in if scoring_start is None else scoring_start
-    _check(u, y, orders, objective, (first, scored_from), max_root_radius, search)
-    if start not in STARTS:
-        raise ValueError(f"start must be one of {STARTS}, not {start!r}")
+    _check(u, y, orders, objective, (first, scored_from), max_root_radius, search, start)
     # What the kernels look back on.
     first, scored_from = max(first, MIN_NC), max(scored_from, MIN_NC)
     # The search works on signals of moderate size; powers of two leave every bit of them alone.
@@ -188,6 +186,7 @@ def _check(
     starts: tuple[int, int],
     max_root_radius: float,
     search: SearchSettings,
+    start: str,
 ) -> None:
     if u.ndim != 1 or u.shape != y.shape:
         raise ValueError(f"input and output must be of one length, not {u.shape} and {y.shape}")
@@ -197,6 +196,8 @@ def _check(
         raise ValueError(f"objective must be one of {OBJECTIVES}, not {objective!r}")
     if search.mutate not in MUTATE:
         raise ValueError(f"mutate must be one of {MUTATE}, not {search.mutate!r}")
+    if start not in STARTS:
+        raise ValueError(f"start must be one of {STARTS}, not {start!r}")
     if not 0.0 < max_root_radius < 1.0:
         raise ValueError(f"max_root_radius must lie between 0 and 1, not {max_root_radius}")
     recursion_start, scoring_start = starts
