@@ -5,6 +5,7 @@ import pytest
 
 from evopem.errors import InputError
 from evopem.estimation.order_search import (
+    continue_from,
     estimate_candidates,
     recall,
     search_again,
@@ -126,6 +127,10 @@ def candidate(k, objective, agreement=1.0, nk=0):
     return record | {"agreement": agreement}
 
 
+def unasked(smaller, larger):
+    raise AssertionError("no candidate is beaten by a smaller one here")
+
+
 def test_what_would_be_chosen_is_searched_again_until_its_search_agrees_with_itself():
     asked = []
 
@@ -134,20 +139,30 @@ def test_what_would_be_chosen_is_searched_again_until_its_search_agrees_with_its
         return record | {"agreement": 0.0}
 
     candidates = [candidate(2, 3.0), candidate(3, 1.0, agreement=0.0), candidate(4, 0.95)]
-    chosen, _, settled = select(candidates, "common", again)
+    chosen, _, settled = select(candidates, "common", again, unasked)
     assert (asked, chosen["na"]) == ([3], 3)  # once, though it still agrees with nobody
     assert settled[0] is candidates[0]
 
 
-def test_a_search_that_a_smaller_model_beats_is_made_again():
-    def again(record):
-        return record | {"objective": 0.5, "bic": 0.5 + 0.1 * record["na"]}
+def test_a_search_that_a_smaller_model_beats_goes_on_from_that_one():
+    """Each from the best it contains, as that one has become in its turn."""
+    asked = []
 
-    candidates = [candidate(2, 1.0), candidate(3, 1.2), candidate(4, 0.6)]
-    chosen, reason, settled = select(candidates, "common", again)
-    assert chosen["na"] == 3
-    assert "ARMAX(3,3,3,0)" in reason
-    assert settled[1]["objective"] == 0.5
+    def continued(smaller, larger):
+        asked.append((smaller["na"], smaller["objective"], larger["na"]))
+        value = smaller["objective"] - 0.2
+        return larger | {"objective": value, "bic": value + 0.1 * larger["na"]}
+
+    def again(record):
+        raise AssertionError("every search agrees with itself here")
+
+    candidates = [candidate(4, 0.9), candidate(3, 1.2), candidate(2, 1.0), candidate(2, 0.7, nk=1)]
+    chosen, reason, settled = select(candidates, "common", again, continued)
+    # At nk = 0 ARMAX(3,3,3) and (4,4,4) contain ARMAX(2,2,2) of either delay; (2,2,2,0) does not.
+    assert asked == [(2, 0.7, 3), (3, pytest.approx(0.5), 4)]
+    assert [each["objective"] for each in settled] == pytest.approx([0.3, 0.5, 1.0, 0.7])
+    assert chosen["na"] == 4
+    assert "ARMAX(4,4,4,0)" in reason
 
 
 def test_all_orders_of_the_chosen_delay_are_settled():
@@ -158,7 +173,7 @@ def test_all_orders_of_the_chosen_delay_are_settled():
         return record | {"agreement": 1.0}
 
     candidates = [candidate(k, 1.0 + nk - 0.1 * k, 0.0, nk) for k in (2, 3) for nk in (0, 1)]
-    assert select(candidates, "delay", again)[0]["nk"] == 0
+    assert select(candidates, "delay", again, unasked)[0]["nk"] == 0
     assert asked == [(2, 0), (3, 0)]
 
 
@@ -175,3 +190,15 @@ def test_a_further_search_is_independent_and_pooled_with_the_first(record):
     values = [value for _, value in more["convergence"]]
     assert values == sorted(values, reverse=True)
     assert values[-1] == more["objective"]
+
+
+def test_a_continued_candidate_is_no_worse_than_where_it_began(record):
+    short = Recording(record.input[:600], record.output[:600], 100.0)
+    smaller, larger = estimate_candidates(short, [(4, 3, 4, 3), (7, 6, 6, 2)], "b", SEARCH, 110)
+    spoilt = larger | {"objective": 10.0 * smaller["objective"], "ends": [99.0], "basins": 1}
+    spoilt = spoilt | {"convergence": [[10, 99.0]], "evaluations": 10, "generations": 1}
+    found = continue_from(smaller, spoilt, short, SEARCH, 110)
+    assert larger["objective"] * (1 - 1e-6) <= found["objective"] < smaller["objective"]
+    assert found["ends"] == [99.0, found["objective"]]
+    assert found["agreement"] == 0.0
+    assert found["evaluations"] > 10

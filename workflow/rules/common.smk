@@ -250,7 +250,7 @@ def earlier_choice(wildcards):
     if wildcards.phase != grids.PHASES[0]:
         previous = grids.previous_phase(wildcards.phase)
         inputs["previous"] = f"{folder}/phases/{previous}.json"
-    if candidate_grid(wildcards) == {"orders": {"common": "auto"}}:
+    if grids.needs_peaks(candidate_grid(wildcards)):
         inputs["spectrum"] = f"{folder}/spectrum.json"
     return inputs
 

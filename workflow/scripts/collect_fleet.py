@@ -18,7 +18,7 @@ def main(names: Sequence[str], templates: Path, page: str, outputs: Sequence[str
     summaries = read_summaries(Path(index_file).parent, names)
     write_text(index_file, build_index(summaries, templates, page))
     table = fleet_table(summaries)
-    write_table(csv_file, table.astype(object).where(table.notna(), None))
+    write_table(csv_file, table)
     write_parquet(parquet_file, table)
 
 

@@ -16,7 +16,7 @@ import tabulate_candidates
 import validate_model
 import write_configuration
 import write_report
-from evopem.configuration.grids import PHASES
+from evopem.configuration.grids import PHASES, needs_peaks
 from evopem.console import job
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ def main(
     previous = None
     for phase, phase_file in zip(PHASES, phases, strict=True):
         grid = settings["grids"][phase]
-        peaks = spectrum[1] if grid == {"orders": {"common": "auto"}} else None
+        peaks = spectrum[1] if needs_peaks(grid) else None
         params = {"grid": grid, "parts": 1, "search": search, "scoring_start": start}
         (part,) = at(f"phases/{phase}/part-1.json")
         fit_candidates.main(tuple(prepared), previous, peaks, phase, 1, params, part, logger, cores)

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from evopem.console import job
-from evopem.estimation.order_search import search_again, select
+from evopem.estimation.order_search import continue_from, search_again, select
 from evopem.signals.preparation import load_prepared
 from evopem.writing import write_json
 
@@ -32,7 +32,8 @@ def main(
     candidates.sort(key=lambda candidate: [candidate[order] for order in ("na", "nb", "nc", "nk")])
     data = load_prepared(*prepared_files).estimation
     again = partial(search_again, data=data, **params, log=logger.info)
-    selected, reason, candidates = select(candidates, phase, again)
+    continued = partial(continue_from, data=data, **params)
+    selected, reason, candidates = select(candidates, phase, again, continued)
     logger.info("%s", reason)
     write_json(
         phase_file,

@@ -29,7 +29,7 @@ def main(run_files: list[str], instance: str, outputs: dict[str, str]) -> None:
     runs = runs_table(records)
     summary = summary_table(runs)
     write_table(outputs["table"], summary)
-    write_table(outputs["runs"], runs.astype(object).where(runs.notna(), None))
+    write_table(outputs["runs"], runs)
     write_table(outputs["convergence"], convergence_table(records))
     write_table(outputs["landscape"], landscape_table(instance))
     write_table(outputs["minima"], minima_table(instance))

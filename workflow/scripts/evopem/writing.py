@@ -89,8 +89,10 @@ def write_table(path: str | Path, table: Mapping[str, Iterable[Any]] | pd.DataFr
     write_text(path, text.getvalue())
 
 
-def _python_values(column: Iterable[Any]) -> list[Any]:
-    """List a column's values as Python's own, whose text is exact."""
+def _python_values(column: Any) -> list[Any]:
+    """List the values of an array, a Series or any iterable as Python's own: exact as text."""
+    if hasattr(column, "notna"):  # pandas has missing values of its own
+        column = column.astype(object).where(column.notna(), None)
     values = column.tolist() if hasattr(column, "tolist") else list(column)
     return ["" if value is None or value != value else value for value in values]
 

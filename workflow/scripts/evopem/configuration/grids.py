@@ -99,6 +99,17 @@ def part_for(phase: str, dataset: Mapping[str, Any]) -> dict[str, Any]:
     return {"orders": {phase: dataset["orders"][phase]}}
 
 
+def needs_peaks(part: Mapping[str, Any]) -> bool:
+    """Whether the candidates of a phase depend on the number of spectral peaks.
+
+    Parameters
+    ----------
+    part : mapping
+        What :func:`part_for` returns.
+    """
+    return dict(part) == {"orders": {"common": "auto"}}
+
+
 def widest_candidate_count(phase: str, dataset: Mapping[str, Any]) -> int:
     """Count the candidates of a phase, at most: the number the graph is planned for."""
     any_selected = {"na": 1, "nb": 1, "nc": 1, "nk": 0}

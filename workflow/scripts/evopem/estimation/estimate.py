@@ -141,35 +141,62 @@ def estimate(
     _check(u, y, orders, objective, (first, scored_from), max_root_radius, search, start)
     # What the kernels look back on.
     first, scored_from = max(first, MIN_NC), max(scored_from, MIN_NC)
-    # The search works on signals of moderate size; powers of two leave every bit of them alone.
-    input_scale, output_scale = _power_of_two(u), _power_of_two(y)
     # The bits of a result must not depend on how many threads the machine's BLAS would take.
     with threadpool_limits(limits=1, user_api="blas"):
-        scaled = ArmaxProblem(
-            PredictionErrorProblem(
-                u / input_scale,
-                y / output_scale,
-                orders,
-                objective,
-                first,
-                scored_from,
-                max_root_radius,
-            ),
-            start,
-        )
-        key = (orders.na, orders.nb, orders.nc, orders.nk, *((1,) if earlier else ()))
-        sequence = np.random.SeedSequence(seed, spawn_key=key)
-        result = hybrid_search(scaled, search, np.random.default_rng(sequence), log)
-        point = result.point.copy()
-        point[orders.na : orders.na + orders.nb] *= output_scale / input_scale
-        point[orders.parameters :] *= output_scale
-        result = replace(result, point=point)
-        if earlier is not None:
-            result = pooled(earlier, result)
         errors = PredictionErrorProblem(
             u, y, orders, objective, first, scored_from, max_root_radius
         )
+        problem, scales = _of_moderate_size(errors, start)
+        key = (orders.na, orders.nb, orders.nc, orders.nk, *((1,) if earlier else ()))
+        sequence = np.random.SeedSequence(seed, spawn_key=key)
+        result = hybrid_search(problem, search, np.random.default_rng(sequence), log)
+        result = replace(result, point=result.point * scales)
+        if earlier is not None:
+            result = pooled(earlier, result)
         return describe(errors, result, sampling_rate)
+
+
+def descend_from(
+    point: ArrayLike, errors: PredictionErrorProblem, sampling_rate: float, earlier: SearchResult
+) -> Estimate:
+    """One descent from a point, pooled with an earlier search of the same problem.
+
+    Parameters
+    ----------
+    point : (n,) array_like
+        Parameters and noise state, in the problem's own units.
+    errors : PredictionErrorProblem
+    sampling_rate : float
+        Hz.
+    earlier : SearchResult
+    """
+    problem, scales = _of_moderate_size(errors, "chapter")
+    points, values, used = problem.polish(np.asarray(point)[None, :] / scales)
+    value = float(values[0])
+    ended = SearchResult(points[0] * scales, value, used, 0, (value,), 1, ((used, value),))
+    return describe(errors, pooled(earlier, ended), sampling_rate)
+
+
+def _of_moderate_size(errors: PredictionErrorProblem, start: str) -> tuple[ArmaxProblem, Array]:
+    """The problem with signals of moderate size, and what takes its points back.
+
+    Powers of two leave every bit of signals and points alone.
+    """
+    u, y, orders = errors.input, errors.output, errors.orders
+    input_scale, output_scale = _power_of_two(u), _power_of_two(y)
+    scaled = PredictionErrorProblem(
+        u / input_scale,
+        y / output_scale,
+        orders,
+        errors.objective,
+        errors.recursion_start,
+        errors.scoring_start,
+        errors.max_root_radius,
+    )
+    scales = np.ones(errors.dimension)
+    scales[orders.na : orders.na + orders.nb] = output_scale / input_scale
+    scales[orders.parameters :] = output_scale
+    return ArmaxProblem(scaled, start), scales
 
 
 def _power_of_two(signal: Array) -> float:

@@ -82,3 +82,25 @@ def with_factor(
             ]
         )
     return points
+
+
+def padded(point: Array, smaller: Orders, larger: Orders) -> Array:
+    """A point as one of larger orders that contain its own: zeros added, equal residuals.
+
+    Parameters
+    ----------
+    point : (n,) array
+    smaller, larger : Orders
+        ``larger.contains(smaller)``, with recursions that start at the same sample.
+    """
+    a, b, c, state = np.split(point, [smaller.na, smaller.na + smaller.nb, smaller.parameters])
+    earlier = smaller.nk - larger.nk
+    more_c = larger.nc - smaller.nc
+    return np.concatenate(
+        [
+            np.pad(a, (0, larger.na - smaller.na)),
+            np.pad(b, (earlier, larger.nb - smaller.nb - earlier)),
+            np.pad(c, (0, more_c)),
+            np.pad(state, (0, more_c)),
+        ]
+    )

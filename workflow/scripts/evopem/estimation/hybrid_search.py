@@ -111,7 +111,7 @@ class SearchResult:
 
         0 when there was only one.
         """
-        agreeing = sum(_same(end, self.value) for end in self.ends)
+        agreeing = sum(same_optimum(end, self.value) for end in self.ends)
         return (agreeing - 1) / (len(self.ends) - 1) if len(self.ends) > 1 else 0.0
 
 
@@ -161,7 +161,7 @@ def hybrid_search(
                     f"population {len(ends) + 1} generation {generations}: best "
                     f"{values[0]:.9g}, worst parent {values[-1]:.9g}, {spent} evaluations"
                 )
-            if spent >= settings.evaluations or _same(values[-1], values[0], COLLAPSED):
+            if spent >= settings.evaluations or same_optimum(values[-1], values[0], COLLAPSED):
                 break
         point, value, used = problem.polish(parents[:1])
         spent += used
@@ -169,7 +169,7 @@ def hybrid_search(
             best_point, best_value = point[0].copy(), float(value[0])
         convergence.append((spent, best_value))
         ends.append(min(float(value[0]), float(values[0])))
-        agreeing = sum(_same(end, best_value) for end in ends)
+        agreeing = sum(same_optimum(end, best_value) for end in ends)
         if agreeing >= settings.agreement and 2 * agreeing >= len(ends):
             break
     if best_point is None:
@@ -255,7 +255,8 @@ def _chosen(
     return order
 
 
-def _same(value: float, best: float, tolerance: float = SAME_OPTIMUM) -> bool:
+def same_optimum(value: float, best: float, tolerance: float = SAME_OPTIMUM) -> bool:
+    """Whether a value is not above the best by more than a relative tolerance."""
     return bool(value - best <= tolerance * abs(best))
 
 
@@ -263,6 +264,6 @@ def _distinct(values: list[float]) -> int:
     """Number of groups of values that differ by more than the tolerance."""
     count, last = 0, -np.inf
     for value in sorted(values):
-        if not np.isfinite(last) or not _same(value, last, COLLAPSED):
+        if not np.isfinite(last) or not same_optimum(value, last, COLLAPSED):
             count, last = count + 1, value
     return count

@@ -14,8 +14,9 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from evopem.errors import InputError
-from evopem.estimation.estimate import Estimate, describe, estimate
-from evopem.estimation.hybrid_search import SAME_OPTIMUM, SearchResult, SearchSettings
+from evopem.estimation.estimate import Estimate, descend_from, describe, estimate
+from evopem.estimation.growth import padded
+from evopem.estimation.hybrid_search import SearchResult, SearchSettings, same_optimum
 from evopem.estimation.kernels import MIN_NC
 from evopem.estimation.prediction_error import PredictionErrorProblem
 from evopem.models.armax import Orders
@@ -95,6 +96,22 @@ def search_again(
     return _record(found, candidate["phase"])
 
 
+def continue_from(
+    smaller: Mapping[str, Any],
+    candidate: Mapping[str, Any],
+    data: Recording,
+    search: Mapping[str, Any],
+    scoring_start: int,
+) -> Candidate:
+    """The candidate after a descent from a smaller model that is a special case of it."""
+    orders = Orders(**_orders_of(candidate))
+    point = padded(_result_of(smaller).point, Orders(**_orders_of(smaller)), orders)
+    with threadpool_limits(limits=1, user_api="blas"):
+        errors = _problem(data, orders, search, scoring_start)
+        found = descend_from(point, errors, data.sampling_rate, _result_of(candidate))
+    return _record(found, candidate["phase"])
+
+
 def _searched(
     data: Recording,
     orders: Orders,
@@ -138,16 +155,22 @@ def recall(
     """The full estimate of a candidate, recomputed at its parameters without a search."""
     orders, result = Orders(**_orders_of(candidate)), _result_of(candidate)
     with threadpool_limits(limits=1, user_api="blas"):
-        errors = PredictionErrorProblem(
-            data.input,
-            data.output,
-            orders,
-            search["objective"],
-            max(scoring_start - search["burn_in"], MIN_NC),
-            scoring_start,
-            search["max_root_radius"],
-        )
+        errors = _problem(data, orders, search, scoring_start)
         return describe(errors, result, data.sampling_rate)
+
+
+def _problem(
+    data: Recording, orders: Orders, search: Mapping[str, Any], scoring_start: int
+) -> PredictionErrorProblem:
+    return PredictionErrorProblem(
+        data.input,
+        data.output,
+        orders,
+        search["objective"],
+        max(scoring_start - search["burn_in"], MIN_NC),
+        scoring_start,
+        search["max_root_radius"],
+    )
 
 
 def _result_of(candidate: Mapping[str, Any]) -> SearchResult:
@@ -186,12 +209,13 @@ def select(
     candidates: Sequence[Candidate],
     phase: str,
     again: Callable[[Candidate], Candidate],
+    continued: Callable[[Candidate, Candidate], Candidate],
 ) -> tuple[dict[str, int], str, list[Candidate]]:
     """Choose a phase's delay or order, once the searches that decide it can be relied on.
 
-    A candidate is searched again, once, before the choice stands when it would be chosen although
-    no second population ended at its best value, or when its search is proven to have failed: a
-    smaller model, which is a special case of it, has the lower objective.
+    A search is proven to have failed when a smaller model, which is a special case of its own,
+    has the lower objective: it goes on from there.  A candidate that would be chosen although no
+    second population ended at its best value is searched again, once, before the choice stands.
 
     Parameters
     ----------
@@ -200,45 +224,59 @@ def select(
     phase : str
     again : callable
         Returns a candidate after a further search; see :func:`search_again`.
+    continued : callable
+        Takes a smaller candidate and one that contains it, and returns the latter after a descent
+        from the former; see :func:`continue_from`.
 
     Returns
     -------
     chosen orders, the reason in a sentence, and the candidates as they now are
     """
-    settled = list(candidates)
     choose = select_delay if phase == "delay" else select_order
+    settled = _no_worse_than_smaller_ones(candidates, continued)
     searched: set[int] = set()
     while True:
         chosen, reason = choose(settled)
         doubtful = {
             row
             for row, candidate in enumerate(settled)
-            if (_decides(candidate, chosen, phase) and candidate["agreement"] == 0.0)
-            or any(_proves_failed(smaller, candidate) for smaller in settled)
+            if _decides(candidate, chosen, phase) and candidate["agreement"] == 0.0
         }
         if doubtful <= searched:
             return chosen, reason, settled
         for row in sorted(doubtful - searched):
             settled[row] = again(settled[row])
+        settled = _no_worse_than_smaller_ones(settled, continued)
         searched |= doubtful
+
+
+def _no_worse_than_smaller_ones(
+    candidates: Sequence[Candidate], continued: Callable[[Candidate, Candidate], Candidate]
+) -> list[Candidate]:
+    """The candidates, those that a special case of theirs beats continued from the best of these.
+
+    From the smallest up, so that each is compared with what the smaller ones have become.
+    """
+    settled = list(candidates)
+    orders = [Orders(**_orders_of(candidate)) for candidate in candidates]
+    for row in sorted(range(len(settled)), key=lambda row: orders[row].parameters):
+        value = settled[row]["objective"]
+        contained = [
+            settled[other]
+            for other in range(len(settled))
+            if orders[row].contains(orders[other])
+            and not same_optimum(value, settled[other]["objective"])
+        ]
+        if contained:
+            smaller = min(contained, key=lambda candidate: candidate["objective"])
+            settled[row] = continued(smaller, settled[row])
+    return settled
 
 
 def _decides(candidate: Mapping[str, Any], chosen: Mapping[str, int], phase: str) -> bool:
     """Whether the choice rests on a candidate: for the delay, on all orders with that delay."""
     names = ("nk",) if phase == "delay" else tuple(chosen)
     return all(candidate[name] == chosen[name] for name in names)
-
-
-def _proves_failed(smaller: Mapping[str, Any], larger: Mapping[str, Any]) -> bool:
-    """Whether a model that is a special case of a larger one has the lower objective."""
-    contained = (
-        smaller["na"] <= larger["na"]
-        and smaller["nc"] <= larger["nc"]
-        and smaller["nk"] >= larger["nk"]
-        and smaller["nk"] + smaller["nb"] <= larger["nk"] + larger["nb"]
-    )
-    lower = larger["objective"] - smaller["objective"] > SAME_OPTIMUM * smaller["objective"]
-    return bool(contained and lower)
 
 
 def select_delay(candidates: Sequence[Mapping[str, Any]]) -> tuple[dict[str, int], str]:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
+from evopem.configuration.experiments import CHAPTER
 from evopem.figures.style import (
     ERROR,
     FAMILY,
@@ -33,7 +34,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-CHAPTER = ("hybrid", "es", "ep", "ga")
 TODAY = (
     "multi-start",
     "monotonic-basin-hopping",

@@ -40,6 +40,15 @@ class Orders:
         """Index of the first residual that has all its measured past."""
         return max(self.na, self.nb + self.nk - 1, self.nc)
 
+    def contains(self, other: Orders) -> bool:
+        """Whether every model of other orders is one of these, with zeros added."""
+        return (
+            other.na <= self.na
+            and other.nc <= self.nc
+            and other.nk >= self.nk
+            and other.nk + other.nb <= self.nk + self.nb
+        )
+
     def __str__(self) -> str:
         return f"ARMAX({self.na},{self.nb},{self.nc},{self.nk})"
 

@@ -3,26 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import yaml
 
 from evopem import __version__
+from evopem.configuration.experiments import CHAPTER, HYBRIDS
 from evopem.figures.fletcher_powell import COMPARISON_FIGURES, Comparison
 from evopem.fletcher_powell.algorithms import ALGORITHMS
 from evopem.report.building import environment
 from evopem.report.downloads import csv_download
 from evopem.report.inline_svg import inline_svg
 from evopem.report.numbers import count, fixed, is_number
+from evopem.report.provenance import installed, listed
 
 if TYPE_CHECKING:
     import pandas as pd
 
 LIBRARIES = ("numpy", "scipy", "cma", "optproblems")
-CHAPTER = ("hybrid", "es", "ep", "ga")
-MUTATIONS = ("hybrid", "hybrid-random", "hybrid-best", "hybrid-all")
 COMMAND = "snakemake --cores all fletcher_powell"
 VERDICTS = {True: "Holds", False: "Does not hold", None: "Undecided"}
 
@@ -61,14 +60,14 @@ def build_comparison(
         hybrid=next((row for row in table if row["algorithm"] == "hybrid"), None),
         precise=next((r for r in _rows(summary, "precise") if r["algorithm"] == "hybrid"), None),
         chapter=[row for row in table if row["algorithm"] in CHAPTER],
-        today=[row for row in table if row["algorithm"] not in {*CHAPTER[1:], *MUTATIONS[1:]}],
+        today=[row for row in table if row["algorithm"] not in {*CHAPTER[1:], *HYBRIDS[1:]}],
         mutation=[
             row
             for study in ("table", "precise", "scale")
             for row in _rows(summary, study)
-            if row["algorithm"] in MUTATIONS and _all_choices(summary, row)
+            if row["algorithm"] in HYBRIDS and _all_choices(summary, row)
         ],
-        scale=[row for row in _rows(summary, "scale") if row["algorithm"] not in MUTATIONS[1:]],
+        scale=[row for row in _rows(summary, "scale") if row["algorithm"] not in HYBRIDS[1:]],
         claims=claims,
         verdicts=VERDICTS,
         classes={True: "passed", False: "failed", None: "unjudged"},
@@ -86,7 +85,7 @@ def build_comparison(
         algorithms=[
             algorithm for name, algorithm in ALGORITHMS.items() if name in set(summary["algorithm"])
         ],
-        versions=", ".join(f"{name} {number}" for name, number in _versions().items()),
+        versions=listed({"evopem": __version__, **installed(LIBRARIES)}),
         command=COMMAND,
         configuration=yaml.safe_dump(
             {"fletcher_powell": dict(settings)}, sort_keys=False, default_flow_style=None
@@ -106,17 +105,7 @@ def _rows(summary: pd.DataFrame, study: str) -> list[dict[str, Any]]:
 def _all_choices(summary: pd.DataFrame, row: Mapping[str, Any]) -> bool:
     """Whether all four choices were run where this row was."""
     same = summary[(summary["study"] == row["study"]) & (summary["dimension"] == row["dimension"])]
-    return set(MUTATIONS) <= set(same["algorithm"])
-
-
-def _versions() -> dict[str, str]:
-    found = {"evopem": __version__}
-    for library in LIBRARIES:
-        try:
-            found[library] = version(library)
-        except PackageNotFoundError:
-            continue
-    return found
+    return set(HYBRIDS) <= set(same["algorithm"])
 
 
 def comparison_markdown(

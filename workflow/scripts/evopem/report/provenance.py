@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
@@ -67,8 +67,8 @@ def terms(contents: Contents, commit: str) -> list[tuple[str, str]]:
     rows.append(("Objective evaluations in all", count(int(evaluations))))
     rows.append(("Commit of the workflow", commit))
     versions = {"evopem": model.get("evopem", "unknown"), **(model.get("versions") or {})}
-    rows.append(("Versions behind the numbers", _listed(versions)))
-    rows.append(("Versions behind this page", _listed(_installed())))
+    rows.append(("Versions behind the numbers", listed(versions)))
+    rows.append(("Versions behind this page", listed(installed(REPORT_LIBRARIES))))
     return rows
 
 
@@ -92,9 +92,10 @@ def _origin(recording: Mapping[str, Any], suffix: str) -> list[tuple[str, str]]:
     return rows
 
 
-def _installed() -> dict[str, str]:
+def installed(libraries: Iterable[str]) -> dict[str, str]:
+    """Versions of those of the libraries that are there."""
     found = {}
-    for library in REPORT_LIBRARIES:
+    for library in libraries:
         try:
             found[library] = version(library)
         except PackageNotFoundError:
@@ -102,5 +103,6 @@ def _installed() -> dict[str, str]:
     return found
 
 
-def _listed(versions: Mapping[str, Any]) -> str:
+def listed(versions: Mapping[str, Any]) -> str:
+    """Names and versions in a line."""
     return ", ".join(f"{name} {value}" for name, value in versions.items())
