@@ -50,6 +50,12 @@ def final_files(folder: Folder) -> dict[str, bytes]:
     }
 
 
+def differences(folder: Folder, other: Folder) -> list[str]:
+    """Names of the results that one of two folders lacks, or that differ in a byte."""
+    one, two = final_files(folder), final_files(other)
+    return sorted(name for name in one | two if one.get(name) != two.get(name))
+
+
 def main(kills: int = 20, seed: int = 1) -> None:
     with tempfile.TemporaryDirectory() as root:
         folders = []
@@ -61,11 +67,8 @@ def main(kills: int = 20, seed: int = 1) -> None:
         folders[0].finish("--cores", "2")
         for line in run_with_kills(folders[1], kills, seed, "--cores", "2"):
             print(line, flush=True)
-        expected, found = (final_files(folder) for folder in folders)
-        different = sorted(
-            name for name in expected | found if expected.get(name) != found.get(name)
-        )
-        print(f"{len(expected)} results, {len(different)} of them different: {different}")
+        different = differences(*folders)
+        print(f"{len(final_files(folders[0]))} results, {len(different)} different: {different}")
         sys.exit(bool(different))
 
 

@@ -57,7 +57,8 @@ def job(
             seal(outputs, next(up.parent for up in log_file.parents if up.name == "logs"))
     except InputError as error:
         logger.error("%s", error)
-        print(error, file=sys.stderr)
+        # In one piece: jobs that fail side by side share the terminal.
+        sys.stderr.write(f"{error}\n")
         sys.exit(1)
     except BaseException:
         logger.exception("The job failed.")
