@@ -22,9 +22,9 @@ def answers():
     )
 
 
-pytestmark = [
-    pytest.mark.skipif(not answers(), reason="no SLURM was asked for (make test-slurm) or answers"),
-]
+pytestmark = pytest.mark.skipif(
+    not answers(), reason="no SLURM was asked for (make test-slurm) or answers"
+)
 PROFILE = ("--workflow-profile", str(ROOT / "profiles" / "slurm"))
 ON_SLURM = (*PROFILE, "--slurm-init-seconds-before-status-checks", "3")
 ONE_JOB = TINY | {"one_job_per": "recording", "report": "none", "candidates_per_job": "auto"}
@@ -97,42 +97,41 @@ def until(found, what, seconds=120):
     return value
 
 
-def jobs_of(folder, *more):
-    """SLURM's jobs of a run: numbers and states, of those still there."""
-    listed = subprocess.run(
-        ["squeue", "--noheader", "--format=%i|%T|%Z", *more],
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    rows = (line.split("|") for line in listed.stdout.splitlines())
-    return [(number, state) for number, state, place in rows if Path(place) == folder.path]
+def listed(command, *arguments):
+    """What SLURM lists, a row a line."""
+    printed = subprocess.run(
+        [command, "--noheader", *arguments], capture_output=True, text=True, check=True
+    ).stdout
+    return [line.split("|") for line in printed.splitlines()]
+
+
+def accounted(*fields):
+    """What SLURM keeps of all jobs and their steps, those that ended included."""
+    return listed("sacct", "--parsable2", "--units=M", f"--format=JobID,WorkDir,{','.join(fields)}")
+
+
+def jobs_of(folder):
+    """SLURM's jobs of a run, those still there: their numbers."""
+    rows = listed("squeue", "--format=%i|%Z")
+    return [number for number, place in rows if Path(place) == folder.path]
 
 
 def states(folder):
     """How the jobs of a run ended, in their order."""
-    listed = subprocess.run(
-        ["sacct", "--noheader", "--allocations", "--parsable2", "--format=JobID,State,WorkDir"],
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    rows = (line.split("|") for line in listed.stdout.splitlines())
-    return [state.split()[0] for _, state, place in rows if Path(place) == folder.path]
+    # Steps of a job have no folder of their own.
+    return [
+        state.split()[0]
+        for _, place, state in accounted("State")
+        if place and Path(place) == folder.path
+    ]
 
 
 def peak_of_first_job(folder):
     """The most memory, in MB, that SLURM saw the first job of a run use."""
-    listed = subprocess.run(
-        ["sacct", "--noheader", "--parsable2", "--units=M", "--format=JobID,MaxRSS,WorkDir"],
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    rows = [line.split("|") for line in listed.stdout.splitlines()]
-    first = next(number for number, _, place in rows if place and Path(place) == folder.path)
-    steps = [peak for number, peak, _ in rows if number.startswith(f"{first}.") and peak]
-    return max(float(peak.removesuffix("M")) for peak in steps)
+    rows = accounted("MaxRSS")
+    first = next(number for number, place, _ in rows if place and Path(place) == folder.path)
+    peaks = [peak for number, _, peak in rows if number.startswith(f"{first}.") and peak]
+    return max(float(peak.removesuffix("M")) for peak in peaks)
 
 
 def script_of(folder):
@@ -162,7 +161,7 @@ def test_a_run_that_is_stopped_leaves_no_job_and_goes_on_later(runs):
     for cancelled_by_hand in (False, True):
         until(lambda: script_of(folder), "the job's process")
         if cancelled_by_hand:
-            ((number, _),) = jobs_of(folder)
+            (number,) = jobs_of(folder)
             subprocess.run(["scancel", number], check=True)
         os.killpg(runs.running["cancelled"].pid, signal.SIGINT)
         _, code = runs.end("cancelled", seconds=60)
