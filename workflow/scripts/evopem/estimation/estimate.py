@@ -19,7 +19,11 @@ from evopem.estimation.hybrid_search import (
 )
 from evopem.estimation.kernels import MIN_NC
 from evopem.estimation.prediction_error import OBJECTIVES, PredictionErrorProblem
-from evopem.estimation.uncertainty import jacobian_triangle, parameter_covariance
+from evopem.estimation.uncertainty import (
+    innovation_variance,
+    jacobian_triangle,
+    parameter_covariance,
+)
 from evopem.models.armax import ArmaxModel, Orders
 from evopem.models.polynomials import max_root_radius as largest_radius
 
@@ -262,7 +266,7 @@ def describe(
         c,
         orders.nk,
         sampling_rate,
-        noise_variance=square_sum / (count - n),
+        noise_variance=innovation_variance(scored, triangle.shape[1]),
         covariance=parameter_covariance(triangle, scored, n, errors.objective),
     )
     residuals[: errors.recursion_start] = np.nan

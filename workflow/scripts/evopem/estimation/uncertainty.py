@@ -73,7 +73,7 @@ def parameter_covariance(
 
     ``sigma^2 (J'J)^-1`` for the quadratic objective (Ljung 1999, eq. 9.17), and
     ``(J'J)^-1 / (2 f(0))^2`` for the absolute one, f the density of the residuals (Bassett &
-    Koenker 1978), estimated by a Gaussian kernel of Silverman's width.
+    Koenker 1978).  What is estimated, noise state included, is taken from the number of residuals.
 
     Parameters
     ----------
@@ -85,24 +85,34 @@ def parameter_covariance(
         n.
     objective : {"absolute", "quadratic"}
     """
-    samples, n = len(residuals), parameters
+    n, estimated = parameters, triangle.shape[1]
     scale = np.linalg.norm(triangle, axis=0)
     scale[scale == 0.0] = 1.0
     # A noise state that has died out before the first scored sample leaves no trace there.
     inverse = np.linalg.pinv(triangle / scale, rcond=1e-10)
     information_inverse = ((inverse @ inverse.T) / np.outer(scale, scale))[:n, :n]
     if objective == "quadratic":
-        spread = float(residuals @ residuals) / max(samples - n, 1)
+        spread = innovation_variance(residuals, estimated)
     else:
-        spread = 1.0 / (2.0 * _density_at_zero(residuals)) ** 2
-        # n residuals are fitted exactly: as in the quadratic case, the rest look too small.
-        spread *= samples / max(samples - n, 1)
+        spread = 1.0 / (2.0 * _density_at_zero(residuals, estimated)) ** 2
     covariance: Array = spread * information_inverse
     return covariance
 
 
-def _density_at_zero(residuals: Array) -> float:
-    q25, q75 = np.quantile(residuals, [0.25, 0.75])
-    spread = min(float(np.std(residuals)), float(q75 - q25) / 1.349)
-    width = 0.9 * spread * len(residuals) ** -0.2
-    return float(np.mean(np.exp(-0.5 * (residuals / width) ** 2)) / (width * np.sqrt(2.0 * np.pi)))
+def innovation_variance(residuals: Array, estimated: int) -> float:
+    """Mean square of residuals, less one of them for each number that was estimated."""
+    return float(residuals @ residuals) / max(len(residuals) - estimated, 1)
+
+
+def _density_at_zero(residuals: Array, estimated: int) -> float:
+    """Density of the innovations at zero, by a Gaussian kernel of Silverman's width.
+
+    A least absolute fit of p numbers makes p residuals vanish (Koenker 2005, section 2.2): they
+    say nothing of the density there and are left out.
+    """
+    vanishing = min(estimated, len(residuals) - 2)
+    others = residuals[np.argsort(np.abs(residuals), kind="stable")][vanishing:]
+    q25, q75 = np.quantile(others, [0.25, 0.75])
+    spread = min(float(np.std(others)), float(q75 - q25) / 1.349)
+    width = 0.9 * spread * len(others) ** -0.2
+    return float(np.mean(np.exp(-0.5 * (others / width) ** 2)) / (width * np.sqrt(2.0 * np.pi)))
