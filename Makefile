@@ -19,7 +19,7 @@ test: $(VENV)/installed-dev  ## run every test
 	$(BIN)/pytest --numprocesses auto --dist loadfile
 
 test-slurm: $(VENV)/installed-dev  ## run the tests on SLURM, started for them where that can be done
-	PATH="$(CURDIR)/$(BIN):$$PATH" tests/workflow/with_slurm.sh $(BIN)/pytest tests/workflow/test_slurm.py
+	EVOPEM_TEST_SLURM=1 PATH="$(CURDIR)/$(BIN):$$PATH" tests/workflow/with_slurm.sh $(BIN)/pytest tests/workflow/test_slurm.py
 
 lint: $(VENV)/installed-dev  ## check style, types and the workflow
 	$(BIN)/ruff check

@@ -8,4 +8,4 @@ if ! sinfo >/dev/null 2>&1 && [[ -e $recipe && $(id -u) -eq 0 ]]; then
     trap 'bash "$recipe" stop' EXIT
     bash "$recipe" start || echo "SLURM could not be started."
 fi
-EVOPEM_TEST_SLURM=1 "$@"
+"$@"
