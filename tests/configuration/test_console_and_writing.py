@@ -25,6 +25,15 @@ def test_a_users_mistake_is_one_sentence_in_the_log_and_on_the_console(tmp_path,
     assert "Traceback" not in log.read_text()
 
 
+def test_memory_that_runs_out_is_one_sentence(tmp_path, capsys):
+    with pytest.raises(SystemExit) as stop, job(tmp_path / "logs" / "fit.log"):
+        np.empty(2**60, dtype=np.uint8)
+    assert stop.value.code == 1
+    said = capsys.readouterr().err
+    assert said.startswith(f"{tmp_path}/logs/fit: this job needs more memory than it may have;")
+    assert said.count("\n") == 1
+
+
 def test_any_other_error_keeps_its_traceback_in_the_log(tmp_path):
     log = tmp_path / "job.log"
     with pytest.raises(ZeroDivisionError), job(log):

@@ -185,12 +185,16 @@ ELSEWHERE = {
     "OPENBLAS_NUM_THREADS": "5",
     "OMP_NUM_THREADS": "5",
     "MKL_NUM_THREADS": "5",
+    "NPY_DISABLE_CPU_FEATURES": "AVX512F AVX512_SKX AVX512_ICL AVX512_SPR",
     "COLUMNS": "40",
 }
 
 
 def test_cores_parts_and_surroundings_do_not_change_results(finished, tmp_path):
-    """In other parts, on two cores, with another locale, time zone, hash seed and BLAS threads."""
+    """In other parts, on two cores, with another locale, time zone, hash seed and BLAS threads.
+
+    And with numpy's code for a processor without AVX-512.
+    """
     folder = Folder(tmp_path, environment=ELSEWHERE)
     folder.configure(changed("candidates_per_job", 1))
     assert folder.planned()["fit_candidates"] == 7

@@ -15,7 +15,12 @@ from evopem.configuration import experiments, grids
 from evopem.configuration.checking import check_yaml_files
 from evopem.configuration.code import code_version
 from evopem.configuration.completion import complete
+from evopem.configuration.processor import blas_code
 from evopem.errors import InputError
+
+# Jobs inherit it.
+for name, value in blas_code().items():
+    os.environ.setdefault(name, value)
 
 # A module is given its configuration by the project that uses it.
 IS_MODULE = workflow.modifier.skip_configfile

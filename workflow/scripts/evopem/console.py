@@ -20,8 +20,8 @@ def job(
 ) -> Iterator[logging.Logger]:
     """Run a job's work on results that are as they were written, its messages in a log file.
 
-    An `InputError` ends the process with exit code 1 and its sentence on standard error and in
-    the log; any other error leaves its traceback there as well.
+    An `InputError`, and memory that runs out, end the process with exit code 1 and a sentence on
+    standard error and in the log; any other error leaves its traceback there as well.
 
     Parameters
     ----------
@@ -55,10 +55,11 @@ def job(
         yield logger
         if outputs:
             seal(outputs, next(up.parent for up in log_file.parents if up.name == "logs"))
-    except InputError as error:
-        logger.error("%s", error)
+    except (InputError, MemoryError) as error:
+        sentence = _too_little_memory(log_file) if isinstance(error, MemoryError) else error
+        logger.error("%s", sentence)
         # In one piece: jobs that fail side by side share the terminal.
-        sys.stderr.write(f"{error}\n")
+        sys.stderr.write(f"{sentence}\n")
         sys.exit(1)
     except BaseException:
         logger.exception("The job failed.")
@@ -68,3 +69,11 @@ def job(
             each.removeHandler(handler)
         handler.close()
         logging.captureWarnings(False)
+
+
+def _too_little_memory(log_file: Path) -> InputError:
+    return InputError(
+        str(log_file.with_suffix("")),
+        "this job needs more memory than it may have",
+        "run fewer jobs at once, raise its limit or its mem_mb, or shorten the recording",
+    )
