@@ -24,11 +24,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares, minimize
-from scipy.signal import lfilter
 from threadpoolctl import threadpool_limits
 
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
+
+from filtered_residuals import FilteredResiduals  # noqa: E402
 
 from evopem.estimation.armax_problem import ArmaxProblem  # noqa: E402
 from evopem.estimation.hybrid_search import SearchSettings, hybrid_search  # noqa: E402
@@ -132,32 +133,6 @@ def sequential_quadratic_from(errors: PredictionErrorProblem, start: Array) -> f
     return float(errors.values(at(found.x)[0][None, :])[0])
 
 
-class Residuals:
-    """Residuals and Jacobian by SciPy's filters, for the solvers compared with."""
-
-    def __init__(self, errors: PredictionErrorProblem) -> None:
-        self.e, self.o = errors, errors.orders
-
-    def __call__(self, point: Array) -> tuple[Array, Array]:
-        e, o, s = self.e, self.o, self.e.recursion_start
-        u, y, samples = e.input, e.output, e.samples
-        a, b = point[: o.na], point[o.na : o.na + o.nb]
-        c = np.concatenate([[1.0], point[o.na + o.nb : o.parameters]])
-        columns = [y[s - i : samples - i] for i in range(1, o.na + 1)]
-        columns += [-u[s - o.nk - j : samples - o.nk - j] for j in range(o.nb)]
-        equation = y[s:].copy()
-        for coefficient, column in zip(np.concatenate([a, b]), columns, strict=True):
-            equation += coefficient * column
-        equation[: o.nc] += point[o.parameters :]
-        residuals = lfilter([1.0], c, equation)
-        padded = np.concatenate([np.zeros(o.nc), residuals])
-        columns += [-padded[o.nc - k : len(padded) - k] for k in range(1, o.nc + 1)]
-        impulses = np.eye(len(equation), o.nc)
-        jacobian = lfilter([1.0], c, np.column_stack([*columns, impulses]), axis=0)
-        kept = e.scoring_start - s
-        return residuals[kept:], jacobian[kept:]
-
-
 def bfgs_from(errors: PredictionErrorProblem, start: Array) -> tuple[float, int]:
     """SciPy's BFGS on the exact gradient; infinite outside the stability region."""
     spread = np.array([0.0])
@@ -176,19 +151,14 @@ def bfgs_from(errors: PredictionErrorProblem, start: Array) -> tuple[float, int]
 
 def levenberg_marquardt_from(errors: PredictionErrorProblem, start: Array) -> tuple[float, int]:
     """MINPACK's Levenberg-Marquardt; a wall of huge residuals outside the stability region."""
-    evaluate = Residuals(errors)
+    filtered = FilteredResiduals(errors)
     wall = np.full(errors.scored_samples, 1e3 * float(np.std(errors.output)))
 
     def residuals(x: Array) -> Array:
-        return evaluate(x)[0] if errors.feasible(x[None, :])[0] else wall
+        return filtered.residuals(x) if errors.feasible(x[None, :])[0] else wall
 
     found = least_squares(
-        residuals,
-        start,
-        lambda x: evaluate(x)[1],
-        method="lm",
-        x_scale="jac",
-        max_nfev=200,
+        residuals, start, filtered.jacobian, method="lm", x_scale="jac", max_nfev=200
     )
     # A Jacobian is worth its columns in evaluations by differences; by filters it counts as two.
     return float(errors.values(found.x[None, :])[0]), found.nfev + 2 * (found.njev or 0)

@@ -28,13 +28,15 @@ ROOT = Path(__file__).resolve().parent.parent
 SCRIPTS = ROOT / "workflow" / "scripts"
 sys.path.insert(0, str(SCRIPTS))
 
+from filtered_residuals import FilteredResiduals  # noqa: E402
+
 from evopem.estimation.armax_problem import ArmaxProblem  # noqa: E402
 from evopem.estimation.estimate import estimate  # noqa: E402
 from evopem.estimation.hybrid_search import SearchSettings, hybrid_search  # noqa: E402
 from evopem.estimation.kernels import LANES  # noqa: E402
 from evopem.estimation.prediction_error import PredictionErrorProblem  # noqa: E402
 from evopem.models.armax import Orders  # noqa: E402
-from evopem.synthesis.armax import armax, true_model  # noqa: E402
+from evopem.synthesis.armax import armax  # noqa: E402
 
 Array = NDArray[np.float64]
 
@@ -197,28 +199,10 @@ def of_point(errors: PredictionErrorProblem, point: Array) -> float:
 def scipy_local(seed: int, orders: Orders) -> tuple[float, float]:
     """One Levenberg-Marquardt run by MINPACK from stage one, Jacobian by SciPy's filters."""
     errors = problem(seed, orders)
-    o, s = orders, errors.recursion_start
     start = ArmaxProblem(errors).draw(1, np.random.default_rng(1))[0][0]
-    y, u, samples = errors.output, errors.input, errors.samples
-    past = [y[s - i : samples - i] for i in range(1, o.na + 1)]
-    past += [-u[s - o.nk - j : samples - o.nk - j] for j in range(o.nb)]
-    regressors = np.column_stack(past)
-    impulses = np.eye(samples - s, o.nc)
-    kept = errors.scoring_start - s
-
-    def parts(x: Array) -> tuple[Array, Array]:
-        c = np.concatenate([[1.0], x[o.na + o.nb : o.parameters]])
-        equation = y[s:] + regressors @ x[: o.na + o.nb] + impulses @ x[o.parameters :]
-        return lfilter([1.0], c, equation), c
-
-    def jacobian(x: Array) -> Array:
-        e, c = parts(x)
-        padded = np.concatenate([np.zeros(o.nc), e])
-        lagged = [-padded[o.nc - k : len(padded) - k] for k in range(1, o.nc + 1)]
-        return lfilter([1.0], c, np.column_stack([regressors, *lagged, impulses]), axis=0)[kept:]
-
+    filtered = FilteredResiduals(errors)
     began = time.process_time()
-    found = least_squares(lambda x: parts(x)[0][kept:], start, jacobian, method="lm", x_scale="jac")
+    found = least_squares(filtered.residuals, start, filtered.jacobian, method="lm", x_scale="jac")
     seconds = time.process_time() - began
     return of_point(errors, found.x), seconds
 
@@ -332,7 +316,6 @@ def start_up() -> list[str]:
 
 
 def main() -> None:
-    true_model()
     with threadpool_limits(limits=1):
         estimate(*np.random.default_rng(1).standard_normal((2, 300)), (2, 2, 2, 1), 1.0)  # compile
         passes = one_pass()

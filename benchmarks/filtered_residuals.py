@@ -1,0 +1,49 @@
+"""Residuals and Jacobian by SciPy's filters, for the solvers that the search is compared with."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from evopem.estimation.prediction_error import PredictionErrorProblem
+
+Array = NDArray[np.float64]
+
+
+class FilteredResiduals:
+    """Scored residuals of a point, and their derivatives, as SciPy's least squares wants them."""
+
+    def __init__(self, errors: PredictionErrorProblem) -> None:
+        o, start, samples = errors.orders, errors.recursion_start, errors.samples
+        u, y = errors.input, errors.output
+        past = [y[start - i : samples - i] for i in range(1, o.na + 1)]
+        past += [-u[start - o.nk - j : samples - o.nk - j] for j in range(o.nb)]
+        self.orders = o
+        self.kept = slice(errors.scoring_start - start, None)
+        self.output = y[start:]
+        self.regressors = np.column_stack(past)
+        self.impulses = np.eye(samples - start, o.nc)
+
+    def residuals(self, point: Array) -> Array:
+        """Scored residuals, (N,)."""
+        return self._from_the_start(point)[self.kept]
+
+    def jacobian(self, point: Array) -> Array:
+        """Their derivatives, (N, n)."""
+        nc = self.orders.nc
+        padded = np.concatenate([np.zeros(nc), self._from_the_start(point)])
+        lagged = [-padded[nc - k : len(padded) - k] for k in range(1, nc + 1)]
+        columns = np.column_stack([self.regressors, *lagged, self.impulses])
+        return lfilter([1.0], self._c(point), columns, axis=0)[self.kept]
+
+    def _from_the_start(self, point: Array) -> Array:
+        o = self.orders
+        equation = self.output + self.regressors @ point[: o.na + o.nb]
+        equation += self.impulses @ point[o.parameters :]
+        return lfilter([1.0], self._c(point), equation)
+
+    def _c(self, point: Array) -> Array:
+        return np.concatenate(
+            [[1.0], point[self.orders.na + self.orders.nb : self.orders.parameters]]
+        )
