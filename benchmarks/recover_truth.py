@@ -25,10 +25,11 @@ sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
 from evopem.configuration.completion import complete  # noqa: E402
 from evopem.configuration.grids import PHASES, candidate_orders, scoring_start  # noqa: E402
 from evopem.estimation.order_search import (  # noqa: E402
+    continue_from,
     estimate_candidates,
     recall,
-    select_delay,
-    select_order,
+    search_again,
+    select,
 )
 from evopem.signals.preparation import prepare  # noqa: E402
 from evopem.signals.recording import Recording  # noqa: E402
@@ -49,8 +50,14 @@ def three_phases(data: Recording, dataset: dict[str, Any]) -> tuple[dict[str, in
     candidates: list[dict[str, Any]] = []
     for phase in PHASES:
         orders = candidate_orders(phase, dataset, selected)
-        candidates = estimate_candidates(data, orders, phase, dataset["search"], start)
-        selected, _ = (select_delay if phase == "delay" else select_order)(candidates)
+        settings = {"data": data, "search": dataset["search"], "scoring_start": start}
+        candidates = estimate_candidates(orders=orders, phase=phase, **settings)
+        selected, _, candidates = select(
+            candidates,
+            phase,
+            partial(search_again, **settings),
+            partial(continue_from, **settings),
+        )
     assert selected is not None
     chosen = next(c for c in candidates if all(c[key] == selected[key] for key in selected))
     return selected, chosen
