@@ -3,8 +3,9 @@
     python benchmarks/outliers.py [--records 40] [--processes 2]
 
 Records of the ARMAX(7,6,7,3) truth at its orders, a share of whose samples are hit: in the
-innovations, whose outliers the system itself filters, or on the measured output alone, as by a
-loose contact.  An outlier is ten standard deviations of the innovations, of either sign.
+innovations, whose outliers the system itself filters, or on the measured output alone.  An
+outlier is ten standard deviations of the innovations, of either sign; a spike, as of a loose
+contact, ten standard deviations of the output.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from evopem.synthesis.armax import true_model  # noqa: E402
 
 Array = NDArray[np.float64]
 
-PLACES = ("innovations", "measured output")
+PLACES = ("innovations", "measured output", "measured output, spikes")
 SHARES = (0.0, 0.01, 0.05, 0.1)
 OBJECTIVES = ("absolute", "quadratic")
 SIZE = 10.0
@@ -49,9 +50,10 @@ def errors_of(seed: int, place: str, share: float) -> Array:
     deviation = NOISE_RATIO * np.std(clean[WARM_UP:])
     e = deviation * generator.standard_normal(total)
     hits = generator.random(total) < share
-    outliers = np.where(hits, SIZE * deviation * generator.choice([-1.0, 1.0], total), 0.0)
+    size = SIZE * (np.std(clean[WARM_UP:]) if place == PLACES[2] else deviation)
+    outliers = np.where(hits, size * generator.choice([-1.0, 1.0], total), 0.0)
     y = clean + lfilter(truth.c, truth.a, e + outliers * (place == PLACES[0]))
-    y += outliers * (place == PLACES[1])
+    y += outliers * (place != PLACES[0])
     rows = []
     for objective in OBJECTIVES:
         model = estimate(
@@ -83,8 +85,9 @@ def main() -> None:
         "",
         f"Written by `python benchmarks/outliers.py`: medians over {arguments.records} records of",
         f"{SAMPLES} samples of the ARMAX(7,6,7,3) truth at its orders, innovations 10 % of the",
-        "output, outliers of ten standard deviations of the innovations. Simulation error against",
-        "the noise-free output; largest error over the three modes. All in percent.",
+        "output, outliers of ten standard deviations of the innovations, spikes of ten of the",
+        "output. Simulation error against the noise-free output; largest error over the three modes.",
+        "All in percent.",
         "",
         "| outliers in | share | objective | simulation error | frequency | damping |",
         "|---|---|---|---|---|---|",
@@ -110,14 +113,14 @@ def main() -> None:
 def draw(medians: dict[tuple[str, float, str], Array], file: Path) -> None:
     """Simulation error over the share of outliers, one panel for each place."""
     plt.rcParams["svg.hashsalt"] = "evopem"
-    figure, axes = plt.subplots(1, 2, figsize=(8, 3.2), sharey=True, layout="constrained")
+    figure, axes = plt.subplots(1, 3, figsize=(10, 3.2), layout="constrained")
     for axis, place in zip(axes, PLACES, strict=True):
         for objective, marker in zip(OBJECTIVES, "os", strict=True):
             errors = [medians[place, share, objective][0] for share in SHARES]
             axis.plot(100 * np.array(SHARES), errors, marker=marker, label=objective)
-        axis.set(title=f"Outliers in the {place}", xlabel="Share of samples (%)")
+        axis.set(title=place.capitalize(), xlabel="Share of samples (%)", ylim=(0, None))
         axis.grid(alpha=0.3)
-    axes[0].set(ylabel="Median simulation error (%)", ylim=(0, None))
+    axes[0].set(ylabel="Median simulation error (%)")
     axes[0].legend(title="Objective")
     figure.savefig(file, metadata={"Date": None})
 

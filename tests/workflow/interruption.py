@@ -2,12 +2,13 @@
 
     python -m tests.workflow.interruption [kills] [seed]
 
-kills 20 runs of a small configuration at random moments, lets the 21st end, and compares its
-results with those of a run that nobody disturbed.
+kills runs of a small configuration twenty times at random moments, lets the last one end, and
+compares results with those of a run that nobody disturbed.
 """
 
 import os
 import random
+import shutil
 import signal
 import sys
 import tempfile
@@ -17,26 +18,32 @@ from pathlib import Path
 from .conftest import TINY, Folder
 
 LONGEST = 12.0  # seconds that a run is left alone, at most
+ARGUMENTS = ("--cores", "2")
 
 
-def run_with_kills(folder: Folder, kills: int, seed: int, *arguments: str) -> list[str]:
-    """Kill so many runs with all their jobs at random moments, then let one end; say what lived."""
+def run_with_kills(folder: Folder, expected: Folder, kills: int, seed: int) -> list[str]:
+    """Kill so many runs with all their jobs at random moments, then let one end; say what lived.
+
+    A run that ends before it can be killed is compared as well, and a new one begins.
+    """
     moments = random.Random(seed)
     story = []
-    for _ in range(kills):
-        run = folder.start(*arguments)
+    while len(story) < kills:
+        run = folder.start(*ARGUMENTS)
         moment = moments.uniform(0.5, LONGEST)
         deadline = time.monotonic() + moment
         while time.monotonic() < deadline and run.poll() is None:
             time.sleep(0.02)
         if run.poll() is not None:
             assert run.returncode == 0
-            break
+            assert differences(folder, expected) == []
+            shutil.rmtree(folder.results)
+            continue
         os.killpg(run.pid, signal.SIGKILL)
         run.wait()
         story.append(f"killed after {moment:.1f} s, with {len(final_files(folder))} files made")
         folder.finish("--unlock")
-    folder.finish(*arguments)
+    folder.finish(*ARGUMENTS)
     return story
 
 
@@ -64,11 +71,12 @@ def main(kills: int = 20, seed: int = 1) -> None:
             path.mkdir()
             folders.append(Folder(path))
             folders[-1].configure(TINY)
-        folders[0].finish("--cores", "2")
-        for line in run_with_kills(folders[1], kills, seed, "--cores", "2"):
-            print(line, flush=True)
-        different = differences(*folders)
-        print(f"{len(final_files(folders[0]))} results, {len(different)} different: {different}")
+        undisturbed, killed = folders
+        undisturbed.finish(*ARGUMENTS)
+        for line in run_with_kills(killed, undisturbed, kills, seed):
+            print(line)
+        different = differences(killed, undisturbed)
+        print(f"{len(final_files(undisturbed))} results, {len(different)} different: {different}")
         sys.exit(bool(different))
 
 
