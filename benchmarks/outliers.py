@@ -86,7 +86,7 @@ def main() -> None:
         f"Written by `python benchmarks/outliers.py`: medians over {arguments.records} records of",
         f"{SAMPLES} samples of the ARMAX(7,6,7,3) truth at its orders, innovations 10 % of the",
         "output, outliers of ten standard deviations of the innovations, spikes of ten of the",
-        "output. Simulation error against the noise-free output; largest error over the three modes.",
+        "output. Simulation error against the noise-free output; largest error over three modes.",
         "All in percent.",
         "",
         "| outliers in | share | objective | simulation error | frequency | damping |",
