@@ -67,6 +67,15 @@ def test_no_local_method_finds_less(seed):
     assert found.objective_value <= best * (1 + 1e-6)
 
 
+def test_a_noise_state_that_the_data_hardly_see_stays_small():
+    """And does not keep the populations of a search from agreeing to the last digits."""
+    recording, _ = armax(seed=5, samples=4500)
+    found = estimate(recording.input, recording.output, (7, 6, 7, 3), objective="quadratic")
+    assert found.search.agreement == 1.0
+    assert np.ptp(found.search.ends) < 1e-9 * found.search.value
+    assert np.abs(found.noise_state).max() < 10 * np.sqrt(found.model.noise_variance)
+
+
 @pytest.mark.parametrize("objective", ["absolute", "quadratic"])
 def test_errors_of_the_estimate_are_within_its_standard_errors(objective):
     recording, truth = armax(seed=4, samples=4500)

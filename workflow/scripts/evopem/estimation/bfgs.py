@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
@@ -18,8 +20,9 @@ CURVATURE = 0.9
 LONGEST_LINE_SEARCH = 30
 # Least part of a bracket that an interpolated step keeps.
 SHORTEST_CUT = 0.1
-# Accepted steps after which the inverse Hessian is approximated anew.
-REFRESH = 40
+# Trials after which the inverse Hessians are approximated anew, for all starts at once: they share
+# the passes of that as well.
+REFRESH = 80
 
 
 @dataclass(frozen=True)
@@ -30,6 +33,24 @@ class Descent:
     values: Array
     converged: NDArray[np.bool_]
     evaluations: int
+
+
+class _State(NamedTuple):
+    """Where each start is, and what its line search knows."""
+
+    x: Array
+    f: Array
+    g: Array
+    h: Array
+    d: Array
+    slope: Array
+    step: Array
+    low: Array
+    high: Array
+    tries: NDArray[np.int64]
+    iterations: NDArray[np.int64]
+    converged: NDArray[np.bool_]
+    active: NDArray[np.bool_]
 
 
 def descend(
@@ -60,99 +81,152 @@ def descend(
         A start has converged once the decrease its quadratic model promises, and the decrease it
         last made, are below this fraction of its value.
     refresh : int, optional
-        Accepted steps after which ``inverse_hessians`` is asked again; None where it knows no more
-        than at the start.
+        Trials after which ``inverse_hessians`` is asked again; None where it knows no more than at
+        the start.
     """
     x = starts.copy()
     f, g = evaluate(x, np.arange(len(x)))
-    evaluations = len(x)
-    active = np.isfinite(f)
-    h = np.zeros((*x.shape, x.shape[1]))
-    h[active] = inverse_hessians(x[active], np.flatnonzero(active))
-    d = np.zeros_like(x)
-    slope = np.zeros(len(x))
-    _aim(np.flatnonzero(active), g, h, d, slope)
-    step, low, high = np.ones(len(x)), np.zeros(len(x)), np.full(len(x), np.inf)
-    tries = np.zeros(len(x), dtype=int)
-    iterations = np.zeros(len(x), dtype=int)
-    converged = np.zeros(len(x), dtype=bool)
-    while active.any():
-        rows = np.flatnonzero(active)
-        trial = x[rows] + step[rows, None] * d[rows]
-        ft, gt = evaluate(trial, rows)
+    evaluations = count = len(x)
+    state = _State(
+        x=x,
+        f=f,
+        g=g,
+        h=np.zeros((*x.shape, x.shape[1])),
+        d=np.zeros_like(x),
+        slope=np.zeros(count),
+        step=np.ones(count),
+        low=np.zeros(count),
+        high=np.full(count, np.inf),
+        tries=np.zeros(count, dtype=np.int64),
+        iterations=np.zeros(count, dtype=np.int64),
+        converged=np.zeros(count, dtype=np.bool_),
+        active=np.isfinite(f),
+    )
+    trials = 0
+    while state.active.any():
+        rows = np.flatnonzero(state.active)
+        if trials == 0 or (refresh is not None and trials % refresh == 0):
+            state.h[rows] = inverse_hessians(x[rows], rows)
+            _aim_anew(state, rows)
+        trial = x[rows] + state.step[rows, None] * state.d[rows]
+        values, gradients = evaluate(trial, rows)
         # A step out of the stability region is refused before any residual is computed.
-        evaluations += int(np.isfinite(ft).sum())
-        tries[rows] += 1
-        drop = f[rows] - ft
-        decreased = ft <= f[rows] + SUFFICIENT_DECREASE * step[rows] * slope[rows]
-        flat_enough = np.einsum("ij,ij->i", gt, d[rows]) >= CURVATURE * slope[rows]
+        evaluations += int(np.isfinite(values).sum())
+        trials += 1
+        _advance(state, rows, trial, values, gradients, tolerance, max_iterations)
+    return Descent(x, f, state.converged, evaluations)
+
+
+@njit(cache=True, error_model="numpy")
+def _aim_anew(state: _State, rows: Rows) -> None:
+    for r in rows:
+        _aim(state, r)
+
+
+@njit(cache=True, error_model="numpy")
+def _advance(
+    state: _State,
+    rows: Rows,
+    trial: Array,
+    values: Array,
+    gradients: Array,
+    tolerance: float,
+    max_iterations: int,
+) -> None:
+    """Accept each start's trial, or say where along the line it tries next."""
+    for k, r in enumerate(rows):
+        state.tries[r] += 1
+        step, slope = state.step[r], state.slope[r]
+        last = state.tries[r] >= LONGEST_LINE_SEARCH
+        if not values[k] <= state.f[r] + SUFFICIENT_DECREASE * step * slope:
+            state.high[r] = step
         # A search that keeps its decrease but never flattens ends with the decrease it has.
-        accept = decreased & (flat_enough | (tries[rows] >= LONGEST_LINE_SEARCH))
-        refuse = rows[~decreased]
-        high[refuse] = step[refuse]
-        stretch = rows[decreased & ~accept]
-        low[stretch] = step[stretch]
-        searching = rows[~accept]
-        step[searching] = _next_step(
-            low[searching], high[searching], f[searching], slope[searching], ft[~accept]
-        )
-        active[searching[tries[searching] >= LONGEST_LINE_SEARCH]] = False
-
-        moved = rows[accept]
-        if not len(moved):
+        elif last or _dot(gradients[k], state.d[r]) >= CURVATURE * slope:
+            _accept(state, r, trial[k], values[k], gradients[k], tolerance, max_iterations)
             continue
-        _update(h, moved, step[moved, None] * d[moved], gt[accept] - g[moved])
-        x[moved], f[moved], g[moved] = trial[accept], ft[accept], gt[accept]
-        iterations[moved] += 1
-        if refresh is not None:
-            stale = moved[iterations[moved] % refresh == 0]
-            if len(stale):
-                h[stale] = inverse_hessians(x[stale], stale)
-        _aim(moved, g, h, d, slope)
-        step[moved], low[moved], high[moved], tries[moved] = 1.0, 0.0, np.inf, 0
-        limit = tolerance * np.abs(f[moved])
-        done = (-0.5 * slope[moved] <= limit) & (drop[accept] <= limit)
-        converged[moved[done]] = True
-        active[moved[done | (iterations[moved] >= max_iterations)]] = False
-    return Descent(x, f, converged, evaluations)
+        else:
+            state.low[r] = step
+        state.active[r] = not last
+        state.step[r] = _next_step(state.low[r], state.high[r], state.f[r], slope, values[k])
 
 
-def _next_step(low: Array, high: Array, f: Array, slope: Array, beyond: Array) -> Array:
+@njit(cache=True, error_model="numpy")
+def _next_step(low: float, high: float, f: float, slope: float, beyond: float) -> float:
     """The next trial step: twice the last one until a bracket is found, then inside it.
 
     While the bracket starts at zero its inside is the minimum of the parabola through value and
     slope there and the value at its far end; later, and where that end is infeasible, its middle.
     """
+    if high == np.inf:
+        return 2.0 * low
     width = high - low
-    with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
+    if low == 0.0 and np.isfinite(beyond):
         parabola = -slope * high**2 / (2.0 * (beyond - f - slope * high))
-    usable = np.isfinite(high) & np.isfinite(parabola) & np.isfinite(beyond) & (low == 0.0)
-    inside = np.where(
-        usable, np.clip(parabola, SHORTEST_CUT * width, 0.5 * width), low + 0.5 * width
-    )
-    return np.where(np.isfinite(high), inside, 2.0 * low)
+        if np.isfinite(parabola):
+            return min(max(parabola, SHORTEST_CUT * width), 0.5 * width)
+    return low + 0.5 * width
 
 
-def _aim(rows: Rows, g: Array, h: Array, d: Array, slope: Array) -> None:
-    """Set the quasi-Newton direction; fall back on steepest descent where it does not descend."""
-    d[rows] = -np.einsum("ijk,ik->ij", h[rows], g[rows])
-    slope[rows] = np.einsum("ij,ij->i", d[rows], g[rows])
-    uphill = rows[~(slope[rows] < 0.0)]
-    if len(uphill):
-        h[uphill] = np.eye(g.shape[1])
-        d[uphill] = -g[uphill]
-        slope[uphill] = -np.einsum("ij,ij->i", g[uphill], g[uphill])
+@njit(cache=True, error_model="numpy")
+def _accept(
+    state: _State,
+    r: int,
+    point: Array,
+    value: float,
+    gradient: Array,
+    tolerance: float,
+    max_iterations: int,
+) -> None:
+    """Move a start to its trial point and aim from there; end it where it has converged."""
+    drop = state.f[r] - value
+    _update(state.h[r], state.step[r] * state.d[r], gradient - state.g[r])
+    state.x[r], state.f[r], state.g[r] = point, value, gradient
+    state.iterations[r] += 1
+    state.tries[r] = 0
+    _aim(state, r)
+    limit = tolerance * abs(value)
+    state.converged[r] = -0.5 * state.slope[r] <= limit and drop <= limit
+    state.active[r] = not (state.converged[r] or state.iterations[r] >= max_iterations)
 
 
-def _update(h: Array, rows: Rows, s: Array, y: Array) -> None:
-    """Update inverse Hessians by BFGS (Fletcher 1987), except where curvature is not positive."""
-    sy = np.einsum("ij,ij->i", s, y)
-    norms = np.linalg.norm(s, axis=1) * np.linalg.norm(y, axis=1)
-    good = sy > 1e-12 * norms
-    rows, s, y, sy = rows[good], s[good], y[good], sy[good]
-    hy = np.einsum("ijk,ik->ij", h[rows], y)
-    yhy = np.einsum("ij,ij->i", y, hy)
-    weight = ((1.0 + yhy / sy) / sy)[:, None, None]
-    cross = hy[:, :, None] * s[:, None, :]
-    h[rows] += weight * s[:, :, None] * s[:, None, :]
-    h[rows] -= (cross + np.swapaxes(cross, 1, 2)) / sy[:, None, None]
+@njit(cache=True, error_model="numpy")
+def _aim(state: _State, r: int) -> None:
+    """Begin a line along the quasi-Newton direction, or steepest descent where that climbs."""
+    state.d[r] = -_times(state.h[r], state.g[r])
+    state.slope[r] = _dot(state.d[r], state.g[r])
+    if not state.slope[r] < 0.0:
+        state.h[r] = np.eye(len(state.g[r]))
+        state.d[r] = -state.g[r]
+        state.slope[r] = _dot(state.d[r], state.g[r])
+    state.step[r], state.low[r], state.high[r] = 1.0, 0.0, np.inf
+
+
+@njit(cache=True, error_model="numpy")
+def _update(h: Array, s: Array, y: Array) -> None:
+    """Update an inverse Hessian by BFGS (Fletcher 1987), except where curvature is not positive."""
+    sy = _dot(s, y)
+    if not sy > 1e-12 * np.sqrt(_dot(s, s) * _dot(y, y)):
+        return
+    hy = _times(h, y)
+    weight = (1.0 + _dot(y, hy) / sy) / sy
+    for i in range(len(s)):
+        for j in range(len(s)):
+            h[i, j] += weight * s[i] * s[j] - (hy[i] * s[j] + s[i] * hy[j]) / sy
+
+
+# Sums in one order: the bits of a result must not depend on the processor's vectors.
+@njit(cache=True, error_model="numpy")
+def _dot(one: Array, other: Array) -> float:
+    total = 0.0
+    for i in range(len(one)):
+        total += one[i] * other[i]
+    return total
+
+
+@njit(cache=True, error_model="numpy")
+def _times(symmetric: Array, vector: Array) -> Array:
+    product = np.zeros(len(vector))
+    for j in range(len(vector)):
+        for i in range(len(vector)):
+            product[i] += symmetric[j, i] * vector[j]
+    return product

@@ -45,7 +45,8 @@ class Estimate:
     objective : str
         ``absolute`` or ``quadratic``.
     objective_value : float
-        In percent (chapter eq. 20 or 22).
+        In percent (chapter eq. 20 or 22); ``search.value`` has the square of the noise state added
+        (:data:`evopem.estimation.prediction_error.STATE_WEIGHT`).
     fit_percent : float
         ``100 (1 - sum|e| / sum|y|)`` (chapter eq. 21).
     rss : float
@@ -256,6 +257,8 @@ def describe(
     residuals = errors.residuals(point)
     scored, scored_output = residuals[start:], errors.output[start:]
     square_sum, count, n = float(scored @ scored), len(scored), orders.parameters
+    rss = 100.0 * square_sum / float(scored_output @ scored_output)
+    absolute = 100.0 * float(np.sum(np.abs(scored)) / np.sum(np.abs(scored_output)))
     bare = ArmaxModel(a, b, c, orders.nk, sampling_rate)
     triangle = jacobian_triangle(
         bare, errors.input, errors.output, residuals, errors.recursion_start, start
@@ -274,9 +277,9 @@ def describe(
     return Estimate(
         model=model,
         objective=errors.objective,
-        objective_value=result.value,
-        fit_percent=100.0 * (1.0 - float(np.sum(np.abs(scored)) / np.sum(np.abs(scored_output)))),
-        rss=100.0 * square_sum / float(scored_output @ scored_output),
+        objective_value=rss if errors.objective == "quadratic" else absolute,
+        fit_percent=100.0 - absolute,
+        rss=rss,
         bic=float(np.log(square_sum / count) + n * np.log(count) / count),
         residuals=residuals,
         noise_state=point[orders.parameters :].copy(),

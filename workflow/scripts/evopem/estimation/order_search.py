@@ -179,7 +179,7 @@ def _result_of(candidate: Mapping[str, Any]) -> SearchResult:
         point=np.array(
             candidate["a"][1:] + candidate["b"] + candidate["c"][1:] + candidate["noise_state"]
         ),
-        value=candidate["objective"],
+        value=_value(candidate),
         ends=tuple(candidate["ends"]),
         convergence=tuple((count, value) for count, value in candidate["convergence"]),
         **{key: candidate[key] for key in ("evaluations", "generations", "basins")},
@@ -260,16 +260,15 @@ def _no_worse_than_smaller_ones(
     settled = list(candidates)
     orders = [Orders(**_orders_of(candidate)) for candidate in candidates]
     for row in sorted(range(len(settled)), key=lambda row: orders[row].parameters):
-        value = settled[row]["objective"]
+        value = _value(settled[row])
         contained = [
             settled[other]
             for other in range(len(settled))
             if orders[row].contains(orders[other])
-            and not same_optimum(value, settled[other]["objective"])
+            and not same_optimum(value, _value(settled[other]))
         ]
         if contained:
-            smaller = min(contained, key=lambda candidate: candidate["objective"])
-            settled[row] = continued(smaller, settled[row])
+            settled[row] = continued(min(contained, key=_value), settled[row])
     return settled
 
 
@@ -336,6 +335,11 @@ def _record(found: Estimate, phase: str) -> Candidate:
         "noise_state": found.noise_state.tolist(),
         "convergence": [list(entry) for entry in found.search.convergence],
     }
+
+
+def _value(candidate: Mapping[str, Any]) -> float:
+    """What the candidate's search minimised, at its best point."""
+    return float(min(candidate["ends"]))
 
 
 def _criterion(candidate: Mapping[str, Any]) -> tuple[float, int, int, int, int]:

@@ -23,6 +23,10 @@ Array = NDArray[np.float64]
 
 OBJECTIVES = ("absolute", "quadratic")
 
+# What the square of a noise state weighs against that of a residual: a prior of ten standard
+# deviations of the innovations.  Where C forgets its start before the first scored residual, a
+# state of any size would fit a few residuals more, and the search would have no end.
+STATE_WEIGHT = 1e-2
 # Width of the kernel that estimates the density of the residuals at zero, in mean |e|.
 DENSITY_BANDWIDTH = 0.3
 
@@ -96,6 +100,10 @@ class PredictionErrorProblem:
         scored = self._y[scoring_start : self.samples]
         self._scale = float(np.sum(np.abs(scored)) if objective == "absolute" else scored @ scored)
         self.scored_samples = self.samples - scoring_start
+        mean = self._scale / self.scored_samples
+        self._state_weight = STATE_WEIGHT * 100.0 / self._scale
+        if objective == "absolute":  # a square in the unit of an absolute value
+            self._state_weight /= mean if mean > 0.0 else 1.0
 
     def of_orders(self, orders: Orders) -> PredictionErrorProblem:
         """The same problem for other orders that have residuals from ``recursion_start`` on."""
@@ -115,7 +123,10 @@ class PredictionErrorProblem:
         return self.orders.parameters + self.orders.nc
 
     def values(self, points: Array) -> Array:
-        """Objective of each row of an (M, n) population, in percent; infeasible rows are inf."""
+        """Objective of each row of an (M, n) population, in percent; infeasible rows are inf.
+
+        The weak square of the noise state is part of it.
+        """
         values = np.full(len(points), np.inf)
         total = kernels.absolute_sum if self.objective == "absolute" else kernels.square_sum
         for rows in self._passes(self.feasible(points)):
@@ -123,6 +134,7 @@ class PredictionErrorProblem:
             work = self._work
             total(work.residuals, self.scoring_start, self.samples, work.total)
             values[rows] = 100.0 * work.total[0, : len(rows)] / self._scale
+        values += self._state_weight * _square_sums(self._states(points))
         values[~np.isfinite(values)] = np.inf
         return values
 
@@ -171,6 +183,9 @@ class PredictionErrorProblem:
             barrier, slope, _ = self._barrier(points[inside], part, with_curvature=False)
             values[inside] += barriers[inside] * barrier
             gradients[inside, part] += barriers[inside, None] * slope
+        states = self._states(points)
+        values += self._state_weight * _square_sums(states)
+        gradients[:, o.parameters :] += 2.0 * self._state_weight * states
         bad = ~(np.isfinite(values) & np.isfinite(gradients).all(axis=1))
         values[bad] = np.inf
         gradients[bad] = 0.0
@@ -218,6 +233,8 @@ class PredictionErrorProblem:
         for part in self._polynomials():
             curvature = self._barrier(points, part, with_curvature=True)[2]
             matrices[:, part, part] += barriers[:, None, None] * curvature
+        state = np.arange(o.parameters, n)
+        matrices[:, state, state] += 2.0 * self._state_weight
         return matrices
 
     def mean_absolute_residuals(self, values: Array) -> Array:
@@ -253,6 +270,9 @@ class PredictionErrorProblem:
                 point[part] = reflect_into_disc(point[part], inner)
             repaired[row] = point
         return repaired
+
+    def _states(self, points: Array) -> Array:
+        return points[:, self.orders.parameters :]
 
     def _polynomials(self) -> tuple[slice, slice]:
         """Where the coefficients of A and of C stand in a point."""
@@ -301,6 +321,10 @@ class PredictionErrorProblem:
         width[0, : len(corners)] = np.maximum(width[0, : len(corners)], corners)
         kernels.smoothed_absolute_curvature(*span, width, work.total)
         return work.total[0, : len(corners)] / self.scored_samples
+
+
+def _square_sums(rows: Array) -> Array:
+    return np.einsum("ij,ij->i", rows, rows)
 
 
 def _padded(signal: Array, length: int) -> Array:
