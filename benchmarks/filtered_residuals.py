@@ -6,13 +6,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from evopem.estimation.prediction_error import PredictionErrorProblem
+from evopem.estimation.prediction_error import STATE_WEIGHT, PredictionErrorProblem
 
 Array = NDArray[np.float64]
 
 
 class FilteredResiduals:
-    """Scored residuals of a point, and their derivatives, as SciPy's least squares wants them."""
+    """Scored residuals of a point, and their derivatives, as SciPy's least squares wants them.
+
+    The weighted noise state stands below the residuals: the objective is that of the search.
+    """
 
     def __init__(self, errors: PredictionErrorProblem) -> None:
         o, start, samples = errors.orders, errors.recursion_start, errors.samples
@@ -24,18 +27,20 @@ class FilteredResiduals:
         self.output = y[start:]
         self.regressors = np.column_stack(past)
         self.impulses = np.eye(samples - start, o.nc)
+        self.states = np.sqrt(STATE_WEIGHT) * np.eye(o.nc, o.parameters + o.nc, o.parameters)
 
     def residuals(self, point: Array) -> Array:
-        """Scored residuals, (N,)."""
-        return self._from_the_start(point)[self.kept]
+        """Scored residuals and weighted noise state, (N + nc,)."""
+        return np.concatenate([self._from_the_start(point)[self.kept], self.states @ point])
 
     def jacobian(self, point: Array) -> Array:
-        """Their derivatives, (N, n)."""
+        """Their derivatives, (N + nc, n + nc)."""
         nc = self.orders.nc
         padded = np.concatenate([np.zeros(nc), self._from_the_start(point)])
         lagged = [-padded[nc - k : len(padded) - k] for k in range(1, nc + 1)]
         columns = np.column_stack([self.regressors, *lagged, self.impulses])
-        return lfilter([1.0], self._c(point), columns, axis=0)[self.kept]
+        scored = lfilter([1.0], self._c(point), columns, axis=0)[self.kept]
+        return np.concatenate([scored, self.states])
 
     def _from_the_start(self, point: Array) -> Array:
         o = self.orders

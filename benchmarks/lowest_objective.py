@@ -152,7 +152,7 @@ def bfgs_from(errors: PredictionErrorProblem, start: Array) -> tuple[float, int]
 def levenberg_marquardt_from(errors: PredictionErrorProblem, start: Array) -> tuple[float, int]:
     """MINPACK's Levenberg-Marquardt; a wall of huge residuals outside the stability region."""
     filtered = FilteredResiduals(errors)
-    wall = np.full(errors.scored_samples, 1e3 * float(np.std(errors.output)))
+    wall = np.full(len(filtered.residuals(start)), 1e3 * float(np.std(errors.output)))
 
     def residuals(x: Array) -> Array:
         return filtered.residuals(x) if errors.feasible(x[None, :])[0] else wall
