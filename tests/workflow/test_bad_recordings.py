@@ -38,7 +38,8 @@ def test_a_bad_recording_gets_one_sentence_before_any_search(judged, name):
     assert re.fullmatch(r".+: .+; .+\.", sentence), "where: what; what to do."
     files = {BAD[name].name or f"{name}.csv", BAD[name].keys.get("validation_file")}
     assert sentence.startswith((*filter(None, files), f"datasets.{name}."))
-    assert run.stdout.splitlines().count(sentence) == 1
+    # Snakemake's own messages are written in pieces: a sentence may stand behind the first one.
+    assert run.stdout.count(f"{sentence}\n") == 1
     assert not (results / "phases").exists()
     assert not (results / "report.html").exists()
 
