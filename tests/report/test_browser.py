@@ -24,12 +24,10 @@ WIDTHS = (360, 768, 1440)
 selenium = pytest.importorskip("selenium", reason="selenium is not installed")
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 DRIVER = shutil.which("chromedriver")
-pytestmark = [
-    pytest.mark.skipif(
-        not (CHROMIUM and DRIVER),
-        reason="no Chromium here (Debian packages chromium and chromium-driver)",
-    ),
-]
+pytestmark = pytest.mark.skipif(
+    not (CHROMIUM and DRIVER),
+    reason="no Chromium here (Debian packages chromium and chromium-driver)",
+)
 
 
 @pytest.fixture(scope="module")

@@ -9,9 +9,7 @@ import pytest
 
 SCRIPT = Path(__file__).parents[2] / "workflow" / "scripts" / "write_report.py"
 
-pytestmark = [
-    pytest.mark.skipif(shutil.which("git") is None, reason="git is not installed"),
-]
+pytestmark = pytest.mark.skipif(shutil.which("git") is None, reason="git is not installed")
 
 
 @pytest.fixture(scope="module")

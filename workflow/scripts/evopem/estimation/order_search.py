@@ -233,9 +233,10 @@ def select(
     chosen orders, the reason in a sentence, and the candidates as they now are
     """
     choose = select_delay if phase == "delay" else select_order
-    settled = _no_worse_than_smaller_ones(candidates, continued)
+    settled = list(candidates)
     searched: set[int] = set()
     while True:
+        settled = _no_worse_than_smaller_ones(settled, continued)
         chosen, reason = choose(settled)
         doubtful = {
             row
@@ -246,7 +247,6 @@ def select(
             return chosen, reason, settled
         for row in sorted(doubtful - searched):
             settled[row] = again(settled[row])
-        settled = _no_worse_than_smaller_ones(settled, continued)
         searched |= doubtful
 
 

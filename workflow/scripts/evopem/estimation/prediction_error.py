@@ -100,10 +100,9 @@ class PredictionErrorProblem:
         scored = self._y[scoring_start : self.samples]
         self._scale = float(np.sum(np.abs(scored)) if objective == "absolute" else scored @ scored)
         self.scored_samples = self.samples - scoring_start
-        mean = self._scale / self.scored_samples
         self._state_weight = STATE_WEIGHT * 100.0 / self._scale
         if objective == "absolute":  # a square in the unit of an absolute value
-            self._state_weight /= mean if mean > 0.0 else 1.0
+            self._state_weight /= self._scale / self.scored_samples
 
     def of_orders(self, orders: Orders) -> PredictionErrorProblem:
         """The same problem for other orders that have residuals from ``recursion_start`` on."""
@@ -185,7 +184,7 @@ class PredictionErrorProblem:
             gradients[inside, part] += barriers[inside, None] * slope
         states = self._states(points)
         values += self._state_weight * _square_sums(states)
-        gradients[:, o.parameters :] += 2.0 * self._state_weight * states
+        self._states(gradients)[:] += 2.0 * self._state_weight * states
         bad = ~(np.isfinite(values) & np.isfinite(gradients).all(axis=1))
         values[bad] = np.inf
         gradients[bad] = 0.0
