@@ -29,6 +29,17 @@ def test_a_start_ends_in_the_same_bits_alone_or_in_company():
         np.testing.assert_array_equal(alone.points[0], together.points[i])
 
 
+def test_stragglers_are_left_where_they_are():
+    starts = np.concatenate([1.0 + 1e-3 * np.eye(2), [[-1.5, 2.0], [-1.9, -1.9]]])
+    patient = descend(rosenbrock, starts, identities, 500, 1e-14)
+    hasty = descend(rosenbrock, starts, identities, 500, 1e-14, wait=0.2)
+    assert patient.converged.all()
+    np.testing.assert_array_equal(hasty.converged, [True, True, False, False])
+    np.testing.assert_array_equal(hasty.points[:2], patient.points[:2])
+    assert (hasty.values[2:] < [rosen(start) for start in starts[2:]]).all()
+    assert hasty.evaluations < patient.evaluations
+
+
 def test_corners_do_not_stop_it():
     """|x_1| + 10 |x_2 - x_1|, which smooth methods stall on."""
 

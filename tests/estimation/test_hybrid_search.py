@@ -1,10 +1,20 @@
 """The hybrid strategy on a multimodal function whose minimum is known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from evopem.estimation.bfgs import descend
-from evopem.estimation.hybrid_search import MUTATE, SearchSettings, hybrid_search
+from evopem.estimation.hybrid_search import (
+    FIRST_CHECKED,
+    MOST_CHECKED,
+    MUTATE,
+    TOO_MANY,
+    UNSEEN,
+    SearchSettings,
+    hybrid_search,
+)
 
 
 class Ripples:
@@ -14,8 +24,13 @@ class Ripples:
         self.dimension = dimension
         self.weights = np.sqrt(np.arange(1.0, dimension + 1))
 
+    least_checked = 64
+
     def draw(self, count, generator):
-        return generator.uniform(-5, 5, (count, self.dimension)), 0
+        return self.random(count, generator), 0
+
+    def random(self, count, generator):
+        return generator.uniform(-5, 5, (count, self.dimension))
 
     def repair(self, points):
         return points
@@ -36,7 +51,7 @@ class Ripples:
             100,
             1e-12,
         )
-        return result.points, result.values, 2 * result.evaluations
+        return replace(result, evaluations=2 * result.evaluations)
 
     def polish(self, points):
         return self.descend(points)
@@ -50,6 +65,34 @@ def test_it_finds_the_lowest_of_many_minima(mutate):
     # The chapter's choice finds it every time; of the three it rejected, most times is enough.
     assert sum(found) >= (5 if mutate == "worst" else 3)
     assert all(result.value >= 1.0 for result in results)
+
+
+class Confined(Ripples):
+    """Populations that all begin, and so all end, about a minimum that is not the lowest."""
+
+    def draw(self, count, generator):
+        return 3.234 + generator.uniform(-0.2, 0.2, (count, self.dimension)), 0
+
+
+def test_random_points_check_what_populations_agree_on():
+    settings = SearchSettings(evaluations=3000)
+    result = hybrid_search(Confined(1), settings, np.random.default_rng(1))
+    assert result.ends[0] == pytest.approx(result.ends[1], rel=1e-9)
+    assert result.value == pytest.approx(1.0)
+    assert result.value == result.ends[2] < result.ends[1]
+    # What the populations agreed on stands refuted.
+    assert result.agreement == 0.0
+
+
+def test_the_check_ends_when_hardly_any_optimum_can_be_left():
+    checked = hybrid_search(Ripples(1), SearchSettings(), np.random.default_rng(1))
+    assert checked.basins > 5
+    assert 0.0 < checked.unseen <= UNSEEN
+    # Every minimum of one dimension is worth 1/10 of the range: with so few, all are seen soon.
+    assert checked.checked < MOST_CHECKED
+    hopeless = hybrid_search(Ripples(6), SearchSettings(agreement=1), np.random.default_rng(1))
+    assert hopeless.checked == FIRST_CHECKED
+    assert hopeless.unseen > TOO_MANY
 
 
 def test_the_record_of_a_search_is_consistent():
@@ -77,6 +120,7 @@ def test_one_population_agrees_with_nobody():
     settings = SearchSettings(evaluations=1)
     result = hybrid_search(Ripples(), settings, np.random.default_rng(1))
     assert (result.populations, result.agreement) == (1, 0.0)
+    assert (result.checked, result.unseen) == (0, 1.0)
 
 
 def test_it_stops_soon_after_its_evaluations_are_spent():

@@ -133,20 +133,21 @@ def test_the_stability_barrier_is_the_log_variance_of_filtered_noise(degree):
     radius = 0.98
     scaled = np.concatenate([[1.0], coefficients / radius ** np.arange(1, degree + 1)])
     response = lfilter([1.0], scaled, np.eye(1, 20000)[0])
-    values, gradients, curvatures = kernels.stability_barrier(coefficients[None, :], radius, True)
+    values, gradients = kernels.stability_barriers(coefficients[None, :], radius)
+    curvatures = kernels.barrier_curvatures(coefficients[None, :], radius)
     np.testing.assert_allclose(values[0], np.log(response @ response), rtol=1e-9, atol=1e-12)
     for j in range(degree):
         step = 1e-6 * np.eye(degree)[j]
         moved = np.array([coefficients + step, coefficients - step])
-        up, down = kernels.stability_barrier(moved, radius, False)[0]
+        up, down = kernels.stability_barriers(moved, radius)[0]
         np.testing.assert_allclose(gradients[0, j], (up - down) / 2e-6, rtol=1e-5, atol=1e-5)
     np.testing.assert_allclose(curvatures[0], curvatures[0].T, rtol=1e-9)
     assert np.linalg.eigvalsh(curvatures[0])[0] > -1e-9 * np.linalg.norm(curvatures[0])
 
 
 def test_the_stability_barrier_is_infinite_outside():
-    values, gradients, _ = kernels.stability_barrier(
-        np.array([[-0.5], [-0.97], [-0.99], [np.nan]]), 0.98, False
+    values, gradients = kernels.stability_barriers(
+        np.array([[-0.5], [-0.97], [-0.99], [np.nan]]), 0.98
     )
     assert np.isfinite(values[:2]).all()
     assert values[1] > values[0]

@@ -88,11 +88,11 @@ def test_a_run_is_over_when_the_value_looked_for_is_found():
 def test_descents_side_by_side_count_as_one_after_another():
     starts = np.random.default_rng(2).uniform(-3, 3, (6, 4))
     together = Objective(instance("seed-1", 4), "analytic", 10**6, until=-1.0)
-    _, values = descend_in_turn(together, starts)
+    values = descend_in_turn(together, starts).values
     apart = Objective(instance("seed-1", 4), "analytic", 10**6, until=-1.0)
     single = [descend_in_turn(apart, start[None]) for start in starts]
     # One row or several: the last digits of the sums differ, the minima do not.
-    assert values == pytest.approx(np.concatenate([value for _, value in single]), abs=1e-6)
+    assert values == pytest.approx(np.concatenate([descent.values for descent in single]), abs=1e-6)
     assert together.evaluations == pytest.approx(apart.evaluations, rel=0.05)
     assert together.evaluations == 2 * together.value_count
 

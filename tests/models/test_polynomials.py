@@ -12,7 +12,7 @@ polynomials = st.lists(st.floats(-3, 3), min_size=1, max_size=8).map(np.array)
 
 @given(polynomials)
 def test_reflection_brings_every_root_within_the_radius(coefficients):
-    inside = reflect_into_disc(coefficients, 0.95)
+    (inside,) = reflect_into_disc(coefficients[None, :], 0.95)
     # Clusters of roots move by the m-th root of the rounding of their coefficients.
     assert max_root_radius(inside) < 0.95 + 1e-2
 
@@ -22,7 +22,7 @@ def test_reflection_keeps_the_shape_of_the_frequency_response(radii, outside):
     z = np.array([r * np.exp(0.7j * (k + 1)) for k, r in enumerate(radii)])
     z[:outside] = 1.0 / np.conj(z[:outside])
     coefficients = np.real(np.poly(np.concatenate([z, np.conj(z)])))[1:]
-    reflected = reflect_into_disc(coefficients, 0.999)
+    (reflected,) = reflect_into_disc(coefficients[None, :], 0.999)
     frequencies = np.exp(-1j * np.linspace(0.1, 3.0, 40))
     before = np.abs(np.polyval(np.r_[1.0, coefficients][::-1], frequencies))
     after = np.abs(np.polyval(np.r_[1.0, reflected][::-1], frequencies))

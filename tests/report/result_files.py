@@ -84,6 +84,8 @@ def fit_linear(data: Recording, orders: Orders, innovations: np.ndarray, start: 
         "generations": 11,
         "populations": 6,
         "basins": 2,
+        "checked": 64,
+        "unseen": 0.0015,
         "agreement": 0.8,
         "convergence": [[k * 115, 12.0 + 5.0 * math.exp(-0.7 * k)] for k in range(12)],
     }
@@ -187,6 +189,8 @@ def model_json(model: ArmaxModel, prepared: PreparedData) -> dict:
                 "agreement": 0.8,
                 "basins": 2,
                 "at_margin": False,
+                "checked": 64,
+                "unseen": 0.0015,
             },
         },
         "seed": 1,

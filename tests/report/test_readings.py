@@ -265,6 +265,7 @@ def test_simulation_reading_says_where_it_starts():
 
 def chosen(**evidence):
     found = {"generations": 9, "populations": 4, "agreement": 2 / 3, "basins": 5}
+    found |= {"checked": 64, "unseen": 0.0015}
     return found | {"at_margin": False, "noise_state": [0.1, 0.2]} | evidence
 
 
@@ -274,6 +275,8 @@ def chosen(**evidence):
         ({}, "9 generations of 4 independent populations; 2 of the 3 beside the one"),
         ({"populations": 1, "agreement": 0.0}, "no independent one confirms the optimum"),
         ({}, "ended at 5 distinct values"),
+        ({}, "descents from 64 random points, which leave an estimated 0.15 % of all"),
+        ({"checked": 0, "unseen": 1.0}, "No check from random points was made"),
         ({}, "The 2 noise samples before the first residual"),
         ({"at_margin": True}, "the limit and not the data holds it"),
     ],

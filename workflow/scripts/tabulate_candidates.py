@@ -25,6 +25,8 @@ COLUMNS = [
     "agreement",
     "basins",
     "at_margin",
+    "checked",
+    "unseen",
 ]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cached_property
 from itertools import pairwise
 from typing import NamedTuple
@@ -10,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.estimation.arx import fit_arx
-from evopem.estimation.bfgs import descend
+from evopem.estimation.bfgs import Descent, descend
 from evopem.estimation.growth import random_pairs, smaller_orders, with_factor
 from evopem.estimation.prediction_error import PredictionErrorProblem
 
@@ -20,6 +21,9 @@ Array = NDArray[np.float64]
 STARTS = ("chapter", "grown")
 
 MAX_ITERATIONS = 200
+# A pass over the record costs for one model what it costs for eight: once half of the descents have
+# ended, the others get as long again, and stay where they are.
+WAIT = 1.0
 
 
 class Stage(NamedTuple):
@@ -36,12 +40,14 @@ class Stage(NamedTuple):
 
 DESCENT_STAGES = (Stage(0.1, 1e-4, 1e-5), Stage(0.01, 1e-7, 1e-9))
 POLISH_STAGES = (Stage(1e-2, 1e-7, 1e-10), Stage(1e-3, 1e-8, 1e-10), Stage(1e-4, 1e-9, 1e-11))
+# Random points times samples that a check from random points takes in any case.
+LEAST_CHECKED = 2**17
 # Factors tried for each individual and step of growth, and those of them that are descended from.
 PLACES = 16
 DESCENDED = 2
-# Smallest eigenvalue kept of a scaled Gauss-Newton matrix: directions the data say less about
-# than this are left to BFGS.
-EIGENVALUE_FLOOR = 1e-9
+# Added to the unit diagonal of a scaled Gauss-Newton matrix, times its size: directions that the
+# data say less about are left to BFGS.
+DAMPING = 1e-12
 # Smallest ratio of a diagonal entry to the largest one at which a coordinate has any effect.
 FELT = 1e-60
 
@@ -64,15 +70,20 @@ class ArmaxProblem:
             errors.input, errors.output, errors.orders, errors.recursion_start
         )
         # What stage one alone reaches: the scale of the objective, however bad a point is.
-        self._scale = float(self.values(self._of_stage_one(1, np.random.default_rng(0)))[0])
+        self._scale = float(self.values(self.random(1, np.random.default_rng(0)))[0])
+
+    @property
+    def least_checked(self) -> int:
+        """Random points of a check: the shorter the record, the more optima, and the cheaper."""
+        return LEAST_CHECKED // self.errors.samples
 
     def draw(self, count: int, generator: np.random.Generator) -> tuple[Array, int]:
         """A first population, and the evaluations that it took."""
         if self.start == "grown":
             return self._grown(count, generator)
-        return self._of_stage_one(count, generator), 0
+        return self.random(count, generator), 0
 
-    def _of_stage_one(self, count: int, generator: np.random.Generator) -> Array:
+    def random(self, count: int, generator: np.random.Generator) -> Array:
         """Individuals with A and B of stage one, C from the standard normal distribution, d = 0.
 
         One of them has C = 1.  The draw of C is hardly ever invertible as it falls; its roots
@@ -90,9 +101,10 @@ class ArmaxProblem:
     def _grown(self, count: int, generator: np.random.Generator) -> tuple[Array, int]:
         """Individuals that each took the most promising of a few random pairs at every step."""
         problems = [*self._smaller, self]
-        points = problems[0]._of_stage_one(DESCENDED * count, generator)
-        points, values, evaluations = problems[0].descend(points)
-        points, values = _best_of_each(points, values, count)
+        points = problems[0].random(DESCENDED * count, generator)
+        descents = problems[0].descend(points)
+        evaluations = descents.evaluations
+        points, values = _best_of_each(descents, count)
         for smaller, larger in pairwise(problems):
             starts = []
             for point, value in zip(points, values, strict=True):
@@ -100,9 +112,9 @@ class ArmaxProblem:
                 promised = larger._promise(places, value)
                 starts.append(places[np.argsort(promised, kind="stable")[:DESCENDED]])
                 evaluations += 2 * len(places)
-            points, values, used = larger.descend(np.concatenate(starts))
-            points, values = _best_of_each(points, values, count)
-            evaluations += used
+            descents = larger.descend(np.concatenate(starts))
+            evaluations += descents.evaluations
+            points, values = _best_of_each(descents, count)
         return points, evaluations
 
     @cached_property
@@ -128,45 +140,44 @@ class ArmaxProblem:
         """Exact objective in percent, (M,)."""
         return self.errors.values(points)
 
-    def descend(self, points: Array) -> tuple[Array, Array, int]:
+    def descend(self, points: Array) -> Descent:
         """BFGS from each point, preconditioned by its Gauss-Newton matrix."""
         return self._stages(points, DESCENT_STAGES)
 
-    def polish(self, points: Array) -> tuple[Array, Array, int]:
+    def polish(self, points: Array) -> Descent:
         """BFGS with ever sharper corners; never worse than where it began."""
-        polished, values, evaluations = self._stages(points, POLISH_STAGES)
+        polished = self._stages(points, POLISH_STAGES)
         before = self.values(points)
-        worse = ~(values <= before)
-        polished[worse], values[worse] = points[worse], before[worse]
-        return polished, values, evaluations + len(points)
+        worse = ~(polished.values <= before)
+        polished.points[worse], polished.values[worse] = points[worse], before[worse]
+        return replace(polished, evaluations=polished.evaluations + len(points))
 
-    def _stages(self, points: Array, stages: tuple[Stage, ...]) -> tuple[Array, Array, int]:
+    def _stages(self, points: Array, stages: tuple[Stage, ...]) -> Descent:
         values = self.values(points)
         evaluations = len(points)
         for stage in stages:
             corners, barriers = self._smoothing(stage, values)
-            points, used = self._bfgs(points, corners, barriers, stage.tolerance)
+            result = self._bfgs(points, corners, barriers, stage.tolerance)
+            points = result.points
             values = self.values(points)
-            evaluations += used + len(points)
-        return points, values, evaluations
+            evaluations += 2 * result.evaluations + len(points)
+        return Descent(points, values, result.converged, evaluations)
 
     def _smoothing(self, stage: Stage, values: Array) -> tuple[Array, Array]:
         """Corner and weight of the barrier for points that start a stage at these values."""
         corners = stage.corner * self._mean_absolute(values)
         return corners, stage.barrier * np.minimum(values, self._scale)
 
-    def _bfgs(
-        self, points: Array, corners: Array, barriers: Array, tolerance: float
-    ) -> tuple[Array, int]:
+    def _bfgs(self, points: Array, corners: Array, barriers: Array, tolerance: float) -> Descent:
         errors = self.errors
-        result = descend(
+        return descend(
             lambda trial, rows: errors.values_and_gradients(trial, corners[rows], barriers[rows]),
             points,
             lambda at, rows: _damped_inverses(errors.curvatures(at, corners[rows], barriers[rows])),
             MAX_ITERATIONS,
             tolerance,
+            wait=WAIT,
         )
-        return result.points, 2 * result.evaluations
 
     def _mean_absolute(self, values: Array) -> Array:
         """Mean |e| of points from their objective; 1 where they are infeasible or exact."""
@@ -174,25 +185,25 @@ class ArmaxProblem:
         return np.where(np.isfinite(mean) & (mean > 0.0), mean, 1.0)
 
 
-def _best_of_each(points: Array, values: Array, count: int) -> tuple[Array, Array]:
-    """The best of each of ``count`` equally large groups of neighbouring rows."""
-    groups = values.reshape(count, -1)
+def _best_of_each(descents: Descent, count: int) -> tuple[Array, Array]:
+    """The best of each of ``count`` equally large groups of neighbouring descents."""
+    groups = descents.values.reshape(count, -1)
     best = np.argmin(groups, axis=1) + groups.shape[1] * np.arange(count)
-    return points[best], values[best]
+    return descents.points[best], descents.values[best]
 
 
 def _damped_inverses(matrices: Array) -> Array:
-    """Inverses of positive semidefinite matrices with their small eigenvalues raised to a floor."""
+    """Inverses of positive semidefinite matrices, scaled to a unit diagonal and damped."""
+    count = matrices.shape[1]
     diagonal = np.einsum("ijj->ij", matrices)
     # Coordinates without any effect, such as a noise state that has died out, stay where they are.
     felt = diagonal > FELT * diagonal.max(axis=1, keepdims=True)
     scale = np.where(felt, 1.0 / np.sqrt(np.where(felt, diagonal, 1.0)), 0.0)
     scaled = matrices * scale[:, :, None] * scale[:, None, :]
     finite = np.isfinite(scaled).all(axis=(1, 2))
-    scaled[~finite] = np.eye(matrices.shape[1])
+    scaled[~finite] = np.eye(count)
     scale[~finite] = 1.0
-    eigenvalues, vectors = np.linalg.eigh(scaled)
-    eigenvalues = np.maximum(eigenvalues, EIGENVALUE_FLOOR * eigenvalues[:, -1:])
-    inverses = np.einsum("ijk,ik,ilk->ijl", vectors, 1.0 / eigenvalues, vectors)
-    damped: Array = inverses * scale[:, :, None] * scale[:, None, :]
-    return damped
+    np.einsum("ijj->ij", scaled)[:] = 1.0 + DAMPING * count
+    inverses = np.linalg.inv(scaled)
+    damped: Array = np.asarray(inverses + np.swapaxes(inverses, 1, 2), dtype=float)
+    return 0.5 * damped * scale[:, :, None] * scale[:, None, :]

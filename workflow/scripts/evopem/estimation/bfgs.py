@@ -21,7 +21,8 @@ LONGEST_LINE_SEARCH = 30
 # Least part of a bracket that an interpolated step keeps.
 SHORTEST_CUT = 0.1
 # Trials after which the inverse Hessians are approximated anew, for all starts at once: they share
-# the passes of that as well.
+# the passes of that as well.  Not sooner: what a start has learnt of the land on its way leads it
+# past more of the poor optima than the approximation does.
 REFRESH = 80
 
 
@@ -59,7 +60,8 @@ def descend(
     inverse_hessians: InverseHessians,
     max_iterations: int,
     tolerance: float,
-    refresh: int | None = REFRESH,
+    refresh: bool = True,
+    wait: float | None = None,
 ) -> Descent:
     """Minimise from each row of ``starts`` by BFGS with a weak Wolfe line search.
 
@@ -80,9 +82,11 @@ def descend(
     tolerance : float
         A start has converged once the decrease its quadratic model promises, and the decrease it
         last made, are below this fraction of its value.
-    refresh : int, optional
-        Trials after which ``inverse_hessians`` is asked again; None where it knows no more than at
-        the start.
+    refresh : bool
+        Whether ``inverse_hessians`` knows more on the way than at the start, and is asked again.
+    wait : float, optional
+        How much longer the rest may take once half of the starts have ended, in what those took;
+        by default all go on to their ends.
     """
     x = starts.copy()
     f, g = evaluate(x, np.arange(len(x)))
@@ -102,19 +106,30 @@ def descend(
         converged=np.zeros(count, dtype=np.bool_),
         active=np.isfinite(f),
     )
-    trials = 0
-    while state.active.any():
-        rows = np.flatnonzero(state.active)
-        if trials == 0 or (refresh is not None and trials % refresh == 0):
+    trials, latest = 0, np.inf
+    rows, trial = _next_trials(state)
+    while len(rows) and trials < latest:
+        if wait is not None and latest == np.inf and 2 * len(rows) <= count:
+            latest = (1.0 + wait) * trials
+        if trials == 0 or (refresh and trials % REFRESH == 0):
             state.h[rows] = inverse_hessians(x[rows], rows)
             _aim_anew(state, rows)
-        trial = x[rows] + state.step[rows, None] * state.d[rows]
+            rows, trial = _next_trials(state)
         values, gradients = evaluate(trial, rows)
-        # A step out of the stability region is refused before any residual is computed.
-        evaluations += int(np.isfinite(values).sum())
         trials += 1
-        _advance(state, rows, trial, values, gradients, tolerance, max_iterations)
+        evaluations += _advance(state, rows, trial, values, gradients, tolerance, max_iterations)
+        rows, trial = _next_trials(state)
     return Descent(x, f, state.converged, evaluations)
+
+
+@njit(cache=True, error_model="numpy")
+def _next_trials(state: _State) -> tuple[Rows, Array]:
+    """Starts that go on, and the point that each of them tries."""
+    rows = np.flatnonzero(state.active)
+    trial = np.empty((rows.size, state.x.shape[1]))
+    for k, r in enumerate(rows):
+        trial[k] = state.x[r] + state.step[r] * state.d[r]
+    return rows, trial
 
 
 @njit(cache=True, error_model="numpy")
@@ -132,9 +147,15 @@ def _advance(
     gradients: Array,
     tolerance: float,
     max_iterations: int,
-) -> None:
-    """Accept each start's trial, or say where along the line it tries next."""
+) -> int:
+    """Accept each start's trial, or say where along the line it tries next.
+
+    Returns the evaluations that these trials were: a step out of the stability region is refused
+    before any residual is computed.
+    """
+    evaluations = 0
     for k, r in enumerate(rows):
+        evaluations += np.isfinite(values[k])
         state.tries[r] += 1
         step, slope = state.step[r], state.slope[r]
         last = state.tries[r] >= LONGEST_LINE_SEARCH
@@ -148,6 +169,7 @@ def _advance(
             state.low[r] = step
         state.active[r] = not last
         state.step[r] = _next_step(state.low[r], state.high[r], state.f[r], slope, values[k])
+    return evaluations
 
 
 @njit(cache=True, error_model="numpy")

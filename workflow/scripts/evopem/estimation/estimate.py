@@ -176,9 +176,19 @@ def descend_from(
     earlier : SearchResult
     """
     problem, scales = _of_moderate_size(errors, "chapter")
-    points, values, used = problem.polish(np.asarray(point)[None, :] / scales)
-    value = float(values[0])
-    ended = SearchResult(points[0] * scales, value, used, 0, (value,), 1, ((used, value),))
+    polished = problem.polish(np.asarray(point)[None, :] / scales)
+    value, used = float(polished.values[0]), polished.evaluations
+    ended = SearchResult(
+        point=polished.points[0] * scales,
+        value=value,
+        evaluations=used,
+        generations=0,
+        ends=(value,),
+        basins=1,
+        checked=0,
+        unseen=1.0,
+        convergence=((used, value),),
+    )
     return describe(errors, pooled(earlier, ended), sampling_rate)
 
 

@@ -3,8 +3,10 @@
 Each generation recombines the parents, evaluates the offspring, lets BFGS *mutate* a few of them
 (by default the worst), and selects the best of parents and offspring.  There is no random
 mutation: diversity comes from the first population and recombination, and when a population has
-collapsed to one point an independent one is drawn.  The search ends when enough independent
-populations have ended at the same best value, or when its evaluations are spent.
+collapsed to one point an independent one is drawn.  When enough independent populations have ended
+at the same best value, descents from random points check it, as many as it takes until hardly any
+could lead to an optimum that has not been seen.  The search ends when that finds nothing better,
+or when its evaluations are spent.
 """
 
 from __future__ import annotations
@@ -17,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.errors import InputError
+from evopem.estimation.bfgs import Descent
 
 Array = NDArray[np.float64]
 
@@ -26,13 +29,24 @@ MUTATE = ("worst", "all", "best", "random")
 SAME_OPTIMUM = 1e-6
 # Spread of a population's values at which it has collapsed; its best is polished after that.
 COLLAPSED = 1e-5
+# Random points that a check begins with, and the most; the share of all that may lead to optima not
+# seen yet when it ends; and the share at which there are too many optima to see them all.
+FIRST_CHECKED, MOST_CHECKED = 32, 1024
+UNSEEN, TOO_MANY = 0.003, 0.2
 
 
 class Problem(Protocol):
     """What the search needs to know of an objective."""
 
+    @property
+    def least_checked(self) -> int:
+        """Random points that a check takes in any case: as many as cost little."""
+
     def draw(self, count: int, generator: np.random.Generator) -> tuple[Array, int]:
         """A first population, (count, n), and the evaluations that it took."""
+
+    def random(self, count: int, generator: np.random.Generator) -> Array:
+        """Independent random points, (count, n), that know nothing of any optimum."""
 
     def repair(self, points: Array) -> Array:
         """The points, moved into the feasible region where they lie outside."""
@@ -40,10 +54,10 @@ class Problem(Protocol):
     def values(self, points: Array) -> Array:
         """Objective of each row, (M,)."""
 
-    def descend(self, points: Array) -> tuple[Array, Array, int]:
-        """BFGS from each row to convergence: points, values and evaluations spent."""
+    def descend(self, points: Array) -> Descent:
+        """BFGS from each row, in units of :meth:`values`."""
 
-    def polish(self, points: Array) -> tuple[Array, Array, int]:
+    def polish(self, points: Array) -> Descent:
         """The same to the last digits, for the few points that end a population."""
 
 
@@ -63,7 +77,7 @@ class SearchSettings:
         Evaluations after which no new generation starts; a gradient counts as one more.
     agreement : int
         Independent populations that must end at the same best value, and be at least half of
-        all, for the search to stop early.
+        all, for the search to stop early, once a check from random points agrees.
     """
 
     mu: int = 15
@@ -85,9 +99,13 @@ class SearchResult:
     evaluations : int
     generations : int
     ends : tuple of float
-        Best value of each independent population.
+        Best value of each independent population; a check from random points counts as one.
     basins : int
-        Distinct end values of BFGS among all mutated individuals.
+        Distinct values among all descents that converged.
+    checked : int
+        Random points that were descended from to check the best; 0 when no populations agreed.
+    unseen : float
+        Estimated share of the random points that would lead to optima not seen in that; 1 without.
     convergence : tuple of (evaluations, best value)
         One entry a generation, and one after each polish.
     """
@@ -98,6 +116,8 @@ class SearchResult:
     generations: int
     ends: tuple[float, ...]
     basins: int
+    checked: int
+    unseen: float
     convergence: tuple[tuple[int, float], ...]
 
     @property
@@ -141,6 +161,7 @@ def hybrid_search(
     ends: list[float] = []
     basins: list[float] = []
     convergence: list[tuple[int, float]] = []
+    check: _Check | None = None
     spent = generations = 0
     while spent < settings.evaluations:
         parents, used = problem.draw(settings.mu, generator)
@@ -163,14 +184,26 @@ def hybrid_search(
                 )
             if spent >= settings.evaluations or same_optimum(values[-1], values[0], COLLAPSED):
                 break
-        point, value, used = problem.polish(parents[:1])
-        spent += used
-        if value[0] < best_value:
-            best_point, best_value = point[0].copy(), float(value[0])
+        polished = problem.polish(parents[:1])
+        spent += polished.evaluations
+        if polished.values[0] < best_value:
+            best_point, best_value = polished.points[0].copy(), float(polished.values[0])
         convergence.append((spent, best_value))
-        ends.append(min(float(value[0]), float(values[0])))
-        agreeing = sum(same_optimum(end, best_value) for end in ends)
-        if agreeing >= settings.agreement and 2 * agreeing >= len(ends):
+        ends.append(min(float(polished.values[0]), float(values[0])))
+        if check is None and _agreed(ends, best_value, settings):
+            check = _from_random_points(problem, generator)
+            spent += check.evaluations
+            basins.extend(check.optima)
+            if check.value < best_value:
+                best_point, best_value = check.point, check.value
+            convergence.append((spent, best_value))
+            ends.append(check.value)
+            if log is not None:
+                log(
+                    f"check: best {check.value:.9g} of {check.points} random points, "
+                    f"{100 * check.unseen:.2g} % may lead elsewhere, {spent} evaluations"
+                )
+        if _agreed(ends, best_value, settings):
             break
     if best_point is None:
         raise InputError(
@@ -185,8 +218,67 @@ def hybrid_search(
         generations=generations,
         ends=tuple(ends),
         basins=_distinct(basins),
+        checked=check.points if check else 0,
+        unseen=check.unseen if check else 1.0,
         convergence=tuple(convergence),
     )
+
+
+@dataclass(frozen=True)
+class _Check:
+    """What descents from random points found: the best, and the values of all that converged."""
+
+    point: Array
+    value: float
+    optima: tuple[float, ...]
+    points: int
+    unseen: float
+    evaluations: int
+
+
+def _from_random_points(problem: Problem, generator: np.random.Generator) -> _Check:
+    """Descend from random points until hardly any could lead to an optimum not seen yet.
+
+    The posterior mean of that share, after n descents that ended at w optima, is
+    ``w (w + 1) / (n (n - 1))`` (Boender & Rinnooy Kan 1987, Bayesian stopping rules for multistart
+    global optimization methods).
+    """
+    optima: list[float] = []
+    best_point, best_value = np.empty(0), np.inf
+    points = evaluations = 0
+    unseen = 1.0
+    while unseen > UNSEEN or points < problem.least_checked:
+        more = max(points, FIRST_CHECKED)
+        descents = problem.descend(problem.random(more, generator))
+        points += more
+        evaluations += descents.evaluations
+        optima.extend(_converged(descents))
+        best = int(np.argmin(descents.values))
+        if descents.values[best] <= best_value:
+            best_point, best_value = descents.points[best], float(descents.values[best])
+        seen, count = _distinct(optima), len(optima)
+        unseen = min(seen * (seen + 1) / (count * (count - 1)), 1.0) if count > 1 else 1.0
+        if unseen > TOO_MANY or points >= MOST_CHECKED:
+            break
+    polished = problem.polish(best_point[None, :])
+    return _Check(
+        point=polished.points[0],
+        value=float(polished.values[0]),
+        optima=tuple(optima),
+        points=points,
+        unseen=unseen,
+        evaluations=evaluations + polished.evaluations,
+    )
+
+
+def _agreed(ends: list[float], best: float, settings: SearchSettings) -> bool:
+    agreeing = sum(same_optimum(end, best) for end in ends)
+    return agreeing >= settings.agreement and 2 * agreeing >= len(ends)
+
+
+def _converged(descents: Descent) -> list[float]:
+    """The values of the descents that came to their ends."""
+    return [float(value) for value in descents.values[descents.converged]]
 
 
 def pooled(first: SearchResult, second: SearchResult) -> SearchResult:
@@ -205,6 +297,8 @@ def pooled(first: SearchResult, second: SearchResult) -> SearchResult:
         generations=first.generations + second.generations,
         ends=first.ends + second.ends,
         basins=max(first.basins, second.basins),
+        checked=first.checked + second.checked,
+        unseen=min(first.unseen, second.unseen),
         convergence=(*first.convergence, *continued),
     )
 
@@ -220,16 +314,16 @@ def _generation(
     offspring = problem.repair(_recombine(parents, settings.lambda_, generator))
     offspring_values = problem.values(offspring)
     chosen = _chosen(offspring_values, settings, generator)
-    mutated, mutated_values, used = problem.descend(offspring[chosen])
-    offspring[chosen], offspring_values[chosen] = mutated, mutated_values
+    mutated = problem.descend(offspring[chosen])
+    offspring[chosen], offspring_values[chosen] = mutated.points, mutated.values
     pool = np.concatenate([parents, offspring])
     pool_values = np.concatenate([values, offspring_values])
     selected = np.argsort(pool_values, kind="stable")[: settings.mu]
     return (
         pool[selected],
         pool_values[selected],
-        len(offspring) + used,
-        [float(value) for value in mutated_values if np.isfinite(value)],
+        len(offspring) + mutated.evaluations,
+        _converged(mutated),
     )
 
 

@@ -182,7 +182,7 @@ def _result_of(candidate: Mapping[str, Any]) -> SearchResult:
         value=_value(candidate),
         ends=tuple(candidate["ends"]),
         convergence=tuple((count, value) for count, value in candidate["convergence"]),
-        **{key: candidate[key] for key in ("evaluations", "generations", "basins")},
+        **{key: candidate[key] for key in _COUNTED},
     )
 
 
@@ -313,7 +313,8 @@ def select_order(candidates: Sequence[Mapping[str, Any]]) -> tuple[dict[str, int
     return _orders_of(best), reason + "."
 
 
-_CERTIFICATE = ("evaluations", "generations", "populations", "agreement", "basins")
+_COUNTED = ("evaluations", "generations", "basins", "checked", "unseen")
+_CERTIFICATE = (*_COUNTED, "populations", "agreement")
 
 
 def _record(found: Estimate, phase: str) -> Candidate:

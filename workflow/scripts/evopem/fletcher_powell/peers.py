@@ -71,16 +71,17 @@ def monotonic_basin_hopping(objective: Objective, generator: np.random.Generator
     """Monotonic basin hopping (Leary 2000) with the hybrid's own BFGS, restarted when stuck."""
     n = objective.dimension
     while True:
-        point, value = descend_in_turn(objective, generator.uniform(-np.pi, np.pi, (1, n)))
+        best = descend_in_turn(objective, generator.uniform(-np.pi, np.pi, (1, n)))
         in_vain = 0
         while in_vain < HOPS_IN_VAIN:
-            start = point + generator.uniform(-HOP, HOP, (1, n))
-            end, lower = descend_in_turn(objective, start)
+            start = best.points + generator.uniform(-HOP, HOP, (1, n))
+            found = descend_in_turn(objective, start)
             in_vain += 1
-            if lower[0] < value[0]:
+            if found.values[0] < best.values[0]:
                 # A better digit of the same minimum is no progress.
-                in_vain = 0 if lower[0] < (1.0 - 1e-6) * value[0] else in_vain
-                point, value = end, lower
+                progress = found.values[0] < (1.0 - 1e-6) * best.values[0]
+                in_vain = 0 if progress else in_vain
+                best = found
 
 
 def differential_evolution(objective: Objective, generator: np.random.Generator) -> None:

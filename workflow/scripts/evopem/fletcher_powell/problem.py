@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.estimation.bfgs import descend
+from evopem.estimation.bfgs import Descent, descend
 from evopem.fletcher_powell.function import wrap
 from evopem.fletcher_powell.objective import Objective
 
@@ -32,9 +34,18 @@ class FletcherPowellProblem:
     def __init__(self, objective: Objective) -> None:
         self.objective = objective
 
+    @property
+    def least_checked(self) -> int:
+        """None: a search that its budget alone ends is not checked."""
+        return 0
+
     def draw(self, count: int, generator: np.random.Generator) -> tuple[Array, int]:
         """Individuals uniform in the box [-π, π], which takes no evaluation."""
-        return generator.uniform(-np.pi, np.pi, (count, self.objective.dimension)), 0
+        return self.random(count, generator), 0
+
+    def random(self, count: int, generator: np.random.Generator) -> Array:
+        """Points uniform in the box."""
+        return generator.uniform(-np.pi, np.pi, (count, self.objective.dimension))
 
     def repair(self, points: Array) -> Array:
         """The images of the points in the box."""
@@ -44,18 +55,18 @@ class FletcherPowellProblem:
         """f of each row, (M,)."""
         return self.objective.values(points)
 
-    def descend(self, points: Array) -> tuple[Array, Array, int]:
+    def descend(self, points: Array) -> Descent:
         """BFGS from each row to convergence."""
         before = self.objective.evaluations
-        ends, values = descend_in_turn(self.objective, points)
-        return ends, values, self.objective.evaluations - before
+        result = descend_in_turn(self.objective, points)
+        return replace(result, evaluations=self.objective.evaluations - before)
 
-    def polish(self, points: Array) -> tuple[Array, Array, int]:
+    def polish(self, points: Array) -> Descent:
         """The same: a converged descent on a smooth function has nothing left to polish."""
         return self.descend(points)
 
 
-def descend_in_turn(objective: Objective, points: Array) -> tuple[Array, Array]:
+def descend_in_turn(objective: Objective, points: Array) -> Descent:
     """Where BFGS ends from each row, in the box, and f there.
 
     The descents are computed side by side but counted one after another, as they would be made
@@ -88,7 +99,7 @@ def descend_in_turn(objective: Objective, points: Array) -> tuple[Array, Array]:
         return scale[:, None, None] * np.eye(n)
 
     most = max(MAX_ITERATIONS, MAX_ITERATIONS_EACH * n)
-    result = descend(evaluate, points, inverse_hessians, most, TOLERANCE, refresh=None)
+    result = descend(evaluate, points, inverse_hessians, most, TOLERANCE, refresh=False)
     for values in seen:
         objective.record(np.array(values), gradients=True)
-    return wrap(result.points), result.values
+    return replace(result, points=wrap(result.points))

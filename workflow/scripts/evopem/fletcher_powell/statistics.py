@@ -203,12 +203,12 @@ def minima_table(name: str, starts: int = 200) -> pd.DataFrame:
     """The minima of an instance of two variables, the lowest first, found by many descents."""
     objective = Objective(instance(name, 2), "analytic", budget=10**9, until=-1.0)
     points = np.random.default_rng(SEED).uniform(-np.pi, np.pi, (starts, 2))
-    ends, values = descend_in_turn(objective, points)
-    kept: list[int] = []
-    for row in np.argsort(values, kind="stable"):
+    descents = descend_in_turn(objective, points)
+    ends, kept = descents.points, list[int]()
+    for row in np.argsort(descents.values, kind="stable"):
         if all(np.max(np.abs(wrap(ends[row] - ends[other]))) > 1e-3 for other in kept):
             kept.append(int(row))
-    return pd.DataFrame({"x1": ends[kept, 0], "x2": ends[kept, 1], "f": values[kept]})
+    return pd.DataFrame({"x1": ends[kept, 0], "x2": ends[kept, 1], "f": descents.values[kept]})
 
 
 def landscape_table(name: str, points: int = 101) -> pd.DataFrame:

@@ -25,23 +25,36 @@ def max_root_radius(coefficients: Array) -> float:
 
 
 def reflect_into_disc(coefficients: Array, radius: float) -> Array:
-    """Coefficients whose roots lie within ``radius``.
+    """Coefficients whose roots lie within ``radius``, of many polynomials at once.
 
     Roots outside the unit circle are replaced by their reflection ``1/conj(z)``, which leaves the
     magnitude of the frequency response as it was but for a constant (Söderström & Stoica 1989);
     roots that still lie beyond ``radius`` are drawn in to it along their ray.
+
+    Parameters
+    ----------
+    coefficients : (M, m) array
+    radius : float
+
+    Returns
+    -------
+    (M, m) array
     """
-    z = roots(coefficients)
+    count, m = coefficients.shape
+    companions = np.zeros((count, m, m))
+    companions[:, :1, :] = -coefficients[:, None, :]
+    companions[:, np.arange(1, m), np.arange(m - 1)] = 1.0
+    z = np.linalg.eigvals(companions).astype(complex)
     outside = np.abs(z) > 1.0
     z[outside] = 1.0 / np.conj(z[outside])
     modulus = np.abs(z)
     beyond = modulus > radius
     z[beyond] *= radius / modulus[beyond]
-    # np.roots drops trailing zero coefficients (roots at the origin) from its result.
-    monic = np.real(np.poly(z)) if len(z) else np.array([1.0])
-    inside = np.zeros(len(coefficients))
-    inside[: len(monic) - 1] = monic[1:]
-    return inside
+    monic = np.zeros((count, m + 1), dtype=complex)
+    monic[:, 0] = 1.0
+    for k in range(m):
+        monic[:, 1 : k + 2] -= z[:, k : k + 1] * monic[:, : k + 1]
+    return monic[:, 1:].real
 
 
 def root_gradient(coefficients: Array, root: complex) -> NDArray[np.complex128]:

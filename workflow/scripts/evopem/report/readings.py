@@ -523,9 +523,11 @@ def _evidence(chosen: Mapping[str, Any]) -> list[str]:
         sentences.append(text)
     if is_number(chosen.get("basins")):
         sentences.append(
-            f"Its local searches ended at {plural(int(chosen['basins']), 'distinct value')}, local"
-            " optima and halted descents alike."
+            "Its local searches that converged ended at"
+            f" {plural(int(chosen['basins']), 'distinct value')}."
         )
+    if is_number(chosen.get("checked")) and is_number(chosen.get("unseen")):
+        sentences.append(_check(int(chosen["checked"]), float(chosen["unseen"])))
     if chosen.get("at_margin") is True:
         sentences.append(
             "A root of A or C lies at the largest radius that the search allows, where the limit"
@@ -538,6 +540,17 @@ def _evidence(chosen: Mapping[str, Any]) -> list[str]:
             " error."
         )
     return sentences
+
+
+def _check(checked: int, unseen: float) -> str:
+    """How far the optimum was checked from random points."""
+    if checked == 0:
+        return "No check from random points was made, since no two populations agreed before it."
+    return (
+        f"One of the populations is a check: descents from {count(checked)} random points, which"
+        f" leave an estimated {number(100.0 * unseen, 2)} % of all such points that would lead to"
+        " optima not seen."
+    )
 
 
 def _confirmed(candidates: pd.DataFrame) -> str:
