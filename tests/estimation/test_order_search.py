@@ -182,7 +182,7 @@ def test_a_further_search_is_independent_and_pooled_with_the_first(record):
     search = SEARCH | {"evaluations": 1000}
     (first,) = estimate_candidates(short, [(7, 6, 7, 3)], "b", search, 110)
     more = search_again(first, short, search, 110)
-    assert more["objective"] <= first["objective"]
+    assert min(more["ends"]) <= min(first["ends"])
     assert more["evaluations"] > first["evaluations"] + 5 * search["evaluations"]
     assert more["ends"][: first["populations"]] == first["ends"]
     assert more["populations"] > first["populations"]
