@@ -29,9 +29,9 @@ MUTATE = ("worst", "all", "best", "random")
 SAME_OPTIMUM = 1e-6
 # Spread of a population's values at which it has collapsed; its best is polished after that.
 COLLAPSED = 1e-5
-# Random points that a check begins with, and the most; the share of all that may lead to optima not
-# seen yet when it ends; and the share at which there are too many optima to see them all.
-FIRST_CHECKED, MOST_CHECKED = 32, 1024
+# Random points that a check begins with; the share of all that may lead to optima not seen yet when
+# it ends; and the share at which there are too many optima to see them all.
+FIRST_CHECKED = 32
 UNSEEN, TOO_MANY = 0.003, 0.2
 
 
@@ -191,7 +191,7 @@ def hybrid_search(
         convergence.append((spent, best_value))
         ends.append(min(float(polished.values[0]), float(values[0])))
         if check is None and _agreed(ends, best_value, settings):
-            check = _from_random_points(problem, generator)
+            check = _from_random_points(problem, settings.evaluations, generator)
             spent += check.evaluations
             basins.extend(check.optima)
             if check.value < best_value:
@@ -236,8 +236,10 @@ class _Check:
     evaluations: int
 
 
-def _from_random_points(problem: Problem, generator: np.random.Generator) -> _Check:
+def _from_random_points(problem: Problem, budget: int, generator: np.random.Generator) -> _Check:
     """Descend from random points until hardly any could lead to an optimum not seen yet.
+
+    Beyond what costs little, not after as many evaluations as the search may take are spent.
 
     The posterior mean of that share, after n descents that ended at w optima, is
     ``w (w + 1) / (n (n - 1))`` (Boender & Rinnooy Kan 1987, Bayesian stopping rules for multistart
@@ -247,7 +249,7 @@ def _from_random_points(problem: Problem, generator: np.random.Generator) -> _Ch
     best_point, best_value = np.empty(0), np.inf
     points = evaluations = 0
     unseen = 1.0
-    while unseen > UNSEEN or points < problem.least_checked:
+    while points < problem.least_checked or (unseen > UNSEEN and evaluations < budget):
         more = max(points, FIRST_CHECKED)
         descents = problem.descend(problem.random(more, generator))
         points += more
@@ -258,7 +260,7 @@ def _from_random_points(problem: Problem, generator: np.random.Generator) -> _Ch
             best_point, best_value = descents.points[best], float(descents.values[best])
         seen, count = _distinct(optima), len(optima)
         unseen = min(seen * (seen + 1) / (count * (count - 1)), 1.0) if count > 1 else 1.0
-        if unseen > TOO_MANY or points >= MOST_CHECKED:
+        if unseen > TOO_MANY:
             break
     polished = problem.polish(best_point[None, :])
     return _Check(

@@ -654,7 +654,7 @@ def _keep_ends(tables, segment, history, at, ends):  # type: ignore[no-untyped-d
 
 @njit(error_model="numpy", cache=True)
 def _forget_decayed(table, row, size):  # type: ignore[no-untyped-def]
-    """Zero each lane of a stretch that has died out: denormal numbers take a hundred times longer."""
+    """Zero the lanes of a stretch that died out: denormal numbers are a hundred times slower."""
     for lane in range(LANES):
         largest = 0.0
         for i in range(row, row + size):
