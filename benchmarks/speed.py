@@ -255,22 +255,22 @@ def whole_searches() -> list[str]:
 
 
 SCALING = """
-import resource, sys, time
+import sys, time, tracemalloc
 sys.path.insert(0, {scripts!r})
 import numpy as np
 from evopem.estimation.estimate import estimate
 from evopem.estimation.hybrid_search import SearchSettings
 from evopem.synthesis.armax import armax
 record = armax(1, {samples})[0]
-before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 settings = SearchSettings(mu=8, lambda_=8, nu=8, evaluations=1)
 u, y = record.input, record.output
 estimate(u[:1000], y[:1000], {orders}, 100.0, objective="quadratic", search=settings)
 began = time.process_time()
 found = estimate(u, y, {orders}, 100.0, objective="quadratic", search=settings)
 taken = time.process_time() - began
-peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-print(taken / found.search.evaluations * 1e6, (peak - before) / 1024)
+tracemalloc.start()
+estimate(u, y, {orders}, 100.0, objective="quadratic", search=settings)
+print(taken / found.search.evaluations * 1e6, tracemalloc.get_traced_memory()[1] / 2**20)
 """
 
 
@@ -338,8 +338,8 @@ def main() -> None:
         "",
         "## Time and memory against length and order",
         "",
-        "One estimate of one generation with eight descents; the memory is what it adds to its",
-        "process.",
+        "One estimate of one generation with eight descents; the memory is the most that its",
+        "arrays take at a time.",
         "",
         "| samples | n | µs an evaluation | ns a sample | MB |",
         "|---|---|---|---|---|",
