@@ -201,17 +201,24 @@ def light_time(wildcards, attempt):
     return int(attempt * (5 + 0.25e-6 * record_size(wildcards)))
 
 
+def most_samples(wildcards):
+    """What a data set's recordings can hold at most; a sample has at least 8 bytes."""
+    return DATASETS[wildcards.dataset].get("samples", record_size(wildcards) / 8)
+
+
 def largest_fit(wildcards):
-    """Samples times parameters of a data set's largest model; a sample has at least 8 bytes."""
-    dataset = DATASETS[wildcards.dataset]
-    samples = dataset.get("samples", record_size(wildcards) / 8)
-    return samples * grids.sample_needs(dataset)["parameters"]
+    """Samples times parameters of a data set's largest model."""
+    parameters = grids.sample_needs(DATASETS[wildcards.dataset])["parameters"]
+    return most_samples(wildcards) * parameters
 
 
 def fitting_memory(wildcards, threads, attempt):
     """MB of Snakemake and of the processes that fit, more at each attempt (docs/planning.md)."""
     processes = threads + 1 if threads > 1 else 1
-    each = 250 + 80e-6 * largest_fit(wildcards)
+    # The least squares of many parameters work in stretches: long records need no more for them.
+    each = min(
+        250 + 80e-6 * largest_fit(wildcards), 400 + 400e-6 * most_samples(wildcards)
+    )
     return int(attempt * (400 + processes * each))
 
 

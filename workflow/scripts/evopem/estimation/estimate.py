@@ -121,7 +121,7 @@ def estimate(
     search : SearchSettings, optional
     start : {"chapter", "grown"}
         First individuals: A and B of stage one with C at random, as in the chapter, or grown from
-        smaller orders by pairs of roots, which finds more in over-parameterised models.
+        smaller orders by pairs of roots, which often ends lower where the model has too many.
     earlier : SearchResult, optional
         The result of an earlier search of the same problem, to be pooled with this one.
     log : callable, optional
