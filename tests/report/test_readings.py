@@ -238,6 +238,14 @@ def test_missed_and_spurious_modes_get_a_word():
     assert readings.modes(given, mode_rows([mode(10.0)], [], [])) == []
 
 
+def test_a_mode_that_outlasts_the_record_gets_a_word():
+    slow, quick = mode(5.36, damping=0.91), mode(20.0, damping=5.0)
+    given = contents(model={"sampling_rate": 100.0}, transforms=transforms(estimation_samples=500))
+    (text,) = readings.modes(given, mode_rows([slow, quick], [], []))
+    assert "last only 1.5 time constants of mode 1" in text
+    assert "mode 2" not in text
+
+
 @pytest.mark.parametrize(
     ("b", "trend"), [([1.0, -1.0], "high-pass"), ([1.0, 1.0], "low-pass"), ([1.0], "no marked")]
 )
