@@ -83,6 +83,15 @@ def test_random_points_check_what_populations_agree_on():
     assert result.agreement == 0.0
 
 
+def test_a_lower_value_known_from_before_keeps_a_search_from_ending():
+    settings = SearchSettings(evaluations=50000)
+    alone = hybrid_search(Ripples(1), settings, np.random.default_rng(1))
+    told = hybrid_search(Ripples(1), settings, np.random.default_rng(1), known=0.9)
+    assert alone.evaluations < settings.evaluations <= told.evaluations
+    assert told.value == alone.value
+    assert told.checked == 0
+
+
 def test_the_check_ends_when_hardly_any_optimum_can_be_left():
     checked = hybrid_search(Ripples(1), SearchSettings(), np.random.default_rng(1))
     assert checked.basins > 5

@@ -154,7 +154,8 @@ def estimate(
         problem, scales = _of_moderate_size(errors, start)
         key = (orders.na, orders.nb, orders.nc, orders.nk, *((1,) if earlier else ()))
         sequence = np.random.SeedSequence(seed, spawn_key=key)
-        result = hybrid_search(problem, search, np.random.default_rng(sequence), log)
+        known = earlier.value if earlier is not None else np.inf
+        result = hybrid_search(problem, search, np.random.default_rng(sequence), log, known)
         result = replace(result, point=result.point * scales)
         if earlier is not None:
             result = pooled(earlier, result)

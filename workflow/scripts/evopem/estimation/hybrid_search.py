@@ -140,6 +140,7 @@ def hybrid_search(
     settings: SearchSettings,
     generator: np.random.Generator,
     log: Callable[[str], None] | None = None,
+    known: float = np.inf,
 ) -> SearchResult:
     """Minimise a problem's objective globally.
 
@@ -151,6 +152,8 @@ def hybrid_search(
         Every random draw of the search comes from it.
     log : callable, optional
         Receives one line a generation.
+    known : float
+        A value reached before: populations that agree on a higher one do not end the search.
 
     Raises
     ------
@@ -190,7 +193,7 @@ def hybrid_search(
             best_point, best_value = polished.points[0].copy(), float(polished.values[0])
         convergence.append((spent, best_value))
         ends.append(min(float(polished.values[0]), float(values[0])))
-        if check is None and _agreed(ends, best_value, settings):
+        if check is None and _agreed(ends, min(best_value, known), settings):
             check = _from_random_points(problem, settings.evaluations, generator)
             spent += check.evaluations
             basins.extend(check.optima)
@@ -203,7 +206,7 @@ def hybrid_search(
                     f"check: best {check.value:.9g} of {check.points} random points, "
                     f"{100 * check.unseen:.2g} % may lead elsewhere, {spent} evaluations"
                 )
-        if _agreed(ends, best_value, settings):
+        if _agreed(ends, min(best_value, known), settings):
             break
     if best_point is None:
         raise InputError(
