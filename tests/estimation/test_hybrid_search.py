@@ -96,7 +96,7 @@ def test_the_check_ends_when_hardly_any_optimum_can_be_left():
     checked = hybrid_search(Ripples(1), SearchSettings(), np.random.default_rng(1))
     assert checked.basins > 5
     assert 0.0 < checked.unseen <= UNSEEN
-    # With a tenth of the evaluations it ends sooner, and says so.
+    # With a twentieth of the evaluations it ends sooner, and says so.
     less = SearchSettings(evaluations=1000)
     shorter = hybrid_search(Ripples(1), less, np.random.default_rng(1))
     assert shorter.checked < checked.checked

@@ -107,29 +107,26 @@ def descend(
         active=np.isfinite(f),
     )
     trials, latest = 0, np.inf
-    rows, trial = _next_trials(state)
-    while len(rows) and trials < latest:
+    while len(rows := np.flatnonzero(state.active)) and trials < latest:
         if wait is not None and latest == np.inf and 2 * len(rows) <= count:
             latest = (1.0 + wait) * trials
         if trials == 0 or (refresh and trials % REFRESH == 0):
             state.h[rows] = inverse_hessians(x[rows], rows)
             _aim_anew(state, rows)
-            rows, trial = _next_trials(state)
+        trial = _trial_points(state, rows)
         values, gradients = evaluate(trial, rows)
         trials += 1
         evaluations += _advance(state, rows, trial, values, gradients, tolerance, max_iterations)
-        rows, trial = _next_trials(state)
     return Descent(x, f, state.converged, evaluations)
 
 
 @njit(cache=True, error_model="numpy")
-def _next_trials(state: _State) -> tuple[Rows, Array]:
-    """Starts that go on, and the point that each of them tries."""
-    rows = np.flatnonzero(state.active)
+def _trial_points(state: _State, rows: Rows) -> Array:
+    """The point that each of some starts tries."""
     trial = np.empty((rows.size, state.x.shape[1]))
     for k, r in enumerate(rows):
         trial[k] = state.x[r] + state.step[r] * state.d[r]
-    return rows, trial
+    return trial
 
 
 @njit(cache=True, error_model="numpy")

@@ -275,6 +275,33 @@ def _load_points(record, points, rows, parameters):  # type: ignore[no-untyped-d
 
 
 @njit(error_model="numpy", cache=True)
+def _filter_block(parameters, c, nc, s0, s1, s2, s3, filtered, row):  # type: ignore[no-untyped-def]
+    """Filter four samples through 1/C into rows ``row ... row + 3``; the nc before are known."""
+    for k in range(nc - 1, MIN_NC - 1, -1):
+        p, q = _load(parameters, c + k), row - 1 - k
+        s0, s1 = _fma(p, _load(filtered, q), s0), _fma(p, _load(filtered, q + 1), s1)
+        s2, s3 = _fma(p, _load(filtered, q + 2), s2), _fma(p, _load(filtered, q + 3), s3)
+    c1, c2, c3 = _load(parameters, c), _load(parameters, c + 1), _load(parameters, c + 2)
+    e1, e2, e3 = _load(filtered, row - 1), _load(filtered, row - 2), _load(filtered, row - 3)
+    s0 = _fma(c1, e1, _fma(c2, e2, _fma(c3, e3, s0)))
+    s1 = _fma(c1, s0, _fma(c2, e1, _fma(c3, e2, s1)))
+    s2 = _fma(c1, s1, _fma(c2, s0, _fma(c3, e1, s2)))
+    s3 = _fma(c1, s2, _fma(c2, s1, _fma(c3, s0, s3)))
+    _store(filtered, row, s0)
+    _store(filtered, row + 1, s1)
+    _store(filtered, row + 2, s2)
+    _store(filtered, row + 3, s3)
+
+
+@njit(error_model="numpy", cache=True)
+def _load_corners(corners, rows, tables):  # type: ignore[no-untyped-def]
+    """The corners of the loaded models' absolute values, 1 in the lanes left over."""
+    tables.corner[:] = 1.0
+    for lane, r in enumerate(rows):
+        tables.corner[0, lane] = corners[r]
+
+
+@njit(error_model="numpy", cache=True)
 def _residuals(record, parameters, e, before, begin, end):  # type: ignore[no-untyped-def]
     """Residuals ``C e = A y - B u + d`` of eight models at ``begin <= t < end``, whole blocks.
 
@@ -282,7 +309,6 @@ def _residuals(record, parameters, e, before, begin, end):  # type: ignore[no-un
     """
     y, u, na, nb, nc, start = record.y, record.u, record.na, record.nb, record.rows_c, record.start
     c = na + nb
-    c1, c2, c3 = _load(parameters, c), _load(parameters, c + 1), _load(parameters, c + 2)
     for t in range(begin, end, BLOCK):
         s0, s1, s2, s3 = _sample(y, t), _sample(y, t + 1), _sample(y, t + 2), _sample(y, t + 3)
         if t < start + nc:
@@ -303,19 +329,7 @@ def _residuals(record, parameters, e, before, begin, end):  # type: ignore[no-un
             s0, s1 = _fma(p, _sample(u, q), s0), _fma(p, _sample(u, q + 1), s1)
             s2, s3 = _fma(p, _sample(u, q + 2), s2), _fma(p, _sample(u, q + 3), s3)
         row = t - before
-        for k in range(nc - 1, MIN_NC - 1, -1):
-            p, q = _load(parameters, c + k), row - 1 - k
-            s0, s1 = _fma(p, _load(e, q), s0), _fma(p, _load(e, q + 1), s1)
-            s2, s3 = _fma(p, _load(e, q + 2), s2), _fma(p, _load(e, q + 3), s3)
-        e1, e2, e3 = _load(e, row - 1), _load(e, row - 2), _load(e, row - 3)
-        s0 = _fma(c1, e1, _fma(c2, e2, _fma(c3, e3, s0)))
-        s1 = _fma(c1, s0, _fma(c2, e1, _fma(c3, e2, s1)))
-        s2 = _fma(c1, s1, _fma(c2, s0, _fma(c3, e1, s2)))
-        s3 = _fma(c1, s2, _fma(c2, s1, _fma(c3, s0, s3)))
-        _store(e, row, s0)
-        _store(e, row + 1, s1)
-        _store(e, row + 2, s2)
-        _store(e, row + 3, s3)
+        _filter_block(parameters, c, nc, s0, s1, s2, s3, e, row)
 
 
 @njit(error_model="numpy", cache=True)
@@ -514,9 +528,7 @@ def values_and_gradients(  # type: ignore[no-untyped-def]
     for i in range(0, feasible.size, LANES):
         rows = feasible[i : i + LANES]
         _load_points(record, points, rows, tables.parameters)
-        tables.corner[:] = 1.0
-        for lane, r in enumerate(rows):
-            tables.corner[0, lane] = corners[r]
+        _load_corners(corners, rows, tables)
         _store(tables.total, 0, _loss_and_gradient(record, tables, objective.absolute))
         for lane, r in enumerate(rows):
             gradients[r] *= barriers[r]
@@ -574,24 +586,11 @@ def _inverse_filter(  # type: ignore[no-untyped-def]
     parameters, c, nc, source, source_row, size, filtered, filtered_row
 ):
     """Filter ``size`` rows of a table through 1/C; the nc rows before the first are known."""
-    c1, c2, c3 = _load(parameters, c), _load(parameters, c + 1), _load(parameters, c + 2)
     for i in range(0, size, BLOCK):
-        row, r = source_row + i, filtered_row + i
+        row = source_row + i
         s0, s1 = _load(source, row), _load(source, row + 1)
         s2, s3 = _load(source, row + 2), _load(source, row + 3)
-        for k in range(nc - 1, MIN_NC - 1, -1):
-            p, q = _load(parameters, c + k), r - 1 - k
-            s0, s1 = _fma(p, _load(filtered, q), s0), _fma(p, _load(filtered, q + 1), s1)
-            s2, s3 = _fma(p, _load(filtered, q + 2), s2), _fma(p, _load(filtered, q + 3), s3)
-        e1, e2, e3 = _load(filtered, r - 1), _load(filtered, r - 2), _load(filtered, r - 3)
-        s0 = _fma(c1, e1, _fma(c2, e2, _fma(c3, e3, s0)))
-        s1 = _fma(c1, s0, _fma(c2, e1, _fma(c3, e2, s1)))
-        s2 = _fma(c1, s1, _fma(c2, s0, _fma(c3, e1, s2)))
-        s3 = _fma(c1, s2, _fma(c2, s1, _fma(c3, s0, s3)))
-        _store(filtered, r, s0)
-        _store(filtered, r + 1, s1)
-        _store(filtered, r + 2, s2)
-        _store(filtered, r + 3, s3)
+        _filter_block(parameters, c, nc, s0, s1, s2, s3, filtered, filtered_row + i)
 
 
 @njit(error_model="numpy", cache=True)
@@ -738,9 +737,7 @@ def curvatures(  # type: ignore[no-untyped-def]
         _load_points(record, points, rows, tables.parameters)
         _all_residuals(record, tables)
         if objective.absolute:
-            tables.corner[:] = 1.0
-            for lane, r in enumerate(rows):
-                tables.corner[0, lane] = corners[r]
+            _load_corners(corners, rows, tables)
             _mean_curvatures(record, tables, bandwidth)
         else:
             tables.total[:] = 2.0
