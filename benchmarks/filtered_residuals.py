@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from evopem.estimation.prediction_error import STATE_WEIGHT, PredictionErrorProblem
+from evopem.estimation.pem.objective import STATE_WEIGHT, PredictionErrorProblem
 
 Array = NDArray[np.float64]
 

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from evopem.estimation.order_search import estimate_candidates
+from evopem.estimation.order_selection import estimate_candidates
 from evopem.models.armax import Orders
 from evopem.signals.preparation import load_prepared
 from evopem.synthesis import synthesize

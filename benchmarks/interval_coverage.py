@@ -22,8 +22,8 @@ ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
 
 from evopem import estimate  # noqa: E402
-from evopem.estimation.hybrid_search import SearchSettings  # noqa: E402
-from evopem.models.gain_band import NORMAL_95, gain_band  # noqa: E402
+from evopem.estimation.search.memetic import SearchSettings  # noqa: E402
+from evopem.models.gain_interval import NORMAL_95, gain_band  # noqa: E402
 from evopem.synthesis.armax import true_model  # noqa: E402
 
 NOISES = ("Gaussian", "heavy-tailed")

@@ -31,9 +31,9 @@ sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
 
 from filtered_residuals import FilteredResiduals  # noqa: E402
 
-from evopem.estimation.armax_problem import ArmaxProblem  # noqa: E402
-from evopem.estimation.hybrid_search import SearchSettings, hybrid_search  # noqa: E402
-from evopem.estimation.prediction_error import PredictionErrorProblem  # noqa: E402
+from evopem.estimation.pem.objective import PredictionErrorProblem  # noqa: E402
+from evopem.estimation.search.armax_problem import ArmaxProblem  # noqa: E402
+from evopem.estimation.search.memetic import SearchSettings, hybrid_search  # noqa: E402
 from evopem.models.armax import Orders  # noqa: E402
 from evopem.signals.recording import Recording  # noqa: E402
 from evopem.synthesis.armax import armax  # noqa: E402

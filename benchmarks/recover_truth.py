@@ -22,9 +22,9 @@ import numpy as np
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
 
-from evopem.configuration.completion import complete  # noqa: E402
-from evopem.configuration.grids import PHASES, candidate_orders, scoring_start  # noqa: E402
-from evopem.estimation.order_search import (  # noqa: E402
+from evopem.config.defaults import complete  # noqa: E402
+from evopem.config.order_grid import PHASES, candidate_orders, scoring_start  # noqa: E402
+from evopem.estimation.order_selection import (  # noqa: E402
     continue_from,
     estimate_candidates,
     recall,

@@ -30,11 +30,11 @@ sys.path.insert(0, str(SCRIPTS))
 
 from filtered_residuals import FilteredResiduals  # noqa: E402
 
-from evopem.estimation.armax_problem import ArmaxProblem  # noqa: E402
 from evopem.estimation.estimate import estimate  # noqa: E402
-from evopem.estimation.hybrid_search import SearchSettings, hybrid_search  # noqa: E402
-from evopem.estimation.kernels import LANES  # noqa: E402
-from evopem.estimation.prediction_error import PredictionErrorProblem  # noqa: E402
+from evopem.estimation.pem.kernels import LANES  # noqa: E402
+from evopem.estimation.pem.objective import PredictionErrorProblem  # noqa: E402
+from evopem.estimation.search.armax_problem import ArmaxProblem  # noqa: E402
+from evopem.estimation.search.memetic import SearchSettings, hybrid_search  # noqa: E402
 from evopem.models.armax import Orders  # noqa: E402
 from evopem.synthesis.armax import armax  # noqa: E402
 
@@ -259,7 +259,7 @@ import sys, time, tracemalloc
 sys.path.insert(0, {scripts!r})
 import numpy as np
 from evopem.estimation.estimate import estimate
-from evopem.estimation.hybrid_search import SearchSettings
+from evopem.estimation.search.memetic import SearchSettings
 from evopem.synthesis.armax import armax
 record = armax(1, {samples})[0]
 settings = SearchSettings(mu=8, lambda_=8, nu=8, evaluations=1)
@@ -299,7 +299,7 @@ def start_up() -> list[str]:
         "import numpy as np\n"
         "from evopem.estimation.estimate import estimate\n"
         "u, y = np.random.default_rng(1).standard_normal((2, 300))\n"
-        "from evopem.estimation.hybrid_search import SearchSettings\n"
+        "from evopem.estimation.search.memetic import SearchSettings\n"
         "for objective in ('absolute', 'quadratic'):\n"
         "    estimate(u, y, (2, 2, 2, 1), 1.0, objective=objective,\n"
         "             search=SearchSettings(mu=4, lambda_=4, nu=4, evaluations=1))\n"

@@ -6,7 +6,7 @@ from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
 from evopem import Orders, SearchSettings, estimate
-from evopem.estimation.arx import fit_arx
+from evopem.estimation.pem.arx import fit_arx
 from evopem.synthesis.armax import armax
 
 

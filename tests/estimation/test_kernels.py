@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from evopem.estimation import kernels
-from evopem.estimation.prediction_error import PredictionErrorProblem
+from evopem.estimation.pem import kernels
+from evopem.estimation.pem.objective import PredictionErrorProblem
 from evopem.models.armax import Orders
 
 CASES = [Orders(2, 3, 1, 0), Orders(7, 6, 7, 3), Orders(1, 1, 4, 2), Orders(3, 2, 0, 1)]

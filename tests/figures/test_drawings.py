@@ -16,15 +16,15 @@ from evopem.figures.frequency_domain import (
     draw_spectrum,
     unwrapped_gaps,
 )
-from evopem.figures.order_search import draw_convergence, draw_delay, draw_phases
-from evopem.figures.residuals import draw_residuals
-from evopem.figures.roots import (
+from evopem.figures.order_selection import draw_convergence, draw_delay, draw_phases
+from evopem.figures.pole_zero_map import (
     draw_poles_zeros,
     draw_stabilization,
     ellipse_radii,
     root_spread,
     stabilization,
 )
+from evopem.figures.residuals import draw_residuals
 from evopem.figures.style import svg_text
 from evopem.figures.time_domain import draw_record, draw_simulation
 from evopem.signals.preparation import PreparedData, Transforms
@@ -350,7 +350,7 @@ def test_hostile_names_are_drawn_as_text():
 PROGRAM = """
 import sys
 import pandas as pd
-from evopem.figures.order_search import draw_convergence
+from evopem.figures.order_selection import draw_convergence
 from evopem.figures.style import svg_text
 sys.stdout.write(svg_text(draw_convergence({"convergence": [[1, 3.0], [5, 2.0], [9, 1.7]]})))
 """

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from evopem.estimation.hybrid_search import SearchSettings, hybrid_search
+from evopem.estimation.search.memetic import SearchSettings, hybrid_search
 from evopem.fletcher_powell.function import instance
 from evopem.fletcher_powell.objective import TARGET, Objective, RunOver, Success
 from evopem.fletcher_powell.problem import FletcherPowellProblem, descend_in_turn

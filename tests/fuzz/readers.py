@@ -22,13 +22,13 @@ with atheris.instrument_imports(include=list(INSTRUMENTED)):
     import pyuff  # noqa: F401
     from targets import read_bytes, seeds
 
-    import evopem.signals.formats.hdf5
-    import evopem.signals.formats.matlab
-    import evopem.signals.formats.numpy_files
-    import evopem.signals.formats.parquet
-    import evopem.signals.formats.tdms
-    import evopem.signals.formats.text
-    import evopem.signals.formats.uff  # noqa: F401
+    import evopem.signals.readers.hdf5
+    import evopem.signals.readers.matlab
+    import evopem.signals.readers.numpy_files
+    import evopem.signals.readers.parquet
+    import evopem.signals.readers.tdms
+    import evopem.signals.readers.text
+    import evopem.signals.readers.uff  # noqa: F401
 
 KEPT = Path(__file__).parent / "corpus"
 

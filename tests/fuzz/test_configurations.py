@@ -10,8 +10,8 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from evopem.configuration.completion import complete
-from evopem.configuration.grids import PHASES, part_count, sample_needs, scoring_start
+from evopem.config.defaults import complete
+from evopem.config.order_grid import PHASES, part_count, sample_needs, scoring_start
 from evopem.errors import InputError
 
 SCHEMA = Path(__file__).parents[2] / "workflow" / "schemas" / "config.schema.yaml"
@@ -128,7 +128,7 @@ def test_a_spoilt_configuration_is_completed_or_refused_in_one_sentence(config, 
 def test_bytes_that_are_hardly_yaml_are_refused_in_one_sentence(
     tmp_path_factory, text, noise, place
 ):
-    from evopem.configuration.checking import check_yaml_files
+    from evopem.config.schema import check_yaml_files
 
     at = int(place * len(text))
     file = tmp_path_factory.mktemp("yaml") / "config.yaml"

@@ -9,13 +9,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
-from evopem.configuration.grids import check_samples, sample_needs
+from evopem.config.order_grid import check_samples, sample_needs
 from evopem.errors import InputError
-from evopem.estimation.order_search import estimate_candidates, recall
+from evopem.estimation.order_selection import estimate_candidates, recall
 from evopem.models.files import model_record
 from evopem.signals.preparation import prepare
 from evopem.signals.recording import Recording, check_recording
-from evopem.signals.spectrum import multitaper_spectrum, spectral_peaks
+from evopem.signals.spectral.multitaper import multitaper_spectrum, spectral_peaks
 from evopem.validation import validate
 
 ORDERS = (2, 2, 1, 1)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from evopem.models.armax import ArmaxModel, Orders
-from evopem.models.initial import (
+from evopem.models.initial_state import (
     estimate_initial_state,
     estimate_noise_state,
     state_dimension,

@@ -16,7 +16,7 @@ from scipy.signal import lfilter
 from evopem.models.armax import ArmaxModel, Orders
 from evopem.signals.preparation import PreparedData, prepare, save_prepared
 from evopem.signals.recording import Recording, describe_recording, save_recording
-from evopem.signals.spectrum import (
+from evopem.signals.spectral.multitaper import (
     multitaper_frequency_response,
     multitaper_spectrum,
     spectral_peaks,

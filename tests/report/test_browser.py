@@ -15,7 +15,7 @@ from result_files import write_results
 
 from evopem.figures import FIGURE_NAMES, draw_all, result_paths
 from evopem.report import build_index, build_report
-from evopem.report.fleet import summarize
+from evopem.results.fleet import summarize
 
 TEMPLATES = Path(__file__).parents[2] / "workflow" / "templates"
 HOSTILE = """<script>document.title="harmed"</script>"'&"""

@@ -12,7 +12,7 @@ import pytest
 from result_files import RATE, record
 
 from evopem.figures import FIGURE_NAMES, draw_all, result_paths
-from evopem.figures.tables import thin_table
+from evopem.figures.figure_data import thin_table
 from evopem.report import build_report
 from evopem.signals.preparation import prepare, save_prepared
 from evopem.signals.recording import save_recording

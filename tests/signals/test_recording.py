@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from evopem.errors import InputError
+from evopem.files.npz import load_arrays
 from evopem.signals.recording import (
     Recording,
     check_recording,
@@ -14,7 +15,6 @@ from evopem.signals.recording import (
     saturated_share,
     save_recording,
 )
-from evopem.signals.storage import load_arrays
 
 
 def record(samples: int = 20, **changes) -> Recording:

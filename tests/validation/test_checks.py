@@ -7,8 +7,8 @@ import pandas as pd
 import pytest
 
 from evopem.models.polynomials import root_gradient
+from evopem.models.root_covariance import root_covariance
 from evopem.validation import checks
-from evopem.validation.roots import root_covariance
 
 POLES = [0.9 * np.exp(0.5j), 0.9 * np.exp(-0.5j)]
 # ω = |ln z| at one sample a second.
@@ -166,7 +166,7 @@ def test_one_large_cross_correlation_fails(validation):
 
 def test_largest_of_many_cross_correlations_fails_good_models_rarely():
     """The allowed maximum holds its level: 1 % of independent white pairs exceed it."""
-    from evopem.validation.correlation import cross_correlation, share_inside
+    from evopem.validation.residual_tests import cross_correlation, share_inside
 
     rng = np.random.default_rng(1)
     failed = 0

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from evopem.validation.correlation import (
+from evopem.validation.excitation import excitation_order
+from evopem.validation.residual_tests import (
     cross_correlation,
     ljung_box,
     ljung_box_lags,
     residual_autocorrelation,
     share_inside,
 )
-from evopem.validation.excitation import excitation_order
 from evopem.validation.scores import error_percent, fit_percent
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from evopem.estimation.order_search import estimate_candidates, evidence_of, recall
+from evopem.estimation.order_selection import estimate_candidates, evidence_of, recall
 from evopem.models.files import model_record
 from evopem.signals.preparation import prepare
 from evopem.signals.recording import Recording, describe_recording

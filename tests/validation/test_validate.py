@@ -8,7 +8,7 @@ import pytest
 from scipy.signal import lfilter
 
 from evopem.models.armax import ArmaxModel
-from evopem.models.initial import estimate_initial_state, estimate_noise_state
+from evopem.models.initial_state import estimate_initial_state, estimate_noise_state
 from evopem.signals.preparation import PreparedData, Transforms
 from evopem.signals.recording import Recording
 from evopem.validation import validate

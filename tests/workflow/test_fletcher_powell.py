@@ -7,7 +7,7 @@ import shutil
 import pytest
 import yaml
 
-from evopem.configuration import experiments
+from evopem.fletcher_powell import experiments
 
 from .conftest import ROOT, Folder
 

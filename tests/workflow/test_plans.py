@@ -129,10 +129,10 @@ def test_rules_and_package_agree_on_the_figures():
 
 def test_built_in_settings_of_the_search_are_those_of_the_package():
     """One search, whether it is started from a configuration or from a notebook."""
-    from evopem.configuration.completion import complete
+    from evopem.config.defaults import complete
     from evopem.estimation.estimate import DEFAULT_BURN_IN, DEFAULT_MAX_ROOT_RADIUS
-    from evopem.estimation.hybrid_search import SearchSettings
-    from evopem.estimation.order_search import search_settings
+    from evopem.estimation.order_selection import search_settings
+    from evopem.estimation.search.memetic import SearchSettings
 
     schema = ROOT / "workflow" / "schemas" / "config.schema.yaml"
     search = complete({"datasets": {"arm": ARM}}, schema)["datasets"]["arm"]["search"]

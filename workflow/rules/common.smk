@@ -11,11 +11,11 @@ WORKFLOW = Path(str(workflow.current_basedir)).parent
 SCRIPTS = WORKFLOW / "scripts"
 sys.path.insert(0, str(SCRIPTS))
 
-from evopem.configuration import experiments, grids
-from evopem.configuration.checking import check_yaml_files
-from evopem.configuration.code import code_version
-from evopem.configuration.completion import complete
-from evopem.configuration.processor import blas_code
+from evopem.config import experiments, grids
+from evopem.config.schema import check_yaml_files
+from evopem.config.rule_digest import code_version
+from evopem.config.defaults import complete
+from evopem.config.blas import blas_code
 from evopem.errors import InputError
 
 # Jobs inherit it.

@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from evopem.console import job
-from evopem.report.building import build_index
-from evopem.report.fleet import fleet_table, read_summaries
-from evopem.writing import write_parquet, write_table, write_text
+from evopem.files.atomic import write_parquet, write_table, write_text
+from evopem.files.job import job
+from evopem.report.page import build_index
+from evopem.results.fleet import fleet_table, read_summaries
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake

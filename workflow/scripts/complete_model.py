@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from evopem import __version__
-from evopem.console import job
-from evopem.estimation.order_search import evidence_of, recall
+from evopem.estimation.order_selection import evidence_of, recall
+from evopem.files.atomic import write_table
+from evopem.files.job import job
 from evopem.models.files import save_model_json, save_model_mat
-from evopem.models.tables import frequency_response_table, modes_table
+from evopem.models.response_tables import frequency_response_table, modes_table
 from evopem.signals.preparation import load_prepared
-from evopem.writing import write_table
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake

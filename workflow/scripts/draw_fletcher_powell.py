@@ -3,8 +3,8 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from evopem.console import job
 from evopem.figures.fletcher_powell import draw_comparison, read_comparison
+from evopem.files.job import job
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake

@@ -3,15 +3,15 @@
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from evopem.console import job
+from evopem.files.atomic import write_json, write_table
+from evopem.files.job import job
 from evopem.signals.preparation import load_prepared
-from evopem.signals.spectrum import (
+from evopem.signals.spectral.multitaper import (
     multitaper_frequency_response,
     multitaper_spectrum,
     resonance_count,
     spectral_peaks,
 )
-from evopem.writing import write_json, write_table
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake

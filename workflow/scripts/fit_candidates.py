@@ -4,12 +4,12 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from evopem.configuration.grids import candidate_orders
-from evopem.console import job
-from evopem.estimation.side_by_side import estimate_side_by_side
+from evopem.config.order_grid import candidate_orders
+from evopem.estimation.parallel import estimate_side_by_side
+from evopem.files.atomic import write_json
+from evopem.files.job import job
 from evopem.models.armax import Orders
 from evopem.signals.preparation import load_prepared
-from evopem.writing import write_json
 
 if TYPE_CHECKING:
     from logging import Logger

@@ -16,8 +16,8 @@ import tabulate_candidates
 import validate_model
 import write_configuration
 import write_report
-from evopem.configuration.grids import PHASES, needs_peaks
-from evopem.console import job
+from evopem.config.order_grid import PHASES, needs_peaks
+from evopem.files.job import job
 
 if TYPE_CHECKING:
     from logging import Logger

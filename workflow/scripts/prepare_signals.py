@@ -2,8 +2,8 @@
 
 from typing import TYPE_CHECKING, Any
 
-from evopem.configuration.grids import check_samples
-from evopem.console import job
+from evopem.config.order_grid import check_samples
+from evopem.files.job import job
 from evopem.signals.preparation import prepare, save_prepared
 from evopem.signals.recording import load_recording
 

@@ -2,10 +2,10 @@
 
 from typing import TYPE_CHECKING, Any
 
-from evopem.console import job
+from evopem.files.atomic import write_json
+from evopem.files.job import job
 from evopem.signals.reading import describe_source, read_recording
 from evopem.signals.recording import save_recording
-from evopem.writing import write_json
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake

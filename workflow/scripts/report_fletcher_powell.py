@@ -4,10 +4,10 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from evopem.console import job
 from evopem.figures.fletcher_powell import read_comparison
+from evopem.files.atomic import write_text
+from evopem.files.job import job
 from evopem.report.fletcher_powell import build_comparison, comparison_markdown
-from evopem.writing import write_text
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake

@@ -2,9 +2,9 @@
 
 from typing import TYPE_CHECKING, Any
 
-from evopem.console import job
+from evopem.files.atomic import write_json
+from evopem.files.job import job
 from evopem.fletcher_powell.runs import run_cases
-from evopem.writing import write_json
 
 if TYPE_CHECKING:
     from logging import Logger

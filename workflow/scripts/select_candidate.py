@@ -5,10 +5,10 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from evopem.console import job
-from evopem.estimation.order_search import continue_from, search_again, select
+from evopem.estimation.order_selection import continue_from, search_again, select
+from evopem.files.atomic import write_json
+from evopem.files.job import job
 from evopem.signals.preparation import load_prepared
-from evopem.writing import write_json
 
 if TYPE_CHECKING:
     from logging import Logger

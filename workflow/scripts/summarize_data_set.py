@@ -3,9 +3,9 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from evopem.console import job
-from evopem.report.fleet import summarize
-from evopem.writing import write_json
+from evopem.files.atomic import write_json
+from evopem.files.job import job
+from evopem.results.fleet import summarize
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake

@@ -2,10 +2,10 @@
 
 from typing import TYPE_CHECKING, Any
 
-from evopem.console import job
+from evopem.files.atomic import write_json
+from evopem.files.job import job
 from evopem.signals.recording import describe_recording, save_recording
 from evopem.synthesis import synthesize
-from evopem.writing import write_json
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake

@@ -4,8 +4,8 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from evopem.console import job
-from evopem.writing import write_table
+from evopem.files.atomic import write_table
+from evopem.files.job import job
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake

@@ -5,7 +5,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from evopem.console import job
+from evopem.files.atomic import write_json, write_table
+from evopem.files.job import job
 from evopem.fletcher_powell.claims import claims
 from evopem.fletcher_powell.statistics import (
     convergence_table,
@@ -14,7 +15,6 @@ from evopem.fletcher_powell.statistics import (
     runs_table,
     summary_table,
 )
-from evopem.writing import write_json, write_table
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake

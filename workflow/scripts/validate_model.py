@@ -4,11 +4,11 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from evopem.console import job
+from evopem.files.atomic import write_json, write_table
+from evopem.files.job import job
 from evopem.models.files import load
 from evopem.signals.preparation import load_prepared
 from evopem.validation import validate
-from evopem.writing import write_json, write_table
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake

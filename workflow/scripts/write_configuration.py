@@ -4,8 +4,8 @@ from typing import TYPE_CHECKING, Any
 
 import yaml
 
-from evopem.console import job
-from evopem.writing import write_text
+from evopem.files.atomic import write_text
+from evopem.files.job import job
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake

@@ -4,9 +4,9 @@ import subprocess
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from evopem.console import job
-from evopem.report.building import build_report
-from evopem.writing import write_text
+from evopem.files.atomic import write_text
+from evopem.files.job import job
+from evopem.report.page import build_report
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from evopem.errors import InputError
     from evopem.estimation.estimate import Estimate, estimate
-    from evopem.estimation.hybrid_search import SearchSettings
+    from evopem.estimation.search.memetic import SearchSettings
     from evopem.models.armax import ArmaxModel, Orders
     from evopem.models.files import load
 
@@ -24,7 +24,7 @@ _HOMES = {
     "Estimate": "evopem.estimation.estimate",
     "InputError": "evopem.errors",
     "Orders": "evopem.models.armax",
-    "SearchSettings": "evopem.estimation.hybrid_search",
+    "SearchSettings": "evopem.estimation.search.memetic",
     "estimate": "evopem.estimation.estimate",
     "load": "evopem.models.files",
 }

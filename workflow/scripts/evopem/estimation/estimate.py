@@ -9,20 +9,20 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from threadpoolctl import threadpool_limits
 
-from evopem.estimation.armax_problem import STARTS, ArmaxProblem
-from evopem.estimation.hybrid_search import (
+from evopem.estimation.pem.covariance import (
+    innovation_variance,
+    jacobian_triangle,
+    parameter_covariance,
+)
+from evopem.estimation.pem.kernels import MIN_NC
+from evopem.estimation.pem.objective import OBJECTIVES, PredictionErrorProblem
+from evopem.estimation.search.armax_problem import STARTS, ArmaxProblem
+from evopem.estimation.search.memetic import (
     MUTATE,
     SearchResult,
     SearchSettings,
     hybrid_search,
     pooled,
-)
-from evopem.estimation.kernels import MIN_NC
-from evopem.estimation.prediction_error import OBJECTIVES, PredictionErrorProblem
-from evopem.estimation.uncertainty import (
-    innovation_variance,
-    jacobian_triangle,
-    parameter_covariance,
 )
 from evopem.models.armax import ArmaxModel, Orders
 from evopem.models.polynomials import max_root_radius as largest_radius
@@ -46,7 +46,7 @@ class Estimate:
         ``absolute`` or ``quadratic``.
     objective_value : float
         In percent (chapter eq. 20 or 22); ``search.value`` has the square of the noise state added
-        (:data:`evopem.estimation.prediction_error.STATE_WEIGHT`).
+        (:data:`evopem.estimation.pem.objective.STATE_WEIGHT`).
     fit_percent : float
         ``100 (1 - sum|e| / sum|y|)`` (chapter eq. 21).
     rss : float

@@ -4,7 +4,7 @@
 """
 
 from evopem.figures.registry import FIGURE_NAMES, FIGURES, FigureEntry, draw_all
-from evopem.figures.results import Results, read_results, result_paths
+from evopem.results.dataset import Results, read_results, result_paths
 
 __all__ = [
     "FIGURES",

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from evopem.configuration.experiments import CHAPTER
 from evopem.figures.style import (
     ERROR,
     FAMILY,
@@ -29,6 +28,7 @@ from evopem.figures.style import (
     say_nothing_to_draw,
     styled,
 )
+from evopem.fletcher_powell.experiments import CHAPTER
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -7,14 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from evopem.figures.frequency_domain import draw_frequency_response, draw_spectrum
-from evopem.figures.labels import prepared_output_name, prepared_output_unit
-from evopem.figures.order_search import draw_convergence, draw_delay, draw_phases
-from evopem.figures.residuals import draw_residuals
-from evopem.figures.results import Results, read_results
-from evopem.figures.roots import draw_poles_zeros, draw_stabilization
-from evopem.figures.style import ratio_unit, save_svg, with_unit
-from evopem.figures.tables import (
+from evopem.figures.figure_data import (
     convergence_table,
     delay_table,
     frequency_response_table,
@@ -26,7 +19,14 @@ from evopem.figures.tables import (
     spectrum_table,
     stabilization_table,
 )
+from evopem.figures.frequency_domain import draw_frequency_response, draw_spectrum
+from evopem.figures.labels import prepared_output_name, prepared_output_unit
+from evopem.figures.order_selection import draw_convergence, draw_delay, draw_phases
+from evopem.figures.pole_zero_map import draw_poles_zeros, draw_stabilization
+from evopem.figures.residuals import draw_residuals
+from evopem.figures.style import ratio_unit, save_svg, with_unit
 from evopem.figures.time_domain import draw_record, draw_simulation
+from evopem.results.dataset import Results, read_results
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from evopem.writing import write_text
+from evopem.files.atomic import write_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

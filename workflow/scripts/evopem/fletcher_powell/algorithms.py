@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from evopem.estimation.hybrid_search import SearchSettings, hybrid_search
+from evopem.estimation.search.memetic import SearchSettings, hybrid_search
 from evopem.fletcher_powell import evolution, peers
 from evopem.fletcher_powell.objective import Objective
 from evopem.fletcher_powell.problem import FletcherPowellProblem

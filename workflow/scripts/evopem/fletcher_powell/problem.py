@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.estimation.bfgs import Descent, descend
+from evopem.estimation.pem.batch_bfgs import Descent, descend
 from evopem.fletcher_powell.function import wrap
 from evopem.fletcher_powell.objective import Objective
 
@@ -25,7 +25,7 @@ FIRST_STEP = 1.0
 
 
 class FletcherPowellProblem:
-    """Search problem of one objective; see :class:`evopem.estimation.hybrid_search.Problem`.
+    """Search problem of one objective; see :class:`evopem.estimation.search.memetic.Problem`.
 
     The search runs unbounded and wraps its end points into the box: the faces of the box would
     make false minima of a function that is periodic.

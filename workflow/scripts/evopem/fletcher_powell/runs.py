@@ -33,7 +33,7 @@ def run_cases(
         A name in ``ALGORITHMS``.
     instance_name : str
     cases : sequence of mappings
-        As ``evopem.configuration.experiments.cases`` lists them.
+        As ``evopem.fletcher_powell.experiments.cases`` lists them.
     seed : int
     log : callable
         Receives one line a run.

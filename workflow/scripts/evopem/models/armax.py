@@ -125,7 +125,7 @@ class ArmaxModel:
         input, output : (N,) arrays
         noise_state : (nc,) array, optional
             What the noise before the first residual adds to the first nc equation errors, as
-            :func:`evopem.models.initial.estimate_noise_state` returns it.  By default nothing:
+            :func:`.initial_state.estimate_noise_state` returns it.  By default nothing:
             the transient then decays with the roots of C.
         start : int, optional
             First residual, by default ``orders.first_residual``, the first that has all its
@@ -167,7 +167,7 @@ class ArmaxModel:
         input : (N,) array
         initial : (max(na, nk + nb - 1),) array, optional
             State before the first sample, as
-            :func:`evopem.models.initial.estimate_initial_state` returns it.  Rest by default.
+            :func:`evopem.models.initial_state.estimate_initial_state` returns it.  Rest by default.
         """
         from scipy.signal import lfilter
 

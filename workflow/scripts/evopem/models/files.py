@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from evopem.errors import InputError
+from evopem.files.atomic import whole, write_json
 from evopem.models.armax import ArmaxModel
-from evopem.writing import whole, write_json
 
 
 def model_record(model: ArmaxModel) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from typing import Any
 
 import pandas as pd
 
-from evopem.figures.results import (
+from evopem.results.dataset import (
     candidate_of,
     read_json,
     read_optional,

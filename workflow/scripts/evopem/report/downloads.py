@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 from urllib.parse import quote
 
-from evopem.figures.tables import thin_table
+from evopem.figures.figure_data import thin_table
 
 if TYPE_CHECKING:
     import pandas as pd

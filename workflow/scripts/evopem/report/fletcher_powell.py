@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 import yaml
 
 from evopem import __version__
-from evopem.configuration.experiments import CHAPTER, HYBRIDS
 from evopem.figures.fletcher_powell import COMPARISON_FIGURES, Comparison
 from evopem.fletcher_powell.algorithms import ALGORITHMS
-from evopem.report.building import environment
+from evopem.fletcher_powell.experiments import CHAPTER, HYBRIDS
 from evopem.report.downloads import csv_download
 from evopem.report.inline_svg import inline_svg
 from evopem.report.numbers import count, fixed, is_number
+from evopem.report.page import environment
 from evopem.report.provenance import installed, listed
 
 if TYPE_CHECKING:

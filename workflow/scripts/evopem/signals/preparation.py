@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.errors import InputError
+from evopem.files.atomic import write_json
+from evopem.files.npz import load_arrays, save_arrays
 from evopem.signals.recording import (
     Recording,
     check_recording,
@@ -20,7 +22,7 @@ from evopem.signals.recording import (
     recording_names,
 )
 from evopem.signals.resampling import resample_recording
-from evopem.signals.stationarity import (
+from evopem.signals.transforms import (
     box_cox,
     difference,
     invert_box_cox,
@@ -28,8 +30,6 @@ from evopem.signals.stationarity import (
     likeliest_box_cox,
     positive_shift,
 )
-from evopem.signals.storage import load_arrays, save_arrays
-from evopem.writing import write_json
 
 Part = Literal["estimation", "validation"]
 

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.errors import InputError
-from evopem.signals.clock import sampling_rate_of
-from evopem.signals.formats.channels import Channel, Reference, refuse_unreadable
+from evopem.signals.readers.channels import Channel, Reference, refuse_unreadable
 from evopem.signals.recording import Recording, check_recording, describe_recording
+from evopem.signals.timestamps import sampling_rate_of
 
 FORMATS = {
     ".csv": "text",
@@ -36,7 +36,7 @@ FORMATS = {
     ".uff": "uff",
     ".unv": "uff",
 }
-"""The module of `evopem.signals.formats` that reads each extension."""
+"""The module of `evopem.signals.readers` that reads each extension."""
 
 COMPILED = {"matlab": "MATLAB", "hdf5": "HDF5", "parquet": "Parquet"}
 """The readers whose libraries parse a file in compiled code."""
@@ -199,7 +199,7 @@ def _read_channels(path: Path, references: list[Reference]) -> list[Channel]:
                 f"its content is {label}, which the extension does not say",
                 "give the file the extension of its format",
             )
-    reader = importlib.import_module(f"evopem.signals.formats.{format_name}")
+    reader = importlib.import_module(f"evopem.signals.readers.{format_name}")
     if format_name in COMPILED and hasattr(os, "fork"):
         _refuse_deadly(reader, path, references)
     channels: list[Channel] = reader.read(path, references)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.errors import InputError
-from evopem.signals.storage import load_arrays, save_arrays
+from evopem.files.npz import load_arrays, save_arrays
 
 LARGEST = 1e60
 """Magnitudes from here on, and below its inverse, do not leave room for the squares of residuals

@@ -16,8 +16,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from evopem.models.polynomials import root_gradient
-from evopem.signals.spectrum import line_spacing
-from evopem.validation.roots import CHI_SQUARE_95, parameter_covariance
+from evopem.models.root_covariance import CHI_SQUARE_95, parameter_covariance
+from evopem.signals.spectral.multitaper import line_spacing
 
 # Joint tests are made at the 1 % level: the checks at 5 % each would fail a third of good models.
 SIGNIFICANCE = 0.01

@@ -14,8 +14,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from evopem.models.initial import estimate_initial_state, estimate_noise_state
-from evopem.validation.correlation import (
+from evopem.models.initial_state import estimate_initial_state, estimate_noise_state
+from evopem.validation.excitation import excitation_order
+from evopem.validation.residual_tests import (
     LjungBox,
     cross_correlation,
     ljung_box,
@@ -23,7 +24,6 @@ from evopem.validation.correlation import (
     residual_autocorrelation,
     share_inside,
 )
-from evopem.validation.excitation import excitation_order
 from evopem.validation.scores import error_percent, fit_percent, outlier_percent
 
 if TYPE_CHECKING:

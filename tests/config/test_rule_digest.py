@@ -1,0 +1,121 @@
+"""The digest of a script's code: what changes it, and what does not."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from evopem.config.rule_digest import code_version, imported_modules
+
+SCRIPTS = Path(__file__).parents[2] / "workflow" / "scripts"
+
+
+@pytest.fixture
+def scripts(tmp_path):
+    package = tmp_path / "evopem"
+    (package / "signals").mkdir(parents=True)
+    (package / "formats").mkdir()
+    for name, text in {
+        "one.py": "from evopem.signals.a import x\n",
+        "evopem/__init__.py": "",
+        "evopem/signals/__init__.py": "",
+        "evopem/signals/a.py": "def x():\n    from .b import y\n    return y\n",
+        "evopem/signals/b.py": "import evopem.errors\ny = 1\n",
+        "evopem/signals/c.py": "z = 1\n",
+        "evopem/formats/text.py": "read = 1\n",
+        "evopem/errors.py": (
+            "from typing import TYPE_CHECKING\n"
+            "if TYPE_CHECKING:\n    from evopem.signals.c import z\n"
+        ),
+    }.items():
+        (tmp_path / name).write_text(text)
+    return tmp_path
+
+
+def version(scripts):
+    """Digest in a fresh process: one process reads each file once."""
+    command = (
+        "import sys; from evopem.config.rule_digest import code_version as v; print(v(sys.argv[1]))"
+    )
+    run = subprocess.run(
+        [sys.executable, "-c", command, scripts / "one.py"],
+        env=os.environ | {"PYTHONPATH": str(SCRIPTS)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return run.stdout
+
+
+def test_imports_are_followed_into_functions_and_not_into_type_checking(scripts):
+    assert imported_modules(scripts / "one.py") == [
+        "evopem/errors.py",
+        "evopem/signals/__init__.py",
+        "evopem/signals/a.py",
+        "evopem/signals/b.py",
+    ]
+
+
+def test_modules_whose_names_are_put_together_are_found(scripts):
+    (scripts / "two.py").write_text("import_module(f'evopem.formats.{name}')\n")
+    assert imported_modules(scripts / "two.py") == ["evopem/formats/text.py"]
+
+
+@pytest.mark.parametrize("name", ["one.py", "evopem/signals/b.py", "evopem/errors.py"])
+def test_code_that_is_used_counts(scripts, name):
+    before = version(scripts)
+    (scripts / name).write_text((scripts / name).read_text() + "more = 1\n")
+    assert version(scripts) != before
+
+
+def test_code_that_is_not_used_times_and_places_do_not_count(scripts):
+    before = version(scripts)
+    (scripts / "evopem" / "signals" / "c.py").write_text("z = 2\n")
+    os.utime(scripts / "one.py", (1, 1))
+    moved = scripts.rename(scripts.parent / "moved")
+    assert version(moved) == before
+
+
+def test_templates_count(scripts):
+    template = scripts / "page.html"
+    template.write_text("<p>")
+    with_template = code_version(scripts / "one.py", [template])
+    assert with_template != code_version(scripts / "one.py")
+
+
+def test_scripts_reach_their_part_of_the_package_and_no_more():
+    reached = {script.stem: imported_modules(script) for script in SCRIPTS.glob("*.py")}
+    assert "evopem/signals/readers/matlab.py" in reached["read_recording"]
+    assert "evopem/signals/readers/matlab.py" not in reached["prepare_signals"]
+    assert "evopem/estimation/order_search.py" in reached["fit_candidates"]
+    assert "evopem/signals/spectrum.py" in reached["estimate_spectrum"]
+    for early in ("read_recording", "prepare_signals", "estimate_spectrum", "fit_candidates"):
+        later = [name for name in reached[early] if "/figures/" in name or "/report/" in name]
+        assert later == [], early
+    assert not [name for name in reached["prepare_signals"] if "/estimation/" in name]
+    assert "evopem/signals/spectrum.py" not in reached["fit_candidates"]
+    assert "evopem/config/defaults.py" not in reached["fit_candidates"]
+
+
+def test_scripts_name_submodules_and_not_the_package():
+    """`from evopem import load` would hide the module behind it from the digest."""
+    for script in SCRIPTS.rglob("*.py"):
+        for line in script.read_text(encoding="utf-8").splitlines():
+            assert not line.strip().startswith("from evopem import load"), script
+
+
+def test_a_snakefile_can_import_the_configuration_without_numpy():
+    command = (
+        "import sys; import evopem.config.rule_digest, evopem.config.defaults,"
+        " evopem.config.order_grid; print('numpy' in sys.modules)"
+    )
+    run = subprocess.run(
+        [sys.executable, "-c", command],
+        env=os.environ | {"PYTHONPATH": str(SCRIPTS)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert run.stdout.strip() == "False"

@@ -1,0 +1,126 @@
+"""A digest of the code behind a script, for a workflow to notice that it changed."""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+import os
+from collections.abc import Iterable, Iterator
+from functools import cache
+from pathlib import Path
+
+_PACKAGE = "evopem"
+
+
+def code_version(script: str | Path, others: Iterable[str | Path] = ()) -> str:
+    """Digest a script and every module of the package that it imports, directly or not.
+
+    Contents count, not times or places: a touched file or a fresh clone has the same digest.
+    The package's own ``__init__`` is left out: it holds no numerics.
+
+    Parameters
+    ----------
+    script : path
+        A script that lies beside the package.
+    others : iterable of path
+        Further files it uses, such as templates.
+
+    Returns
+    -------
+    str
+        16 hexadecimal digits.
+    """
+    script = Path(script).resolve()
+    root = script.parent
+    files = {script, *(root / module for module in _reached(script, root))}
+    files.update(Path(other).resolve() for other in others)
+    digest = hashlib.sha256()
+    for name, file in sorted((os.path.relpath(file, root), file) for file in files):
+        digest.update(Path(name).as_posix().encode())
+        digest.update(_content(file))
+    return digest.hexdigest()[:16]
+
+
+def imported_modules(script: str | Path) -> list[str]:
+    """List the package's files a script reaches by its imports, relative to its own folder."""
+    script = Path(script).resolve()
+    return sorted(path.as_posix() for path in _reached(script, script.parent))
+
+
+@cache
+def _content(file: Path) -> bytes:
+    return hashlib.sha256(file.read_bytes().replace(b"\r\n", b"\n")).digest()
+
+
+def _reached(script: Path, root: Path) -> set[Path]:
+    """Walk the imports from a script to every file of the package behind it."""
+    reached: set[Path] = set()
+    waiting = list(_imports(script, root))
+    while waiting:
+        file = waiting.pop()
+        if file not in reached:
+            reached.add(file)
+            waiting.extend(_imports(root / file, root))
+    return reached
+
+
+@cache
+def _imports(file: Path, root: Path) -> frozenset[Path]:
+    """Find the package files a file imports anywhere in it, its functions included."""
+    tree = ast.parse(file.read_text(encoding="utf-8"))
+    found: set[Path] = set()
+    for node in _run_nodes(tree):
+        for name in _names(node, file, root):
+            found.update(_files(name, root))
+    return frozenset(found)
+
+
+def _run_nodes(tree: ast.AST) -> Iterator[ast.AST]:
+    """Walk a syntax tree, past what only a type checker reads."""
+    for node in ast.iter_child_nodes(tree):
+        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
+            continue
+        yield node
+        yield from _run_nodes(node)
+
+
+def _names(node: ast.AST, file: Path, root: Path) -> Iterator[str]:
+    """Name what one statement imports, and what it may import: `from a import b` is a or a.b."""
+    if isinstance(node, ast.Import):
+        yield from (alias.name for alias in node.names)
+    elif isinstance(node, ast.ImportFrom):
+        package = node.module or ""
+        if node.level:
+            parents = file.relative_to(root).parts[: -node.level]
+            package = ".".join((*parents, *filter(None, [node.module])))
+        yield package
+        yield from (f"{package}.{alias.name}" for alias in node.names)
+    elif (
+        isinstance(node, ast.Constant)
+        and isinstance(node.value, str)
+        and node.value.startswith(f"{_PACKAGE}.")
+    ):
+        # A module imported by `importlib` is named as text, or, where a part of its name is
+        # known only when it runs, the text before that: `evopem.signals.readers.`.
+        yield node.value
+
+
+def _files(name: str, root: Path) -> Iterator[Path]:
+    """Find the files that an import of a dotted name runs, below the package's own `__init__`.
+
+    A script may import another one beside it.
+    """
+    first, *steps = name.split(".")
+    if first != _PACKAGE:
+        if (root / f"{first}.py").is_file():
+            yield Path(f"{first}.py")
+        return
+    path = Path(_PACKAGE)
+    if name.endswith("."):
+        steps.pop()
+        yield from (file.relative_to(root) for file in (root / path).joinpath(*steps).glob("*.py"))
+    for step in steps:
+        path /= step
+        for file in (path.with_suffix(".py"), path / "__init__.py"):
+            if (root / file).is_file():
+                yield file

@@ -1,0 +1,1 @@
+"""Prediction-error minimisation: objectives, their compiled kernels, and local descents."""

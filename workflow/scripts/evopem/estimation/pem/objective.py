@@ -1,0 +1,204 @@
+"""The prediction-error problem of one record and one model order, for whole populations at once.
+
+A *point* is a parameter vector ``p = [a_1..a_na, b_0..b_(nb-1), c_1..c_nc]`` (chapter eq. 18)
+followed by the noise state ``d_0..d_(nc-1)``: what the unknown noise before the first residual has
+to do with the residuals after it.  Estimated along with p, it leaves no transient, however slow
+the roots of C; a fixed zero would, and on a twice-differenced record, whose C has roots close to
+the unit circle, that transient would decide between the orders.  A population is an (M, n + nc)
+array.  Numerics only: no search lives here.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evopem.estimation.pem import kernels
+from evopem.models.armax import Orders
+from evopem.models.polynomials import reflect_into_disc
+
+Array = NDArray[np.float64]
+
+OBJECTIVES = ("absolute", "quadratic")
+
+# What the square of a noise state weighs against that of a residual: a prior of ten standard
+# deviations of the innovations.  Where C forgets its start before the first scored residual, a
+# state of any size would fit a few residuals more, and the search would have no end.
+STATE_WEIGHT = 1e-2
+# Width of the kernel that estimates the density of the residuals at zero, in mean |e|.
+DENSITY_BANDWIDTH = 0.3
+
+
+class PredictionErrorProblem:
+    """Objective, gradient, curvature and feasibility of ARMAX parameters on one record.
+
+    Parameters
+    ----------
+    input, output : (N,) arrays
+        The record; not modified.
+    orders : Orders
+    objective : {"absolute", "quadratic"}
+        ``absolute``: ``100 sum|e| / sum|y|`` (chapter eq. 20-21, as ``100 - fit``);
+        ``quadratic``: ``100 sum e**2 / sum y**2`` (eq. 22).
+    recursion_start : int
+        First residual, at least ``orders.first_residual``.  One number for all orders that are
+        compared, so that a smaller model is a special case of a larger one.
+    scoring_start : int
+        First residual that counts, at least nc later: nc residuals are fitted by the noise state.
+    max_root_radius : float
+        Largest allowed radius of the roots of A and C.
+    """
+
+    def __init__(
+        self,
+        input: Array,  # noqa: A002 - the field's word
+        output: Array,
+        orders: Orders,
+        objective: str,
+        recursion_start: int,
+        scoring_start: int,
+        max_root_radius: float,
+    ) -> None:
+        self.input, self.output, self.orders = input, output, orders
+        self.objective = objective
+        self.samples = len(output)
+        self.recursion_start = recursion_start
+        self.scoring_start = scoring_start
+        self.max_root_radius = max_root_radius
+        padded = kernels.padded_length(self.samples, self.recursion_start)
+        self._record = kernels.Record(
+            y=_padded(output, padded),
+            u=_padded(input, padded),
+            na=orders.na,
+            nb=orders.nb,
+            nc=orders.nc,
+            nk=orders.nk,
+            rows_c=max(orders.nc, kernels.MIN_NC),
+            start=recursion_start,
+            first=scoring_start,
+            last=self.samples,
+        )
+        self._tables = kernels.tables_for(self._record)
+        self._lag_sums = kernels.lag_sums_for(self._record)
+        absolute = objective == "absolute"
+        scored = self._record.y[scoring_start : self.samples]
+        self._scale = float(np.sum(np.abs(scored)) if absolute else scored @ scored)
+        self.scored_samples = self.samples - scoring_start
+        # A square in the unit of the loss.
+        state_unit = self._scale / self.scored_samples if absolute else 1.0
+        self._objective = kernels.Objective(
+            absolute=absolute,
+            factor=100.0 / self._scale,
+            state_weight=STATE_WEIGHT * 100.0 / self._scale / state_unit,
+            max_root_radius=max_root_radius,
+        )
+
+    def of_orders(self, orders: Orders) -> PredictionErrorProblem:
+        """The same problem for other orders that have residuals from ``recursion_start`` on."""
+        return PredictionErrorProblem(
+            self.input,
+            self.output,
+            orders,
+            self.objective,
+            self.recursion_start,
+            self.scoring_start,
+            self.max_root_radius,
+        )
+
+    @property
+    def dimension(self) -> int:
+        """Length of a point: n = na + nb + nc parameters and nc noise states."""
+        return self.orders.parameters + self.orders.nc
+
+    def values(self, points: Array) -> Array:
+        """Objective of each row of an (M, n) population, in percent; infeasible rows are inf.
+
+        The weak square of the noise state is part of it.
+        """
+        values: Array = kernels.values(self._record, self._objective, self._tables, _rows(points))
+        return values
+
+    def values_and_gradients(
+        self, points: Array, corners: Array, barriers: Array
+    ) -> tuple[Array, Array]:
+        """Smoothed objective of each row and its gradient; infeasible rows are inf and 0.
+
+        ``corners`` (M,), in the unit of the output, round the corner of the absolute value,
+        ``sqrt(e**2 + corner**2)``; the quadratic objective does not use them.  ``barriers``
+        (M,), in percent, weigh a barrier that grows towards the edge of the stability region
+        (:func:`evopem.estimation.pem.kernels.stability_barriers` of A and of C), so that a descent
+        is led along the edge instead of being stuck at it.
+        """
+        found: tuple[Array, Array] = kernels.values_and_gradients(
+            self._record, self._objective, self._tables, _rows(points), corners, barriers
+        )
+        return found
+
+    def curvatures(self, points: Array, corners: Array, barriers: Array) -> Array:
+        """Gauss-Newton approximation of the Hessian of what rows of a descent minimise, (M, n, n).
+
+        For the absolute objective the mean second derivative of the loss (twice the density of
+        the residuals at zero) scales the same matrix.
+        """
+        matrices: Array = kernels.curvatures(
+            self._record,
+            self._objective,
+            self._tables,
+            self._lag_sums,
+            DENSITY_BANDWIDTH,
+            _rows(points),
+            corners,
+        )
+        for part in self._polynomials():
+            coefficients = np.ascontiguousarray(points[:, part])
+            barrier = kernels.barrier_curvatures(coefficients, self.max_root_radius)
+            matrices[:, part, part] += barriers[:, None, None] * barrier
+        return matrices
+
+    def mean_absolute_residuals(self, values: Array) -> Array:
+        """Mean (absolute objective) or root mean square (quadratic) residual, from values."""
+        total = values / 100.0 * self._scale / self.scored_samples
+        return total if self.objective == "absolute" else np.sqrt(total)
+
+    def residuals(self, point: Array) -> Array:
+        """Residuals of one parameter vector, (N,); zero before ``recursion_start``."""
+        residuals: Array = kernels.residuals(self._record, self._tables, _rows(point))
+        return residuals[: self.samples]
+
+    def feasible(self, points: Array) -> NDArray[np.bool_]:
+        """Whether A and C of each row have all roots within ``max_root_radius``."""
+        feasible: NDArray[np.bool_] = kernels.feasible_rows(
+            self._record, self.max_root_radius, _rows(points)
+        )
+        return feasible
+
+    def repair(self, points: Array) -> Array:
+        """Move the roots of A and C of infeasible rows inside by reflection at the unit circle.
+
+        Reflection of a root of C leaves the spectrum of the noise as it was (Söderström &
+        Stoica 1989, section 6.2); roots in the margin go to its inner edge.
+        """
+        repaired = points.copy()
+        inner = self.max_root_radius * (1.0 - 1e-6)
+        rows = np.flatnonzero(~self.feasible(points))
+        finite = np.where(np.isfinite(points[rows]), points[rows], 0.0)
+        for part in self._polynomials():
+            finite[:, part] = reflect_into_disc(finite[:, part], inner)
+        repaired[rows] = finite
+        return repaired
+
+    def _polynomials(self) -> tuple[slice, slice]:
+        """Where the coefficients of A and of C stand in a point."""
+        o = self.orders
+        return slice(0, o.na), slice(o.na + o.nb, o.parameters)
+
+
+def _rows(points: Array) -> Array:
+    """A population as the kernels are compiled for: rows one after the other in memory."""
+    return np.ascontiguousarray(points)
+
+
+def _padded(signal: Array, length: int) -> Array:
+    padded = np.zeros(length)
+    padded[: len(signal)] = signal
+    return padded

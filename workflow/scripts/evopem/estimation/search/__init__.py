@@ -1,0 +1,1 @@
+"""The global search over the parameters of one model."""

@@ -1,0 +1,106 @@
+"""Individuals grown from smaller orders: a start of the search for over-parameterised models.
+
+A model of orders (na, nb, nc) times a quadratic factor in A, B and C alike is a model of orders two
+higher with the very same residuals.  A descent from there can only gain, and where the factor's
+roots lie decides how much: the Gauss-Newton decrease tells before the descent.  Growing pair by
+pair from the smallest order so finds good places for the roots that a random draw misses.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evopem.estimation.pem.objective import PredictionErrorProblem
+from evopem.models.armax import Orders
+
+Array = NDArray[np.float64]
+
+# Distances of a factor's roots from the unit circle: as far as a pole that rings for two samples,
+# and as near as one that rings for hundreds.
+FARTHEST, NEAREST = 0.4, 0.003
+
+
+def smaller_orders(orders: Orders) -> list[Orders]:
+    """The orders that lead to ``orders`` in steps of a pair of roots, smallest first."""
+    pairs = (min(orders.na, orders.nb, orders.nc) - 1) // 2
+    return [
+        Orders(orders.na - 2 * k, orders.nb - 2 * k, orders.nc - 2 * k, orders.nk)
+        for k in range(pairs, 0, -1)
+    ]
+
+
+def random_pairs(count: int, generator: np.random.Generator) -> NDArray[np.complex128]:
+    """Upper roots of quadratic factors, spread over all frequencies and over the damping."""
+    angles = np.pi * (np.arange(count) + generator.random(count)) / count
+    distances = FARTHEST * (NEAREST / FARTHEST) ** generator.random(count)
+    pairs: NDArray[np.complex128] = (1.0 - distances) * np.exp(1j * angles)
+    return pairs
+
+
+def with_factor(
+    errors: PredictionErrorProblem, point: Array, roots: NDArray[np.complex128]
+) -> Array:
+    """A point times quadratic factors in A, B, C and the noise state: equal residuals.
+
+    Parameters
+    ----------
+    errors : PredictionErrorProblem
+        Of the point's orders.
+    point : (n,) array
+    roots : (M,) complex array
+        The upper root of each factor.
+
+    Returns
+    -------
+    (M, n + 8) array
+        Points of the orders two higher in na, nb and nc.
+    """
+    o, start = errors.orders, errors.recursion_start
+    a = np.concatenate([[1.0], point[: o.na]])
+    b = point[o.na : o.na + o.nb]
+    c = np.concatenate([[1.0], point[o.na + o.nb : o.parameters]])
+    state = point[o.parameters :]
+    # The larger model's equation error reaches back to where the smaller one's did not count.
+    before = [
+        a @ errors.output[t - o.na : t + 1][::-1]
+        - b @ errors.input[t - o.nk - o.nb + 1 : t - o.nk + 1][::-1]
+        for t in (start - 1, start - 2)
+    ]
+    points = np.empty((len(roots), len(point) + 8))
+    for row, root in enumerate(roots):
+        factor = np.array([1.0, -2.0 * root.real, abs(root) ** 2])
+        larger_state = np.convolve(state, factor)
+        larger_state[0] -= factor[1] * before[0] + factor[2] * before[1]
+        larger_state[1] -= factor[2] * before[0]
+        points[row] = np.concatenate(
+            [
+                np.convolve(a, factor)[1:],
+                np.convolve(b, factor),
+                np.convolve(c, factor)[1:],
+                larger_state,
+            ]
+        )
+    return points
+
+
+def padded(point: Array, smaller: Orders, larger: Orders) -> Array:
+    """A point as one of larger orders that contain its own: zeros added, equal residuals.
+
+    Parameters
+    ----------
+    point : (n,) array
+    smaller, larger : Orders
+        ``larger.contains(smaller)``, with recursions that start at the same sample.
+    """
+    a, b, c, state = np.split(point, [smaller.na, smaller.na + smaller.nb, smaller.parameters])
+    earlier = smaller.nk - larger.nk
+    more_c = larger.nc - smaller.nc
+    return np.concatenate(
+        [
+            np.pad(a, (0, larger.na - smaller.na)),
+            np.pad(b, (earlier, larger.nb - smaller.nb - earlier)),
+            np.pad(c, (0, more_c)),
+            np.pad(state, (0, more_c)),
+        ]
+    )

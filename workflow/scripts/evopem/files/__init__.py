@@ -1,0 +1,1 @@
+"""Files of a job: atomic writing, checksums, and the log and errors of the job itself."""

@@ -1,0 +1,86 @@
+"""MATLAB files: up to version 7 by scipy, version 7.3 (HDF5) by h5py."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evopem.signals.readers.arrays import channels_of
+from evopem.signals.readers.channels import Channel, Reference, library, refuse_unreadable
+
+_HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
+_HDF5_OFFSETS = (0, 512)  # version 7.3 puts a block of 512 bytes of its own in front
+
+
+def read(path: Path, references: Sequence[Reference]) -> list[Channel]:
+    """Read variables by name or by number in the order of the file.
+
+    The file's content, not its name, tells the two versions apart. Fields of a structure
+    are named with points, as in ``motor.speed``.
+
+    Raises
+    ------
+    InputError
+        When the file is damaged or no MATLAB file, h5py is needed and missing, or there is
+        no such variable.
+    """
+    with path.open("rb") as file:
+        beginning = file.read(_HDF5_OFFSETS[-1] + len(_HDF5_SIGNATURE))
+    if any(beginning.startswith(_HDF5_SIGNATURE, offset) for offset in _HDF5_OFFSETS):
+        variables = _read_hdf5(path)
+    else:
+        variables = _read_level_5(path)
+    return channels_of(path, variables, references, "variable")
+
+
+def _read_level_5(path: Path) -> dict[str, NDArray[Any]]:
+    from scipy.io import loadmat
+
+    try:
+        # Not mat_dtype=True: it drops the imaginary part of complex variables in silence.
+        content = loadmat(str(path), struct_as_record=True)
+    except Exception:
+        # scipy's parser meets damage with nearly any exception: ValueError, TypeError,
+        # OverflowError, zlib.error, its own MatReadError …
+        refuse_unreadable(path, "MATLAB file")
+    variables: dict[str, NDArray[Any]] = {}
+    for name, value in content.items():
+        # Objects of classes come without a name; names with underscores first are scipy's own.
+        if isinstance(name, str) and not name.startswith("__"):
+            _flatten(name, value, variables)
+    return variables
+
+
+def _flatten(name: str, value: Any, variables: dict[str, NDArray[Any]]) -> None:
+    """Enter a variable, or the fields of a 1 x 1 structure under dotted names."""
+    if not isinstance(value, np.ndarray):
+        return
+    if value.dtype.names is None:
+        variables[name] = value
+    elif value.size == 1:
+        for field in value.dtype.names:
+            _flatten(f"{name}.{field}", value.reshape(-1)[0][field], variables)
+
+
+def _read_hdf5(path: Path) -> dict[str, NDArray[Any]]:
+    h5py = library("h5py", path)
+    variables: dict[str, NDArray[Any]] = {}
+
+    def collect(name: str, item: Any) -> None:
+        if isinstance(item, h5py.Dataset) and not name.startswith("#"):
+            # MATLAB's columns are HDF5's rows; texts and cells keep a type that is no signal.
+            is_text = item.attrs.get("MATLAB_class", b"") in (b"char", b"cell")
+            values = np.asarray(item[()]).T
+            variables[name.replace("/", ".")] = values.astype(object) if is_text else values
+
+    try:
+        with h5py.File(path, "r") as file:
+            file.visititems(collect)
+    except Exception:
+        # h5py meets damage with OSError, RuntimeError, KeyError, TypeError, ValueError …
+        refuse_unreadable(path, "MATLAB 7.3 file")
+    return variables

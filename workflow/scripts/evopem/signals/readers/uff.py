@@ -1,0 +1,123 @@
+"""Universal File Format, datasets of type 58 (functions at nodal degrees of freedom), by pyuff."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from evopem.errors import InputError
+from evopem.signals.readers.channels import (
+    Channel,
+    Reference,
+    find_channel,
+    library,
+    listing,
+    refuse_unreadable,
+)
+from evopem.signals.timestamps import sampling_rate_of
+
+_NAME_FIELDS = ("id1", "id2", "id3", "id4", "id5", "rsp_ent_name", "ordinate_axis_lab")
+_DIRECTIONS = {1: "X+", -1: "X-", 2: "Y+", -2: "Y-", 3: "Z+", -3: "Z-"}
+_TIME_FUNCTIONS = (0, 1)  # general, or not stated; time response
+_FREQUENCY_AXIS = 18
+
+
+def read(path: Path, references: Sequence[Reference]) -> list[Channel]:
+    """Read time records by number among the datasets of type 58, or by name.
+
+    A name is any of the five identification lines, the response entity's name, the
+    ordinate's label, or node and direction as in ``12:Z+``; it must mean one dataset only.
+    The sampling rate comes from the abscissa.
+
+    Raises
+    ------
+    InputError
+        When the file is damaged, breaks off or holds no dataset 58, pyuff is missing, the
+        dataset is no real time record, or there is no such dataset.
+    """
+    pyuff = library("pyuff", path)
+    _refuse_broken_off(path)
+    try:
+        file = pyuff.UFF(str(path))
+        sets = [index for index, kind in enumerate(file.get_set_types()) if kind == 58]
+        headers = [file.read_sets(index, header_only=True) for index in sets]
+    except Exception:
+        # pyuff raises bare Exception, whatever is wrong.
+        refuse_unreadable(path, "universal file")
+    if not sets:
+        raise InputError(
+            str(path), "holds no dataset of type 58", "export the time records as dataset 58"
+        )
+    names = [_names_of(header) for header in headers]
+    channels = []
+    for reference in references:
+        index = _find_dataset(path, reference, names)
+        try:
+            dataset = file.read_sets(sets[index])
+        except Exception:
+            refuse_unreadable(path, "universal file")
+        channels.append(_channel(path, dataset, index + 1, names[index]))
+    return channels
+
+
+def _refuse_broken_off(path: Path) -> None:
+    """Every dataset stands between two lines that hold -1; pyuff drops one without its end."""
+    with path.open("rb") as file:
+        file.seek(0, 2)
+        file.seek(max(0, file.tell() - 200))
+        end = file.read().rstrip()
+    if not end.endswith(b"    -1"):
+        raise InputError(
+            str(path),
+            "does not end with the line -1 that closes a dataset, so it breaks off or is no"
+            " universal file",
+            "copy or export it again",
+        )
+
+
+def _names_of(header: Mapping[str, Any]) -> list[str]:
+    """Everything a dataset can be called by, the best name first."""
+    texts = [str(header.get(field, "")).strip() for field in _NAME_FIELDS]
+    names = [text for text in texts if text and text.upper() != "NONE"]
+    direction = _DIRECTIONS.get(header.get("rsp_dir", 0), "")
+    return [*names, f"{header.get('rsp_node', 0)}:{direction}"]
+
+
+def _find_dataset(path: Path, reference: Reference, names: Sequence[Sequence[str]]) -> int:
+    if not isinstance(reference, str):
+        return find_channel(path, reference, [every[0] for every in names], "dataset")
+    # Each dataset under the name that was asked for, where it has it, else under its best one.
+    shown = [reference if reference in every else every[0] for every in names]
+    if reference not in shown:
+        raise InputError(
+            str(path),
+            f'there is no dataset "{reference}"',
+            f"choose one of {listing([every[0] for every in names])}",
+        )
+    return find_channel(path, reference, shown, "dataset")
+
+
+def _channel(path: Path, dataset: Mapping[str, Any], number: int, names: Sequence[str]) -> Channel:
+    place = f'dataset {number} "{names[0]}"'
+    values = np.asarray(dataset["data"])
+    in_time = dataset.get("abscissa_spec_data_type") != _FREQUENCY_AXIS
+    if dataset.get("func_type") not in _TIME_FUNCTIONS or not in_time or np.iscomplexobj(values):
+        raise InputError(str(path), "it is no real time record", "choose a time response", place)
+    stated = dataset.get("num_pts")
+    if stated != values.size:
+        raise InputError(
+            str(path),
+            f"its header announces {stated} values and {values.size} are there",
+            "copy or export the file again",
+            place,
+        )
+    if dataset.get("abscissa_spacing") == 1:
+        increment = float(dataset["abscissa_inc"])
+        rate = 1.0 / increment if increment > 0 else None
+    else:
+        rate = sampling_rate_of(np.asarray(dataset["x"]), str(path), place, unit="s")
+    unit = str(dataset.get("ordinate_axis_units_lab", "")).strip()
+    return Channel(names[0], values, "" if unit.upper() == "NONE" else unit, rate)

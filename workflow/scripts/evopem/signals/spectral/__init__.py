@@ -1,0 +1,1 @@
+"""Spectral estimates: multitaper density, peaks and the empirical frequency response."""

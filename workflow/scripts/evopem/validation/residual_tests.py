@@ -1,0 +1,147 @@
+"""Correlation tests on residuals: are they white, and does the input still explain them?"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from numpy.typing import ArrayLike
+
+from evopem.models.gain_interval import NORMAL_95
+from evopem.signals import correlation as signals
+
+
+@dataclass(frozen=True)
+class LjungBox:
+    """The Ljung-Box test of joint whiteness.
+
+    ``p_value`` is ``nan`` when no degree of freedom is left.
+    """
+
+    statistic: float
+    degrees_of_freedom: int
+    p_value: float
+    lags: int
+
+
+def residual_autocorrelation(residuals: ArrayLike, lags: int = 1200) -> pd.DataFrame:
+    """Sample autocorrelation of the residuals, with the 95 % bound of a white sequence.
+
+    Parameters
+    ----------
+    residuals : array_like, shape (N,)
+        Prediction errors on the estimation samples.
+    lags : int
+        Largest lag; cut to N - 1.
+
+    Returns
+    -------
+    pandas.DataFrame
+        ``lag`` 0, 1, …, ``autocorrelation`` (1 at lag 0; biased estimate, mean removed) and
+        ``bound95`` = 1.96/√N (0 at lag 0, which is 1 by definition).
+
+    Notes
+    -----
+    Ljung (1999), section 16.6. A fitted model makes the first few lags smaller than the bound
+    allows for, so the bound is cautious there (Box and Pierce 1970).
+    """
+    e = np.asarray(residuals, dtype=float)
+    lags = min(lags, e.size - 1)
+    # A model that leaves nothing at all has no residuals to correlate.
+    correlation = (
+        signals.autocorrelation(e, lags).values if np.ptp(e) > 0 else np.full(lags + 1, np.nan)
+    )
+    bound = np.full(lags + 1, NORMAL_95 / math.sqrt(e.size))
+    bound[0] = 0.0
+    return pd.DataFrame(
+        {"lag": np.arange(lags + 1), "autocorrelation": correlation, "bound95": bound}
+    )
+
+
+def share_inside(correlation: ArrayLike, bound: ArrayLike) -> float:
+    """Share of correlations inside their bounds, 0 to 1; ``nan`` for none."""
+    values = np.abs(np.asarray(correlation, dtype=float))
+    if values.size == 0 or not np.all(np.isfinite(values)):
+        return math.nan
+    return float(np.mean(values <= np.asarray(bound, dtype=float)))
+
+
+def ljung_box(autocorrelation: ArrayLike, samples: int, parameters: int, lags: int) -> LjungBox:
+    """Ljung-Box statistic ``N (N + 2) Σ ρ_k² / (N - k)`` over lags 1 to ``lags``.
+
+    Parameters
+    ----------
+    autocorrelation : array_like
+        ρ at lags 0, 1, …, at least to ``lags``.
+    samples : int
+        N, the number of residuals behind ρ.
+    parameters : int
+        Fitted parameters the degrees of freedom are reduced by: na + nc for ARMAX.
+    lags : int
+        Number of lags tested jointly.
+
+    Notes
+    -----
+    Ljung and Box (1978), Biometrika 65:297.
+    """
+    from scipy.special import chdtrc  # the chi-square survival function without scipy.stats
+
+    rho = np.asarray(autocorrelation, dtype=float)[1 : lags + 1]
+    if rho.size < lags:
+        raise ValueError(f"{lags} lags asked for, autocorrelation given to lag {rho.size}")
+    k = np.arange(1, lags + 1)
+    statistic = float(samples * (samples + 2) * np.sum(rho**2 / (samples - k)))
+    freedom = lags - parameters
+    p_value = float(chdtrc(freedom, statistic)) if freedom > 0 else math.nan
+    return LjungBox(statistic, freedom, p_value, lags)
+
+
+def ljung_box_lags(samples: int, parameters: int, largest: int) -> int:
+    """Number of lags for the joint test.
+
+    10 log10(N), but at least ten more than the parameters, so that freedom is left: a test over
+    all 1200 lags would dilute the few that a missed pole or zero moves.
+    """
+    return max(0, min(largest, max(parameters + 10, round(10 * math.log10(samples)))))
+
+
+def cross_correlation(residuals: ArrayLike, inputs: ArrayLike, lags: int = 200) -> pd.DataFrame:
+    """Cross-correlation of residuals with the input, with its 95 % bound.
+
+    Parameters
+    ----------
+    residuals, inputs : array_like, shape (N,)
+        The two series over the same samples.
+    lags : int
+        Largest lag to either side; cut to N - 1.
+
+    Returns
+    -------
+    pandas.DataFrame
+        ``lag`` from -lags to lags, ``cross_correlation`` of ``e(t)`` with ``u(t - lag)`` (both
+        without mean, normalised to ±1) and ``bound95``. At positive lags the residual follows
+        the input: dynamics the model missed. At negative lags it precedes it: feedback.
+
+    Notes
+    -----
+    Ljung (1999), section 16.6: for independent e and u, √N R_eu is asymptotically normal with
+    variance P = Σ_k R_e(k) R_u(k), so a coloured input widens the bound only as far as the
+    residuals are coloured too. The sum runs over all sample lags, where it equals a sum of
+    products of periodograms and cannot be negative.
+    """
+    e, u = np.asarray(residuals, dtype=float), np.asarray(inputs, dtype=float)
+    lags = min(lags, e.size - 1)
+    lag = np.arange(-lags, lags + 1)
+    if np.ptp(e) == 0 or np.ptp(u) == 0:
+        missing = np.full(lag.size, np.nan)
+        return pd.DataFrame({"lag": lag, "cross_correlation": missing, "bound95": missing})
+    correlation = signals.cross_correlation(e, u, lags).values
+    # Parseval: the mean of the product of spectra is the sum of products of covariances.
+    length = 2 * e.size
+    power_e = np.abs(np.fft.fft(e - e.mean(), length)) ** 2
+    power_u = np.abs(np.fft.fft(u - u.mean(), length)) ** 2
+    variance = np.mean(power_e * power_u) / (np.mean(power_e) * np.mean(power_u))
+    bound = np.full(lag.size, NORMAL_95 * math.sqrt(variance / e.size))
+    return pd.DataFrame({"lag": lag, "cross_correlation": correlation, "bound95": bound})
