@@ -11,7 +11,8 @@ WORKFLOW = Path(str(workflow.current_basedir)).parent
 SCRIPTS = WORKFLOW / "scripts"
 sys.path.insert(0, str(SCRIPTS))
 
-from evopem.config import experiments, grids
+from evopem.config import order_grid as grids
+from evopem.fletcher_powell import experiments
 from evopem.config.schema import check_yaml_files
 from evopem.config.rule_digest import code_version
 from evopem.config.defaults import complete
