@@ -15,14 +15,14 @@ include: "workflow/rules/common.smk"
 rule all:
     input:
         [results_of(dataset) for dataset in DATASETS],
-        OVERVIEW,
+        LISTS,
 
 
 onerror:
     collect_unfinished()
 
 
-if CONFIG["one_job_per"] == "recording":
+if RUN.one_job_per == "recording":
 
     include: "workflow/rules/recording.smk"
 
@@ -34,7 +34,6 @@ else:
     include: "workflow/rules/order_search.smk"
     include: "workflow/rules/model.smk"
     include: "workflow/rules/validation.smk"
-    include: "workflow/rules/figures.smk"
     include: "workflow/rules/report.smk"
 
 

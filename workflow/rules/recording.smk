@@ -1,26 +1,30 @@
 """One job a recording: every stage of a data set in one process, for fleets of recordings."""
 
+STEPS = [files.recording, files.prepared, *files.phases]
+OUTPUTS = [*STEPS, *files.results, *(files.pages if WITH_REPORT else [])]
+
 
 rule identify_recording:
     """Take one data set from its recording to its results."""
     input:
         unpack(recorded_file("file")),
     output:
-        results_of_one_job(),
+        OUTPUTS,
     log:
-        "results/{dataset}/logs/identification.log",
+        files.log("identification"),
     benchmark:
-        "results/{dataset}/benchmarks/identification.tsv"
+        files.benchmark("identification")
     wildcard_constraints:
         dataset=one_of([name for name in RECORDED if name not in VALIDATED]),
     conda:
         "../envs/evopem.yaml"
-    threads: fitting_cores
+    threads: estimation_cores
     resources:
-        mem_mb=fitting_memory,
-        runtime=fitting_time,
+        mem_mb=estimation_memory,
+        runtime=estimation_time,
     params:
-        settings=settings_of,
+        settings=settings(),
+        with_report=WITH_REPORT,
         code=code("identify_recording", *TEMPLATES),
     script:
         "../scripts/identify_recording.py"
@@ -31,7 +35,7 @@ use rule identify_recording as identify_validated_recording with:
         unpack(recorded_file("file")),
         unpack(recorded_file("validation_file")),
     output:
-        results_of_one_job("validation_recording.npz", "validation_recording.json"),
+        [*OUTPUTS, files.validation_recording, files.validation_recording_info],
     wildcard_constraints:
         dataset=one_of(VALIDATED),
 
@@ -40,6 +44,6 @@ use rule identify_recording as identify_synthetic_recording with:
     input:
         [],
     output:
-        results_of_one_job("truth.json"),
+        [*OUTPUTS, files.truth],
     wildcard_constraints:
         dataset=one_of(SYNTHETIC),
