@@ -22,11 +22,13 @@ from numba.core import caching
 
 LOGGER = logging.getLogger("evopem")
 
+_OPTIONS: dict[str, Any] = {"error_model": "numpy", "no_cfunc_wrapper": True}
+_INNER: dict[str, Any] = {"no_cpython_wrapper": True}
+
 
 def njit(function: Callable[..., Any]) -> Any:
     """Compile a function that only compiled functions call: not kept, not callable from Python."""
-    compile_inner = numba.njit(error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
-    return compile_inner(function)
+    return numba.njit(**_OPTIONS, **_INNER)(function)
 
 
 def cached_njit(function: Callable[..., Any]) -> Any:
@@ -38,7 +40,7 @@ def cached_njit(function: Callable[..., Any]) -> Any:
         A function at the top level of a module.  What it calls must be defined in the same
         folder, or be compiled by numba itself.
     """
-    dispatcher = numba.njit(error_model="numpy", no_cfunc_wrapper=True)(function)
+    dispatcher: Any = numba.njit(**_OPTIONS)(function)
     dispatcher._cache = _FolderCache(function)
     return dispatcher
 
@@ -88,7 +90,11 @@ class _UserWideLocator(_FolderStamp, caching.UserWideCacheLocator):
 
 
 class _FolderCacheImplementation(caching.CompileResultCacheImpl):
-    _locator_classes = (_UserProvidedLocator, _InTreeLocator, _UserWideLocator)
+    _locator_classes: list[type[object]] = [  # noqa: RUF012 - as numba declares it
+        _UserProvidedLocator,
+        _InTreeLocator,
+        _UserWideLocator,
+    ]
 
 
 class _FolderCache(caching.FunctionCache):
