@@ -14,15 +14,15 @@ include: "workflow/rules/common.smk"
 
 rule all:
     input:
-        [results_of(dataset) for dataset in DATASETS],
-        LISTS,
+        [provider.results(dataset) for dataset in provider.config.datasets],
+        provider.lists,
 
 
 onerror:
     collect_unfinished()
 
 
-if RUN.one_job_per == "recording":
+if provider.config.run.one_job_per == "recording":
 
     include: "workflow/rules/recording.smk"
 
@@ -38,4 +38,3 @@ else:
 
 
 include: "workflow/rules/fleet.smk"
-include: "workflow/rules/fletcher_powell.smk"

@@ -13,17 +13,17 @@ rule read_recording:
     benchmark:
         files.benchmark("recording")
     wildcard_constraints:
-        dataset=one_of(RECORDED),
+        dataset=provider.one_of(provider.recorded),
     priority: 10  # what cannot be read is said before any search begins
     conda:
         "../envs/evopem.yaml"
     threads: 1
     resources:
-        mem_mb=reading_memory,
-        runtime=reading_time,
+        mem_mb=provider.reading_memory,
+        runtime=provider.reading_time,
     params:
-        file=settings("source.file"),
-        channels=settings("source.channels"),
+        file=provider.settings("source.file"),
+        channels=provider.settings("source.channels"),
         code=code("read_recording"),
     script:
         "../scripts/read_recording.py"
@@ -40,10 +40,10 @@ use rule read_recording as read_validation_recording with:
     benchmark:
         files.benchmark("validation_recording")
     wildcard_constraints:
-        dataset=one_of(VALIDATED),
+        dataset=provider.one_of(provider.validated),
     params:
-        file=settings("source.validation_file"),
-        channels=settings("source.channels"),
+        file=provider.settings("source.validation_file"),
+        channels=provider.settings("source.channels"),
         code=code("read_recording"),
 
 
@@ -58,7 +58,7 @@ rule synthesize_recording:
     benchmark:
         files.benchmark("recording")
     wildcard_constraints:
-        dataset=one_of(SYNTHETIC),
+        dataset=provider.one_of(provider.synthetic),
     conda:
         "../envs/evopem.yaml"
     threads: 1
@@ -66,8 +66,8 @@ rule synthesize_recording:
         mem_mb=1000,
         runtime=10,
     params:
-        source=settings("source"),
-        transforms=settings("preparation.transforms"),
+        source=provider.settings("source"),
+        transforms=provider.settings("preparation.transforms"),
         code=code("synthesize_recording"),
     script:
         "../scripts/synthesize_recording.py"

@@ -4,7 +4,10 @@
 rule collect_fleet:
     """List all data sets, and put all their modes and checks into one table."""
     input:
-        [DatasetFiles.of_dataset(dataset).summary for dataset in DATASETS],
+        [
+            DatasetFiles.of_dataset(dataset).summary
+            for dataset in provider.config.datasets
+        ],
     output:
         index=report(
             OVERVIEW[0],
@@ -25,7 +28,7 @@ rule collect_fleet:
         mem_mb=1000,
         runtime=10,
     params:
-        page=PAGE,
+        page=provider.page,
         code=code("collect_fleet", *TEMPLATES),
     script:
         "../scripts/collect_fleet.py"

@@ -32,11 +32,11 @@ rule complete_model:
         "../envs/evopem.yaml"
     threads: 1
     resources:
-        mem_mb=reading_memory,
-        runtime=reading_time,
+        mem_mb=provider.reading_memory,
+        runtime=provider.reading_time,
     params:
-        window=window,
-        search=settings("search"),
+        window=provider.window,
+        search=provider.settings("search"),
         code=code("complete_model"),
     script:
         "../scripts/complete_model.py"

@@ -4,7 +4,7 @@
 rule estimate_candidates:
     """Estimate every parts-th candidate of a phase, from its predecessor's selection on."""
     input:
-        unpack(earlier_results),
+        unpack(provider.earlier_results),
         prepared=files.prepared,
         transforms=files.transforms,
     output:
@@ -17,13 +17,13 @@ rule estimate_candidates:
         "../envs/evopem.yaml"
     threads: estimation_cores
     resources:
-        mem_mb=estimation_memory,
-        runtime=estimation_time,
+        mem_mb=provider.estimation_memory,
+        runtime=provider.estimation_time,
     params:
-        grid=phase_grid,
-        parts=part_count,
-        window=window,
-        search=settings("search"),
+        grid=provider.phase_grid,
+        parts=provider.part_count,
+        window=provider.window,
+        search=provider.settings("search"),
         code=code("estimate_candidates"),
     script:
         "../scripts/estimate_candidates.py"
@@ -32,7 +32,7 @@ rule estimate_candidates:
 rule select_candidate:
     """Collect the candidates of a phase, repeat doubtful searches, and select one candidate."""
     input:
-        parts=parts,
+        parts=provider.parts,
         prepared=files.prepared,
         transforms=files.transforms,
     output:
@@ -45,12 +45,12 @@ rule select_candidate:
         "../envs/evopem.yaml"
     threads: 1
     resources:
-        mem_mb=estimation_memory,
-        runtime=estimation_time,
+        mem_mb=provider.estimation_memory,
+        runtime=provider.estimation_time,
     params:
-        parts=part_count,
-        window=window,
-        search=settings("search"),
+        parts=provider.part_count,
+        window=provider.window,
+        search=provider.settings("search"),
         code=code("select_candidate"),
     script:
         "../scripts/select_candidate.py"

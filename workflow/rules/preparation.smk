@@ -4,7 +4,7 @@
 rule prepare_signals:
     """Make both signals stationary, and keep what undoes each transform."""
     input:
-        unpack(validation_recording(files.validation_recording)),
+        unpack(provider.validation_recording(files.validation_recording)),
         recording=files.recording,
     output:
         prepared=files.prepared,
@@ -18,11 +18,11 @@ rule prepare_signals:
         "../envs/evopem.yaml"
     threads: 1
     resources:
-        mem_mb=reading_memory,
-        runtime=reading_time,
+        mem_mb=provider.reading_memory,
+        runtime=provider.reading_time,
     params:
-        preparation=settings("preparation"),
-        requirements=requirements,
+        preparation=provider.settings("preparation"),
+        requirements=provider.requirements,
         code=code("prepare_signals"),
     script:
         "../scripts/prepare_signals.py"
@@ -42,7 +42,7 @@ rule write_configuration:
         mem_mb=500,
         runtime=5,
     params:
-        settings=settings(),
+        settings=provider.settings(),
         code=code("write_configuration"),
     script:
         "../scripts/write_configuration.py"

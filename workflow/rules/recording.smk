@@ -1,7 +1,7 @@
 """One job a recording: every stage of a data set in one process, for fleets of recordings."""
 
 STEPS = [files.recording, files.prepared, *files.phases]
-OUTPUTS = [*STEPS, *files.results, *(files.pages if WITH_REPORT else [])]
+OUTPUTS = [*STEPS, *files.results, *(files.pages if provider.with_report else [])]
 
 
 rule identify_recording:
@@ -15,16 +15,16 @@ rule identify_recording:
     benchmark:
         files.benchmark("identification")
     wildcard_constraints:
-        dataset=one_of([name for name in RECORDED if name not in VALIDATED]),
+        dataset=provider.one_of(provider.recorded - provider.validated),
     conda:
         "../envs/evopem.yaml"
     threads: estimation_cores
     resources:
-        mem_mb=estimation_memory,
-        runtime=estimation_time,
+        mem_mb=provider.estimation_memory,
+        runtime=provider.estimation_time,
     params:
-        settings=settings(),
-        with_report=WITH_REPORT,
+        settings=provider.settings(),
+        with_report=provider.with_report,
         code=code("identify_recording", *TEMPLATES),
     script:
         "../scripts/identify_recording.py"
@@ -37,7 +37,7 @@ use rule identify_recording as identify_validated_recording with:
     output:
         [*OUTPUTS, files.validation_recording, files.validation_recording_info],
     wildcard_constraints:
-        dataset=one_of(VALIDATED),
+        dataset=provider.one_of(provider.validated),
 
 
 use rule identify_recording as identify_synthetic_recording with:
@@ -46,4 +46,4 @@ use rule identify_recording as identify_synthetic_recording with:
     output:
         [*OUTPUTS, files.truth],
     wildcard_constraints:
-        dataset=one_of(SYNTHETIC),
+        dataset=provider.one_of(provider.synthetic),

@@ -4,7 +4,7 @@
 rule draw_figures:
     """Draw every figure of one data set from its results."""
     input:
-        unpack(truth),
+        unpack(provider.truth),
         config=files.config,
         recording=files.recording,
         info=files.recording_info,
@@ -39,8 +39,8 @@ rule draw_figures:
         "../envs/evopem.yaml"
     threads: 1
     resources:
-        mem_mb=reading_memory,
-        runtime=reading_time,
+        mem_mb=provider.reading_memory,
+        runtime=provider.reading_time,
     params:
         code=code("draw_figures"),
     script:
@@ -50,7 +50,7 @@ rule draw_figures:
 rule write_report:
     """Set the results and figures of one data set into one HTML file."""
     input:
-        unpack(validation_recording(files.validation_recording_info)),
+        unpack(provider.validation_recording(files.validation_recording_info)),
         **{**rules.draw_figures.input},
         figures=files.figures,
     output:
@@ -69,8 +69,8 @@ rule write_report:
         "../envs/evopem.yaml"
     threads: 1
     resources:
-        mem_mb=reading_memory,
-        runtime=reading_time,
+        mem_mb=provider.reading_memory,
+        runtime=provider.reading_time,
     params:
         code=code("write_report", *TEMPLATES),
     script:

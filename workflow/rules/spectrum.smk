@@ -23,10 +23,10 @@ rule estimate_spectrum:
         "../envs/evopem.yaml"
     threads: 1
     resources:
-        mem_mb=reading_memory,
-        runtime=reading_time,
+        mem_mb=provider.reading_memory,
+        runtime=provider.reading_time,
     params:
-        spectrum=settings("spectrum"),
+        spectrum=provider.settings("spectrum"),
         code=code("estimate_spectrum"),
     script:
         "../scripts/estimate_spectrum.py"
