@@ -73,7 +73,9 @@ def test_the_built_in_values_are_the_documented_ones():
     assert (search.mu, search.lambda_, search.nu, search.seed) == (15, 100, 10, 1)
     assert (search.evaluations, search.max_root_radius) == (20000, 0.9999)
     assert search.n_initial_discard == 20
-    assert completed("datasets: {a: {synthesis: armax}}").run == RunSettings("auto", "stage", "html")
+    assert completed("datasets: {a: {synthesis: armax}}").run == RunSettings(
+        "auto", "stage", "html"
+    )
 
 
 def test_only_an_armax_recording_has_a_noise_ratio():
@@ -207,7 +209,11 @@ FILE = "datasets: {arm: {file: x.csv, %s}}"
         ("datasets: {.hidden: {synthesis: armax}}", "datasets", "'.hidden' cannot be the name"),
         ("datasets: {end.: {synthesis: armax}}", "datasets", "'end.' cannot be the name"),
         ("datasets: {'': {synthesis: armax}}", "datasets", "'' cannot be the name"),
-        ("datasets: {checksums: {synthesis: armax}}", "datasets", "checksums is the name of something"),
+        (
+            "datasets: {checksums: {synthesis: armax}}",
+            "datasets",
+            "checksums is the name of",
+        ),
         ("datasets: {Logs: {synthesis: armax}}", "datasets", "Logs is the name of something else"),
         ("datasets: {A: {file: x}, a: {file: x}}", "datasets", "A and a are one folder"),
     ],

@@ -95,7 +95,8 @@ def test_scripts_reach_their_part_of_the_package_and_no_more():
         later = [name for name in reached[early] if "/figures/" in name or "/report/" in name]
         assert later == [], early
     assert not [name for name in reached["prepare_signals"] if "/estimation/" in name]
-    assert "evopem/signals/spectral/multitaper.py" not in reached["estimate_candidates"]
+    for module in ("multitaper", "peaks"):
+        assert f"evopem/signals/spectral/{module}.py" not in reached["estimate_candidates"]
     assert "evopem/config/defaults.py" not in reached["estimate_candidates"]
 
 

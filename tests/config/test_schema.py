@@ -81,7 +81,7 @@ def test_the_words_a_key_takes_are_those_of_its_field(properties, kind):
 def test_the_phases_are_the_grids_of_the_order_search():
     from evopem.config.order_grid import PHASES
 
-    assert PHASES == ("delay", *(field.name for field in fields(OrderSettings)))
+    assert ("delay", *(field.name for field in fields(OrderSettings))) == PHASES
 
 
 def test_built_in_settings_of_the_search_are_those_of_the_package():
