@@ -1,4 +1,7 @@
-"""The settings of a data set, typed, as the checked and completed configuration gives them."""
+"""The settings of a run and of its data sets, typed.
+
+The default values of these dataclasses are the built-in values of the configuration.
+"""
 
 from __future__ import annotations
 
@@ -79,8 +82,8 @@ class TransformSettings:
         How often the output and the input are differenced.
     """
 
-    box_cox: float | str = "none"
-    difference: int = 0
+    box_cox: float | str = 1.1
+    difference: int = 2
     difference_input: int = 0
 
 
@@ -96,7 +99,7 @@ class SplitSettings:
         Samples, or a share of those that remain, used for estimation.
     """
 
-    discard: int | float = 0
+    discard: int | float = 500
     estimation: int | float = 0.8
 
 
@@ -208,6 +211,25 @@ class ScoringWindow:
 
 
 @dataclass(frozen=True)
+class SampleRequirements:
+    """What a record must have for the largest candidate of an order grid.
+
+    Attributes
+    ----------
+    loss_start : int
+        First residual that counts in the loss.
+    parameters : int
+        Largest na + nb + nc of any candidate.
+    settling : int
+        Samples in which the longest model settles: its memory and its nc noise states.
+    """
+
+    loss_start: int
+    parameters: int
+    settling: int
+
+
+@dataclass(frozen=True)
 class DatasetSettings:
     """All settings of one data set."""
 
@@ -217,3 +239,31 @@ class DatasetSettings:
     spectrum: SpectrumSettings
     order_grid: OrderGrid
     search: SearchSettings
+
+
+@dataclass(frozen=True)
+class RunSettings:
+    """How a run is divided into jobs, and what it writes.
+
+    Attributes
+    ----------
+    candidates_per_job : int or "auto"
+        With ``"auto"`` one job estimates all candidates of a phase, on all its cores.
+    one_job_per : {"stage", "recording"}
+    report : {"html", "none"}
+    shard : str, optional
+        Number of a shard and of all shards, such as ``3/40``.
+    """
+
+    candidates_per_job: int | Literal["auto"] = "auto"
+    one_job_per: Literal["stage", "recording"] = "stage"
+    report: Literal["html", "none"] = "html"
+    shard: str | None = None
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """A checked and completed configuration."""
+
+    datasets: dict[str, DatasetSettings]
+    run: RunSettings

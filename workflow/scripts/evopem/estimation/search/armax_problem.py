@@ -100,9 +100,7 @@ class ArmaxProblem:
         )
         return self.repair(points)
 
-    def _by_incremental_order(
-        self, count: int, generator: np.random.Generator
-    ) -> tuple[Array, int]:
+    def _by_increments(self, count: int, generator: np.random.Generator) -> tuple[Array, int]:
         """Individuals extended at every increment by the most promising of a few random pairs."""
         problems = [*self._smaller, self]
         points = problems[0].random(DESCENDED_PAIRS * count, generator)
