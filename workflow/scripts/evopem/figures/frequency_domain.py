@@ -22,7 +22,7 @@ from evopem.figures.style import (
     styled,
     with_unit,
 )
-from evopem.signals.spectral.multitaper import SpectralPeak
+from evopem.signals.spectral.peaks import SpectralPeak
 from evopem.synthesis.truth import Truth
 
 if TYPE_CHECKING:

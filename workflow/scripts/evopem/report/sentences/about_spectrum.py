@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from evopem.report.numbers import THIN, count, enumeration, hertz, number, plural
 from evopem.results.dataset import DatasetResults
-from evopem.signals.spectral.multitaper import line_spacing
+from evopem.signals.spectral.peaks import line_spacing
 
 
 def spectrum(results: DatasetResults) -> list[str]:
