@@ -21,7 +21,12 @@ from evopem.results.layout import FLEET_CSV, FLEET_PARQUET, INDEX, DatasetFiles
 
 
 def collect_fleet(
-    names: Iterable[str], page: str, index_file: str, csv_file: str, parquet_file: str
+    names: Iterable[str],
+    templates: Path,
+    page: str,
+    index_file: str,
+    csv_file: str,
+    parquet_file: str,
 ) -> None:
     """List data sets whose results are complete.
 
@@ -29,6 +34,8 @@ def collect_fleet(
     ----------
     names : iterable of str
         Names of the data sets; their folders lie beside `index_file`.
+    templates : Path
+        Folder of ``index.html.j2``.
     page : str
         The file in the folder of a data set that its row links to.
     index_file, csv_file, parquet_file : path
@@ -41,12 +48,15 @@ def collect_fleet(
     """
     folder = Path(index_file).parent
     entries = read_summaries(DatasetFiles(str(folder / name)) for name in names)
-    for write in _lists(entries, page, index_file, csv_file, parquet_file).values():
+    for write in _lists(entries, templates, page, index_file, csv_file, parquet_file).values():
         write()
 
 
 def collect_unfinished(
-    required: Mapping[str, Collection[str]], page: str, pending: Collection[str] = ()
+    required: Mapping[str, Collection[str]],
+    templates: Path,
+    page: str,
+    pending: Collection[str] = (),
 ) -> None:
     """List all data sets after a run that failed, each with its summary or what went wrong.
 
@@ -57,6 +67,8 @@ def collect_unfinished(
     ----------
     required : mapping of str to collection of path
         The results that each data set must have, by the names of the data sets.
+    templates : Path
+        Folder of ``index.html.j2``.
     page : str
         The file in the folder of a data set that its row links to.
     pending : collection of str
@@ -66,7 +78,7 @@ def collect_unfinished(
         name: _entry(DatasetFiles.of_dataset(name), files, name in pending)
         for name, files in required.items()
     }
-    for path, write in _lists(entries, page, INDEX, FLEET_CSV, FLEET_PARQUET).items():
+    for path, write in _lists(entries, templates, page, INDEX, FLEET_CSV, FLEET_PARQUET).items():
         try:
             write()
         except Exception as error:
@@ -84,11 +96,16 @@ def _entry(files: DatasetFiles, required: Collection[str], pending: bool) -> Ent
 
 
 def _lists(
-    entries: Mapping[str, Entry], page: str, index_file: str, csv_file: str, parquet_file: str
+    entries: Mapping[str, Entry],
+    templates: Path,
+    page: str,
+    index_file: str,
+    csv_file: str,
+    parquet_file: str,
 ) -> dict[str, Callable[[], None]]:
     """What writes each list, by its path."""
     return {
-        index_file: lambda: write_text(index_file, build_index(entries, page)),
+        index_file: lambda: write_text(index_file, build_index(entries, templates, page)),
         csv_file: lambda: write_table(csv_file, without_formulas(fleet_table(entries))),
         parquet_file: lambda: write_parquet(parquet_file, fleet_table(entries)),
     }

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from urllib.parse import quote
 
-from evopem.report.page import TEMPLATES, environment
+from evopem.report.templates import environment
 from evopem.results.fleet import DatasetSummary, Entry
 
 
@@ -49,7 +50,9 @@ class IndexRow:
         return (not self.problem, -self.failed, -self.not_judged, -severity, self.name)
 
 
-def build_index(entries: Mapping[str, Entry], page: str = "report.html") -> str:
+def build_index(
+    entries: Mapping[str, Entry], template_directory: Path, page: str = "report.html"
+) -> str:
     """Build the page that lists all data sets.
 
     Data sets without complete results come first, then those with failed checks, then those with
@@ -59,6 +62,8 @@ def build_index(entries: Mapping[str, Entry], page: str = "report.html") -> str:
     ----------
     entries : mapping of str to DatasetSummary or IncompleteDataset
         By the names of the data sets.
+    template_directory : Path
+        Folder of ``index.html.j2``.
     page : str
         The file in the folder of a data set that its row links to.
 
@@ -70,7 +75,7 @@ def build_index(entries: Mapping[str, Entry], page: str = "report.html") -> str:
     rows = sorted(
         (_row(name, entry, page) for name, entry in entries.items()), key=lambda row: row._rank
     )
-    return environment(TEMPLATES).get_template("index.html.j2").render(rows=rows)
+    return environment(template_directory).get_template("index.html.j2").render(rows=rows)
 
 
 def _row(name: str, entry: Entry, page: str) -> IndexRow:
