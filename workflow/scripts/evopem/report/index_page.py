@@ -1,16 +1,16 @@
-"""The list of several data sets as an HTML page."""
+"""The list of all data sets as an HTML page."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import inf, nan
 from pathlib import Path
 from urllib.parse import quote
 
 from evopem.report.numbers import is_number
 from evopem.report.templates import environment
-from evopem.results.fleet import Summary
+from evopem.results.fleet import Entry, IncompleteDataset
 
 
 @dataclass(frozen=True)
@@ -20,44 +20,45 @@ class IndexRow:
     Attributes
     ----------
     name, href : str
-        Name of the data set, and address of its report or of its logs.
+        Name of the data set, and address of its report, or of its logs where it is not complete.
     problem : str
-        Why it has no model; empty where it has one.
+        Why its results are not complete; empty where they are.
     orders : str
-    prediction, simulation : float
-        Errors in percent; NaN where not known.
+    prediction_error_percent, simulation_error_percent : float
+        NaN where not known.
     passed, failed, not_judged : int
         Numbers of checks.
     concerns : tuple of str
-        Names of the checks that did not pass.
+        Names of the checks that failed or were not judged.
     """
 
     name: str
     href: str
-    problem: str
-    orders: str
-    prediction: float
-    simulation: float
-    passed: int
-    failed: int
-    not_judged: int
-    concerns: tuple[str, ...]
+    problem: str = ""
+    orders: str = ""
+    prediction_error_percent: float = nan
+    simulation_error_percent: float = nan
+    passed: int = 0
+    failed: int = 0
+    not_judged: int = 0
+    concerns: tuple[str, ...] = ()
 
     @property
-    def severity(self) -> tuple[bool, int, int, float, str]:
-        """Key that sorts the worst first."""
-        error = -self.simulation if is_number(self.simulation) else -math.inf
-        return (not self.problem, -self.failed, -self.not_judged, error, self.name)
+    def sort_key(self) -> tuple[bool, int, int, float, str]:
+        """Key that sorts the worst data sets first."""
+        error = self.simulation_error_percent
+        worst = -error if is_number(error) else -inf
+        return (not self.problem, -self.failed, -self.not_judged, worst, self.name)
 
 
 def build_index(
-    summaries: Mapping[str, Summary], template_directory: Path, page: str = "report.html"
+    entries: Mapping[str, Entry], template_directory: Path, page: str = "report.html"
 ) -> str:
-    """Build the list of several data sets, the worst first.
+    """Build the list of all data sets, the worst first.
 
     Parameters
     ----------
-    summaries : mapping of str to Summary
+    entries : mapping of str to DatasetSummary or IncompleteDataset
         By the names of the data sets.
     template_directory : Path
         Folder of ``index.html.j2``.
@@ -69,25 +70,24 @@ def build_index(
     str
         One HTML page.
     """
-    rows = [_row(name, summary, page) for name, summary in summaries.items()]
-    rows.sort(key=lambda row: row.severity)
+    rows = sorted(
+        (_row(name, entry, page) for name, entry in entries.items()), key=lambda row: row.sort_key
+    )
     return environment(template_directory).get_template("index.html.j2").render(rows=rows)
 
 
-def _row(name: str, summary: Summary, page: str) -> IndexRow:
-    verdicts = summary.get("checks", {})
-    orders = summary.get("orders")
-    problem = summary.get("problem") or ""
-    outcomes = list(verdicts.values())
+def _row(name: str, entry: Entry, page: str) -> IndexRow:
+    folder = quote(name, safe="")
+    if isinstance(entry, IncompleteDataset):
+        return IndexRow(name, f"{folder}/logs/", problem=entry.problem)
     return IndexRow(
-        name=name,
-        href=f"{quote(name, safe='')}/{'logs/' if problem else page}",
-        problem=problem,
-        orders="ARMAX({na},{nb},{nc},{nk})".format(**orders) if orders else "",
-        prediction=summary.get("prediction_error_percent", math.nan),
-        simulation=summary.get("simulation_error_percent", math.nan),
-        passed=outcomes.count(True),
-        failed=outcomes.count(False),
-        not_judged=outcomes.count(None),
-        concerns=tuple(check for check, passed in verdicts.items() if passed is not True),
+        name,
+        f"{folder}/{page}",
+        orders=str(entry.orders),
+        prediction_error_percent=entry.prediction_error_percent,
+        simulation_error_percent=entry.simulation_error_percent,
+        passed=entry.n_checks(passed=True),
+        failed=entry.n_checks(passed=False),
+        not_judged=entry.n_checks(passed=None),
+        concerns=tuple(check.name for check in entry.checks if check.passed is not True),
     )
