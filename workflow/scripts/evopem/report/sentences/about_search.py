@@ -83,6 +83,7 @@ def _all_candidates(candidates: pd.DataFrame) -> str:
     return (
         f"Of all {plural(len(candidates), 'candidate')}, {count(confirmed)}"
         f" {'was' if confirmed == 1 else 'were'} confirmed by another restart, and"
-        f" {count(bound)} {'has' if bound == 1 else 'have'} a root at the stability bound. The objective of a candidate that was not confirmed may lie above its"
-        " global minimum, and its criteria with it."
+        f" {count(bound)} {'has' if bound == 1 else 'have'} a root at the stability bound. The"
+        " objective of a candidate that was not confirmed may lie above its global minimum, and its"
+        " criteria with it."
     )
