@@ -1,60 +1,63 @@
-"""The list of all data sets as an HTML page."""
+"""The page that lists all data sets."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import inf, nan
 from pathlib import Path
 from urllib.parse import quote
 
-from evopem.report.numbers import is_number
 from evopem.report.templates import environment
-from evopem.results.fleet import Entry, IncompleteDataset
+from evopem.results.fleet import DatasetSummary, Entry
 
 
 @dataclass(frozen=True)
 class IndexRow:
-    """One data set in the list.
+    """A row of the page.
 
     Attributes
     ----------
-    name, href : str
-        Name of the data set, and address of its report, or of its logs where it is not complete.
+    name : str
+    href : str
+        Relative address of the data set's page; of its logs where its results are not complete.
     problem : str
-        Why its results are not complete; empty where they are.
+        Why the results are not complete; empty where they are.
     orders : str
     prediction_error_percent, simulation_error_percent : float
         NaN where not known.
     passed, failed, not_judged : int
         Numbers of checks.
     concerns : tuple of str
-        Names of the checks that failed or were not judged.
+        Names of the checks that failed or could not be judged.
     """
 
     name: str
     href: str
     problem: str = ""
     orders: str = ""
-    prediction_error_percent: float = nan
-    simulation_error_percent: float = nan
+    prediction_error_percent: float = math.nan
+    simulation_error_percent: float = math.nan
     passed: int = 0
     failed: int = 0
     not_judged: int = 0
     concerns: tuple[str, ...] = ()
 
     @property
-    def sort_key(self) -> tuple[bool, int, int, float, str]:
-        """Key that sorts the worst data sets first."""
+    def rank(self) -> tuple[bool, int, int, float, str]:
+        """Rows with a smaller rank come first."""
         error = self.simulation_error_percent
-        worst = -error if is_number(error) else -inf
-        return (not self.problem, -self.failed, -self.not_judged, worst, self.name)
+        severity = math.inf if math.isnan(error) else error
+        return (not self.problem, -self.failed, -self.not_judged, -severity, self.name)
 
 
 def build_index(
     entries: Mapping[str, Entry], template_directory: Path, page: str = "report.html"
 ) -> str:
-    """Build the list of all data sets, the worst first.
+    """Build the page that lists all data sets.
+
+    Data sets without complete results come first, then those with failed checks, then those with
+    checks that could not be judged, then by decreasing simulation error.
 
     Parameters
     ----------
@@ -63,7 +66,7 @@ def build_index(
     template_directory : Path
         Folder of ``index.html.j2``.
     page : str
-        File that each row links to, in the folder of its data set.
+        The file in the folder of a data set that its row links to.
 
     Returns
     -------
@@ -71,14 +74,14 @@ def build_index(
         One HTML page.
     """
     rows = sorted(
-        (_row(name, entry, page) for name, entry in entries.items()), key=lambda row: row.sort_key
+        (_row(name, entry, page) for name, entry in entries.items()), key=lambda row: row.rank
     )
     return environment(template_directory).get_template("index.html.j2").render(rows=rows)
 
 
 def _row(name: str, entry: Entry, page: str) -> IndexRow:
     folder = quote(name, safe="")
-    if isinstance(entry, IncompleteDataset):
+    if not isinstance(entry, DatasetSummary):
         return IndexRow(name, f"{folder}/logs/", problem=entry.problem)
     return IndexRow(
         name,
