@@ -1,10 +1,12 @@
 """Run one algorithm on one instance of the Fletcher-Powell function."""
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
-from evopem.files.atomic import write_json
+import product_path  # noqa: F401
 from evopem.files.job import job
-from evopem.fletcher_powell.runs import run_cases
+from fletcher_powell.experiments import Case
+from fletcher_powell.runs import run_cases, write_runs
 
 if TYPE_CHECKING:
     from logging import Logger
@@ -15,12 +17,12 @@ if TYPE_CHECKING:
 def main(
     algorithm: str,
     instance: str,
-    cases: list[dict[str, Any]],
+    cases: Sequence[Case],
     seed: int,
     runs_file: str,
     logger: "Logger",
 ) -> None:
-    write_json(runs_file, run_cases(algorithm, instance, cases, seed, logger.info))
+    write_runs(runs_file, run_cases(algorithm, instance, cases, seed, logger.info))
 
 
 if __name__ == "__main__":
@@ -28,7 +30,7 @@ if __name__ == "__main__":
         main(
             snakemake.wildcards.algorithm,
             snakemake.wildcards.instance,
-            snakemake.params.cases,
+            [Case.from_json(case) for case in snakemake.params.cases],
             snakemake.params.seed,
             snakemake.output.runs,
             log,
