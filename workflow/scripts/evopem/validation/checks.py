@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from evopem.models.polynomials import root_gradient
 from evopem.models.root_covariance import CHI_SQUARE_95, parameter_covariance
-from evopem.signals.spectral.multitaper import line_spacing
+from evopem.signals.spectral.peaks import line_spacing
 
 # Joint tests are made at the 1 % level: the checks at 5 % each would fail a third of good models.
 SIGNIFICANCE = 0.01
