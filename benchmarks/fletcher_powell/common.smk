@@ -16,6 +16,7 @@ for folder in (PRODUCT / "scripts", SCRIPTS):
 from evopem.config.blas import blas_code
 from evopem.config.rule_digest import code_version
 from evopem.errors import InputError
+from evopem.files.json_form import to_json
 from fletcher_powell import experiments
 from fletcher_powell.packages import check_packages
 from fletcher_powell.settings import read_settings
@@ -64,15 +65,8 @@ def run_files(wildcards):
 
 def cases(wildcards):
     """What one job runs."""
-    return [
-        case.to_json()
-        for case in experiments.cases(
-            wildcards.comparison_part,
-            wildcards.algorithm,
-            int(wildcards.block),
-            SETTINGS,
-        )
-    ]
+    part, block = wildcards.comparison_part, int(wildcards.block)
+    return to_json(experiments.cases(part, wildcards.algorithm, block, SETTINGS))
 
 
 wildcard_constraints:

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 import yaml
 
+from evopem.files.json_form import from_json, to_json
 from fletcher_powell import experiments
 from fletcher_powell.algorithms import ALGORITHMS
 from fletcher_powell.experiments import Case
@@ -112,8 +113,8 @@ def test_every_algorithm_and_figure_that_is_named_exists():
 
 def test_cases_and_settings_survive_their_json_form(settings):
     case = experiments.cases("scale", "hybrid", 2, settings)[1]
-    assert Case.from_json(case.to_json()) == case
-    assert Settings.from_json(settings.to_json()) == settings
+    assert from_json(Case, to_json(case)) == case
+    assert from_json(Settings, to_json(settings)) == settings
 
 
 def test_the_built_in_settings_are_the_chapters(tmp_path):

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from evopem.estimation.search.memetic import SearchSettings, hybrid_search
+from evopem.config.settings import SearchSettings
+from evopem.estimation.search.memetic import memetic_search
 from fletcher_powell.function import instance
 from fletcher_powell.objective import TARGET, Objective, RunOver, Success
 from fletcher_powell.problem import FletcherPowellProblem, descend_in_turn
@@ -33,10 +34,14 @@ class Watched:
 def test_the_hybrids_evaluations_are_all_counted(gradient, cost):
     watched = Watched()
     objective = Objective(watched, gradient, 10**6, until=-1.0)
-    settings = SearchSettings(evaluations=2000, agreement=10**9)
-    result = hybrid_search(FletcherPowellProblem(objective), settings, np.random.default_rng(1))
+    result = memetic_search(
+        FletcherPowellProblem(objective),
+        SearchSettings(evaluations=2000),
+        np.random.default_rng(1),
+        agreeing_restarts=10**9,
+    )
     spent = watched.values_asked + cost * watched.gradients_asked
-    assert objective.evaluations == result.evaluations == spent >= 2000
+    assert objective.evaluations == result.diagnostics.evaluations == spent >= 2000
     assert objective.value_count == watched.values_asked
     assert objective.gradient_count == watched.gradients_asked
 

@@ -4,14 +4,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from evopem.files.json_form import load, save
 from fletcher_powell.experiments import Case
 from fletcher_powell.function import instance
-from fletcher_powell.hypotheses import (
-    evaluate_hypotheses,
-    read_hypotheses,
-    write_hypotheses,
-)
-from fletcher_powell.runs import curve_grid, read_runs, run_cases, write_runs
+from fletcher_powell.hypotheses import Hypothesis, evaluate_hypotheses
+from fletcher_powell.runs import Run, curve_grid, run_cases
 from fletcher_powell.statistics import (
     compare,
     expected_evaluations,
@@ -105,8 +102,8 @@ def test_hypotheses_survive_their_json_form(tmp_path):
     runs = runs_of("hybrid", [100, 200, 300], [True, True, False], study="table")
     tested = evaluate_hypotheses(summary_table(runs), runs)
     assert tested[0].holds is False
-    write_hypotheses(tmp_path / "hypotheses.json", tested)
-    assert read_hypotheses(tmp_path / "hypotheses.json") == tested
+    save(tested, tmp_path / "hypotheses.json")
+    assert load(list[Hypothesis], tmp_path / "hypotheses.json") == tested
 
 
 def test_progress_has_a_floor():
@@ -120,8 +117,8 @@ def test_runs_survive_their_json_form(tmp_path):
     ]
     made = run_cases("hybrid", "seed-1", cases, 1, print)
     assert [len(run.curve or ()) for run in made] == [len(curve_grid(300))] * 2 + [0]
-    write_runs(tmp_path / "runs.json", made)
-    assert read_runs(tmp_path / "runs.json") == made
+    save(made, tmp_path / "runs.json")
+    assert load(list[Run], tmp_path / "runs.json") == made
     assert list(runs_table(made)["run"]) == [1, 2, 1]
 
 

@@ -5,8 +5,9 @@ from typing import TYPE_CHECKING
 
 import product_path  # noqa: F401
 from evopem.files.job import job
+from evopem.files.json_form import from_json, save
 from fletcher_powell.experiments import Case
-from fletcher_powell.runs import run_cases, write_runs
+from fletcher_powell.runs import run_cases
 
 if TYPE_CHECKING:
     from logging import Logger
@@ -22,7 +23,7 @@ def main(
     runs_file: str,
     logger: "Logger",
 ) -> None:
-    write_runs(runs_file, run_cases(algorithm, instance, cases, seed, logger.info))
+    save(run_cases(algorithm, instance, cases, seed, logger.info), runs_file)
 
 
 if __name__ == "__main__":
@@ -30,7 +31,7 @@ if __name__ == "__main__":
         main(
             snakemake.wildcards.algorithm,
             snakemake.wildcards.instance,
-            [Case.from_json(case) for case in snakemake.params.cases],
+            from_json(tuple[Case, ...], snakemake.params.cases),
             snakemake.params.seed,
             snakemake.output.runs,
             log,

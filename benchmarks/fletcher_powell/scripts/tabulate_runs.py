@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 import product_path  # noqa: F401
 from evopem.files.atomic import write_table
 from evopem.files.job import job
-from fletcher_powell.hypotheses import evaluate_hypotheses, write_hypotheses
-from fletcher_powell.runs import read_runs
+from evopem.files.json_form import load, save
+from fletcher_powell.hypotheses import evaluate_hypotheses
+from fletcher_powell.runs import Run
 from fletcher_powell.statistics import (
     convergence_table,
     landscape_table,
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 
 
 def main(run_files: Sequence[str], instance: str, outputs: Mapping[str, str]) -> None:
-    made = [run for run_file in run_files for run in read_runs(run_file)]
+    made = [run for file in run_files for run in load(tuple[Run, ...], file)]
     runs = runs_table(made)
     summary = summary_table(runs)
     write_table(outputs["table"], summary)
@@ -29,7 +30,7 @@ def main(run_files: Sequence[str], instance: str, outputs: Mapping[str, str]) ->
     write_table(outputs["convergence"], convergence_table(made))
     write_table(outputs["landscape"], landscape_table(instance))
     write_table(outputs["minima"], minima_table(instance))
-    write_hypotheses(outputs["hypotheses"], evaluate_hypotheses(summary, runs))
+    save(evaluate_hypotheses(summary, runs), outputs["hypotheses"])
 
 
 if __name__ == "__main__":

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import product_path  # noqa: F401
 from evopem.files.atomic import write_text
 from evopem.files.job import job
-from fletcher_powell.hypotheses import read_hypotheses
+from evopem.files.json_form import from_json, load
+from fletcher_powell.hypotheses import Hypothesis
 from fletcher_powell.markdown import comparison_markdown
 from fletcher_powell.page import build_page
 from fletcher_powell.settings import Settings
@@ -26,7 +27,7 @@ def main(
     outputs: Mapping[str, str],
 ) -> None:
     tables = read_tables(*table_files)
-    hypotheses = read_hypotheses(hypotheses_file)
+    hypotheses = load(tuple[Hypothesis, ...], hypotheses_file)
     figures = {Path(file).stem: Path(file).read_text(encoding="utf-8") for file in figure_files}
     page = build_page(tables, hypotheses, figures, settings, product_templates)
     write_text(outputs["report"], page)
@@ -40,7 +41,7 @@ if __name__ == "__main__":
             [given.table, given.runs, given.convergence, given.landscape, given.minima],
             given.hypotheses,
             list(given.figures),
-            Settings.from_json(snakemake.params.settings),
+            from_json(Settings, snakemake.params.settings),
             Path(snakemake.scriptdir).parents[2] / "workflow" / "templates",
             dict(snakemake.output.items()),
         )

@@ -11,7 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from evopem.estimation.search.memetic import SearchSettings, hybrid_search
+from evopem.config.settings import Refine, SearchSettings
+from evopem.estimation.search.memetic import memetic_search
 from fletcher_powell import baselines, evolution
 from fletcher_powell.objective import Objective
 from fletcher_powell.problem import FletcherPowellProblem
@@ -38,16 +39,21 @@ class Algorithm:
     search: Search
 
 
-# The settings by which models are identified, except that the budget alone ends a run.
-HYBRID = replace(SearchSettings(), evaluations=baselines.ENDLESS, agreement=baselines.ENDLESS)
+# The default settings of the identification, except that the budget alone ends a run.
+HYBRID = SearchSettings(evaluations=baselines.ENDLESS)
 
 
-def _hybrid(refine: str, lambda_: int = HYBRID.lambda_, nu: int = HYBRID.nu) -> Search:
+def _hybrid(refine: Refine, lambda_: int = HYBRID.lambda_, nu: int = HYBRID.nu) -> Search:
     """The product's memetic search; `refine` says which of the offspring BFGS refines."""
-    settings = replace(HYBRID, mutate=refine, lambda_=lambda_, nu=nu)
+    settings = replace(HYBRID, refine=refine, lambda_=lambda_, nu=nu)
 
     def search(objective: Objective, generator: np.random.Generator) -> None:
-        hybrid_search(FletcherPowellProblem(objective), settings, generator)
+        memetic_search(
+            FletcherPowellProblem(objective),
+            settings,
+            generator,
+            agreeing_restarts=baselines.ENDLESS,
+        )
 
     return search
 

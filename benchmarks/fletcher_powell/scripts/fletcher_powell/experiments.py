@@ -10,9 +10,7 @@ Imports neither NumPy nor pandas, because the Snakefile imports this module.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 from fletcher_powell.settings import Settings
 
@@ -63,15 +61,6 @@ class Case:
     gradient: str
     evaluations: int
     runs: tuple[int, ...]
-
-    @classmethod
-    def from_json(cls, values: Mapping[str, Any]) -> Case:
-        """Build a case from a mapping, as `to_json` gives it."""
-        return cls(**{**values, "runs": tuple(values["runs"])})
-
-    def to_json(self) -> dict[str, Any]:
-        """Mapping with a list for the tuple, for the parameters of a rule."""
-        return asdict(self) | {"runs": list(self.runs)}
 
 
 def instances(settings: Settings) -> list[str]:

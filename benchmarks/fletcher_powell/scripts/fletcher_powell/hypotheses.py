@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterable, Iterator
-from dataclasses import asdict, dataclass
-from pathlib import Path
+from collections.abc import Iterator
+from dataclasses import dataclass
 
 import pandas as pd
 
-from evopem.files.atomic import write_json
 from fletcher_powell.algorithms import ALGORITHMS
 from fletcher_powell.experiments import BASIN_HOPPING, MULTI_START
 from fletcher_powell.statistics import Ratio, compare
@@ -35,16 +32,6 @@ class Hypothesis:
     statement: str
     holds: bool | None
     evidence: str
-
-
-def write_hypotheses(file: str | Path, hypotheses: Iterable[Hypothesis]) -> None:
-    """Write hypotheses to a JSON file."""
-    write_json(file, [asdict(each) for each in hypotheses])
-
-
-def read_hypotheses(file: str | Path) -> list[Hypothesis]:
-    """Read the hypotheses in a JSON file."""
-    return [Hypothesis(**each) for each in json.loads(Path(file).read_text(encoding="utf-8"))]
 
 
 def evaluate_hypotheses(summary: pd.DataFrame, runs: pd.DataFrame) -> list[Hypothesis]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import yaml
 
 from evopem import __version__
+from evopem.files.json_form import to_json
 from evopem.report.downloads import csv_download
 from evopem.report.inline_svg import inline_svg
 from evopem.report.page import environment
@@ -57,7 +58,6 @@ def build_page(
     """
     summary = tables.summary
     table = study_rows(summary, "table")
-    written = settings.to_json()
     template = environment(product_templates).from_string(TEMPLATE.read_text(encoding="utf-8"))
     return template.render(
         settings=settings,
@@ -91,7 +91,7 @@ def build_page(
         ],
         versions=listed({"evopem": __version__, **installed(LIBRARIES)}),
         command=COMMAND,
-        configuration=yaml.safe_dump(written, sort_keys=False, default_flow_style=None),
+        configuration=yaml.safe_dump(to_json(settings), sort_keys=False, default_flow_style=None),
     )
 
 

@@ -25,7 +25,7 @@ FIRST_STEP = 1.0
 
 
 class FletcherPowellProblem:
-    """Search problem of one objective; see :class:`evopem.estimation.search.memetic.Problem`.
+    """Search problem of one objective; see :class:`evopem.estimation.search.problem.Problem`.
 
     The search is unbounded, and end points are wrapped into the box. The function is periodic;
     bounds would add minima on the faces of the box.
@@ -35,7 +35,7 @@ class FletcherPowellProblem:
         self.objective = objective
 
     @property
-    def least_checked(self) -> int:
+    def min_multistart(self) -> int:
         """Zero: the budget alone ends a run, so there is no multistart check."""
         return 0
 

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass
-from pathlib import Path
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from evopem.files.atomic import write_json
 from fletcher_powell.algorithms import ALGORITHMS
 from fletcher_powell.experiments import Case
 from fletcher_powell.function import instance
@@ -63,26 +59,6 @@ class Run:
     success_values: int | None
     success_gradients: int | None
     curve: tuple[float, ...] | None
-
-    @classmethod
-    def from_json(cls, values: Mapping[str, Any]) -> Run:
-        """Build a run from a mapping, as `to_json` gives it."""
-        curve = values["curve"]
-        return cls(**{**values, "curve": None if curve is None else tuple(curve)})
-
-    def to_json(self) -> dict[str, Any]:
-        """Mapping of the attributes in their order."""
-        return asdict(self) | {"curve": None if self.curve is None else list(self.curve)}
-
-
-def write_runs(file: str | Path, runs: Iterable[Run]) -> None:
-    """Write runs to a JSON file."""
-    write_json(file, [run.to_json() for run in runs])
-
-
-def read_runs(file: str | Path) -> list[Run]:
-    """Read the runs in a JSON file."""
-    return [Run.from_json(each) for each in json.loads(Path(file).read_text(encoding="utf-8"))]
 
 
 def run_cases(

@@ -6,13 +6,14 @@ Imports neither NumPy nor pandas, because the Snakefile imports this module.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import yaml
 
 from evopem.config.schema import check_schema, check_yaml_files
+from evopem.files.json_form import from_json
 
 SCHEMA = Path(__file__).parents[2] / "settings.schema.yaml"
 
@@ -65,29 +66,6 @@ class Settings:
     runs_per_job: int
     seed: int
 
-    @classmethod
-    def from_json(cls, values: Mapping[str, Any]) -> Settings:
-        """Build the settings from a complete mapping, as `to_json` gives it."""
-        scale = values["scale"]
-        return cls(
-            algorithms=tuple(values["algorithms"]),
-            dimension=int(values["dimension"]),
-            evaluations=int(values["evaluations"]),
-            instances=int(values["instances"]),
-            runs=int(values["runs"]),
-            slow_runs=int(values["slow_runs"]),
-            scale=ScaleSettings(tuple(map(int, scale["dimensions"])), int(scale["runs"])),
-            runs_per_job=int(values["runs_per_job"]),
-            seed=int(values["seed"]),
-        )
-
-    def to_json(self) -> dict[str, Any]:
-        """Mapping with lists for tuples, for YAML and for the parameters of a rule."""
-        values = asdict(self)
-        values["algorithms"] = list(self.algorithms)
-        values["scale"]["dimensions"] = list(self.scale.dimensions)
-        return values
-
 
 def read_settings(file: str | Path) -> Settings:
     """Read the settings: the built-in values, replaced by those in a file.
@@ -105,7 +83,7 @@ def read_settings(file: str | Path) -> Settings:
     schema = yaml.safe_load(SCHEMA.read_text(encoding="utf-8"))
     written = _written(Path(file))
     check_schema(written, schema, str(file))
-    return Settings.from_json(_completed(schema, written))
+    return from_json(Settings, _completed(schema, written), str(file))
 
 
 def _written(file: Path) -> dict[str, Any]:
