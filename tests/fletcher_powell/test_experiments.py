@@ -1,8 +1,10 @@
 """Which runs are made, with which budgets, and how they are divided into jobs."""
 
 import os
+import re
 import subprocess
 import sys
+import tomllib
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
@@ -17,6 +19,7 @@ from fletcher_powell.experiments import Case
 from fletcher_powell.settings import SCHEMA, ScaleSettings, Settings, read_settings
 
 ROOT = Path(__file__).parents[2]
+BENCHMARK = ROOT / "benchmarks" / "fletcher_powell"
 
 
 @pytest.fixture
@@ -160,7 +163,7 @@ def test_a_wrong_setting_is_named_in_one_sentence(tmp_path, text, sentence):
 
 def test_a_snakefile_imports_the_plan_without_numpy():
     command = "import sys, fletcher_powell.packages, fletcher_powell.experiments"
-    scripts = (ROOT / "benchmarks" / "fletcher_powell" / "scripts", ROOT / "workflow" / "scripts")
+    scripts = (BENCHMARK / "scripts", ROOT / "workflow" / "scripts")
     run = subprocess.run(
         [sys.executable, "-c", f"{command}; print('numpy' in sys.modules)"],
         env=os.environ | {"PYTHONPATH": os.pathsep.join(map(str, scripts))},
@@ -169,3 +172,14 @@ def test_a_snakefile_imports_the_plan_without_numpy():
         check=True,
     )
     assert run.stdout.strip() == "False"
+
+
+def test_the_conda_environment_has_every_package_the_comparison_needs():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    own = (BENCHMARK / "requirements.txt").read_text().splitlines()
+    wanted = [*project["dependencies"], *(line for line in own if not line.startswith("#"))]
+    needed = {re.match(r"[\w.-]+", line)[0] for line in wanted}
+    listed = yaml.safe_load((BENCHMARK / "environment.yaml").read_text())["dependencies"]
+    plain = [*listed[:-1], *listed[-1]["pip"]]
+    present = {line.split()[0].removesuffix("-base") for line in plain}
+    assert present == needed | {"python", "pip"}
