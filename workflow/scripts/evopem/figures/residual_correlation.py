@@ -24,16 +24,16 @@ def draw_residuals(autocorrelation: pd.DataFrame, cross_correlation: pd.DataFram
     """
     figure = new_figure(4.4)
     upper, lower = figure.subplots(2, 1)
-    # Lag 0 is 1 by definition and would flatten everything else.
+    # Lag 0 is 1 by definition and would flatten all other lags.
     lags = autocorrelation[autocorrelation["lag"] > 0]
     _correlation(upper, lags, "autocorrelation")
-    upper.set_title("Residuals with themselves")
-    upper.set_xlabel("Lag (samples); lag 0 is 1 and not drawn")
+    upper.set_title("Autocorrelation of the residuals")
+    upper.set_xlabel("Lag (samples); lag 0, where it is 1, is not drawn")
     upper.set_ylabel("Autocorrelation")
     _correlation(lower, cross_correlation, "cross_correlation")
     lower.axvline(0, color=INK, linewidth=0.7)
-    lower.set_title("Residuals with the input")
-    lower.set_xlabel("Lag (samples); positive: the residual follows the input")
+    lower.set_title("Cross-correlation of residuals and input")
+    lower.set_xlabel("Lag (samples); at positive lags the residual follows the input")
     lower.set_ylabel("Cross-correlation")
     upper.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderaxespad=0.1)
     return figure
