@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import yaml
 
-from evopem import __version__
 from evopem.files.json_form import to_json
 from evopem.report.downloads import csv_download
 from evopem.report.inline_svg import inline_svg
-from evopem.report.page import environment
 from evopem.report.provenance import installed, listed
+from evopem.report.templates import environment
+from evopem.version import __version__
 from fletcher_powell.algorithms import ALGORITHMS
 from fletcher_powell.experiments import CHAPTER, HYBRIDS
 from fletcher_powell.figures import COMPARISON_FIGURES
