@@ -139,8 +139,8 @@ def refusal(path: Path, *channels, **settings) -> str:
         ("some words\nand more words\n", "no row of numbers"),
         (b"\x00\x01\x02\xff" * 50, "not a text file"),
         (b"1,2\n3,\x004\n", "line 2"),
-        ("1,2\n3,4\n5\n" + "6,7\n" * 9, "line 3: the row has 1 fields where the others have 2"),
-        ("1,2\n3,4\n5,6,7\n" + "6,7\n" * 9, "line 3"),
+        ("3,2\n3,4\n5\n" + "6,7\n" * 9, "line 3: the row has 1 fields where the others have 2"),
+        ("3,2\n3,4\n5,6,7\n" + "6,7\n" * 9, "line 3"),
         ("1.5,2\n" * 9 + "1.5", "line 10"),
         ("1.5,2\n" * 9 + "1.5,\n", "line 10, column 2: the field is empty"),
         ("u,y\n" + "1.5,2\n" * 5 + "1.5,bad\n" + "1,2\n" * 9, 'line 7, column 2: "bad"'),
@@ -169,6 +169,7 @@ def test_unknown_columns_list_what_is_there(tmp_path):
     assert "no header" in refusal(bare, "speed", "tip")
     twice = write(tmp_path, table(",", header="u,u\n"), "twice.csv")
     assert "stands at 2 columns" in refusal(twice, "u", 2)
+    assert "same text in all columns" in refusal(twice, 1, 2)
 
 
 def test_missing_file_folder_and_extension(tmp_path):
@@ -198,7 +199,7 @@ def test_sampling_rate_must_be_known_and_not_contradicted(tmp_path):
 def test_a_constant_channel_and_a_short_record(tmp_path):
     text = "".join(f"{u!r},7\n" for u in U.tolist())
     assert 'output "output": every sample is 7' in refusal(write(tmp_path, text))
-    assert "only 3 samples" in refusal(write(tmp_path, "1,2\n3,4\n5,7\n"))
+    assert "only 3 samples" in refusal(write(tmp_path, "1,3\n3,4\n5,7\n"))
 
 
 @settings(

@@ -50,7 +50,13 @@ def test_whole_numbers_of_no_unit(dtype):
 @pytest.mark.parametrize(("unit", "per_second"), [("ms", 10**3), ("us", 10**6), ("ns", 10**9)])
 def test_whole_numbers_since_1970(unit, per_second):
     stamps = 1_732_000_000 * per_second + np.arange(1000) * (per_second // 200)
-    assert rate(stamps) == 200.0
+    assert rate(stamps, time_unit=unit) == 200.0
+    if unit == "ns":
+        assert rate(stamps) == 200.0
+    else:
+        # A counter of microseconds or nanoseconds reaches such numbers in minutes or days.
+        with pytest.raises(InputError, match=rf"set time_unit to {unit} if they .* \(200 Hz\)"):
+            rate(stamps)
     assert rate(stamps.astype(f"datetime64[{unit}]")) == 200.0
 
 
