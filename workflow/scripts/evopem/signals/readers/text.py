@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import NoReturn
 
@@ -130,7 +131,7 @@ def _refuse_interruptions(
     between = [number for number in lines.blanks if first < number < last]
     numbers = [number for number, _ in lines.rows[heading.start :]]
     # Double line ends leave a blank line after every row.
-    if between and not all(below - above == 2 for above, below in zip(numbers, numbers[1:])):
+    if between and not all(below - above == 2 for above, below in pairwise(numbers)):
         raise InputError(
             str(path),
             "the line between rows of numbers is blank, so a sample may be missing or another"
@@ -143,7 +144,8 @@ def _refuse_interruptions(
 def _may_be_sample(line: str, dialect: Dialect, width: int, below: bool) -> bool:
     """Whether a line that begins like a comment may be a sample with a damaged first field.
 
-    Above the table it may only when no blank follows the mark and a number stands in it.
+    It has the table's number of fields. A number stands in it, or, below the table, the mark is
+    followed by no blank. Above the table, a blank after the mark makes it a comment.
     """
     mark = next(mark for mark in COMMENT_MARKS if line.startswith(mark))
     rest = line.removeprefix(mark)
@@ -151,7 +153,8 @@ def _may_be_sample(line: str, dialect: Dialect, width: int, below: bool) -> bool
     fields = dialect.split(rest.strip() if apart else line)
     if len(fields) != width:
         return False
-    return below or (not apart and any(map(dialect.is_value, fields[1:])))
+    holds_value = any(map(dialect.is_value, fields if apart else fields[1:]))
+    return (below and not apart) or (holds_value and (below or not apart))
 
 
 def _find_column(path: Path, reference: Reference, names: Sequence[str]) -> int:

@@ -86,7 +86,7 @@ def find_heading(
     """
     search = _Search(path, lines.rows, dialect, width, _value_columns(sample, dialect, width))
     if header_lines is not None:
-        return search.stated(lines.comments, header_lines)
+        return search.stated(lines.comments, header_lines, references)
     start = next((i for i in range(len(lines.rows)) if search.kind(i) == "numbers"), None)
     if start is None:
         raise InputError(
@@ -121,7 +121,9 @@ class _Search:
     value_columns: Sequence[bool]
 
     def fields(self, index: int) -> list[str]:
-        return [text.strip() for text in self.dialect.split(self.rows[index][1])]
+        """The fields of a row, without the one that a closing separator adds."""
+        fields = [text.strip() for text in self.dialect.split(self.rows[index][1])]
+        return fields[:-1] if len(fields) == self.width + 1 and not fields[-1] else fields
 
     def kind(self, index: int) -> str:
         """One of numbers, text, mixed, empty, and "other" for another number of fields."""
@@ -166,9 +168,9 @@ class _Search:
         ]
         decimals = {len(text.partition(self.dialect.decimal_mark)[2]) for text in numbers}
         in_front = bool(below) and not first[0] and all(fields[0].strip() for fields in below)
-        if in_front or (len(decimals) == 1 and decimals != {0}):
-            return Heading(start + 1, first, [""] * self.width)
-        self._refuse(start, "may hold the numbers of the columns", start)
+        if not in_front and (len(decimals) != 1 or decimals == {0}):
+            self._refuse(start, "may hold the numbers of the columns", start)
+        return Heading(start + 1, first, [""] * self.width)
 
     def found(
         self, comments: Sequence[Row], start: int, references: Sequence[Reference]
@@ -203,7 +205,8 @@ class _Search:
         """Refuse two full rows of texts above each other, of which the second holds no units."""
         if start < 2 or self.rows[start - 2][0] + 1 != self.rows[start - 1][0]:
             return
-        if self.kind(start - 2) == "text" and all(self.fields(start - 2)):
+        above = zip(self.fields(start - 2), self.value_columns, strict=False)
+        if self.kind(start - 2) == "text" and all(text for text, held in above if held):
             self._refuse(start - 1, "is a second row of texts that are not known as units", start)
 
     def _other_width(self, start: int) -> tuple[list[str], list[str]] | None:
@@ -213,7 +216,7 @@ class _Search:
         comments, and other programs close the line with a separator.
         """
         names = self.fields(start - 1)
-        if len(names) == self.width + 1 and names[-1].lower() in ("", "comment"):
+        if len(names) == self.width + 1 and names[-1].lower() == "comment":
             return names[:-1], [""] * self.width
         below = self.rows[start : start + 3]
         firsts = [self.dialect.split(line)[0].strip() for _, line in below]
@@ -241,8 +244,14 @@ class _Search:
     def _is_heading(self, fields: Sequence[str]) -> bool:
         return len(fields) == self.width and not any(map(self.dialect.is_value, fields))
 
-    def stated(self, comments: Sequence[Row], header_lines: int) -> Heading:
-        """The headings above the line that the configuration states."""
+    def stated(
+        self, comments: Sequence[Row], header_lines: int, references: Sequence[Reference]
+    ) -> Heading:
+        """The headings above the line that the configuration states.
+
+        Of several rows of texts the lowest one with all the names asked for holds the headings,
+        and without names the lowest one that holds no units.
+        """
         start = next((i for i, row in enumerate(self.rows) if row[0] > header_lines), None)
         if start is None:
             raise InputError(
@@ -250,16 +259,18 @@ class _Search:
                 f"there is no row below the {header_lines} header lines",
                 "correct header_lines",
             )
+        wanted = {reference for reference in references if isinstance(reference, str)}
         fitting = [i for i in range(start) if len(self.fields(i)) == self.width]
         fitting = [i for i in fitting if any(self.fields(i))]
-        none = [""] * self.width
-        if fitting and is_unit_row(self.fields(fitting[-1])) and len(fitting) > 1:
-            units = _bare_units(self.fields(fitting[-1]))
-            return Heading(start, self.fields(fitting[-2]), units)
+        named = [i for i in fitting if wanted <= set(self.fields(i))]
+        if named and not wanted and len(named) > 1 and is_unit_row(self.fields(named[-1])):
+            named.pop()
+        if named:
+            below = next((self.fields(i) for i in fitting if i == named[-1] + 1), [])
+            units = _bare_units(below) if is_unit_row(below) else [""] * self.width
+            return Heading(start, self.fields(named[-1]), units)
         if start and self.kind(start - 1) == "other":
             return Heading(start, *(self._other_width(start) or ([], [])))
-        if fitting:
-            return Heading(start, self.fields(fitting[-1]), none)
         return Heading(start, *self._in_comments(comments, start))
 
     def _refuse(self, index: int, problem: str, start: int) -> NoReturn:
