@@ -26,6 +26,9 @@ from evopem.signals.readers.text_lines import COMMENT_MARKS, Lines, Row, read_li
 SAMPLED_ROWS = 200
 """At most about this many rows decide on separator, decimal mark and number of columns."""
 
+LONGEST_PREAMBLE = 50
+"""Up to this line, what is no number may belong to a preamble that was taken for samples."""
+
 
 def read(
     path: Path,
@@ -227,9 +230,10 @@ def _refuse_field(path: Path, text: str, dialect: Dialect, line: int, column: in
     problem = f'"{shown[:40]}" is not a finite number' if shown else "the field is empty"
     if other in shown and dialect.is_number(shown.replace(other, "")):
         problem += f' with a decimal "{dialect.decimal_mark}"'
-    raise InputError(
-        str(path), problem, "repair or remove that sample", f"line {line}, column {column + 1}"
-    )
+    remedy = "repair or remove that sample"
+    if line <= LONGEST_PREAMBLE:
+        remedy += ", or set header_lines if the first sample stands below it"
+    raise InputError(str(path), problem, remedy, f"line {line}, column {column + 1}")
 
 
 def _dates(path: Path, fields: list[str], rows: Sequence[Row], column: int) -> NDArray:

@@ -139,7 +139,7 @@ class _Search:
             return "text" if any(fields) else "empty"
         if values == 0:
             return "text"
-        return "numbers" if values == len(filled) and 2 * values >= len(wanted) else "mixed"
+        return "numbers" if values == len(filled) and 2 * values > len(wanted) else "mixed"
 
     def counts_columns(self, start: int) -> bool:
         """Whether the first row numbers the columns: 0, 1, … or 1, 2, …, maybe after a blank."""
@@ -157,7 +157,9 @@ class _Search:
         They are when the numbers have the same number of decimals everywhere, or when only the
         first row has an empty field in front, above the row numbers.
         """
-        below = [self.dialect.split(line) for number, line in sample if number != self.rows[start][0]]
+        below = [
+            self.dialect.split(line) for number, line in sample if number != self.rows[start][0]
+        ]
         below = [fields for fields in below if len(fields) == self.width]
         first = self.fields(start)
         numbers = [
@@ -189,7 +191,7 @@ class _Search:
                 )
             return Heading(start, *(self._other_width(start) or ([], [])))
         if kind == "mixed":
-            self._refuse(start - 1, "holds numbers and texts", start)
+            self._refuse(start - 1, "holds numbers beside texts or empty fields", start)
         if start > 1 and is_unit_row(above) and self.kind(start - 2) in ("text", "mixed"):
             return Heading(start, self.fields(start - 2), _bare_units(above))
         named = any(reference in above for reference in references if isinstance(reference, str))
@@ -228,9 +230,7 @@ class _Search:
                 return [*names, ""], [""] * self.width
         return None
 
-    def _in_comments(
-        self, comments: Sequence[Row], start: int
-    ) -> tuple[list[str], list[str]]:
+    def _in_comments(self, comments: Sequence[Row], start: int) -> tuple[list[str], list[str]]:
         """Names, and units below them, in the last two comments above the numbers."""
         above = [row for row in comments if row[0] < self.rows[start][0]][-2:]
         texts = [line.strip().lstrip("".join(COMMENT_MARKS)).strip() for _, line in above]

@@ -114,15 +114,14 @@ def _channel(path: Path, dataset: Mapping[str, Any], number: int, names: Sequenc
             "copy or export the file again",
             place,
         )
+    problem = ""
     if dataset.get("abscissa_spacing") == 1:
-        increment = float(dataset["abscissa_inc"])
-        rate = 1.0 / increment if increment > 0 else None
-        start = float(dataset["abscissa_start"])
+        start, increment = float(dataset["abscissa_min"]), float(dataset["abscissa_inc"])
+        rate = 1.0 / increment if 0.0 < increment < np.inf else None
+        problem = "" if rate else f"the increment of its abscissa is {increment:g} s"
     else:
         start = float(dataset["x"][0])
         rate = sampling_rate_of(np.asarray(dataset["x"]), str(path), place, unit="s")
     unit = str(dataset.get("ordinate_axis_units_lab", "")).strip()
-    problem = "" if rate else f"the increment of its abscissa is {increment:g} s"
-    return Channel(
-        names[0], values, "" if unit.upper() == "NONE" else unit, rate, problem, start
-    )
+    unit = "" if unit.upper() == "NONE" else unit
+    return Channel(names[0], values, unit, rate, problem, start)
