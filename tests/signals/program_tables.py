@@ -336,11 +336,21 @@ REFUSED: dict[str, tuple[str | bytes, dict[str, Any], str]] = {
         "u,y\n" + "OVLD,OVLD\n" * 20 + rows(U, Y), PLAIN, 'line 21: the row "OVLD,OVLD"'),
     "overload_in_the_first_row": ("u,y\nOVLD,OVLD\n" + rows(U, Y), PLAIN, "line 2: the row"),
     "overload_without_headings": ("OVLD,OVLD\n" + rows(U, Y), PLAIN, "line 1: the row"),
-    "error_words_without_headings": ("OVLD,bad\n" + rows(U, Y), PLAIN, "missing values"),
+    "error_words_without_headings": ("OVLD,bad\n" + rows(U, Y), PLAIN, "line 1: the row"),
     "overload_in_one_channel": ("u,y\nOVLD,1.2\n" + rows(U, Y), PLAIN, "numbers beside texts"),
     "overload_twice": (
         "u,y\nOVLD,1.2\nBAD,ERR\n" + rows(U, Y), PLAIN, "line 3: the row"),
     "dashes_for_missing": ("u,y\n--,--\n" + rows(U, Y), PLAIN, "line 2: the row"),
+    "text_below_the_headings": ("u,y\nx\n" + rows(U, Y), NAMED, "line 2: the row"),
+    "time_of_day_above": ("u,y\n12:00:00\n" + rows(U, Y), NAMED, "line 2: the row"),
+    "spoilt_first_sample": ("1.5.2,0.5.1\n" + rows(U, Y), PLAIN, "line 1: the row"),
+    "spoilt_first_field": ("1_5,x\n" + rows(U, Y), PLAIN, "line 1: the row"),
+    "marked_number_below_the_headings": ("u,y\n%5\n" + rows(U, Y), NAMED, "line 2: the line"),
+    "marked_last_sample_of_three": (
+        rows(T, U, Y, separator="\t") + "//\t0.5\t1.5\n", PLAIN, "line 61: the line"),
+    "marked_text_below_the_headings": ("u,y\n%5,x\n" + rows(U, Y), NAMED, "line 2: the line"),
+    "one_overload_without_headings": ("OVLD\n" + rows(U, Y), PLAIN, "line 1: the row"),
+    "one_nan_without_headings": ("NaN\n" + rows(U, Y), PLAIN, "line 1: the row"),
     "channel_numbers_as_headings": ("time,1,2\n" + rows(T, U, Y), THIRD, "line 1: the row"),
     "short_first_sample": ("1.5\n" + rows(U, Y), PLAIN, "line 1: the row"),
     "three_rows_of_headings": (

@@ -112,6 +112,8 @@ def _refuse_interruptions(
 ) -> None:
     """Refuse comments and blank lines in places where a sample may be missing."""
     first, last = lines.rows[heading.start][0], lines.rows[-1][0]
+    named = bool(heading.names) and heading.start > 0
+    headings = lines.rows[heading.start - 1][0] if named else first
     for number, line in lines.comments:
         bare = line.strip()
         if first < number < last:
@@ -123,7 +125,7 @@ def _refuse_interruptions(
                 f"line {number}",
             )
         stated = header_lines is not None and number <= header_lines
-        if not stated and _may_be_sample(bare, dialect, width, below=number > last):
+        if not stated and _may_be_sample(bare, dialect, width, below=number > headings):
             raise InputError(
                 str(path),
                 f'the line "{bare[:40]}" may be a comment or a damaged sample',
@@ -147,17 +149,18 @@ def _refuse_interruptions(
 def _may_be_sample(line: str, dialect: Dialect, width: int, below: bool) -> bool:
     """Whether a line that begins like a comment may be a sample with a damaged first field.
 
-    It has the table's number of fields. A number stands in it, or, below the table, the mark is
-    followed by no blank. Above the table, a blank after the mark makes it a comment.
+    A comment has a blank after its mark. Below the headings it must not hold a number in as many
+    fields as a row has. Without the blank, it must not be a number, and not have as many fields
+    as a row: below the table or its headings any, above with a number.
     """
-    mark = next(mark for mark in COMMENT_MARKS if line.startswith(mark))
-    rest = line.removeprefix(mark)
-    apart = not rest or rest[0].isspace()
-    fields = dialect.split(rest.strip() if apart else line)
-    if len(fields) != width:
-        return False
-    holds_value = any(map(dialect.is_value, fields if apart else fields[1:]))
-    return (below and not apart) or (holds_value and (below or not apart))
+    rest = line.lstrip("".join(COMMENT_MARKS))
+    fields, inner = dialect.split(line), dialect.split(rest.strip())
+    if not rest or rest[0].isspace():
+        rows = [row for row in (fields, inner) if len(row) == width]
+        return below and any(dialect.is_value(text) for row in rows for text in row)
+    if dialect.is_value(rest):
+        return True
+    return len(fields) == width and (below or any(map(dialect.is_value, fields[1:])))
 
 
 def _find_column(path: Path, reference: Reference, names: Sequence[str]) -> int:

@@ -20,6 +20,9 @@ _NO_VALUE = {
 }  # fmt: skip
 """What instruments write in place of a number, in lower case."""
 
+_NEARLY_NUMBER = re.compile(r"(?=.*\d)[+-]?[\d.,][\d.,:;/_ '’%exEX+-]*")
+"""A number that is spoilt, or a time of day."""
+
 _SYMBOL = (
     r"(?:[yzafpnuµμmcdhkMGTPEZY]|da)?(?:m|s|g|A|K|mol|cd|Hz|N|Pa|J|W|C|V|F|Ω|Ohm|ohm|S|Wb|T|H|lm|lx"
     r"|rad|sr|bar|eV|L|l|Nm|Wh|Ah|Vs|Ns|S/s)|°C?|°F|deg[CF]?|degrees?|rpm|RPM|rps|rev|U|%|dB|in|ft"
@@ -132,7 +135,7 @@ class _Search:
     def _kind(self, fields: Sequence[str]) -> str:
         if len(fields) != self.width:
             return "other"
-        wanted = [text for text, held in zip(fields, self.value_columns, strict=True) if held]
+        wanted = self._wanted(fields)
         filled = [text for text in wanted if text]
         values = sum(map(self.dialect.is_value, filled))
         if not filled:
@@ -182,33 +185,55 @@ class _Search:
             return Heading(start, *self._in_comments(comments, start))
         above = self.fields(start - 1)
         kind = self._kind(above)
+        if kind == "other":
+            return self._below_other_row(start)
         if kind == "empty":
             self._refuse(start - 1, "is empty", start)
-        if kind == "other":
-            if above and all(self.dialect.is_number(text) for text in above if text):
-                self._refuse(
-                    start - 1, f"has {len(above)} fields where the others have {self.width}", start
-                )
-            return Heading(start, *(self._other_width(start) or ([], [])))
         if kind == "mixed":
             self._refuse(start - 1, "holds numbers beside texts or empty fields", start)
         if start > 1 and is_unit_row(above) and self.kind(start - 2) in ("text", "mixed"):
             return Heading(start, self.fields(start - 2), _bare_units(above))
-        named = any(reference in above for reference in references if isinstance(reference, str))
-        filled = [text for text in above if text]
-        if not named and len(filled) > 1 and len(set(filled)) == 1:
-            self._refuse(start - 1, "has the same text in all columns", start)
-        if all(text.lower() in _NO_VALUE for text in filled):
-            self._refuse(start - 1, "seems to stand for missing values", start)
+        if not any(reference in above for reference in references if isinstance(reference, str)):
+            self._refuse_damaged_sample(above, start)
         self._refuse_second_heading(start)
         return Heading(start, above, [""] * self.width)
+
+    def _below_other_row(self, start: int) -> Heading:
+        """The headings above numbers that follow a row with another number of fields."""
+        above = self.fields(start - 1)
+        heading = self._other_width(start)
+        if heading:
+            return Heading(start, *heading)
+        if any(self.kind(i) == "text" and all(self._wanted(self.fields(i))) for i in range(start)):
+            self._refuse(start - 1, "stands between the headings and the numbers", start)
+        if all(self._may_replace_number(text) for text in above if text):
+            self._refuse(
+                start - 1, f"has {len(above)} fields where the others have {self.width}", start
+            )
+        return Heading(start, [], [])
+
+    def _refuse_damaged_sample(self, above: Sequence[str], start: int) -> None:
+        """Refuse a row of texts that no one names and that may be a damaged first sample."""
+        filled = [text for text in above if text]
+        if len(filled) > 1 and len(set(filled)) == 1:
+            self._refuse(start - 1, "has the same text in all columns", start)
+        for text in self._wanted(above):
+            if self._may_replace_number(text):
+                self._refuse(start - 1, f'has "{text}" where the others have a number', start)
+
+    def _may_replace_number(self, text: str) -> bool:
+        spoilt = _NEARLY_NUMBER.fullmatch(text) is not None
+        return spoilt or text.lower() in _NO_VALUE or self.dialect.is_number(text)
+
+    def _wanted(self, fields: Sequence[str]) -> list[str]:
+        """The fields in the columns of numbers."""
+        return [text for text, held in zip(fields, self.value_columns, strict=True) if held]
 
     def _refuse_second_heading(self, start: int) -> None:
         """Refuse two full rows of texts above each other, of which the second holds no units."""
         if start < 2 or self.rows[start - 2][0] + 1 != self.rows[start - 1][0]:
             return
-        above = zip(self.fields(start - 2), self.value_columns, strict=False)
-        if self.kind(start - 2) == "text" and all(text for text, held in above if held):
+        if self.kind(start - 2) == "text" and all(self._wanted(self.fields(start - 2))):
             self._refuse(start - 1, "is a second row of texts that are not known as units", start)
 
     def _other_width(self, start: int) -> tuple[list[str], list[str]] | None:
