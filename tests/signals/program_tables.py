@@ -352,6 +352,8 @@ REFUSED: dict[str, tuple[str | bytes, dict[str, Any], str]] = {
     "one_overload_without_headings": ("OVLD\n" + rows(U, Y), PLAIN, "line 1: the row"),
     "one_nan_without_headings": ("NaN\n" + rows(U, Y), PLAIN, "line 1: the row"),
     "channel_numbers_as_headings": ("time,1,2\n" + rows(T, U, Y), THIRD, "line 1: the row"),
+    "blank_in_a_field": (
+        with_line(rows(U, Y, T, separator="\t"), 30, "1 5\t1\t"), PLAIN, 'line 30, column 1'),
     "short_first_sample": ("1.5\n" + rows(U, Y), PLAIN, "line 1: the row"),
     "three_rows_of_headings": (
         DIADEM_TEXTS + rows(T, U, Y, separator=";", decimal=","), THIRD, "header_lines"),

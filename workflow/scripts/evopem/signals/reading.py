@@ -32,6 +32,7 @@ FORMATS = {
     ".txt": "text",
     ".dat": "text",
     ".asc": "text",
+    ".lvm": "text",
     ".mat": "matlab",
     ".npz": "numpy_files",
     ".npy": "numpy_files",

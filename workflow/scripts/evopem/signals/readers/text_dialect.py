@@ -10,6 +10,9 @@ from pathlib import Path
 from evopem.errors import InputError
 from evopem.signals.readers.text_lines import Row
 
+MIN_SHARE_OF_VALUES = 0.9
+"""Where a separator makes more fields than this share numbers, blanks do not separate fields."""
+
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eEdD][+-]?\d+)?|[+-]?(nan|inf|infinity)", re.I)
 _DATE = re.compile(r"\d{4}-\d\d-\d\d([T ]\d\d:\d\d(:\d\d([.,]\d+)?)?)?(Z|[+-]\d\d:?\d\d)?")
 _COMMA_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
@@ -89,7 +92,8 @@ def choose_dialect(
     """The separator and decimal mark under which most fields are numbers.
 
     On a tie a decimal point comes before a decimal comma, and tab, semicolon, comma, blanks
-    follow in this order.
+    follow in this order. Blanks are taken only where no other separator makes most fields
+    numbers, so that blanks within a single field do not decide on the whole table.
 
     Parameters
     ----------
@@ -99,19 +103,24 @@ def choose_dialect(
         What is known already.
     """
     quoted = any('"' in line for _, line in sample)
+    decimals = (decimal_mark,) if decimal_mark else (".", ",")
+    marks = (separator,) if separator else ("\t", ";", ",")
     choices = [
         Dialect(mark, decimal)
-        for decimal in ((decimal_mark,) if decimal_mark else (".", ","))
-        for mark in ((separator,) if separator else ("\t", ";", ",", None))
+        for decimal in decimals
+        for mark in marks
         # A comma can be both only where quotation marks hold the numbers together.
         if not (mark == "," and decimal == "," and not quoted)
-    ] or [Dialect(separator, decimal_mark or ".")]
+    ] or [Dialect(separator, decimals[0])]
 
     def share_of_values(dialect: Dialect) -> float:
         fields = [text for _, line in sample for text in dialect.split(line) if text.strip()]
         return sum(map(dialect.is_value, fields)) / max(1, len(fields))
 
-    return max(choices, key=share_of_values)
+    best = max(choices, key=share_of_values)
+    if separator or share_of_values(best) > MIN_SHARE_OF_VALUES:
+        return best
+    return max([best, *(Dialect(None, decimal) for decimal in decimals)], key=share_of_values)
 
 
 def refuse_ambiguous_thousands(
