@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from evopem.config import settings
-from evopem.config.settings import ChannelSettings, OrderSettings, SearchSettings
+from evopem.config.settings import ChannelSettings, OrderSettings, SearchSettings, SyntheticSource
 from evopem.errors import InputError
 from evopem.estimation.candidate import Candidate, PhaseSelection
 from evopem.estimation.model_record import ModelRecord
@@ -167,6 +167,7 @@ ORDERS = {"na": 2, "nb": 1, "nc": 1, "nk": 0}
         (Orders, None, "", "the content has another form"),
         (SearchSettings, {"objective": "cubic"}, "objective", "'cubic' is none of absolute, qu"),
         (SearchSettings, {"max_root_radius": "0.9"}, "max_root_radius", "'0.9' is not a number"),
+        (SyntheticSource, {"synthesis": "pendulum"}, "synthesis", "'pendulum' is none of flex"),
         (ChannelSettings, {"input": [1]}, "input", "[1] cannot be used here"),
         (ChannelSettings, {"input": None}, "input", "there is no value"),
         (ChannelSettings, {"input_unit": 5}, "input_unit", "5 is not a text"),
