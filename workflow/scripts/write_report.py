@@ -1,5 +1,6 @@
 """Write the report of one data set."""
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from evopem.pipeline.report import write_report
@@ -11,4 +12,4 @@ if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
 
 with job(snakemake.log[0], snakemake.input, snakemake.output):
-    write_report(DatasetFiles.of_log(snakemake.log[0]))
+    write_report(DatasetFiles.of_log(snakemake.log[0]), Path(snakemake.scriptdir).parent)
