@@ -14,7 +14,7 @@ sys.path.insert(0, str(SCRIPTS))
 from evopem.config.blas import blas_code
 from evopem.config.defaults import complete
 from evopem.config.rule_digest import code_version
-from evopem.config.schema import check_yaml_files
+from evopem.config.strict_yaml import check_yaml_files
 from evopem.errors import InputError
 from evopem.pipeline.provider import FILES as files
 from evopem.pipeline.provider import Provider
