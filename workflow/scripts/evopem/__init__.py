@@ -9,6 +9,8 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from evopem.version import __version__
+
 if TYPE_CHECKING:
     from evopem.config.settings import ScoringWindow, SearchSettings
     from evopem.errors import InputError
@@ -16,7 +18,6 @@ if TYPE_CHECKING:
     from evopem.estimation.model_record import load_model as load
     from evopem.models.armax import ArmaxModel, Orders
 
-__version__ = "0.1.0"
 __all__ = [
     "ArmaxModel",
     "Estimate",
@@ -24,6 +25,7 @@ __all__ = [
     "Orders",
     "ScoringWindow",
     "SearchSettings",
+    "__version__",
     "estimate",
     "load",
 ]

@@ -28,10 +28,11 @@ from evopem.config.yaml_form import (
 )
 from evopem.errors import InputError
 from evopem.files.json_form import from_json, to_json
-from evopem.results.layout import RESERVED_NAMES
 
 _CHANNEL_DEFAULTS = {"input": 1, "output": 2, "input_unit": "", "output_unit": ""}
 _ALL_SAMPLES = 1.0
+# Names of other files and folders of the results.
+RESERVED_NAMES = ("index.html", "fleet.csv", "fleet.parquet", "logs", "benchmarks", "checksums")
 _DATASET_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 
 

@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem import __version__
 from evopem.config.settings import ScoringWindow, SearchSettings
 from evopem.errors import InputError
 from evopem.estimation.estimate import Criteria, Estimate
@@ -19,6 +18,7 @@ from evopem.files.json_form import load
 from evopem.models.armax import ArmaxModel, Orders
 from evopem.models.modes import Mode
 from evopem.signals.preparation import Transforms
+from evopem.version import __version__
 
 Array = NDArray[np.float64]
 Roots = NDArray[np.complex128]

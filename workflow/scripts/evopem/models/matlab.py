@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from evopem.files.atomic import whole
+from evopem.files.atomic import atomic_write
 from evopem.models.armax import ArmaxModel
 
 
@@ -15,7 +15,7 @@ def save_model_mat(model: ArmaxModel, path: str | os.PathLike[str]) -> None:
     """Write the arguments of MATLAB's ``idpoly(A,B,C,D,F,NoiseVariance,Ts)`` to a v5 MAT file."""
     from scipy.io import savemat
 
-    with whole(Path(path)) as temporary, temporary.open("wb") as stream:
+    with atomic_write(Path(path)) as temporary, temporary.open("wb") as stream:
         savemat(
             stream,
             {

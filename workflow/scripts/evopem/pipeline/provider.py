@@ -7,7 +7,7 @@ here imports numpy, pandas or Snakemake.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -135,21 +135,18 @@ class Provider:
         """The truth behind a synthetic data set."""
         return {"truth": FILES.truth} if wildcards.dataset in self.synthetic else {}
 
-    def window(self, wildcards: Wildcards) -> Mapping[str, Any]:
+    def window(self, wildcards: Wildcards) -> object:
         """The samples on which the candidates of a data set are compared."""
-        content: Mapping[str, Any] = to_json(order_grid.scoring_window(self._of(wildcards)))
-        return content
+        return to_json(order_grid.scoring_window(self._of(wildcards)))
 
-    def requirements(self, wildcards: Wildcards) -> Mapping[str, Any]:
+    def requirements(self, wildcards: Wildcards) -> object:
         """What a record must have for the largest candidate of its data set."""
-        content: Mapping[str, Any] = to_json(order_grid.sample_requirements(self._of(wildcards)))
-        return content
+        return to_json(order_grid.sample_requirements(self._of(wildcards)))
 
-    def phase_grid(self, wildcards: Wildcards) -> Mapping[str, Any]:
+    def phase_grid(self, wildcards: Wildcards) -> object:
         """The part of the order grid that a phase uses."""
         grid = order_grid.grid_of_phase(wildcards.phase, self._of(wildcards).order_grid)
-        content: Mapping[str, Any] = to_json(grid)
-        return content
+        return to_json(grid)
 
     def part_count(self, wildcards: Wildcards) -> int:
         """The number of jobs of a phase."""

@@ -9,7 +9,7 @@ from evopem.results.layout import DatasetFiles
 from evopem.signals.preparation import load_prepared
 from evopem.signals.spectral.frequency_response import multitaper_frequency_response
 from evopem.signals.spectral.multitaper import multitaper_spectrum
-from evopem.signals.spectral.summary import summarize_spectrum
+from evopem.signals.spectral.peaks import summarize_spectrum
 
 
 def estimate_spectrum(files: DatasetFiles, settings: SpectrumSettings) -> None:

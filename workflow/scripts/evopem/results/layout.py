@@ -33,9 +33,6 @@ FLEET_PARQUET = f"{FOLDER}/fleet.parquet"
 OVERVIEW = (INDEX, FLEET_CSV, FLEET_PARQUET)
 """The lists of all data sets."""
 
-RESERVED_NAMES = ("index.html", "fleet.csv", "fleet.parquet", "logs", "benchmarks", "checksums")
-"""Names inside the folder of results that no data set may have."""
-
 
 @dataclass(frozen=True)
 class DatasetFiles:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evopem.signals.spectral.multitaper import Spectrum
+from evopem.signals.spectral.summary import SpectralPeak, SpectrumSummary
 from evopem.signals.spectral.tapers import CONFIDENCE
 
 Floats = NDArray[np.float64]
@@ -20,26 +20,6 @@ MIN_LINES = 10
 PEAK_WIDTHS = (1, 4, 16)
 # Largest share of the frequency axis that an average extends over.
 MAX_AVERAGED_SHARE = 0.2
-
-
-@dataclass(frozen=True)
-class SpectralPeak:
-    """A local maximum of the density that noise alone does not explain.
-
-    Attributes
-    ----------
-    frequency_hz : float
-    density, lower, upper : float
-        Density at the peak and its 95 % band (unit² / Hz).
-    prominence_db : float
-        Height above the higher of the two valleys between it and higher maxima.
-    """
-
-    frequency_hz: float
-    density: float
-    prominence_db: float
-    lower: float
-    upper: float
 
 
 def spectral_peaks(spectrum: Spectrum) -> list[SpectralPeak]:
@@ -109,6 +89,20 @@ def line_spacing(frequencies: Sequence[float]) -> float | None:
 def resonance_count(peaks: Sequence[SpectralPeak]) -> int:
     """Count the peaks that may be resonances: none where they are lines of a periodic input."""
     return 0 if line_spacing([peak.frequency_hz for peak in peaks]) else len(peaks)
+
+
+def summarize_spectrum(spectrum: Spectrum) -> SpectrumSummary:
+    """Find the peaks of a spectrum and count those that may be resonances."""
+    peaks = tuple(spectral_peaks(spectrum))
+    return SpectrumSummary(
+        time_halfbandwidth=spectrum.time_halfbandwidth,
+        tapers=spectrum.tapers,
+        nfft=spectrum.nfft,
+        segments=spectrum.segments,
+        resolution_hz=spectrum.resolution_hz,
+        peaks=peaks,
+        resonances=resonance_count(peaks),
+    )
 
 
 def _without_ends(spectrum: Spectrum) -> Floats:

@@ -1,15 +1,32 @@
-"""Settings and peaks of a multitaper spectrum, as they are kept beside its values."""
+"""Settings and peaks of a multitaper spectrum, as they are kept beside its values.
+
+The order search reads them. Nothing here imports the estimates, so a change of these does not
+repeat the search of spectra that stay the same.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from evopem.signals.spectral.multitaper import (
-    SpectralPeak,
-    Spectrum,
-    resonance_count,
-    spectral_peaks,
-)
+
+@dataclass(frozen=True)
+class SpectralPeak:
+    """A local maximum of the density that noise alone does not explain.
+
+    Attributes
+    ----------
+    frequency_hz : float
+    density, lower, upper : float
+        Density at the peak and its 95 % band (unit² / Hz).
+    prominence_db : float
+        Height above the higher of the two valleys between it and higher maxima.
+    """
+
+    frequency_hz: float
+    density: float
+    prominence_db: float
+    lower: float
+    upper: float
 
 
 @dataclass(frozen=True)
@@ -33,17 +50,3 @@ class SpectrumSummary:
     resolution_hz: float
     peaks: tuple[SpectralPeak, ...]
     resonances: int
-
-
-def summarize_spectrum(spectrum: Spectrum) -> SpectrumSummary:
-    """Find the peaks of a spectrum and count those that may be resonances."""
-    peaks = tuple(spectral_peaks(spectrum))
-    return SpectrumSummary(
-        time_halfbandwidth=spectrum.time_halfbandwidth,
-        tapers=spectrum.tapers,
-        nfft=spectrum.nfft,
-        segments=spectrum.segments,
-        resolution_hz=spectrum.resolution_hz,
-        peaks=peaks,
-        resonances=resonance_count(peaks),
-    )
