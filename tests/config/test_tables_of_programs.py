@@ -176,7 +176,7 @@ REFUSED = {
     "Excel, a formula": (HEADER + 'a,1.csv,="100"\n', "sampling_rate", "cannot be used"),
     "a number with its unit": (HEADER + "a,1.csv,100 Hz\n", "sampling_rate", "100 Hz"),
     "an underscore in a number": (HEADER + "a,1.csv,1_000\n", "sampling_rate", "1_000"),
-    "hexadecimal": (HEADER + "a,1.csv,0x64\n", "sampling_rate", "0x64 cannot be used"),
+    "hexadecimal": (HEADER + "a,1.csv,0x64\n", "sampling_rate", "0x64' cannot be used"),
     "digits of another script": (HEADER + "a,1.csv,١٠٠\n", "sampling_rate", "cannot be used"),
     "nan": (HEADER + "a,1.csv,nan\n", "sampling_rate", "not a finite number"),
     "Infinity": (HEADER + "a,1.csv,-Infinity\n", "sampling_rate", "not a finite number"),
@@ -202,8 +202,8 @@ REFUSED = {
     "a key and one far below it": (
         "name,file,a.b.c,a\na,1.csv,3,4\n", "line 1", "the columns a and a.b.c"
     ),
-    "two dots": ("name,file,split..discard\na,1.csv,3\n", "column split..discard", "no such key"),
-    "a dot at the end": ("name,file,split.\na,1.csv,3\n", "column split.", "no such key"),
+    "two dots": ("name,file,split..discard\na,1.csv,3\n", "line 1", "a dot too many"),
+    "a dot at the end": ("name,file,split.\na,1.csv,3\n", "line 1", "a dot too many"),
     "many dots": (f"name,file,{'a.' * 3000}a\na,1.csv,3\n", "recordings.csv", "; "),
     "a header in capitals": ("Name,File\na,1.csv\n", "line 1", "did you mean Name?"),
     "two names": ("name,file,name\na,1.csv,b\n", "line 1", "two columns are called 'name'"),

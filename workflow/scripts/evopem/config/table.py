@@ -132,10 +132,7 @@ def _rows(path: str) -> tuple[str, Row, list[Row]]:
 def _text(path: str) -> str:
     """Read the text of a table, in UTF-8 or in UTF-16 with a byte order mark."""
     try:
-        file = Path(path)
-        if file.exists() and not file.is_file():
-            raise InputError(path, "is not a regular file", "give the path of a table")
-        content = file.read_bytes()
+        content = Path(path).read_bytes() if not _is_special(path) else None
     except FileNotFoundError:
         raise InputError(
             path, "there is no such table", "correct the path after `datasets:`"
@@ -146,8 +143,10 @@ def _text(path: str) -> str:
         ) from None
     except ValueError:
         raise InputError(
-            path[:100], "this cannot be the path of a file", "correct the path after `datasets:`"
+            repr(path[:100]), "this cannot be the path of a file", "correct the path after `datasets:`"
         ) from None
+    if content is None:
+        raise InputError(path, "is not a regular file", "give the path of a table")
     mark = next((mark for mark in _BYTE_ORDER_MARKS if content.startswith(mark)), b"")
     try:
         text = content[len(mark) :].decode(_BYTE_ORDER_MARKS.get(mark, "utf-8"))
@@ -159,6 +158,12 @@ def _text(path: str) -> str:
     if "\0" in text:
         raise InputError(path, "there are null characters in it", "save the table as UTF-8")
     return text
+
+
+def _is_special(path: str) -> bool:
+    """Whether a path leads to a folder, a pipe or a device."""
+    file = Path(path)
+    return file.exists() and not file.is_file()
 
 
 def _columns(header: list[str], rows: list[Row], path: str, line: int) -> list[tuple[int, str]]:
@@ -179,6 +184,10 @@ def _columns(header: list[str], rows: list[Row], path: str, line: int) -> list[t
         )
     known = set(names)
     for _, name in columns:
+        if "" in name.split("."):
+            raise InputError(
+                path, f"the column {name[:60]} has a dot too many", "write it as key.key", place
+            )
         for above in _leading(name):
             if above in known:
                 raise InputError(
