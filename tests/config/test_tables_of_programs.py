@@ -36,7 +36,9 @@ def separated(separator, text=PLAIN):
 
 def with_decimal_commas():
     """As a spreadsheet set to German, French or Danish saves it."""
-    return "name;file;sampling_rate;split.estimation;orders.nc\na;1.csv;100,0;0,8;[6, 9]\nb;2.csv;;;\n"
+    return (
+        "name;file;sampling_rate;split.estimation;orders.nc\na;1.csv;100,0;0,8;[6, 9]\nb;2.csv;;;\n"
+    )
 
 
 def frame():
@@ -97,9 +99,9 @@ SAME = {
         'name,file,sampling_rate,split.estimation,orders.nc\na,1.csv,100,0.8,"[6, 9]"\nb,2.csv,,,'
     ),
     "quoted numbers": PLAIN.replace("100,0.8", '"100","0.8"'),
-    "spaces around": "\n".join(
-        " , ".join(line.split(",")) for line in separated(",").splitlines()
-    ).replace('"[6 ,  9]"', '"[6, 9]"').replace(' "[', '"['),
+    "spaces around": "\n".join(" , ".join(line.split(",")) for line in separated(",").splitlines())
+    .replace('"[6 ,  9]"', '"[6, 9]"')
+    .replace(' "[', '"['),
     "empty rows at the end": PLAIN + ",,,,\n,,,,\n\n",
     "empty rows between": PLAIN.replace("\nb", "\n,,,,\n\nb"),
     "empty columns at the end": "".join(f"{line},,\n" for line in PLAIN.splitlines()),

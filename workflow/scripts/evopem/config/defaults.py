@@ -83,7 +83,7 @@ def _completed(config: Mapping[str, Any], origin: Origin, source: str) -> Config
 def _placed(error: InputError, datasets: Any, origin: Origin) -> InputError:
     """Name the place in a table or a pattern's entry where an error's key was written."""
     names = datasets if isinstance(datasets, Mapping) else ()
-    for name in sorted(names, key=len, reverse=True):
+    for name in sorted(map(str, names), key=len, reverse=True):
         place = f"datasets.{name}"
         rest = error.place.removeprefix(place)
         if rest != error.place and (not rest or rest[0] == "."):

@@ -14,10 +14,12 @@ from evopem.errors import InputError
 
 
 def _full_pattern(
-    validator: Any, pattern: str, instance: object, schema: Mapping[str, Any]
+    validator: Any, pattern: str, instance: object, _: Mapping[str, Any]
 ) -> Iterator[jsonschema.ValidationError]:
     """Compare a whole text with a pattern, where ``$`` would accept a line break at its end."""
-    if validator.is_type(instance, "string") and not re.search(pattern.replace("$", r"\Z"), instance):
+    if validator.is_type(instance, "string") and not re.search(
+        pattern.replace("$", r"\Z"), instance
+    ):
         yield jsonschema.ValidationError(f"{instance!r} does not match {pattern!r}")
 
 

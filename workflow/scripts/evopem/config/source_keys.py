@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 from evopem.config.dataset_names import RESERVED_NAMES, RESULTS_FOLDER
 from evopem.config.settings import SyntheticSource
+from evopem.config.table import check_locale
 from evopem.config.yaml_form import ANALYSIS_KEYS, FILE_KEYS, SYNTHESIS_KEYS
 from evopem.errors import InputError
 from evopem.files.json_form import to_json
@@ -77,6 +78,7 @@ def check_paths(datasets: Mapping[str, Mapping[str, Any]], source: str) -> None:
     ------
     InputError
     """
+    real_path = _RealPaths()
     results = os.path.realpath(RESULTS_FOLDER)
     folders = {name.lower() for name in (*datasets, *RESERVED_NAMES)}
     for name, written in datasets.items():
@@ -84,29 +86,25 @@ def check_paths(datasets: Mapping[str, Mapping[str, Any]], source: str) -> None:
             path = written.get(key)
             if path is None:
                 continue
-            inside = os.path.relpath(_real_path(path), results).split(os.sep)
-            if inside[0].lower() in folders or inside == ["."]:
+            inside = Path(os.path.relpath(real_path(path), results)).parts
+            if not inside or inside[0].lower() in folders:
                 raise InputError(
                     source,
                     f"{path} is a result of this workflow",
                     "copy it to a folder of recordings and name the copy",
                     f"datasets.{name}.{key}",
                 )
-        _check_validation_file(written, source, f"datasets.{name}")
-
-
-def _check_validation_file(written: Mapping[str, Any], source: str, place: str) -> None:
-    file, other = written.get("file"), written.get("validation_file")
-    if file is None or other is None:
-        return
-    if _real_path(file) == _real_path(other) or _is_same_file(file, other):
-        written_as = "" if file == other else f" ({file})"
-        raise InputError(
-            source,
-            f"{other} is also the estimation file{written_as}",
-            "give an independent recording, or leave the key out to cut this one",
-            f"{place}.validation_file",
-        )
+        file, other = written.get("file"), written.get("validation_file")
+        if not file or not other:
+            continue
+        if real_path(file) == real_path(other) or _is_same_file(file, other):
+            written_as = "" if file == other else f" ({file})"
+            raise InputError(
+                source,
+                f"{other} is also the estimation file{written_as}",
+                "give an independent recording, or leave the key out to cut this one",
+                f"datasets.{name}.validation_file",
+            )
 
 
 def _is_same_file(one: str, other: str) -> bool:
@@ -117,18 +115,20 @@ def _is_same_file(one: str, other: str) -> bool:
         return False
 
 
-def _real_path(path: str) -> str:
-    """The path of a file without links and dots, quick for many files in one folder."""
-    folder, name = os.path.split(path)
-    if name in ("", ".", ".."):
-        return os.path.realpath(path)
-    inside = os.path.join(_real_folder(folder), name)  # noqa: PTH118
-    return os.path.realpath(inside) if os.path.islink(inside) else inside  # noqa: PTH114
+class _RealPaths:
+    """The paths of files without links and dots, quick for many files in one folder."""
 
+    def __init__(self) -> None:
+        self.folders: dict[str, str] = {}
 
-@lru_cache(maxsize=1024)
-def _real_folder(folder: str) -> str:
-    return os.path.realpath(folder)
+    def __call__(self, path: str) -> str:
+        folder, name = os.path.split(path)
+        if name in ("", ".", ".."):
+            return os.path.realpath(path)
+        if folder not in self.folders:
+            self.folders[folder] = os.path.realpath(folder)
+        inside = os.path.join(self.folders[folder], name)  # noqa: PTH118
+        return os.path.realpath(inside) if os.path.islink(inside) else inside  # noqa: PTH114
 
 
 def _known_keys(kind: str) -> set[str]:
@@ -170,12 +170,4 @@ def _check_path(path: str, source: str, place: str) -> None:
         )
     if "\n" in path or "\r" in path:
         raise InputError(source, f"there is a line break in {path!r}", "remove it", place)
-    try:
-        os.fsencode(path)
-    except UnicodeEncodeError:
-        raise InputError(
-            source,
-            f"{path} cannot be a path in the locale of this process",
-            "set LC_ALL=C.UTF-8, or unset PYTHONUTF8 and run again",
-            place,
-        ) from None
+    check_locale(path, source, place)

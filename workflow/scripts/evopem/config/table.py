@@ -10,6 +10,7 @@ from __future__ import annotations
 import codecs
 import csv
 import io
+import os
 import re
 from collections import Counter
 from collections.abc import Iterator
@@ -129,8 +130,27 @@ def _rows(path: str) -> tuple[str, Row, list[Row]]:
     return separator, header, rows
 
 
+def check_locale(path: str, source: str, place: str = "") -> None:
+    """Refuse a path that the locale cannot encode: Python would say that the file is missing.
+
+    Raises
+    ------
+    InputError
+    """
+    try:
+        os.fsencode(path)
+    except UnicodeEncodeError:
+        raise InputError(
+            source,
+            f"{path!r} cannot be a path in the locale of this process",
+            "correct it, or set LC_ALL=C.UTF-8 and run again",
+            place,
+        ) from None
+
+
 def _text(path: str) -> str:
     """Read the text of a table, in UTF-8 or in UTF-16 with a byte order mark."""
+    check_locale(path, "datasets")
     try:
         content = Path(path).read_bytes() if not _is_special(path) else None
     except FileNotFoundError:
@@ -143,7 +163,9 @@ def _text(path: str) -> str:
         ) from None
     except ValueError:
         raise InputError(
-            repr(path[:100]), "this cannot be the path of a file", "correct the path after `datasets:`"
+            repr(path[:100]),
+            "this cannot be the path of a file",
+            "correct the path after `datasets:`",
         ) from None
     if content is None:
         raise InputError(path, "is not a regular file", "give the path of a table")

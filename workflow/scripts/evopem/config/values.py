@@ -14,6 +14,9 @@ from evopem.errors import InputError
 MAX_NUMBER = 2.0**64
 """Largest magnitude of any number in a configuration."""
 
+MAX_KEY = 300
+"""Most characters of a key or a name."""
+
 ALL_SAMPLES = 1.0
 """The fraction of samples that means all of them, where 1 is one sample."""
 
@@ -29,9 +32,9 @@ def normalized(value: Any, source: str, path: Path = ()) -> Any:
     Raises
     ------
     InputError
-        For a number that is not finite or beyond :data:`MAX_NUMBER`, a text that cannot be
-        encoded or written to a path, or nesting beyond :data:`MAX_DEPTH`, as in a mapping that
-        contains itself.
+        For a number that is not finite or beyond :data:`MAX_NUMBER`; a key that is not text or
+        longer than :data:`MAX_KEY`; a text with a null character or half a surrogate pair; or
+        nesting beyond :data:`MAX_DEPTH`, as in a mapping that contains itself.
     """
     if len(path) > MAX_DEPTH:
         raise InputError(
@@ -42,7 +45,7 @@ def normalized(value: Any, source: str, path: Path = ()) -> Any:
         )
     if isinstance(value, Mapping):
         for key in value:
-            _check_text(str(key), source, path)
+            _check_key(key, source, path)
         return {key: normalized(each, source, (*path, str(key))) for key, each in value.items()}
     if isinstance(value, list | tuple):
         return [normalized(each, source, (*path, index)) for index, each in enumerate(value)]
@@ -67,6 +70,16 @@ def _normalized_number(value: int | float, source: str, path: Path) -> int | flo
     if isinstance(value, float) and value == ALL_SAMPLES and path[-2:] == ("split", "estimation"):
         return value
     return int(value)
+
+
+def _check_key(key: object, source: str, path: Path) -> None:
+    if not isinstance(key, str):
+        raise InputError(source, f"the key {key!r} is not text", "put it in quotes", key_path(path))
+    _check_text(key, source, path)
+    if len(key) > MAX_KEY:
+        raise InputError(
+            source, f"the key {key[:40]}... has {len(key)} characters", "shorten it", key_path(path)
+        )
 
 
 def _check_text(text: str, source: str, path: Path) -> None:
