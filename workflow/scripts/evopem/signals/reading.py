@@ -24,7 +24,7 @@ from evopem.signals.recording import (
     check_recording,
     describe_recording,
 )
-from evopem.signals.timestamps import sampling_rate_of
+from evopem.signals.timestamps import is_time, sampling_rate_of
 
 FORMATS = {
     ".csv": "text",
@@ -138,6 +138,14 @@ def read_recording(
     )
     check_recording(recording, source)
     check_measured(recording, source)
+    for role in ("input", "output"):
+        if is_time(getattr(recording, role), rate):
+            raise InputError(
+                source,
+                "the channel increases by the sampling period in every sample, as a time does",
+                "choose another channel",
+                f'{role} "{getattr(recording, f"{role}_name")}"',
+            )
     return recording
 
 
@@ -238,8 +246,13 @@ def _read_channels(
 
 def _read_local(path: Path, references: list[Reference], options: dict[str, Any]) -> list[Channel]:
     format_name = _format_of(path)
-    if not path.exists():
-        raise InputError(str(path), "there is no such file", "check the path in the configuration")
+    try:
+        path.stat()
+    except (OSError, ValueError):
+        # Also a name that is too long for the file system, or that holds a zero byte.
+        raise InputError(
+            str(path), "there is no such file", "check the path in the configuration"
+        ) from None
     if not path.is_file():
         raise InputError(str(path), "is not a file", "give the path of one file")
     try:
