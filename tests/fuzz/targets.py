@@ -11,7 +11,7 @@ from evopem.errors import InputError
 from evopem.signals.reading import FORMATS, read_recording
 
 EXTENSIONS = sorted(FORMATS)
-CHANNELS = ((1, 2, None), (1, 2, 3), ("u", "y", None), ("u", "y", "time"))
+CHANNELS = ((1, 2, None), (1, 2, 3), ("u", "y", None), ("u", "y", "y_time"))
 SAMPLES = 12
 
 
@@ -48,19 +48,19 @@ def seeds() -> dict[str, bytes]:
     time = np.arange(SAMPLES) / 100.0
     u, y = np.random.default_rng(1).standard_normal((2, SAMPLES)).round(3)
     table = np.column_stack([u, y, time])
-    comma = "u,y,time\n" + "\n".join(",".join(map(str, row)) for row in table)
+    comma = "u,y,y_time\n" + "\n".join(",".join(map(str, row)) for row in table)
     contents = {
         ".csv": comma.encode(),
         ".tsv": comma.replace(",", "\t").encode("utf-16"),
         ".txt": comma.replace(",", ";").replace(".", ",").encode("latin-1"),
         ".dat": "\n".join(" ".join(map(str, row)) for row in table).encode(),
-        ".asc": ("# u y time\n" + "\n".join(f"{a:e} {b} {c}" for a, b, c in table)).encode(),
-        ".mat": _matlab(u=u, y=y, time=time),
-        ".npz": _numpy(u=u, y=y, time=time),
+        ".asc": ("# u y y_time\n" + "\n".join(f"{a:e} {b} {c}" for a, b, c in table)).encode(),
+        ".mat": _matlab(u=u, y=y, y_time=time),
+        ".npz": _numpy(u=u, y=y, y_time=time),
         ".npy": _numpy_alone(table),
-        ".parquet": _parquet(u=u, y=y, time=time),
-        ".h5": _hdf5(u=u, y=y, time=time),
-        ".tdms": _tdms(u=u, y=y, time=time),
+        ".parquet": _parquet(u=u, y=y, y_time=time),
+        ".h5": _hdf5(u=u, y=y, y_time=time),
+        ".tdms": _tdms(u=u, y=y, y_time=time),
         ".uff": _uff(u, y),
     }
     found = {}
