@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from pathlib import Path
 
@@ -24,7 +23,9 @@ from recorded_files import (
 )
 from scipy.io import savemat
 
-from evopem.signals.reading import describe_source, read_recording
+from evopem.config.settings import ChannelSettings
+from evopem.signals.reading import read_recording
+from evopem.signals.recording_info import FileOrigin, RecordingInfo, describe_recorded_file
 
 MOTOR_BENCH = Path(__file__).parents[2].parent / "shared" / "data" / "motor_bench"
 
@@ -300,22 +301,23 @@ def test_description_of_the_source(tmp_path):
 
     path = write_every_format(tmp_path)["npz"]
     recording = read_recording(path, "u", 2, RATE, output_unit="m")
-    description = describe_source(path, recording, "u", 2)
-    assert description == {
-        "kind": "file",
-        "path": str(path),
-        "sha256": hashlib.sha256(path.read_bytes()).hexdigest(),
-        "bytes": path.stat().st_size,
-        "format": "numpy_files",
-        "input_channel": "u",
-        "output_channel": 2,
-        "samples": N,
-        "sampling_rate": RATE,
-        "input_name": "u",
-        "output_name": "y",
-        "input_unit": "",
-        "output_unit": "m",
-        "input_saturated_percent": 0.0,
-        "output_saturated_percent": 0.0,
-    }
-    json.dumps(description)
+    info = describe_recorded_file(path, recording, ChannelSettings(input="u", output=2))
+    assert info == RecordingInfo(
+        kind="file",
+        samples=N,
+        sampling_rate=RATE,
+        input_name="u",
+        output_name="y",
+        input_unit="",
+        output_unit="m",
+        input_saturated_percent=0.0,
+        output_saturated_percent=0.0,
+        file=FileOrigin(
+            path=str(path),
+            sha256=hashlib.sha256(path.read_bytes()).hexdigest(),
+            bytes=path.stat().st_size,
+            format="numpy_files",
+            input_channel="u",
+            output_channel=2,
+        ),
+    )

@@ -22,7 +22,6 @@ from evopem.signals.recording import (
     Recording,
     check_measured,
     check_recording,
-    describe_recording,
 )
 from evopem.signals.timestamps import is_time, sampling_rate_of
 
@@ -114,7 +113,7 @@ def read_recording(
             f"channel {input!r} is named as the input and as the output",
             "choose two different channels",
         )
-    options = _text_options(_format_of(path), source, header_lines, decimal_mark)
+    options = _text_options(format_of(path), source, header_lines, decimal_mark)
     references = [input, output] if time is None else [input, output, time]
     channels = _read_channels(path, references, options)
     signals = [_signal(channels[0], "input", source), _signal(channels[1], "output", source)]
@@ -149,49 +148,20 @@ def read_recording(
     return recording
 
 
-def describe_source(
-    path: str | Path,
-    recording: Recording,
-    input: Reference,  # noqa: A002
-    output: Reference,
-) -> dict[str, Any]:
-    """The origin of a recording.
-
-    Parameters
-    ----------
-    path : str or Path
-        The file it was read from.
-    recording : Recording
-        What was read.
-    input, output : int or str
-        The channels as they were asked for.
-
-    Returns
-    -------
-    dict
-        ``kind`` ("file"), ``path``, ``sha256``, ``bytes``, ``format``, ``input_channel``,
-        ``output_channel``, and what `describe_recording` says.
-    """
-    path = Path(path)
-    return {
-        "kind": "file",
-        "path": str(path),
-        "sha256": sha256(path),
-        "bytes": path.stat().st_size,
-        "format": _format_of(path),
-        "input_channel": input,
-        "output_channel": output,
-        **describe_recording(recording),
-    }
-
-
 def sha256(path: str | Path) -> str:
     """SHA-256 of a file's bytes, as hexadecimal digits."""
-    with _local(Path(path)).open("rb") as file:
+    with local_path(Path(path)).open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def _format_of(path: Path) -> str:
+def format_of(path: Path) -> str:
+    """The format of a file, one of the values of `FORMATS`, by its extension.
+
+    Raises
+    ------
+    InputError
+        When the extension is not known.
+    """
     extension = path.suffix.lower()
     if extension not in FORMATS:
         raise InputError(
@@ -202,7 +172,7 @@ def _format_of(path: Path) -> str:
     return FORMATS[extension]
 
 
-def _local(path: Path) -> Path:
+def local_path(path: Path) -> Path:
     """The path as the operating system's calls take it in any locale.
 
     In the C locale without UTF-8 mode Python cannot encode a name such as "Größe.csv". Files are
@@ -235,7 +205,7 @@ def _text_options(
 def _read_channels(
     path: Path, references: list[Reference], options: dict[str, Any]
 ) -> list[Channel]:
-    local = _local(path)
+    local = local_path(path)
     try:
         return _read_local(local, references, options)
     except InputError as refused:
@@ -245,7 +215,7 @@ def _read_channels(
 
 
 def _read_local(path: Path, references: list[Reference], options: dict[str, Any]) -> list[Channel]:
-    format_name = _format_of(path)
+    format_name = format_of(path)
     try:
         path.stat()
     except (OSError, ValueError):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -233,17 +232,6 @@ _FIELDS = (
 def recording_arrays(recording: Recording, prefix: str = "") -> dict[str, NDArray]:
     """The fields of a recording as arrays, each under its name after `prefix`."""
     return {prefix + field: np.asarray(getattr(recording, field)) for field in _FIELDS}
-
-
-def describe_recording(recording: Recording) -> dict[str, Any]:
-    """Number of samples, sampling rate, names, units and saturation (%), for the provenance."""
-    return {
-        "samples": recording.samples,
-        "sampling_rate": recording.sampling_rate,
-        **{name: getattr(recording, name) for name in _FIELDS[3:]},
-        "input_saturated_percent": 100.0 * saturated_share(recording.input),
-        "output_saturated_percent": 100.0 * saturated_share(recording.output),
-    }
 
 
 def recording_names(prefix: str = "") -> tuple[str, ...]:

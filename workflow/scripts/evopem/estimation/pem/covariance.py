@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from evopem.estimation.pem.kernels.filtering import filter_rows
 from evopem.estimation.pem.least_squares import chunks, triangle_of
 from evopem.models.armax import ArmaxModel
 
@@ -44,8 +45,6 @@ def _jacobian_blocks(
     recursion_start: int,
 ) -> Iterator[tuple[int, Array]]:
     """First sample and rows of the Jacobian, chunk by chunk."""
-    from scipy.signal import lfilter
-
     o = model.orders
     samples = len(output)
     impulse = np.zeros(samples)
@@ -56,14 +55,13 @@ def _jacobian_blocks(
         + [(residuals, k, -1.0) for k in range(1, o.nc + 1)]
         + [(impulse, k, 1.0) for k in range(o.nc)]
     )
-    states = [np.zeros(o.nc) for _ in columns]
+    states = np.zeros((len(columns), o.nc))
     for first, stop in chunks(recursion_start, samples):
-        block = np.empty((stop - first, len(columns)))
-        for column, (signal, lag, sign) in enumerate(columns):
-            delayed = signal[first - lag : stop - lag]
-            filtered, states[column] = lfilter([1.0], model.c, delayed, zi=states[column])
-            block[:, column] = sign * filtered
-        yield first, block
+        filtered = np.empty((len(columns), stop - first))
+        for row, (signal, lag, sign) in enumerate(columns):
+            filtered[row] = sign * signal[first - lag : stop - lag]
+        filter_rows(filtered, model.c, states)
+        yield first, filtered.T
 
 
 def parameter_covariance(

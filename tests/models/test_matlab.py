@@ -1,0 +1,93 @@
+"""Models written and read back, by evopem, SciPy and Octave."""
+
+import json
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+from evopem.models.files import save_model_json, save_model_mat
+from scipy.io import loadmat
+
+import evopem
+from evopem.errors import InputError
+from evopem.synthesis.armax import true_model
+
+
+@pytest.fixture
+def model():
+    truth = true_model()
+    return evopem.ArmaxModel(
+        truth.a, truth.b, truth.c, truth.nk, 100.0, 0.25, 1e-4 * np.eye(truth.orders.parameters)
+    )
+
+
+def test_json_keeps_every_bit(model, tmp_path):
+    path = tmp_path / "model.json"
+    save_model_json(model, path, {"seed": 3})
+    again = evopem.load(path)
+    for name in ("a", "b", "c", "covariance"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(model, name))
+    assert (again.nk, again.sampling_rate, again.noise_variance) == (3, 100.0, 0.25)
+    record = json.loads(path.read_text())
+    assert record["orders"] == {"na": 7, "nb": 6, "nc": 7, "nk": 3}
+    assert record["seed"] == 3
+    assert record["modes"][0]["frequency_hz"] == pytest.approx(5.36)
+
+
+def test_mat_holds_the_arguments_of_idpoly(model, tmp_path):
+    path = tmp_path / "model.mat"
+    save_model_mat(model, path)
+    stored = loadmat(path)
+    np.testing.assert_array_equal(stored["A"], model.a[None, :])
+    np.testing.assert_array_equal(stored["B"][0], np.r_[0, 0, 0, model.b])
+    np.testing.assert_array_equal(stored["C"], model.c[None, :])
+    assert stored["Ts"][0, 0] == 0.01
+    assert stored["NoiseVariance"][0, 0] == 0.25
+
+
+def test_mat_bytes_depend_on_the_model_alone(model, tmp_path):
+    first, second = tmp_path / "one.mat", tmp_path / "two.mat"
+    save_model_mat(model, first)
+    save_model_mat(model, second)
+    assert first.read_bytes() == second.read_bytes()
+    assert b"evopem" in first.read_bytes()[:116]
+
+
+def test_octave_simulates_the_same(model, tmp_path):
+    octave = shutil.which("octave-cli") or shutil.which("octave")
+    if octave is None:
+        pytest.skip("Octave is not installed")
+    save_model_mat(model, tmp_path / "model.mat")
+    u = np.random.default_rng(1).standard_normal(50)
+    np.savetxt(tmp_path / "u.txt", u)
+    script = (
+        "load model.mat; u = load('u.txt'); y = filter(B, A, u); "
+        "printf('%.17g\\n', y); printf('%.17g\\n', Ts);"
+    )
+    printed = subprocess.run(
+        [octave, "--no-gui", "--quiet", "--eval", script],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=120,
+    ).stdout.split()
+    np.testing.assert_allclose(np.array(printed[:-1], float), model.simulate(u), rtol=1e-9)
+    assert float(printed[-1]) == 0.01
+
+
+@pytest.mark.parametrize(
+    ("content", "problem"),
+    [("{", "not JSON"), ("[]", "not a model"), ('{"a": [1]}', "not a model")],
+)
+def test_other_files_are_refused_in_a_sentence(tmp_path, content, problem):
+    path = tmp_path / "model.json"
+    path.write_text(content)
+    with pytest.raises(InputError, match=problem):
+        evopem.load(path)
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(InputError, match=r"absent\.json: it cannot be read"):
+        evopem.load(tmp_path / "absent.json")
