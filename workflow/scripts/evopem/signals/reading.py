@@ -313,7 +313,7 @@ def _sampling_rate(
     channels: list[Channel], stated: float | None, time_unit: str | None, source: str
 ) -> float:
     """The rate that is stated, else that of the time stamps, else the file's own."""
-    in_file = {channel.sampling_rate for channel in channels[:2]}
+    in_file = list(dict.fromkeys(channel.sampling_rate for channel in channels[:2]))
     if len(in_file) > 1 and stated is None:
         rates = " and ".join("none" if one is None else f"{one:g} Hz" for one in in_file)
         raise InputError(
@@ -321,7 +321,7 @@ def _sampling_rate(
             f"the file states different sampling rates for input and output ({rates})",
             "choose two channels that were sampled together",
         )
-    own = next(iter(in_file)) if len(in_file) == 1 else None
+    own = in_file[0] if len(in_file) == 1 else None
     if len(channels) == 3:
         time = channels[2]
         if time.values.size != channels[0].values.size:
