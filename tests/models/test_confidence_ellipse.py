@@ -70,4 +70,3 @@ def test_an_infinite_variance_is_not_known():
     covariance = np.diag([np.inf, 1e-8, 1e-8, 1e-8, 1e-8, 1e-8, 1e-8])
     assert not any(root.covariance_known for root in uncertain_roots(model(covariance), "A"))
     assert all(root.covariance_known for root in uncertain_roots(model(covariance), "B"))
-

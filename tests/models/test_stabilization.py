@@ -35,7 +35,9 @@ def test_each_pole_is_compared_with_those_of_the_next_lower_order():
         "frequency",
         "new",
     ]
-    assert [pole.damping_ratio for pole in poles] == pytest.approx([0.05, *[0.052] * 2, *[0.09] * 3])
+    assert [pole.damping_ratio for pole in poles] == pytest.approx(
+        [0.05, *[0.052] * 2, *[0.09] * 3]
+    )
 
 
 def test_a_frequency_that_moves_by_two_percent_is_not_stable():
