@@ -238,11 +238,12 @@ def test_wall_clock_commit_and_validation_file_are_in_the_provenance(build, resu
         results,
         validation_recording_info=replace(results.recording_info, kind="file", file=origin),
     )
-    seconds = {"spectrum": 12.34, "nb": 98.76}
+    seconds = {"spectrum": 12.34, "nb": 98.76, "identification": 321.0}
     text = Page(build(validated, wall_clock=seconds, commit="1234abcd")).text
     assert "Spectrum – – 12.3" in text
     assert "Model and covariance – – –" in text
     assert "98.8" in text
+    assert "All stages, in one job – – 321.0" in text
     assert "Commit of the workflow 1234abcd" in text
     assert "git -C PATH checkout 1234abcd" in text
     assert f"File for validation data/fresh.csv SHA-256 for validation {'cd' * 32}" in text
