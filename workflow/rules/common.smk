@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 from snakemake.exceptions import WorkflowError
+from snakemake.io import IOFile
 
 WORKFLOW = Path(str(workflow.current_basedir)).parent
 SCRIPTS = WORKFLOW / "scripts"
@@ -82,6 +83,26 @@ def estimation_cores(wildcards):
 def code(script, *templates):
     """A digest of a script and of all code behind it: a rule reruns when it changes."""
     return code_version(SCRIPTS / f"{script}.py", templates)
+
+
+def collect_unfinished():
+    """List all data sets after a run that failed; the next run makes the lists again."""
+    from evopem.pipeline import fleet
+
+    if not provider.lists:
+        return
+    left = {
+        getattr(job.wildcards, "dataset", None) for job in workflow.dag.needrun_jobs()
+    }
+    required = {name: provider.results(name) for name in provider.config.datasets}
+    fleet.collect_unfinished(
+        required, WORKFLOW / "templates", provider.page, pending=left
+    )
+    # Without the record of how Snakemake made them, and older than all results, they are made
+    # again even if the contents of their inputs stay the same.
+    for file in filter(os.path.exists, provider.lists):
+        os.utime(file, (0, 0))
+        workflow.persistence.cleanup_metadata(IOFile(file))
 
 
 wildcard_constraints:
