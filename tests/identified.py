@@ -35,7 +35,7 @@ SETTINGS = DatasetSettings(
     spectrum=SpectrumSettings(nfft=2048),
     order_grid=OrderGrid(
         DelaySettings(orders=(6, 7), nk=(2, 3)),
-        OrderSettings(joint=(6, 8), nc=(6, 8), nb=(5, 7)),
+        OrderSettings(joint=(6, 8), nc=(5, 8), nb=(5, 7)),
     ),
     search=SearchSettings(evaluations=4000),
 )

@@ -5,6 +5,7 @@ import re
 import warnings
 
 import numpy as np
+from evopem.models.files import model_record
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import lfilter
@@ -12,7 +13,6 @@ from scipy.signal import lfilter
 from evopem.config.order_grid import check_samples, sample_needs
 from evopem.errors import InputError
 from evopem.estimation.order_selection import estimate_candidates, recall
-from evopem.models.files import model_record
 from evopem.signals.preparation import prepare
 from evopem.signals.recording import Recording, check_recording
 from evopem.signals.spectral.multitaper import multitaper_spectrum, spectral_peaks

@@ -6,11 +6,11 @@ import subprocess
 
 import numpy as np
 import pytest
+from evopem.models.files import save_model_json, save_model_mat
 from scipy.io import loadmat
 
 import evopem
 from evopem.errors import InputError
-from evopem.models.files import save_model_json, save_model_mat
 from evopem.synthesis.armax import true_model
 
 

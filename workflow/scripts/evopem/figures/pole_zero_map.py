@@ -133,9 +133,7 @@ def _scatter(
 
 def _ellipse(axes: Axes, root: UncertainRoot, colour: str) -> None:
     if root.covariance_known:
-        axes.fill(
-            *root.outline(), facecolor=colour, alpha=0.3, edgecolor=colour, linewidth=0.8
-        )
+        axes.fill(*root.outline(), facecolor=colour, alpha=0.3, edgecolor=colour, linewidth=0.8)
 
 
 def _count_beyond(axes: Axes, zeros: int) -> None:

@@ -27,7 +27,11 @@ if TYPE_CHECKING:
 # Status of a pole, label, marker.
 STATUS_STYLES: tuple[tuple[str, str, dict[str, Any]], ...] = (
     ("new", "new", {"marker": "o", "color": MUTED, "markerfacecolor": PAPER}),
-    ("frequency", "stable in frequency", {"marker": "D", "color": FOURTH, "markerfacecolor": PAPER}),
+    (
+        "frequency",
+        "stable in frequency",
+        {"marker": "D", "color": FOURTH, "markerfacecolor": PAPER},
+    ),
     ("stable", "stable in frequency and damping", {"marker": "o", "color": MODEL}),
 )
 

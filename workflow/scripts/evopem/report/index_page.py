@@ -25,6 +25,7 @@ class IndexRow:
         Why the results are not complete; empty where they are.
     orders : str
     prediction_error_percent, simulation_error_percent : float
+        NaN where not known.
     passed, failed, not_judged : int
         Numbers of checks.
     concerns : tuple of str
@@ -43,7 +44,7 @@ class IndexRow:
     concerns: tuple[str, ...] = ()
 
     @property
-    def _rank(self) -> tuple[bool, int, int, float, str]:
+    def rank(self) -> tuple[bool, int, int, float, str]:
         """Rows with a smaller rank come first."""
         error = self.simulation_error_percent
         severity = math.inf if math.isnan(error) else error
@@ -70,10 +71,10 @@ def build_index(
     Returns
     -------
     str
-        HTML.
+        One HTML page.
     """
     rows = sorted(
-        (_row(name, entry, page) for name, entry in entries.items()), key=lambda row: row._rank
+        (_row(name, entry, page) for name, entry in entries.items()), key=lambda row: row.rank
     )
     return environment(template_directory).get_template("index.html.j2").render(rows=rows)
 

@@ -18,9 +18,7 @@ NOT_KNOWN = "not known"
 
 def is_number(value: object) -> TypeGuard[float]:
     """Whether a value is a finite number."""
-    return (
-        isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-    )
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
 
 
 def number(value: float | None, digits: int = 4) -> str:

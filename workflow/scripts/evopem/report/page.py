@@ -127,9 +127,7 @@ def build_report(
     )
 
 
-def _section(
-    figure: ReportFigure, results: DatasetResults, figures: Mapping[str, str]
-) -> Section:
+def _section(figure: ReportFigure, results: DatasetResults, figures: Mapping[str, str]) -> Section:
     title, sentences = SECTIONS[figure.name]
     svg = figures.get(figure.name)
     return Section(

@@ -20,9 +20,9 @@ Order = Literal["na", "nb", "nc"]
 
 # Phase, the order that it varies, its name.
 ORDER_PHASES: tuple[tuple[str, Order, str], ...] = (
-    ("joint", "na", "joint order k = na = nb = nc"),
-    ("nc", "nc", "order of C, nc"),
-    ("nb", "nb", "number of B coefficients, nb"),
+    ("joint", "na", "Joint order k = na = nb = nc"),
+    ("nc", "nc", "Order of C, nc"),
+    ("nb", "nb", "Number of B coefficients, nb"),
 )
 
 
@@ -58,8 +58,8 @@ def phases(results: DatasetResults) -> list[str]:
         tried = [getattr(candidate.orders, order) for candidate in candidates]
         value, smallest = getattr(own.orders, order), getattr(least.orders, order)
         text = (
-            f"The {name}, was searched from {min(tried)} to {max(tried)}. Selected: {value}, with"
-            f" an RSS of {percent(own.criteria.rss, 4)}"
+            f"{name}, searched from {min(tried)} to {max(tried)}: {value} is selected, with an"
+            f" RSS of {percent(own.criteria.rss, 4)}"
         )
         if smallest != value:
             text += f"; the smallest RSS, {percent(least.criteria.rss, 4)}, is at {smallest}"

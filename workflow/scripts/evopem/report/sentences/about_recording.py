@@ -43,7 +43,8 @@ def _contents(info: RecordingInfo) -> str:
         names = "one input and one output"
     return (
         f"The recording has {count(info.samples)} samples of {names} at"
-        f" {hertz(info.sampling_rate)}, {number(info.samples / info.sampling_rate)}{THIN}s in total."
+        f" {hertz(info.sampling_rate)},"
+        f" {number(info.samples / info.sampling_rate)}{THIN}s in total."
     )
 
 

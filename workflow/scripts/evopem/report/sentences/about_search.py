@@ -26,7 +26,7 @@ def search(results: DatasetResults) -> list[str]:
         f" {percent(model.criteria.fit_percent, 4)}.",
         _restarts(diagnostics),
         "The descents that converged ended at"
-        f" {plural(diagnostics.n_local_optima, 'distinct local optimum', 'distinct local optima')}.",
+        f" {plural(diagnostics.n_local_optima, 'local optimum', 'distinct local optima')}.",
         _multistart(diagnostics),
     ]
     if model.search.at_stability_bound:
@@ -36,7 +36,7 @@ def search(results: DatasetResults) -> list[str]:
         )
     if model.noise_state.size:
         sentences.append(
-            f"The noise state before the first residual ({plural(model.noise_state.size, 'number')})"
+            f"The noise state before the first residual ({plural(model.noise_state.size, 'value')})"
             " was estimated with the coefficients, so no initial transient adds to the residuals."
         )
     sentences.append(_all_candidates(results.candidates))
@@ -81,9 +81,9 @@ def _all_candidates(candidates: pd.DataFrame) -> str:
     confirmed = int((candidates["n_confirming"] > 0).sum())
     bound = int(candidates["at_stability_bound"].sum())
     return (
-        f"Of all {plural(len(candidates), 'candidate')}, {count(confirmed) if confirmed else 'none'}"
-        f" {'was' if confirmed < 2 else 'were'} confirmed by another restart, and"
-        f" {count(bound) if bound else 'none'} {'has' if bound < 2 else 'have'} a root at the"
-        " stability bound. The objective of a candidate that was not confirmed may lie above its"
-        " global minimum, and its criteria with it."
+        f"Of all {plural(len(candidates), 'candidate')}, {count(confirmed)}"
+        f" {'was' if confirmed == 1 else 'were'} confirmed by another restart, and"
+        f" {count(bound)} {'has' if bound == 1 else 'have'} a root at the stability bound. The"
+        " objective of a candidate that was not confirmed may lie above its global minimum, and its"
+        " criteria with it."
     )

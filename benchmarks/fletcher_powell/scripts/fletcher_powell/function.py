@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.fletcher_powell.libraries import library
+from fletcher_powell.packages import import_package
 
 Array = NDArray[np.float64]
 
@@ -20,8 +20,8 @@ LARGEST_ENTRY = 100
 class Instance:
     """``f(x) = sum_i (A_i - B_i(x))^2``, ``B_i(x) = sum_j (a_ij sin x_j + b_ij cos x_j)``.
 
-    ``A_i = B_i(alpha)``, so the global minimum is 0, at alpha and, f being 2π-periodic in each
-    coordinate, at all its images.
+    ``A_i = B_i(alpha)``, so the global minimum is 0, at alpha.  f is 2π-periodic in each
+    coordinate.
 
     Attributes
     ----------
@@ -50,7 +50,7 @@ class Instance:
 
     @property
     def precision(self) -> float:
-        """Value at which only rounding is left: eps² times the sum of all squared weights."""
+        """Value below which f is rounding error: eps² times the sum of all squared weights."""
         weights: Array = self._weights  # type: ignore[attr-defined]
         return float(np.finfo(float).eps ** 2 * np.sum(weights**2))
 
@@ -66,7 +66,7 @@ class Instance:
         return _squares(residuals), gradients
 
     def values_and_differences(self, points: Array) -> tuple[Array, Array]:
-        """f of each row and its gradient by n forward differences, each from a whole new value.
+        """f of each row, and its gradient by forward differences: n further values a row.
 
         The step is ``sqrt(eps) max(1, |x_j|)``.
         """
@@ -74,7 +74,7 @@ class Instance:
         step = np.sqrt(np.finfo(float).eps) * np.maximum(1.0, np.abs(points))
         moved = points + step
         step = moved - points
-        # Only the coordinate that moved needs a new sine and cosine; the sums are made anew.
+        # Only the coordinate that moved needs a new sine and cosine; every sum is computed again.
         diagonal = np.arange(n)
         sine, cosine = np.sin(points), np.cos(points)
         sines = np.repeat(sine[:, None, :], n, axis=1)
@@ -96,34 +96,33 @@ def _squares(residuals: Array) -> Array:
 
 
 def wrap(points: Array) -> Array:
-    """The images of points in the box [-π, π], where f is the same."""
+    """Move points to their images in the box [-π, π], where f is the same."""
     return points - 2.0 * np.pi * np.round(points / (2.0 * np.pi))
 
 
 def instance(name: str, dimension: int) -> Instance:
-    """One of the instances by its name.
+    """Make an instance of the function.
 
     Parameters
     ----------
     name : str
-        ``seed-<whole number>``: whole numbers drawn uniformly from [-100, 100] and alpha drawn
-        uniformly from [-π, π]; or ``cec2005-f12``: Schwefel's problem 2.13, function 12 of the
-        CEC 2005 test suite, its leading rows and columns, without the suite's bias of -460.
+        ``seed-<whole number>``: integer weights drawn uniformly from [-100, 100] and alpha drawn
+        uniformly from [-π, π]; or ``cec2005-f12``: the leading rows and columns of function 12 of
+        the CEC 2005 test suite (Schwefel's problem 2.13), without the suite's bias of -460.
     dimension : int
         At most 100 for ``cec2005-f12``.
 
     Raises
     ------
     InputError
-        When the data of ``cec2005-f12`` are not installed (package optproblems).
+        When the package optproblems, which holds the data of ``cec2005-f12``, is missing.
     ValueError
-        For a name or a dimension that there is not.
+        For an unknown name or a dimension that is too large.
     """
     if name == CEC_2005:
-        F12 = library("optproblems.cec2005").F12
-
+        F12 = import_package("optproblems.cec2005").F12
         if dimension > len(F12.alpha):
-            raise ValueError(f"{name} has no more than {len(F12.alpha)} dimensions")
+            raise ValueError(f"{name} has at most {len(F12.alpha)} dimensions")
         leading = slice(dimension)
         return Instance(
             name,
@@ -132,7 +131,7 @@ def instance(name: str, dimension: int) -> Instance:
             np.array(F12.alpha, dtype=float)[leading],
         )
     if not name.startswith(SEEDED):
-        raise ValueError(f"no instance is called {name}")
+        raise ValueError(f"unknown instance {name}")
     sequence = np.random.SeedSequence(int(name.removeprefix(SEEDED)), spawn_key=(dimension,))
     generator = np.random.default_rng(sequence)
     a, b = generator.integers(

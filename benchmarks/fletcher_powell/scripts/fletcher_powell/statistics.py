@@ -1,37 +1,56 @@
-"""What the runs show: final values, expected evaluations to success, and convergence."""
+"""Statistics of the runs: final values, expected evaluations to success, and convergence."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from evopem.fletcher_powell.algorithms import ALGORITHMS
-from evopem.fletcher_powell.function import instance, wrap
-from evopem.fletcher_powell.objective import Objective
-from evopem.fletcher_powell.problem import descend_in_turn
-from evopem.fletcher_powell.runs import curve_grid
+from fletcher_powell.algorithms import ALGORITHMS
+from fletcher_powell.function import instance, wrap
+from fletcher_powell.objective import Objective
+from fletcher_powell.problem import descend_in_turn
+from fletcher_powell.runs import Run, curve_grid
 
 Array = NDArray[np.float64]
 
 STUDIES = ("table", "precise", "scale")
-# Study, dimension and evaluations of the chapter's table 1, and its mean, smallest and largest P,
-# on matrices that it does not give.
-CHAPTER_SETTING = ("table", 20, 200_000)
-CHAPTER_TABLE = {
-    "hybrid": (-7.15, -8.98, 3.12),
-    "es": (3.94, 2.07, 5.20),
-    "ep": (4.13, 3.14, 5.60),
-    "ga": (4.07, 3.23, 5.05),
-}
-# Values below this count as this in P: it lies below the rounding of any instance.
+# Values below this count as this in P: it is below the rounding error of every instance.
 SMALLEST_VALUE = 1e-30
 QUANTILES = (0.1, 0.5, 0.9)
 REPLICATES = 2000
 SEED = 15
+
+
+@dataclass(frozen=True)
+class PublishedResult:
+    """P at the end of the runs of one algorithm, as the chapter's table 1 gives it."""
+
+    mean: float
+    least: float
+    largest: float
+
+
+# Study, dimension and evaluations of the chapter's table 1. Its instance is not published.
+CHAPTER_SETTING = ("table", 20, 200_000)
+CHAPTER_TABLE = {
+    "hybrid": PublishedResult(-7.15, -8.98, 3.12),
+    "es": PublishedResult(3.94, 2.07, 5.20),
+    "ep": PublishedResult(4.13, 3.14, 5.60),
+    "ga": PublishedResult(4.07, 3.23, 5.05),
+}
+
+
+@dataclass(frozen=True)
+class Ratio:
+    """Ratio of the expected evaluations of two algorithms, with its 95 % bootstrap interval."""
+
+    value: float
+    low: float
+    high: float
 
 
 def progress(best: Sequence[float] | Array) -> Array:
@@ -39,29 +58,28 @@ def progress(best: Sequence[float] | Array) -> Array:
     return np.log10(np.maximum(np.asarray(best, dtype=float), SMALLEST_VALUE))
 
 
-def runs_table(records: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
-    """One row a run, without its curve."""
-    columns = [name for name in records[0] if name != "curve"]
-    runs = pd.DataFrame([{name: record[name] for name in columns} for record in records])
-    runs["P"] = progress(runs["best"])
+def runs_table(runs: Sequence[Run]) -> pd.DataFrame:
+    """One row for each run: the attributes of `Run` except the curve, and P."""
+    table = pd.DataFrame([asdict(run) for run in runs]).drop(columns="curve")
+    table["P"] = progress(table["best"])
     successes = ["success_evaluations", "success_values", "success_gradients"]
-    runs[successes] = runs[successes].astype("Int64")
+    table[successes] = table[successes].astype("Int64")
     order = {name: position for position, name in enumerate((*STUDIES, *ALGORITHMS))}
     keys = ["study", "dimension", "algorithm", "instance", "run"]
-    return runs.sort_values(
+    return table.sort_values(
         keys, key=lambda column: column.map(order) if column.name in keys[0::2] else column
     ).reset_index(drop=True)
 
 
 def spent(runs: pd.DataFrame, gradient: str) -> Array:
-    """Evaluations of each run until its success, or in all if it had none, in one counting.
+    """Evaluations of each run until its success, or in all if it had none.
 
     Parameters
     ----------
     runs : DataFrame
-        As :func:`runs_table` makes it.
+        From :func:`runs_table`.
     gradient : {"differences", "analytic", "own"}
-        A gradient counts n, or one, or what it cost the run.
+        A gradient counts n, or one, or as the run counted it.
     """
     found = runs["success_evaluations"].notna()
     if gradient == "own":
@@ -74,9 +92,10 @@ def spent(runs: pd.DataFrame, gradient: str) -> Array:
 
 
 def expected_evaluations(evaluations: Array, successes: NDArray[np.bool_]) -> float:
-    """All evaluations over the number of successes; infinite without any.
+    """Expected evaluations to success: all evaluations over the number of successes.
 
-    It estimates what independent restarts spend until the first success.
+    Estimates the cost of independent restarts until the first success (Auger and Hansen 2005).
+    Infinite without any success.
     """
     return float(evaluations.sum() / successes.sum()) if successes.any() else float("inf")
 
@@ -84,7 +103,7 @@ def expected_evaluations(evaluations: Array, successes: NDArray[np.bool_]) -> fl
 def resampled(
     evaluations: Array, successes: NDArray[np.bool_], generator: np.random.Generator
 ) -> Array:
-    """The same of runs drawn with replacement, (REPLICATES,)."""
+    """Expected evaluations of bootstrap samples of the runs, (REPLICATES,)."""
     drawn = generator.integers(len(evaluations), size=(REPLICATES, len(evaluations)))
     found = successes[drawn].sum(axis=1)
     with np.errstate(divide="ignore"):
@@ -94,10 +113,10 @@ def resampled(
 def summary_table(runs: pd.DataFrame) -> pd.DataFrame:
     """One row for each study, dimension and algorithm.
 
-    Columns: what it is; ``runs`` and ``successes``; mean, standard error, smallest and largest P
-    (none for the study of scale, which stops at the target); expected evaluations to success in
-    the run's own counting with its 95 % bootstrap interval, and in both countings; what the
-    chapter prints.
+    Columns: ``study`` to ``budget``; ``instances``, ``runs`` and ``successes``; mean, standard
+    error, least and largest P (missing in the study of scale, whose runs end at the target);
+    expected evaluations to success with their 95 % bootstrap interval, as the runs counted them,
+    and for either cost of a gradient; P in the chapter's table 1, where the setting is the same.
     """
     rows = []
     for (study, dimension, algorithm), group in runs.groupby(
@@ -107,8 +126,8 @@ def summary_table(runs: pd.DataFrame) -> pd.DataFrame:
         own = spent(group, "own")
         low, high = _interval(resampled(own, found, np.random.default_rng(SEED)))
         final = group["P"] if study != "scale" else None
-        printed = (study, dimension, group["budget"].iloc[0]) == CHAPTER_SETTING
-        chapter = CHAPTER_TABLE.get(algorithm) if printed else None
+        published = (study, dimension, group["budget"].iloc[0]) == CHAPTER_SETTING
+        chapter = CHAPTER_TABLE.get(algorithm) if published else None
         rows.append(
             {
                 "study": study,
@@ -133,22 +152,21 @@ def summary_table(runs: pd.DataFrame) -> pd.DataFrame:
                 "expected_if_analytic": _finite(
                     expected_evaluations(spent(group, "analytic"), found)
                 ),
-                "chapter_mean": chapter[0] if chapter else None,
-                "chapter_min": chapter[1] if chapter else None,
-                "chapter_max": chapter[2] if chapter else None,
+                "chapter_mean": chapter.mean if chapter else None,
+                "chapter_min": chapter.least if chapter else None,
+                "chapter_max": chapter.largest if chapter else None,
             }
         )
     return pd.DataFrame(rows)
 
 
-def convergence_table(records: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
+def convergence_table(runs: Sequence[Run]) -> pd.DataFrame:
     """Quantiles of P over the runs against the evaluations, for each study and algorithm."""
     tables = []
-    curves: dict[tuple[str, str, int], list[list[float]]] = {}
-    for record in records:
-        if record["curve"] is not None:
-            key = (record["study"], record["algorithm"], record["budget"])
-            curves.setdefault(key, []).append(record["curve"])
+    curves: dict[tuple[str, str, int], list[tuple[float, ...]]] = {}
+    for run in runs:
+        if run.curve is not None:
+            curves.setdefault((run.study, run.algorithm, run.budget), []).append(run.curve)
     for (study, algorithm, budget), each in curves.items():
         low, median, high = np.quantile(progress(np.array(each)), QUANTILES, axis=0)
         tables.append(
@@ -166,12 +184,10 @@ def convergence_table(records: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
     return pd.concat(tables, ignore_index=True)
 
 
-def comparison(
-    runs: pd.DataFrame, study: str, dimension: int, one: str, other: str
-) -> dict[str, float] | None:
-    """Expected evaluations of one algorithm over another's, with its 95 % bootstrap interval.
+def compare(runs: pd.DataFrame, study: str, dimension: int, one: str, other: str) -> Ratio | None:
+    """Expected evaluations of one algorithm over those of another, on their common instances.
 
-    Both on the instances that both were run on; None where either has no success there.
+    None where either has no success.
     """
     generator = np.random.default_rng(SEED)
     there = runs[(runs["study"] == study) & (runs["dimension"] == dimension)]
@@ -186,7 +202,7 @@ def comparison(
         expected.append(expected_evaluations(own, found))
         replicates.append(resampled(own, found, generator))
     low, high = _interval(replicates[0] / replicates[1])
-    return {"ratio": expected[0] / expected[1], "low": low, "high": high}
+    return Ratio(expected[0] / expected[1], low, high)
 
 
 def _interval(replicates: Array) -> tuple[float, float]:
@@ -200,7 +216,7 @@ def _finite(value: float) -> float | None:
 
 
 def minima_table(name: str, starts: int = 200) -> pd.DataFrame:
-    """The minima of an instance of two variables, the lowest first, found by many descents."""
+    """Minima of an instance of two variables, the lowest first, found by random descents."""
     objective = Objective(instance(name, 2), "analytic", budget=10**9, until=-1.0)
     points = np.random.default_rng(SEED).uniform(-np.pi, np.pi, (starts, 2))
     descents = descend_in_turn(objective, points)
@@ -212,14 +228,14 @@ def minima_table(name: str, starts: int = 200) -> pd.DataFrame:
 
 
 def landscape_table(name: str, points: int = 101) -> pd.DataFrame:
-    """f of an instance of two variables on a grid of the box (the chapter's figure 1).
+    """f of an instance of two variables on a grid of the box (chapter figure 1).
 
     Parameters
     ----------
     name : str
-        As for :func:`evopem.fletcher_powell.function.instance`.
+        As for :func:`fletcher_powell.function.instance`.
     points : int
-        Of the grid in each direction.
+        Grid points in each direction.
     """
     problem = instance(name, 2)
     axis = np.linspace(-np.pi, np.pi, points)

@@ -1,4 +1,4 @@
-"""The Fletcher-Powell function as the hybrid search sees it."""
+"""The Fletcher-Powell function as a problem for the product's memetic search."""
 
 from __future__ import annotations
 
@@ -8,47 +8,47 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.estimation.pem.batch_bfgs import Descent, descend
-from evopem.fletcher_powell.function import wrap
-from evopem.fletcher_powell.objective import Objective
+from fletcher_powell.function import wrap
+from fletcher_powell.objective import Objective
 
 Array = NDArray[np.float64]
 
-# Accepted steps a descent may take: so many, or so many for each coordinate.
+# Iterations of a descent at most: the larger of a number and a number times n.
 MAX_ITERATIONS, MAX_ITERATIONS_EACH = 200, 10
 # Relative decrease at which a descent has converged.
 TOLERANCE = 1e-9
-# A descent by differences that has not come below this share of its lowest value in so many
-# evaluations is where the error of the differences holds it; there its gradient counts as zero.
+# With finite differences a descent ends, by a gradient set to zero, when STALLED evaluations have
+# not lowered f below PROGRESS times its lowest value: the error of the differences prevents more.
 PROGRESS, STALLED = 0.999, 30
 # Root mean square of a descent's first trial step over the coordinates, in radians.
 FIRST_STEP = 1.0
 
 
 class FletcherPowellProblem:
-    """Search problem of one objective; see :class:`evopem.estimation.search.memetic.Problem`.
+    """Search problem of one objective; see :class:`evopem.estimation.search.problem.Problem`.
 
-    The search runs unbounded and wraps its end points into the box: the faces of the box would
-    make false minima of a function that is periodic.
+    The search is unbounded, and end points are wrapped into the box. The function is periodic;
+    bounds would add minima on the faces of the box.
     """
 
     def __init__(self, objective: Objective) -> None:
         self.objective = objective
 
     @property
-    def least_checked(self) -> int:
-        """None: a search that its budget alone ends is not checked."""
+    def min_multistart(self) -> int:
+        """Zero: the budget alone ends a run, so there is no multistart check."""
         return 0
 
     def draw(self, count: int, generator: np.random.Generator) -> tuple[Array, int]:
-        """Individuals uniform in the box [-π, π], which takes no evaluation."""
+        """Draw individuals uniform in the box [-π, π], without evaluations."""
         return self.random(count, generator), 0
 
     def random(self, count: int, generator: np.random.Generator) -> Array:
-        """Points uniform in the box."""
+        """Draw points uniform in the box."""
         return generator.uniform(-np.pi, np.pi, (count, self.objective.dimension))
 
     def repair(self, points: Array) -> Array:
-        """The images of the points in the box."""
+        """Move the points to their images in the box."""
         return wrap(points)
 
     def values(self, points: Array) -> Array:
@@ -56,22 +56,31 @@ class FletcherPowellProblem:
         return self.objective.values(points)
 
     def descend(self, points: Array) -> Descent:
-        """BFGS from each row to convergence."""
+        """Descend from each row by BFGS to convergence."""
         before = self.objective.evaluations
         result = descend_in_turn(self.objective, points)
         return replace(result, evaluations=self.objective.evaluations - before)
 
     def polish(self, points: Array) -> Descent:
-        """The same: a converged descent on a smooth function has nothing left to polish."""
+        """Descend from each row; the descents of this problem always run to convergence."""
         return self.descend(points)
 
 
 def descend_in_turn(objective: Objective, points: Array) -> Descent:
-    """Where BFGS ends from each row, in the box, and f there.
+    """Descend by BFGS from each row, and count the descents one after another.
 
-    The descents are computed side by side but counted one after another, as they would be made
-    without that: none of them knows of the others, so a run that ends in one of them has not
-    spent anything on those behind it.
+    The descents are computed together for speed. They are independent, so they are counted in the
+    order of the rows: a run that ends in one of them has spent nothing on the later ones.
+
+    Parameters
+    ----------
+    objective : Objective
+    points : (M, n) array
+
+    Returns
+    -------
+    Descent
+        End points, wrapped into the box, and their values.
 
     Raises
     ------

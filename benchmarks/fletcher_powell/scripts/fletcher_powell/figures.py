@@ -28,63 +28,62 @@ from evopem.figures.style import (
     say_nothing_to_draw,
     styled,
 )
-from evopem.fletcher_powell.experiments import CHAPTER
+from fletcher_powell.experiments import BASIN_HOPPING, CHAPTER, MULTI_START
+from fletcher_powell.tables import Tables
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-TODAY = (
-    "multi-start",
+BASELINES = (
+    MULTI_START,
     "monotonic-basin-hopping",
     "cma-es",
     "basin-hopping",
     "differential-evolution",
     "dual-annealing",
 )
-MUTATIONS = {
+REFINED = {
     "hybrid": "worst",
     "hybrid-random": "random",
     "hybrid-best": "best",
     "hybrid-all": "all",
 }
-SCALE = ("hybrid", "multi-start", "monotonic-basin-hopping", "basin-hopping")
+SCALE = ("hybrid", MULTI_START, *reversed(BASIN_HOPPING))
+# P at the target.
 TARGET = -6.0
-# Below this a minimum is a global one.
+# A minimum with a value below this is a global one.
 ZERO = 1e-9
 
 
 @dataclass(frozen=True)
-class Comparison:
-    """The tables behind the figures and the page."""
-
-    summary: pd.DataFrame
-    runs: pd.DataFrame
-    convergence: pd.DataFrame
-    landscape: pd.DataFrame
-    minima: pd.DataFrame
-
-
-@dataclass(frozen=True)
 class ComparisonFigure:
-    """One figure: the stem of its file, title, caption, drawing, the rows drawn, their file."""
+    """One figure.
+
+    Attributes
+    ----------
+    name : str
+        Stem of its file.
+    title, caption : str
+    draw : callable
+        Draws it from the tables.
+    table : callable
+        The rows that it shows.
+    data : str
+        The file that holds these rows.
+    """
 
     name: str
     title: str
     caption: str
-    draw: Callable[[Comparison], Figure]
-    table: Callable[[Comparison], pd.DataFrame]
+    draw: Callable[[Tables], Figure]
+    table: Callable[[Tables], pd.DataFrame]
     data: str
-
-
-def read_comparison(*tables: Path) -> Comparison:
-    """Read the tables of the comparison, in the order of `Comparison`."""
-    return Comparison(*(pd.read_csv(file) for file in tables))
 
 
 @styled
 def draw_landscape(landscape: pd.DataFrame, minima: pd.DataFrame) -> Figure:
-    """Level lines of the function of two variables and its minima (chapter figure 1)."""
+    """Draw contours of the function of two variables, and its minima (chapter figure 1)."""
     figure = new_figure(4.3, 5.4)
     axes = figure.subplots()
     grid = landscape.pivot_table(index="x2", columns="x1", values="f")
@@ -127,7 +126,7 @@ def draw_landscape(landscape: pd.DataFrame, minima: pd.DataFrame) -> Figure:
 
 @styled
 def draw_final(runs: pd.DataFrame, summary: pd.DataFrame) -> Figure:
-    """P of every run of the chapter's four algorithms, beside what the chapter prints."""
+    """Draw P of every run of the chapter's four algorithms, and the chapter's tables."""
     figure = new_figure(2.7)
     axes = figure.subplots()
     table = summary[summary["study"] == "table"].set_index("algorithm")
@@ -176,14 +175,14 @@ def draw_final(runs: pd.DataFrame, summary: pd.DataFrame) -> Figure:
 
 @styled
 def draw_convergence(convergence: pd.DataFrame, summary: pd.DataFrame) -> Figure:
-    """P against the evaluations: medians, with bands from the 10th to the 90th percentile."""
+    """Draw P against the evaluations: medians, with bands from the 10th to the 90th percentile."""
     figure = new_figure(3.6)
     left, right = figure.subplots(1, 2, sharey=True)
     labels = summary.drop_duplicates("algorithm").set_index("algorithm")["label"]
     own = convergence[convergence["study"] == "table"]
     for axes, names, title, bands in (
         (left, CHAPTER, "The chapter's algorithms", True),
-        (right, ("hybrid", *TODAY), "The hybrid and those of today", False),
+        (right, ("hybrid", *BASELINES), "The hybrid and the baselines", False),
     ):
         colours = iter(zip(FAMILY, FAMILY_LINES, strict=True))
         for name in names:
@@ -219,24 +218,24 @@ def draw_convergence(convergence: pd.DataFrame, summary: pd.DataFrame) -> Figure
 
 
 @styled
-def draw_mutation(summary: pd.DataFrame) -> Figure:
-    """Expected evaluations to success for the four choices of whom BFGS mutates."""
-    hybrids = summary[summary["algorithm"].isin(MUTATIONS)]
+def draw_refinement(summary: pd.DataFrame) -> Figure:
+    """Draw expected evaluations to success for the four choices of offspring to refine."""
+    hybrids = summary[summary["algorithm"].isin(REFINED)]
     cases = [
         (study, dimension)
         for (study, dimension), group in hybrids.groupby(["study", "dimension"], sort=False)
-        if group["algorithm"].nunique() == len(MUTATIONS)
+        if group["algorithm"].nunique() == len(REFINED)
     ]
     figure = new_figure(2.6)
     if not cases:
-        say_nothing_to_draw(figure.subplots(), "No run of all four choices on record.")
+        say_nothing_to_draw(figure.subplots(), "Not all four choices were run.")
         return figure
     titles = {"table": "finite differences", "precise": "analytic", "scale": "analytic"}
     panels = figure.subplots(1, len(cases), sharey=True, squeeze=False)[0]
     for axes, (study, dimension) in zip(panels, cases, strict=True):
         rows = hybrids[(hybrids["study"] == study) & (hybrids["dimension"] == dimension)]
         rows = rows.set_index("algorithm")
-        for place, name in enumerate(MUTATIONS):
+        for place, name in enumerate(REFINED):
             row = rows.loc[name]
             _with_interval(axes, row, place, MODEL if name == "hybrid" else MUTED)
             axes.annotate(
@@ -248,10 +247,10 @@ def draw_mutation(summary: pd.DataFrame) -> Figure:
                 fontsize=7.0,
             )
         axes.set_title(f"n = {dimension}, {titles[study]}")
-        axes.set_yticks(range(len(MUTATIONS)), MUTATIONS.values())
-        axes.set_ylim(len(MUTATIONS) - 0.5, -0.7)
+        axes.set_yticks(range(len(REFINED)), REFINED.values())
+        axes.set_ylim(len(REFINED) - 0.5, -0.7)
         _logarithmic_evaluations(axes, "Expected evaluations to success")
-    panels[0].set_ylabel("BFGS mutates")
+    panels[0].set_ylabel("BFGS refines")
     return figure
 
 
@@ -263,7 +262,7 @@ def _with_interval(axes: Axes, row: pd.Series, place: float, colour: str) -> Non
 
 @styled
 def draw_scale(summary: pd.DataFrame) -> Figure:
-    """Expected evaluations to success against the dimension, with 95 % intervals."""
+    """Draw expected evaluations to success against the dimension, with 95 % intervals."""
     figure = new_figure(3.4, 5.6)
     axes = figure.subplots()
     scale = summary[summary["study"] == "scale"]
@@ -275,7 +274,7 @@ def draw_scale(summary: pd.DataFrame) -> Figure:
         if rows.empty:
             continue
         colour = INK if name == "hybrid" else FAMILY[number - 1]
-        # Side by side, so that no interval hides another.
+        # Shifted, so that the intervals do not overlap.
         place = rows["dimension"] * 1.02 ** (number - 1.5)
         for where, (_, row) in zip(place, rows.iterrows(), strict=True):
             axes.plot(
@@ -335,9 +334,9 @@ COMPARISON_FIGURES = (
         "P of each run of the chapter's four algorithms (gradients by finite differences, each"
         " counted n), and the mean, least and largest P of the chapter's table 1. Dashed: the"
         " target, f = 10⁻⁶.",
-        lambda results: draw_final(results.runs, results.summary),
-        lambda results: results.runs[
-            (results.runs["study"] == "table") & results.runs["algorithm"].isin(CHAPTER)
+        lambda tables: draw_final(tables.runs, tables.summary),
+        lambda tables: tables.runs[
+            (tables.runs["study"] == "table") & tables.runs["algorithm"].isin(CHAPTER)
         ],
         "runs.csv",
     ),
@@ -346,42 +345,43 @@ COMPARISON_FIGURES = (
         "Convergence",
         "Best value so far against the evaluations: median over the runs; bands from the 10th to"
         " the 90th percentile. Gradients by finite differences. Dashed: the target.",
-        lambda results: draw_convergence(results.convergence, results.summary),
-        lambda results: results.convergence,
+        lambda tables: draw_convergence(tables.convergence, tables.summary),
+        lambda tables: tables.convergence,
         "convergence.csv",
     ),
     ComparisonFigure(
-        "mutation",
-        "Whom BFGS mutates",
-        "Expected evaluations to success for the chapter's choice, the worst, and the three that"
-        " it rejected, with 95 % bootstrap intervals and the share of runs that succeeded.",
-        lambda results: draw_mutation(results.summary),
-        lambda results: results.summary[results.summary["algorithm"].isin(MUTATIONS)],
+        "refinement",
+        "Which offspring BFGS refines",
+        "Expected evaluations to success for the chapter's choice, the worst offspring, and for the"
+        " three that it rejected, with 95 % bootstrap intervals and the number of successful runs.",
+        lambda tables: draw_refinement(tables.summary),
+        lambda tables: tables.summary[tables.summary["algorithm"].isin(REFINED)],
         "table.csv",
     ),
     ComparisonFigure(
         "scale",
         "Growth with the dimension",
         "Expected evaluations to success against the dimension, with 95 % bootstrap intervals;"
-        " analytic gradients, each counted one. A fraction stands where runs failed.",
-        lambda results: draw_scale(results.summary),
-        lambda results: results.summary[results.summary["study"] == "scale"],
+        " analytic gradients, each counted one. A fraction is the share of successful runs, where"
+        " some failed.",
+        lambda tables: draw_scale(tables.summary),
+        lambda tables: tables.summary[tables.summary["study"] == "scale"],
         "table.csv",
     ),
     ComparisonFigure(
         "landscape",
         "The function",
-        "The function for n = 2 (chapter figure 1), of the first instance: the darker the higher."
-        " Two equations in two unknowns can have several solutions: f may be 0 beside α, too."
-        " Opposite sides of the box join: f is 2π-periodic.",
-        lambda results: draw_landscape(results.landscape, results.minima),
-        lambda results: results.landscape,
+        "The first instance for n = 2 (compare chapter figure 1); darker is higher. Two equations"
+        " in two unknowns can have several solutions, so f can be 0 at points other than α. f is"
+        " 2π-periodic, so opposite sides of the box coincide.",
+        lambda tables: draw_landscape(tables.landscape, tables.minima),
+        lambda tables: tables.landscape,
         "landscape.csv",
     ),
 )
 
 
-def draw_comparison(results: Comparison, directory: Path) -> None:
+def draw_figures(tables: Tables, directory: Path) -> None:
     """Draw every figure of the comparison as an SVG file."""
     for entry in COMPARISON_FIGURES:
-        save_svg(entry.draw(results), directory / f"{entry.name}.svg")
+        save_svg(entry.draw(tables), directory / f"{entry.name}.svg")

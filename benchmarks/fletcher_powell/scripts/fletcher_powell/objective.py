@@ -1,4 +1,4 @@
-"""The objective as an algorithm sees it: every evaluation is counted, none is free."""
+"""The objective function with a count of every evaluation."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.fletcher_powell.function import Instance
+from fletcher_powell.function import Instance
 
 Array = NDArray[np.float64]
 
@@ -15,20 +15,24 @@ DIFFERENCES = "differences"
 ANALYTIC = "analytic"
 GRADIENTS = (DIFFERENCES, ANALYTIC)
 
-# A run has found the global minimum once it saw a value below this.
+# A run is successful once it has evaluated a value below this.
 TARGET = 1e-6
 
 
 class RunOver(Exception):  # noqa: N818
-    """Ends an algorithm from inside its objective: a result, not an error."""
+    """Raised by the objective to end an algorithm; not an error."""
 
 
 @dataclass(frozen=True)
 class Success:
-    """What was spent when a value below the target was first seen.
+    """Evaluations until the first value below the target.
 
-    ``evaluations`` as the run counts them; ``values`` and ``gradients`` of them apart, from which
-    either way of counting follows.
+    Attributes
+    ----------
+    evaluations : int
+        As the run counts them.
+    values, gradients : int
+        Values and gradients separately; the count for another cost of a gradient follows from them.
     """
 
     evaluations: int
@@ -37,27 +41,27 @@ class Success:
 
 
 class Objective:
-    """f with a count of its evaluations, its best value, and an end.
+    """f with a count of its evaluations, its lowest value, and a budget.
 
-    A value counts one.  A gradient counts n when it is made by differences and one when it is
-    analytic.  The rows of a batch count one after another.
+    A value counts one.  A gradient counts n by finite differences and one if it is analytic.  The
+    rows of a batch are counted in their order.
 
     Parameters
     ----------
     instance : Instance
     gradient : {"differences", "analytic"}
     budget : int
-        Evaluations after which the run is over, to the evaluation.
+        Evaluations after which the run is over.
     until : float
-        Value at which it is over before that.
+        Value at or below which the run is over earlier.
 
     Attributes
     ----------
     differences : bool
-        Whether gradients are made by differences.
+        Whether gradients are computed by finite differences.
     evaluations, value_count, gradient_count : int
     best : float
-        Lowest value seen within the budget.
+        Lowest value within the budget.
     success : Success or None
     improvements : list of (evaluations, best value)
     """
@@ -89,7 +93,7 @@ class Objective:
         Raises
         ------
         RunOver
-            When the budget is spent or the value looked for is found.
+            When the budget is spent or a value has reached ``until``.
         """
         values = self.instance.values(points[: self.budget - self.evaluations])
         self.record(values, gradients=False)
@@ -104,11 +108,11 @@ class Objective:
         return values, gradients
 
     def uncounted(self, points: Array) -> tuple[Array, Array]:
-        """f and its gradient of each row, for a caller that records the values itself."""
+        """f and its gradient of each row, for a caller that counts them by :meth:`record`."""
         return self._with_gradients(points)
 
     def value(self, point: Array) -> float:
-        """f of one point, for programs that ask for one at a time."""
+        """f of one point."""
         return float(self.values(np.asarray(point, dtype=float)[None])[0])
 
     def value_and_gradient(self, point: Array) -> tuple[float, Array]:
@@ -117,12 +121,12 @@ class Objective:
         return float(values[0]), gradients[0]
 
     def record(self, values: Array, gradients: bool) -> None:
-        """Count evaluations in their order, each value followed by its gradient if there is one.
+        """Count values in their order, each followed by its gradient if there is one.
 
         Raises
         ------
         RunOver
-            When the budget is spent or the value looked for is found.
+            When the budget is spent or a value has reached ``until``.
         """
         cost = 1 + self.gradient_cost if gradients else 1
         affordable = min(len(values), -(-(self.budget - self.evaluations) // cost))

@@ -1,6 +1,6 @@
-"""Algorithms of today, each as its own library offers it, on the same counted objective.
+"""Baselines: established global search algorithms on the same counted objective.
 
-Every one runs until the objective ends it; the few that would end by themselves start again.
+Each runs until the objective raises ``RunOver``; one that ends earlier is started again.
 """
 
 from __future__ import annotations
@@ -10,23 +10,23 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.fletcher_powell.libraries import library
-from evopem.fletcher_powell.objective import Objective
-from evopem.fletcher_powell.problem import descend_in_turn
+from fletcher_powell.objective import Objective
+from fletcher_powell.packages import import_package
+from fletcher_powell.problem import descend_in_turn
 
 Array = NDArray[np.float64]
 
-# Random starts that share the passes of one descent.
+# Random points whose descents are computed together.
 STARTS_AT_ONCE = 10
-# Half the side of the cube from which monotonic basin hopping draws its next start, in radians,
-# and how many times in vain before it starts anew.
-HOP = 2.0
-HOPS_IN_VAIN = 100
-# CMA-ES: the first step size, about a third of half the box's side.
+# Monotonic basin hopping: half the side of the cube of its steps, in radians, and the number of
+# steps without progress after which it starts again from a random point.
+STEP = 2.0
+STEPS_WITHOUT_PROGRESS = 100
+# CMA-ES: first step size in radians, about a third of half the side of the box.
 CMA_FIRST_STEP = 1.0
-# Differential evolution: the share of the budget that its last local search is left.
+# Differential evolution: share of the budget left to the final local search.
 POLISH_SHARE = 0.1
-# For libraries that take a number of iterations: more than any budget pays for.
+# Number of iterations that no budget allows, for libraries that ask for one.
 ENDLESS = 10**9
 
 
@@ -35,27 +35,27 @@ def _uniform(objective: Objective, generator: np.random.Generator) -> Array:
 
 
 def multi_start(objective: Objective, generator: np.random.Generator) -> None:
-    """The hybrid's own BFGS from random points, one after another."""
+    """Multi-start with the hybrid's BFGS."""
     shape = (STARTS_AT_ONCE, objective.dimension)
     while True:
         descend_in_turn(objective, generator.uniform(-np.pi, np.pi, shape))
 
 
 def scipy_multi_start(method: str) -> Callable[[Objective, np.random.Generator], None]:
-    """SciPy's local minimiser of that name from random points, its settings as they come."""
+    """Multi-start with a local method of SciPy at its default settings."""
 
-    def run(objective: Objective, generator: np.random.Generator) -> None:
+    def search(objective: Objective, generator: np.random.Generator) -> None:
         from scipy.optimize import minimize
 
         while True:
             start = _uniform(objective, generator)
             minimize(objective.value_and_gradient, start, jac=True, method=method)
 
-    return run
+    return search
 
 
 def basin_hopping(objective: Objective, generator: np.random.Generator) -> None:
-    """SciPy's basin hopping with L-BFGS-B, its settings as they come."""
+    """SciPy's basin hopping with L-BFGS-B, default settings."""
     from scipy.optimize import basinhopping
 
     basinhopping(
@@ -68,24 +68,24 @@ def basin_hopping(objective: Objective, generator: np.random.Generator) -> None:
 
 
 def monotonic_basin_hopping(objective: Objective, generator: np.random.Generator) -> None:
-    """Monotonic basin hopping (Leary 2000) with the hybrid's own BFGS, restarted when stuck."""
+    """Monotonic basin hopping (Leary 2000) with the hybrid's BFGS, with restarts."""
     n = objective.dimension
     while True:
         best = descend_in_turn(objective, generator.uniform(-np.pi, np.pi, (1, n)))
-        in_vain = 0
-        while in_vain < HOPS_IN_VAIN:
-            start = best.points + generator.uniform(-HOP, HOP, (1, n))
+        without_progress = 0
+        while without_progress < STEPS_WITHOUT_PROGRESS:
+            start = best.points + generator.uniform(-STEP, STEP, (1, n))
             found = descend_in_turn(objective, start)
-            in_vain += 1
+            without_progress += 1
             if found.values[0] < best.values[0]:
                 # A better digit of the same minimum is no progress.
-                progress = found.values[0] < (1.0 - 1e-6) * best.values[0]
-                in_vain = 0 if progress else in_vain
+                if found.values[0] < (1.0 - 1e-6) * best.values[0]:
+                    without_progress = 0
                 best = found
 
 
 def differential_evolution(objective: Objective, generator: np.random.Generator) -> None:
-    """SciPy's differential evolution, its settings as they come, polished by L-BFGS-B."""
+    """SciPy's differential evolution, default settings, followed by L-BFGS-B."""
     from scipy.optimize import differential_evolution, minimize
 
     box = [(-np.pi, np.pi)] * objective.dimension
@@ -105,7 +105,7 @@ def differential_evolution(objective: Objective, generator: np.random.Generator)
 
 
 def dual_annealing(objective: Objective, generator: np.random.Generator) -> None:
-    """SciPy's dual annealing, its settings as they come, with this objective's gradients."""
+    """SciPy's dual annealing, default settings, with gradients in its local search."""
     from scipy.optimize import dual_annealing
 
     box = [(-np.pi, np.pi)] * objective.dimension
@@ -122,8 +122,8 @@ def dual_annealing(objective: Objective, generator: np.random.Generator) -> None
 
 
 def bipop_cma_es(objective: Objective, generator: np.random.Generator) -> None:
-    """BIPOP-CMA-ES as the package cma offers it; it does not stop before the last digits."""
-    cma = library("cma")
+    """BIPOP-CMA-ES of the package cma, without tolerances of f and x."""
+    cma = import_package("cma")
     options = {
         "tolfun": 0,
         "tolfunhist": 0,
@@ -131,7 +131,7 @@ def bipop_cma_es(objective: Objective, generator: np.random.Generator) -> None:
         "maxfevals": ENDLESS,
         "verbose": -9,
         "verb_log": 0,
-        # 0 would let the package take the time for its seed.
+        # A seed of 0 would make the package take its seed from the clock.
         "seed": int(generator.integers(1, 2**31)),
     }
     while True:

@@ -1,10 +1,13 @@
 """Run one algorithm on one instance of the Fletcher-Powell function."""
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
-from evopem.files.atomic import write_json
+import product_path  # noqa: F401
 from evopem.files.job import job
-from evopem.fletcher_powell.runs import run_cases
+from evopem.files.json_form import from_json, save
+from fletcher_powell.experiments import Case
+from fletcher_powell.runs import run_cases
 
 if TYPE_CHECKING:
     from logging import Logger
@@ -15,12 +18,12 @@ if TYPE_CHECKING:
 def main(
     algorithm: str,
     instance: str,
-    cases: list[dict[str, Any]],
+    cases: Sequence[Case],
     seed: int,
     runs_file: str,
     logger: "Logger",
 ) -> None:
-    write_json(runs_file, run_cases(algorithm, instance, cases, seed, logger.info))
+    save(run_cases(algorithm, instance, cases, seed, logger.info), runs_file)
 
 
 if __name__ == "__main__":
@@ -28,7 +31,7 @@ if __name__ == "__main__":
         main(
             snakemake.wildcards.algorithm,
             snakemake.wildcards.instance,
-            snakemake.params.cases,
+            from_json(tuple[Case, ...], snakemake.params.cases),
             snakemake.params.seed,
             snakemake.output.runs,
             log,

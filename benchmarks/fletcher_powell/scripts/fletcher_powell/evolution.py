@@ -1,9 +1,9 @@
-"""The chapter's three evolutionary rivals, with Bäck's (1996) readings of their short names.
+"""The three evolutionary algorithms that the chapter compares the hybrid with (Bäck 1996).
 
-DEAP has the parts but not the algorithms: its loops recombine *or* mutate an individual where
-Schwefel's evolution strategy does both, its proportional selection cannot minimise, and it knows
-neither a scaling window nor evolutionary programming's tournament.  Each takes an objective of
-whole populations and runs until that objective ends it.
+They are not taken from DEAP. Its loops recombine *or* mutate an individual, and Schwefel's
+evolution strategy does both; its proportional selection cannot minimise; it has neither a scaling
+window nor the tournament of evolutionary programming.  Each algorithm evaluates whole populations
+and runs until the objective raises an exception.
 """
 
 from __future__ import annotations
@@ -18,21 +18,21 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Values = Callable[[Array], Array]
 
-# Smallest step size and variance that self-adaptation may reach.
+# Lower bounds of the self-adapted step sizes and variances.
 SMALLEST_STEP = 1e-12
 SMALLEST_VARIANCE = 1e-12
 
 
 @dataclass(frozen=True)
 class Box:
-    """The cube in which a first population is drawn."""
+    """Cube in which a first population is drawn."""
 
     dimension: int
     low: float = -np.pi
     high: float = np.pi
 
     def draw(self, count: int, generator: np.random.Generator) -> Array:
-        """Points uniform in the box, (count, n)."""
+        """Draw points uniform in the box, (count, n)."""
         return generator.uniform(self.low, self.high, (count, self.dimension))
 
 
@@ -61,7 +61,7 @@ def evolution_strategy(
     first_step : float
         Step size of every coordinate in the first population.
     recombination : bool
-        False copies one parent, as DEAP's loop does for what it mutates.
+        False copies one parent, as DEAP's loop does.
     """
     n = box.dimension
     common, own = 1.0 / np.sqrt(2.0 * n), 1.0 / np.sqrt(2.0 * np.sqrt(n))
@@ -97,8 +97,8 @@ def evolutionary_programming(
     """meta-EP: evolutionary programming with self-adaptive variances (Fogel 1992; Bäck 1996).
 
     Each of the mu parents has one child, ``x + sqrt(v) N`` and ``v + sqrt(zeta v) N`` coordinate by
-    coordinate, a variance that falls to zero or below being set to a small one.  Of parents and
-    children those mu survive that win most of their comparisons with ``opponents`` others.
+    coordinate; a variance is kept at or above ``SMALLEST_VARIANCE``.  Of parents and children, the
+    mu survive that win most comparisons with ``opponents`` others.
 
     Parameters
     ----------
@@ -129,7 +129,7 @@ def evolutionary_programming(
 def tournament(
     fitness: Array, count: int, opponents: int, generator: np.random.Generator
 ) -> NDArray[np.intp]:
-    """Those that win most often against opponents drawn at random; of equals the better one."""
+    """Indices of those that win most comparisons with random opponents; the better one if equal."""
     drawn = generator.integers(len(fitness), size=(len(fitness), opponents))
     wins = np.sum(fitness[:, None] <= fitness[drawn], axis=1)
     return np.lexsort((fitness, -wins))[:count]
@@ -145,29 +145,29 @@ def genetic_algorithm(
     size: int = 100,
     crossover: float = 0.6,
 ) -> None:
-    """A genetic algorithm as GENEsYs runs it by default (Bäck 1992).
+    """Genetic algorithm with the defaults of GENEsYs (Bäck 1992).
 
     Gray-coded variables, two-point crossover of pairs, bit mutation, and proportional selection by
-    stochastic universal sampling of ``worst - f``, the worst being that of the last ``window``
-    generations; no elitism.
+    stochastic universal sampling.  The merit is ``worst - f``, with the worst value of the last
+    ``window`` generations.  No elitism.
 
     Parameters
     ----------
     values : callable
         Objective of each row of an (M, n) array.
     box : Box
-        A variable's code words lie evenly between its ends.
+        The code words of a variable are evenly spaced between its ends.
     generator : numpy.random.Generator
     bits : int
         Bits of a variable, at most 62.
     mutation : float
         Probability that a bit flips.
     window : int
-        Generations the scaling looks back on.
+        Generations from which the worst value is taken.
     size : int
         Individuals, an even number.
     crossover : float
-        Probability that a pair exchanges what lies between two points.
+        Probability of the crossover of a pair.
     """
     n = box.dimension
     codes = generator.integers(1 << bits, size=(size, n))
@@ -182,7 +182,7 @@ def genetic_algorithm(
 
 
 def from_gray(codes: NDArray[np.int64], bits: int) -> NDArray[np.int64]:
-    """The whole numbers of Gray code words."""
+    """Decode Gray code words to whole numbers."""
     numbers = codes.copy()
     shift = 1
     while shift < bits:
@@ -192,10 +192,10 @@ def from_gray(codes: NDArray[np.int64], bits: int) -> NDArray[np.int64]:
 
 
 def proportional_selection(merit: Array, generator: np.random.Generator) -> NDArray[np.intp]:
-    """As many parents as there are individuals, in random order, each as often as its merit says.
+    """Indices of as many parents as individuals, each in proportion to its merit, in random order.
 
     Stochastic universal sampling (Baker 1987): each number of copies is the expected one, rounded
-    up or down.  Where nobody has any merit all are equal.
+    up or down.  If all merits are zero, each individual is selected once.
     """
     count, total = len(merit), float(np.sum(merit))
     shares = np.cumsum(merit / total if total > 0.0 else np.full(count, 1.0 / count))
@@ -207,7 +207,7 @@ def proportional_selection(merit: Array, generator: np.random.Generator) -> NDAr
 def cross(
     codes: NDArray[np.int64], bits: int, probability: float, generator: np.random.Generator
 ) -> NDArray[np.int64]:
-    """Two-point crossover of successive pairs, as bit strings with the first variable in front."""
+    """Two-point crossover of successive pairs; the bit string begins with the first variable."""
     pairs, n = len(codes) // 2, codes.shape[1]
     ends = np.sort(generator.integers(n * bits + 1, size=(pairs, 2)), axis=1)
     ends[generator.random(pairs) >= probability] = 0
@@ -225,7 +225,7 @@ def cross(
 def mutate_bits(
     codes: NDArray[np.int64], bits: int, probability: float, generator: np.random.Generator
 ) -> NDArray[np.int64]:
-    """Flip every bit with a probability, by the geometric gaps between the flips."""
+    """Flip every bit with a probability; gaps between flips are drawn as geometric."""
     total = codes.size * bits
     mutated = codes.copy()
     position = -1
