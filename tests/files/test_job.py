@@ -63,7 +63,7 @@ def test_a_log_that_cannot_be_opened_is_one_sentence(tmp_path, capsys):
         pass
     assert stop.value.code == 1
     message = capsys.readouterr().err
-    assert "recording.log: cannot be written (" in message
+    assert ": cannot be written (" in message
     assert message.count("\n") == 1
 
 

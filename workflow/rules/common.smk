@@ -98,10 +98,10 @@ def collect_unfinished():
     fleet.collect_unfinished(
         required, WORKFLOW / "templates", provider.page, pending=left
     )
-    # Without the record of how Snakemake made them, and older than all results, they are made
-    # again even if the contents of their inputs stay the same.
+    # Older than all results and without Snakemake's record of their inputs, they are made again
+    # even if the contents of these inputs stay the same. (Snakemake ignores a time of 0.)
     for file in filter(os.path.exists, provider.lists):
-        os.utime(file, (0, 0))
+        os.utime(file, (1, 1))
         workflow.persistence.cleanup_metadata(IOFile(file))
 
 

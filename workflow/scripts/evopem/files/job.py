@@ -58,12 +58,12 @@ def job(
         sys.exit(1)
 
     try:
+        start_record(record, logs)
         handler = _log_handler(log_file)
     except InputError as error:
         fail(error)
     with _attached(handler) as logger:
         try:
-            start_record(record, logs)
             verify_checksums(inputs, logs.parent)
             yield logger
             write_checksums(made, logs.parent, record.job)
