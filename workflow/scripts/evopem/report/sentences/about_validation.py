@@ -89,12 +89,12 @@ def _recorded(results: DatasetResults) -> list[str]:
     if recorded.integrations:
         times = {1: "once", 2: "twice"}.get(recorded.integrations, f"{recorded.integrations} times")
         text += (
-            f" The inverse of the differences sums up the error of the simulation {times}: it drifts,"
-            " and says more of the length of the record than of the model."
+            f" The inverse of the differences sums up the error of the simulation {times}: it"
+            " drifts, and depends more on the length of the record than on the model."
         )
     if recorded.undefined_samples:
         text += (
-            f" {plural(recorded.undefined_samples, 'simulated sample')} lie outside the range of the"
-            " Box-Cox transform and have no recorded value."
+            f" {plural(recorded.undefined_samples, 'simulated sample')} lie outside the range of"
+            " the Box-Cox transform and have no recorded value."
         )
     return [text]
