@@ -109,7 +109,9 @@ def test_criteria_are_those_of_the_residuals(objective):
     absolute, rss = 100 * np.abs(e).sum() / np.abs(scored).sum(), 100 * (e @ e) / (scored @ scored)
     expected = {"absolute": absolute, "quadratic": rss}[objective]
     assert found.criteria.objective == pytest.approx(expected)
-    assert found.criteria.fit_percent == pytest.approx(100 - absolute)
+    deviation = np.linalg.norm(scored - scored.mean())
+    nrmse = 100 * (1 - np.linalg.norm(e) / deviation)
+    assert found.criteria.fit_percent == pytest.approx(nrmse)
     assert found.criteria.rss == pytest.approx(rss)
     assert found.criteria.bic == pytest.approx(np.log(e @ e / 350) + 5 * np.log(350) / 350)
 

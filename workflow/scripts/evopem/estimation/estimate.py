@@ -32,7 +32,7 @@ Array = NDArray[np.float64]
 # unit circle, counts as lying at the stability bound.
 BOUND_WIDTH = 0.05
 # Mean of the output, in standard deviations, from which on it biases the poles noticeably.
-LEVEL_WARNING = 0.1
+LEVEL_WARNING = 0.3
 
 
 @dataclass(frozen=True)
