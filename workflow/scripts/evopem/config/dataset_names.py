@@ -10,7 +10,15 @@ from evopem.errors import InputError
 
 RESULTS_FOLDER = "results"
 
-RESERVED_NAMES = ("index.html", "fleet.csv", "fleet.parquet", "logs", "benchmarks", "checksums")
+RESERVED_NAMES = (
+    "index.html",
+    "fleet.csv",
+    "fleet.parquet",
+    "logs",
+    "benchmarks",
+    "checksums",
+    "fletcher_powell",
+)
 """Names of other files and folders of the results."""
 
 MAX_LENGTH = 100

@@ -21,7 +21,15 @@ from typing import Any
 from evopem.config.strict_yaml import MAX_DIGITS, read_value
 from evopem.errors import InputError
 
-_TEXT_COLUMNS = {"name", "file", "validation_file", "input_unit", "output_unit"}
+_TEXT_COLUMNS = {
+    "name",
+    "file",
+    "validation_file",
+    "input_unit",
+    "output_unit",
+    "time_unit",
+    "decimal_mark",
+}
 _CHANNEL_COLUMNS = {"input", "output", "time"}
 _SEPARATORS = ",;\t"
 _INTEGER = re.compile(r"[+-]?[0-9]+")
