@@ -1,4 +1,4 @@
-"""Environment variables that all jobs of a run inherit."""
+"""The environment that all jobs of a run inherit: variables and limits."""
 
 from __future__ import annotations
 
@@ -7,6 +7,10 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from evopem.config.blas import blas_code
+from evopem.errors import InputError
+
+MIN_ADDRESS_SPACE = 1_000_000_000
+"""Fewest bytes of address space in which a job's libraries can be loaded."""
 
 CACHE_FOLDER = Path(".snakemake") / "evopem" / "cache"
 """Where libraries keep files for later runs when there is no home folder."""
@@ -32,3 +36,37 @@ def job_environment(environment: Mapping[str, str], folder: Path) -> dict[str, s
         cache = folder / CACHE_FOLDER
         wanted |= {"XDG_CACHE_HOME": str(cache), "MPLCONFIGDIR": str(cache / "matplotlib")}
     return {name: value for name, value in wanted.items() if name not in environment}
+
+
+def check_environment(environment: Mapping[str, str]) -> None:
+    """Refuse an environment in which no job can run.
+
+    Raises
+    ------
+    InputError
+        When compilation is disabled, or the address space is limited so far that the libraries
+        of a job end it without a message.
+    """
+    if environment.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
+        raise InputError(
+            "NUMBA_DISABLE_JIT",
+            "it is set, and the searches need compiled functions",
+            "unset it and run again",
+        )
+    limit = _address_space()
+    if limit is not None and limit < MIN_ADDRESS_SPACE:
+        raise InputError(
+            "ulimit -v",
+            f"a process may have {limit // 1024} kB of address space",
+            f"allow at least {MIN_ADDRESS_SPACE // 1024} kB, or as many as there are",
+        )
+
+
+def _address_space() -> int | None:
+    """The limit of the address space in bytes; None where there is none."""
+    try:
+        import resource
+    except ImportError:  # Windows
+        return None
+    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+    return None if limit == resource.RLIM_INFINITY else limit
