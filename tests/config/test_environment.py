@@ -3,7 +3,10 @@
 import subprocess
 import sys
 
-from evopem.config.environment import job_environment
+import pytest
+
+from evopem.config.environment import check_environment, job_environment
+from evopem.errors import InputError
 
 
 def test_a_usual_home_folder_is_left_to_the_libraries(tmp_path):
@@ -37,3 +40,9 @@ def test_that_test_can_fail(tmp_path):
     environment = {"HOME": str(home), "PATH": "/usr/bin:/bin"}
     subprocess.run([sys.executable, "-c", code], env=environment, cwd=tmp_path, check=True)
     assert home.exists()
+
+
+def test_compilation_that_is_disabled_is_refused():
+    check_environment({"NUMBA_DISABLE_JIT": "0"})
+    with pytest.raises(InputError, match=r"^NUMBA_DISABLE_JIT: "):
+        check_environment({"NUMBA_DISABLE_JIT": "1"})

@@ -201,7 +201,13 @@ def _read_channels(
 
 def _read_local(path: Path, references: list[Reference], options: dict[str, Any]) -> list[Channel]:
     format_name = format_of(path)
-    if not path.exists():
+    try:
+        exists = path.exists()
+    except OSError as error:  # a name that is too long for the file system
+        raise InputError(
+            f"{str(path)[:60]}...", f"cannot be a file ({error.strerror})", "correct the path"
+        ) from None
+    if not exists:
         raise InputError(str(path), "there is no such file", "check the path in the configuration")
     if not path.is_file():
         raise InputError(str(path), "is not a file", "give the path of one file")
