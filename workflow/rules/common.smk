@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 from snakemake.exceptions import WorkflowError
+from snakemake.io import IOFile
 
 WORKFLOW = Path(str(workflow.current_basedir)).parent
 SCRIPTS = WORKFLOW / "scripts"
@@ -93,13 +94,23 @@ def code(script, *templates):
 
 
 def collect_unfinished():
-    """List all data sets after a run in which some of them failed."""
+    """List all data sets after a run that failed; the next run makes the lists again."""
     from evopem.pipeline import fleet
 
-    names = provider.config.datasets if provider.lists else []
-    required = {name: provider.results(name) for name in names}
-    if required:
-        fleet.collect_unfinished(required, WORKFLOW / "templates", provider.page)
+    if not provider.lists:
+        return
+    left = {
+        getattr(job.wildcards, "dataset", None) for job in workflow.dag.needrun_jobs()
+    }
+    required = {name: provider.results(name) for name in provider.config.datasets}
+    fleet.collect_unfinished(
+        required, WORKFLOW / "templates", provider.page, pending=left
+    )
+    # Older than all results and without Snakemake's record of their inputs, they are made again
+    # even if the contents of these inputs stay the same. (Snakemake ignores a time of 0.)
+    for file in filter(os.path.exists, provider.lists):
+        os.utime(file, (1, 1))
+        workflow.persistence.cleanup_metadata(IOFile(file))
 
 
 wildcard_constraints:
