@@ -56,7 +56,7 @@ def _slopes(record, workspace, absolute, slope, begin, end, s):
 
 
 @njit
-def _filter_block_back(parameters, c, nc, slope, row):
+def filter_block_back(parameters, c, nc, slope, row):
     """Filter rows ``row ... row - 3`` backwards through 1/C in place, and return them."""
     s0, s1 = load(slope, row), load(slope, row - 1)
     s2, s3 = load(slope, row - 2), load(slope, row - 3)
@@ -88,8 +88,8 @@ def _sweep_back(record, parameters, e, slope, begin, end, gradient):
     zero = constant(0.0)
     c = na + nb
     for t in range(end - 1, begin, -2 * BLOCK):
-        s0, s1, s2, s3 = _filter_block_back(parameters, c, nc, slope, t - begin)
-        s4, s5, s6, s7 = _filter_block_back(parameters, c, nc, slope, t - begin - BLOCK)
+        s0, s1, s2, s3 = filter_block_back(parameters, c, nc, slope, t - begin)
+        s4, s5, s6, s7 = filter_block_back(parameters, c, nc, slope, t - begin - BLOCK)
         for i in range(na):
             q = t - 1 - i
             even = fma(s2, sample(y, q - 2), fma(s0, sample(y, q), load(gradient, i)))
