@@ -1,4 +1,4 @@
-"""Orders of the general polynomial model ``A y = (B/F) u q^-nk + (C/D) e`` and its special cases."""
+"""Orders of the general polynomial model ``A y = (B/F) u q^-nk + (C/D) e``, and its structures."""
 
 from __future__ import annotations
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from evopem.estimation.pem.kernels.cache import cached_njit, njit
+from evopem.estimation.pem.kernels.gauss_newton import forget_decayed
 from evopem.estimation.pem.kernels.polynomial_record import load_polynomials, point_index
 from evopem.estimation.pem.kernels.polynomial_residuals import all_polynomial_residuals
 from evopem.estimation.pem.kernels.record import BLOCK, CHUNK, fill, load_smoothing
@@ -179,13 +180,17 @@ def _keep_last(record, workspace, size):
             store(workspace.by_c, row, load(workspace.by_c, row + size))
             store(workspace.by_d, row, load(workspace.by_d, row + size))
             store(workspace.by_f, row, load(workspace.by_f, row + size))
+    impulse = _IMPULSE * segment
+    forget_decayed(workspace.by_c, impulse, record.history)
+    forget_decayed(workspace.by_d, impulse, record.history)
+    forget_decayed(workspace.by_f, impulse, record.history)
     for column in range(record.rows):
         row = column * (CHUNK + 1)
         store(workspace.columns, row, load(workspace.columns, row + size))
 
 
 @njit
-def _forget(record, workspace):
+def _forget(workspace):
     for table in (workspace.by_c, workspace.by_d, workspace.by_f, workspace.columns):
         fill(table, 0, table.shape[0], 0.0)
 
@@ -216,7 +221,7 @@ def _add_products(record, workspace, low, size):
 def _products_of_columns(record, workspace):
     """``sum_t J_t J_t'`` over the samples that count, for the loaded models."""
     fill(workspace.products, 0, workspace.products.shape[0], 0.0)
-    _forget(record, workspace)
+    _forget(workspace)
     for begin in range(record.residual_start, record.y.size, CHUNK):
         end = min(begin + CHUNK, record.y.size)
         _jacobian_stretch(record, workspace, begin, end)
@@ -256,7 +261,7 @@ def polynomial_jacobian(record, workspace, points, rows):
     """Derivatives of the residuals that count by every entry of one point, (samples, n)."""
     load_polynomials(record, points, rows, workspace.parameters)
     all_polynomial_residuals(record, workspace)
-    _forget(record, workspace)
+    _forget(workspace)
     jacobian = np.empty((record.loss_stop - record.loss_start, points.shape[1]))
     for begin in range(record.residual_start, record.y.size, CHUNK):
         end = min(begin + CHUNK, record.y.size)

@@ -144,7 +144,7 @@ def _add_sum(slope, size, gradient, at):
 
 
 @njit
-def _move(table, size, following, history):
+def _move(table, following, history):
     """The first rows of a stretch become the rows behind the stretch before it."""
     for k in range(history - 1, -1, -1):
         store(table, following + k, load(table, k))
@@ -188,11 +188,11 @@ def _loss_and_gradient(record, workspace, absolute):
         if begin == start:
             break
         following = min(CHUNK, begin - start)
-        _move(lam, size, following, history)
+        _move(lam, following, history)
         if record.nd > 0:
-            _move(mu, size, following, history)
+            _move(mu, following, history)
         if record.nf > 0:
-            _move(xi, size, following, history)
+            _move(xi, following, history)
         end = begin
     for k in range(record.nf):
         store(gradient, record.at_g + k, load(xi, k))
