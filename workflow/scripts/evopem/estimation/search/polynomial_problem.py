@@ -73,7 +73,7 @@ class PolynomialProblem:
         return points[best], used + descents.evaluations + more + len(points)
 
     def random(self, count: int, generator: np.random.Generator) -> Array:
-        """Independent points with random poles and zeros of the noise; the rest by least squares."""
+        """Independent points with random A, C, D and F; the rest follows by least squares."""
         return self._drawn_at_random(count, generator)[0]
 
     def repair(self, points: Array) -> Array:
@@ -184,9 +184,7 @@ class PolynomialProblem:
         coloured = white.copy()
         for point in coloured:
             residuals = self.errors.residuals(point)[self.errors.loss_start :]
-            point[self._parts["c"]], point[self._parts["d"]] = noise_model(
-                residuals, o.nc, o.nd
-            )
+            point[self._parts["c"]], point[self._parts["d"]] = noise_model(residuals, o.nc, o.nd)
         coloured, more = self.completed(coloured)
         return np.concatenate([white, coloured]), used + more + len(coloured)
 

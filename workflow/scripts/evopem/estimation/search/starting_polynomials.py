@@ -81,7 +81,7 @@ def subspace_denominator(u: Array, y: Array, order: int) -> Array:
     past_u, future_u = windows[0][:rows], windows[0][rows:]
     past_y, future_y = windows[1][:rows], windows[1][rows:]
     stacked = np.concatenate([future_u, past_u, past_y, future_y])
-    lower = np.linalg.qr(stacked.T, mode="r").T
+    lower = np.asarray(np.linalg.qr(stacked.T, mode="r")).T
     block = lower[3 * rows :, rows : 3 * rows]
     left, singular, _ = np.linalg.svd(block, full_matrices=False)
     return _poles_of(left[:, :order] * np.sqrt(singular[:order]), order)
