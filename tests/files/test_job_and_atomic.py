@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from evopem.errors import InputError
-from evopem.files.atomic import whole, write_json, write_table
+from evopem.files.atomic import atomic_write, write_json, write_table
 from evopem.files.job import job
 
 SCRIPTS = Path(__file__).parents[2] / "workflow" / "scripts"
@@ -64,7 +64,7 @@ def test_progress_and_warnings_go_to_the_log(tmp_path):
 def test_a_file_whose_writing_fails_stays_as_it_was(tmp_path):
     path = tmp_path / "result.txt"
     path.write_text("old")
-    with pytest.raises(UnicodeEncodeError), whole(path) as temporary:
+    with pytest.raises(UnicodeEncodeError), atomic_write(path) as temporary:
         temporary.write_text("half of it \udc00", encoding="utf-8")
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]

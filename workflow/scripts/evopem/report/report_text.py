@@ -29,7 +29,7 @@ from evopem.report.numbers import (
     superscript,
 )
 from evopem.report.numbers import root as root_text
-from evopem.signals.spectral.multitaper import line_spacing
+from evopem.signals.spectral.peaks import line_spacing
 from evopem.validation.checks import p_text
 
 PHASE_WORDS = {

@@ -153,7 +153,7 @@ def describe_source(
         "path": str(path),
         "sha256": sha256(path),
         "bytes": path.stat().st_size,
-        "format": _format_of(path),
+        "format": format_of(path),
         "input_channel": input,
         "output_channel": output,
         **describe_recording(recording),
@@ -166,7 +166,7 @@ def sha256(path: str | Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def _format_of(path: Path) -> str:
+def format_of(path: Path) -> str:
     extension = path.suffix.lower()
     if extension not in FORMATS:
         raise InputError(
@@ -178,7 +178,7 @@ def _format_of(path: Path) -> str:
 
 
 def _read_channels(path: Path, references: list[Reference]) -> list[Channel]:
-    format_name = _format_of(path)
+    format_name = format_of(path)
     if not path.exists():
         raise InputError(str(path), "there is no such file", "check the path in the configuration")
     if not path.is_file():
