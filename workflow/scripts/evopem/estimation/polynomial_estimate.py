@@ -9,64 +9,54 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from threadpoolctl import threadpool_limits
 
+from evopem.config.settings import ScoringWindow, SearchSettings
+from evopem.estimation.criteria import (
+    Criteria,
+    criteria_of,
+    lies_at_bound,
+    power_of_two_scale,
+)
 from evopem.estimation.pem.covariance import innovation_variance, parameter_covariance
 from evopem.estimation.pem.objective import OBJECTIVES
 from evopem.estimation.pem.polynomial_objective import PolynomialErrors
-from evopem.estimation.search.memetic import SearchResult, SearchSettings, hybrid_search
+from evopem.estimation.search.memetic import memetic_search
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
+from evopem.estimation.search.problem import SearchResult
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomials import max_root_radius
 from evopem.models.structures import PolynomialOrders, orders_of
 
 Array = NDArray[np.float64]
 
-DEFAULT_MAX_ROOT_RADIUS = 0.9999
-# A root this close to the largest allowed radius, relative to the room left outside it, lies at it.
-BOUND_WIDTH = 0.05
-
 
 @dataclass(frozen=True, eq=False)
 class PolynomialEstimate:
-    """An estimated polynomial model, its criteria and the diagnostics of its search.
+    """An estimated polynomial model, its criteria, and the search that found it.
 
     Attributes
     ----------
     model : PolynomialModel
-    objective : str
-        ``absolute`` or ``quadratic``.
-    objective_value : float
-        In percent; ``search.value`` has the weak squares of the states added.
-    fit_percent : float
-        ``100 (1 - sum|e| / sum|y|)``.
-    rss : float
-        ``100 ||e||^2 / ||y||^2`` in percent.
-    bic : float
-        ``ln(||e||^2 / N) + n ln(N) / N`` over the residuals that count, n the coefficients and
-        the level.
+        With the covariance of its coefficients.
+    criteria : Criteria
     residuals : (N,) array
-        NaN before ``residual_start``.
+        NaN before ``window.residual_start``.
     plant_state : (nf,) array
-        What the past adds to the first equations of ``F x = -B u``.
+        Contribution of the past to the first equations of ``F x = -B u``.
     noise_state : (max(nc, nd),) array
-        What the past adds to the first equations of ``C e = D v``.
-    residual_start, loss_start : int
-        First residual, and the first one that counts.
+        Contribution of the past to the first equations of ``C e = D v``.
+    window : ScoringWindow
     at_stability_bound : bool
         Whether a root of A, C, D or F lies at the largest radius allowed.
     search : SearchResult
+        ``search.value`` is the objective plus the priors of the states.
     """
 
     model: PolynomialModel
-    objective: str
-    objective_value: float
-    fit_percent: float
-    rss: float
-    bic: float
+    criteria: Criteria
     residuals: Array = field(repr=False)
     plant_state: Array = field(repr=False)
     noise_state: Array = field(repr=False)
-    residual_start: int
-    loss_start: int
+    window: ScoringWindow
     at_stability_bound: bool
     search: SearchResult = field(repr=False)
 
@@ -78,14 +68,9 @@ def estimate_polynomial(
     orders: PolynomialOrders | Mapping[str, int] | Sequence[int],
     sampling_rate: float = 1.0,
     *,
-    objective: str = "quadratic",
+    settings: SearchSettings | None = None,
+    window: ScoringWindow | None = None,
     level: bool = False,
-    seed: int = 1,
-    residual_start: int | None = None,
-    loss_start: int | None = None,
-    plant_radius: float = DEFAULT_MAX_ROOT_RADIUS,
-    noise_radius: float = DEFAULT_MAX_ROOT_RADIUS,
-    search: SearchSettings | None = None,
     log: Callable[[str], None] | None = None,
 ) -> PolynomialEstimate:
     """Find the polynomial model of given orders with the smallest prediction errors, globally.
@@ -101,55 +86,57 @@ def estimate_polynomial(
         ``{"nb": 4, "nf": 4, "nk": 1}``, or MATLAB's tuple for the structure, here (4, 4, 1).
     sampling_rate : float
         Hz.
-    objective : {"quadratic", "absolute"}
-        Sum of the squares of the prediction errors or of their absolute values.
+    settings : SearchSettings, optional
+        Objective, seed, bounds and size of the search.  Its draws come from
+        ``SeedSequence(seed, spawn_key=(na, nb, nc, nd, nf, nk, level))``.  ``initialization`` and
+        ``n_initial_discard`` are not used: the first population holds estimates of several kinds,
+        and the initial states of all filters are estimated.
+    window : ScoringWindow, optional
+        By default the first residual is the first whose past inputs and outputs are measured, and
+        all residuals count.
     level : bool
         Whether a constant is estimated: ``A y = (B/F) u + (C/D) e + level``.
-    seed : int
-        The search draws from ``SeedSequence(seed, spawn_key=(na, nb, nc, nd, nf, nk, level))``.
-    residual_start : int, optional
-        First residual; by default the first whose past inputs and outputs are measured.
-    loss_start : int, optional
-        First residual that counts; by default the first residual, since the states of all filters
-        are estimated.
-    plant_radius, noise_radius : float
-        Largest radius of the roots of A and F, and of those of C and D.
-    search : SearchSettings, optional
     log : callable, optional
         Receives one line a generation.
 
     Raises
     ------
     ValueError
-        When the record cannot carry the orders, or a setting is not what it must be.
+        When the record is too short for the orders, or a setting is outside its range.
     """
     o = orders_of(structure, orders)
+    settings = settings or SearchSettings()
     y = np.ascontiguousarray(output, dtype=float)
     if input is None and o.nb:
         raise ValueError(f"structure {structure!r} with nb = {o.nb} needs an input")
     u = np.zeros_like(y) if input is None else np.ascontiguousarray(input, dtype=float)
-    first = o.first_residual if residual_start is None else residual_start
-    counted = first if loss_start is None else loss_start
-    _check(u, y, o, objective, first, counted, (plant_radius, noise_radius))
+    window = window or ScoringWindow(o.first_residual, o.first_residual)
+    _check(u, y, o, settings, window)
     # The bits of a result must not depend on how many threads the machine's BLAS would take.
     with threadpool_limits(limits=1, user_api="blas"):
+        radius = settings.max_root_radius
         errors = PolynomialErrors(
-            u, y, o, objective, first, counted, plant_radius, noise_radius, level
+            u,
+            y,
+            o,
+            settings.objective,
+            window.residual_start,
+            window.loss_start,
+            radius,
+            radius,
+            level,
         )
-        problem, scales = _of_moderate_size(errors)
+        problem, scales = _scaled_problem(errors)
         key = (o.na, o.nb, o.nc, o.nd, o.nf, o.nk, int(level))
-        generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=key))
-        found = hybrid_search(problem, search or SearchSettings(), generator, log)
+        sequence = np.random.SeedSequence(settings.seed, spawn_key=key)
+        found = memetic_search(problem, settings, np.random.default_rng(sequence), log)
         found = replace(found, point=found.point * scales)
         return _described(errors, found, structure, sampling_rate)
 
 
-def _of_moderate_size(errors: PolynomialErrors) -> tuple[PolynomialProblem, Array]:
-    """The problem with signals of moderate size, and the factors that scale its points back.
-
-    Powers of two leave every bit of signals and points as it is.
-    """
-    input_scale, output_scale = _power_of_two(errors.input), _power_of_two(errors.output)
+def _scaled_problem(errors: PolynomialErrors) -> tuple[PolynomialProblem, Array]:
+    """The problem with signals scaled to moderate size, and the scales of its parameters."""
+    input_scale, output_scale = power_of_two_scale(errors.input), power_of_two_scale(errors.output)
     scaled = PolynomialErrors(
         errors.input / input_scale,
         errors.output / output_scale,
@@ -169,41 +156,31 @@ def _of_moderate_size(errors: PolynomialErrors) -> tuple[PolynomialProblem, Arra
     return PolynomialProblem(scaled), scales
 
 
-def _power_of_two(signal: Array) -> float:
-    """The power of two next below a signal's largest magnitude; 1 for a signal of zeros."""
-    largest = float(np.max(np.abs(signal)))
-    return 2.0 ** np.floor(np.log2(largest)) if largest > 0.0 else 1.0
-
-
 def _check(
-    u: Array,
-    y: Array,
-    orders: PolynomialOrders,
-    objective: str,
-    residual_start: int,
-    loss_start: int,
-    radii: tuple[float, float],
+    u: Array, y: Array, orders: PolynomialOrders, settings: SearchSettings, window: ScoringWindow
 ) -> None:
     if u.ndim != 1 or u.shape != y.shape:
         raise ValueError(f"input and output must be of one length, not {u.shape} and {y.shape}")
     if not (np.isfinite(u).all() and np.isfinite(y).all()):
         raise ValueError("input and output must be finite")
-    if objective not in OBJECTIVES:
-        raise ValueError(f"objective must be one of {OBJECTIVES}, not {objective!r}")
-    for name, radius in zip(("plant_radius", "noise_radius"), radii, strict=True):
-        if not 0.0 < radius < 1.0:
-            raise ValueError(f"{name} must lie between 0 and 1, not {radius}")
-    if residual_start < orders.first_residual:
+    if settings.objective not in OBJECTIVES:
+        raise ValueError(f"objective must be one of {OBJECTIVES}, not {settings.objective!r}")
+    if not 0.0 < settings.max_root_radius < 1.0:
+        raise ValueError(
+            f"max_root_radius must lie between 0 and 1, not {settings.max_root_radius}"
+        )
+    if window.residual_start < orders.first_residual:
         raise ValueError(f"{orders} has no residual before sample {orders.first_residual}")
-    if loss_start < residual_start:
-        raise ValueError(f"the loss starts at {loss_start}, before the first residual")
+    if window.loss_start < window.residual_start:
+        raise ValueError(f"the loss starts at {window.loss_start}, before the first residual")
     estimated = orders.parameters + orders.nf + orders.noise_states
-    if len(y) - loss_start <= estimated:
+    counted = len(y) - window.loss_start
+    if counted <= estimated:
         raise ValueError(
             f"{orders} needs more than {estimated} residuals for its coefficients and initial "
-            f"states; {len(y)} samples less the first {loss_start} leave {len(y) - loss_start}"
+            f"states; {len(y)} samples less the first {window.loss_start} leave {counted}"
         )
-    if not np.any(y[loss_start:]):
+    if not np.any(y[window.loss_start :]):
         raise ValueError("the output is zero throughout")
 
 
@@ -215,9 +192,6 @@ def _described(
     a, c, d, f = (np.concatenate([[1.0], point[parts[name]]]) for name in "acdf")
     residuals = errors.residuals(point)
     counted, counted_output = residuals[errors.loss_start :], errors.output[errors.loss_start :]
-    square_sum, count, n = float(counted @ counted), len(counted), errors.parameters
-    rss = 100.0 * square_sum / float(counted_output @ counted_output)
-    absolute = 100.0 * float(np.sum(np.abs(counted)) / np.sum(np.abs(counted_output)))
     triangle = np.asarray(np.linalg.qr(errors.jacobian(point), mode="r"))
     coefficients = errors.orders.parameters
     model = PolynomialModel(
@@ -235,25 +209,16 @@ def _described(
     )
     residuals[: errors.residual_start] = np.nan
     at_bound = (
-        _lies_at(max(max_root_radius(a[1:]), max_root_radius(f[1:])), errors.plant_radius),
-        _lies_at(max(max_root_radius(c[1:]), max_root_radius(d[1:])), errors.noise_radius),
+        lies_at_bound(max(max_root_radius(a[1:]), max_root_radius(f[1:])), errors.plant_radius),
+        lies_at_bound(max(max_root_radius(c[1:]), max_root_radius(d[1:])), errors.noise_radius),
     )
     return PolynomialEstimate(
         model=model,
-        objective=errors.objective,
-        objective_value=rss if errors.objective == "quadratic" else absolute,
-        fit_percent=100.0 - absolute,
-        rss=rss,
-        bic=float(np.log(square_sum / count) + n * np.log(count) / count),
+        criteria=criteria_of(counted, counted_output, errors.objective, errors.parameters),
         residuals=residuals,
         plant_state=point[parts["plant"]].copy(),
         noise_state=point[parts["noise"]].copy(),
-        residual_start=errors.residual_start,
-        loss_start=errors.loss_start,
+        window=ScoringWindow(errors.residual_start, errors.loss_start),
         at_stability_bound=any(at_bound),
         search=result,
     )
-
-
-def _lies_at(radius: float, bound: float) -> bool:
-    return bool(1.0 - radius <= (1.0 + BOUND_WIDTH) * (1.0 - bound))

@@ -30,8 +30,8 @@ from evopem.models.structures import PolynomialOrders
 
 Array = NDArray[np.float64]
 
-# Random points times samples that a multistart takes in any case.
-LEAST_MULTISTART = 2**17
+# Random points of a multistart check times samples, at least.
+MIN_MULTISTART = 2**17
 # Pairs of poles tried at a step from smaller orders to larger ones, and those descended from.
 PAIRS, DESCENDED = 32, 4
 # Newton steps for numerator, level and states: one is exact for the quadratic objective.
@@ -39,7 +39,7 @@ LINEAR_STEPS = {"quadratic": 1, "absolute": 4}
 
 
 class PolynomialProblem:
-    """Search problem of one record and orders; see :class:`.memetic.Problem`.
+    """Search problem of one record and orders; see :class:`.problem.Problem`.
 
     The first population holds one or more points of each kind of estimate: ARX, long ARX models
     reduced, Steiglitz-McBride, subspace, the ARMAX optimum, and smaller orders extended.  The rest
@@ -56,9 +56,9 @@ class PolynomialProblem:
         self._drawn = False
 
     @property
-    def least_checked(self) -> int:
-        """Random points of a multistart: more for short records, which have more optima."""
-        return LEAST_MULTISTART // self.errors.samples
+    def min_multistart(self) -> int:
+        """Points of a multistart check: shorter records have more optima and cheaper descents."""
+        return MIN_MULTISTART // self.errors.samples
 
     def draw(self, count: int, generator: np.random.Generator) -> tuple[Array, int]:
         """A population, and the evaluations that it took; the first one holds the estimates."""

@@ -13,21 +13,21 @@ from evopem.estimation.pem.batch_bfgs import Descent, descend
 Array = NDArray[np.float64]
 
 MAX_ITERATIONS = 200
-# A pass over the record costs for one model what it costs for eight: once half of the descents have
-# ended, the others get as long again, and stay where they are.
+# A pass over the record costs the same for one model as for eight.  Once half of the descents have
+# ended, the others get as many trials again, and keep the point they have reached then.
 WAIT = 1.0
 # Added to the unit diagonal of a scaled Gauss-Newton matrix, times its size: directions that the
 # data say less about are left to BFGS.
 DAMPING = 1e-12
-# Smallest ratio of a diagonal entry to the largest one at which a coordinate has any effect.
-NO_EFFECT = 1e-60
+# Smallest ratio of a diagonal entry to the largest one at which a coordinate is sensitive.
+SENSITIVE = 1e-60
 
 
 class Stage(NamedTuple):
     """One BFGS run of a descent.
 
-    The smoothing of the absolute value is in mean |e|, the weight of the stability barrier in
-    values of the objective, and the tolerance the relative decrease that ends the run.
+    The smoothing of the absolute value is in units of mean |e|, the weight of the stability barrier
+    in units of the objective, and the tolerance is the relative decrease that ends the run.
     """
 
     smoothing: float
@@ -114,14 +114,12 @@ def _bfgs(
 
 
 def damped_inverses(matrices: Array) -> Array:
-    """Inverses of positive semidefinite matrices, scaled to a unit diagonal and damped.
-
-    Coordinates without any effect have zeros: they stay where they are.
-    """
+    """Inverses of positive semidefinite matrices, scaled to a unit diagonal and damped."""
     count = matrices.shape[1]
     diagonal = np.einsum("ijj->ij", matrices)
-    effective = diagonal > NO_EFFECT * diagonal.max(axis=1, keepdims=True)
-    scale = np.where(effective, 1.0 / np.sqrt(np.where(effective, diagonal, 1.0)), 0.0)
+    # Coordinates without any effect, such as a noise state that has decayed, are not changed.
+    sensitive = diagonal > SENSITIVE * diagonal.max(axis=1, keepdims=True)
+    scale = np.where(sensitive, 1.0 / np.sqrt(np.where(sensitive, diagonal, 1.0)), 0.0)
     scaled = matrices * scale[:, :, None] * scale[:, None, :]
     finite = np.isfinite(scaled).all(axis=(1, 2))
     scaled[~finite] = np.eye(count)
