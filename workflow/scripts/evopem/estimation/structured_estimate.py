@@ -15,7 +15,6 @@ from evopem.estimation.search.problem import SearchResult
 from evopem.models.armax import Orders
 from evopem.models.structures import PolynomialOrders, orders_of
 
-
 # Every structure but "armax", which has an estimate and a search of its own.
 PolynomialStructure = Literal["fir", "arx", "arma", "ararx", "ararmax", "oe", "bj", "general"]
 
