@@ -38,3 +38,15 @@ else:
 
 
 include: "workflow/rules/fleet.smk"
+
+
+# A benchmark beside the workflow: `snakemake fletcher_powell` runs it, a plain `snakemake` does not.
+module fletcher_powell:
+    snakefile:
+        "benchmarks/fletcher_powell/Snakefile"
+
+
+use rule * from fletcher_powell exclude all as fletcher_powell_*
+
+
+use rule all from fletcher_powell as fletcher_powell

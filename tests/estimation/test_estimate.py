@@ -9,7 +9,6 @@ from evopem import Orders, ScoringWindow, SearchSettings, estimate
 from evopem.estimation.pem.arx import fit_arx
 from evopem.synthesis.armax import armax
 
-
 QUADRATIC = SearchSettings(objective="quadratic")
 
 

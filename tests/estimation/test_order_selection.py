@@ -240,8 +240,7 @@ def test_a_selection_does_not_depend_on_the_order_of_the_candidates(short):
     orders = [Orders(2, 2, k, 3) for k in (1, 2, 3)]
     candidates = estimate_candidates(short, orders, "nc", search, LATE)
     one, other = (
-        select_candidate(each, "nc", short, search, LATE)
-        for each in (candidates, candidates[::-1])
+        select_candidate(each, "nc", short, search, LATE) for each in (candidates, candidates[::-1])
     )
     assert to_json(one) == to_json(other)
 

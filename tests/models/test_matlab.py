@@ -1,6 +1,5 @@
-"""Models written and read back, by evopem, SciPy and Octave."""
+"""Models written for MATLAB, read back by SciPy and Octave."""
 
-import json
 import shutil
 import subprocess
 
@@ -9,8 +8,7 @@ import pytest
 from scipy.io import loadmat
 
 import evopem
-from evopem.errors import InputError
-from evopem.models.files import save_model_json, save_model_mat
+from evopem.models.matlab import save_model_mat
 from evopem.synthesis.armax import true_model
 
 
@@ -20,19 +18,6 @@ def model():
     return evopem.ArmaxModel(
         truth.a, truth.b, truth.c, truth.nk, 100.0, 0.25, 1e-4 * np.eye(truth.orders.parameters)
     )
-
-
-def test_json_keeps_every_bit(model, tmp_path):
-    path = tmp_path / "model.json"
-    save_model_json(model, path, {"seed": 3})
-    again = evopem.load(path)
-    for name in ("a", "b", "c", "covariance"):
-        np.testing.assert_array_equal(getattr(again, name), getattr(model, name))
-    assert (again.nk, again.sampling_rate, again.noise_variance) == (3, 100.0, 0.25)
-    record = json.loads(path.read_text())
-    assert record["orders"] == {"na": 7, "nb": 6, "nc": 7, "nk": 3}
-    assert record["seed"] == 3
-    assert record["modes"][0]["frequency_hz"] == pytest.approx(5.36)
 
 
 def test_mat_holds_the_arguments_of_idpoly(model, tmp_path):
@@ -75,19 +60,3 @@ def test_octave_simulates_the_same(model, tmp_path):
     ).stdout.split()
     np.testing.assert_allclose(np.array(printed[:-1], float), model.simulate(u), rtol=1e-9)
     assert float(printed[-1]) == 0.01
-
-
-@pytest.mark.parametrize(
-    ("content", "problem"),
-    [("{", "not JSON"), ("[]", "not a model"), ('{"a": [1]}', "not a model")],
-)
-def test_other_files_are_refused_in_a_sentence(tmp_path, content, problem):
-    path = tmp_path / "model.json"
-    path.write_text(content)
-    with pytest.raises(InputError, match=problem):
-        evopem.load(path)
-
-
-def test_a_missing_file_is_named(tmp_path):
-    with pytest.raises(InputError, match=r"absent\.json: it cannot be read"):
-        evopem.load(tmp_path / "absent.json")

@@ -84,6 +84,16 @@ def code(script, *templates):
     return code_version(SCRIPTS / f"{script}.py", templates)
 
 
+def collect_unfinished():
+    """List all data sets after a run in which some of them failed."""
+    from evopem.pipeline import fleet
+
+    names = provider.config.datasets if provider.lists else []
+    required = {name: provider.results(name) for name in names}
+    if required:
+        fleet.collect_unfinished(required, WORKFLOW / "templates", provider.page)
+
+
 wildcard_constraints:
     dataset=provider.one_of(frozenset(provider.config.datasets)),
     phase="|".join(PHASES),

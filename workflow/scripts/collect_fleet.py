@@ -3,9 +3,8 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from evopem.pipeline.fleet import collect_fleet
-
 from evopem.files.job import job
+from evopem.pipeline.fleet import collect_fleet
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
@@ -13,6 +12,7 @@ if TYPE_CHECKING:
 with job(snakemake.log[0], snakemake.input, snakemake.output):
     collect_fleet(
         [Path(file).parent.name for file in snakemake.input],
+        Path(snakemake.scriptdir).parent / "templates",
         snakemake.params.page,
         snakemake.output.index,
         snakemake.output.csv,

@@ -32,7 +32,15 @@ from evopem.files.json_form import from_json, to_json
 _CHANNEL_DEFAULTS = {"input": 1, "output": 2, "input_unit": "", "output_unit": ""}
 _ALL_SAMPLES = 1.0
 # Names of other files and folders of the results.
-RESERVED_NAMES = ("index.html", "fleet.csv", "fleet.parquet", "logs", "benchmarks", "checksums")
+RESERVED_NAMES = (
+    "index.html",
+    "fleet.csv",
+    "fleet.parquet",
+    "logs",
+    "benchmarks",
+    "checksums",
+    "fletcher_powell",
+)
 _DATASET_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 
 

@@ -17,6 +17,8 @@ from evopem.errors import InputError
 if TYPE_CHECKING:
     import pandas as pd
 
+# Start of the names of temporary folders.
+_TEMPORARY = ".writing-"
 _INSTALL = "install it, or evopem with its formats: pip install 'PATH[formats]'"
 
 
@@ -45,7 +47,7 @@ def atomic_write(path: str | Path) -> Iterator[Path]:
     path = Path(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=path.parent, prefix=".writing-") as folder:
+        with tempfile.TemporaryDirectory(dir=path.parent, prefix=_TEMPORARY) as folder:
             # A file created in the temporary folder has the permissions of any new file, which
             # one made by tempfile.NamedTemporaryFile has not.
             temporary = Path(folder) / path.name
@@ -57,6 +59,19 @@ def atomic_write(path: str | Path) -> Iterator[Path]:
             f"cannot be written ({error.strerror or error})",
             "free disk space or change the permissions of that folder, and run again",
         ) from error
+
+
+def files_below(folder: str | Path, ending: str) -> list[Path]:
+    """Complete files in a folder and its subfolders whose name has an ending, in their order.
+
+    Other processes may write and delete files there meanwhile.
+    """
+    found: list[Path] = []
+    # Path.rglob raises an error when a folder vanishes while it is read; os.walk does not.
+    for parent, folders, names in os.walk(folder):
+        folders[:] = [name for name in folders if not name.startswith(_TEMPORARY)]
+        found += [Path(parent) / name for name in names if name.endswith(ending)]
+    return sorted(found)
 
 
 def write_text(path: str | Path, text: str) -> None:

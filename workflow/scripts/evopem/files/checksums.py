@@ -12,7 +12,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from evopem.errors import InputError
-from evopem.files.atomic import write_text
+from evopem.files.atomic import files_below, write_text
 
 FOLDER = "checksums"
 _SUFFIX = ".sha256"
@@ -83,15 +83,13 @@ def verify_checksums(files: Iterable[str | Path], root: str | Path) -> None:
 
 
 def _checksum_files(folder: Path) -> list[Path]:
-    return sorted((folder / FOLDER).rglob(f"*{_SUFFIX}"))
+    return files_below(folder / FOLDER, _SUFFIX)
 
 
 def _checksums_in(folder: Path) -> dict[str, str]:
     """All checksums of a folder, by path relative to it."""
     return {
-        path: checksum
-        for file in _checksum_files(folder)
-        for path, checksum in _read(file).items()
+        path: checksum for file in _checksum_files(folder) for path, checksum in _read(file).items()
     }
 
 
@@ -113,10 +111,10 @@ def _write(file: Path, checksums: dict[str, str]) -> None:
 
 
 def _remove_lines(file: Path, folder: Path, paths: Iterable[str]) -> None:
-    """Remove the lines about given files, and those about files that do not exist.
+    """Remove the lines about given files, and any other line that is not right.
 
-    Two jobs may do this to one file at the same time. The outputs of a job do not exist while it
-    runs, so that neither job writes back the lines that the other one removes.
+    Two jobs may do this to one file at the same time. Neither writes back a line that the other one
+    removes: the outputs of a job do not exist until it has made them, and then differ.
     """
     checksums = _read(file)
     if checksums.keys().isdisjoint(paths):
@@ -125,6 +123,13 @@ def _remove_lines(file: Path, folder: Path, paths: Iterable[str]) -> None:
     kept = {
         path: checksum
         for path, checksum in checksums.items()
-        if path not in removed and (folder / path).is_file()
+        if path not in removed and _is_right(folder / path, checksum)
     }
     _write(file, kept)
+
+
+def _is_right(file: Path, checksum: str) -> bool:
+    try:
+        return sha256_of_file(file) == checksum
+    except OSError:
+        return False

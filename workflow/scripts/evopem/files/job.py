@@ -43,10 +43,10 @@ def job(
     """
     log_file = Path(log_file)
     logs = next(up for up in log_file.parents if up.name == "logs")
-    outputs = [Path(output) for output in outputs]
+    made = [Path(output) for output in outputs]
     record = UnfinishedJob(
         job=log_file.relative_to(logs).with_suffix("").as_posix(),
-        outputs=tuple(output.relative_to(logs.parent).as_posix() for output in outputs),
+        outputs=tuple(output.relative_to(logs.parent).as_posix() for output in made),
     )
 
     def fail(error: InputError) -> None:
@@ -66,7 +66,7 @@ def job(
             write_record(record, logs)
             verify_checksums(inputs, logs.parent)
             yield logger
-            write_checksums(outputs, logs.parent, record.job)
+            write_checksums(made, logs.parent, record.job)
             delete_records(record, logs)
         except (InputError, MemoryError) as error:
             mistake = error if isinstance(error, InputError) else _lack_of_memory(logs, record)

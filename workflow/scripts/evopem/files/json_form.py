@@ -2,17 +2,20 @@
 
 A dataclass becomes an object with a key for each field, an array a list, and a complex number its
 real and imaginary part. A number that is not finite becomes null, which JSON has and NaN it has
-not; null is read as NaN where the field is a float. A field whose name ends with an underscore to
-avoid a Python keyword loses it.
+not; null is read as NaN where the field is a float, and as None where it may be None. A field whose
+name ends with an underscore to avoid a Python keyword loses it. Values are not converted from one
+type to another: 2.7 or "2" are no whole number.
 """
 
 from __future__ import annotations
 
 import json
 import math
+from contextlib import suppress
 from dataclasses import fields, is_dataclass
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
+from reprlib import repr as shortened
 from types import UnionType
 from typing import Any, Literal, TypeVar, Union, get_args, get_origin
 
@@ -52,9 +55,9 @@ def from_json(kind: type[T], content: object, source: str = "the content") -> T:
     try:
         return _converter().structure(content, kind)
     except Exception as error:
-        where = "; ".join(cattrs.transform_error(error)[:1]) or str(error)
-        name = getattr(kind, "__name__", str(kind))
-        raise InputError(source, f"does not hold a {name} ({where})", _REMEDY) from None
+        first = cattrs.transform_error(error, path="", format_exception=_explained)[0]
+        problem, _, place = first.rpartition(" @ ")
+        raise InputError(source, problem, _REMEDY, place.removeprefix(".")) from None
 
 
 def save(value: object, path: str | Path) -> None:
@@ -84,11 +87,16 @@ def _converter() -> cattrs.Converter:
     converter = cattrs.Converter(forbid_extra_keys=True)
     converter.register_unstructure_hook(float, _finite_or_none)
     converter.register_structure_hook(float, _float)
+    converter.register_structure_hook(int, _int)
+    converter.register_structure_hook(bool, _bool)
+    converter.register_structure_hook(str, _str)
     converter.register_unstructure_hook(complex, _real_and_imaginary)
     converter.register_structure_hook(complex, lambda pair, _: complex(*pair))
     converter.register_unstructure_hook_func(_is_array, _array_to_list)
     converter.register_structure_hook_func(_is_array, _list_to_array)
-    converter.register_structure_hook_func(_is_plain_union, _plain)
+    converter.register_structure_hook_func(_is_literal, _literal)
+    converter.register_structure_hook_func(_is_tuple, partial(_tuple, converter))
+    converter.register_structure_hook_func(_is_plain_union, partial(_plain, converter))
     converter.register_unstructure_hook_factory(
         is_dataclass,
         lambda kind: make_dict_unstructure_fn(kind, converter, **_renamed(kind)),
@@ -111,12 +119,42 @@ def _finite_or_none(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
+def _explained(error: BaseException, _: type | None) -> str:
+    """Say what is wrong with a value, in a clause."""
+    match error:
+        case KeyError():
+            return f"the key {error.args[0]} is missing"
+        case cattrs.ForbiddenExtraKeysError():
+            return f"the key {min(error.extra_fields)} is not known"
+        case AttributeError() | TypeError():
+            return "the content has another form"
+    return str(error)
+
+
 def _float(value: Any, _: type) -> float:
     if value is None:
         return math.nan
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise ValueError(f"{value!r} is not a number")
+        raise ValueError(f"{shortened(value)} is not a number")
     return float(value)
+
+
+def _int(value: Any, _: type) -> int:
+    if isinstance(value, bool) or not isinstance(value, int):
+        raise ValueError(f"{shortened(value)} is not a whole number")
+    return value
+
+
+def _bool(value: Any, _: type) -> bool:
+    if not isinstance(value, bool):
+        raise ValueError(f"{shortened(value)} is neither true nor false")
+    return value
+
+
+def _str(value: Any, _: type) -> str:
+    if not isinstance(value, str):
+        raise ValueError(f"{shortened(value)} is not a text")
+    return value
 
 
 def _real_and_imaginary(value: complex) -> list[float]:
@@ -148,6 +186,33 @@ def _list_to_array(values: Any, kind: Any) -> Any:
     return np.array(values, dtype=float)
 
 
+def _is_literal(kind: Any) -> bool:
+    return get_origin(kind) is Literal
+
+
+def _literal(value: Any, kind: Any) -> Any:
+    words = get_args(kind)
+    if not isinstance(value, str) or value not in words:
+        raise ValueError(f"{shortened(value)} is none of {', '.join(words)}")
+    return value
+
+
+def _is_tuple(kind: Any) -> bool:
+    return get_origin(kind) is tuple
+
+
+def _tuple(converter: cattrs.Converter, value: Any, kind: Any) -> tuple[Any, ...]:
+    if not isinstance(value, list | tuple):
+        raise ValueError(f"{shortened(value)} is not a list")
+    members = get_args(kind)
+    if members[-1] is not Ellipsis:
+        if len(value) != len(members):
+            raise ValueError(f"{shortened(value)} has not {len(members)} entries")
+        return tuple(map(converter.structure, value, members))
+    listed: list[Any] = converter.structure(value, list[members[0]])  # type: ignore[valid-type]
+    return tuple(listed)
+
+
 def _is_plain_union(kind: Any) -> bool:
     """Whether a type is a union that JSON itself tells apart, such as ``int | str | None``."""
     if get_origin(kind) not in (Union, UnionType):
@@ -158,5 +223,15 @@ def _is_plain_union(kind: Any) -> bool:
     )
 
 
-def _plain(value: Any, _: Any) -> Any:
-    return tuple(value) if isinstance(value, list | tuple) else value
+def _plain(converter: cattrs.Converter, value: Any, kind: Any) -> Any:
+    members = get_args(kind)
+    if value is None:
+        if type(None) in members:
+            return None
+        raise ValueError("there is no value")
+    # A whole number stays one where the union has both kinds of numbers.
+    for member in sorted(members, key=lambda each: each is float):
+        if member is not type(None):
+            with suppress(ValueError):
+                return converter.structure(value, member)
+    raise ValueError(f"{shortened(value)} cannot be used here")

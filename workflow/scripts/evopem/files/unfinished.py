@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from evopem.errors import InputError
+from evopem.files.atomic import files_below
 from evopem.files.json_form import load, save
 
 _ENDING = ".unfinished.json"
@@ -82,7 +83,7 @@ def _file(job: str, logs: str | Path) -> Path:
 
 
 def _read(logs: Path) -> Iterable[UnfinishedJob]:
-    for file in sorted(logs.rglob(f"*{_ENDING}")):
+    for file in files_below(logs, _ENDING):
         try:
             yield load(UnfinishedJob, file)
         except InputError:  # another job has just deleted it, or it is damaged

@@ -26,6 +26,9 @@ from evopem.results.layout import PHASES, DatasetFiles
 
 Stage = Callable[[], None]
 
+# The folder with the templates, in a checkout of the workflow.
+WORKFLOW = Path(__file__).resolve().parents[3]
+
 
 def stages(
     files: DatasetFiles, settings: DatasetSettings, log: Log | None = None, cores: int = 1
@@ -126,4 +129,4 @@ def _draw_figures(files: DatasetFiles) -> None:
 def _write_report(files: DatasetFiles) -> None:
     from evopem.pipeline.report import write_report
 
-    write_report(files)
+    write_report(files, WORKFLOW)

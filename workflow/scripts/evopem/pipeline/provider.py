@@ -14,11 +14,14 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from evopem.config import order_grid, resources
+from evopem.config.defaults import RESERVED_NAMES
 from evopem.config.settings import Configuration, DatasetSettings, RecordedSource
 from evopem.files.json_form import to_json
 from evopem.results.layout import OVERVIEW, DatasetFiles
 
-DATASET_PATTERN = r"[A-Za-z0-9][A-Za-z0-9_.-]*"
+_RESERVED = "|".join(map(re.escape, RESERVED_NAMES))
+DATASET_PATTERN = rf"(?!(?:{_RESERVED})/)[A-Za-z0-9][A-Za-z0-9_.-]*"
+"""The form of a data set's name. A folder with a reserved name belongs to no data set."""
 
 FILES = DatasetFiles.of_dataset("{dataset}")
 """The files of a data set, with the wildcard in their paths."""

@@ -13,12 +13,13 @@ from evopem.validation.validation import Validation
 
 
 def summarize_dataset(files: DatasetFiles) -> None:
-    """Judge the model of one data set, and write the summary."""
+    """Check the model of one data set, and write the summary."""
     summary = summarize(
         load(ModelRecord, files.model),
         load(Validation, files.validation),
         load(SpectrumSummary, files.spectrum_summary),
         {phase: load(PhaseSelection, files.phase(phase)) for phase in PHASES},
         load(RecordingInfo, files.recording_info),
+        made_from=(files.recording_info, files.model, files.validation),
     )
     save(summary, files.summary)

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.config.settings import PreparationSettings, SplitSettings
+from evopem.config.settings import PreparationSettings, SplitSettings, TransformSettings
 from evopem.errors import InputError
 from evopem.files.json_form import load, save
 from evopem.files.npz import load_arrays, save_arrays
@@ -152,6 +152,7 @@ def prepare(
             resampled_from = recording.sampling_rate
 
     transforms, split = settings.transforms, settings.split
+    _check_differences(transforms, f"{key}transforms")
     differences, differences_input = transforms.difference, transforms.difference_input
     lost = max(differences, differences_input)
     own = validation_recording is None
@@ -283,6 +284,17 @@ def _check_same_rate(recording: Recording, validation: Recording, source: str) -
             f" {recording.sampling_rate:g} Hz",
             "validate on a recording of the same rate",
         )
+
+
+def _check_differences(transforms: TransformSettings, source: str) -> None:
+    for name in ("difference", "difference_input"):
+        count = getattr(transforms, name)
+        if not isinstance(count, int) or isinstance(count, bool) or count < 0:
+            raise InputError(
+                f"{source}.{name}",
+                f"{count!r} is not a number of differences",
+                "give a whole number of at least 0",
+            )
 
 
 def _estimation_range(

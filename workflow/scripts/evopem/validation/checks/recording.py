@@ -15,7 +15,7 @@ MAX_SATURATED_PERCENT = 0.1
 
 
 def saturation(recording: RecordingInfo) -> Check:
-    """Neither channel saturated: not at its smallest or largest value for several samples."""
+    """Neither channel saturated: at its smallest or largest value for several samples."""
     name = "Record not saturated"
     percent = {
         "input": recording.input_saturated_percent,
@@ -23,11 +23,12 @@ def saturation(recording: RecordingInfo) -> Check:
     }
     if any(math.isnan(each) for each in percent.values()):
         return Check(
-            name, None, "The share of saturated samples could not be computed.", "Inspect the record."
+            name,
+            None,
+            "The share of saturated samples could not be computed.",
+            "Inspect the record.",
         )
-    saturated = {
-        channel: each for channel, each in percent.items() if each > MAX_SATURATED_PERCENT
-    }
+    saturated = {channel: each for channel, each in percent.items() if each > MAX_SATURATED_PERCENT}
     if not saturated:
         return Check(name, True, "Neither channel stays at its smallest or largest value.")
     listed = " and ".join(f"{each:.2g} % of the {channel}" for channel, each in saturated.items())

@@ -68,9 +68,7 @@ def input_independence(validation: Validation) -> Check:
     count = 2 * test.lags + 1
     # The Bonferroni inequality holds for any dependence between lags.
     allowed = float(ndtri(1 - SIGNIFICANCE / (2 * count)) / ndtri(0.975))
-    passed = (
-        test.max_in_bounds <= allowed and test.share_inside95 >= MIN_CROSS_CORRELATION_SHARE
-    )
+    passed = test.max_in_bounds <= allowed and test.share_inside95 >= MIN_CROSS_CORRELATION_SHARE
     return Check(
         name,
         passed,

@@ -108,17 +108,17 @@ def cancellation(model: ModelRecord) -> Check:
             " or use a longer record.",
         )
     indistinct = [
-        (pole, zero)
+        f"{_root_text(pole)} and {_root_text(zero)}"
         for distance, pole, zero in pairs
         if distance < MAX_CANCELLATION_DISTANCE
         and _indistinguishable(pole, zero, model.a, model.b, covariance)
     ]
     if indistinct:
-        listed = "; ".join(f"{_root_text(pole)} and {_root_text(zero)}" for pole, zero in indistinct)
         return Check(
             name,
             False,
-            f"A pole and a zero do not differ significantly at the 95 % level: {listed}.",
+            "A pole and a zero do not differ significantly at the 95 % level:"
+            f" {'; '.join(indistinct)}.",
             advice,
         )
     return Check(
@@ -129,9 +129,7 @@ def cancellation(model: ModelRecord) -> Check:
     )
 
 
-def _indistinguishable(
-    pole: complex, zero: complex, a: Array, b: Array, covariance: Array
-) -> bool:
+def _indistinguishable(pole: complex, zero: complex, a: Array, b: Array, covariance: Array) -> bool:
     """Whether the 95 % confidence region of pole minus zero contains 0."""
     with np.errstate(divide="ignore", invalid="ignore"):
         gradient = np.concatenate([root_gradient(a, pole)[1:], -root_gradient(b, zero)])
