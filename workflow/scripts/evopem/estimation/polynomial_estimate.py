@@ -129,7 +129,8 @@ def estimate_polynomial(
         problem, scales = _scaled_problem(errors)
         key = (o.na, o.nb, o.nc, o.nd, o.nf, o.nk, int(level))
         sequence = np.random.SeedSequence(settings.seed, spawn_key=key)
-        found = memetic_search(problem, settings, np.random.default_rng(sequence), log)
+        generator = np.random.default_rng(sequence)
+        found = memetic_search(problem, settings, generator, log, recombine=problem.recombine)
         found = replace(found, point=found.point * scales)
         return _described(errors, found, structure, sampling_rate)
 

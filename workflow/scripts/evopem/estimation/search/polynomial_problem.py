@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 from evopem.estimation.pem.batch_bfgs import Descent
 from evopem.estimation.pem.polynomial_objective import PolynomialErrors
+from evopem.estimation.search.memetic import discrete_recombination
+from evopem.estimation.search.root_recombination import recombined_polynomials
 from evopem.estimation.search.staged_descent import (
     DESCENT_STAGES,
     damped_inverses,
@@ -34,6 +36,8 @@ Array = NDArray[np.float64]
 MIN_MULTISTART = 2**17
 # Pairs of poles tried at a step from smaller orders to larger ones, and those descended from.
 PAIRS, DESCENDED = 32, 4
+# Share of the generations that recombine roots; the others recombine coefficients.
+BY_ROOTS = 0.75
 # Newton steps for numerator, level and states: one is exact for the quadratic objective.
 LINEAR_STEPS = {"quadratic": 1, "absolute": 4}
 
@@ -102,6 +106,23 @@ class PolynomialProblem:
             else:
                 points[:, part] = random_denominators(count, order, generator)
         return self.completed(points)
+
+    def recombine(
+        self, parents: Array, count: int, generator: np.random.Generator
+    ) -> tuple[Array, int]:
+        """Offspring whose polynomials have sections, or coefficients, from two parents each.
+
+        One draw decides for a whole generation: the two kinds differ in their values, and the worst
+        offspring are refined.
+        """
+        if generator.random() >= BY_ROOTS:
+            return discrete_recombination(parents, count, generator)
+        pairs = generator.integers(len(parents), size=(2, count))
+        offspring = np.zeros((count, parents.shape[1]))
+        for name in "acdf":
+            part = self._parts[name]
+            offspring[:, part] = recombined_polynomials(parents[:, part], pairs, generator)
+        return self.completed(offspring)
 
     def completed(self, points: Array) -> tuple[Array, int]:
         """Points with B, level and states by least squares, given A, C, D and F; evaluations.
