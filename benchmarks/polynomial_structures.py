@@ -1,4 +1,4 @@
-"""Every polynomial structure: errors, optima, speed, recordings.  Writes docs/evidence/structures.md.
+"""Measure every polynomial structure, and write docs/evidence/structures.md.
 
     python benchmarks/polynomial_structures.py [--records 200] [--starts 50] [--processes 2]
                                                [--recordings FOLDER]
@@ -310,8 +310,8 @@ def main() -> None:
         "",
         "## Errors of the parameters",
         "",
-        f"{chosen.records} records of 1000 samples a structure, noise 20 % of the output's standard",
-        "deviation. Root mean square error over the Cramér-Rao bound, and coverage of nominal 95 %",
+        f"{chosen.records} records of 1000 samples a structure, noise 20 % of the output's",
+        "standard deviation. Root mean square error over the Cramér-Rao bound, and coverage of nominal 95 %",
         "intervals: mean over the coefficients, and their range.",
         "",
         "| structure | error / bound | range | coverage | range |",
@@ -336,9 +336,9 @@ def main() -> None:
             "",
             "## Recordings",
             "",
-            "Simulation error in percent on the validation samples, from the initial state that fits",
-            "them: of the model with the smallest simulation error on the estimation samples, and of",
-            "the best model seen afterwards. Orders 2 to 4 (dryer) and 4 to 12; no preprocessing",
+            "Simulation error in percent on the validation samples, from the initial state that",
+            "fits them: of the model with the smallest simulation error on the estimation samples, and",
+            "of the best model seen afterwards. Orders 2 to 4 (dryer) and 4 to 12; no preprocessing",
             "other than the bench's decimation by four.",
             "",
             "| recording | chosen on the estimation samples | best seen afterwards |",
