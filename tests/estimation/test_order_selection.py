@@ -97,7 +97,7 @@ def test_a_recalled_estimate_is_the_estimate(record):
     assert again.bic == candidate["bic"]
     assert again.rss == candidate["rss"]
     assert again.model.a.tolist() == candidate["a"]
-    assert np.isfinite(again.model.covariance).all()
+    assert np.isfinite(again.model.covariance.matrix).all()
 
 
 def test_a_record_too_short_for_an_order_is_refused_in_a_sentence(record):

@@ -11,27 +11,33 @@ from scipy.io import loadmat
 import evopem
 from evopem.errors import InputError
 from evopem.models.files import save_model_json, save_model_mat
+from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.synthesis.armax import true_model
 
 
 @pytest.fixture
 def model():
     truth = true_model()
-    return evopem.ArmaxModel(
-        truth.a, truth.b, truth.c, truth.nk, 100.0, 0.25, 1e-4 * np.eye(truth.orders.parameters)
-    )
+    n = truth.orders.parameters
+    covariance = ParameterCovariance(1e-2 * np.eye(n)[:, 1:], np.eye(n)[:, :1])
+    return evopem.ArmaxModel(truth.a, truth.b, truth.c, truth.nk, 100.0, 0.25, covariance)
 
 
 def test_json_keeps_every_bit(model, tmp_path):
     path = tmp_path / "model.json"
     save_model_json(model, path, {"seed": 3})
     again = evopem.load(path)
-    for name in ("a", "b", "c", "covariance"):
+    for name in ("a", "b", "c"):
         np.testing.assert_array_equal(getattr(again, name), getattr(model, name))
+    np.testing.assert_array_equal(again.covariance.factor, model.covariance.factor)
+    np.testing.assert_array_equal(again.covariance.null_space, model.covariance.null_space)
     assert (again.nk, again.sampling_rate, again.noise_variance) == (3, 100.0, 0.25)
     record = json.loads(path.read_text())
     assert record["orders"] == {"na": 7, "nb": 6, "nc": 7, "nk": 3}
     assert record["seed"] == 3
+    # The first parameter is not identifiable: JSON has no infinity.
+    assert record["parameter_standard_errors"][:2] == [None, 1e-2]
+    assert record["covariance"][0] == [None] * 20
     assert record["modes"][0]["frequency_hz"] == pytest.approx(5.36)
 
 

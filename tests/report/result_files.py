@@ -14,6 +14,7 @@ import yaml
 from scipy.signal import lfilter
 
 from evopem.models.armax import ArmaxModel, Orders
+from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.signals.preparation import PreparedData, prepare, save_prepared
 from evopem.signals.recording import Recording, describe_recording, save_recording
 from evopem.signals.spectral.multitaper import (
@@ -135,7 +136,7 @@ def with_covariance(model: ArmaxModel, data: Recording) -> ArmaxModel:
         ),
         200,
     )
-    covariance = model.noise_variance * np.linalg.inv(psi.T @ psi)
+    covariance = ParameterCovariance.from_matrix(model.noise_variance * np.linalg.inv(psi.T @ psi))
     return ArmaxModel(
         model.a, model.b, model.c, model.nk, model.sampling_rate, model.noise_variance, covariance
     )
@@ -167,8 +168,8 @@ def model_json(model: ArmaxModel, prepared: PreparedData) -> dict:
         "fit_percent": 88.0,
         "rss": 1.7,
         "bic": -7.79,
-        "covariance": covariance.tolist(),
-        "parameter_standard_errors": np.sqrt(np.diag(covariance)).tolist(),
+        "covariance": covariance.matrix.tolist(),
+        "parameter_standard_errors": np.sqrt(np.diag(covariance.matrix)).tolist(),
         "modes": modes,
         "poles": [[root.real, root.imag] for root in model.poles()],
         "zeros": [[root.real, root.imag] for root in model.zeros()],

@@ -10,10 +10,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from evopem.errors import InputError
 from evopem.files.atomic import whole, write_json
 from evopem.models.armax import ArmaxModel
+from evopem.models.parameter_covariance import ParameterCovariance
 
 
 def model_record(model: ArmaxModel) -> dict[str, Any]:
@@ -27,9 +29,15 @@ def model_record(model: ArmaxModel) -> dict[str, Any]:
         "c": model.c.tolist(),
         "sampling_rate": model.sampling_rate,
         "noise_variance": _number(model.noise_variance),
-        "covariance": None if covariance is None else covariance.tolist(),
+        "covariance": None if covariance is None else _numbers(covariance.matrix),
+        "covariance_factor": None if covariance is None else covariance.factor.tolist(),
+        "unidentifiable_directions": (
+            None if covariance is None else covariance.null_space.T.tolist()
+        ),
         "parameter_standard_errors": (
-            None if covariance is None else np.sqrt(np.maximum(np.diag(covariance), 0.0)).tolist()
+            None
+            if covariance is None
+            else _numbers(covariance.standard_errors(np.eye(orders.parameters)))
         ),
         "modes": [
             {
@@ -95,7 +103,7 @@ def load(path: str | os.PathLike[str]) -> ArmaxModel:
     except ValueError:
         raise InputError(source, "it is not JSON", remedy) from None
     try:
-        variance, covariance = record["noise_variance"], record["covariance"]
+        variance = record["noise_variance"]
         return ArmaxModel(
             a=np.array(record["a"], dtype=float),
             b=np.array(record["b"], dtype=float),
@@ -103,10 +111,27 @@ def load(path: str | os.PathLike[str]) -> ArmaxModel:
             nk=int(record["orders"]["nk"]),
             sampling_rate=float(record["sampling_rate"]),
             noise_variance=math.nan if variance is None else float(variance),
-            covariance=None if covariance is None else np.array(covariance, dtype=float),
+            covariance=_covariance(record),
         )
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(source, f"it is not a model of evopem ({error})", remedy) from None
+
+
+def _covariance(record: Mapping[str, Any]) -> ParameterCovariance | None:
+    """The covariance of a model's record; by its matrix alone where no factor is on record."""
+    if record["covariance"] is None:
+        return None
+    if record.get("covariance_factor") is None:
+        return ParameterCovariance.from_matrix(np.array(record["covariance"], dtype=float))
+    factor = np.array(record["covariance_factor"], dtype=float)
+    directions = np.array(record["unidentifiable_directions"], dtype=float)
+    return ParameterCovariance(factor, directions.reshape(-1, len(factor)).T)
+
+
+def _numbers(values: NDArray[np.float64]) -> list[Any]:
+    """An array as nested lists, with None for what is not finite."""
+    found: list[Any] = np.where(np.isfinite(values), values, None).tolist()
+    return found
 
 
 def _number(value: float) -> float | None:
