@@ -41,7 +41,7 @@ def jacobian_triangle(
         First residual, and first one that counts in the loss.
     """
     blocks = jacobian_blocks(model, input, output, residuals, recursion_start, scoring_start)
-    return triangle_of(block for _, block in blocks)
+    return triangle_of(blocks)
 
 
 def jacobian_blocks(
@@ -51,10 +51,12 @@ def jacobian_blocks(
     residuals: Array,
     recursion_start: int,
     scoring_start: int,
-) -> Iterator[tuple[int, Array]]:
-    """Jacobian of the scored residuals in blocks of rows: first sample and rows of each.
+) -> Iterator[Array]:
+    """Jacobian of the scored residuals with respect to parameters and noise state, row by row.
 
-    With respect to ``[a, b, c]`` and the noise state: ``d e/d a_i = y_F(t-i)``,
+    Yields consecutive blocks of rows, (M, n + nc) arrays.
+
+    For ``[a, b, c]`` and the noise state: ``d e/d a_i = y_F(t-i)``,
     ``d e/d b_j = -u_F(t-nk-j)``, ``d e/d c_k = -e_F(t-k)`` with signals filtered through 1/C from
     rest at ``recursion_start`` (Ljung 1999, section 10.3), and impulse responses of 1/C for the
     noise state.
@@ -65,6 +67,7 @@ def jacobian_blocks(
     samples = len(output)
     impulse = np.zeros(samples)
     impulse[recursion_start] = 1.0
+    residuals = np.where(np.arange(samples) < recursion_start, 0.0, residuals)
     columns = (
         [(output, i, 1.0) for i in range(1, o.na + 1)]
         + [(input, o.nk + j, -1.0) for j in range(o.nb)]
@@ -79,8 +82,7 @@ def jacobian_blocks(
             filtered, states[column] = lfilter([1.0], model.c, delayed, zi=states[column])
             block[:, column] = sign * filtered
         if stop > scoring_start:
-            skipped = max(scoring_start - first, 0)
-            yield first + skipped, block[skipped:]
+            yield block[max(scoring_start - first, 0) :]
 
 
 def estimate_covariance(
