@@ -50,7 +50,8 @@ class ModeEvidence:
         Standard error of ``|r|`` to first order; infinite where it is not identifiable, NaN where
         the covariance is not known.
     input_test : HeldOutTest
-        Of the mode's response to the input, on held-out samples.
+        Of the mode's response to the input, on held-out samples, beside the other terms of the
+        partial fractions of B/A.
     reached : bool or None
         Whether the input reaches the mode, by ``input_test``; None where it is not possible.
     coherence, coherence_limit : float
@@ -125,14 +126,17 @@ def mode_evidence(
     """
     u, y = np.asarray(input, dtype=float), np.asarray(output, dtype=float)
     residuals = model.residuals(u, y, noise_state)
-    simulated = model.simulate(u)
     free = free_responses(model.a, len(y) - first)
+    modes = model.modes()
+    responses = [modal_response(model, mode.pole, u) for mode in modes]
+    rest = model.simulate(u) - np.sum(responses, axis=0)
     found = []
-    for mode in model.modes():
-        contribution = modal_response(model, mode.pole, u)
-        of_input = contribution_test(
-            (y - simulated + contribution)[first:], contribution[first:], free
-        )
+    for index, mode in enumerate(modes):
+        # The other terms are regressors, not taken as right: of two close poles that cancel each
+        # other's response, neither may pass because the other one is there.
+        other_terms = [*responses[:index], *responses[index + 1 :], rest]
+        nuisance = np.column_stack([*(term[first:] for term in other_terms), free])
+        of_input = contribution_test(y[first:], responses[index][first:], nuisance)
         of_noise = _noise_test(model, mode.pole, residuals, first)
         residue, residue_se = modal_residue(model, mode.pole)
         coherence, limit = _coherence(response, mode.frequency_hz)
