@@ -23,7 +23,15 @@ def model(covariance):
 
 def test_a_pure_gain_has_the_band_of_its_coefficient():
     covariance = np.diag([0.01, 0.5])
-    pure = ArmaxModel(np.ones(1), np.array([-2.0]), np.array([1.0, 0.1]), 3, 100.0, 1.0, ParameterCovariance.from_matrix(covariance))
+    pure = ArmaxModel(
+        np.ones(1),
+        np.array([-2.0]),
+        np.array([1.0, 0.1]),
+        3,
+        100.0,
+        1.0,
+        ParameterCovariance.from_matrix(covariance),
+    )
     lower, upper = gain_band(pure, FREQUENCIES)
     spread = np.exp(NORMAL_95 * 0.1 / 2.0)
     assert lower == pytest.approx(np.full(12, 2.0 / spread), rel=1e-12)

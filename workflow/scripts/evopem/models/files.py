@@ -130,7 +130,9 @@ def _covariance(record: Mapping[str, Any]) -> ParameterCovariance | None:
 
 def _numbers(values: NDArray[np.float64]) -> list[Any]:
     """An array as nested lists, with None for what is not finite."""
-    found: list[Any] = np.where(np.isfinite(values), values, None).tolist()
+    entries = values.astype(object)
+    entries[~np.isfinite(values)] = None
+    found: list[Any] = entries.tolist()
     return found
 
 

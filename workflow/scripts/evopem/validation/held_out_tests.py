@@ -111,10 +111,11 @@ def contribution_test(
     from scipy.special import stdtr
 
     e, x = np.asarray(errors_without, dtype=float), np.asarray(contribution, dtype=float)
-    not_possible = HeldOutTest(math.nan, math.nan, math.nan, e.size)
-    if e.size < FEWEST_SAMPLES or not (np.isfinite(e).all() and np.isfinite(x).all()):
+    samples = e.size
+    not_possible = HeldOutTest(math.nan, math.nan, math.nan, samples)
+    if samples < FEWEST_SAMPLES or not (np.isfinite(e).all() and np.isfinite(x).all()):
         return not_possible
-    others = np.ones((e.size, 1))
+    others = np.ones((samples, 1))
     if nuisance is not None:
         others = np.hstack([others, np.asarray(nuisance, dtype=float)])
     remainder, unexplained = _without(e, others), _without(x, others)
@@ -122,9 +123,7 @@ def contribution_test(
         return not_possible
     coefficient = float(unexplained @ remainder) / float(unexplained @ unexplained)
     whitening = whitening_filter(remainder - coefficient * unexplained, MOST_WHITENING)
-    e, x, *columns = (
-        np.convolve(signal, whitening, mode="valid") for signal in (e, x, *others.T)
-    )
+    e, x, *columns = (np.convolve(signal, whitening, mode="valid") for signal in (e, x, *others.T))
     others = np.column_stack(columns)
     remainder, unexplained = _without(e, others), _without(x, others)
     power = float(unexplained @ unexplained)
@@ -137,7 +136,7 @@ def contribution_test(
     # A part that explains the errors without remainder is as significant as can be.
     statistic = coefficient / error if error > 0.0 else math.inf
     p_value = float(stdtr(freedom, -statistic)) if math.isfinite(statistic) else 0.0
-    return HeldOutTest(coefficient, statistic, p_value, len(errors_without))
+    return HeldOutTest(coefficient, statistic, p_value, samples)
 
 
 def _without(signal: Array, regressors: Array) -> Array:
@@ -197,7 +196,7 @@ def whitening_filter(signal: ArrayLike, most: int) -> Array:
     most = min(most, x.size // 10)
     past = np.lib.stride_tricks.sliding_window_view(x, most + 1)[:, ::-1]
     # With the lags in rising order, the leading blocks of one triangle serve all orders.
-    triangle = np.linalg.qr(np.roll(past, -1, axis=1), mode="r")
+    triangle = np.asarray(np.linalg.qr(np.roll(past, -1, axis=1), mode="r"))
     remaining = np.cumsum(triangle[::-1, -1] ** 2)[::-1]
     samples = len(past)
     with np.errstate(divide="ignore"):

@@ -74,7 +74,7 @@ def split_spectra(
     if length < FEWEST_SAMPLES or any(not np.ptp(part) > 0.0 for part in parts):
         return SplitSpectra(math.nan, math.nan, (), math.nan, None)
     first, second = (_relative_density(part, length) for part in parts)
-    frequencies = np.fft.rfftfreq(length, 1.0 / sampling_rate)
+    frequencies = np.asarray(np.fft.rfftfreq(length, 1.0 / sampling_rate), np.float64)
     outside = second > NO_POWER * first
     share = float(second[outside].sum())
     return SplitSpectra(
