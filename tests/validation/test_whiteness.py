@@ -67,7 +67,7 @@ def test_columns_that_say_the_same_count_once():
 
 
 def test_a_least_absolute_fit_takes_less():
-    """Gaussian innovations: the fit's error has π/2 of the variance, and 2 - π/2 is what it takes."""
+    """Gaussian innovations: it takes 2 - π/2 of what least squares takes."""
     residuals, jacobian = regression(6, samples=20_000)
     traces = [
         np.trace(residual_autocorrelation_covariance(residuals, [jacobian], 30, objective))
