@@ -24,18 +24,18 @@ test-slurm: $(VENV)/installed-dev  ## run the tests on SLURM, started for them w
 lint: $(VENV)/installed-dev  ## check style, types and the workflow
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
-	$(BIN)/snakefmt --check Snakefile workflow/rules
+	$(BIN)/snakefmt --check Snakefile workflow/rules benchmarks/fletcher_powell/Snakefile benchmarks/fletcher_powell/common.smk
 	$(BIN)/mypy
 	$(BIN)/snakemake --lint
 
 format: $(VENV)/installed-dev  ## bring every file into the style
 	$(BIN)/ruff check --fix
 	$(BIN)/ruff format
-	$(BIN)/snakefmt Snakefile workflow/rules
+	$(BIN)/snakefmt Snakefile workflow/rules benchmarks/fletcher_powell/Snakefile benchmarks/fletcher_powell/common.smk
 
 lock: $(VENV)/installed-dev  ## pin today's newest versions, with hashes
 	$(COMPILE) --upgrade --output-file requirements.lock
-	$(COMPILE) --upgrade --extra benchmarks --group dev --constraint requirements.lock --output-file requirements-dev.lock
+	$(COMPILE) benchmarks/fletcher_powell/requirements.txt --upgrade --group dev --constraint requirements.lock --output-file requirements-dev.lock
 
 audit: $(VENV)/installed-dev  ## ask the advisory database about every pinned version (online)
 	$(BIN)/uv tool run pip-audit --disable-pip --require-hashes --requirement requirements.lock

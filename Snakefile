@@ -14,15 +14,15 @@ include: "workflow/rules/common.smk"
 
 rule all:
     input:
-        [results_of(dataset) for dataset in DATASETS],
-        OVERVIEW,
+        [provider.results(dataset) for dataset in provider.config.datasets],
+        provider.lists,
 
 
 onerror:
     collect_unfinished()
 
 
-if CONFIG["one_job_per"] == "recording":
+if provider.config.run.one_job_per == "recording":
 
     include: "workflow/rules/recording.smk"
 
@@ -34,9 +34,19 @@ else:
     include: "workflow/rules/order_search.smk"
     include: "workflow/rules/model.smk"
     include: "workflow/rules/validation.smk"
-    include: "workflow/rules/figures.smk"
     include: "workflow/rules/report.smk"
 
 
 include: "workflow/rules/fleet.smk"
-include: "workflow/rules/fletcher_powell.smk"
+
+
+# A benchmark beside the workflow: `snakemake fletcher_powell` runs it, a plain `snakemake` does not.
+module fletcher_powell:
+    snakefile:
+        "benchmarks/fletcher_powell/Snakefile"
+
+
+use rule * from fletcher_powell exclude all as fletcher_powell_*
+
+
+use rule all from fletcher_powell as fletcher_powell

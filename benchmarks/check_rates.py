@@ -13,6 +13,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -25,6 +26,7 @@ ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
 
 from evopem import Orders, SearchSettings, estimate  # noqa: E402
+from evopem.config.settings import ScoringWindow  # noqa: E402
 from evopem.estimation.delay_refinement import Fit, refine_delay  # noqa: E402
 from evopem.estimation.pem.covariance import jacobian_blocks  # noqa: E402
 from evopem.models.initial_state import estimate_noise_state  # noqa: E402
@@ -44,7 +46,7 @@ from evopem.validation.split_spectra import split_spectra  # noqa: E402
 
 Array = NDArray[np.float64]
 # A small search: the optimum of a record is mostly found, and the statistics do not need more.
-SEARCH = SearchSettings(mu=4, lambda_=8, nu=4, evaluations=2000)
+SEARCH = SearchSettings(objective="quadratic", mu=4, lambda_=8, nu=4, evaluations=2000)
 WARM_UP = 500
 ESTIMATION_SHARE = 0.7
 
@@ -85,12 +87,12 @@ def tests_of_whiteness(
 ) -> tuple[float, float, float, float]:
     """p-value with the fit's own distribution, p-value with lags - na - nc degrees of freedom,
     statistic, its expected value."""
-    found = estimate(u, y, orders, objective=objective, search=SEARCH)
-    residuals = found.residuals[found.scoring_start :]
+    found = estimate(u, y, orders, settings=replace(SEARCH, objective=objective))
+    residuals = found.residuals[found.window.loss_start :]
     fitted = orders[0] + orders[2]
     lags = ljung_box_lags(len(residuals), fitted, 1200)
     jacobian = jacobian_blocks(
-        found.model, u, y, found.residuals, found.recursion_start, found.scoring_start
+        found.model, u, y, found.residuals, found.window.residual_start, found.window.loss_start
     )
     test = whiteness_test(residuals, jacobian, lags, objective)
     table = residual_autocorrelation(residuals, lags)
@@ -155,7 +157,7 @@ def input_record(
     if orders is None:
         model = selected(u[:cut], y[:cut]).model
     else:
-        model = estimate(u[:cut], y[:cut], orders, objective="quadratic", search=SEARCH).model
+        model = estimate(u[:cut], y[:cut], orders, settings=SEARCH).model
     assert model.covariance is not None
     of_b = model.covariance.part(slice(model.orders.na, model.orders.na + model.orders.nb))
     return input_significance(model, u, y, cut).p_value, wald_p_value(model.b, of_b.matrix)
@@ -172,12 +174,10 @@ def selected(u: Array, y: Array) -> Fit:
                 u,
                 y,
                 orders,
-                objective="quadratic",
-                search=SEARCH,
-                recursion_start=12,
-                scoring_start=32,
+                settings=SEARCH,
+                window=ScoringWindow(12, 32),
             )
-            fits[orders] = Fit(found.model, found.bic)
+            fits[orders] = Fit(found.model, found.criteria.bic)
         return fits[orders]
 
     def bic(found: Fit) -> float:
@@ -254,9 +254,7 @@ def mode_record(seed: int, samples: int, noise: float, order: int) -> list[tuple
     y = (x + noise * np.std(x) / np.std(v) * v)[2 * WARM_UP :]
     u = u[2 * WARM_UP :]
     cut = int(ESTIMATION_SHARE * samples)
-    model = estimate(
-        u[:cut], y[:cut], (order,) * 3 + (1,), 100.0, objective="quadratic", search=SEARCH
-    ).model
+    model = estimate(u[:cut], y[:cut], (order,) * 3 + (1,), 100.0, settings=SEARCH).model
     state = estimate_noise_state(model, u[:cut], y[:cut])
     found = []
     for evidence in mode_evidence(model, u, y, cut, state):
@@ -353,12 +351,10 @@ def delay_record(seed: int) -> tuple[tuple[int, ...], tuple[int, ...]]:
             recording.input,
             recording.output,
             orders,
-            objective="quadratic",
-            search=SEARCH,
-            recursion_start=20,
-            scoring_start=120,
+            settings=SEARCH,
+            window=ScoringWindow(20, 120),
         )
-        return Fit(found.model, found.bic)
+        return Fit(found.model, found.criteria.bic)
 
     start = min((fit(Orders(7, 7, 7, nk)) for nk in (2, 3, 4)), key=lambda found: found.bic)
     end = refine_delay(start, 4380, 2, fit).fit

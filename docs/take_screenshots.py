@@ -14,7 +14,7 @@ from selenium import webdriver
 
 # File, colour scheme, and the elements that the picture spans.
 PICTURES = (
-    ("report.png", "light", "header.page", "#answer .tools"),
+    ("report.png", "light", "header.page", "#summary .tools"),
     ("report-dark.png", "dark", "#poles_zeros", "#poles_zeros"),
 )
 WIDTH = 1000

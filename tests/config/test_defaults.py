@@ -1,4 +1,4 @@
-"""The configuration: completed where it is right, refused in one sentence where it is not."""
+"""The configuration: completed where it is right, refused in one sentence where it is wrong."""
 
 from pathlib import Path
 
@@ -7,6 +7,21 @@ import yaml
 
 from evopem.config.defaults import complete
 from evopem.config.schema import check_yaml_files
+from evopem.config.settings import (
+    ChannelSettings,
+    Configuration,
+    DatasetSettings,
+    OrderGrid,
+    OrderSettings,
+    PreparationSettings,
+    RecordedSource,
+    RunSettings,
+    SearchSettings,
+    SpectrumSettings,
+    SplitSettings,
+    SyntheticSource,
+    TransformSettings,
+)
 from evopem.errors import InputError
 
 SCHEMA = Path(__file__).parents[2] / "workflow" / "schemas" / "config.schema.yaml"
@@ -14,6 +29,10 @@ SCHEMA = Path(__file__).parents[2] / "workflow" / "schemas" / "config.schema.yam
 
 def completed(text):
     return complete(yaml.safe_load(text), SCHEMA)
+
+
+def dataset(text, name="a"):
+    return completed(text).datasets[name]
 
 
 def refusal(text):
@@ -25,60 +44,49 @@ def refusal(text):
     return sentence
 
 
-def test_only_datasets_is_a_complete_configuration():
-    config = completed("datasets: {arm: {synthesis: flexible_arm}}")
-    assert config == {
-        "candidates_per_job": "auto",
-        "one_job_per": "stage",
-        "report": "html",
-        "share": None,
-        "fletcher_powell": {
-            "algorithms": config["fletcher_powell"]["algorithms"],
-            "dimension": 20,
-            "evaluations": 200000,
-            "instances": 10,
-            "runs": 10,
-            "slow_runs": 2,
-            "scale": {"dimensions": [5, 10, 20, 40, 70, 100], "runs": 2},
-            "runs_per_job": 10,
-            "seed": 1,
+def test_a_data_set_with_a_source_alone_takes_the_built_in_values():
+    assert completed("datasets: {arm: {synthesis: flexible_arm}}") == Configuration(
+        datasets={
+            "arm": DatasetSettings(
+                name="arm",
+                source=SyntheticSource("flexible_arm", seed=1, samples=5000, sampling_rate=100.0),
+                preparation=PreparationSettings(),
+                spectrum=SpectrumSettings(),
+                order_grid=OrderGrid(),
+                search=SearchSettings(),
+            )
         },
-        "datasets": {
-            "arm": {
-                "synthesis": "flexible_arm",
-                "seed": 1,
-                "samples": 5000,
-                "sampling_rate": 100,
-                "resample": "none",
-                "stationarity": {"box_cox": 1.1, "difference": 2, "difference_input": 0},
-                "split": {"discard": 500, "estimation": 0.8},
-                "spectrum": {"time_halfbandwidth": 4, "nfft": 8192},
-                "delay": {"orders": [6, 9], "delays": [0, 3]},
-                "orders": {"common": [6, 14], "c": [2, 16], "b": [2, 16]},
-                "search": config["datasets"]["arm"]["search"],
-            }
-        },
-    }
-    search = config["datasets"]["arm"]["search"]
-    assert (
-        search.items()
-        >= {
-            "objective": "absolute",
-            "mu": 15,
-            "lambda": 100,
-            "nu": 10,
-            "start": "chapter",
-            "mutate": "worst",
-            "seed": 1,
-        }.items()
+        run=RunSettings(),
     )
 
 
+def test_the_built_in_values_are_the_documented_ones():
+    arm = dataset("datasets: {a: {synthesis: flexible_arm}}")
+    assert arm.preparation.resample is None
+    assert arm.preparation.transforms == TransformSettings(1.1, 2, 0)
+    assert arm.preparation.split == SplitSettings(500, 0.8)
+    assert arm.spectrum == SpectrumSettings(4.0, 8192)
+    assert (arm.order_grid.delay.orders, arm.order_grid.delay.nk) == ((6, 9), (0, 3))
+    assert arm.order_grid.orders == OrderSettings(joint=(6, 14), nc=(2, 16), nb=(2, 16))
+    search = arm.search
+    assert (search.objective, search.initialization, search.refine) == ("absolute", "arx", "worst")
+    assert (search.mu, search.lambda_, search.nu, search.seed) == (15, 100, 10, 1)
+    assert (search.evaluations, search.max_root_radius) == (20000, 0.9999)
+    assert search.n_initial_discard == 20
+    assert completed("datasets: {a: {synthesis: armax}}").run == RunSettings(
+        "auto", "stage", "html"
+    )
+
+
+def test_only_an_armax_recording_has_a_noise_ratio():
+    assert dataset("datasets: {a: {synthesis: armax}}").source.noise == 0.1
+    assert dataset("datasets: {a: {synthesis: armax, noise: 0}}").source.noise == 0
+    assert dataset("datasets: {a: {synthesis: flexible_arm}}").source.noise is None
+
+
 def test_a_file_needs_no_other_key():
-    dataset = completed("datasets: {bench: {file: bench.csv}}")["datasets"]["bench"]
-    assert dataset["input"] == 1
-    assert dataset["output"] == 2
-    assert dataset["sampling_rate"] is None
+    bench = dataset("datasets: {bench: {file: bench.csv}}", "bench")
+    assert bench.source == RecordedSource("bench.csv", ChannelSettings(1, 2, None, None))
 
 
 def test_own_keys_go_before_defaults_and_these_before_built_in_values():
@@ -89,11 +97,11 @@ def test_own_keys_go_before_defaults_and_these_before_built_in_values():
           one: {synthesis: armax, search: {mu: 7}}
           two: {synthesis: armax}
         """
-    )["datasets"]
-    assert (config["one"]["search"]["mu"], config["two"]["search"]["mu"]) == (7, 5)
-    assert config["one"]["search"]["lambda"] == 50
-    assert config["one"]["search"]["nu"] == 10
-    assert config["one"]["spectrum"] == {"time_halfbandwidth": 4, "nfft": 1024}
+    ).datasets
+    assert (config["one"].search.mu, config["two"].search.mu) == (7, 5)
+    assert config["one"].search.lambda_ == 50
+    assert config["one"].search.nu == 10
+    assert config["one"].spectrum == SpectrumSettings(4.0, 1024)
 
 
 def test_the_order_of_keys_and_the_way_numbers_are_written_do_not_count():
@@ -104,15 +112,25 @@ def test_the_order_of_keys_and_the_way_numbers_are_written_do_not_count():
 
 def test_an_independent_recording_leaves_all_samples_for_estimation():
     text = "datasets: {a: {file: a.csv, validation_file: b.csv}}"
-    assert completed(text)["datasets"]["a"]["split"]["estimation"] == 1.0
+    assert dataset(text).preparation.split.estimation == 1.0
     fraction = f"{{defaults: {{split: {{estimation: 0.5}}}}, {text}}}"
-    assert completed(fraction)["datasets"]["a"]["split"]["estimation"] == 0.5
+    assert dataset(fraction).preparation.split.estimation == 0.5
 
 
 def test_all_samples_are_not_one_sample():
     text = "datasets: {a: {file: a.csv, validation_file: b.csv, split: {estimation: %s}}}"
-    assert repr(completed(text % "1.0")["datasets"]["a"]["split"]["estimation"]) == "1.0"
-    assert repr(completed(text % "1")["datasets"]["a"]["split"]["estimation"]) == "1"
+    assert repr(dataset(text % "1.0").preparation.split.estimation) == "1.0"
+    assert repr(dataset(text % "1").preparation.split.estimation) == "1"
+
+
+def test_a_run_takes_the_keys_beside_the_data_sets():
+    run = completed(
+        """
+        {datasets: {a: {synthesis: armax}, b: {synthesis: armax}}, candidates_per_job: 3,
+         one_job_per: recording, report: none, shard: 2/2}
+        """
+    ).run
+    assert run == RunSettings(3, "recording", "none", "2/2")
 
 
 ARM = "datasets: {arm: {synthesis: armax, %s}}"
@@ -147,9 +165,9 @@ FILE = "datasets: {arm: {file: x.csv, %s}}"
         (ARM % "samples: 5000.5", "datasets.arm.samples", "5000.5 cannot be used"),
         (ARM % "resample: 0", "datasets.arm.resample", "0 is not above 0"),
         (ARM % "resample: nine", "datasets.arm.resample", "nine is not known"),
-        (ARM % "stationarity: {box_cox: .nan}", "stationarity.box_cox", "nan is not a finite"),
-        (ARM % "stationarity: {box_cox: aut}", "stationarity.box_cox", "did you mean auto?"),
-        (ARM % "stationarity: {difference: 9}", "stationarity.difference", "9 is above 4"),
+        (ARM % "transforms: {box_cox: .nan}", "transforms.box_cox", "nan is not a finite"),
+        (ARM % "transforms: {box_cox: aut}", "transforms.box_cox", "did you mean auto?"),
+        (ARM % "transforms: {difference: 9}", "transforms.difference", "9 is above 4"),
         (ARM % "split: {estimation: 1.5}", "datasets.arm.split.estimation", "1.5 is neither"),
         (ARM % "split: {estimation: 1.0}", "datasets.arm.split.estimation", "takes all samples"),
         (ARM % "split: {discard: -1}", "datasets.arm.split.discard", "-1 is below 0"),
@@ -158,12 +176,12 @@ FILE = "datasets: {arm: {file: x.csv, %s}}"
         (ARM % "delay: {orders: [9, 6]}", "datasets.arm.delay.orders", "write [6, 9]"),
         (ARM % "delay: {orders: [6]}", "datasets.arm.delay.orders", "[6] holds 1 value"),
         (ARM % "delay: {orders: []}", "datasets.arm.delay.orders", "[] holds 0 values"),
-        (ARM % "orders: {b: [2, 99]}", "datasets.arm.orders.b[1]", "99 is above 60"),
+        (ARM % "orders: {nb: [2, 99]}", "datasets.arm.orders.nb[1]", "99 is above 60"),
         (ARM % "delay: {orders: [6, x]}", "datasets.arm.delay.orders[1]", "x cannot be used"),
-        (ARM % "orders: {common: autoo}", "datasets.arm.orders.common", "did you mean auto?"),
-        (ARM % "orders: {c: auto}", "datasets.arm.orders.c", "auto cannot be used"),
+        (ARM % "orders: {joint: autoo}", "datasets.arm.orders.joint", "did you mean auto?"),
+        (ARM % "orders: {nc: auto}", "datasets.arm.orders.nc", "auto cannot be used"),
         (ARM % "search: ", "datasets.arm.search", "there is no value"),
-        (ARM % "search: {mutate: wurst}", "datasets.arm.search.mutate", "did you mean worst?"),
+        (ARM % "search: {refine: wurst}", "datasets.arm.search.refine", "did you mean worst?"),
         (ARM % "search: {objective: abs}", "datasets.arm.search.objective", "abs is not known"),
         (ARM % "search: {nu: 200}", "datasets.arm.search.nu", "nu is 200 and lambda is 100"),
         (ARM % "search: {lambda: 12}", "datasets.arm.search.lambda", "mu is 15 and lambda is 12"),
@@ -178,7 +196,7 @@ FILE = "datasets: {arm: {file: x.csv, %s}}"
         ),
         ("{datasets: {a: {file: x}}, candidates_per_job: 0}", "candidates_per_job", "below 1"),
         ("{datasets: {a: {file: x}}, candidates_per_job: aut}", "per_job", "did you mean auto?"),
-        ("{datasets: {a: {file: x}}, share: 5/4}", "share", "there is no share 5/4"),
+        ("{datasets: {a: {file: x}}, shard: 5/4}", "shard", "there is no shard 5/4"),
         ("datasets: [arm]", "datasets", "[arm] cannot be used"),
         ("datasets: absent.csv", "absent.csv", "there is no such table"),
         ("datasets: {'b-*': {file: x.csv}}", "datasets.b-*", "all files of a pattern"),
@@ -191,7 +209,11 @@ FILE = "datasets: {arm: {file: x.csv, %s}}"
         ("datasets: {.hidden: {synthesis: armax}}", "datasets", "'.hidden' cannot be the name"),
         ("datasets: {end.: {synthesis: armax}}", "datasets", "'end.' cannot be the name"),
         ("datasets: {'': {synthesis: armax}}", "datasets", "'' cannot be the name"),
-        ("datasets: {seals: {synthesis: armax}}", "datasets", "seals is the name of something"),
+        (
+            "datasets: {checksums: {synthesis: armax}}",
+            "datasets",
+            "checksums is the name of",
+        ),
         ("datasets: {Logs: {synthesis: armax}}", "datasets", "Logs is the name of something else"),
         ("datasets: {A: {file: x}, a: {file: x}}", "datasets", "A and a are one folder"),
     ],
@@ -201,6 +223,26 @@ def test_refusals_name_the_key_and_say_what_is_wrong(text, place, said):
     assert said in sentence
     assert place in sentence
     assert "; " in sentence, "a remedy follows the problem"
+
+
+RENAMED = {
+    ARM % "stationarity: {box_cox: none}": "transforms",
+    ARM % "delay: {delays: [0, 3]}": "nk",
+    ARM % "orders: {common: [6, 9]}": "joint",
+    ARM % "orders: {c: [6, 9]}": "nc",
+    ARM % "orders: {b: [6, 9]}": "nb",
+    ARM % "search: {start: arx}": "initialization",
+    ARM % "search: {initialization: chapter}": "arx",
+    ARM % "search: {initialization: grown}": "incremental_order",
+    ARM % "search: {mutate: worst}": "refine",
+    ARM % "search: {burn_in: 20}": "n_initial_discard",
+    "{datasets: {a: {file: x}}, share: 1/4}": "shard",
+}
+
+
+@pytest.mark.parametrize(("text", "name"), RENAMED.items())
+def test_an_earlier_name_is_answered_with_the_present_one(text, name):
+    assert f"(did you mean {name}?)" in refusal(text)
 
 
 @pytest.mark.parametrize(

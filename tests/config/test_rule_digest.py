@@ -89,14 +89,15 @@ def test_scripts_reach_their_part_of_the_package_and_no_more():
     reached = {script.stem: imported_modules(script) for script in SCRIPTS.glob("*.py")}
     assert "evopem/signals/readers/matlab.py" in reached["read_recording"]
     assert "evopem/signals/readers/matlab.py" not in reached["prepare_signals"]
-    assert "evopem/estimation/order_selection.py" in reached["fit_candidates"]
+    assert "evopem/estimation/order_selection.py" in reached["estimate_candidates"]
     assert "evopem/signals/spectral/multitaper.py" in reached["estimate_spectrum"]
-    for early in ("read_recording", "prepare_signals", "estimate_spectrum", "fit_candidates"):
+    for early in ("read_recording", "prepare_signals", "estimate_spectrum", "estimate_candidates"):
         later = [name for name in reached[early] if "/figures/" in name or "/report/" in name]
         assert later == [], early
     assert not [name for name in reached["prepare_signals"] if "/estimation/" in name]
-    assert "evopem/signals/spectral/multitaper.py" not in reached["fit_candidates"]
-    assert "evopem/config/defaults.py" not in reached["fit_candidates"]
+    for module in ("multitaper", "peaks"):
+        assert f"evopem/signals/spectral/{module}.py" not in reached["estimate_candidates"]
+    assert "evopem/config/defaults.py" not in reached["estimate_candidates"]
 
 
 def test_scripts_name_submodules_and_not_the_package():

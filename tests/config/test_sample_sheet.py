@@ -1,4 +1,4 @@
-"""Many data sets in few words: tables, and names with a `*`."""
+"""Many data sets at once: tables of data sets, and names with a `*`."""
 
 import os
 from pathlib import Path
@@ -18,13 +18,13 @@ def _here(tmp_path, monkeypatch):
 
 def completed(text, name="recordings.csv", **more):
     Path(name).write_text(text, encoding="utf-8")
-    return complete({"datasets": name, **more}, SCHEMA)["datasets"]
+    return complete({"datasets": name, **more}, SCHEMA).datasets
 
 
 def test_a_row_is_an_entry():
     """The same data sets as in YAML: dots lead below, brackets hold lists, no text is no key."""
     table = completed(
-        "name,file,input,sampling_rate,time,split.estimation,orders.common,stationarity.box_cox\n"
+        "name,file,input,sampling_rate,time,split.estimation,orders.joint,transforms.box_cox\n"
         '2020-1,data/1.csv,torque,100,,0.5,"[6, 9]",none\n'
         "b,2.csv,3,,t,800,auto,1.1\n"
     )
@@ -34,25 +34,25 @@ def test_a_row_is_an_entry():
             "input": "torque",
             "sampling_rate": 100,
             "split": {"estimation": 0.5},
-            "orders": {"common": [6, 9]},
-            "stationarity": {"box_cox": "none"},
+            "orders": {"joint": [6, 9]},
+            "transforms": {"box_cox": "none"},
         },
         "b": {
             "file": "2.csv",
             "input": 3,
             "time": "t",
             "split": {"estimation": 800},
-            "orders": {"common": "auto"},
-            "stationarity": {"box_cox": 1.1},
+            "orders": {"joint": "auto"},
+            "transforms": {"box_cox": 1.1},
         },
     }
-    assert repr(table) == repr(complete({"datasets": written}, SCHEMA)["datasets"])
+    assert repr(table) == repr(complete({"datasets": written}, SCHEMA).datasets)
 
 
 @pytest.mark.parametrize("separator", [";", "\t"])
 def test_spreadsheets_separators(separator):
     text = separator.join(("name", "file")) + "\r\n" + separator.join(("a", "x, y.csv")) + "\r\n"
-    assert completed("\ufeff" + text)["a"]["file"] == "x, y.csv"
+    assert completed("\ufeff" + text)["a"].source.file == "x, y.csv"
 
 
 @pytest.mark.parametrize(
@@ -72,9 +72,9 @@ def test_spreadsheets_separators(separator):
         ("name,file,split.estimate\na,x,1\n", "column split.estimate:", "did you mean estimation?"),
         ("name,file,sampling_rate\na,x,5\nb,y,-5\n", "line 3, column sampling_rate:", "-5 is not"),
         ("name,file,sampling_rate\na,x,nan\n", "line 2, column sampling_rate:", "not a finite"),
-        ('name,file,orders.c\na,x,"[9, 6]"\n', "line 2, column orders.c:", "write [6, 9]"),
-        ('name,file,orders.c\na,x,"[9, x]"\n', "line 2, column orders.c:", "x cannot be used"),
-        ('name,file,orders.c\na,x,"[9, "\n', "line 2, column orders.c:", "is no list"),
+        ('name,file,orders.nc\na,x,"[9, 6]"\n', "line 2, column orders.nc:", "write [6, 9]"),
+        ('name,file,orders.nc\na,x,"[9, x]"\n', "line 2, column orders.nc:", "x cannot be used"),
+        ('name,file,orders.nc\na,x,"[9, "\n', "line 2, column orders.nc:", "is no list"),
         ('name,file\na,"x\n', "recordings.csv:", "this is not a table"),
         ("name,file,validation_file\na,x,x\n", "column validation_file:", "is also the estimation"),
     ],
@@ -103,13 +103,12 @@ def recordings(*names):
 def test_a_name_with_a_star_is_every_file_of_its_pattern():
     recordings("run_7.csv", "run_10.csv", "other.csv")
     pattern = {"file": "data[1]/run_*.csv", "validation_file": "check/*.csv", "sampling_rate": 9}
-    datasets = complete({"datasets": {"bench-*": pattern, "one": {"synthesis": "armax"}}}, SCHEMA)[
-        "datasets"
-    ]
+    written = {"bench-*": pattern, "one": {"synthesis": "armax"}}
+    datasets = complete({"datasets": written}, SCHEMA).datasets
     assert list(datasets) == ["bench-10", "bench-7", "one"]
-    assert datasets["bench-7"]["file"] == "data[1]/run_7.csv"
-    assert datasets["bench-7"]["validation_file"] == "check/7.csv"
-    assert datasets["bench-10"]["sampling_rate"] == 9
+    assert datasets["bench-7"].source.file == "data[1]/run_7.csv"
+    assert datasets["bench-7"].source.validation_file == "check/7.csv"
+    assert datasets["bench-10"].source.channels.sampling_rate == 9
 
 
 @pytest.mark.parametrize(
@@ -129,19 +128,20 @@ def test_an_error_names_the_entry_with_the_star(datasets, place, said):
     assert said in str(caught.value)
 
 
-def test_shares_are_all_data_sets_once():
+def test_every_data_set_is_in_exactly_one_shard():
     text = "name,file\n" + "".join(f"r{number},{number}.csv\n" for number in range(11))
-    shares = [list(completed(text, share=f"{number}/4")) for number in range(1, 5)]
-    assert [len(share) for share in shares] == [3, 3, 3, 2]
-    together = [name for share in shares for name in share]
+    shards = [list(completed(text, shard=f"{number}/4")) for number in range(1, 5)]
+    assert [len(shard) for shard in shards] == [3, 3, 3, 2]
+    assert shards[2] == ["r2", "r6", "r10"]
+    together = [name for shard in shards for name in shard]
     assert sorted(together) == sorted(f"r{number}" for number in range(11))
 
 
-def test_ten_thousand_rows_are_read_in_the_time_of_ten_thousand():
-    """Linear: ten times the rows take at most twenty times as long."""
+def test_the_time_to_read_a_table_grows_linearly_with_its_rows():
+    """Ten times the rows take at most twenty times as long."""
 
     def seconds(rows):
-        text = "name,file,orders.c\n"
+        text = "name,file,orders.nc\n"
         text += "".join(f'r{row},{row}.csv,"[2, {row % 30 + 3}]"\n' for row in range(rows))
         before = os.times().user
         completed(text)

@@ -40,7 +40,7 @@ def test_stragglers_are_left_where_they_are():
     assert hasty.evaluations < patient.evaluations
 
 
-def test_corners_do_not_stop_it():
+def test_a_function_that_is_not_smooth_does_not_stop_it():
     """|x_1| + 10 |x_2 - x_1|, which smooth methods stall on."""
 
     def value(points, rows):

@@ -5,6 +5,7 @@ import pytest
 from scipy.signal import lfilter
 
 from evopem import Orders, SearchSettings, estimate
+from evopem.config.settings import ScoringWindow
 from evopem.estimation.delay_refinement import (
     Fit,
     delay_alternatives,
@@ -14,7 +15,7 @@ from evopem.estimation.delay_refinement import (
 from evopem.models.armax import ArmaxModel
 from evopem.models.parameter_covariance import ParameterCovariance
 
-SEARCH = SearchSettings(mu=4, lambda_=4, nu=4, evaluations=1)
+SEARCH = SearchSettings(objective="quadratic", mu=4, lambda_=4, nu=4, evaluations=1)
 
 
 def model(b, errors, nk=3):
@@ -88,11 +89,9 @@ def test_the_true_delay_is_found_from_either_side(start):
                 u,
                 y,
                 orders,
-                objective="quadratic",
-                search=SEARCH,
-                recursion_start=10,
-                scoring_start=30,
+                settings=SEARCH,
+                window=ScoringWindow(10, 30),
             )
-            return Fit(found.model, found.bic)
+            return Fit(found.model, found.criteria.bic)
 
         assert refine_delay(fit(start), 1470, 0, fit).fit.model.orders == Orders(2, 2, 1, 2)

@@ -5,9 +5,11 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
-from evopem import Orders, SearchSettings, estimate
+from evopem import Orders, ScoringWindow, SearchSettings, estimate
 from evopem.estimation.pem.arx import fit_arx
 from evopem.synthesis.armax import armax
+
+QUADRATIC = SearchSettings(objective="quadratic")
 
 
 def small_record(seed=1, samples=400, noise=0.5):
@@ -31,7 +33,7 @@ def test_quadratic_estimate_agrees_with_statsmodels():
     """The ARMAX model is a regression on lagged signals with moving-average errors."""
     statsmodels = pytest.importorskip("statsmodels.api")
     u, y = small_record(samples=800)
-    found = estimate(u, y, (2, 2, 1, 1), objective="quadratic", scoring_start=3)
+    found = estimate(u, y, (2, 2, 1, 1), settings=QUADRATIC, window=ScoringWindow(2, 3))
     t = np.arange(2, len(y))
     lagged = np.column_stack([-y[t - 1], -y[t - 2], u[t - 1], u[t - 2]])
     theirs = statsmodels.tsa.SARIMAX(y[2:], exog=lagged, order=(0, 0, 1)).fit(disp=False)
@@ -45,7 +47,7 @@ def test_no_local_method_finds_less(seed):
     """20 starts of SciPy's Levenberg-Marquardt on the chapter's orders, a short record."""
     recording, _ = armax(seed=seed, samples=500)
     u, y = recording.input, recording.output
-    found = estimate(u, y, (7, 6, 7, 3), objective="quadratic", scoring_start=110)
+    found = estimate(u, y, (7, 6, 7, 3), settings=QUADRATIC, window=ScoringWindow(8, 110))
 
     def residuals(p):
         a, b, c = np.r_[1.0, p[:7]], np.r_[0.0, 0.0, 0.0, p[7:13]], np.r_[1.0, p[13:]]
@@ -64,58 +66,67 @@ def test_no_local_method_finds_less(seed):
         if inside and stable:
             best = min(best, 100 * 2 * local.cost / np.sum(y[110:] ** 2))
     assert np.isfinite(best)
-    assert found.objective_value <= best * (1 + 1e-6)
+    assert found.criteria.objective <= best * (1 + 1e-6)
 
 
-def test_a_noise_state_that_the_data_hardly_see_stays_small():
-    """And does not keep the populations of a search from agreeing to the last digits."""
+def test_a_noise_state_that_hardly_affects_the_residuals_stays_small():
+    """It does not keep the restarts of a search from agreeing to the last digits."""
     recording, _ = armax(seed=5, samples=4500)
-    found = estimate(recording.input, recording.output, (7, 6, 7, 3), objective="quadratic")
-    assert found.search.agreement == 1.0
-    assert np.ptp(found.search.ends) < 1e-9 * found.search.value
+    found = estimate(recording.input, recording.output, (7, 6, 7, 3), settings=QUADRATIC)
+    diagnostics = found.search.diagnostics
+    assert diagnostics.n_confirming == diagnostics.n_restarts - 1 >= 2
+    assert np.ptp(diagnostics.restart_minima) < 1e-9 * found.search.value
     assert np.abs(found.noise_state).max() < 10 * np.sqrt(found.model.noise_variance)
 
 
 @pytest.mark.parametrize("objective", ["absolute", "quadratic"])
 def test_errors_of_the_estimate_are_within_its_standard_errors(objective):
     recording, truth = armax(seed=4, samples=4500)
-    found = estimate(recording.input, recording.output, (7, 6, 7, 3), 100.0, objective=objective)
-    true = np.r_[truth["a"][1:], truth["b"], truth["c"][1:]]
+    settings = SearchSettings(objective=objective)
+    found = estimate(recording.input, recording.output, (7, 6, 7, 3), 100.0, settings=settings)
+    true = np.r_[truth.a[1:], truth.b, truth.c[1:]]
     deviation = found.model.parameters - true
     # Mahalanobis distance: chi-square with 20 degrees of freedom, 99.9 % point 45.3.
     assert deviation @ np.linalg.solve(found.model.covariance, deviation) < 45.3
-    for mode, expected in zip(found.model.modes(), truth["modes"], strict=True):
-        assert abs(mode.frequency_hz - expected["frequency_hz"]) < 4 * mode.frequency_se_hz
-        assert abs(100 * mode.damping_ratio - expected["damping_percent"]) < 400 * mode.damping_se
-    variance = truth["noise"]["innovation_variance"]
+    for mode, expected in zip(found.model.modes(), truth.modes, strict=True):
+        assert abs(mode.frequency_hz - expected.frequency_hz) < 4 * mode.frequency_se_hz
+        assert abs(mode.damping_ratio - expected.damping_ratio) < 4 * mode.damping_se
+    variance = truth.noise["innovation_variance"]
     # Relative standard deviation of a variance from 4400 samples: 2 %.
     assert found.model.noise_variance == pytest.approx(variance, rel=0.08)
 
 
-def test_reported_numbers_are_those_of_the_residuals():
+@pytest.mark.parametrize("objective", ["absolute", "quadratic"])
+def test_criteria_are_those_of_the_residuals(objective):
     u, y = small_record()
-    found = estimate(u, y, (2, 2, 1, 1), scoring_start=50)
-    e = found.model.residuals(u, y, found.noise_state, found.recursion_start)[50:]
+    settings = SearchSettings(objective=objective)
+    found = estimate(u, y, (2, 2, 1, 1), settings=settings, window=ScoringWindow(10, 50))
+    assert found.window == ScoringWindow(10, 50)
+    e = found.model.residuals(u, y, found.noise_state, 10)[50:]
     scored = y[50:]
     np.testing.assert_allclose(found.residuals[50:], e, atol=1e-9)
-    assert found.objective_value == pytest.approx(100 * np.abs(e).sum() / np.abs(scored).sum())
-    assert found.fit_percent == pytest.approx(100 - found.objective_value)
-    assert found.rss == pytest.approx(100 * (e @ e) / (scored @ scored))
-    assert found.bic == pytest.approx(np.log(e @ e / 350) + 5 * np.log(350) / 350)
+    assert np.isnan(found.residuals[:10]).all()
+    absolute, rss = 100 * np.abs(e).sum() / np.abs(scored).sum(), 100 * (e @ e) / (scored @ scored)
+    expected = {"absolute": absolute, "quadratic": rss}[objective]
+    assert found.criteria.objective == pytest.approx(expected)
+    assert found.criteria.fit_percent == pytest.approx(100 - absolute)
+    assert found.criteria.rss == pytest.approx(rss)
+    assert found.criteria.bic == pytest.approx(np.log(e @ e / 350) + 5 * np.log(350) / 350)
+
+
+def test_the_default_window_leaves_out_what_the_settings_say():
+    u, y = small_record()
+    found = estimate(u, y, (2, 2, 1, 8), settings=SearchSettings(n_initial_discard=12))
+    assert found.window == ScoringWindow(9, 9 + 12)
+    more = estimate(u, y, (1, 1, 3, 5), settings=SearchSettings(n_initial_discard=0))
+    assert more.window == ScoringWindow(5, 5 + 3)
 
 
 @pytest.mark.parametrize("objective", ["absolute", "quadratic"])
 def test_over_parameterised_models_are_stable_and_invertible(objective):
     u, y = small_record(samples=150)
-    found = estimate(
-        u,
-        y,
-        (8, 8, 8, 0),
-        objective=objective,
-        scoring_start=40,
-        max_root_radius=0.98,
-        search=SearchSettings(evaluations=3000),
-    )
+    settings = SearchSettings(objective=objective, max_root_radius=0.98, evaluations=3000)
+    found = estimate(u, y, (8, 8, 8, 0), settings=settings, window=ScoringWindow(8, 40))
     assert np.abs(found.model.poles()).max() < 0.98 * (1 + 1e-6)
     assert np.abs(found.model.noise_zeros()).max() < 0.98 * (1 + 1e-6)
 
@@ -127,7 +138,10 @@ def test_outliers_move_the_absolute_estimate_less():
     truth = np.array([-1.5, 0.7, 1.0, 0.5])
     errors = {
         objective: np.abs(
-            estimate(u, spoiled, (2, 2, 2, 1), objective=objective).model.parameters[:4] - truth
+            estimate(
+                u, spoiled, (2, 2, 2, 1), settings=SearchSettings(objective=objective)
+            ).model.parameters[:4]
+            - truth
         ).sum()
         for objective in ("absolute", "quadratic")
     }
@@ -137,7 +151,7 @@ def test_outliers_move_the_absolute_estimate_less():
 def test_the_same_seed_gives_the_same_bits_and_the_record_stays():
     u, y = small_record()
     before = u.copy(), y.copy()
-    one, two = (estimate(u, y, (4, 4, 4, 0), seed=7) for _ in range(2))
+    one, two = (estimate(u, y, (4, 4, 4, 0), settings=SearchSettings(seed=7)) for _ in range(2))
     np.testing.assert_array_equal(one.model.parameters, two.model.parameters)
     np.testing.assert_array_equal(one.model.covariance, two.model.covariance)
     np.testing.assert_array_equal((u, y), before)
@@ -158,20 +172,21 @@ def test_units_do_not_matter(exponent):
 
 
 @pytest.mark.parametrize(
-    ("change", "message"),
+    ("settings", "window", "message"),
     [
-        ({"objective": "cubic"}, "objective must be"),
-        ({"max_root_radius": 1.0}, "max_root_radius must lie"),
-        ({"recursion_start": 1}, "no residual before"),
-        ({"scoring_start": 1}, "before the first residual"),
-        ({"scoring_start": 398}, "more scored samples"),
-        ({"search": SearchSettings(mutate="none")}, "mutate must be"),
+        (SearchSettings(objective="cubic"), None, "objective must be"),
+        (SearchSettings(refine="none"), None, "refine must be"),
+        (SearchSettings(initialization="zero"), None, "initialization must be"),
+        (SearchSettings(max_root_radius=1.0), None, "max_root_radius must lie"),
+        (None, ScoringWindow(1, 30), "no residual before"),
+        (None, ScoringWindow(9, 8), "before the first residual"),
+        (None, ScoringWindow(9, 398), "needs more residuals"),
     ],
 )
-def test_settings_that_make_no_sense_are_refused(change, message):
+def test_settings_that_make_no_sense_are_refused(settings, window, message):
     u, y = small_record()
     with pytest.raises(ValueError, match=message):
-        estimate(u, y, (2, 2, 1, 1), **change)
+        estimate(u, y, (2, 2, 1, 1), settings=settings, window=window)
 
 
 def test_signals_that_make_no_sense_are_refused():

@@ -1,5 +1,7 @@
 """Records that leave a part of the model undetermined."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -13,7 +15,7 @@ from evopem.models.gain_interval import gain_band
 
 A, B, C = [1.0, -1.5, 0.7], [0.0, 1.0, 0.5], [1.0, -0.6]
 RATE = 100.0
-SEARCH = SearchSettings(mu=4, lambda_=8, nu=4, evaluations=2000)
+SEARCH = SearchSettings(objective="quadratic", mu=4, lambda_=8, nu=4, evaluations=2000)
 
 
 def record(u, noise, seed=1):
@@ -47,7 +49,7 @@ CASES = [
 @pytest.mark.parametrize(("signal", "orders", "excited", "between"), CASES)
 def test_lines_determine_the_gain_at_the_lines_only(signal, orders, excited, between, objective):
     u, y = record(signal(2500), 0.1)
-    model = estimate(u, y, orders, RATE, objective=objective, search=SEARCH).model
+    model = estimate(u, y, orders, RATE, settings=replace(SEARCH, objective=objective)).model
     errors = model.covariance.standard_errors(np.eye(model.orders.parameters))
     of_b = slice(orders[0], orders[0] + orders[1])
     assert np.isinf(errors[of_b]).all()
@@ -63,7 +65,7 @@ def test_lines_determine_the_gain_at_the_lines_only(signal, orders, excited, bet
 
 def test_a_constant_input_determines_the_sum_of_b_only():
     u, y = record(np.full(2500, 5.0), 0.1)
-    model = estimate(u, y, (2, 3, 1, 1), objective="quadratic", search=SEARCH).model
+    model = estimate(u, y, (2, 3, 1, 1), settings=SEARCH).model
     assert model.b == pytest.approx(np.full(3, model.b.mean()))
     total = np.array([[0, 0, 1, 1, 1, 0], [0, 0, 1, 0, 0, 0]])
     errors = model.covariance.standard_errors(total)
@@ -74,7 +76,7 @@ def test_a_constant_input_determines_the_sum_of_b_only():
 
 def test_a_record_without_noise_determines_the_true_mode_only():
     u, y = record(np.random.default_rng(3).standard_normal(1500), 0.0)
-    model = estimate(u, y, (6, 6, 2, 1), RATE, objective="quadratic", search=SEARCH).model
+    model = estimate(u, y, (6, 6, 2, 1), RATE, settings=SEARCH).model
     true = np.roots(A)[0]
     for mode in model.modes():
         at_truth = abs(mode.pole - true) < 1e-6
@@ -88,9 +90,9 @@ def test_the_shortest_b_leaves_the_residuals_as_they_are():
     """From a point far along the null space."""
     u, y = record(two_sines(2500), 0.1)
     orders = Orders(2, 6, 1, 1)
-    found = estimate(u, y, orders, objective="quadratic", search=SEARCH)
+    found = estimate(u, y, orders, settings=SEARCH)
     errors = PredictionErrorProblem(
-        u, y, orders, "quadratic", found.recursion_start, found.scoring_start, 0.9999
+        u, y, orders, "quadratic", found.window.residual_start, found.window.loss_start, 0.9999
     )
     past = np.lib.stride_tricks.sliding_window_view(u, 6)[:, ::-1]
     null = np.linalg.svd(past)[2][-1]

@@ -1,12 +1,18 @@
-"""Growing models by pairs of roots: nothing may change but the orders."""
+"""Models extended by pairs of roots: nothing changes but the orders."""
 
 import numpy as np
 import pytest
 
+from evopem.config.settings import SearchSettings
 from evopem.estimation.pem.objective import PredictionErrorProblem
 from evopem.estimation.search.armax_problem import ArmaxProblem
-from evopem.estimation.search.incremental_order import random_pairs, smaller_orders, with_factor
-from evopem.estimation.search.memetic import SearchSettings, hybrid_search
+from evopem.estimation.search.incremental_order import (
+    padded,
+    random_pairs,
+    smaller_orders,
+    with_factor,
+)
+from evopem.estimation.search.memetic import memetic_search
 from evopem.models.armax import Orders
 from evopem.synthesis.armax import armax
 
@@ -24,10 +30,29 @@ def test_a_common_factor_leaves_every_residual_as_it_was(orders):
     point[orders.parameters :] = generator.standard_normal(orders.nc)
     larger = errors.of_orders(Orders(orders.na + 2, orders.nb + 2, orders.nc + 2, orders.nk))
     before = errors.residuals(point)
-    for grown in with_factor(errors, point, random_pairs(5, generator)):
+    for extended in with_factor(errors, point, random_pairs(5, generator)):
         np.testing.assert_allclose(
-            larger.residuals(grown), before, rtol=0, atol=1e-7 * np.abs(before).max()
+            larger.residuals(extended), before, rtol=0, atol=1e-7 * np.abs(before).max()
         )
+
+
+@pytest.mark.parametrize(
+    ("small", "large"),
+    [
+        (Orders(2, 3, 1, 2), Orders(4, 6, 3, 1)),
+        (Orders(3, 2, 2, 3), Orders(3, 4, 2, 2)),
+        (Orders(2, 2, 2, 1), Orders(2, 2, 5, 1)),
+    ],
+)
+def test_zeros_added_to_a_nested_model_leave_every_residual_as_it_was(small, large):
+    assert large.contains(small)
+    errors, larger = problem(small), problem(large)
+    generator = np.random.default_rng(3)
+    (point,), _ = ArmaxProblem(errors).draw(1, generator)
+    point[small.parameters :] = generator.standard_normal(small.nc)
+    before = errors.residuals(point)
+    after = larger.residuals(padded(point, small, large))
+    np.testing.assert_allclose(after, before, rtol=0, atol=1e-12 * np.abs(before).max())
 
 
 def test_the_orders_on_the_way_come_in_steps_of_a_pair():
@@ -43,11 +68,12 @@ def test_pairs_lie_inside_the_unit_circle_at_all_frequencies():
     assert np.angle(pairs[-1]) > 3.0
 
 
-def test_a_grown_individual_is_no_worse_than_the_model_it_grew_from():
+def test_an_extended_individual_is_no_worse_than_the_smaller_model():
     orders = Orders(6, 6, 6, 3)
     large, small = problem(orders), problem(Orders(4, 4, 4, 3))
     settings = SearchSettings(evaluations=4000)
-    best_small = hybrid_search(ArmaxProblem(small), settings, np.random.default_rng(1)).value
-    grown, evaluations = ArmaxProblem(large, "grown").draw(6, np.random.default_rng(1))
+    smaller = memetic_search(ArmaxProblem(small), settings, np.random.default_rng(1)).value
+    drawn = ArmaxProblem(large, "incremental_order").draw(6, np.random.default_rng(1))
+    extended, evaluations = drawn
     assert evaluations > 0
-    assert large.values(grown).min() <= best_small * (1 + 1e-6)
+    assert large.values(extended).min() <= smaller * (1 + 1e-6)

@@ -5,6 +5,7 @@ import pytest
 from scipy.signal import lfilter
 
 from evopem.estimation.pem import kernels
+from evopem.estimation.pem.kernels.filtering import filter_rows
 from evopem.estimation.pem.objective import PredictionErrorProblem
 from evopem.models.armax import Orders
 
@@ -64,13 +65,13 @@ def test_objectives_are_the_chapters(orders):
 def test_adjoint_gradient_is_the_derivative(orders, objective):
     errors, _, _ = problem(orders, objective)
     points = population(orders, 9)
-    corners, barriers = np.full(9, 0.3), np.full(9, 0.2)
-    _, gradients = errors.values_and_gradients(points, corners, barriers)
+    smoothing, barriers = np.full(9, 0.3), np.full(9, 0.2)
+    _, gradients = errors.values_and_gradients(points, smoothing, barriers)
     for i in range(errors.dimension):
         step = np.zeros(errors.dimension)
         step[i] = 1e-6
-        up, _ = errors.values_and_gradients(points + step, corners, barriers)
-        down, _ = errors.values_and_gradients(points - step, corners, barriers)
+        up, _ = errors.values_and_gradients(points + step, smoothing, barriers)
+        down, _ = errors.values_and_gradients(points - step, smoothing, barriers)
         scale = np.abs(gradients).max(axis=1)
         np.testing.assert_allclose((up - down) / 2e-6 / scale, gradients[:, i] / scale, atol=1e-6)
 
@@ -99,10 +100,10 @@ def test_a_model_gets_the_same_bits_whatever_shares_its_pass():
     orders = Orders(7, 6, 7, 3)
     errors, _, _ = problem(orders, "absolute")
     points = population(orders, 21)
-    corners, barriers = np.full(21, 0.1), np.full(21, 0.2)
-    together = errors.values_and_gradients(points, corners, barriers)
+    smoothing, barriers = np.full(21, 0.1), np.full(21, 0.2)
+    together = errors.values_and_gradients(points, smoothing, barriers)
     for i in (0, 7, 8, 20):
-        alone = errors.values_and_gradients(points[i : i + 1], corners[:1], barriers[:1])
+        alone = errors.values_and_gradients(points[i : i + 1], smoothing[:1], barriers[:1])
         assert alone[0][0] == together[0][i]
         np.testing.assert_array_equal(alone[1][0], together[1][i])
 
@@ -133,8 +134,7 @@ def test_the_stability_barrier_is_the_log_variance_of_filtered_noise(degree):
     radius = 0.98
     scaled = np.concatenate([[1.0], coefficients / radius ** np.arange(1, degree + 1)])
     response = lfilter([1.0], scaled, np.eye(1, 20000)[0])
-    values, gradients = kernels.stability_barriers(coefficients[None, :], radius)
-    curvatures = kernels.barrier_curvatures(coefficients[None, :], radius)
+    values, gradients, curvatures = kernels.stability_barriers(coefficients[None, :], radius)
     np.testing.assert_allclose(values[0], np.log(response @ response), rtol=1e-9, atol=1e-12)
     for j in range(degree):
         step = 1e-6 * np.eye(degree)[j]
@@ -146,13 +146,53 @@ def test_the_stability_barrier_is_the_log_variance_of_filtered_noise(degree):
 
 
 def test_the_stability_barrier_is_infinite_outside():
-    values, gradients = kernels.stability_barriers(
+    values, gradients, curvatures = kernels.stability_barriers(
         np.array([[-0.5], [-0.97], [-0.99], [np.nan]]), 0.98
     )
     assert np.isfinite(values[:2]).all()
     assert values[1] > values[0]
     assert np.isinf(values[2:]).all()
     np.testing.assert_array_equal(gradients[2:], 0.0)
+    np.testing.assert_array_equal(curvatures[2:], 0.0)
+
+
+def test_the_barrier_of_a_descent_is_that_of_a_and_of_c():
+    orders = Orders(3, 2, 2, 1)
+    errors, _, _ = problem(orders)
+    points = population(orders, 5)
+    none, weights = np.zeros(5), np.linspace(0.5, 2.0, 5)
+    bare, bare_gradients = errors.values_and_gradients(points, none, none)
+    with_barrier, gradients = errors.values_and_gradients(points, none, weights)
+    values, slopes = np.zeros(5), np.zeros_like(points)
+    matrices = np.zeros((5, errors.dimension, errors.dimension))
+    for part in (slice(0, 3), slice(5, 7)):
+        of_part = kernels.stability_barriers(np.ascontiguousarray(points[:, part]), 0.999)
+        values += of_part[0]
+        slopes[:, part] = of_part[1]
+        matrices[:, part, part] = of_part[2]
+    np.testing.assert_allclose(with_barrier - bare, weights * values, rtol=1e-9)
+    np.testing.assert_allclose(
+        gradients - bare_gradients, weights[:, None] * slopes, rtol=1e-6, atol=1e-9
+    )
+    np.testing.assert_allclose(
+        errors.curvatures(points, none, weights) - errors.curvatures(points, none, none),
+        weights[:, None, None] * matrices,
+        rtol=1e-6,
+        atol=1e-9,
+    )
+
+
+@pytest.mark.parametrize("order", [0, 1, 4])
+def test_rows_are_filtered_as_scipy_filters_them_piece_by_piece(order):
+    generator = np.random.default_rng(order)
+    denominator = np.poly(generator.uniform(-0.9, 0.9, order)) if order else np.ones(1)
+    signals = generator.standard_normal((3, 200))
+    expected = lfilter([1.0], denominator, signals)
+    states = np.zeros((3, order))
+    pieces = [signals[:, :70].copy(), signals[:, 70:].copy()]
+    for piece in pieces:
+        filter_rows(piece, denominator, states)
+    np.testing.assert_array_equal(np.hstack(pieces), expected)
 
 
 def test_the_record_is_not_modified():

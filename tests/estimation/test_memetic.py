@@ -1,29 +1,29 @@
-"""The hybrid strategy on a multimodal function whose minimum is known."""
+"""The memetic search on a multimodal function whose minimum is known."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from evopem.config.settings import SearchSettings
 from evopem.estimation.pem.batch_bfgs import descend
-from evopem.estimation.search.memetic import (
-    FIRST_CHECKED,
-    MUTATE,
-    TOO_MANY,
-    UNSEEN,
-    SearchSettings,
-    hybrid_search,
+from evopem.estimation.search.memetic import REFINE, memetic_search
+from evopem.estimation.search.multistart_check import (
+    FIRST_BATCH,
+    HOPELESS_PROBABILITY,
+    SUFFICIENT_PROBABILITY,
 )
+from evopem.estimation.search.problem import SearchDiagnostics, SearchResult, pooled
 
 
-class Ripples:
+class Rastrigin:
     """Rastrigin's function about 1.234, weighted so that no two of its many minima are equal."""
+
+    min_multistart = 64
 
     def __init__(self, dimension=3):
         self.dimension = dimension
         self.weights = np.sqrt(np.arange(1.0, dimension + 1))
-
-    least_checked = 64
 
     def draw(self, count, generator):
         return self.random(count, generator), 0
@@ -56,86 +56,128 @@ class Ripples:
         return self.descend(points)
 
 
-@pytest.mark.parametrize("mutate", MUTATE)
-def test_it_finds_the_lowest_of_many_minima(mutate):
-    settings = SearchSettings(mutate=mutate, evaluations=60000)
-    results = [hybrid_search(Ripples(), settings, np.random.default_rng(seed)) for seed in range(5)]
+def search(problem, settings=None, seed=1, **options):
+    settings = settings or SearchSettings()
+    return memetic_search(problem, settings, np.random.default_rng(seed), **options)
+
+
+@pytest.mark.parametrize("refine", REFINE)
+def test_it_finds_the_lowest_of_many_minima(refine):
+    settings = SearchSettings(refine=refine, evaluations=60000)
+    results = [search(Rastrigin(), settings, seed) for seed in range(5)]
     found = [np.allclose(result.point, 1.234, atol=1e-4) for result in results]
     # The chapter's choice finds it every time; of the three it rejected, most times is enough.
-    assert sum(found) >= (5 if mutate == "worst" else 3)
+    assert sum(found) >= (5 if refine == "worst" else 3)
     assert all(result.value >= 1.0 for result in results)
 
 
-class Confined(Ripples):
-    """Populations that all begin, and so all end, about a minimum that is not the lowest."""
+class Confined(Rastrigin):
+    """First individuals that all lie about a minimum that is not the lowest."""
 
     def draw(self, count, generator):
         return 3.234 + generator.uniform(-0.2, 0.2, (count, self.dimension)), 0
 
 
-def test_random_points_check_what_populations_agree_on():
-    settings = SearchSettings(evaluations=3000)
-    result = hybrid_search(Confined(1), settings, np.random.default_rng(1))
-    assert result.ends[0] == pytest.approx(result.ends[1], rel=1e-9)
+def test_a_multistart_check_refutes_what_the_restarts_agree_on():
+    result = search(Confined(1), SearchSettings(evaluations=3000))
+    minima = result.diagnostics.restart_minima
+    assert minima[0] == pytest.approx(minima[1], rel=1e-9)
     assert result.value == pytest.approx(1.0)
-    assert result.value == result.ends[2] < result.ends[1]
-    # What the populations agreed on stands refuted.
-    assert result.agreement == 0.0
+    assert result.value == minima[2] < minima[1]
+    assert result.diagnostics.n_confirming == 0
 
 
 def test_a_lower_value_known_from_before_keeps_a_search_from_ending():
     settings = SearchSettings(evaluations=50000)
-    alone = hybrid_search(Ripples(1), settings, np.random.default_rng(1))
-    told = hybrid_search(Ripples(1), settings, np.random.default_rng(1), known=0.9)
-    assert alone.evaluations < settings.evaluations <= told.evaluations
+    alone = search(Rastrigin(1), settings)
+    told = search(Rastrigin(1), settings, known_minimum=0.9)
+    assert alone.diagnostics.evaluations < settings.evaluations <= told.diagnostics.evaluations
     assert told.value == alone.value
-    assert told.checked == 0
+    assert told.diagnostics.n_multistart == 0
 
 
-def test_the_check_ends_when_hardly_any_optimum_can_be_left():
-    checked = hybrid_search(Ripples(1), SearchSettings(), np.random.default_rng(1))
-    assert checked.basins > 5
-    assert 0.0 < checked.unseen <= UNSEEN
-    # With a twentieth of the evaluations it ends sooner, and says so.
-    less = SearchSettings(evaluations=1000)
-    shorter = hybrid_search(Ripples(1), less, np.random.default_rng(1))
-    assert shorter.checked < checked.checked
-    assert shorter.unseen > UNSEEN
-    hopeless = hybrid_search(Ripples(6), SearchSettings(agreement=1), np.random.default_rng(1))
-    assert hopeless.checked == FIRST_CHECKED
-    assert hopeless.unseen > TOO_MANY
+def test_the_check_ends_when_a_further_optimum_is_improbable():
+    checked = search(Rastrigin(1)).diagnostics
+    assert checked.n_local_optima > 5
+    assert 0.0 < checked.undiscovered_probability <= SUFFICIENT_PROBABILITY
+    # With a twentieth of the evaluations it ends sooner, and its probability says so.
+    shorter = search(Rastrigin(1), SearchSettings(evaluations=1000)).diagnostics
+    assert shorter.n_multistart < checked.n_multistart
+    assert shorter.undiscovered_probability > SUFFICIENT_PROBABILITY
+    hopeless = search(Rastrigin(6), agreeing_restarts=1).diagnostics
+    assert hopeless.n_multistart == FIRST_BATCH
+    assert hopeless.undiscovered_probability > HOPELESS_PROBABILITY
 
 
-def test_the_record_of_a_search_is_consistent():
-    result = hybrid_search(Ripples(2), SearchSettings(), np.random.default_rng(3))
-    counts, values = zip(*result.convergence, strict=True)
+def test_the_diagnostics_of_a_search_are_consistent():
+    result = search(Rastrigin(2), seed=3)
+    diagnostics = result.diagnostics
+    counts, values = zip(*diagnostics.convergence, strict=True)
     assert list(counts) == sorted(counts)
     assert list(values) == sorted(values, reverse=True)
-    assert counts[-1] == result.evaluations
+    assert counts[-1] == diagnostics.evaluations
     assert values[-1] == result.value
-    assert 0.0 < result.agreement <= 1.0
-    assert result.populations >= 2
-    assert result.basins > 1
-    assert result.value == Ripples(2).values(result.point[None, :])[0]
+    assert diagnostics.n_restarts == len(diagnostics.restart_minima) >= 2
+    assert 1 <= diagnostics.n_confirming < diagnostics.n_restarts
+    assert min(diagnostics.restart_minima) == result.value
+    assert diagnostics.n_local_optima > 1
+    assert result.value == Rastrigin(2).values(result.point[None, :])[0]
 
 
 def test_the_same_seed_gives_the_same_bits():
-    one, two = (
-        hybrid_search(Ripples(), SearchSettings(), np.random.default_rng(11)) for _ in range(2)
-    )
+    one, two = (search(Rastrigin(), seed=11) for _ in range(2))
     np.testing.assert_array_equal(one.point, two.point)
-    assert one.convergence == two.convergence
+    assert one.diagnostics == two.diagnostics
 
 
-def test_one_population_agrees_with_nobody():
-    settings = SearchSettings(evaluations=1)
-    result = hybrid_search(Ripples(), settings, np.random.default_rng(1))
-    assert (result.populations, result.agreement) == (1, 0.0)
-    assert (result.checked, result.unseen) == (0, 1.0)
+def test_a_single_restart_is_not_confirmed():
+    diagnostics = search(Rastrigin(), SearchSettings(evaluations=1)).diagnostics
+    assert (diagnostics.n_restarts, diagnostics.n_confirming) == (1, 0)
+    assert (diagnostics.n_multistart, diagnostics.undiscovered_probability) == (0, 1.0)
 
 
 def test_it_stops_soon_after_its_evaluations_are_spent():
-    settings = SearchSettings(evaluations=500)
-    result = hybrid_search(Ripples(), settings, np.random.default_rng(1))
+    diagnostics = search(Rastrigin(), SearchSettings(evaluations=500)).diagnostics
     one_generation = 115 + 10 * 2 * 200
-    assert result.evaluations < 500 + one_generation
+    assert diagnostics.evaluations < 500 + one_generation
+
+
+def result_of(value, minima, evaluations, convergence, **more):
+    settings = {
+        "generations": 2,
+        "n_confirming": 0,
+        "n_local_optima": 3,
+        "n_multistart": 0,
+        "undiscovered_probability": 1.0,
+    } | more
+    diagnostics = SearchDiagnostics(
+        evaluations=evaluations, restart_minima=minima, convergence=convergence, **settings
+    )
+    return SearchResult(np.array([value]), value, diagnostics)
+
+
+@pytest.mark.parametrize("better", [2.0, 4.0])
+def test_two_searches_of_one_problem_are_pooled(better):
+    first = result_of(3.0, (3.0, 3.0 + 1e-9), 100, ((50, 5.0), (100, 3.0)), n_confirming=1)
+    second = result_of(
+        better,
+        (better,),
+        40,
+        ((20, 6.0), (40, better)),
+        n_local_optima=5,
+        n_multistart=32,
+        undiscovered_probability=0.1,
+    )
+    found = pooled(first, second)
+    best = min(3.0, better)
+    assert (found.value, found.point[0]) == (best, best)
+    assert found.diagnostics == SearchDiagnostics(
+        evaluations=140,
+        generations=4,
+        restart_minima=(3.0, 3.0 + 1e-9, better),
+        n_confirming=0 if better < 3.0 else 1,
+        n_local_optima=5,
+        n_multistart=32,
+        undiscovered_probability=0.1,
+        convergence=((50, 5.0), (100, 3.0), (120, 3.0), (140, best)),
+    )

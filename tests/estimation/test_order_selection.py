@@ -1,35 +1,42 @@
-"""The three-phase order search on truths that are known."""
+"""The search for delay and orders, on systems that are known."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from evopem.config.settings import (
+    PreparationSettings,
+    ScoringWindow,
+    SearchSettings,
+    SyntheticSource,
+)
 from evopem.errors import InputError
+from evopem.estimation.candidate import Candidate
+from evopem.estimation.estimate import Criteria
 from evopem.estimation.order_selection import (
-    continue_from,
+    REPEAT_FACTOR,
+    complete_estimate,
     estimate_candidates,
-    recall,
-    search_again,
-    select,
+    reoptimize_from,
+    repeat_search,
+    select_candidate,
     select_delay,
     select_order,
+    settle,
 )
+from evopem.estimation.parallel import estimate_in_parallel
+from evopem.estimation.search.problem import SearchDiagnostics
+from evopem.files.json_form import to_json
+from evopem.models.armax import ArmaxModel, Orders
 from evopem.signals.preparation import prepare
 from evopem.signals.recording import Recording
 from evopem.synthesis import synthesize
 from evopem.synthesis.armax import armax
 
-SEARCH = {
-    "objective": "quadratic",
-    "start": "chapter",
-    "mu": 15,
-    "lambda": 100,
-    "nu": 10,
-    "mutate": "worst",
-    "seed": 1,
-    "evaluations": 8000,
-    "max_root_radius": 0.9999,
-    "burn_in": 20,
-}
+SEARCH = SearchSettings(objective="quadratic", evaluations=8000)
+WINDOW = ScoringWindow(18, 38)
+LATE = ScoringWindow(90, 110)
 
 
 @pytest.fixture(scope="module")
@@ -37,42 +44,47 @@ def record():
     return armax(seed=3, samples=4500)[0]
 
 
+@pytest.fixture(scope="module")
+def short(record):
+    return Recording(record.input[:600], record.output[:600], 100.0)
+
+
 def test_the_delay_is_found(record):
-    orders = [(k, k, k, nk) for k in (6, 7) for nk in range(5)]
-    selected, reason = select_delay(estimate_candidates(record, orders, "delay", SEARCH, 38))
-    assert selected["nk"] == 3
+    orders = [Orders(k, k, k, nk) for k in (6, 7) for nk in range(5)]
+    candidates = estimate_candidates(record, orders, "delay", SEARCH, WINDOW)
+    selected, reason = select_delay(candidates)
+    assert selected.nk == 3
     assert "delay of 3 samples" in reason
 
 
 def test_the_true_orders_are_found(record):
-    """Phases c and b from the true common order, near the truth."""
-    phase_c = estimate_candidates(record, [(7, 7, k, 3) for k in range(5, 10)], "c", SEARCH, 38)
-    selected, reason = select_order(phase_c)
-    assert selected == {"na": 7, "nb": 7, "nc": 7, "nk": 3}
+    """Phases nc and nb from the true joint order, near the truth."""
+    orders = [Orders(7, 7, k, 3) for k in range(5, 10)]
+    selected, reason = select_order(estimate_candidates(record, orders, "nc", SEARCH, WINDOW))
+    assert selected == Orders(7, 7, 7, 3)
     assert "ARMAX(7,7,7,3) has the smallest BIC" in reason
-    phase_b = estimate_candidates(record, [(7, k, 7, 3) for k in range(4, 9)], "b", SEARCH, 38)
-    assert select_order(phase_b)[0] == {"na": 7, "nb": 6, "nc": 7, "nk": 3}
+    orders = [Orders(7, k, 7, 3) for k in range(4, 9)]
+    found = estimate_candidates(record, orders, "nb", SEARCH, WINDOW)
+    assert select_order(found)[0] == Orders(7, 6, 7, 3)
 
 
 @pytest.mark.parametrize("seed", [2, 6])
 def test_the_chapters_case(seed):
-    """The flexible arm, prepared as the chapter does: delay and modes near the physical truth.
+    """The flexible arm, prepared as in the chapter: delay and modes near the physical truth.
 
     The 2 Hz mode is not found, as in the chapter: two differences leave 1.6 % of its gain.
     """
-    recording, truth = synthesize("flexible_arm", seed=seed, samples=5000)
-    data = prepare(
-        recording,
-        {"box_cox": 1.1, "difference": 2, "difference_input": 0},
-        {"discard": 500, "estimation": 0.8},
-    ).estimation
-    search = SEARCH | {"objective": "absolute", "evaluations": 20000}
-    orders = [(k, k, k, nk) for k in (7, 8) for nk in (1, 2, 3)]
-    candidates = estimate_candidates(data, orders, "delay", search, 38)
+    preparation = PreparationSettings()
+    source = SyntheticSource("flexible_arm", seed=seed, samples=5000)
+    recording, truth = synthesize(source, preparation.transforms)
+    data = prepare(recording, preparation).estimation
+    search = SearchSettings(objective="absolute", evaluations=20000)
+    orders = [Orders(k, k, k, nk) for k in (7, 8) for nk in (1, 2, 3)]
+    candidates = estimate_candidates(data, orders, "delay", search, WINDOW)
     selected, _ = select_delay(candidates)
-    assert selected["nk"] == truth["delay_samples"] == 3
-    chosen = next(c for c in candidates if (c["na"], c["nk"]) == (8, 3))
-    modes = recall(chosen, data, search, 38).model.modes()
+    assert selected.nk == truth.delay_samples == 3
+    chosen = next(each for each in candidates if each.orders == Orders(8, 8, 8, 3))
+    modes = complete_estimate(chosen, data, search, WINDOW).model.modes()
     expected = ((5.36, 0.91, 0.003), (16.65, 17.5, 0.01), (37.0, 1.07, 0.001))
     for frequency, damping, tolerance in expected:
         near = min(modes, key=lambda mode: abs(mode.frequency_hz - frequency))
@@ -80,128 +92,198 @@ def test_the_chapters_case(seed):
         assert 100 * near.damping_ratio == pytest.approx(damping, rel=0.25)
 
 
-def test_parts_of_a_sweep_give_the_bits_of_the_whole(record):
-    short = Recording(record.input[:600], record.output[:600], 100.0)
-    orders = [(2, 2, k, 3) for k in range(1, 5)]
-    whole = estimate_candidates(short, orders, "c", SEARCH, 110)
-    parts = [estimate_candidates(short, orders[i::2], "c", SEARCH, 110) for i in (1, 0)]
-    parts_in_order = [parts[1][0], parts[0][0], parts[1][1], parts[0][1]]
-    for one, other in zip(whole, parts_in_order, strict=True):
-        assert one == other
+def test_jobs_and_processes_do_not_change_a_bit(short):
+    orders = [Orders(2, 2, k, 3) for k in range(1, 5)]
+    whole = estimate_candidates(short, orders, "nc", SEARCH, LATE)
+    parts = [estimate_candidates(short, orders[i::2], "nc", SEARCH, LATE) for i in (1, 0)]
+    by_parts = [parts[1][0], parts[0][0], parts[1][1], parts[0][1]]
+    by_processes = estimate_in_parallel(short, orders, "nc", SEARCH, LATE, cores=2)
+    assert to_json(whole) == to_json(by_parts) == to_json(by_processes)
+    assert [each.orders for each in whole] == orders
 
 
-def test_a_recalled_estimate_is_the_estimate(record):
-    short = Recording(record.input[:600], record.output[:600], 100.0)
-    (candidate,) = estimate_candidates(short, [(2, 2, 2, 3)], "b", SEARCH, 110)
-    again = recall(candidate, short, SEARCH, 110)
-    assert again.bic == candidate["bic"]
-    assert again.rss == candidate["rss"]
-    assert again.model.a.tolist() == candidate["a"]
-    assert np.isfinite(again.model.covariance.matrix).all()
+def test_a_completed_candidate_is_the_estimate(short):
+    (candidate,) = estimate_candidates(short, [Orders(2, 2, 2, 3)], "nb", SEARCH, LATE)
+    complete = complete_estimate(candidate, short, SEARCH, LATE)
+    assert complete.criteria == candidate.criteria
+    np.testing.assert_array_equal(complete.model.parameters, candidate.model.parameters)
+    np.testing.assert_array_equal(complete.noise_state, candidate.noise_state)
+    assert complete.search.value == candidate.minimum
+    assert complete.at_stability_bound == candidate.at_stability_bound
+    assert candidate.model.covariance is None
+    assert np.isfinite(complete.model.covariance.matrix).all()
+
+
+def test_radii_of_a_candidate_are_those_of_its_model(short):
+    (candidate,) = estimate_candidates(short, [Orders(2, 2, 2, 3)], "nb", SEARCH, LATE)
+    assert candidate.max_pole_radius == np.abs(np.roots(candidate.model.a)).max()
+    assert candidate.max_noise_zero_radius == np.abs(np.roots(candidate.model.c)).max()
 
 
 def test_a_record_too_short_for_an_order_is_refused_in_a_sentence(record):
-    short = Recording(record.input[:120], record.output[:120], 100.0)
+    too_short = Recording(record.input[:120], record.output[:120], 100.0)
     with pytest.raises(InputError, match=r"ARMAX\(7,7,7,3\) has 21 parameters"):
-        estimate_candidates(short, [(7, 7, 7, 3)], "b", SEARCH, 110)
+        estimate_candidates(too_short, [Orders(7, 7, 7, 3)], "nb", SEARCH, LATE)
 
 
-def test_select_delay_weighs_the_mean_over_the_orders():
+def candidate(orders, bic, minimum=1.0, n_confirming=1):
+    """A candidate of no particular model, for what depends on criteria and diagnostics alone."""
+    orders = Orders(*orders)
+    return Candidate(
+        phase="joint",
+        orders=orders,
+        model=ArmaxModel(
+            np.r_[1.0, np.zeros(orders.na)],
+            np.ones(orders.nb),
+            np.r_[1.0, np.zeros(orders.nc)],
+            orders.nk,
+        ),
+        criteria=Criteria(objective=minimum, fit_percent=100 - minimum, rss=1.0, bic=bic),
+        noise_state=np.zeros(orders.nc),
+        minimum=minimum,
+        at_stability_bound=False,
+        diagnostics=SearchDiagnostics(
+            evaluations=10,
+            generations=1,
+            restart_minima=(minimum,) * (n_confirming + 1),
+            n_confirming=n_confirming,
+            n_local_optima=1,
+            n_multistart=0,
+            undiscovered_probability=1.0,
+            convergence=((10, minimum),),
+        ),
+    )
+
+
+def joint(k, minimum, n_confirming=1, nk=0):
+    """ARMAX(k,k,k,nk) whose BIC follows its minimum."""
+    return candidate((k, k, k, nk), minimum + 0.1 * k, minimum, n_confirming)
+
+
+def confirmed(each, n_confirming):
+    return replace(each, diagnostics=replace(each.diagnostics, n_confirming=n_confirming))
+
+
+def test_the_delay_has_the_smallest_mean_bic_over_the_orders():
     candidates = [
-        {"na": k, "nb": k, "nc": k, "nk": nk, "bic": bic}
+        candidate((k, k, k, nk), bic)
         for nk, values in ((0, (1.0, -2.0)), (1, (-1.0, -1.5)), (2, (-0.9, -1.4)))
         for k, bic in zip((6, 7), values, strict=True)
     ]
-    assert select_delay(candidates)[0] == {"na": 7, "nb": 7, "nc": 7, "nk": 1}
+    selected, reason = select_delay(candidates)
+    assert selected == Orders(7, 7, 7, 1)
+    assert "(-1.2500, 0.1000 below the next)" in reason
+    assert "varies by 0.5000" in reason
 
 
-def test_select_order_prefers_the_smaller_of_equals():
-    candidates = [{"na": 2, "nb": k, "nc": 2, "nk": 0, "bic": 1.0} for k in (5, 3, 4)]
-    assert select_order(candidates)[0]["nb"] == 3
+def test_the_smaller_of_models_with_equal_bic_is_selected():
+    candidates = [candidate((2, k, 2, 0), 1.0) for k in (5, 3, 4)]
+    assert select_order(candidates)[0] == Orders(2, 3, 2, 0)
 
 
-def candidate(k, objective, agreement=1.0, nk=0):
-    """A record of ARMAX(k,k,k,nk) whose BIC follows its objective."""
-    bic = objective + 0.1 * k
-    record = {"na": k, "nb": k, "nc": k, "nk": nk, "ends": [objective], "bic": bic}
-    return record | {"agreement": agreement}
+def no_reoptimization(nested, larger):
+    raise AssertionError("no candidate has a higher minimum than a nested one here")
 
 
-def unasked(smaller, larger):
-    raise AssertionError("no candidate is beaten by a smaller one here")
+def test_a_selected_candidate_without_confirmation_is_searched_once_more():
+    repeated = []
+
+    def repeat(each):
+        repeated.append(each.orders.na)
+        return confirmed(each, 0)
+
+    candidates = [joint(2, 3.0), joint(3, 1.0, n_confirming=0), joint(4, 0.95)]
+    selection = settle(candidates, "joint", repeat, no_reoptimization)
+    # Once, although the repeated search is not confirmed either.
+    assert (repeated, selection.orders.na) == ([3], 3)
+    assert selection.candidates[0] is candidates[0]
+    assert selection.selected is selection.candidates[1]
+    assert selection.phase == "joint"
 
 
-def test_what_would_be_chosen_is_searched_again_until_its_search_agrees_with_itself():
-    asked = []
+def test_a_candidate_beaten_by_a_nested_one_is_reoptimized_from_it():
+    """From the smallest up: each is compared with the improved smaller ones."""
+    reoptimized = []
 
-    def again(record):
-        asked.append(record["na"])
-        return record | {"agreement": 0.0}
+    def reoptimize(nested, larger):
+        reoptimized.append((nested.orders.na, nested.minimum, larger.orders.na))
+        minimum = nested.minimum - 0.2
+        bic = minimum + 0.1 * larger.orders.na
+        return replace(larger, minimum=minimum, criteria=replace(larger.criteria, bic=bic))
 
-    candidates = [candidate(2, 3.0), candidate(3, 1.0, agreement=0.0), candidate(4, 0.95)]
-    chosen, _, settled = select(candidates, "common", again, unasked)
-    assert (asked, chosen["na"]) == ([3], 3)  # once, though it still agrees with nobody
-    assert settled[0] is candidates[0]
+    def no_repetition(each):
+        raise AssertionError("every search is confirmed here")
 
-
-def test_a_search_that_a_smaller_model_beats_goes_on_from_that_one():
-    """Each from the best it contains, as that one has become in its turn."""
-    asked = []
-
-    def continued(smaller, larger):
-        asked.append((smaller["na"], min(smaller["ends"]), larger["na"]))
-        value = min(smaller["ends"]) - 0.2
-        return larger | {"ends": [*larger["ends"], value], "bic": value + 0.1 * larger["na"]}
-
-    def again(record):
-        raise AssertionError("every search agrees with itself here")
-
-    candidates = [candidate(4, 0.9), candidate(3, 1.2), candidate(2, 1.0), candidate(2, 0.7, nk=1)]
-    chosen, reason, settled = select(candidates, "common", again, continued)
+    candidates = [joint(4, 0.9), joint(3, 1.2), joint(2, 1.0), joint(2, 0.7, nk=1)]
+    selection = settle(candidates, "joint", no_repetition, reoptimize)
     # At nk = 0 ARMAX(3,3,3) and (4,4,4) contain ARMAX(2,2,2) of either delay; (2,2,2,0) does not.
-    assert asked == [(2, 0.7, 3), (3, pytest.approx(0.5), 4)]
-    assert [min(each["ends"]) for each in settled] == pytest.approx([0.3, 0.5, 1.0, 0.7])
-    assert chosen["na"] == 4
-    assert "ARMAX(4,4,4,0)" in reason
+    assert reoptimized == [(2, 0.7, 3), (3, pytest.approx(0.5), 4)]
+    assert [each.minimum for each in selection.candidates] == pytest.approx([0.3, 0.5, 1.0, 0.7])
+    assert selection.orders.na == 4
+    assert "ARMAX(4,4,4,0)" in selection.reason
 
 
-def test_all_orders_of_the_chosen_delay_are_settled():
-    asked = []
+def test_all_orders_of_the_selected_delay_are_confirmed():
+    repeated = []
 
-    def again(record):
-        asked.append((record["na"], record["nk"]))
-        return record | {"agreement": 1.0}
+    def repeat(each):
+        repeated.append((each.orders.na, each.orders.nk))
+        return confirmed(each, 1)
 
-    candidates = [candidate(k, 1.0 + nk - 0.1 * k, 0.0, nk) for k in (2, 3) for nk in (0, 1)]
-    assert select(candidates, "delay", again, unasked)[0]["nk"] == 0
-    assert asked == [(2, 0), (3, 0)]
+    candidates = [joint(k, 1.0 + nk - 0.1 * k, 0, nk) for k in (2, 3) for nk in (0, 1)]
+    assert settle(candidates, "delay", repeat, no_reoptimization).orders.nk == 0
+    assert repeated == [(2, 0), (3, 0)]
 
 
-def test_a_further_search_is_independent_and_pooled_with_the_first(record):
-    short = Recording(record.input[:600], record.output[:600], 100.0)
-    search = SEARCH | {"evaluations": 1000}
-    (first,) = estimate_candidates(short, [(7, 6, 7, 3)], "b", search, 110)
-    more = search_again(first, short, search, 110)
-    assert min(more["ends"]) <= min(first["ends"])
-    assert more["evaluations"] > first["evaluations"] + 5 * search["evaluations"]
-    assert more["ends"][: first["populations"]] == first["ends"]
-    assert more["populations"] > first["populations"]
-    assert more["convergence"][: len(first["convergence"])] == first["convergence"]
-    values = [value for _, value in more["convergence"]]
+def test_a_selection_does_not_depend_on_the_order_of_the_candidates(short):
+    search = replace(SEARCH, evaluations=500)
+    orders = [Orders(2, 2, k, 3) for k in (1, 2, 3)]
+    candidates = estimate_candidates(short, orders, "nc", search, LATE)
+    one, other = (
+        select_candidate(each, "nc", short, search, LATE) for each in (candidates, candidates[::-1])
+    )
+    assert to_json(one) == to_json(other)
+
+
+def test_a_repeated_search_is_independent_and_pooled_with_the_first(short):
+    search = replace(SEARCH, evaluations=1000)
+    (first,) = estimate_candidates(short, [Orders(7, 6, 7, 3)], "nb", search, LATE)
+    more = repeat_search(first, short, search, LATE)
+    before, after = first.diagnostics, more.diagnostics
+    assert more.minimum <= first.minimum
+    assert after.evaluations > before.evaluations + REPEAT_FACTOR * search.evaluations
+    assert after.restart_minima[: before.n_restarts] == before.restart_minima
+    assert after.n_restarts > before.n_restarts
+    # Other draws, so other minima to the last bit, and not the first search over again.
+    assert set(after.restart_minima[before.n_restarts :]).isdisjoint(before.restart_minima)
+    assert after.convergence[: len(before.convergence)] == before.convergence
+    values = [value for _, value in after.convergence]
     assert values == sorted(values, reverse=True)
-    assert values[-1] == min(more["ends"])
+    assert values[-1] == more.minimum == min(after.restart_minima)
 
 
-def test_a_continued_candidate_is_no_worse_than_where_it_began(record):
-    short = Recording(record.input[:600], record.output[:600], 100.0)
-    smaller, larger = estimate_candidates(short, [(4, 3, 4, 3), (7, 6, 6, 2)], "b", SEARCH, 110)
-    spoilt = larger | {"ends": [99.0], "basins": 1}
-    spoilt = spoilt | {"convergence": [[10, 99.0]], "evaluations": 10, "generations": 1}
-    found = continue_from(smaller, spoilt, short, SEARCH, 110)
-    assert larger["objective"] * (1 - 1e-4) <= found["objective"] < smaller["objective"]
-    first, continued = found["ends"]
+def test_a_reoptimized_candidate_is_no_worse_than_the_nested_one(short):
+    orders = [Orders(4, 3, 4, 3), Orders(7, 6, 6, 2)]
+    nested, larger = estimate_candidates(short, orders, "nb", SEARCH, LATE)
+    failed = replace(
+        larger,
+        minimum=99.0,
+        diagnostics=replace(
+            larger.diagnostics,
+            evaluations=10,
+            generations=1,
+            restart_minima=(99.0,),
+            n_confirming=0,
+            n_local_optima=1,
+            convergence=((10, 99.0),),
+        ),
+    )
+    found = reoptimize_from(nested, failed, short, SEARCH, LATE)
+    objective = found.criteria.objective
+    assert larger.criteria.objective * (1 - 1e-4) <= objective < nested.criteria.objective
+    first, descended = found.diagnostics.restart_minima
     assert first == 99.0
     # The search's value has the noise state's square added.
-    assert 0.0 <= continued / found["objective"] - 1.0 < 1e-3
-    assert found["agreement"] == 0.0
-    assert found["evaluations"] > 10
+    assert 0.0 <= descended / objective - 1.0 < 1e-3
+    assert found.diagnostics.n_confirming == 0
+    assert found.diagnostics.evaluations > 10

@@ -1,12 +1,12 @@
-"""The chapter's rivals, against DEAP, closed forms and known theory."""
+"""The chapter's evolutionary algorithms, against DEAP, closed forms and known theory."""
 
 import random
 
 import numpy as np
 import pytest
 
-from evopem.fletcher_powell import evolution
-from evopem.fletcher_powell.evolution import Box
+from fletcher_powell import evolution
+from fletcher_powell.evolution import Box
 
 
 class Spent(Exception):  # noqa: N818

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from evopem.fletcher_powell.function import instance, wrap
+from fletcher_powell.function import instance, wrap
 
 NAMES = ["seed-1", "seed-2", "cec2005-f12"]
 
@@ -28,7 +28,7 @@ def test_values_are_the_double_sum(problem):
         assert value == pytest.approx(total, rel=1e-12)
 
 
-def test_the_citable_instance_has_the_values_of_its_package():
+def test_the_published_instance_has_the_values_of_its_package():
     cec2005 = pytest.importorskip("optproblems.cec2005")
     ours = instance("cec2005-f12", 20)
     theirs = cec2005.F12(20)
@@ -81,6 +81,6 @@ def test_instances_differ_and_are_reproducible():
     assert np.array_equal(entries, entries.round())
 
 
-def test_an_instance_that_there_is_not_is_refused():
-    with pytest.raises(ValueError, match="no instance is called"):
+def test_an_unknown_instance_is_refused():
+    with pytest.raises(ValueError, match="unknown instance"):
         instance("cec", 5)

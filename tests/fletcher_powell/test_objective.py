@@ -1,16 +1,17 @@
-"""Counting: every evaluation once, wherever it is made, and none beyond the budget."""
+"""Every evaluation is counted once, and none is made beyond the budget."""
 
 import numpy as np
 import pytest
 
-from evopem.estimation.search.memetic import SearchSettings, hybrid_search
-from evopem.fletcher_powell.function import instance
-from evopem.fletcher_powell.objective import TARGET, Objective, RunOver, Success
-from evopem.fletcher_powell.problem import FletcherPowellProblem, descend_in_turn
+from evopem.config.settings import SearchSettings
+from evopem.estimation.search.memetic import memetic_search
+from fletcher_powell.function import instance
+from fletcher_powell.objective import TARGET, Objective, RunOver, Success
+from fletcher_powell.problem import FletcherPowellProblem, descend_in_turn
 
 
 class Watched:
-    """An instance that counts by itself what is asked of it."""
+    """An instance that counts its evaluations independently."""
 
     def __init__(self, dimension=4):
         self.inner = instance("seed-1", dimension)
@@ -33,10 +34,14 @@ class Watched:
 def test_the_hybrids_evaluations_are_all_counted(gradient, cost):
     watched = Watched()
     objective = Objective(watched, gradient, 10**6, until=-1.0)
-    settings = SearchSettings(evaluations=2000, agreement=10**9)
-    result = hybrid_search(FletcherPowellProblem(objective), settings, np.random.default_rng(1))
+    result = memetic_search(
+        FletcherPowellProblem(objective),
+        SearchSettings(evaluations=2000),
+        np.random.default_rng(1),
+        agreeing_restarts=10**9,
+    )
     spent = watched.values_asked + cost * watched.gradients_asked
-    assert objective.evaluations == result.evaluations == spent >= 2000
+    assert objective.evaluations == result.diagnostics.evaluations == spent >= 2000
     assert objective.value_count == watched.values_asked
     assert objective.gradient_count == watched.gradients_asked
 
@@ -53,7 +58,7 @@ def test_a_budget_is_kept_to_the_evaluation():
     assert objective.best == watched.inner.values(points).min()
 
 
-def test_a_value_behind_the_budget_does_not_count():
+def test_a_value_beyond_the_budget_does_not_count():
     objective = Objective(Watched(), "differences", 12)
     values = np.array([9.0, 8.0, 7.0, 0.0])
     # Of (1 + 4) each, the third value is the eleventh evaluation and the fourth the sixteenth.
@@ -78,7 +83,7 @@ def test_the_first_value_below_the_target_is_the_success():
     ]
 
 
-def test_a_run_is_over_when_the_value_looked_for_is_found():
+def test_a_run_is_over_when_the_wanted_value_is_reached():
     objective = Objective(Watched(), "analytic", 1000, until=2.0)
     objective.record(np.array([3.0]), gradients=False)
     with pytest.raises(RunOver):

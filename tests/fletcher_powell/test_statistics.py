@@ -1,17 +1,21 @@
-"""Expected evaluations, their intervals, and what is made of them."""
+"""Expected evaluations to success, their intervals, and the hypotheses tested with them."""
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from evopem.fletcher_powell.claims import claims
-from evopem.fletcher_powell.function import instance
-from evopem.fletcher_powell.statistics import (
-    comparison,
+from evopem.files.json_form import load, save
+from fletcher_powell.experiments import Case
+from fletcher_powell.function import instance
+from fletcher_powell.hypotheses import Hypothesis, evaluate_hypotheses
+from fletcher_powell.runs import Run, curve_grid, run_cases
+from fletcher_powell.statistics import (
+    compare,
     expected_evaluations,
     minima_table,
     progress,
     resampled,
+    runs_table,
     spent,
     summary_table,
 )
@@ -42,7 +46,7 @@ def runs_of(algorithm, evaluations, found, study="scale", dimension=100):
     )
 
 
-def test_failed_runs_are_paid_for_by_those_that_succeed():
+def test_expected_evaluations_count_the_failed_runs():
     runs = runs_of("hybrid", [100, 200, 1000], [True, True, False])
     found = np.array([True, True, False])
     assert expected_evaluations(spent(runs, "own"), found) == 650
@@ -50,7 +54,7 @@ def test_failed_runs_are_paid_for_by_those_that_succeed():
     assert expected_evaluations(np.array([5.0]), np.array([False])) == np.inf
 
 
-def test_the_bootstrap_interval_covers_as_often_as_it_says():
+def test_the_bootstrap_interval_has_its_nominal_coverage():
     """Restarts of probability p and cost 1 + failure cost have a known expectation."""
     generator = np.random.default_rng(1)
     p, cost, budget, covered = 0.6, 100.0, 300.0, 0
@@ -67,14 +71,14 @@ def test_a_ratio_has_an_interval_and_needs_successes():
     generator = np.random.default_rng(2)
     half = runs_of("hybrid", generator.integers(900, 1100, 40), [True] * 40)
     whole = runs_of("multi-start", generator.integers(1800, 2200, 40), [True] * 40)
-    found = comparison(pd.concat([half, whole]), "scale", 100, "hybrid", "multi-start")
-    assert found["low"] < found["ratio"] < found["high"]
-    assert found["ratio"] == pytest.approx(0.5, rel=0.05)
+    found = compare(pd.concat([half, whole]), "scale", 100, "hybrid", "multi-start")
+    assert found.low < found.value < found.high
+    assert found.value == pytest.approx(0.5, rel=0.05)
     never = runs_of("multi-start", [10, 10], [False, False])
-    assert comparison(pd.concat([half, never]), "scale", 100, "hybrid", "multi-start") is None
+    assert compare(pd.concat([half, never]), "scale", 100, "hybrid", "multi-start") is None
 
 
-def test_claims_can_fail():
+def test_hypotheses_can_fail():
     def verdict(ours, theirs, word):
         runs = pd.concat(
             [
@@ -83,8 +87,8 @@ def test_claims_can_fail():
                 runs_of("hybrid-best", theirs, [True] * len(theirs)),
             ]
         )
-        made = claims(summary_table(runs), runs)
-        return next(claim.holds for claim in made if word in claim.statement)
+        tested = evaluate_hypotheses(summary_table(runs), runs)
+        return next(each.holds for each in tested if word in each.statement)
 
     many = [100, 110, 90, 105, 95] * 4
     assert verdict(many, [300] * 20, "at most half") is True
@@ -94,8 +98,36 @@ def test_claims_can_fail():
     assert verdict([150] * 20, many, "the best") is False
 
 
+def test_hypotheses_survive_their_json_form(tmp_path):
+    runs = runs_of("hybrid", [100, 200, 300], [True, True, False], study="table")
+    tested = evaluate_hypotheses(summary_table(runs), runs)
+    assert tested[0].holds is False
+    save(tested, tmp_path / "hypotheses.json")
+    assert load(list[Hypothesis], tmp_path / "hypotheses.json") == tested
+
+
 def test_progress_has_a_floor():
     assert progress([1e-8, 0.0, 100.0]).tolist() == pytest.approx([-8.0, -30.0, 2.0])
+
+
+def test_runs_survive_their_json_form(tmp_path):
+    cases = [
+        Case("table", 2, "differences", 300, (1, 2)),
+        Case("scale", 2, "analytic", 300, (1,)),
+    ]
+    made = run_cases("hybrid", "seed-1", cases, 1, print)
+    assert [len(run.curve or ()) for run in made] == [len(curve_grid(300))] * 2 + [0]
+    save(made, tmp_path / "runs.json")
+    assert load(list[Run], tmp_path / "runs.json") == made
+    assert list(runs_table(made)["run"]) == [1, 2, 1]
+
+
+def test_a_run_does_not_depend_on_the_other_runs_of_its_job():
+    whole = Case("table", 2, "differences", 300, (1, 2))
+    alone = Case("table", 2, "differences", 300, (2,))
+    pair, single = (run_cases("multi-start", "seed-1", [case], 1, print) for case in (whole, alone))
+    assert pair[1:] == single
+    assert pair[0].best != pair[1].best
 
 
 def test_the_minima_of_two_variables_are_distinct_and_alpha_is_one_of_them():

@@ -9,18 +9,32 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
-from evopem.config.order_grid import check_samples, sample_needs
+from evopem.config.order_grid import check_samples, sample_requirements, scoring_window
+from evopem.config.settings import (
+    DatasetSettings,
+    DelaySettings,
+    OrderGrid,
+    OrderSettings,
+    PreparationSettings,
+    SearchSettings,
+    SpectrumSettings,
+    SplitSettings,
+    SyntheticSource,
+    TransformSettings,
+)
 from evopem.errors import InputError
-from evopem.estimation.order_selection import estimate_candidates, recall
-from evopem.models.files import model_record
+from evopem.estimation.model_record import ModelRecord
+from evopem.estimation.order_selection import complete_estimate, estimate_candidates
+from evopem.files.json_form import to_json
+from evopem.models.armax import Orders
 from evopem.signals.preparation import prepare
 from evopem.signals.recording import Recording, check_recording
-from evopem.signals.spectral.multitaper import multitaper_spectrum, spectral_peaks
-from evopem.validation import validate
+from evopem.signals.spectral.multitaper import multitaper_spectrum
+from evopem.signals.spectral.peaks import summarize_spectrum
+from evopem.validation.validation import validate
 
-ORDERS = (2, 2, 1, 1)
-GRID = {"delay": {"orders": [2, 2], "delays": [0, 1]}}
-GRID["orders"] = {"common": [2, 2], "c": [1, 2], "b": [1, 2]}
+ORDERS = Orders(2, 2, 1, 1)
+GRID = OrderGrid(DelaySettings((2, 2), (0, 1)), OrderSettings((2, 2), (1, 2), (1, 2)))
 
 
 @st.composite
@@ -63,37 +77,43 @@ def recordings(draw):
 
 @given(
     recordings(),
-    st.sampled_from(["none", "auto", 1.1, 0, -2.5]),
-    st.integers(0, 4),
-    st.integers(0, 4),
-    st.integers(0, 50) | st.floats(0.01, 0.9),
-    st.integers(1, 400) | st.floats(0.1, 0.9),
+    st.builds(
+        TransformSettings,
+        box_cox=st.sampled_from(["none", "auto", 1.1, 0, -2.5]),
+        difference=st.integers(0, 4),
+        difference_input=st.integers(0, 4),
+    ),
+    st.builds(
+        SplitSettings,
+        discard=st.integers(0, 50) | st.floats(0.01, 0.9),
+        estimation=st.integers(1, 400) | st.floats(0.1, 0.9),
+    ),
     st.sampled_from(["absolute", "quadratic"]),
+    st.sampled_from(["arx", "incremental_order"]),
 )
 @settings(max_examples=60, deadline=None, derandomize=True)
 def test_any_recording_gives_a_finite_model_or_one_sentence(
-    recording, box_cox, difference, difference_input, discard, estimation, objective
+    recording, transforms, split, objective, initialization
 ):
-    search = {
-        "objective": objective,
-        "start": "grown",
-        "mu": 3,
-        "lambda": 6,
-        "nu": 2,
-        "mutate": "worst",
-    }
-    search |= {"evaluations": 60, "seed": 1, "max_root_radius": 0.9999, "burn_in": 5}
-    stationarity = {
-        "box_cox": box_cox, "difference": difference, "difference_input": difference_input
-    }  # fmt: skip
-    needs = sample_needs(GRID | {"search": search})
+    search = SearchSettings(
+        objective=objective,
+        initialization=initialization,
+        mu=3,
+        lambda_=6,
+        nu=2,
+        evaluations=60,
+        n_initial_discard=5,
+    )
+    preparation = PreparationSettings(transforms, split)
+    bench = DatasetSettings(
+        "bench", SyntheticSource("armax"), preparation, SpectrumSettings(), GRID, search
+    )
+    window = scoring_window(bench)
     try:
         check_recording(recording, "bench.csv")
-        prepared = prepare(
-            recording, stationarity, {"discard": discard, "estimation": estimation}, dataset="bench"
-        )
+        prepared = prepare(recording, preparation, place="datasets.bench")
         counts = (prepared.estimation.samples, prepared.validation.samples)
-        check_samples(needs, *counts, "datasets.bench")
+        check_samples(sample_requirements(bench), *counts, "datasets.bench")
     except InputError as refused:
         refusal = str(refused)
     else:
@@ -103,12 +123,15 @@ def test_any_recording_gives_a_finite_model_or_one_sentence(
         return
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        spectral_peaks(multitaper_spectrum(prepared.estimation.output, 1.0, 2.0, 64))
-        (candidate,) = estimate_candidates(
-            prepared.estimation, [ORDERS], "b", search, needs["start"]
-        )
-        found = recall(candidate, prepared.estimation, search, needs["start"])
-        validation = validate(found.model, prepared, scoring_start=needs["start"])
-    json.dumps([candidate, model_record(found.model), validation.scalars()], allow_nan=False)
+        spectrum = summarize_spectrum(multitaper_spectrum(prepared.estimation.output, 1.0, 2.0, 64))
+        data = prepared.estimation
+        (candidate,) = estimate_candidates(data, [ORDERS], "nb", search, window)
+        found = complete_estimate(candidate, data, search, window)
+        validation, _ = validate(found.model, prepared, window.loss_start)
+    record = ModelRecord.of(found, search, prepared.transforms)
+    written = to_json((spectrum, candidate, record, validation))
+    assert json.loads(json.dumps(written, allow_nan=False))
+    assert np.isfinite(record.model.parameters).all()
+    assert np.isfinite(validation.prediction_error_percent)
     assert np.abs(found.model.poles()).max() < 1.0
     assert np.abs(found.model.noise_zeros()).max() < 1.0

@@ -5,11 +5,9 @@ import pytest
 from scipy.signal import freqz, lfilter
 
 from evopem.errors import InputError
-from evopem.signals.spectral.multitaper import (
-    multitaper_frequency_response,
-    multitaper_spectrum,
-    spectral_peaks,
-)
+from evopem.signals.spectral.frequency_response import multitaper_frequency_response
+from evopem.signals.spectral.multitaper import multitaper_spectrum
+from evopem.signals.spectral.peaks import spectral_peaks
 
 # Percival & Walden (1993, eq. 46a): two close resonances, a range of 65 dB.
 AR4 = np.array([1.0, -2.7607, 3.8106, -2.6535, 0.9238])

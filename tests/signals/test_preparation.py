@@ -1,3 +1,5 @@
+"""Samples made stationary and divided, and every transform undone."""
+
 from __future__ import annotations
 
 from dataclasses import replace
@@ -7,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from evopem.config.settings import PreparationSettings, SplitSettings, TransformSettings
 from evopem.errors import InputError
 from evopem.signals.preparation import (
     invert_input,
@@ -18,6 +21,15 @@ from evopem.signals.preparation import (
 from evopem.signals.recording import Recording
 
 PLAIN = {"box_cox": "none", "difference": 0}
+
+
+def preparation(transforms=PLAIN, split=None, resample=None) -> PreparationSettings:
+    """Settings without a Box-Cox transform, differences and discarded samples where not given."""
+    return PreparationSettings(
+        TransformSettings(**PLAIN | transforms),
+        SplitSettings(**{"discard": 0} | (split or {})),
+        resample,
+    )
 
 
 def record(samples: int = 400, seed: int = 0, rate: float = 100.0) -> Recording:
@@ -43,11 +55,9 @@ def record(samples: int = 400, seed: int = 0, rate: float = 100.0) -> Recording:
 def test_every_transform_is_undone(box, d, du, discard, estimation, offset):
     noise = np.random.default_rng(0).standard_normal(400)
     recording = replace(record(), output=offset + noise)
-    prepared = prepare(
-        recording,
-        {"box_cox": box, "difference": d, "difference_input": du},
-        {"discard": discard, "estimation": estimation},
-    )
+    transforms = {"box_cox": box, "difference": d, "difference_input": du}
+    split = {"discard": discard, "estimation": estimation}
+    prepared = prepare(recording, preparation(transforms, split))
     estimated, validated = prepared.estimation.samples, prepared.validation.samples
     first = recording.samples - estimated - validated
     assert first == max(d, du) + prepared.transforms.discard
@@ -80,11 +90,8 @@ def test_every_transform_is_undone(box, d, du, discard, estimation, offset):
 
 def test_order_of_the_steps_against_plain_numpy():
     recording = record()
-    prepared = prepare(
-        recording,
-        {"box_cox": "none", "difference": 2, "difference_input": 1},
-        {"discard": 50, "estimation": 200},
-    )
+    transforms = {"box_cox": "none", "difference": 2, "difference_input": 1}
+    prepared = prepare(recording, preparation(transforms, {"discard": 50, "estimation": 200}))
     y, u = np.diff(recording.output, 2)[50:], np.diff(recording.input)[1:][50:]
     np.testing.assert_allclose(prepared.estimation.output, y[:200] - y[:200].mean(), atol=1e-13)
     np.testing.assert_allclose(prepared.validation.output, y[200:] - y[:200].mean(), atol=1e-13)
@@ -98,11 +105,12 @@ def test_input_and_output_stay_aligned():
     """An output that is the input three samples later still is, whatever is differenced."""
     u = np.random.default_rng(3).standard_normal(300)
     recording = Recording(u, np.roll(u, 3), 1.0)
+    split = {"discard": 5, "estimation": 200}
     for d in (0, 1, 2):
-        settings = {"difference": d, "difference_input": d}
-        part = prepare(recording, settings, {"discard": 5, "estimation": 200}).estimation
+        transforms = {"difference": d, "difference_input": d}
+        part = prepare(recording, preparation(transforms, split)).estimation
         assert np.corrcoef(part.input[:-3], part.output[3:])[0, 1] == pytest.approx(1.0)
-    uneven = prepare(recording, {"difference": 2}, {"discard": 5, "estimation": 200})
+    uneven = prepare(recording, preparation({"difference": 2}, split))
     direct = np.diff(recording.output, 2)[5:205]
     np.testing.assert_allclose(
         uneven.estimation.output + uneven.transforms.output_mean, direct, atol=1e-13
@@ -112,10 +120,10 @@ def test_input_and_output_stay_aligned():
     )
 
 
-def test_defaults_and_unchanged_arrays():
+def test_four_fifths_are_for_estimation_and_the_recording_stays_as_it_is():
     recording = record()
     kept = recording.output.copy()
-    prepared = prepare(recording, {}, {})
+    prepared = prepare(recording, preparation())
     assert (prepared.estimation.samples, prepared.validation.samples) == (320, 80)
     np.testing.assert_array_equal(recording.output, kept)
 
@@ -124,16 +132,17 @@ def test_box_cox_parameter_does_not_see_the_validation_samples():
     recording = record()
     changed = replace(recording, output=recording.output.copy())
     changed.output[350:] = changed.output[350:][::-1]
-    split = {"discard": 20, "estimation": 300}
-    first, second = (prepare(one, {"box_cox": "auto"}, split) for one in (recording, changed))
+    settings = preparation({"box_cox": "auto"}, {"discard": 20, "estimation": 300})
+    first, second = (prepare(one, settings) for one in (recording, changed))
     assert first.transforms.box_cox == second.transforms.box_cox
     np.testing.assert_array_equal(first.estimation.output, second.estimation.output)
 
 
 def test_validation_recording_passes_through_the_same_transforms():
     estimation, validation = record(), record(300, seed=1)
-    stationarity = {"box_cox": "auto", "difference": 1}
-    prepared = prepare(estimation, stationarity, {"discard": 30}, validation_recording=validation)
+    transforms = {"box_cox": "auto", "difference": 1}
+    split = {"discard": 30, "estimation": 1.0}
+    prepared = prepare(estimation, preparation(transforms, split), validation)
     assert not prepared.contiguous
     assert prepared.estimation.samples == 400 - 1 - 30
     assert prepared.validation.samples == 300 - 1 - 30
@@ -147,29 +156,26 @@ def test_validation_recording_passes_through_the_same_transforms():
         estimation.output[30:],
         atol=1e-8,
     )
-    alone = prepare(estimation, stationarity, {"estimation": 1.0}, validation_recording=validation)
+    alone = prepare(estimation, preparation(transforms, {"estimation": 1.0}), validation)
     assert alone.estimation.samples == 399
-    part = prepare(estimation, PLAIN, {"estimation": 0.5}, validation_recording=validation)
+    part = prepare(estimation, preparation(split={"estimation": 0.5}), validation)
     assert (part.estimation.samples, part.validation.samples) == (200, 300)
 
 
 def test_resampling_comes_first_and_is_recorded():
-    prepared = prepare(record(rate=125.0), PLAIN, {"estimation": 0.5}, resample=100.0)
+    settings = preparation(split={"estimation": 0.5}, resample=100.0)
+    prepared = prepare(record(rate=125.0), settings)
     assert prepared.transforms.sampling_rate == prepared.estimation.sampling_rate == 100.0
     assert prepared.transforms.resampled_from == 125.0
     assert prepared.estimation.samples + prepared.validation.samples == 320
-    same = prepare(record(), PLAIN, {"estimation": 0.5}, resample=100.0)
+    same = prepare(record(), settings)
     assert same.transforms.resampled_from is None
 
 
 @pytest.mark.parametrize("validation", [None, record(seed=2)])
 def test_prepared_data_survive_their_files(tmp_path, validation):
-    prepared = prepare(
-        record(),
-        {"box_cox": "auto", "difference": 2, "difference_input": 1},
-        {"discard": 10},
-        validation_recording=validation,
-    )
+    transforms = {"box_cox": "auto", "difference": 2, "difference_input": 1}
+    prepared = prepare(record(), preparation(transforms, {"discard": 10}), validation)
     names = tmp_path / "prepared.npz", tmp_path / "transforms.json"
     save_prepared(prepared, *names)
     loaded = load_prepared(*names)
@@ -181,7 +187,7 @@ def test_prepared_data_survive_their_files(tmp_path, validation):
         assert after.input.tobytes() == before.input.tobytes()
         assert (after.sampling_rate, after.output_unit) == (before.sampling_rate, "m/s2")
     names[1].write_text("{}")
-    with pytest.raises(InputError, match="transforms"):
+    with pytest.raises(InputError, match=r"transforms\.json.*the key sampling_rate is missing"):
         load_prepared(*names)
 
 
@@ -203,28 +209,28 @@ def test_prepared_data_survive_their_files(tmp_path, validation):
 )
 def test_splits_that_do_not_fit_name_their_key(split, key, problem):
     with pytest.raises(InputError, match=problem) as caught:
-        prepare(record(), PLAIN, split, dataset="arm")
+        prepare(record(), preparation(split=split), place="datasets.arm")
     assert caught.value.source == f"datasets.arm.split.{key}"
 
 
 @pytest.mark.parametrize(
-    ("stationarity", "key", "problem"),
+    ("transforms", "key", "problem"),
     [
-        ({"box_cox": "yes"}, "stationarity.box_cox", "not a Box-Cox parameter"),
-        ({"difference": -1}, "stationarity.difference", "not a number of differences"),
-        ({"difference": 1.5}, "stationarity.difference", "not a number of differences"),
+        ({"box_cox": "yes"}, "transforms.box_cox", "not a Box-Cox parameter"),
+        ({"difference": -1}, "transforms.difference", "not a number of differences"),
+        ({"difference": 1.5}, "transforms.difference", "not a number of differences"),
         ({"difference": 400}, "split", "leave no sample"),
     ],
 )
-def test_stationarity_that_does_not_fit_names_its_key(stationarity, key, problem):
+def test_transforms_that_do_not_fit_name_their_key(transforms, key, problem):
     with pytest.raises(InputError, match=problem) as caught:
-        prepare(record(), stationarity, {}, dataset="arm")
+        prepare(record(), preparation(transforms), place="datasets.arm")
     assert caught.value.source == f"datasets.arm.{key}"
 
 
 def test_differences_that_leave_nothing_and_rates_that_differ():
     line = replace(record(), output=np.arange(400.0))
     with pytest.raises(InputError, match="nothing to identify"):
-        prepare(line, {"difference": 1}, {})
+        prepare(line, preparation({"difference": 1}))
     with pytest.raises(InputError, match="sampled at 50 Hz"):
-        prepare(record(), PLAIN, {}, validation_recording=record(rate=50.0))
+        prepare(record(), preparation(), record(rate=50.0))

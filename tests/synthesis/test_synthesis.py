@@ -4,22 +4,34 @@ import numpy as np
 import pytest
 from scipy.signal import StateSpace, dlsim
 
+from evopem.config.settings import (
+    PreparationSettings,
+    SplitSettings,
+    SyntheticSource,
+    TransformSettings,
+)
 from evopem.signals.preparation import prepare
 from evopem.synthesis import synthesize
 from evopem.synthesis.armax import armax, true_model
 from evopem.synthesis.flexible_arm import ARM_MODES, SERVO, arm_dynamics
 
 
+def simulated(kind, **keys):
+    return synthesize(SyntheticSource(kind, **keys), TransformSettings())
+
+
 @pytest.mark.parametrize("kind", ["flexible_arm", "armax"])
 def test_a_seed_fixes_every_bit(kind):
-    one, truth = synthesize(kind, seed=5, samples=300)
-    two, _ = synthesize(kind, seed=5, samples=300)
-    other, _ = synthesize(kind, seed=6, samples=300)
+    one, truth = simulated(kind, seed=5, samples=300)
+    two, _ = simulated(kind, seed=5, samples=300)
+    other, _ = simulated(kind, seed=6, samples=300)
     np.testing.assert_array_equal(one.output, two.output)
     assert not np.array_equal(one.output, other.output)
     assert len(one.input) == len(one.output) == 300
-    assert truth["delay_samples"] == 3
-    assert len(truth["modes"]) >= 3
+    assert truth.kind == kind
+    assert truth.seed == 5
+    assert truth.delay_samples == 3
+    assert len(truth.modes) >= 3
 
 
 def test_the_arm_has_the_modes_it_states():
@@ -54,12 +66,8 @@ def arm_output(volts):
 
 
 def test_the_arms_record_is_non_stationary_and_its_preparation_is_not():
-    recording, _ = synthesize("flexible_arm", seed=2, samples=5000)
-    prepared = prepare(
-        recording,
-        {"box_cox": 1.1, "difference": 2, "difference_input": 0},
-        {"discard": 500, "estimation": 0.8},
-    )
+    recording, _ = simulated("flexible_arm", seed=2, samples=5000)
+    prepared = prepare(recording, PreparationSettings())
 
     def spread_of_means(signal):
         return np.std([part.mean() for part in np.array_split(signal, 8)]) / np.std(signal)
@@ -68,19 +76,27 @@ def test_the_arms_record_is_non_stationary_and_its_preparation_is_not():
     assert spread_of_means(prepared.estimation.output) < 0.05
 
 
-def test_the_preparation_brings_the_armax_record_back():
+@pytest.mark.parametrize("transforms", [TransformSettings(1.1, 2), TransformSettings("none", 1)])
+def test_the_preparation_brings_the_armax_record_back(transforms):
     plain, truth = armax(seed=2, samples=800)
-    disguised, _ = armax(seed=2, samples=800, box_cox=1.1, difference=2)
-    prepared = prepare(
-        disguised,
-        {"box_cox": 1.1, "difference": 2, "difference_input": 0},
-        {"discard": 0, "estimation": 600},
-    )
-    expected = plain.output[2:602]
+    disguised, _ = synthesize(SyntheticSource("armax", seed=2, samples=800), transforms)
+    settings = PreparationSettings(transforms, SplitSettings(discard=0, estimation=600))
+    prepared = prepare(disguised, settings)
+    first = transforms.difference
+    expected = plain.output[first : first + 600]
     np.testing.assert_allclose(prepared.estimation.output, expected - expected.mean(), atol=1e-6)
-    np.testing.assert_array_equal(truth["a"], true_model().a)
+    np.testing.assert_array_equal(truth.a, true_model().a)
 
 
-def test_an_unknown_kind_is_refused():
-    with pytest.raises(ValueError, match="flexible_arm"):
-        synthesize("pendulum", seed=1, samples=10)
+def test_the_truth_of_an_armax_recording_is_its_model():
+    """Noise of the stated ratio, and the innovations of the stated variance."""
+    recording, truth = armax(seed=3, samples=20000, noise=0.3)
+    clean, _ = armax(seed=3, samples=20000, noise=0.0)
+    model = true_model()
+    residuals = model.residuals(recording.input, recording.output)[200:]
+    variance = truth.noise["innovation_variance"]
+    # Relative standard deviation of a variance of 20000 samples: 1 %.
+    assert np.var(residuals) == pytest.approx(variance, rel=0.04)
+    assert np.sqrt(variance) / np.std(clean.output) == pytest.approx(0.3, rel=1e-9)
+    assert truth.noise["ratio"] == 0.3
+    assert truth.orders == model.orders

@@ -1,170 +1,236 @@
-"""Checks pass on evidence, fail on counter-evidence, and say when there is neither."""
+"""Checks pass on evidence, fail on counter-evidence, and are not judged without either."""
 
-import copy
+import math
+from dataclasses import dataclass, replace
 
 import numpy as np
-import pandas as pd
 import pytest
 
+from evopem.estimation.model_record import ModelRecord
+from evopem.models.armax import ArmaxModel, Orders
+from evopem.models.modes import Mode
+from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomials import root_gradient
 from evopem.models.root_covariance import root_covariance
-from evopem.validation import checks
+from evopem.signals.recording_info import RecordingInfo
+from evopem.signals.spectral.summary import SpectrumSummary
+from evopem.validation.checks import checks
+from evopem.validation.validation import Validation
 
 POLES = [0.9 * np.exp(0.5j), 0.9 * np.exp(-0.5j)]
-# ω = |ln z| at one sample a second.
-FREQUENCY = abs(np.log(POLES[0])) / (2 * np.pi)
+# The mode of these poles at one sample a second: ω = |ln z|, ζ = −Re(ln z)/ω.
+OMEGA = abs(np.log(POLES[0]))
+FREQUENCY, DAMPING = OMEGA / (2 * np.pi), -math.log(0.9) / OMEGA
 
 
-@pytest.fixture
-def model():
-    return {
-        "orders": {"na": 2, "nb": 2, "nc": 1, "nk": 1},
-        "a": np.real(np.poly(POLES)).tolist(),
-        "b": [1.0, -0.5],
-        "c": [1.0, 0.4],
-        "sampling_rate": 1.0,
-        "covariance": (1e-6 * np.eye(5)).tolist(),
-        "modes": [{"frequency_hz": FREQUENCY, "damping_percent": 20.0, "frequency_se_hz": 1e-4}],
-        "search": {
-            "settings": {"max_root_radius": 0.9999},
-            "found": {"populations": 3, "agreement": 0.5, "at_margin": False},
-        },
-    }
+@dataclass(frozen=True)
+class Evidence:
+    """What the checks are given."""
+
+    model: ModelRecord
+    validation: Validation
+    spectrum: SpectrumSummary
+    phases: dict
+    recording: RecordingInfo
+
+    def check(self, start):
+        """The check whose name starts so."""
+        results = checks(self.model, self.validation, self.spectrum, self.phases, self.recording)
+        (found,) = [check for check in results if check.name.startswith(start)]
+        return found
+
+    def with_(self, part, **changes):
+        """The same with other values in one part."""
+        return replace(self, **{part: replace(getattr(self, part), **changes)})
 
 
-@pytest.fixture
-def validation():
-    return {
-        "autocorrelation_share_inside95": 0.952,
-        "lags": 1200,
-        "ljung_box": {"statistic": 20.0, "degrees_of_freedom": 22, "p_value": 0.6, "lags": 36},
-        "cross_correlation": {
-            "share_inside95": 0.95,
-            "max_abs": 0.03,
-            "max_in_bounds": 1.4,
-            "lags": 200,
-        },
-        "excitation": {"order": 4, "needed": 4},
-        "residual_outlier_percent": 0.0,
-    }
+def with_polynomials(record, a, b, c, covariance):
+    """A model record of other polynomials, with all that follows from them."""
+    if covariance is not None:
+        covariance = ParameterCovariance.from_matrix(covariance)
+    model = ArmaxModel(a, b, c, nk=1, sampling_rate=1.0, noise_variance=1.0, covariance=covariance)
+    return replace(
+        record,
+        orders=model.orders,
+        a=model.a,
+        b=model.b,
+        c=model.c,
+        covariance=covariance,
+        modes=tuple(model.modes()),
+        poles=model.poles(),
+        zeros=model.zeros(),
+        noise_zeros=model.noise_zeros(),
+    )
 
 
-@pytest.fixture
-def recording():
-    return {"input_saturated_percent": 0.0, "output_saturated_percent": 0.0}
+def with_peaks(evidence, frequencies):
+    peak = evidence.spectrum.peaks[0]
+    peaks = tuple(replace(peak, frequency_hz=float(frequency)) for frequency in frequencies)
+    return evidence.with_("spectrum", peaks=peaks, resolution_hz=0.01)
 
 
-@pytest.fixture
-def spectrum():
-    return {"resolution_hz": 0.01, "peaks": [{"frequency_hz": FREQUENCY}]}
+def with_diagnostics(evidence, **changes):
+    search = evidence.model.search
+    diagnostics = replace(search.diagnostics, **changes)
+    return evidence.with_("model", search=replace(search, diagnostics=diagnostics))
 
 
-@pytest.fixture
-def candidates():
-    rows = [("delay", 3, 3, 3, nk, nk == 1) for nk in range(4)]
-    rows += [("common", k, k, k, 1, k == 3) for k in range(2, 6)]
-    rows += [("c", 3, 3, k, 1, k == 3) for k in range(2, 6)]
-    rows += [("b", 3, k, 3, 1, k == 3) for k in range(2, 6)]
-    return pd.DataFrame(rows, columns=["phase", "na", "nb", "nc", "nk", "selected"])
+def with_phase(evidence, phase, tried, selected):
+    """The same with other candidates in one phase."""
+    candidate = evidence.phases[phase].candidates[0]
+    candidates = tuple(replace(candidate, orders=orders) for orders in tried)
+    selection = replace(evidence.phases[phase], orders=selected, candidates=candidates)
+    return replace(evidence, phases=evidence.phases | {phase: selection})
 
 
-def verdict(results, start):
-    (found,) = [check for check in results if check.name.startswith(start)]
+@pytest.fixture(scope="module")
+def real(identified):
+    """The evidence on a model that the package identified."""
+    results = identified.results
+    return Evidence(
+        results.model,
+        results.validation,
+        results.spectrum_summary,
+        results.phases,
+        results.recording_info,
+    )
+
+
+@pytest.fixture(scope="module")
+def good(real):
+    """The same with values that each check passes on."""
+    a, b, c = np.real(np.poly(POLES)), np.array([1.0, -0.5]), np.array([1.0, 0.4])
+    validation = real.validation
+    found = Evidence(
+        with_polynomials(real.model, a, b, c, 1e-6 * np.eye(5)),
+        replace(
+            validation,
+            autocorrelation_share_inside95=0.952,
+            lags=1200,
+            ljung_box=replace(validation.ljung_box, p_value=0.6),
+            cross_correlation=replace(
+                validation.cross_correlation, share_inside95=0.95, max_in_bounds=1.4, lags=200
+            ),
+            excitation=replace(validation.excitation, order=4, needed=4),
+            residual_outlier_percent=0.0,
+        ),
+        real.spectrum,
+        real.phases,
+        replace(real.recording, input_saturated_percent=0.0, output_saturated_percent=0.0),
+    )
+    found = with_peaks(found, [FREQUENCY])
+    found = with_diagnostics(
+        found,
+        restart_minima=(1.0, 1.0, 2.0),
+        n_confirming=1,
+        n_multistart=256,
+        undiscovered_probability=0.001,
+    )
+    found = with_phase(found, "delay", [Orders(3, 3, 3, k) for k in range(4)], Orders(3, 3, 3, 1))
+    for phase, order in (("joint", "na"), ("nc", "nc"), ("nb", "nb")):
+        tried = [replace(Orders(3, 3, 3, 1), **{order: k}) for k in range(2, 6)]
+        found = with_phase(found, phase, tried, Orders(3, 3, 3, 1))
     return found
 
 
-def test_good_evidence_passes_every_check(model, validation, spectrum, candidates, recording):
-    results = checks(model, validation, spectrum, candidates, recording)
-    assert [check.passed for check in results] == [True] * 13
+def test_the_mode_of_the_poles_is_the_expected_one(good):
+    (mode,) = good.model.modes
+    assert (mode.frequency_hz, mode.damping_ratio) == pytest.approx((FREQUENCY, DAMPING))
+
+
+def test_good_evidence_passes_every_check(good):
+    results = checks(good.model, good.validation, good.spectrum, good.phases, good.recording)
+    assert [(check.name, check.passed) for check in results if check.passed is not True] == []
+    assert len({check.name for check in results}) == len(results) == 13
     assert all(check.statement and not check.advice for check in results)
 
 
-def test_without_evidence_nothing_passes():
-    results = checks({})
-    assert [check.passed for check in results] == [None] * 13
-    assert all("missing" in check.statement or "not on" in check.statement for check in results)
-    assert all(check.advice for check in results)
+def test_checks_of_an_identified_model_say_what_is_in_its_results(real):
+    """Statements hold the numbers; what did not pass comes with advice."""
+    results = checks(real.model, real.validation, real.spectrum, real.phases, real.recording)
+    assert all(bool(check.advice) == (check.passed is not True) for check in results)
+    largest = float(np.max(np.abs(np.roots(real.model.a))))
+    assert real.check("Stable").passed is (largest < 1)
+    assert f"{largest:.5f}" in real.check("Stable").statement
+    # The delay's range ends at the true delay.
+    assert real.check("Orders").passed is False
+    assert "nk = 3 (delay.nk: 2 to 3)" in real.check("Orders").statement
+    assert real.check("Response").statement == "Wald test of B = 0: p < 0.0001."
 
 
 @pytest.mark.parametrize(
-    ("path", "name"),
+    ("part", "change", "name"),
     [
-        (("model", "a"), "Stable"),
-        (("model", "c"), "Invertible"),
-        (("model", "modes"), "Every"),
-        (("model", "covariance"), "Poles"),
-        (("model", "search", "found", "at_margin"), "Roots"),
-        (("model", "search", "found", "populations"), "Search"),
-        (("model", "search", "found", "agreement"), "Search"),
-        (("validation", "ljung_box", "p_value"), "White"),
-        (("validation", "autocorrelation_share_inside95"), "White"),
-        (("validation", "cross_correlation", "max_in_bounds"), "Residuals"),
-        (("validation", "excitation"), "Excitation"),
-        (("validation", "residual_outlier_percent"), "Few"),
-        (("model", "covariance"), "Input"),
-        (("recording", "output_saturated_percent"), "Record"),
-        (("spectrum", "peaks"), "Every"),
+        ("model", {"covariance": None}, "Poles"),
+        ("model", {"covariance": None}, "Response"),
+        (
+            "model",
+            {"covariance": ParameterCovariance.from_matrix(np.full((5, 5), math.nan))},
+            "Response",
+        ),
+        ("model", {"poles": np.full(2, math.nan, dtype=complex)}, "Stable"),
+        ("validation", {"autocorrelation_share_inside95": math.nan}, "White"),
+        ("validation", {"residual_outlier_percent": math.nan}, "Few"),
+        ("recording", {"output_saturated_percent": math.nan}, "Record"),
     ],
 )
-@pytest.mark.parametrize("how", ["absent", "null"])
-def test_one_missing_number_leaves_its_check_open(
-    path, name, how, model, validation, spectrum, candidates, recording
-):
-    given = copy.deepcopy(
-        {
-            "model": model,
-            "validation": validation,
-            "spectrum": spectrum,
-            "recording": recording,
-        }
-    )
-    place = given
-    for key in path[:-1]:
-        place = place[key]
-    if how == "absent":
-        del place[path[-1]]
-    else:
-        place[path[-1]] = None
-    results = checks(
-        given["model"], given["validation"], given["spectrum"], candidates, given["recording"]
-    )
-    assert verdict(results, name).passed is None
-    assert verdict(results, name).advice
-
-
-def test_roots_outside_fail(model):
-    model["a"] = [1.0, -1.2]
-    model["c"] = [1.0, 1.0]
-    results = checks(model)
-    for name in ("Stable", "Invertible"):
-        assert verdict(results, name).passed is False
-        assert verdict(results, name).advice
+def test_what_could_not_be_computed_is_not_judged(good, part, change, name):
+    check = good.with_(part, **change).check(name)
+    assert check.passed is None
+    assert check.advice
 
 
 @pytest.mark.parametrize(
-    ("changes", "passed"),
+    ("test", "number", "name"),
     [
-        ({"autocorrelation_share_inside95": 0.90}, False),
-        ({"autocorrelation_share_inside95": 0.94}, True),
+        ("ljung_box", "p_value", "White"),
+        ("cross_correlation", "max_in_bounds", "Residuals"),
+        ("cross_correlation", "share_inside95", "Residuals"),
     ],
 )
-def test_whiteness_by_share(validation, changes, passed):
-    assert verdict(checks({}, validation | changes), "White").passed is passed
+def test_a_residual_test_that_could_not_be_computed_is_not_judged(good, test, number, name):
+    changed = replace(getattr(good.validation, test), **{number: math.nan})
+    assert good.with_("validation", **{test: changed}).check(name).passed is None
 
 
-def test_whiteness_by_ljung_box(validation):
-    validation["ljung_box"]["p_value"] = 1e-5
-    assert verdict(checks({}, validation), "White").passed is False
+def test_roots_outside_fail(good):
+    a, c = np.array([1.0, -1.2]), np.array([1.0, 1.0])
+    model = with_polynomials(good.model, a, np.array([1.0]), c, None)
+    for name, radius in (("Stable", "1.20000"), ("Invertible", "1.00000")):
+        check = replace(good, model=model).check(name)
+        assert check.passed is False
+        assert radius in check.statement
+        assert check.advice
 
 
-def test_one_large_cross_correlation_fails(validation):
-    validation["cross_correlation"]["max_in_bounds"] = 3.0
-    check = verdict(checks({}, validation), "Residuals")
+def test_polynomials_without_roots_pass(good):
+    one = np.array([1.0])
+    model = with_polynomials(good.model, one, np.array([2.0]), one, None)
+    for name in ("Stable", "Invertible", "Poles"):
+        assert replace(good, model=model).check(name).passed is True
+
+
+@pytest.mark.parametrize(("share", "passed"), [(0.90, False), (0.94, True)])
+def test_whiteness_by_share(good, share, passed):
+    changed = good.with_("validation", autocorrelation_share_inside95=share)
+    assert changed.check("White").passed is passed
+
+
+def test_whiteness_by_ljung_box(good):
+    changed = replace(good.validation.ljung_box, p_value=1e-5)
+    check = good.with_("validation", ljung_box=changed).check("White")
     assert check.passed is False
-    assert "raise nb" in check.advice
+    assert "p < 0.0001" in check.statement
 
 
-def test_largest_of_many_cross_correlations_fails_good_models_rarely():
+def test_one_large_cross_correlation_fails(good):
+    changed = replace(good.validation.cross_correlation, max_in_bounds=4.0)
+    check = good.with_("validation", cross_correlation=changed).check("Residuals")
+    assert check.passed is False
+    assert "orders.nb" in check.advice
+
+
+def test_largest_of_many_cross_correlations_fails_good_models_rarely(good):
     """The allowed maximum holds its level: 1 % of independent white pairs exceed it."""
     from evopem.validation.residual_tests import cross_correlation, share_inside
 
@@ -173,125 +239,128 @@ def test_largest_of_many_cross_correlations_fails_good_models_rarely():
     for _ in range(300):
         table = cross_correlation(rng.normal(size=1500), rng.normal(size=1500), 200)
         ratio = table["cross_correlation"].abs() / table["bound95"]
-        share = share_inside(table["cross_correlation"], table["bound95"])
-        cross = {"share_inside95": share, "max_in_bounds": ratio.max(), "lags": 200}
-        failed += verdict(checks({}, {"cross_correlation": cross}), "Residuals").passed is False
+        test = replace(
+            good.validation.cross_correlation,
+            share_inside95=share_inside(table["cross_correlation"], table["bound95"]),
+            max_in_bounds=float(ratio.max()),
+            lags=200,
+        )
+        check = good.with_("validation", cross_correlation=test).check("Residuals")
+        failed += check.passed is False
     assert failed <= 10  # expectation 3; more than 10 has a probability below 0.1 %
 
 
-def test_a_missed_peak_is_named(model, spectrum):
-    spectrum["peaks"].append({"frequency_hz": 0.4})
-    check = verdict(checks(model, spectrum=spectrum), "Every")
+def test_a_missed_peak_is_named(good):
+    check = with_peaks(good, [FREQUENCY, 0.4]).check("Every")
     assert check.passed is False
     assert "0.4 Hz" in check.statement
+    assert check.statement.startswith("1 of 2")
 
 
-@pytest.mark.parametrize(("damping", "error"), [(84.0, 0.001), (40.0, 0.2)])
-def test_a_broad_or_uncertain_mode_does_not_pass_for_every_peak(model, spectrum, damping, error):
-    model["modes"][0] |= {"damping_percent": damping, "frequency_se_hz": error}
-    spectrum["peaks"] = [{"frequency_hz": 1.3 * FREQUENCY}]
-    assert verdict(checks(model, spectrum=spectrum), "Every").passed is False
+@pytest.mark.parametrize(("damping", "error"), [(0.84, 0.001), (0.4, 0.2), (0.4, math.inf)])
+def test_a_broad_or_uncertain_mode_does_not_account_for_every_peak(good, damping, error):
+    mode = Mode(FREQUENCY, damping, POLES[0], frequency_se_hz=error)
+    changed = with_peaks(good.with_("model", modes=(mode,)), [1.3 * FREQUENCY])
+    assert changed.check("Every").passed is False
 
 
-def test_lines_of_a_periodic_input_are_not_taken_for_modes(model, spectrum):
+def test_lines_of_a_periodic_input_are_not_taken_for_modes(good):
     jitter = np.random.default_rng(3).uniform(-0.1, 0.1, 60)
-    spectrum["peaks"] = [{"frequency_hz": k + j} for k, j in enumerate(jitter, start=1)]
-    check = verdict(checks(model, spectrum=spectrum), "Every")
+    check = with_peaks(good, [k + j for k, j in enumerate(jitter, start=1)]).check("Every")
     assert check.passed is None
     assert "60 peaks about" in check.statement
 
 
-def test_many_uneven_peaks_are_judged_and_not_all_listed(model, spectrum):
-    spectrum["peaks"] = [{"frequency_hz": 1.3**k} for k in range(1, 16)]
-    check = verdict(checks(model, spectrum=spectrum), "Every")
+def test_many_uneven_peaks_are_judged_and_not_all_listed(good):
+    check = with_peaks(good, [1.3**k for k in range(1, 16)]).check("Every")
     assert check.passed is False
     assert "and 9 more" in check.statement
 
 
-def test_a_spectrum_without_peaks_misses_none(model):
-    check = verdict(checks(model, spectrum={"peaks": [], "resolution_hz": 0.1}), "Every")
+def test_a_spectrum_without_peaks_misses_none(good):
+    check = with_peaks(good, []).check("Every")
     assert check.passed is True
-    assert "no distinct peak" in check.statement
+    assert "no distinct peaks" in check.statement
 
 
-def test_cancellation_is_judged_by_uncertainty(model):
+@pytest.mark.parametrize(("variance", "passed"), [(1e-8, True), (1e-2, False)])
+def test_cancellation_is_judged_by_uncertainty(good, variance, passed):
     # A real pole at 0.5 with a zero 0.02 away from it.
-    model["a"] = np.real(np.poly([*POLES, 0.5])).tolist()
-    model["b"] = [1.0, -0.52]
-    model["covariance"] = (1e-8 * np.eye(6)).tolist()
-    assert verdict(checks(model), "Poles").passed is True
-    model["covariance"] = (1e-2 * np.eye(6)).tolist()
-    assert verdict(checks(model), "Poles").passed is False
+    a, b = np.real(np.poly([*POLES, 0.5])), np.array([1.0, -0.52])
+    model = with_polynomials(good.model, a, b, np.array([1.0, 0.4]), variance * np.eye(6))
+    assert replace(good, model=model).check("Poles").passed is passed
 
 
-def test_complex_cancellation(model):
-    model["b"] = np.real(np.poly(np.array(POLES) * 1.01)).tolist()
-    model["covariance"] = (1e-4 * np.eye(5)).tolist()
-    assert verdict(checks(model), "Poles").passed is False
-    model["covariance"] = (1e-10 * np.eye(5)).tolist()
-    assert verdict(checks(model), "Poles").passed is True
+@pytest.mark.parametrize(("variance", "passed"), [(1e-10, True), (1e-4, False)])
+def test_complex_cancellation(good, variance, passed):
+    b = np.real(np.poly(np.array(POLES) * 1.01))
+    model = with_polynomials(good.model, good.model.a, b, np.array([1.0]), variance * np.eye(5))
+    assert replace(good, model=model).check("Poles").passed is passed
 
 
-def test_coincident_roots_fail_even_without_covariance(model):
-    del model["covariance"]
-    model["b"] = np.real(np.poly(np.array(POLES) * 1.0001)).tolist()
-    assert verdict(checks(model), "Poles").passed is False
+def test_coincident_roots_fail_even_without_covariance(good):
+    b = np.real(np.poly(np.array(POLES) * 1.0001))
+    model = with_polynomials(good.model, good.model.a, b, np.array([1.0, 0.4]), None)
+    assert replace(good, model=model).check("Poles").passed is False
 
 
 @pytest.mark.parametrize(
-    ("phase", "column", "value", "passed"),
+    ("phase", "order", "value", "passed"),
     [
         ("delay", "nk", 3, False),
         ("delay", "nk", 0, True),  # no delay can be shorter
-        ("common", "na", 5, False),
-        ("common", "na", 2, False),
-        ("c", "nc", 5, False),
-        ("b", "nb", 4, True),
+        ("joint", "na", 5, False),
+        ("joint", "na", 2, False),
+        ("nc", "nc", 5, False),
+        ("nb", "nb", 4, True),
     ],
 )
-def test_edges_of_the_ranges(candidates, phase, column, value, passed):
-    own = candidates["phase"] == phase
-    candidates.loc[own, "selected"] = candidates.loc[own, column] == value
-    assert verdict(checks({}, candidates=candidates), "Orders").passed is passed
+def test_ends_of_the_ranges(good, phase, order, value, passed):
+    selection = good.phases[phase]
+    tried = [candidate.orders for candidate in selection.candidates]
+    selected = replace(selection.orders, **{order: value})
+    check = with_phase(good, phase, tried, selected).check("Orders")
+    assert check.passed is passed
+    assert f"{order} = {value}" in check.statement
 
 
-def test_a_root_on_the_margin_fails(model):
-    model["search"]["found"]["at_margin"] = True
-    check = verdict(checks(model), "Roots")
+def test_orders_that_are_all_fixed_are_not_judged(good):
+    for phase in good.phases:
+        good = with_phase(good, phase, [Orders(3, 3, 3, 1)], Orders(3, 3, 3, 1))
+    assert good.check("Orders").passed is None
+
+
+def test_a_root_at_the_stability_bound_fails(good):
+    changed = good.with_("model", search=replace(good.model.search, at_stability_bound=True))
+    check = changed.check("Roots inside the stability bound")
     assert check.passed is False
-    assert "0.9999" in check.statement
+    assert f"{good.model.search.settings.max_root_radius:g}" in check.statement
     assert check.advice
 
 
 @pytest.mark.parametrize(
-    ("populations", "agreement", "passed", "statement"),
+    ("changes", "passed", "statement"),
     [
-        (1, 0.0, None, "no independent one"),
-        (2, 0.0, False, "0 of 1 further population,"),
-        (2, 1.0, True, "1 of 1 further population,"),
-        (7, 1 / 3, True, "2 of 6 further populations"),
+        ({"restart_minima": (1.0,), "n_confirming": 0, "n_multistart": 0}, None, "one restart"),
+        ({"n_confirming": 0}, False, "None of 2 other independent restarts"),
+        ({"n_multistart": 0}, None, "not known"),
+        ({"undiscovered_probability": 0.0101}, False, "0.01 from 256 multistart points"),
+        ({"undiscovered_probability": 0.01}, True, "1 of 2 other independent restarts"),
+        ({"restart_minima": (1.0, 1.0)}, True, "1 of 1 other independent restart reached"),
     ],
 )
-def test_agreement_of_independent_populations(model, populations, agreement, passed, statement):
-    model["search"]["found"] |= {"populations": populations, "agreement": agreement}
-    check = verdict(checks(model), "Search")
+def test_a_search_is_repeatable_with_a_confirmation_and_a_multistart_check(
+    good, changes, passed, statement
+):
+    check = with_diagnostics(good, **changes).check("Search")
     assert check.passed is passed
     assert statement in check.statement
     assert bool(check.advice) == (passed is not True)
 
 
-def test_no_search_at_all_is_not_judged(candidates):
-    fixed = candidates[candidates["selected"]]
-    assert verdict(checks({}, candidates=fixed), "Orders").passed is None
-
-
-def test_a_phase_without_choice_is_not_judged(candidates):
-    assert verdict(checks({}, candidates=candidates.iloc[4:]), "Orders").passed is None
-
-
-def test_weak_excitation_fails(validation):
-    validation["excitation"]["order"] = 2
-    assert verdict(checks({}, validation), "Excitation").passed is False
+def test_weak_excitation_fails(good):
+    changed = good.with_("validation", excitation=replace(good.validation.excitation, order=2))
+    assert changed.check("Excitation").passed is False
 
 
 @pytest.mark.parametrize(
@@ -299,27 +368,32 @@ def test_weak_excitation_fails(validation):
     [
         ("quadratic", 0.1, True),
         ("quadratic", 0.2, False),
-        ("absolute", 5, True),
-        ("absolute", 6, False),
+        ("absolute", 5.0, True),
+        ("absolute", 6.0, False),
     ],
 )
-def test_outliers_weigh_by_the_objective(model, validation, objective, percent, passed):
-    model["objective"] = {"name": objective, "value": 1.0}
-    validation["residual_outlier_percent"] = percent
-    check = verdict(checks(model, validation), "Few")
+def test_outliers_are_judged_by_the_objective(good, objective, percent, passed):
+    search = good.model.search
+    settings = replace(search.settings, objective=objective)
+    changed = good.with_("model", search=replace(search, settings=settings))
+    check = changed.with_("validation", residual_outlier_percent=percent).check("Few")
     assert check.passed is passed
     assert ("“absolute”" in check.advice) == (not passed and objective == "quadratic")
 
 
-def test_a_gain_within_its_uncertainty_fails(model):
-    model["b"] = [0.001, -0.0005]
-    assert verdict(checks(model), "Input").passed is False
-
-
-def test_a_channel_cut_off_is_named(recording):
-    check = verdict(checks({}, recording=recording | {"output_saturated_percent": 3.0}), "Record")
+def test_a_gain_within_its_uncertainty_fails(good):
+    """With independent coefficients the Wald statistic is Σ (b/σ)², exponential at two of them."""
+    b = np.array([0.001, -0.0005])
+    check = good.with_("model", b=b).check("Response")
     assert check.passed is False
-    assert check.statement.startswith("3 % of the output rests")
+    p_value = math.exp(-0.5 * float(np.sum((b / 1e-3) ** 2)))
+    assert check.statement == f"Wald test of B = 0: p = {p_value:.2g}."
+
+
+def test_a_saturated_channel_is_named(good):
+    check = good.with_("recording", output_saturated_percent=3.0).check("Record")
+    assert check.passed is False
+    assert check.statement.startswith("3 % of the output is saturated")
 
 
 def test_root_gradient_against_finite_differences():
@@ -331,8 +405,8 @@ def test_root_gradient_against_finite_differences():
             for step in (1e-6, -1e-6):
                 changed = coefficients.copy()
                 changed[i] += step
-                candidates = np.roots(changed)
-                moved.append(candidates[np.argmin(np.abs(candidates - root))])
+                roots = np.roots(changed)
+                moved.append(roots[np.argmin(np.abs(roots - root))])
             assert gradient[i] == pytest.approx((moved[0] - moved[1]) / 2e-6, rel=1e-5, abs=1e-7)
 
 

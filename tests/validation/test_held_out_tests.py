@@ -14,7 +14,7 @@ from evopem.validation.held_out_tests import (
     whitening_filter,
 )
 
-SEARCH = SearchSettings(mu=4, lambda_=4, nu=4, evaluations=1)
+SEARCH = SearchSettings(objective="quadratic", mu=4, lambda_=4, nu=4, evaluations=1)
 
 
 def channels(seed, samples, gain):
@@ -30,7 +30,7 @@ def test_unrelated_channels_pass_as_often_as_the_level_says(orders):
     p_values = []
     for seed in range(60):
         u, y = channels(seed, 800, 0.0)
-        model = estimate(u[:400], y[:400], orders, objective="quadratic", search=SEARCH).model
+        model = estimate(u[:400], y[:400], orders, settings=SEARCH).model
         p_values.append(input_significance(model, u, y, 400).p_value)
     # Three binomial standard errors above the level.
     for level in (0.01, 0.1):
@@ -41,7 +41,7 @@ def test_a_weak_response_is_found():
     passed = []
     for seed in range(20):
         u, y = channels(seed, 2000, 0.3)
-        model = estimate(u[:1400], y[:1400], (4, 4, 3, 1), objective="quadratic", search=SEARCH)
+        model = estimate(u[:1400], y[:1400], (4, 4, 3, 1), settings=SEARCH)
         passed.append(input_significance(model.model, u, y, 1400).significant(0.01))
     assert np.mean(passed) > 0.9
 

@@ -9,7 +9,7 @@ from evopem.models.armax import ArmaxModel
 from evopem.models.initial_state import estimate_noise_state
 from evopem.models.modes import Mode
 from evopem.models.parameter_covariance import ParameterCovariance
-from evopem.signals.spectral.multitaper import multitaper_frequency_response
+from evopem.signals.spectral.frequency_response import multitaper_frequency_response
 from evopem.validation.mode_evidence import (
     modal_residue,
     modal_response,
@@ -18,7 +18,7 @@ from evopem.validation.mode_evidence import (
 )
 
 RATE = 100.0
-SEARCH = SearchSettings(mu=4, lambda_=8, nu=4, evaluations=2000)
+SEARCH = SearchSettings(objective="quadratic", mu=4, lambda_=8, nu=4, evaluations=2000)
 
 
 def pole(frequency, damping):
@@ -44,9 +44,7 @@ def record(seed, samples=3000, noise=0.5):
 def evidence(seed, order):
     u, y = record(seed)
     cut = 2000
-    model = estimate(
-        u[:cut], y[:cut], (order,) * 3 + (1,), RATE, objective="quadratic", search=SEARCH
-    ).model
+    model = estimate(u[:cut], y[:cut], (order,) * 3 + (1,), RATE, settings=SEARCH).model
     response = multitaper_frequency_response(u[:cut], y[:cut], RATE)
     state = estimate_noise_state(model, u[:cut], y[:cut])
     return mode_evidence(model, u, y, cut, state, response)

@@ -9,7 +9,7 @@ from evopem import SearchSettings, estimate
 from evopem.estimation.pem.covariance import jacobian_blocks
 from evopem.validation.residual_tests import residual_autocorrelation_covariance, whiteness_test
 
-SEARCH = SearchSettings(mu=4, lambda_=4, nu=4, evaluations=1)
+SEARCH = SearchSettings(objective="quadratic", mu=4, lambda_=4, nu=4, evaluations=1)
 
 
 def regression(seed, samples=400, p=3, autoregressive=True):
@@ -95,11 +95,11 @@ def false_alarms(noise, records):
         u, e = np.random.default_rng([8, seed]).standard_normal((2, 600))
         y = lfilter([0.0, 1.0, 0.5], [1.0, -1.5, 0.7], u)
         y += noise * lfilter([1.0, -0.6], [1.0, -1.5, 0.7], e)
-        fit = estimate(u, y, (2, 2, 1, 1), objective="quadratic", search=SEARCH)
+        fit = estimate(u, y, (2, 2, 1, 1), settings=SEARCH)
         jacobian = jacobian_blocks(
-            fit.model, u, y, fit.residuals, fit.recursion_start, fit.scoring_start
+            fit.model, u, y, fit.residuals, fit.window.residual_start, fit.window.loss_start
         )
-        residuals = fit.residuals[fit.scoring_start :]
+        residuals = fit.residuals[fit.window.loss_start :]
         found.append(whiteness_test(residuals, jacobian, 13, "quadratic").p_value)
     return np.array(found)
 
@@ -116,9 +116,9 @@ def test_true_models_are_rejected_at_the_stated_level(noise):
 def test_residuals_of_a_model_too_small_are_rejected():
     u, e = np.random.default_rng(9).standard_normal((2, 1000))
     y = lfilter([0.0, 1.0, 0.5], [1.0, -1.5, 0.7], u) + lfilter([1.0], [1.0, 0.0, 0.4], e)
-    fit = estimate(u, y, (2, 2, 1, 1), objective="quadratic", search=SEARCH)
+    fit = estimate(u, y, (2, 2, 1, 1), settings=SEARCH)
     jacobian = jacobian_blocks(
-        fit.model, u, y, fit.residuals, fit.recursion_start, fit.scoring_start
+        fit.model, u, y, fit.residuals, fit.window.residual_start, fit.window.loss_start
     )
-    test = whiteness_test(fit.residuals[fit.scoring_start :], jacobian, 20, "quadratic")
+    test = whiteness_test(fit.residuals[fit.window.loss_start :], jacobian, 20, "quadratic")
     assert test.p_value < 1e-6

@@ -109,7 +109,11 @@ def test_a_fresh_checkout_reruns_nothing(copy, tmp_path):
         ("signals/spectrum.py", {"estimate_spectrum"}, {"prepare_signals", "fit_candidates"}),
         ("figures/style.py", {"draw_figures"}, {"estimate_spectrum", "validate_model"}),
         ("validation/scores.py", {"validate_model"}, {"fit_candidates", "complete_model"}),
-        ("estimation/pem/kernels.py", {"fit_candidates"}, {"prepare_signals", "estimate_spectrum"}),
+        (
+            "estimation/pem/kernels/gradient.py",
+            {"fit_candidates"},
+            {"prepare_signals", "estimate_spectrum"},
+        ),
         ("../fit_candidates.py", {"fit_candidates"}, {"prepare_signals", "estimate_spectrum"}),
         ("../../templates/report.html.j2", {"write_report"}, {"draw_figures", "fit_candidates"}),
     ],

@@ -1,4 +1,4 @@
-"""Acquisition: a recorded file or a synthetic record, in one fixed form."""
+"""Acquisition: a recorded file or a simulated recording, in one fixed form."""
 
 
 rule read_recording:
@@ -6,24 +6,24 @@ rule read_recording:
     input:
         unpack(recorded_file("file")),
     output:
-        recording="results/{dataset}/recording.npz",
-        origin="results/{dataset}/recording.json",
+        recording=files.recording,
+        info=files.recording_info,
     log:
-        "results/{dataset}/logs/recording.log",
+        files.log("recording"),
     benchmark:
-        "results/{dataset}/benchmarks/recording.tsv"
+        files.benchmark("recording")
     wildcard_constraints:
-        dataset=one_of(RECORDED),
+        dataset=provider.one_of(provider.recorded),
     priority: 10  # what cannot be read is said before any search begins
     conda:
         "../envs/evopem.yaml"
     threads: 1
     resources:
-        mem_mb=light_memory,
-        runtime=light_time,
+        mem_mb=provider.reading_memory,
+        runtime=provider.reading_time,
     params:
-        file=lambda wildcards: DATASETS[wildcards.dataset]["file"],
-        channels=channels_of,
+        file=provider.settings("source.file"),
+        channels=provider.settings("source.channels"),
         code=code("read_recording"),
     script:
         "../scripts/read_recording.py"
@@ -33,30 +33,32 @@ use rule read_recording as read_validation_recording with:
     input:
         unpack(recorded_file("validation_file")),
     output:
-        recording="results/{dataset}/validation_recording.npz",
-        origin="results/{dataset}/validation_recording.json",
+        recording=files.validation_recording,
+        info=files.validation_recording_info,
     log:
-        "results/{dataset}/logs/validation_recording.log",
+        files.log("validation_recording"),
     benchmark:
-        "results/{dataset}/benchmarks/validation_recording.tsv"
+        files.benchmark("validation_recording")
+    wildcard_constraints:
+        dataset=provider.one_of(provider.validated),
     params:
-        file=lambda wildcards: DATASETS[wildcards.dataset]["validation_file"],
-        channels=channels_of,
+        file=provider.settings("source.validation_file"),
+        channels=provider.settings("source.channels"),
         code=code("read_recording"),
 
 
 rule synthesize_recording:
     """Simulate a system whose truth is known."""
     output:
-        recording="results/{dataset}/recording.npz",
-        origin="results/{dataset}/recording.json",
-        truth="results/{dataset}/truth.json",
+        recording=files.recording,
+        info=files.recording_info,
+        truth=files.truth,
     log:
-        "results/{dataset}/logs/recording.log",
+        files.log("recording"),
     benchmark:
-        "results/{dataset}/benchmarks/recording.tsv"
+        files.benchmark("recording")
     wildcard_constraints:
-        dataset=one_of(SYNTHETIC),
+        dataset=provider.one_of(provider.synthetic),
     conda:
         "../envs/evopem.yaml"
     threads: 1
@@ -64,8 +66,8 @@ rule synthesize_recording:
         mem_mb=1000,
         runtime=10,
     params:
-        kind=lambda wildcards: DATASETS[wildcards.dataset]["synthesis"],
-        settings=synthesis_settings,
+        source=provider.settings("source"),
+        transforms=provider.settings("preparation.transforms"),
         code=code("synthesize_recording"),
     script:
         "../scripts/synthesize_recording.py"

@@ -2,18 +2,21 @@
 
 
 rule collect_fleet:
-    """List all data sets, the worst first, and put all their modes and checks into one table."""
+    """List all data sets, and put all their modes and checks into one table."""
     input:
-        [f"results/{dataset}/summary.json" for dataset in DATASETS],
+        [
+            DatasetFiles.of_dataset(dataset).summary
+            for dataset in provider.config.datasets
+        ],
     output:
         index=report(
-            "results/index.html",
+            OVERVIEW[0],
             caption="../report/index.rst",
             category="All data sets",
             labels={"file": "index.html"},
         ),
-        csv="results/fleet.csv",
-        parquet="results/fleet.parquet",
+        csv=OVERVIEW[1],
+        parquet=OVERVIEW[2],
     log:
         "results/logs/fleet.log",
     benchmark:
@@ -25,7 +28,7 @@ rule collect_fleet:
         mem_mb=1000,
         runtime=10,
     params:
-        page=PAGE,
+        page=provider.page,
         code=code("collect_fleet", *TEMPLATES),
     script:
         "../scripts/collect_fleet.py"

@@ -1,42 +1,42 @@
-"""Model: the chosen candidate as a complete model, and every candidate in one table."""
+"""Model: the selected candidate as a complete model, and every candidate in one table."""
 
 
 rule complete_model:
-    """Give the chosen candidate its covariance, modes and frequency response."""
+    """Give the selected candidate its covariance, modes and frequency response."""
     input:
-        phase="results/{dataset}/phases/b.json",
-        prepared="results/{dataset}/prepared.npz",
-        transforms="results/{dataset}/transforms.json",
+        phase=files.phase(PHASES[-1]),
+        prepared=files.prepared,
+        transforms=files.transforms,
     output:
         model=report(
-            "results/{dataset}/model.json",
+            files.model,
             caption="../report/model.rst",
             category="{dataset}",
             subcategory="Model",
             labels={"file": "model.json"},
         ),
-        matlab="results/{dataset}/model.mat",
+        matlab=files.model_mat,
         modes=report(
-            "results/{dataset}/modes.csv",
+            files.modes,
             caption="../report/modes.rst",
             category="{dataset}",
             subcategory="Tables",
             labels={"table": "modes"},
         ),
-        frequency_response="results/{dataset}/frequency_response.csv",
+        frequency_response=files.frequency_response,
     log:
-        "results/{dataset}/logs/model.log",
+        files.log("model"),
     benchmark:
-        "results/{dataset}/benchmarks/model.tsv"
+        files.benchmark("model")
     conda:
         "../envs/evopem.yaml"
     threads: 1
     resources:
-        mem_mb=light_memory,
-        runtime=light_time,
+        mem_mb=provider.reading_memory,
+        runtime=provider.reading_time,
     params:
-        scoring_start=lambda wildcards: grids.scoring_start(DATASETS[wildcards.dataset]),
-        search=lambda wildcards: DATASETS[wildcards.dataset]["search"],
+        window=provider.window,
+        search=provider.settings("search"),
         code=code("complete_model"),
     script:
         "../scripts/complete_model.py"
@@ -45,19 +45,19 @@ rule complete_model:
 rule tabulate_candidates:
     """List every candidate of every phase in one table."""
     input:
-        phases=expand("results/{{dataset}}/phases/{phase}.json", phase=grids.PHASES),
+        phases=files.phases,
     output:
         candidates=report(
-            "results/{dataset}/candidates.csv",
+            files.candidates,
             caption="../report/candidates.rst",
             category="{dataset}",
             subcategory="Tables",
             labels={"table": "candidates"},
         ),
     log:
-        "results/{dataset}/logs/candidates.log",
+        files.log("candidates"),
     benchmark:
-        "results/{dataset}/benchmarks/candidates.tsv"
+        files.benchmark("candidates")
     localrule: True
     conda:
         "../envs/evopem.yaml"

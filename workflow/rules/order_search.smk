@@ -1,55 +1,56 @@
-"""Order search: the delay and the three phases, each cut into jobs of a few candidates."""
+"""Order search: the delay and the three phases, each divided into jobs of a few candidates."""
 
 
-rule fit_candidates:
-    """Fit every parts-th candidate of a phase; the grid starts at the choice of the one before."""
+rule estimate_candidates:
+    """Estimate every parts-th candidate of a phase, from its predecessor's selection on."""
     input:
-        unpack(earlier_choice),
-        prepared="results/{dataset}/prepared.npz",
-        transforms="results/{dataset}/transforms.json",
+        unpack(provider.earlier_results),
+        prepared=files.prepared,
+        transforms=files.transforms,
     output:
-        candidates="results/{dataset}/phases/{phase}/part-{part}.json",
+        candidates=files.part("{phase}", "{part}"),
     log:
-        "results/{dataset}/logs/phases/{phase}/part-{part}.log",
+        files.log("phases/{phase}/part-{part}"),
     benchmark:
-        "results/{dataset}/benchmarks/phases/{phase}/part-{part}.tsv"
+        files.benchmark("phases/{phase}/part-{part}")
     conda:
         "../envs/evopem.yaml"
-    threads: fitting_cores
+    threads: estimation_cores
     resources:
-        mem_mb=fitting_memory,
-        runtime=fitting_time,
+        mem_mb=provider.estimation_memory,
+        runtime=provider.estimation_time,
     params:
-        grid=candidate_grid,
-        parts=lambda wildcards: part_count(wildcards.dataset, wildcards.phase),
-        scoring_start=lambda wildcards: grids.scoring_start(DATASETS[wildcards.dataset]),
-        search=lambda wildcards: DATASETS[wildcards.dataset]["search"],
-        code=code("fit_candidates"),
+        grid=provider.phase_grid,
+        parts=provider.part_count,
+        window=provider.window,
+        search=provider.settings("search"),
+        code=code("estimate_candidates"),
     script:
-        "../scripts/fit_candidates.py"
+        "../scripts/estimate_candidates.py"
 
 
 rule select_candidate:
-    """Collect the candidates of a phase, search again where in doubt, and choose one of them."""
+    """Collect the candidates of a phase, repeat doubtful searches, and select one candidate."""
     input:
-        parts=parts_of,
-        prepared="results/{dataset}/prepared.npz",
-        transforms="results/{dataset}/transforms.json",
+        parts=provider.parts,
+        prepared=files.prepared,
+        transforms=files.transforms,
     output:
-        phase="results/{dataset}/phases/{phase}.json",
+        phase=files.phase("{phase}"),
     log:
-        "results/{dataset}/logs/phases/{phase}.log",
+        files.log("phases/{phase}"),
     benchmark:
-        "results/{dataset}/benchmarks/phases/{phase}.tsv"
+        files.benchmark("phases/{phase}")
     conda:
         "../envs/evopem.yaml"
     threads: 1
     resources:
-        mem_mb=fitting_memory,
-        runtime=fitting_time,
+        mem_mb=provider.estimation_memory,
+        runtime=provider.estimation_time,
     params:
-        scoring_start=lambda wildcards: grids.scoring_start(DATASETS[wildcards.dataset]),
-        search=lambda wildcards: DATASETS[wildcards.dataset]["search"],
+        parts=provider.part_count,
+        window=provider.window,
+        search=provider.settings("search"),
         code=code("select_candidate"),
     script:
         "../scripts/select_candidate.py"

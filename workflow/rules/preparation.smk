@@ -1,29 +1,28 @@
-"""Preparation: resampling, Box-Cox, differences, the cut into two sets, zero means."""
+"""Preparation: resampling, transforms, the division into two sets, zero means."""
 
 
 rule prepare_signals:
-    """Make both signals stationary, each transform with what is needed to undo it."""
+    """Make both signals stationary, and keep what undoes each transform."""
     input:
-        unpack(recordings_of),
+        unpack(provider.validation_recording(files.validation_recording)),
+        recording=files.recording,
     output:
-        prepared="results/{dataset}/prepared.npz",
-        transforms="results/{dataset}/transforms.json",
+        prepared=files.prepared,
+        transforms=files.transforms,
     log:
-        "results/{dataset}/logs/prepared.log",
+        files.log("preparation"),
     benchmark:
-        "results/{dataset}/benchmarks/prepared.tsv"
+        files.benchmark("preparation")
     priority: 10
     conda:
         "../envs/evopem.yaml"
     threads: 1
     resources:
-        mem_mb=light_memory,
-        runtime=light_time,
+        mem_mb=provider.reading_memory,
+        runtime=provider.reading_time,
     params:
-        stationarity=lambda wildcards: DATASETS[wildcards.dataset]["stationarity"],
-        split=lambda wildcards: DATASETS[wildcards.dataset]["split"],
-        resample=lambda wildcards: DATASETS[wildcards.dataset]["resample"],
-        needs=lambda wildcards: grids.sample_needs(DATASETS[wildcards.dataset]),
+        preparation=provider.settings("preparation"),
+        requirements=provider.requirements,
         code=code("prepare_signals"),
     script:
         "../scripts/prepare_signals.py"
@@ -32,9 +31,9 @@ rule prepare_signals:
 rule write_configuration:
     """Keep the complete configuration of a data set beside its results."""
     output:
-        config="results/{dataset}/config.yaml",
+        config=files.config,
     log:
-        "results/{dataset}/logs/config.log",
+        files.log("configuration"),
     localrule: True
     conda:
         "../envs/evopem.yaml"
@@ -43,7 +42,7 @@ rule write_configuration:
         mem_mb=500,
         runtime=5,
     params:
-        dataset=lambda wildcards: DATASETS[wildcards.dataset],
+        settings=provider.settings(),
         code=code("write_configuration"),
     script:
         "../scripts/write_configuration.py"

@@ -1,26 +1,30 @@
 """One job a recording: every stage of a data set in one process, for fleets of recordings."""
 
+STEPS = [files.recording, files.prepared, *files.phases]
+OUTPUTS = [*STEPS, *files.results, *(files.pages if provider.with_report else [])]
+
 
 rule identify_recording:
     """Take one data set from its recording to its results."""
     input:
         unpack(recorded_file("file")),
     output:
-        results_of_one_job(),
+        OUTPUTS,
     log:
-        "results/{dataset}/logs/identification.log",
+        files.log("identification"),
     benchmark:
-        "results/{dataset}/benchmarks/identification.tsv"
+        files.benchmark("identification")
     wildcard_constraints:
-        dataset=one_of([name for name in RECORDED if name not in VALIDATED]),
+        dataset=provider.one_of(provider.recorded - provider.validated),
     conda:
         "../envs/evopem.yaml"
-    threads: fitting_cores
+    threads: estimation_cores
     resources:
-        mem_mb=fitting_memory,
-        runtime=fitting_time,
+        mem_mb=provider.estimation_memory,
+        runtime=provider.estimation_time,
     params:
-        settings=settings_of,
+        settings=provider.settings(),
+        with_report=provider.with_report,
         code=code("identify_recording", *TEMPLATES),
     script:
         "../scripts/identify_recording.py"
@@ -31,15 +35,15 @@ use rule identify_recording as identify_validated_recording with:
         unpack(recorded_file("file")),
         unpack(recorded_file("validation_file")),
     output:
-        results_of_one_job("validation_recording.npz", "validation_recording.json"),
+        [*OUTPUTS, files.validation_recording, files.validation_recording_info],
     wildcard_constraints:
-        dataset=one_of(VALIDATED),
+        dataset=provider.one_of(provider.validated),
 
 
 use rule identify_recording as identify_synthetic_recording with:
     input:
         [],
     output:
-        results_of_one_job("truth.json"),
+        [*OUTPUTS, files.truth],
     wildcard_constraints:
-        dataset=one_of(SYNTHETIC),
+        dataset=provider.one_of(provider.synthetic),

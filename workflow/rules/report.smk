@@ -1,73 +1,77 @@
-"""Report: one self-contained HTML file for each data set."""
+"""Figures and report: what one data set shows to people."""
+
+
+rule draw_figures:
+    """Draw every figure of one data set from its results."""
+    input:
+        unpack(provider.truth),
+        config=files.config,
+        recording=files.recording,
+        info=files.recording_info,
+        prepared=files.prepared,
+        transforms=files.transforms,
+        spectrum=files.spectrum,
+        spectrum_summary=files.spectrum_summary,
+        phases=files.phases,
+        candidates=files.candidates,
+        model=files.model,
+        frequency_response=files.frequency_response,
+        validation=files.validation,
+        residual_autocorrelation=files.residual_autocorrelation,
+        cross_correlation=files.cross_correlation,
+        simulation=files.simulation,
+    output:
+        [
+            report(
+                files.figure(figure),
+                caption=f"../report/figures/{figure}.rst",
+                category="{dataset}",
+                subcategory="Figures",
+                labels={"figure": figure.replace("_", " ")},
+            )
+            for figure in FIGURES
+        ],
+    log:
+        files.log("figures"),
+    benchmark:
+        files.benchmark("figures")
+    conda:
+        "../envs/evopem.yaml"
+    threads: 1
+    resources:
+        mem_mb=provider.reading_memory,
+        runtime=provider.reading_time,
+    params:
+        code=code("draw_figures"),
+    script:
+        "../scripts/draw_figures.py"
 
 
 rule write_report:
     """Set the results and figures of one data set into one HTML file."""
     input:
-        unpack(truth_of),
-        unpack(validation_record_of),
-        config="results/{dataset}/config.yaml",
-        origin="results/{dataset}/recording.json",
-        recording="results/{dataset}/recording.npz",
-        prepared="results/{dataset}/prepared.npz",
-        transforms="results/{dataset}/transforms.json",
-        spectrum="results/{dataset}/spectrum.csv",
-        peaks="results/{dataset}/spectrum.json",
-        candidates="results/{dataset}/candidates.csv",
-        phases=expand("results/{{dataset}}/phases/{phase}.json", phase=grids.PHASES),
-        model="results/{dataset}/model.json",
-        frequency_response="results/{dataset}/frequency_response.csv",
-        validation="results/{dataset}/validation.json",
-        residual_autocorrelation="results/{dataset}/residual_autocorrelation.csv",
-        cross_correlation="results/{dataset}/cross_correlation.csv",
-        simulation="results/{dataset}/simulation.csv",
-        figures=[f"results/{{dataset}}/figures/{figure}.svg" for figure in FIGURES],
+        unpack(provider.validation_recording(files.validation_recording_info)),
+        **{**rules.draw_figures.input},
+        figures=files.figures,
     output:
         report=report(
-            "results/{dataset}/report.html",
+            files.report,
             caption="../report/report.rst",
             category="{dataset}",
             subcategory="Report",
             labels={"file": "report.html"},
         ),
     log:
-        "results/{dataset}/logs/report.log",
+        files.log("report"),
     benchmark:
-        "results/{dataset}/benchmarks/report.tsv"
+        files.benchmark("report")
     conda:
         "../envs/evopem.yaml"
     threads: 1
     resources:
-        mem_mb=light_memory,
-        runtime=light_time,
+        mem_mb=provider.reading_memory,
+        runtime=provider.reading_time,
     params:
         code=code("write_report", *TEMPLATES),
     script:
         "../scripts/write_report.py"
-
-
-rule summarize_data_set:
-    """Put the modes, errors and checks of one data set into one small file."""
-    input:
-        origin="results/{dataset}/recording.json",
-        transforms="results/{dataset}/transforms.json",
-        peaks="results/{dataset}/spectrum.json",
-        candidates="results/{dataset}/candidates.csv",
-        model="results/{dataset}/model.json",
-        validation="results/{dataset}/validation.json",
-    output:
-        summary="results/{dataset}/summary.json",
-    log:
-        "results/{dataset}/logs/summary.log",
-    benchmark:
-        "results/{dataset}/benchmarks/summary.tsv"
-    conda:
-        "../envs/evopem.yaml"
-    threads: 1
-    resources:
-        mem_mb=500,
-        runtime=5,
-    params:
-        code=code("summarize_data_set"),
-    script:
-        "../scripts/summarize_data_set.py"

@@ -1,32 +1,32 @@
-"""Spectrum: Thomson's multitaper estimate, its peaks, and a first frequency response."""
+"""Spectrum: Thomson's multitaper estimate, its peaks, and an empirical frequency response."""
 
 
 rule estimate_spectrum:
-    """Estimate the spectrum of the estimation samples, with its band and its peaks."""
+    """Estimate the spectrum of the estimation samples, with its confidence band and its peaks."""
     input:
-        prepared="results/{dataset}/prepared.npz",
-        transforms="results/{dataset}/transforms.json",
+        prepared=files.prepared,
+        transforms=files.transforms,
     output:
         spectrum=report(
-            "results/{dataset}/spectrum.csv",
+            files.spectrum,
             caption="../report/spectrum.rst",
             category="{dataset}",
             subcategory="Tables",
             labels={"table": "multitaper spectrum"},
         ),
-        peaks="results/{dataset}/spectrum.json",
+        summary=files.spectrum_summary,
     log:
-        "results/{dataset}/logs/spectrum.log",
+        files.log("spectrum"),
     benchmark:
-        "results/{dataset}/benchmarks/spectrum.tsv"
+        files.benchmark("spectrum")
     conda:
         "../envs/evopem.yaml"
     threads: 1
     resources:
-        mem_mb=light_memory,
-        runtime=light_time,
+        mem_mb=provider.reading_memory,
+        runtime=provider.reading_time,
     params:
-        spectrum=lambda wildcards: DATASETS[wildcards.dataset]["spectrum"],
+        spectrum=provider.settings("spectrum"),
         code=code("estimate_spectrum"),
     script:
         "../scripts/estimate_spectrum.py"

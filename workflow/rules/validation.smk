@@ -1,34 +1,60 @@
-"""Validation: residual tests, one-step prediction, and pure simulation."""
+"""Validation: residual tests, one-step prediction, and simulation."""
 
 
 rule validate_model:
-    """Validate the model on the samples it never saw."""
+    """Validate the model on samples that it was not estimated from."""
     input:
-        model="results/{dataset}/model.json",
-        prepared="results/{dataset}/prepared.npz",
-        transforms="results/{dataset}/transforms.json",
+        model=files.model,
+        prepared=files.prepared,
+        transforms=files.transforms,
     output:
         validation=report(
-            "results/{dataset}/validation.json",
+            files.validation,
             caption="../report/validation.rst",
             category="{dataset}",
             subcategory="Model",
             labels={"file": "validation.json"},
         ),
-        residual_autocorrelation="results/{dataset}/residual_autocorrelation.csv",
-        cross_correlation="results/{dataset}/cross_correlation.csv",
-        simulation="results/{dataset}/simulation.csv",
+        residual_autocorrelation=files.residual_autocorrelation,
+        cross_correlation=files.cross_correlation,
+        simulation=files.simulation,
     log:
-        "results/{dataset}/logs/validation.log",
+        files.log("validation"),
     benchmark:
-        "results/{dataset}/benchmarks/validation.tsv"
+        files.benchmark("validation")
     conda:
         "../envs/evopem.yaml"
     threads: 1
     resources:
-        mem_mb=light_memory,
-        runtime=light_time,
+        mem_mb=provider.reading_memory,
+        runtime=provider.reading_time,
     params:
         code=code("validate_model"),
     script:
         "../scripts/validate_model.py"
+
+
+rule summarize_dataset:
+    """Put the orders, modes, errors and checks of one data set into one small file."""
+    input:
+        info=files.recording_info,
+        spectrum=files.spectrum_summary,
+        phases=files.phases,
+        model=files.model,
+        validation=files.validation,
+    output:
+        summary=files.summary,
+    log:
+        files.log("summary"),
+    benchmark:
+        files.benchmark("summary")
+    conda:
+        "../envs/evopem.yaml"
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=5,
+    params:
+        code=code("summarize_dataset"),
+    script:
+        "../scripts/summarize_dataset.py"

@@ -1,24 +1,18 @@
-"""Keep the complete configuration of a data set, ready to be run again."""
+"""Keep the complete configuration of a data set beside its results."""
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-import yaml
-
-from evopem.files.atomic import write_text
+from evopem.config.settings import DatasetSettings
 from evopem.files.job import job
+from evopem.files.json_form import from_json
+from evopem.pipeline.configuration import write_configuration
+from evopem.results.layout import DatasetFiles
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
 
-
-def main(name: str, dataset: dict[str, Any], config_file: str) -> None:
-    given = {key: value for key, value in dataset.items() if value is not None}
-    text = yaml.safe_dump(
-        {"datasets": {name: given}}, sort_keys=False, allow_unicode=True, default_flow_style=None
+with job(snakemake.log[0], snakemake.input, snakemake.output):
+    write_configuration(
+        DatasetFiles.of_log(snakemake.log[0]),
+        from_json(DatasetSettings, snakemake.params.settings),
     )
-    write_text(config_file, text)
-
-
-if __name__ == "__main__":
-    with job(snakemake.log[0], snakemake.input, snakemake.output):
-        main(snakemake.wildcards.dataset, snakemake.params.dataset, snakemake.output.config)

@@ -1,5 +1,5 @@
 "use strict";
-// Sorting, searching and copying. The page is complete without this script: it adds the buttons it serves.
+// Sorting, searching and copying. The page is complete without this script, which adds its own buttons.
 (() => {
   const status = document.getElementById("status");
   const say = (words) => { status.textContent = words; };
@@ -11,12 +11,12 @@
     return made;
   };
 
-  // Text as programs read it: a hyphen for the minus sign, no space between thousands.
+  // Text for programs: a hyphen for the minus sign, no space between thousands.
   const plain = (element) => element.textContent
     .replace(/(\d)\u202f(?=\d{3})/g, "$1").replace(/[\u202f\u00a0]/g, " ").replace(/\u2212/g, "-")
     .replace(/\s+/g, " ").trim();
 
-  // Where the page is not a secure context, the selection of a text field can still be copied.
+  // Without a secure context the selection of a text field can still be copied.
   const copyBySelection = (text) => {
     const field = document.createElement("textarea");
     field.value = text;
@@ -38,7 +38,7 @@
       done = copyBySelection(text);
     }
     pressed.focus();
-    say(done ? `${what} copied.` : `${what} could not be copied: select it and copy it by hand.`);
+    say(done ? `${what} copied.` : `${what} could not be copied. Select the text and copy it by hand.`);
     const words = pressed.textContent;
     pressed.textContent = done ? "Copied" : "Not copied";
     pressed.disabled = true;
@@ -56,7 +56,7 @@
     place.hidden = false;
   }
 
-  // The cells of a row, one for each column: a cell that spans several stands in each of them.
+  // The cells of a row, one for each column: a cell that spans several columns is repeated.
   const columns = (row) => [...row.cells].flatMap((cell) => Array(cell.colSpan).fill(cell));
   const number = (cell) => {
     const text = cell.dataset.value ?? plain(cell).replace(/ ?%$/, "");
@@ -85,7 +85,7 @@
     return lines.map((cells) => cells.join("\t")).join("\n");
   };
 
-  // A field that keeps the rows which hold every word typed into it, anywhere and in any case.
+  // A search field: rows that do not contain all its words, in any case, are hidden.
   const searchField = (table) => {
     const label = document.createElement("label");
     const field = document.createElement("input");
@@ -118,21 +118,21 @@
       sort.append(...cell.childNodes);
       cell.append(sort);
       sort.addEventListener("click", () => {
-        const falling = cell.getAttribute("aria-sort") === "ascending";
-        // Read each cell once: a table may have thousands of rows.
+        const descending = cell.getAttribute("aria-sort") === "ascending";
+        // Each cell is read once, since a table may have thousands of rows.
         const rows = [...table.tBodies[0].rows].map((row) => {
           const at = columns(row)[index];
           return { row, number: number(at), text: plain(at) };
         });
-        // What has no number stays at the end either way.
+        // Cells without a number come last in both directions.
         rows.sort((a, b) => {
           const missing = Number.isNaN(a.number) !== Number.isNaN(b.number);
-          return falling && !missing ? order(b, a) : order(a, b);
+          return descending && !missing ? order(b, a) : order(a, b);
         });
         head.forEach((other) => other.removeAttribute("aria-sort"));
-        cell.setAttribute("aria-sort", falling ? "descending" : "ascending");
+        cell.setAttribute("aria-sort", descending ? "descending" : "ascending");
         table.tBodies[0].append(...rows.map((each) => each.row));
-        say(`${caption} sorted by ${cell.dataset.head ?? plain(cell)}, ${falling ? "falling" : "rising"}.`);
+        say(`${caption} sorted by ${cell.dataset.head ?? plain(cell)}, ${descending ? "descending" : "ascending"}.`);
       });
     });
     const tools = document.createElement("p");

@@ -9,28 +9,41 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from evopem.version import __version__
+
 if TYPE_CHECKING:
+    from evopem.config.settings import ScoringWindow, SearchSettings
     from evopem.errors import InputError
     from evopem.estimation.estimate import Estimate, estimate
-    from evopem.estimation.search.memetic import SearchSettings
+    from evopem.estimation.model_record import load_model as load
     from evopem.models.armax import ArmaxModel, Orders
-    from evopem.models.files import load
 
-__version__ = "0.1.0"
-__all__ = ["ArmaxModel", "Estimate", "InputError", "Orders", "SearchSettings", "estimate", "load"]
+__all__ = [
+    "ArmaxModel",
+    "Estimate",
+    "InputError",
+    "Orders",
+    "ScoringWindow",
+    "SearchSettings",
+    "__version__",
+    "estimate",
+    "load",
+]
 
 _HOMES = {
     "ArmaxModel": "evopem.models.armax",
     "Estimate": "evopem.estimation.estimate",
     "InputError": "evopem.errors",
     "Orders": "evopem.models.armax",
-    "SearchSettings": "evopem.estimation.search.memetic",
+    "ScoringWindow": "evopem.config.settings",
+    "SearchSettings": "evopem.config.settings",
     "estimate": "evopem.estimation.estimate",
-    "load": "evopem.models.files",
 }
 
 
 def __getattr__(name: str) -> Any:
     if name in _HOMES:
         return getattr(import_module(_HOMES[name]), name)
+    if name == "load":
+        return import_module("evopem.estimation.model_record").load_model
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

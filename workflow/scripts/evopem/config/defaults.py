@@ -1,43 +1,52 @@
-"""Completion: built-in values, then `defaults:`, then a data set's own keys."""
+"""Complete a configuration: built-in values, then ``defaults:``, then a data set's own keys."""
 
 from __future__ import annotations
 
 import math
 import re
 from collections.abc import Iterator, Mapping
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 import yaml
 
-from evopem.config.sample_sheet import Origin, expand, share_of
+from evopem.config.sample_sheet import Origin, expand, shard_of
 from evopem.config.schema import check_schema, key_path
-from evopem.errors import InputError
-
-_SOURCE_DEFAULTS: dict[str, dict[str, Any]] = {
-    "file": {"input": 1, "output": 2, "input_unit": "", "output_unit": ""},
-    "flexible_arm": {"seed": 1, "samples": 5000, "sampling_rate": 100},
-    "armax": {"seed": 1, "samples": 5000, "sampling_rate": 100, "noise": 0.1},
-}
-_FILE_KEYS = {"file", "time", "sampling_rate", "validation_file", *_SOURCE_DEFAULTS["file"]}
-_SYNTHESIS_KEYS = {"synthesis", *_SOURCE_DEFAULTS["armax"]}
-_ANALYSIS_KEYS = (
-    "resample",
-    "stationarity",
-    "split",
-    "spectrum",
-    "delay",
-    "orders",
-    "search",
+from evopem.config.settings import (
+    Configuration,
+    PreparationSettings,
+    RunSettings,
+    SyntheticSource,
 )
+from evopem.config.yaml_form import (
+    ANALYSIS_KEYS,
+    FILE_KEYS,
+    SYNTHESIS_KEYS,
+    analysis_keys,
+    settings_of,
+)
+from evopem.errors import InputError
+from evopem.files.json_form import from_json, to_json
+
+_CHANNEL_DEFAULTS = {"input": 1, "output": 2, "input_unit": "", "output_unit": ""}
 _ALL_SAMPLES = 1.0
-_RESERVED_NAMES = {"index.html", "logs", "benchmarks", "seals", "fletcher_powell"}
+# Names of other files and folders of the results.
+RESERVED_NAMES = (
+    "index.html",
+    "fleet.csv",
+    "fleet.parquet",
+    "logs",
+    "benchmarks",
+    "checksums",
+    "fletcher_powell",
+)
 _DATASET_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 
 
 def complete(
     config: Mapping[str, Any], schema_path: str | Path, source: str = "config.yaml"
-) -> dict[str, Any]:
+) -> Configuration:
     """Check a configuration and fill in every value the user left out.
 
     Parameters
@@ -45,15 +54,13 @@ def complete(
     config : mapping
         The configuration as the user wrote it.
     schema_path : path
-        The JSON schema, as YAML, which also holds the built-in values.
+        The JSON schema, as YAML.
     source : str
-        What the configuration is called in an error.
+        Name of the configuration in an error.
 
     Returns
     -------
-    dict
-        ``datasets``: for each name its source's keys and every key of the analysis, always in
-        the same order, whatever the order in the file; and what else is at the top level.
+    Configuration
 
     Raises
     ------
@@ -67,17 +74,15 @@ def complete(
         if "datasets" in config:
             config["datasets"] = _without_integral_floats(datasets, source, ("datasets",))
         check_schema(config, schema, source)
-        return _completed(config, schema, origin, source)
+        return _completed(config, origin, source)
     except InputError as error:
         raise _placed(error, datasets, origin) from None
 
 
-def _completed(
-    config: Mapping[str, Any], schema: Mapping[str, Any], origin: Origin, source: str
-) -> dict[str, Any]:
+def _completed(config: Mapping[str, Any], origin: Origin, source: str) -> Configuration:
     """Fill in every value of a configuration that the schema accepts."""
     _check_names(config["datasets"], origin)
-    built_in = _built_in(schema)
+    built_in = analysis_keys(PreparationSettings())
     defaults = config.get("defaults", {})
     _check_analysis(defaults, _merged(built_in, defaults), source, "defaults")
     datasets = {}
@@ -90,15 +95,12 @@ def _completed(
         analysis = _merged(_merged(lowest, defaults), written)
         _check_analysis(written, analysis, source, place)
         _check_something_left(written, analysis, source, place)
-        datasets[name] = own_source | analysis
-    if "share" in config:
-        datasets = share_of(datasets, config["share"], source)
-    top_level = schema["properties"]
-    comparison = _merged(_defaults(schema, "fletcher_powell"), config.get("fletcher_powell", {}))
-    return {"datasets": datasets, "fletcher_powell": comparison} | {
-        key: config.get(key, top_level[key].get("default"))
-        for key in ("candidates_per_job", "one_job_per", "report", "share")
-    }
+        datasets[name] = settings_of(name, own_source | analysis)
+    if "shard" in config:
+        datasets = shard_of(datasets, config["shard"], source)
+    names = [field.name for field in fields(RunSettings)]
+    run = {name: config[name] for name in names if name in config}
+    return Configuration(datasets, from_json(RunSettings, run, source))
 
 
 def _placed(error: InputError, datasets: Any, origin: Origin) -> InputError:
@@ -143,7 +145,7 @@ def _check_names(datasets: Mapping[str, Any], origin: Origin) -> None:
     """Refuse names that are no safe folder names, or one folder on a careless file system."""
     folders: dict[str, str] = {}
     for name in datasets:
-        if name.lower() in _RESERVED_NAMES:
+        if name.lower() in RESERVED_NAMES:
             raise InputError(
                 origin.source,
                 f"{name} is the name of something else among the results",
@@ -167,25 +169,6 @@ def _check_names(datasets: Mapping[str, Any], origin: Origin) -> None:
             )
 
 
-def _built_in(schema: Mapping[str, Any]) -> dict[str, Any]:
-    """Collect the schema's `default` values of the analysis keys."""
-    return {key: _defaults(schema, key) for key in _ANALYSIS_KEYS}
-
-
-def _defaults(schema: Mapping[str, Any], name: str) -> Any:
-    """Collect the `default` values below one of the schema's definitions."""
-    definitions = schema["$defs"]
-
-    def default(node: Mapping[str, Any]) -> Any:
-        if "$ref" in node:
-            node = definitions[node["$ref"].rpartition("/")[2]]
-        if "default" in node:
-            return node["default"]
-        return {key: default(child) for key, child in node["properties"].items()}
-
-    return default(definitions[name])
-
-
 def _merged(lower: Mapping[str, Any], upper: Mapping[str, Any]) -> dict[str, Any]:
     """Lay one mapping over another, key by key, in the lower one's order."""
     return {
@@ -205,8 +188,8 @@ def _completed_source(written: Mapping[str, Any], source: str, place: str) -> di
             source, f"file and synthesis {found}", "give exactly one of the two", place
         )
     kind = kinds[0] if kinds[0] == "file" else written["synthesis"]
-    known = {kinds[0], *_SOURCE_DEFAULTS[kind]} | (_FILE_KEYS if kind == "file" else set())
-    foreign = next((k for k in written if k not in known and k not in _ANALYSIS_KEYS), None)
+    own_keys = [key for key in written if key not in ANALYSIS_KEYS]
+    foreign = next((key for key in own_keys if key not in _known_keys(kind)), None)
     if foreign:
         other = "a synthetic" if kind == "file" else "a recorded"
         if kind == "flexible_arm" and foreign == "noise":
@@ -218,16 +201,31 @@ def _completed_source(written: Mapping[str, Any], source: str, place: str) -> di
             "remove it",
             f"{place}.{foreign}",
         )
-    if kind == "file" and "time" in written and "sampling_rate" in written:
+    if kind == "file":
+        return _completed_file(written, own_keys, source, place)
+    completed = to_json(SyntheticSource(written["synthesis"]))
+    if kind == "armax":
+        completed["noise"] = 0.1
+    return completed | {key: written[key] for key in own_keys}
+
+
+def _known_keys(kind: str) -> set[str]:
+    """The keys of a kind of source."""
+    if kind == "file":
+        return set(FILE_KEYS)
+    return set(SYNTHESIS_KEYS) - ({"noise"} if kind == "flexible_arm" else set())
+
+
+def _completed_file(
+    written: Mapping[str, Any], own_keys: list[str], source: str, place: str
+) -> dict[str, Any]:
+    if "time" in written and "sampling_rate" in written:
         raise InputError(
             source, "both sampling_rate and time are given", "give one of the two", place
         )
-    completed = {kinds[0]: written[kinds[0]]} | {
-        key: written.get(key, default) for key, default in _SOURCE_DEFAULTS[kind].items()
-    }
-    if kind == "file":
-        completed |= {key: written.get(key) for key in ("sampling_rate", "time", "validation_file")}
-        _check_channels(completed, source, place)
+    completed = dict.fromkeys(FILE_KEYS) | _CHANNEL_DEFAULTS
+    completed |= {key: written[key] for key in own_keys}
+    _check_channels(completed, source, place)
     return completed
 
 

@@ -1,4 +1,4 @@
-"""The grids of candidate models: which orders each phase tries, and how a phase is cut into jobs.
+"""The candidates of the order search: the orders that each phase tries, and their jobs.
 
 The number of jobs and the samples on which all candidates are compared follow from the
 configuration alone, so the whole graph is known before anything runs.
@@ -7,210 +7,194 @@ configuration alone, so the whole graph is known before anything runs.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Any
 
+from evopem.config.settings import (
+    DatasetSettings,
+    OrderGrid,
+    Range,
+    SampleRequirements,
+    ScoringWindow,
+)
 from evopem.errors import InputError
 
-PHASES = ("delay", "common", "c", "b")
-"""The phases of the search, in their order: each takes its predecessor's choice."""
+PHASES = ("delay", "joint", "nc", "nb")
+"""The phases of the order search, in their order: each takes its predecessor's selection."""
 
-AUTO_COMMON_UPPER = 14
-"""Upper end of ``orders.common: auto``, the chapter's own."""
+AUTO_JOINT_UPPER = 14
+"""Upper end of ``orders.joint: auto``, the chapter's own."""
 
 Candidate = tuple[int, int, int, int]
+"""Orders (na, nb, nc, nk)."""
 
 
-def previous_phase(phase: str) -> str:
-    """Name the phase whose choice `phase` takes; the first one has none.
-
-    Raises
-    ------
-    ValueError
-        For the first phase.
-    """
+def previous_phase(phase: str) -> str | None:
+    """Name the phase whose selection `phase` takes; None for the first one."""
     position = PHASES.index(phase)
-    if position == 0:
-        raise ValueError(f"phase {phase} has no predecessor")
-    return PHASES[position - 1]
+    return PHASES[position - 1] if position else None
 
 
-def common_range(common: list[int] | str, peaks: int | None) -> tuple[int, int]:
-    """Find the orders of phase one, both ends included.
+def joint_range(joint: Range | str, resonances: int | None) -> Range:
+    """Find the joint orders of the first phase, both ends included.
 
-    With ``auto`` each spectral peak asks for a pair of complex poles, so the lower end is twice
-    the number of peaks; it stays within the range the graph was planned for.
+    With ``"auto"`` each resonance needs a pair of complex poles, so the lower end is twice their
+    number. It stays within the range that the graph was planned for.
 
     Parameters
     ----------
-    common : [lower, upper] or "auto"
-    peaks : int or None
-        Number of spectral peaks; None stands for "not known yet" and gives the widest range.
+    joint : (lower, upper) or "auto"
+    resonances : int or None
+        Number of spectral peaks that may be resonances; None gives the widest range.
     """
-    if common != "auto":
-        return (int(common[0]), int(common[1]))
-    lower = 2 if peaks is None else max(2, 2 * peaks)
-    return (min(lower, AUTO_COMMON_UPPER), AUTO_COMMON_UPPER)
+    if not isinstance(joint, str):
+        return joint
+    lower = 2 if resonances is None else max(2, 2 * resonances)
+    return (min(lower, AUTO_JOINT_UPPER), AUTO_JOINT_UPPER)
 
 
 def candidate_orders(
     phase: str,
-    dataset: Mapping[str, Any],
-    selected: Mapping[str, int] | None = None,
-    peaks: int | None = None,
+    grid: OrderGrid,
+    selected: Candidate | None = None,
+    resonances: int | None = None,
 ) -> list[Candidate]:
     """List the candidates (na, nb, nc, nk) of a phase.
 
     Parameters
     ----------
     phase : str
-        One of ``PHASES``.
-    dataset : mapping
-        A completed data set; only its ``delay`` and ``orders`` are read.
-    selected : mapping, optional
-        na, nb, nc and nk chosen by the phase before; not needed for the first.
-    peaks : int, optional
-        Number of spectral peaks, for ``orders.common: auto``.
+        One of :data:`PHASES`.
+    grid : OrderGrid
+    selected : (na, nb, nc, nk), optional
+        Selection of the phase before; not needed for the first.
+    resonances : int, optional
+        Number of spectral peaks that may be resonances, for ``orders.joint: auto``.
     """
     if phase == "delay":
         return [
             (order, order, order, delay)
-            for order in _inclusive(dataset["delay"]["orders"])
-            for delay in _inclusive(dataset["delay"]["delays"])
+            for order in _inclusive(grid.delay.orders)
+            for delay in _inclusive(grid.delay.nk)
         ]
     if selected is None:
-        raise ValueError(f"phase {phase} needs the choice of phase {previous_phase(phase)}")
-    na, nc, nk = selected["na"], selected["nc"], selected["nk"]
+        raise ValueError(f"phase {phase} needs the selection of phase {previous_phase(phase)}")
+    na, nb, nc, nk = selected
     match phase:
-        case "common":
-            orders = _inclusive(common_range(dataset["orders"]["common"], peaks))
+        case "joint":
+            orders = _inclusive(joint_range(grid.orders.joint, resonances))
             return [(order, order, order, nk) for order in orders]
-        case "c":
-            return [(na, selected["nb"], order, nk) for order in _inclusive(dataset["orders"]["c"])]
-        case "b":
-            return [(na, order, nc, nk) for order in _inclusive(dataset["orders"]["b"])]
+        case "nc":
+            return [(na, nb, order, nk) for order in _inclusive(grid.orders.nc)]
+        case "nb":
+            return [(na, order, nc, nk) for order in _inclusive(grid.orders.nb)]
     raise ValueError(f"no phase is called {phase}")
 
 
-def part_for(phase: str, dataset: Mapping[str, Any]) -> dict[str, Any]:
-    """Take the part of a data set's configuration that says which candidates a phase has."""
-    if phase == "delay":
-        return {"delay": dataset["delay"]}
-    return {"orders": {phase: dataset["orders"][phase]}}
+def needs_resonances(phase: str, grid: OrderGrid) -> bool:
+    """Whether the candidates of a phase depend on the number of resonances in the spectrum."""
+    return phase == "joint" and grid.orders.joint == "auto"
 
 
-def needs_peaks(part: Mapping[str, Any]) -> bool:
-    """Whether the candidates of a phase depend on the number of spectral peaks.
+def grid_of_phase(phase: str, grid: OrderGrid) -> OrderGrid:
+    """Keep the part of a grid that a phase uses; the rest takes its built-in values.
 
-    Parameters
-    ----------
-    part : mapping
-        What :func:`part_for` returns.
+    A phase then does not rerun when the range of another one changes.
     """
-    return dict(part) == {"orders": {"common": "auto"}}
+    default = OrderGrid()
+    if phase == "delay":
+        return OrderGrid(delay=grid.delay)
+    orders = {phase: getattr(grid.orders, phase)}
+    return OrderGrid(orders=type(default.orders)(**orders))
 
 
-def widest_candidate_count(phase: str, dataset: Mapping[str, Any]) -> int:
-    """Count the candidates of a phase, at most: the number the graph is planned for."""
-    any_selected = {"na": 1, "nb": 1, "nc": 1, "nk": 0}
-    return len(candidate_orders(phase, dataset, any_selected))
+def max_candidate_count(phase: str, grid: OrderGrid) -> int:
+    """Count the candidates of a phase, at most: the number that the graph is planned for."""
+    return len(candidate_orders(phase, grid, (1, 1, 1, 0)))
 
 
-def part_count(phase: str, dataset: Mapping[str, Any], candidates_per_job: int | str) -> int:
-    """Count the jobs of a phase. Job i fits ``candidates[i::parts]``, which evens out the costs.
+def part_count(phase: str, grid: OrderGrid, candidates_per_job: int | str) -> int:
+    """Count the jobs of a phase. Job i estimates ``candidates[i::parts]``, which balances them.
 
-    With ``auto`` there is one, which shares its candidates out among the cores it is given: the
-    graph, and with it what is up to date, does not depend on their number.
+    With ``"auto"`` there is one job, which shares its candidates out among its cores: the graph
+    does not depend on the number of cores.
     """
     if candidates_per_job == "auto":
         return 1
-    return math.ceil(widest_candidate_count(phase, dataset) / int(candidates_per_job))
+    return math.ceil(max_candidate_count(phase, grid) / int(candidates_per_job))
 
 
-def sample_needs(dataset: Mapping[str, Any]) -> dict[str, int]:
-    """Find what a record must be able to carry: numbers of samples and parameters.
+def max_candidates_per_part(phase: str, grid: OrderGrid, candidates_per_job: int | str) -> int:
+    """Count the candidates of a phase's largest job, at most."""
+    return math.ceil(max_candidate_count(phase, grid) / part_count(phase, grid, candidates_per_job))
 
-    Returns
-    -------
-    dict
-        ``start``: first scored residual; ``parameters``: the largest na + nb + nc that any phase
-        may fit; ``settling``: samples in which the longest model settles, its memory and its nc
-        noise states.
+
+def scoring_window(settings: DatasetSettings) -> ScoringWindow:
+    """Find the samples on which every candidate of every phase is compared.
+
+    Residuals start behind the longest memory of any candidate, max(na, nb + nk - 1, nc). The loss
+    starts ``search.n_initial_discard`` samples later: the unknown initial noise fits the first
+    residuals.
     """
-    orders, common = dataset["orders"], common_range(dataset["orders"]["common"], None)[1]
-    in_delay, any_b = dataset["delay"]["orders"][1], max(common, orders["b"][1])
-    start = scoring_start(dataset)
-    return {
-        "start": start,
-        "parameters": max(3 * in_delay, 3 * common, common + any_b + orders["c"][1]),
-        "settling": start - dataset["search"]["burn_in"] + orders["c"][1],
-    }
+    grid = settings.order_grid
+    in_delay, joint = grid.delay.orders[1], joint_range(grid.orders.joint, None)[1]
+    largest_nb = max(in_delay, joint, grid.orders.nb[1])
+    memory = max(in_delay, joint, grid.orders.nc[1], largest_nb + grid.delay.nk[1] - 1)
+    return ScoringWindow(memory, memory + settings.search.n_initial_discard)
 
 
-def check_samples(needs: Mapping[str, int], estimation: int, validation: int, place: str) -> None:
-    """Refuse a record that is too short for some candidate, before any of them is fitted.
+def sample_requirements(settings: DatasetSettings) -> SampleRequirements:
+    """Find what a record must have for the largest candidate of any phase."""
+    grid = settings.order_grid
+    in_delay, joint = grid.delay.orders[1], joint_range(grid.orders.joint, None)[1]
+    window = scoring_window(settings)
+    return SampleRequirements(
+        loss_start=window.loss_start,
+        parameters=max(
+            3 * in_delay, 3 * joint, joint + max(joint, grid.orders.nb[1]) + grid.orders.nc[1]
+        ),
+        settling=window.residual_start + grid.orders.nc[1],
+    )
 
-    Every candidate needs more scored residuals than parameters. The validation samples have to
-    outnumber twice those in which the longest model settles: the state that a simulation starts
-    from is fitted to them, and would explain fewer by itself.
+
+def check_samples(
+    requirements: SampleRequirements, estimation: int, validation: int, place: str
+) -> None:
+    """Refuse a record that is too short for some candidate, before any of them is estimated.
+
+    Every candidate needs more residuals in its loss than parameters. The validation samples have
+    to outnumber twice those in which the longest model settles: the initial state of a simulation
+    is estimated from them, and would explain fewer by itself.
 
     Parameters
     ----------
-    needs : mapping
-        As `sample_needs` finds them.
+    requirements : SampleRequirements
     estimation, validation : int
         Numbers of prepared samples.
     place : str
-        What leads the keys in an error, such as ``datasets.arm``.
+        Configuration key of the data set, such as ``datasets.arm``.
 
     Raises
     ------
     InputError
     """
-    left = max(estimation - needs["start"], 0)
-    if left <= needs["parameters"]:
+    left = max(estimation - requirements.loss_start, 0)
+    if left <= requirements.parameters:
         raise InputError(
             f"{place}.orders",
-            f"the largest model has {needs['parameters']} parameters and {estimation} estimation"
-            f" samples, without the first {needs['start']}, leave {left} to fit it to",
+            f"the largest model has {requirements.parameters} parameters and {estimation} "
+            f"estimation samples, without the first {requirements.loss_start}, leave {left} to "
+            "estimate it from",
             "lower the upper ends of delay and orders, shorten split.discard, or record longer",
         )
-    least = 2 * needs["settling"]
+    least = 2 * requirements.settling
     if validation <= least:
         raise InputError(
             f"{place}.split",
-            f"{validation} validation samples are left and more than {least} are needed, twice"
-            " what the longest model takes to settle",
-            "leave more samples to validation, lower the upper ends of delay and orders, or"
-            " record longer",
+            f"{validation} validation samples are left and more than {least} are needed, twice "
+            "the settling time of the longest model",
+            "leave more samples to validation, lower the upper ends of delay and orders, or "
+            "record longer",
         )
 
 
-def candidates_in_part(
-    phase: str, dataset: Mapping[str, Any], candidates_per_job: int | str
-) -> int:
-    """Count the candidates of a phase's largest job, at most."""
-    parts = part_count(phase, dataset, candidates_per_job)
-    return math.ceil(widest_candidate_count(phase, dataset) / parts)
-
-
-def scoring_start(dataset: Mapping[str, Any]) -> int:
-    """Find the first sample on which every candidate of every phase is compared.
-
-    It lies behind the longest memory of any of them, max(na, nb + nk - 1, nc), and behind the
-    burn-in, whose first residuals are fitted by the unknown initial noise (`search.burn_in`).
-    """
-    delay, orders = dataset["delay"], dataset["orders"]
-    common = common_range(orders["common"], None)[1]
-    longest_delay = delay["delays"][1]
-    memory = max(
-        delay["orders"][1],
-        common,
-        orders["c"][1],
-        max(delay["orders"][1], common, orders["b"][1]) + longest_delay - 1,
-    )
-    return int(memory + dataset["search"]["burn_in"])
-
-
-def _inclusive(limits: list[int] | tuple[int, int]) -> range:
+def _inclusive(limits: Range) -> range:
     return range(limits[0], limits[1] + 1)

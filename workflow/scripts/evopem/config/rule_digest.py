@@ -5,25 +5,28 @@ from __future__ import annotations
 import ast
 import hashlib
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from functools import cache
 from pathlib import Path
 
 _PACKAGE = "evopem"
 
 
-def code_version(script: str | Path, others: Iterable[str | Path] = ()) -> str:
-    """Digest a script and every module of the package that it imports, directly or not.
+def code_version(
+    script: str | Path, others: Iterable[str | Path] = (), folders: Sequence[str | Path] = ()
+) -> str:
+    """Digest a script and every module of the project that it imports, directly or not.
 
     Contents count, not times or places: a touched file or a fresh clone has the same digest.
-    The package's own ``__init__`` is left out: it holds no numerics.
+    The ``__init__`` of a top-level package is left out: it holds no numerics.
 
     Parameters
     ----------
     script : path
-        A script that lies beside the package.
     others : iterable of path
         Further files it uses, such as templates.
+    folders : sequence of path
+        Folders other than the script's own that hold packages or modules it imports.
 
     Returns
     -------
@@ -32,7 +35,7 @@ def code_version(script: str | Path, others: Iterable[str | Path] = ()) -> str:
     """
     script = Path(script).resolve()
     root = script.parent
-    files = {script, *(root / module for module in _reached(script, root))}
+    files = {script, *_reached(script, (root, *(Path(folder).resolve() for folder in folders)))}
     files.update(Path(other).resolve() for other in others)
     digest = hashlib.sha256()
     for name, file in sorted((os.path.relpath(file, root), file) for file in files):
@@ -42,9 +45,10 @@ def code_version(script: str | Path, others: Iterable[str | Path] = ()) -> str:
 
 
 def imported_modules(script: str | Path) -> list[str]:
-    """List the package's files a script reaches by its imports, relative to its own folder."""
+    """List the files a script reaches by its imports, relative to its own folder."""
     script = Path(script).resolve()
-    return sorted(path.as_posix() for path in _reached(script, script.parent))
+    root = script.parent
+    return sorted(path.relative_to(root).as_posix() for path in _reached(script, (root,)))
 
 
 @cache
@@ -52,26 +56,28 @@ def _content(file: Path) -> bytes:
     return hashlib.sha256(file.read_bytes().replace(b"\r\n", b"\n")).digest()
 
 
-def _reached(script: Path, root: Path) -> set[Path]:
-    """Walk the imports from a script to every file of the package behind it."""
+def _reached(script: Path, roots: tuple[Path, ...]) -> set[Path]:
+    """Walk the imports from a script to every file of the project behind it."""
     reached: set[Path] = set()
-    waiting = list(_imports(script, root))
+    waiting = list(_imports(script, roots))
     while waiting:
         file = waiting.pop()
         if file not in reached:
             reached.add(file)
-            waiting.extend(_imports(root / file, root))
+            waiting.extend(_imports(file, roots))
     return reached
 
 
 @cache
-def _imports(file: Path, root: Path) -> frozenset[Path]:
-    """Find the package files a file imports anywhere in it, its functions included."""
+def _imports(file: Path, roots: tuple[Path, ...]) -> frozenset[Path]:
+    """Find the project's files that a file imports anywhere in it, its functions included."""
     tree = ast.parse(file.read_text(encoding="utf-8"))
+    home = next(root for root in roots if file.is_relative_to(root))
     found: set[Path] = set()
     for node in _run_nodes(tree):
-        for name in _names(node, file, root):
-            found.update(_files(name, root))
+        for name in _names(node, file, home):
+            for root in roots:
+                found.update(_files(name, root))
     return frozenset(found)
 
 
@@ -106,21 +112,19 @@ def _names(node: ast.AST, file: Path, root: Path) -> Iterator[str]:
 
 
 def _files(name: str, root: Path) -> Iterator[Path]:
-    """Find the files that an import of a dotted name runs, below the package's own `__init__`.
+    """Find the files below a folder that an import of a dotted name runs.
 
-    A script may import another one beside it.
+    The ``__init__`` of a top-level package is not among them.
     """
     first, *steps = name.split(".")
-    if first != _PACKAGE:
-        if (root / f"{first}.py").is_file():
-            yield Path(f"{first}.py")
-        return
-    path = Path(_PACKAGE)
+    module, path = root / f"{first}.py", root / first
+    if module.is_file():
+        yield module
     if name.endswith("."):
         steps.pop()
-        yield from (file.relative_to(root) for file in (root / path).joinpath(*steps).glob("*.py"))
+        yield from path.joinpath(*steps).glob("*.py")
     for step in steps:
         path /= step
         for file in (path.with_suffix(".py"), path / "__init__.py"):
-            if (root / file).is_file():
+            if file.is_file():
                 yield file

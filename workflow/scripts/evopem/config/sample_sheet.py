@@ -8,13 +8,23 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import yaml
 
 from evopem.errors import InputError
 
-_TEXT_COLUMNS = {"name", "file", "validation_file", "input_unit", "output_unit"}
+T = TypeVar("T")
+
+_TEXT_COLUMNS = {
+    "name",
+    "file",
+    "validation_file",
+    "input_unit",
+    "output_unit",
+    "time_unit",
+    "decimal_mark",
+}
 _INTEGER = re.compile(r"[+-]?\d+")
 
 
@@ -101,18 +111,18 @@ def expand(written: Any, source: str) -> tuple[Any, Origin]:
     return datasets, Origin(source, templates)
 
 
-def share_of(datasets: Mapping[str, Any], share: str, source: str) -> dict[str, Any]:
+def shard_of(datasets: Mapping[str, T], shard: str, source: str) -> dict[str, T]:
     """Take every n-th data set: ``3/40`` is the third and every fortieth after it.
 
     Raises
     ------
     InputError
-        When there is no such share.
+        When there is no such shard.
     """
-    number, count = map(int, share.split("/"))
+    number, count = map(int, shard.split("/"))
     if number > count:
         raise InputError(
-            source, f"there is no share {share}", f"give a number from 1 to {count}", "share"
+            source, f"there is no shard {shard}", f"give a number from 1 to {count}", "shard"
         )
     return dict(list(datasets.items())[number - 1 :: count])
 

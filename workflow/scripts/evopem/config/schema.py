@@ -175,7 +175,26 @@ def _is_number(text: str) -> bool:
     return True
 
 
+# Earlier names of keys and values, whose new ones resemble them too little to be guessed.
+_RENAMED = {
+    "stationarity": "transforms",
+    "delays": "nk",
+    "common": "joint",
+    "c": "nc",
+    "b": "nb",
+    "start": "initialization",
+    "chapter": "arx",
+    "grown": "incremental_order",
+    "mutate": "refine",
+    "burn_in": "n_initial_discard",
+    "share": "shard",
+}
+
+
 def _nearest(word: str, known: Iterable[str]) -> str:
+    known = list(known)
+    if _RENAMED.get(word) in known:
+        return f" (did you mean {_RENAMED[word]}?)"
     lowered = {each.lower(): each for each in known}
     close = difflib.get_close_matches(word.lower(), lowered, n=1)
     return f" (did you mean {lowered[close[0]]}?)" if close else ""

@@ -1,4 +1,4 @@
-"""A part of a sweep on several cores: each process estimates one order after the other.
+"""A part of an order search on several cores: each process estimates one order after the other.
 
 An estimate depends on its order and the data alone, so sharing the work changes no bit.
 """
@@ -10,37 +10,48 @@ import multiprocessing
 import os
 import sys
 import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from typing import Any
+from typing import NamedTuple
 
-from evopem.estimation.order_selection import Candidate, estimate_candidates
+from evopem.config.settings import ScoringWindow, SearchSettings
+from evopem.estimation.candidate import Candidate
+from evopem.estimation.order_selection import estimate_candidates
 from evopem.models.armax import Orders
 from evopem.signals.recording import Recording
 
 
-def estimate_side_by_side(
+class _Task(NamedTuple):
+    """What all estimates of a process share."""
+
+    data: Recording
+    phase: str
+    settings: SearchSettings
+    window: ScoringWindow
+
+
+def estimate_in_parallel(
     data: Recording,
     orders: Sequence[Orders],
     phase: str,
-    search: Mapping[str, Any],
-    scoring_start: int,
+    settings: SearchSettings,
+    window: ScoringWindow,
     log: Callable[[str], None] | None = None,
     cores: int = 1,
 ) -> list[Candidate]:
-    """Estimate every order of a sweep, on several cores where there are some.
+    """Estimate every order of a phase, on several cores where there are some.
 
     Parameters
     ----------
-    data, orders, phase, search, scoring_start, log
-        As for `estimate_candidates`. On several cores what happens goes to the package's logger.
+    data, orders, phase, settings, window, log
+        As for :func:`estimate_candidates`. On several cores the log is the package's logger.
     cores : int
         Number of processes.
 
     Returns
     -------
-    list
-        What `estimate_candidates` returns, in the order of ``orders``.
+    list of Candidate
+        In the order of ``orders``.
 
     Raises
     ------
@@ -48,28 +59,26 @@ def estimate_side_by_side(
         When the record is too short for an order.
     """
     if cores <= 1 or len(orders) <= 2:
-        return estimate_candidates(data, orders, phase, search, scoring_start, log)
+        return estimate_candidates(data, orders, phase, settings, window, log)
     # The largest go first, so that no core is left with one of them at the end. The smallest is
-    # estimated here: it loads the compiled kernels, and a forked process has them from its start.
+    # estimated here: it loads the compiled kernels, which forked processes then share.
     smallest, *others = sorted(range(len(orders)), key=lambda index: orders[index].parameters)
-    found = {
-        smallest: estimate_candidates(data, [orders[smallest]], phase, search, scoring_start, log)
-    }
+    found = {smallest: estimate_candidates(data, [orders[smallest]], phase, settings, window, log)}
     # Elsewhere than on Linux forking is unsafe.
     start = multiprocessing.get_context("fork" if sys.platform == "linux" else "spawn")
-    shared = (data, phase, dict(search), scoring_start)
-    with ProcessPoolExecutor(min(cores, len(others)), start, _prepare, shared) as pool:
+    task = _Task(data, phase, settings, window)
+    with ProcessPoolExecutor(min(cores, len(others)), start, _prepare, (task,)) as pool:
         running = {index: pool.submit(_estimate, orders[index]) for index in reversed(others)}
         found |= {index: estimate.result() for index, estimate in running.items()}
     return [candidate for index in range(len(orders)) for candidate in found[index]]
 
 
-_task: dict[str, Any] = {}
+_tasks: list[_Task] = []
 
 
-def _prepare(data: Recording, phase: str, search: dict[str, Any], scoring_start: int) -> None:
-    """Keep what all estimates of a process share, and end it when the one above it is gone."""
-    _task.update(data=data, phase=phase, search=search, scoring_start=scoring_start)
+def _prepare(task: _Task) -> None:
+    """Keep the task of this process, and end the process when its parent ends."""
+    _tasks[:] = [task]
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
 
@@ -81,4 +90,6 @@ def _end_with_parent() -> None:
 
 
 def _estimate(order: Orders) -> list[Candidate]:
-    return estimate_candidates(orders=[order], log=logging.getLogger("evopem").info, **_task)
+    task = _tasks[0]
+    log = logging.getLogger("evopem").info
+    return estimate_candidates(task.data, [order], task.phase, task.settings, task.window, log)

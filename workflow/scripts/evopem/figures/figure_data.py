@@ -1,25 +1,27 @@
-"""The numbers behind each figure as one table, for those who want to draw it themselves."""
+"""The data of each figure as one table."""
 
 from __future__ import annotations
 
-import math
+from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 
-from evopem.figures.pole_zero_map import root_spread, roots_in_z, stabilization
 from evopem.figures.style import extremes
+from evopem.models.confidence_ellipse import Polynomial, uncertain_roots
+from evopem.models.stabilization import StabilizationPole, stabilization
 
 if TYPE_CHECKING:
-    from evopem.results.dataset import Results
+    from evopem.results.dataset import DatasetResults
     from evopem.signals.recording import Recording
 
 ORDERS = ["na", "nb", "nc", "nk"]
+ROOTS: tuple[tuple[Polynomial, str], ...] = (("A", "pole"), ("B", "zero"), ("C", "root of C"))
 
 
-def record_table(results: Results) -> pd.DataFrame:
-    """Both signals as recorded, and as used: estimation, then validation samples."""
+def record_table(results: DatasetResults) -> pd.DataFrame:
+    """Both signals as recorded, and as used: estimation samples, then validation samples."""
     prepared = results.prepared
     begin = prepared.estimation.output.size / prepared.estimation.sampling_rate
     return pd.concat(
@@ -39,38 +41,44 @@ def _signals(stage: str, recording: Recording, begin: float) -> pd.DataFrame:
     )
 
 
-def spectrum_table(results: Results) -> pd.DataFrame:
+def spectrum_table(results: DatasetResults) -> pd.DataFrame:
     """Spectrum of the output with its band."""
     return results.spectrum[["frequency_hz", "density", "lower", "upper"]]
 
 
-def delay_table(results: Results) -> pd.DataFrame:
+def delay_table(results: DatasetResults) -> pd.DataFrame:
     """Criteria of the candidates of the delay search."""
     tried = results.candidates[results.candidates["phase"] == "delay"]
     return tried[[*ORDERS, "rss", "bic", "selected"]]
 
 
-def phases_table(results: Results) -> pd.DataFrame:
-    """Criteria of the candidates of the three phases."""
+def phases_table(results: DatasetResults) -> pd.DataFrame:
+    """Criteria of the candidates of the three phases of the orders."""
     tried = results.candidates[results.candidates["phase"] != "delay"]
     return tried[["phase", *ORDERS, "rss", "bic", "selected"]]
 
 
-def roots_table(results: Results) -> pd.DataFrame:
+def roots_table(results: DatasetResults) -> pd.DataFrame:
     """Every root of A, B and C with the covariance of its real and imaginary part."""
-    rows = []
-    for polynomial, kind in (("a", "pole"), ("b", "zero"), ("c", "root of C")):
-        for root in roots_in_z(np.asarray(results.model[polynomial], dtype=float)):
-            spread = root_spread(results.model, polynomial, complex(root))
-            known = np.full((2, 2), math.nan) if spread is None else spread
-            rows.append(
-                (kind, root.real, root.imag, abs(root), known[0, 0], known[1, 1], known[0, 1])
-            )
+    model = results.model.model
+    rows = [
+        {
+            "kind": kind,
+            "real": root.value.real,
+            "imag": root.value.imag,
+            "radius": abs(root.value),
+            "variance_real": root.covariance[0, 0],
+            "variance_imag": root.covariance[1, 1],
+            "covariance": root.covariance[0, 1],
+        }
+        for polynomial, kind in ROOTS
+        for root in uncertain_roots(model, polynomial)
+    ]
     columns = ["kind", "real", "imag", "radius", "variance_real", "variance_imag", "covariance"]
     return pd.DataFrame(rows, columns=columns)
 
 
-def frequency_response_table(results: Results) -> pd.DataFrame:
+def frequency_response_table(results: DatasetResults) -> pd.DataFrame:
     """Frequency response of the model, then the multitaper estimate."""
     prefix = "frequency_response_"
     estimate = results.spectrum.rename(columns=lambda name: name.removeprefix(prefix))
@@ -84,31 +92,42 @@ def frequency_response_table(results: Results) -> pd.DataFrame:
     )[["source", *columns, "coherence"]]
 
 
-def residuals_table(results: Results) -> pd.DataFrame:
+def residuals_table(results: DatasetResults) -> pd.DataFrame:
     """Autocorrelation and cross-correlation by lag, with their bounds."""
-    return results.cross_correlation.merge(
-        results.residual_autocorrelation,
+    tables = results.validation_tables
+    return tables.cross_correlation.merge(
+        tables.residual_autocorrelation,
         on="lag",
         how="outer",
         suffixes=("_of_cross_correlation", "_of_autocorrelation"),
     ).sort_values("lag")
 
 
-def simulation_table(results: Results) -> pd.DataFrame:
+def simulation_table(results: DatasetResults) -> pd.DataFrame:
     """Validation samples, simulated and predicted."""
-    return results.simulation
+    return results.validation_tables.simulation
 
 
-def stabilization_table(results: Results) -> pd.DataFrame:
-    """Poles over the common orders, each with its status."""
-    common = results.phases.get("common", {}).get("candidates", [])
-    return stabilization(common, float(results.model["sampling_rate"]))
+def stabilization_poles(results: DatasetResults) -> list[StabilizationPole]:
+    """Poles over the joint orders, each compared with the next lower order."""
+    return stabilization(
+        (candidate.orders.na, candidate.model, candidate.criteria.bic)
+        for candidate in results.phases["joint"].candidates
+    )
 
 
-def convergence_table(results: Results) -> pd.DataFrame:
-    """Best objective after each generation of the search for the chosen model."""
-    history = (results.chosen_candidate() or {}).get("convergence") or []
-    return pd.DataFrame(history, columns=["evaluations", "best_objective"])
+def stabilization_table(results: DatasetResults) -> pd.DataFrame:
+    """Poles over the joint orders, each with its status."""
+    columns = ["order", "frequency_hz", "damping_ratio", "status"]
+    table = pd.DataFrame([asdict(pole) for pole in stabilization_poles(results)], columns=columns)
+    table.insert(2, "damping_percent", 100 * table.pop("damping_ratio"))
+    return table
+
+
+def convergence_table(results: DatasetResults) -> pd.DataFrame:
+    """Lowest objective after each generation of the search for the selected model."""
+    history = results.selected.diagnostics.convergence
+    return pd.DataFrame(history, columns=["evaluations", "lowest_objective"])
 
 
 def thin_table(table: pd.DataFrame, rows: int) -> pd.DataFrame:
@@ -117,14 +136,14 @@ def thin_table(table: pd.DataFrame, rows: int) -> pd.DataFrame:
     Parameters
     ----------
     table : pandas.DataFrame
-        Its first column of numbers is the one the others are drawn over.
+        Its first numeric column is the abscissa of the others.
     rows : int
-        At most so many are kept.
+        Largest number of rows.
     """
     if len(table) <= rows:
         return table
     drawn = list(table.select_dtypes("number").columns[1:])
     bins = rows // (2 * max(len(drawn), 1))
-    # Series of at most 4 × bins points would be kept whole, and here none may be.
+    # `extremes` keeps a series of at most 4 × bins points whole; here it must not.
     kept = [extremes(table[column], min(bins, len(table) // 4 - 1)) for column in drawn]
     return table.iloc[np.unique(np.concatenate(kept))]

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -22,36 +22,33 @@ from evopem.figures.style import (
     styled,
     with_unit,
 )
+from evopem.signals.spectral.peaks import SpectralPeak
+from evopem.synthesis.truth import Truth
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
-# Spectra are smooth over the multitaper's bandwidth, so few bins draw them whole.
+# Spectra are smooth over the bandwidth of the multitaper estimate, so few bins suffice.
 BINS = 400
-# Peaks that are given their frequency, the most prominent ones.
+# Number of peaks that are labelled, the most prominent ones.
 MOST_LABELS = 8
-# Labels closer than this share of the band would lie on each other.
+# Labels closer than this share of the band would overlap.
 LABEL_WIDTH = 0.1
 
 
 def _thinned(table: pd.DataFrame, *columns: str) -> pd.DataFrame:
-    """Rows that keep the extremes of every column."""
+    """Reduce a table to the rows with the extremes of the columns."""
     kept = np.unique(np.concatenate([extremes(table[column], BINS) for column in columns]))
     return table.iloc[kept]
 
 
-def true_frequencies(truth: Mapping[str, Any] | None) -> list[float]:
-    """Natural frequencies of the truth's modes in Hz; none without a truth."""
-    return [float(mode["frequency_hz"]) for mode in (truth or {}).get("modes", [])]
-
-
-def mark_truth(axes: Axes, truth: Mapping[str, Any] | None) -> None:
-    """Vertical lines at the true natural frequencies."""
-    for number, frequency in enumerate(true_frequencies(truth)):
+def mark_truth(axes: Axes, truth: Truth | None) -> None:
+    """Draw vertical lines at the true natural frequencies, if there is a truth."""
+    for number, mode in enumerate(truth.modes if truth else ()):
         axes.axvline(
-            frequency,
+            mode.frequency_hz,
             color=TRUTH,
             linewidth=0.9,
             linestyle=(0, (1.2, 1.6)),
@@ -63,9 +60,9 @@ def mark_truth(axes: Axes, truth: Mapping[str, Any] | None) -> None:
 @styled
 def draw_spectrum(
     spectrum: pd.DataFrame,
-    summary: Mapping[str, Any],
+    peaks: Sequence[SpectralPeak],
     unit: str = "",
-    truth: Mapping[str, Any] | None = None,
+    truth: Truth | None = None,
 ) -> Figure:
     """Multitaper spectrum of the output with its 95 % band and peaks (chapter figure 4).
 
@@ -73,12 +70,11 @@ def draw_spectrum(
     ----------
     spectrum : pandas.DataFrame
         As in ``spectrum.csv``.
-    summary : mapping
-        As in ``spectrum.json``.
+    peaks : sequence of SpectralPeak
     unit : str
         Unit of the prepared output, "" when not stated.
-    truth : mapping, optional
-        As in ``truth.json``; its modes are marked.
+    truth : Truth, optional
+        Its modes are marked.
     """
     figure = new_figure(3.3)
     axes = figure.subplots()
@@ -97,11 +93,10 @@ def draw_spectrum(
     logarithmic(axes)
     axes.set_xlim(0, shown["frequency_hz"].max())
     mark_truth(axes, truth)
-    peaks = list(summary.get("peaks") or [])
     if peaks:
         axes.plot(
-            [peak["frequency_hz"] for peak in peaks],
-            [peak["density"] for peak in peaks],
+            [peak.frequency_hz for peak in peaks],
+            [peak.density for peak in peaks],
             linestyle="none",
             marker="v",
             markersize=6,
@@ -117,17 +112,17 @@ def draw_spectrum(
     return figure
 
 
-def _name_peaks(axes: Axes, peaks: Sequence[Mapping[str, Any]], highest: float) -> None:
-    """Label the most prominent peaks with their frequencies, side by side ones on two levels."""
-    prominent = sorted(peaks, key=lambda peak: -float(peak.get("prominence_db") or 0.0))
+def _name_peaks(axes: Axes, peaks: Sequence[SpectralPeak], highest: float) -> None:
+    """Label the most prominent peaks with their frequencies, neighbours on different levels."""
+    prominent = sorted(peaks, key=lambda peak: -peak.prominence_db)
     left, level = -highest, 0
-    for peak in sorted(prominent[:MOST_LABELS], key=lambda peak: float(peak["frequency_hz"])):
-        frequency = float(peak["frequency_hz"])
+    for peak in sorted(prominent[:MOST_LABELS], key=lambda peak: peak.frequency_hz):
+        frequency = peak.frequency_hz
         level = (level + 1) % 3 if frequency - left < LABEL_WIDTH * highest else 0
         left = frequency
         axes.annotate(
             f"{frequency:.4g} Hz",
-            (frequency, peak["density"]),
+            (frequency, peak.density),
             xytext=(0, 7 + 11 * level),
             textcoords="offset points",
             ha="center",
@@ -142,27 +137,27 @@ def draw_frequency_response(
     response: pd.DataFrame,
     spectrum: pd.DataFrame | None = None,
     unit: str = "",
-    truth: Mapping[str, Any] | None = None,
+    truth: Truth | None = None,
 ) -> Figure:
-    """Gain and phase of G with its 95 % band over the non-parametric estimate (chapter figure 7).
+    """Gain and phase of G with its 95 % band, and the multitaper estimate (chapter figure 7).
 
     Parameters
     ----------
     response : pandas.DataFrame
         As in ``frequency_response.csv``.
     spectrum : pandas.DataFrame, optional
-        As in ``spectrum.csv``, for the non-parametric estimate and the coherence.
+        As in ``spectrum.csv``, for the multitaper estimate and the coherence.
     unit : str
         Unit of the gain, "" when not stated.
-    truth : mapping, optional
-        As in ``truth.json``; its modes are marked.
+    truth : Truth, optional
+        Its modes are marked.
     """
     figure = new_figure(5.2)
     gain, phase, coherence = figure.subplots(3, 1, sharex=True, height_ratios=(1.7, 1.1, 0.7))
     if spectrum is not None:
         _draw_nonparametric(gain, phase, coherence, spectrum[spectrum["frequency_hz"] > 0])
     shown = _thinned(response[response["frequency_hz"] > 0], "gain")
-    if {"gain_lower", "gain_upper"} <= set(shown) and shown["gain_lower"].notna().any():
+    if shown["gain_lower"].notna().any():
         floor = 1e-3 * float(shown["gain"].min())
         gain.fill_between(
             shown["frequency_hz"],
@@ -207,14 +202,14 @@ def _draw_nonparametric(gain: Axes, phase: Axes, coherence: Axes, spectrum: pd.D
 
 
 def _gain_limits(axes: Axes, gain: pd.Series) -> None:
-    """Frame the model, not the noise dips of the non-parametric estimate."""
+    """Scale the axis to the model rather than to the scatter of the multitaper estimate."""
     positive = gain[gain > 0]
     if len(positive):
         axes.set_ylim(float(positive.min()) / 4, float(positive.max()) * 4)
 
 
 def unwrapped_gaps(frequency: pd.Series, degrees: pd.Series) -> tuple[np.ndarray, np.ndarray]:
-    """Phase wrapped to ±180°, its line broken where it jumps from one edge to the other."""
+    """Wrap a phase to ±180° and break its line where it jumps from one end to the other."""
     x = np.asarray(frequency, dtype=float)
     wrapped = (np.asarray(degrees, dtype=float) + 180.0) % 360.0 - 180.0
     jumps = np.flatnonzero(np.abs(np.diff(wrapped)) > 180.0) + 1

@@ -1,12 +1,13 @@
-"""Every figure of the report: its file, title, data, and how it is drawn from the results."""
+"""Every figure of the report: its name, caption, data, and how it is drawn from the results."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from evopem.figures.convergence import draw_convergence
 from evopem.figures.figure_data import (
     convergence_table,
     delay_table,
@@ -20,177 +21,189 @@ from evopem.figures.figure_data import (
     stabilization_table,
 )
 from evopem.figures.frequency_domain import draw_frequency_response, draw_spectrum
-from evopem.figures.labels import prepared_output_name, prepared_output_unit
-from evopem.figures.order_selection import draw_convergence, draw_delay, draw_phases
-from evopem.figures.pole_zero_map import draw_poles_zeros, draw_stabilization
-from evopem.figures.residuals import draw_residuals
+from evopem.figures.order_criteria import draw_delay, draw_phases
+from evopem.figures.pole_zero_map import draw_poles_zeros
+from evopem.figures.residual_correlation import draw_residuals
+from evopem.figures.signal_labels import prepared_output_name, prepared_output_unit
+from evopem.figures.stabilization_diagram import draw_stabilization
 from evopem.figures.style import ratio_unit, save_svg, with_unit
 from evopem.figures.time_domain import draw_record, draw_simulation
-from evopem.results.dataset import Results, read_results
+from evopem.results.dataset import DatasetResults
+from evopem.results.layout import DatasetFiles
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
+_FILES = DatasetFiles(".")
+
 
 @dataclass(frozen=True)
-class FigureEntry:
+class ReportFigure:
     """One figure of the report.
 
     Attributes
     ----------
     name : str
-        Stem of its file, ``figures/<name>.svg``.
+        One of :data:`evopem.results.layout.FIGURES`.
     caption : str
-        What is drawn, and the figure of the chapter it answers to.
+        What is drawn, and the corresponding figure of the chapter.
     data : tuple of str
-        Result files that hold what is drawn.
+        The files of the results that hold what is drawn.
     draw : callable
-        From the results to a matplotlib figure.
+        Draws the figure from the results.
     table : callable
-        From the results to the numbers that are drawn.
+        Takes what is drawn from the results, as one table.
     """
 
     name: str
     caption: str
     data: tuple[str, ...]
-    draw: Callable[[Results], Figure]
-    table: Callable[[Results], pd.DataFrame]
+    draw: Callable[[DatasetResults], Figure]
+    table: Callable[[DatasetResults], pd.DataFrame]
 
     @property
-    def file(self) -> str:
-        """File name relative to the data set's directory."""
-        return f"figures/{self.name}.svg"
+    def data_files(self) -> list[str]:
+        """Names of the files of `data` in the data set's folder."""
+        return [Path(file).as_posix() for file in self.data]
 
 
-def _output_unit(results: Results) -> str:
-    return prepared_output_unit(results.transforms, results.recording.output_unit)
+def _output_unit(results: DatasetResults) -> str:
+    return prepared_output_unit(results.model.transforms, results.recording.output_unit)
 
 
-def _gain_unit(results: Results) -> str:
-    return ratio_unit(_output_unit(results), results.recording.input_unit)
+def _spectrum(results: DatasetResults) -> Figure:
+    peaks = results.spectrum_summary.peaks
+    return draw_spectrum(results.spectrum, peaks, _output_unit(results), results.truth)
 
 
-def _simulation_label(results: Results) -> str:
-    name = prepared_output_name(results.transforms, results.recording.output_name)
-    return with_unit(name, _output_unit(results))
+def _frequency_response(results: DatasetResults) -> Figure:
+    unit = ratio_unit(_output_unit(results), results.recording.input_unit)
+    return draw_frequency_response(
+        results.frequency_response, results.spectrum, unit, results.truth
+    )
 
 
-def _stabilization(results: Results) -> Figure:
-    selected = results.phases.get("common", {}).get("selected") or {}
+def _residuals(results: DatasetResults) -> Figure:
+    tables = results.validation_tables
+    return draw_residuals(tables.residual_autocorrelation, tables.cross_correlation)
+
+
+def _simulation(results: DatasetResults) -> Figure:
+    name = prepared_output_name(results.model.transforms, results.recording.output_name)
+    return draw_simulation(
+        results.validation_tables.simulation,
+        results.model.sampling_rate,
+        with_unit(name, _output_unit(results)),
+    )
+
+
+def _stabilization(results: DatasetResults) -> Figure:
     return draw_stabilization(
         stabilization_table(results),
-        float(results.model["sampling_rate"]),
+        results.model.sampling_rate,
         results.spectrum,
-        selected.get("na"),
+        results.phases["joint"].orders.na,
         results.truth,
     )
 
 
-FIGURES = (
-    FigureEntry(
+REPORT_FIGURES = (
+    ReportFigure(
         "record",
         "Input and output as recorded, and as used after the transforms (chapter figure 3).",
-        ("recording.npz", "prepared.npz"),
+        (_FILES.recording, _FILES.prepared),
         lambda results: draw_record(results.recording, results.prepared),
         record_table,
     ),
-    FigureEntry(
+    ReportFigure(
         "spectrum",
         "Multitaper spectrum of the transformed output with 95 % band and peaks"
         " (chapter figure 4).",
-        ("spectrum.csv",),
-        lambda results: draw_spectrum(
-            results.spectrum, results.spectrum_summary, _output_unit(results), results.truth
-        ),
+        (_FILES.spectrum,),
+        _spectrum,
         spectrum_table,
     ),
-    FigureEntry(
+    ReportFigure(
         "delay",
         "RSS and BIC against the order for each delay (chapter figure 5).",
-        ("candidates.csv",),
+        (_FILES.candidates,),
         lambda results: draw_delay(results.candidates),
         delay_table,
     ),
-    FigureEntry(
+    ReportFigure(
         "phases",
-        "RSS and BIC of the three phases, the choice marked.",
-        ("candidates.csv",),
+        "RSS and BIC of the three phases, with the selected orders marked.",
+        (_FILES.candidates,),
         lambda results: draw_phases(results.candidates),
         phases_table,
     ),
-    FigureEntry(
+    ReportFigure(
         "poles_zeros",
         "Poles and zeros in the unit circle with 95 % confidence ellipses, and the modes.",
-        ("model.json",),
-        lambda results: draw_poles_zeros(results.model, results.truth),
+        (_FILES.model,),
+        lambda results: draw_poles_zeros(results.model.model, results.truth),
         roots_table,
     ),
-    FigureEntry(
+    ReportFigure(
         "frequency_response",
-        "Frequency response of G with 95 % band over the multitaper estimate and its coherence"
+        "Frequency response of G with 95 % band, and the multitaper estimate with its coherence"
         " (chapter figure 7).",
-        ("frequency_response.csv", "spectrum.csv"),
-        lambda results: draw_frequency_response(
-            results.frequency_response, results.spectrum, _gain_unit(results), results.truth
-        ),
+        (_FILES.frequency_response, _FILES.spectrum),
+        _frequency_response,
         frequency_response_table,
     ),
-    FigureEntry(
+    ReportFigure(
         "residuals",
         "Autocorrelation of the residuals and their cross-correlation with the input, with 95 %"
         " bounds (chapter figure 6).",
-        ("residual_autocorrelation.csv", "cross_correlation.csv"),
-        lambda results: draw_residuals(results.residual_autocorrelation, results.cross_correlation),
+        (_FILES.residual_autocorrelation, _FILES.cross_correlation),
+        _residuals,
         residuals_table,
     ),
-    FigureEntry(
+    ReportFigure(
         "simulation",
         "One-second simulation on the validation data and its error (chapter figure 8).",
-        ("simulation.csv",),
-        lambda results: draw_simulation(
-            results.simulation, float(results.model["sampling_rate"]), _simulation_label(results)
-        ),
+        (_FILES.simulation,),
+        _simulation,
         simulation_table,
     ),
-    FigureEntry(
+    ReportFigure(
         "stabilization",
-        "Stabilization diagram: the poles of every common order, with the spectrum behind.",
-        ("phases/common.json",),
+        "Stabilization diagram: the poles of every joint order, with the spectrum of the output.",
+        (_FILES.phase("joint"),),
         _stabilization,
         stabilization_table,
     ),
-    FigureEntry(
+    ReportFigure(
         "convergence",
-        "Convergence of the search for the chosen model: the best objective after each generation"
-        " and each final polish.",
-        ("phases/b.json",),
-        lambda results: draw_convergence(results.chosen_candidate()),
+        "Convergence of the search for the selected model: the lowest objective after each"
+        " generation and after each final descent.",
+        (_FILES.phase("nb"),),
+        lambda results: draw_convergence(results.selected.diagnostics.convergence),
         convergence_table,
     ),
 )
-FIGURE_NAMES = tuple(entry.name for entry in FIGURES)
+"""The figures in the order of :data:`evopem.results.layout.FIGURES`."""
 
 
-def draw_all(paths: Mapping[str, Path], directory: Path) -> list[Path]:
+def draw_all(results: DatasetResults, directory: Path) -> list[Path]:
     """Draw every figure of one data set.
 
     Parameters
     ----------
-    paths : mapping of str to Path
-        Result files, as for `read_results`.
+    results : DatasetResults
     directory : Path
-        Where the SVG files go.
+        Folder of the SVG files, which are named after the figures.
 
     Returns
     -------
     list of Path
         The files, in the order of the report.
     """
-    results = read_results(paths)
     files = []
-    for entry in FIGURES:
-        file = directory / f"{entry.name}.svg"
-        save_svg(entry.draw(results), file)
+    for figure in REPORT_FIGURES:
+        file = directory / f"{figure.name}.svg"
+        save_svg(figure.draw(results), file)
         files.append(file)
     return files

@@ -1,7 +1,8 @@
-"""One look for every figure: colours, lines, labels, and SVG of equal bytes for equal data.
+"""Style of all figures: colours, lines, labels, and reproducible SVG text.
 
-Every role has one colour that also differs in lightness or line style, so that figures read for the
-colour-blind and in greyscale. No colour is used for two roles, so a page may restyle them.
+Each role has one colour, which differs from the others in lightness or line style as well, so that
+figures can be read by the colour-blind and in greyscale. No colour has two roles, so a page may
+replace the colours.
 """
 
 from __future__ import annotations
@@ -20,15 +21,16 @@ from numpy.typing import ArrayLike, NDArray
 from evopem.files.atomic import write_text
 
 if TYPE_CHECKING:
+    import pandas as pd
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 INK = "#1f2328"  # text, axes and what was measured
 MUTED = "#6b7480"  # what was computed without a model
 GRID = "#dfe3e8"
-PAPER = "#fefefe"  # halos behind text and open markers
+PAPER = "#fefefe"  # behind labels and inside open markers
 MODEL = "#0a5fa8"  # the parametric model and its band
-ERROR = "#c64b05"  # errors, bounds exceeded, choices
+ERROR = "#c64b05"  # errors, bounds exceeded, selections
 TRUTH = "#0b8f6a"  # the known truth of a synthetic recording
 FOURTH = "#8b5aa8"  # a further curve of a family
 FIFTH = "#9a7b00"
@@ -36,7 +38,7 @@ FAMILY = (MODEL, ERROR, TRUTH, FOURTH, FIFTH, MUTED)
 FAMILY_MARKERS = ("o", "s", "^", "D", "v", "P")
 FAMILY_LINES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (1.2, 1.2)), "-.", (0, (7, 2)), ":")
 
-# Behind a label that stands on lines.
+# Background of a label that lies on lines.
 LABEL_BOX = {"facecolor": PAPER, "edgecolor": "none", "pad": 0.8}
 
 WIDTH = 7.2  # inches; 518 pt, the text width of the report
@@ -44,7 +46,7 @@ WIDTH = 7.2  # inches; 518 pt, the text width of the report
 PARAMETERS: Any = {  # matplotlib types its keys as one long Literal
     "svg.fonttype": "none",
     "svg.hashsalt": "evopem",
-    "text.parse_math": False,  # names and units are data: a dollar sign is a dollar sign
+    "text.parse_math": False,  # names and units are shown as they are, dollar signs included
     "axes.unicode_minus": True,
     "axes.formatter.useoffset": False,  # tick labels are the values themselves
     "font.family": "sans-serif",
@@ -91,7 +93,7 @@ T = TypeVar("T")
 
 
 def styled(draw: Callable[P, T]) -> Callable[P, T]:
-    """Run a drawing function in the project's style, leaving matplotlib's settings alone."""
+    """Run a drawing function with the project's settings of matplotlib, and restore them after."""
 
     @wraps(draw)
     def wrapper(*args: P.args, **kwargs: P.kwargs) -> T:
@@ -104,7 +106,7 @@ def styled(draw: Callable[P, T]) -> Callable[P, T]:
 
 
 def new_figure(height: float, width: float = WIDTH) -> Figure:
-    """Return an empty figure, in inches, that no global state knows of."""
+    """Return an empty figure, sizes in inches, that pyplot does not keep."""
     from matplotlib.figure import Figure
 
     return Figure(figsize=(width, height), layout="constrained")
@@ -112,10 +114,10 @@ def new_figure(height: float, width: float = WIDTH) -> Figure:
 
 @styled
 def svg_text(figure: Figure) -> str:
-    """Render a figure as SVG text: the same data give the same bytes.
+    """Render a figure as SVG text; equal data give equal bytes.
 
-    Path coordinates keep two decimals of a point, far below what is visible, so that the file
-    stays small and does not depend on the last bits of the machine's arithmetic.
+    Path coordinates are cut to two decimals of a point, far below what is visible. The file is
+    then small and does not depend on the last bits of the arithmetic.
     """
     stream = io.StringIO()
     figure.savefig(
@@ -132,13 +134,13 @@ def save_svg(figure: Figure, path: Path) -> None:
 
 
 def with_unit(name: str, unit: str) -> str:
-    """Label of an axis: name and unit, made printable; units not stated are left out."""
+    """Label of an axis: name and unit, with unprintable characters replaced."""
     shown = f"{name} ({unit})" if unit else name
     return "".join(character if character.isprintable() else "\ufffd" for character in shown)
 
 
 def ratio_unit(output_unit: str, input_unit: str) -> str:
-    """Unit of a gain, empty when either unit is not stated."""
+    """Unit of a gain, empty where either unit is not stated."""
     if not output_unit or not input_unit:
         return ""
     numerator = f"({output_unit})" if " " in output_unit else output_unit
@@ -147,20 +149,19 @@ def ratio_unit(output_unit: str, input_unit: str) -> str:
 
 
 def extremes(y: ArrayLike, bins: int = 1000) -> NDArray[np.intp]:
-    """Indices of the smallest and largest value of each bin, in their order.
+    """Indices of the smallest and largest value of each bin, in ascending order.
 
     Parameters
     ----------
     y : array_like, shape (N,)
-        A series; `nan` are passed over.
+        A series; NaN are ignored.
     bins : int
-        Number of bins. Of a series of at most 4 × bins points every index is returned, so that a
-        drawing gains from fewer points or shows them all.
+        Number of bins. Of a series of at most 4 × bins points every index is returned.
 
     Returns
     -------
     ndarray of int, shape (at most 4 * bins,)
-        Drawn at these indices, the envelope of the series is the true one.
+        The series at these indices has the same envelope as the whole one.
     """
     y = np.asarray(y, dtype=float)
     if y.size <= 4 * bins:
@@ -186,7 +187,7 @@ def decimate(
 
 
 def stems(x: ArrayLike, y: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Vertical lines from zero to y as one broken line: one path however many stems."""
+    """Vertical lines from zero to y as one broken line, which makes a single path."""
     x, y = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
     gap = np.full(x.size, np.nan)
     return (
@@ -224,7 +225,20 @@ def logarithmic(axes: Axes) -> None:
     axes.yaxis.set_minor_formatter(NullFormatter())
 
 
+def logarithmic_if_wide(axes: Axes, values: pd.Series) -> None:
+    """Make the vertical axis logarithmic where values span decades.
+
+    One bad candidate would otherwise flatten the others. Small values of one decade are labelled
+    one by one rather than with a common factor above the axis.
+    """
+    finite = values[np.isfinite(values)]
+    if len(finite) and finite.min() > 0 and finite.max() > 8 * finite.min():
+        logarithmic(axes)
+    elif len(finite) and 0 < finite.max() < 1e-3:
+        axes.yaxis.set_major_formatter(power_of_ten)
+
+
 def say_nothing_to_draw(axes: Axes, sentence: str) -> None:
-    """Say in the figure's place why there is no curve."""
+    """Write on empty axes why there is no curve."""
     axes.set_axis_off()
     axes.text(0.5, 0.5, sentence, transform=axes.transAxes, ha="center", va="center", color=MUTED)

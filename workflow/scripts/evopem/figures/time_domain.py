@@ -1,14 +1,14 @@
-"""Figures over time: the record before and after transforms, and the simulation."""
+"""Figures over time: the recording before and after the transforms, and the simulation."""
 
 from __future__ import annotations
 
-from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+import textwrap
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 
-from evopem.figures.labels import (
+from evopem.figures.signal_labels import (
     prepared_input_name,
     prepared_output_name,
     prepared_output_unit,
@@ -32,10 +32,14 @@ if TYPE_CHECKING:
     from evopem.signals.recording import Recording
 
 
+LineStyle = str | tuple[int, tuple[float, ...]]
+DASHED: LineStyle = (0, (4, 2))
+
+
 @styled
 def draw_record(recording: Recording, prepared: PreparedData) -> Figure:
     """Input and output before and after the transforms (chapter figure 3)."""
-    transforms = asdict(prepared.transforms)
+    transforms = prepared.transforms
     figure = new_figure(4.4)
     axes = figure.subplots(2, 2, sharex="col")
     time = np.arange(recording.output.size) / recording.sampling_rate
@@ -65,12 +69,12 @@ def draw_record(recording: Recording, prepared: PreparedData) -> Figure:
             with_unit(prepared_output_name(transforms, estimation.output_name), unit),
         ),
     )
-    for row, (fitted, fresh, label) in enumerate(after):
-        _estimation_and_validation(axes[row, 1], fitted, fresh, estimation.sampling_rate)
+    for row, (estimated, held_out, label) in enumerate(after):
+        _estimation_and_validation(axes[row, 1], estimated, held_out, estimation.sampling_rate)
         axes[row, 1].set_ylabel(_folded(label))
     axes[0, 1].set_title("As used")
     axes[1, 1].set_xlabel(
-        "Time (s)" if prepared.contiguous else "Time (s), validation record set behind"
+        "Time (s)" if prepared.contiguous else "Time (s); the validation recording follows"
     )
     axes[0, 1].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.1)
     return figure
@@ -90,8 +94,6 @@ def _estimation_and_validation(
 
 def _folded(label: str, width: int = 26) -> str:
     """Break a long label into lines."""
-    import textwrap
-
     return "\n".join(textwrap.wrap(label, width, break_on_hyphens=False)[:3]) or label
 
 
@@ -99,38 +101,50 @@ def _folded(label: str, width: int = 26) -> str:
 def draw_simulation(simulation: pd.DataFrame, sampling_rate: float, label: str) -> Figure:
     """One second of validation data, measured and simulated, and the errors (chapter figure 8).
 
-    The second shown starts at the first scored sample; slow recordings show at least 60 samples.
+    The second starts at the first scored sample. At least 60 samples are shown.
+
+    Parameters
+    ----------
+    simulation : pandas.DataFrame
+        As in ``simulation.csv``.
+    sampling_rate : float
+        Hz.
+    label : str
+        Name of the prepared output with its unit.
     """
     figure = new_figure(5.4)
     second, error, whole = figure.subplots(3, 1, height_ratios=(1.35, 1.0, 1.0))
     scored = simulation[simulation["simulated"].notna() & simulation["predicted"].notna()]
     shown = scored.iloc[: max(round(sampling_rate) + 1, 60)]
-    for column, options in (
-        ("output", {"color": INK, "label": "measured"}),
-        ("simulated", {"color": ERROR, "linestyle": (0, (4, 2)), "label": "simulated"}),
-    ):
-        x, y = decimate(shown["time_s"], shown[column])
-        second.plot(x, y, **options)
+    _lines(
+        second,
+        shown,
+        ("output", INK, "-", "measured"),
+        ("simulated", ERROR, DASHED, "simulated"),
+    )
     span = shown["time_s"].iloc[-1] - shown["time_s"].iloc[0] if len(shown) else 0.0
     second.set_title(f"The first {span:.3g} s of validation data")
     second.set_ylabel(_folded(label))
     _legend_above(second)
     second.tick_params(labelbottom=False)
     error.sharex(second)
-    for column, options in (
-        ("simulation_error", {"color": ERROR, "linestyle": (0, (4, 2)), "label": "of simulation"}),
-        ("prediction_error", {"color": MODEL, "label": "of one-step prediction"}),
-    ):
-        x, y = decimate(shown["time_s"], shown[column])
-        error.plot(x, y, **options)
+    _lines(
+        error,
+        shown,
+        ("simulation_error", ERROR, DASHED, "of simulation"),
+        ("prediction_error", MODEL, "-", "of one-step prediction"),
+    )
     error.set_title("Errors in that time")
     error.set_ylabel("Error")
     error.set_xlabel("Time from the first validation sample (s)")
     _legend_above(error)
-    x, y = decimate(simulation["time_s"], simulation["output"])
-    whole.plot(x, y, color=MUTED, linewidth=0.6, label="measured")
-    x, y = decimate(simulation["time_s"], simulation["simulation_error"])
-    whole.plot(x, y, color=ERROR, linewidth=0.6, label="error of simulation")
+    _lines(
+        whole,
+        simulation,
+        ("output", MUTED, "-", "measured"),
+        ("simulation_error", ERROR, "-", "error of simulation"),
+        width=0.6,
+    )
     whole.set_title("All validation data")
     whole.set_xlabel("Time from the first validation sample (s)")
     whole.set_ylabel(_folded(label))
@@ -138,6 +152,15 @@ def draw_simulation(simulation: pd.DataFrame, sampling_rate: float, label: str) 
     return figure
 
 
-def _legend_above(axes: Axes, **options: Any) -> None:
+def _lines(
+    axes: Axes, table: pd.DataFrame, *lines: tuple[str, str, LineStyle, str], width: float = 1.2
+) -> None:
+    """Draw columns over time, each given as column, colour, line style and label."""
+    for column, colour, style, label in lines:
+        x, y = decimate(table["time_s"], table[column])
+        axes.plot(x, y, color=colour, linestyle=style, linewidth=width, label=label)
+
+
+def _legend_above(axes: Axes) -> None:
     """Put the legend above the panel, where it hides no data."""
-    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, borderaxespad=0.1, **options)
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, borderaxespad=0.1)

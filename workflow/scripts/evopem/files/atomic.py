@@ -1,4 +1,4 @@
-"""Result files: written whole or not at all, the same bytes for the same content."""
+"""Atomic writes of text, JSON and tables; equal content gives equal bytes."""
 
 from __future__ import annotations
 
@@ -17,33 +17,39 @@ from evopem.errors import InputError
 if TYPE_CHECKING:
     import pandas as pd
 
+# Start of the names of temporary folders.
+_TEMPORARY = ".writing-"
 _INSTALL = "install it, or evopem with its formats: pip install 'PATH[formats]'"
 
 
 @contextmanager
-def whole(path: str | Path) -> Iterator[Path]:
-    """Offer a temporary path beside `path`, and put the file in place once it is complete.
+def atomic_write(path: str | Path) -> Iterator[Path]:
+    """Write a file completely or not at all.
+
+    The body of the ``with`` statement writes to a temporary path in the same folder, which then
+    replaces `path` in one step. If the body raises an error, a file at `path` stays as it was.
 
     Parameters
     ----------
     path : path
-        Where the file is to be. A file already there stays as it is when writing fails.
+        The file to write. Its folder is created if it does not exist.
 
     Yields
     ------
     Path
-        Where to write; it ends like `path`.
+        The temporary path; it has the name of `path`.
 
     Raises
     ------
     InputError
-        When the file system refuses: a full disk, a folder that may not be written to.
+        When the file system refuses: the disk is full, or there is no write permission.
     """
     path = Path(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=path.parent, prefix=".writing-") as folder:
-            # A file made inside has the permissions of any new file.
+        with tempfile.TemporaryDirectory(dir=path.parent, prefix=_TEMPORARY) as folder:
+            # A file created in the temporary folder has the permissions of any new file, which
+            # one made by tempfile.NamedTemporaryFile has not.
             temporary = Path(folder) / path.name
             yield temporary
             os.replace(temporary, path)  # noqa: PTH105
@@ -51,18 +57,31 @@ def whole(path: str | Path) -> Iterator[Path]:
         raise InputError(
             str(path),
             f"cannot be written ({error.strerror or error})",
-            "make room or give permission there, and run again",
+            "free disk space or change the permissions of that folder, and run again",
         ) from error
+
+
+def files_below(folder: str | Path, ending: str) -> list[Path]:
+    """Complete files in a folder and its subfolders whose name has an ending, in their order.
+
+    Other processes may write and delete files there meanwhile.
+    """
+    found: list[Path] = []
+    # Path.rglob raises an error when a folder vanishes while it is read; os.walk does not.
+    for parent, folders, names in os.walk(folder):
+        folders[:] = [name for name in folders if not name.startswith(_TEMPORARY)]
+        found += [Path(parent) / name for name in names if name.endswith(ending)]
+    return sorted(found)
 
 
 def write_text(path: str | Path, text: str) -> None:
     """Write a text as UTF-8."""
-    with whole(path) as temporary:
+    with atomic_write(path) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="\n")
 
 
 def write_json(path: str | Path, content: Mapping[str, Any] | Sequence[Any]) -> None:
-    """Write indented JSON; floats keep every bit, and NaN is refused.
+    """Write indented JSON. Floats are written exactly.
 
     Raises
     ------
@@ -73,13 +92,14 @@ def write_json(path: str | Path, content: Mapping[str, Any] | Sequence[Any]) -> 
 
 
 def write_table(path: str | Path, table: Mapping[str, Iterable[Any]] | pd.DataFrame) -> None:
-    """Write columns as CSV with a header; floats keep every bit, a missing value is empty.
+    """Write columns as CSV with a header. Floats are written exactly; a missing value is empty.
 
     Parameters
     ----------
     path : path
     table : mapping or DataFrame
-        Columns of equal length, by name. (A mapping of arrays spares a job the import of pandas.)
+        Columns of equal length, by name. A job that passes a mapping of arrays need not import
+        pandas.
     """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
@@ -90,8 +110,8 @@ def write_table(path: str | Path, table: Mapping[str, Iterable[Any]] | pd.DataFr
 
 
 def _python_values(column: Any) -> list[Any]:
-    """List the values of an array, a Series or any iterable as Python's own: exact as text."""
-    if hasattr(column, "notna"):  # pandas has missing values of its own
+    """The values of an array, a Series or any iterable as Python objects, whose text is exact."""
+    if hasattr(column, "notna"):  # pandas has its own missing values
         column = column.astype(object).where(column.notna(), None)
     values = column.tolist() if hasattr(column, "tolist") else list(column)
     return ["" if value is None or value != value else value for value in values]
@@ -112,5 +132,5 @@ def write_parquet(path: str | Path, table: pd.DataFrame) -> None:
         raise InputError(
             str(path), "Parquet is written by pyarrow, which is not installed", _INSTALL
         ) from None
-    with whole(path) as temporary:
+    with atomic_write(path) as temporary:
         parquet.write_table(arrow.Table.from_pandas(table, preserve_index=False), temporary)

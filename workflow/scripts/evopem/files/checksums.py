@@ -1,7 +1,8 @@
-"""Seals: a digest beside each result, so that none is read again that was changed meanwhile.
+"""SHA-256 checksums of result files, in the format of ``sha256sum``.
 
-A flipped digit in a JSON file is still JSON; only a digest tells it from what was written. Each
-data set's folder holds them in ``seals/``, a small text file for each result, under its own name.
+A changed digit in a JSON file is still valid JSON; only a checksum reveals it. Each job writes one
+file with the checksums of its outputs, ``checksums/<job>.sha256``, with paths relative to the
+folder of the data set, so that ``sha256sum -c`` verifies them from that folder.
 """
 
 from __future__ import annotations
@@ -11,49 +12,124 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from evopem.errors import InputError
-from evopem.files.atomic import write_text
+from evopem.files.atomic import files_below, write_text
 
-FOLDER = "seals"
-
-
-def seal(files: Iterable[str | Path], root: str | Path) -> None:
-    """Keep the digests of result files that lie below `root` in its folder of seals."""
-    root = Path(root)
-    for file in map(Path, files):
-        write_text(_seal_of(file, root), _digest(file) + "\n")
+FOLDER = "checksums"
+_SUFFIX = ".sha256"
 
 
-def check_seals(files: Iterable[str | Path]) -> None:
-    """Refuse a result file that is not what its job wrote; one without a seal passes.
+def sha256_of_file(path: str | Path) -> str:
+    """SHA-256 of a file's content, as 64 hexadecimal digits."""
+    with Path(path).open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def write_checksums(files: Iterable[str | Path], folder: str | Path, job: str) -> None:
+    """Write the checksums of a job's outputs to ``<folder>/checksums/<job>.sha256``.
+
+    Lines about the same files that other jobs wrote are removed: other jobs make these files when
+    the workflow is divided differently.
+
+    Parameters
+    ----------
+    files : iterable of path
+        Outputs of the job, in `folder` or its subfolders.
+    folder : path
+        Folder of the data set, or of the results as a whole.
+    job : str
+        Name of the job; it may contain slashes, as in ``phases/delay/part-1``.
+    """
+    folder = Path(folder)
+    own = {Path(file).relative_to(folder).as_posix(): sha256_of_file(file) for file in files}
+    own_file = folder / FOLDER / f"{job}{_SUFFIX}"
+    for other_file in _checksum_files(folder):
+        if other_file != own_file:
+            _remove_lines(other_file, folder, own)
+    _write(own_file, own)
+
+
+def verify_checksums(files: Iterable[str | Path], root: str | Path) -> None:
+    """Verify files against the checksums that their jobs wrote.
+
+    A file without a checksum passes, and so does one that does not exist.
+
+    Parameters
+    ----------
+    files : iterable of path
+    root : path
+        Folder of the data set, or of the results as a whole. Files elsewhere, such as a user's
+        recordings, are not verified.
 
     Raises
     ------
     InputError
-        Naming the file.
+        When a file was changed; the error names it.
     """
+    root = Path(root)
+    known: dict[Path, dict[str, str]] = {}
     for file in map(Path, files):
-        kept = next(
-            (
-                _seal_of(file, folder)
-                for folder in file.parents
-                if folder.name and _seal_of(file, folder).is_file()
-            ),
-            None,
-        )
-        if kept is None or not file.is_file():
+        if not file.is_relative_to(root) or not file.is_file():
             continue
-        if kept.read_text(encoding="utf-8").strip() != _digest(file):
-            raise InputError(
-                str(file),
-                "it was changed or damaged after it was written",
-                "delete it and run snakemake again, which makes it anew",
-            )
+        for folder in (up for up in file.parents if up.is_relative_to(root)):
+            if folder not in known:
+                known[folder] = _checksums_in(folder)
+            checksum = known[folder].get(file.relative_to(folder).as_posix())
+            if checksum is not None and checksum != sha256_of_file(file):
+                raise InputError(
+                    str(file),
+                    "was changed or damaged after it was written",
+                    "delete it and run snakemake again, which writes it anew",
+                )
 
 
-def _seal_of(file: Path, root: Path) -> Path:
-    return root / FOLDER / file.relative_to(root).with_name(f"{file.name}.sha256")
+def _checksum_files(folder: Path) -> list[Path]:
+    return files_below(folder / FOLDER, _SUFFIX)
 
 
-def _digest(file: Path) -> str:
-    with file.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
+def _checksums_in(folder: Path) -> dict[str, str]:
+    """All checksums of a folder, by path relative to it."""
+    return {
+        path: checksum for file in _checksum_files(folder) for path, checksum in _read(file).items()
+    }
+
+
+def _read(file: Path) -> dict[str, str]:
+    """The checksums of one file by path; empty where another job has just removed the file."""
+    try:
+        lines = file.read_text(encoding="utf-8", errors="replace").splitlines()
+    except FileNotFoundError:
+        return {}
+    pairs = (line.split("  ", 1) for line in lines)
+    return {pair[1]: pair[0] for pair in pairs if len(pair) == 2}
+
+
+def _write(file: Path, checksums: dict[str, str]) -> None:
+    if checksums:
+        write_text(file, "".join(f"{value}  {path}\n" for path, value in checksums.items()))
+    else:
+        file.unlink(missing_ok=True)
+
+
+def _remove_lines(file: Path, folder: Path, paths: Iterable[str]) -> None:
+    """Remove the lines about given files, and any other line that is not right.
+
+    Two jobs may do this to one file at the same time. Neither writes back a line that the other one
+    removes: the outputs of a job do not exist until it has made them, and then differ.
+    """
+    checksums = _read(file)
+    if checksums.keys().isdisjoint(paths):
+        return
+    removed = set(paths)
+    kept = {
+        path: checksum
+        for path, checksum in checksums.items()
+        if path not in removed and _is_right(folder / path, checksum)
+    }
+    _write(file, kept)
+
+
+def _is_right(file: Path, checksum: str) -> bool:
+    try:
+        return sha256_of_file(file) == checksum
+    except OSError:
+        return False

@@ -1,15 +1,17 @@
-"""What a job says: progress into its log file, and a user's mistake in one sentence."""
+"""The frame of a job: log file, error messages, checksums, and the record of an unfinished job."""
 
 from __future__ import annotations
 
 import logging
 import sys
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
 
 from evopem.errors import InputError
-from evopem.files.checksums import check_seals, seal
+from evopem.files.checksums import verify_checksums, write_checksums
+from evopem.files.unfinished import UnfinishedJob, delete_records, write_record
 
 
 @contextmanager
@@ -18,20 +20,21 @@ def job(
     inputs: Iterable[str | Path] = (),
     outputs: Iterable[str | Path] = (),
 ) -> Iterator[logging.Logger]:
-    """Run a job's work on results that are as they were written, its messages in a log file.
+    """Run the work of a job, with its messages in a log file.
 
-    An `InputError`, and memory that runs out, end the process with exit code 1 and a sentence on
-    standard error and in the log; any other error leaves its traceback there as well.
+    An `InputError`, or a lack of memory, ends the process with exit code 1 and one sentence on
+    standard error and in the log. Any other error is raised again, with its traceback in the log.
+    Until the job succeeds, there is a record of it (:mod:`evopem.files.unfinished`).
 
     Parameters
     ----------
     log_file : path
-        Created with its folder, or overwritten; somewhere below a folder ``logs``, beside which
-        the outputs lie, where there are any.
+        Overwritten; its folder is created if it does not exist. It lies in a folder ``logs`` or in
+        a subfolder of it, and the results of the job lie in the folder that holds ``logs``.
     inputs : iterable of path
-        Checked against their seals before the work begins.
+        Those that are results are verified against their checksums before the work begins.
     outputs : iterable of path
-        Sealed when it is done.
+        Their checksums are written when the work is done.
 
     Yields
     ------
@@ -39,31 +42,77 @@ def job(
         The package's logger, for progress.
     """
     log_file = Path(log_file)
-    log_file.parent.mkdir(parents=True, exist_ok=True)
-    # A log that cannot be written must not hide what the job says.
+    logs = next(up for up in log_file.parents if up.name == "logs")
+    made = [Path(output) for output in outputs]
+    record = UnfinishedJob(
+        job=log_file.relative_to(logs).with_suffix("").as_posix(),
+        outputs=tuple(output.relative_to(logs.parent).as_posix() for output in made),
+    )
+
+    def fail(error: InputError) -> None:
+        # On a full disk the record stays as it was written at the start, without a message.
+        with suppress(InputError):
+            write_record(replace(record, message=str(error)), logs)
+        # One call: jobs that fail at the same time share the terminal.
+        sys.stderr.write(f"{error}\n")
+        sys.exit(1)
+
+    try:
+        handler = _log_handler(log_file)
+    except InputError as error:
+        fail(error)
+    with _attached(handler) as logger:
+        try:
+            write_record(record, logs)
+            verify_checksums(inputs, logs.parent)
+            yield logger
+            write_checksums(made, logs.parent, record.job)
+            delete_records(record, logs)
+        except (InputError, MemoryError) as error:
+            mistake = error if isinstance(error, InputError) else _lack_of_memory(logs, record)
+            logger.error("%s", mistake)
+            fail(mistake)
+        except BaseException as error:
+            logger.exception("The job failed.")
+            with suppress(InputError):
+                write_record(replace(record, message=_unexpected(error, log_file)), logs)
+            raise
+
+
+def _log_handler(log_file: Path) -> logging.FileHandler:
+    """Open a log file.
+
+    Raises
+    ------
+    InputError
+        When it cannot be written.
+    """
+    try:
+        log_file.parent.mkdir(parents=True, exist_ok=True)
+        handler = logging.FileHandler(log_file, mode="w", encoding="utf-8")
+    except OSError as error:
+        raise InputError(
+            str(log_file),
+            f"cannot be written ({error.strerror or error})",
+            "free disk space or change the permissions of that folder, and run again",
+        ) from None
+    handler.setFormatter(logging.Formatter("%(asctime)s %(message)s", "%H:%M:%S"))
+    return handler
+
+
+@contextmanager
+def _attached(handler: logging.Handler) -> Iterator[logging.Logger]:
+    """Send the messages of the package, and all warnings, to a handler."""
+    # A message that cannot be logged must not put a traceback on standard error.
     logging.raiseExceptions = False
     logger = logging.getLogger("evopem")
     warnings = logging.getLogger("py.warnings")
     logging.captureWarnings(True)
-    handler = logging.FileHandler(log_file, mode="w", encoding="utf-8")
-    handler.setFormatter(logging.Formatter("%(asctime)s %(message)s", "%H:%M:%S"))
     logger.setLevel(logging.INFO)
     for each in (logger, warnings):
         each.addHandler(handler)
     try:
-        check_seals(inputs)
         yield logger
-        if outputs:
-            seal(outputs, next(up.parent for up in log_file.parents if up.name == "logs"))
-    except (InputError, MemoryError) as error:
-        sentence = _too_little_memory(log_file) if isinstance(error, MemoryError) else error
-        logger.error("%s", sentence)
-        # In one piece: jobs that fail side by side share the terminal.
-        sys.stderr.write(f"{sentence}\n")
-        sys.exit(1)
-    except BaseException:
-        logger.exception("The job failed.")
-        raise
     finally:
         for each in (logger, warnings):
             each.removeHandler(handler)
@@ -71,9 +120,15 @@ def job(
         logging.captureWarnings(False)
 
 
-def _too_little_memory(log_file: Path) -> InputError:
+def _lack_of_memory(logs: Path, record: UnfinishedJob) -> InputError:
     return InputError(
-        str(log_file.with_suffix("")),
-        "this job needs more memory than it may have",
-        "run fewer jobs at once, raise its limit or its mem_mb, or shorten the recording",
+        str(logs.parent / record.job),
+        "this job needs more memory than is available",
+        "run fewer jobs at the same time, raise its mem_mb, or shorten the recording",
     )
+
+
+def _unexpected(error: BaseException, log_file: Path) -> str:
+    if isinstance(error, KeyboardInterrupt):
+        return f"{log_file}: the job was interrupted; run snakemake again."
+    return f"{log_file}: the job failed with {type(error).__name__}; its log says more."

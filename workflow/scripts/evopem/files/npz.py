@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.errors import InputError
-from evopem.files.atomic import whole
+from evopem.files.atomic import atomic_write
 
 
 def save_arrays(path: str | Path, arrays: Mapping[str, NDArray[Any]]) -> None:
@@ -25,7 +25,7 @@ def save_arrays(path: str | Path, arrays: Mapping[str, NDArray[Any]]) -> None:
         Arrays of numbers or of text; none may need pickling.
     """
     # numpy stamps every member with 1980-01-01, so the bytes depend on the content alone.
-    with whole(path) as temporary, temporary.open("wb") as file:
+    with atomic_write(path) as temporary, temporary.open("wb") as file:
         np.savez(file, allow_pickle=False, **dict(arrays))
 
 

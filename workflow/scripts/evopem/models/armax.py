@@ -94,6 +94,15 @@ class ArmaxModel:
         """Parameter vector ``[a_1.., b_0.., c_1..]``, (n,)."""
         return np.concatenate([self.a[1:], self.b, self.c[1:]])
 
+    def parameter_standard_errors(self) -> Array | None:
+        """Standard errors of :attr:`parameters`, (n,); None where the covariance is not known.
+
+        Infinite for a parameter that the data do not determine.
+        """
+        if self.covariance is None:
+            return None
+        return self.covariance.standard_errors(np.eye(len(self.parameters)))
+
     @property
     def delayed_b(self) -> Array:
         """B with its nk leading zeros, as polynomials are written elsewhere; (nk + nb,)."""

@@ -1,5 +1,7 @@
-"""Reports: one self-contained HTML file for a data set, and an index over several."""
+"""The report of a data set, and the list of several, as self-contained HTML pages."""
 
-from evopem.report.page import build_index, build_report
+from evopem.report.index_page import build_index
+from evopem.report.page import build_report
+from evopem.report.wall_clock import read_wall_clock
 
-__all__ = ["build_index", "build_report"]
+__all__ = ["build_index", "build_report", "read_wall_clock"]

@@ -3,54 +3,130 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict
+from itertools import repeat
 
 from markupsafe import Markup
 
+from evopem.models.armax import ArmaxModel
 from evopem.report.numbers import number
 
 
-def _signed(terms: Iterable[tuple[float, Markup]]) -> Markup:
-    """Terms joined by their signs; each may wrap to a new line as a whole."""
-    parts: list[Markup] = []
-    for coefficient, factor in terms:
-        sign = "−" if coefficient < 0 else "+"
-        size = number(abs(coefficient), 5)
-        if not parts:
-            lead = "−" if coefficient < 0 else ""
-            parts.append(Markup('<span class="term">{}{} {}</span>').format(lead, size, factor))
-        else:
-            parts.append(Markup('<span class="term">{} {} {}</span>').format(sign, size, factor))
-    return Markup(" ").join(parts) if parts else Markup("0")
-
-
-def _power(lag: int) -> Markup:
-    return Markup("") if lag == 0 else Markup("<i>q</i><sup>−{}</sup>").format(lag)
-
-
-def _at(symbol: str, lag: int) -> Markup:
-    delayed = f"t − {lag}" if lag else "t"
-    shown = delayed.replace("t", "<i>t</i>")
-    return Markup(f"<i>{symbol}</i>({shown})")
-
-
-def polynomials(model: Mapping[str, Any]) -> list[tuple[str, Markup]]:
+def polynomials(model: ArmaxModel) -> list[tuple[str, Markup]]:
     """A, B and C in the backshift operator, each with its letter."""
-    nk = int(model["orders"]["nk"])
     rows = []
-    for letter, first in (("a", 0), ("b", nk), ("c", 0)):
-        coefficients = model[letter]
-        terms = [(float(x), _power(first + lag)) for lag, x in enumerate(coefficients)]
-        if letter != "b":
-            rest = _signed_rest(terms[1:])
-            rows.append((letter.upper(), Markup('<span class="term">1</span> ') + rest))
+    for letter, coefficients, first in _polynomials(model):
+        terms = [(value, _power(lag)) for lag, value in enumerate(coefficients, start=first)]
+        if letter == "B":
+            rows.append((letter, _signed(terms)))
         else:
-            rows.append((letter.upper(), _signed(terms)))
+            rest = _signed_rest(terms[1:])
+            rows.append((letter, Markup('<span class="term">1</span> ') + rest))
     return rows
 
 
-def _signed_rest(terms: Sequence[tuple[float, Markup]]) -> Markup:
+def difference_equation(model: ArmaxModel) -> Markup:
+    """``y(t) = −a1 y(t−1) … + b0 u(t−nk) … + e(t) + c1 e(t−1) …``."""
+    terms = [(-value, _at("y", lag)) for lag, value in enumerate(model.a) if lag]
+    terms += [(value, _at("u", lag)) for lag, value in enumerate(model.b, start=model.nk)]
+    noise = [(value, _at("e", lag)) for lag, value in enumerate(model.c) if lag]
+    return (
+        _signed(terms)
+        + Markup(' <span class="term">+ {}</span> ').format(_at("e", 0))
+        + _signed_rest(noise)
+    )
+
+
+def text(model: ArmaxModel) -> str:
+    """The equation and its polynomials in plain characters, ten significant digits."""
+    lines = ["A(q) y(t) = B(q) u(t) + C(q) e(t)"]
+    for letter, coefficients, first in _polynomials(model):
+        terms: list[str] = []
+        for lag, coefficient in enumerate(coefficients, start=first):
+            size = f"{abs(coefficient):.10g}" + (f" q^-{lag}" if lag else "")
+            if not terms:
+                terms.append(f"-{size}" if coefficient < 0 else size)
+            else:
+                terms.append(f"{'-' if coefficient < 0 else '+'} {size}")
+        lines.append(f"{letter}(q) = {' '.join(terms) or '0'}")
+    lines.append(f"variance of e = {model.noise_variance:.10g}")
+    lines.append(f"sampling rate = {model.sampling_rate:.10g} Hz")
+    return "\n".join(lines)
+
+
+def as_json(model: ArmaxModel) -> str:
+    """Orders, coefficients, noise variance and sampling rate as a JSON object."""
+    entries = {
+        "orders": asdict(model.orders),
+        "a": model.a.tolist(),
+        "b": model.b.tolist(),
+        "c": model.c.tolist(),
+        "noise_variance": model.noise_variance,
+        "sampling_rate": model.sampling_rate,
+    }
+    lines = [f"  {json.dumps(key)}: {json.dumps(value)}" for key, value in entries.items()]
+    return "{\n" + ",\n".join(lines) + "\n}"
+
+
+def matlab(model: ArmaxModel) -> str:
+    """MATLAB statement that makes the model an ``idpoly``."""
+    a, b, c = (
+        " ".join(f"{value:.17g}" for value in coefficients)
+        for coefficients in (model.a, model.delayed_b, model.c)
+    )
+    return (
+        f"model = idpoly([{a}], ...\n    [{b}], ...\n    [{c}], ...\n"
+        f"    1, 1, {model.noise_variance:.17g}, {1 / model.sampling_rate:.17g});"
+    )
+
+
+def python(model: ArmaxModel) -> str:
+    """Python statements that make the transfer function G with python-control."""
+    length = max(len(model.delayed_b), len(model.a))
+    b, a = (
+        ", ".join(
+            f"{value:.17g}" for value in [*coefficients, *repeat(0.0, length - len(coefficients))]
+        )
+        for coefficients in (model.delayed_b, model.a)
+    )
+    return (
+        "import control\n\n"
+        f"G = control.tf(\n    [{b}],\n    [{a}],\n    {1 / model.sampling_rate:.17g},\n)"
+    )
+
+
+def coefficient_table(model: ArmaxModel) -> list[tuple[str, int, float, float | None]]:
+    """Every estimated coefficient: letter, lag, value, standard error (None where unknown)."""
+    named = [
+        (letter, lag, float(value))
+        for letter, coefficients, first in _polynomials(model)
+        for lag, value in enumerate(coefficients, start=first)
+        if lag > 0 or letter == "B"
+    ]
+    known = model.parameter_standard_errors()
+    errors = repeat(None, len(named)) if known is None else map(float, known)
+    return [(*name, error) for name, error in zip(named, errors, strict=True)]
+
+
+def _polynomials(model: ArmaxModel) -> tuple[tuple[str, Sequence[float], int], ...]:
+    """Letter, coefficients and first lag of each polynomial."""
+    return (
+        ("A", model.a.tolist(), 0),
+        ("B", model.b.tolist(), model.nk),
+        ("C", model.c.tolist(), 0),
+    )
+
+
+def _signed(terms: Iterable[tuple[float, Markup]]) -> Markup:
+    """Terms joined by their signs; a line breaks between terms alone."""
+    (first, factor), *rest = terms
+    lead = "−" if first < 0 else ""
+    shown = Markup('<span class="term">{}{} {}</span>').format(lead, number(abs(first), 5), factor)
+    return shown + " " + _signed_rest(rest) if rest else shown
+
+
+def _signed_rest(terms: Iterable[tuple[float, Markup]]) -> Markup:
     return Markup(" ").join(
         Markup('<span class="term">{} {} {}</span>').format(
             "−" if coefficient < 0 else "+", number(abs(coefficient), 5), factor
@@ -59,79 +135,10 @@ def _signed_rest(terms: Sequence[tuple[float, Markup]]) -> Markup:
     )
 
 
-def difference_equation(model: Mapping[str, Any]) -> Markup:
-    """``y(t) = −a1 y(t−1) … + b0 u(t−nk) … + e(t) + c1 e(t−1) …``."""
-    nk = int(model["orders"]["nk"])
-    terms = [(-float(x), _at("y", lag)) for lag, x in enumerate(model["a"]) if lag]
-    terms += [(float(x), _at("u", nk + lag)) for lag, x in enumerate(model["b"])]
-    noise = [(float(x), _at("e", lag)) for lag, x in enumerate(model["c"]) if lag]
-    return (
-        _signed(terms)
-        + Markup(' <span class="term">+ {}</span> ').format(_at("e", 0))
-        + _signed_rest(noise)
-    )
+def _power(lag: int) -> Markup:
+    return Markup("") if lag == 0 else Markup("<i>q</i><sup>−{}</sup>").format(lag)
 
 
-def text(model: Mapping[str, Any]) -> str:
-    """The equation and its polynomials in plain characters, ten significant digits."""
-    nk = int(model["orders"]["nk"])
-    lines = ["A(q) y(t) = B(q) u(t) + C(q) e(t)"]
-    for letter, first in (("a", 0), ("b", nk), ("c", 0)):
-        terms: list[str] = []
-        for lag, coefficient in enumerate(model[letter], start=first):
-            size = f"{abs(coefficient):.10g}" + (f" q^-{lag}" if lag else "")
-            if not terms:
-                terms.append(f"-{size}" if coefficient < 0 else size)
-            else:
-                terms.append(f"{'-' if coefficient < 0 else '+'} {size}")
-        lines.append(f"{letter.upper()}(q) = {' '.join(terms) or '0'}")
-    lines.append(f"variance of e = {model['noise_variance']:.10g}")
-    lines.append(f"sampling rate = {model['sampling_rate']:.10g} Hz")
-    return "\n".join(lines)
-
-
-def as_json(model: Mapping[str, Any]) -> str:
-    """Orders, coefficients, noise variance and sampling rate as a JSON object."""
-    keys = ("orders", "a", "b", "c", "noise_variance", "sampling_rate")
-    entries = [f"  {json.dumps(key)}: {json.dumps(model[key])}" for key in keys]
-    return "{\n" + ",\n".join(entries) + "\n}"
-
-
-def matlab(model: Mapping[str, Any]) -> str:
-    """MATLAB statement that makes the model an ``idpoly``."""
-    leading = [0.0] * int(model["orders"]["nk"])
-    a, b, c = (
-        " ".join(f"{x:.17g}" for x in coefficients)
-        for coefficients in (model["a"], [*leading, *model["b"]], model["c"])
-    )
-    return (
-        f"model = idpoly([{a}], ...\n    [{b}], ...\n    [{c}], ...\n"
-        f"    1, 1, {model['noise_variance']:.17g}, {1 / model['sampling_rate']:.17g});"
-    )
-
-
-def python(model: Mapping[str, Any]) -> str:
-    """Python statements that make the transfer function G with python-control."""
-    leading = [0.0] * int(model["orders"]["nk"])
-    numerator = [*leading, *model["b"]]
-    length = max(len(numerator), len(model["a"]))
-    b, a = (
-        ", ".join(f"{x:.17g}" for x in [*coefficients, *[0.0] * (length - len(coefficients))])
-        for coefficients in (numerator, model["a"])
-    )
-    return (
-        "import control\n\n"
-        f"G = control.tf(\n    [{b}],\n    [{a}],\n    {1 / model['sampling_rate']:.17g},\n)"
-    )
-
-
-def coefficient_table(model: Mapping[str, Any]) -> list[tuple[str, int, float, float | None]]:
-    """Every estimated coefficient: letter, lag, value, standard error."""
-    errors = list(model.get("parameter_standard_errors") or [])
-    nk = int(model["orders"]["nk"])
-    named = [("a", lag, float(x)) for lag, x in enumerate(model["a"]) if lag]
-    named += [("b", nk + lag, float(x)) for lag, x in enumerate(model["b"])]
-    named += [("c", lag, float(x)) for lag, x in enumerate(model["c"]) if lag]
-    if len(errors) != len(named):
-        errors = [None] * len(named)
-    return [(*name, error) for name, error in zip(named, errors, strict=True)]
+def _at(symbol: str, lag: int) -> Markup:
+    delay = Markup(" − {}").format(lag) if lag else Markup("")
+    return Markup("<i>{}</i>(<i>t</i>{})").format(symbol, delay)

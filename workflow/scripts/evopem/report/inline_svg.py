@@ -1,4 +1,4 @@
-"""An SVG file made fit to stand inside a page."""
+"""An SVG file as an element of an HTML page."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from evopem.figures import style
 
 SVG = "http://www.w3.org/2000/svg"
 XLINK = "http://www.w3.org/1999/xlink"
-# Each role's colour becomes a variable, so that the page can have a light and a dark theme.
+# Each colour becomes a variable, so that the page can have a light and a dark theme.
 VARIABLES = {
     style.INK: "--figure-ink",
     style.MUTED: "--figure-muted",
@@ -26,21 +26,21 @@ VARIABLES = {
 
 
 def inline_svg(text: str, name: str, label: str) -> Markup:
-    """Prepare a figure's SVG for a page that holds several.
+    """Prepare a figure for a page with several figures.
 
     Parameters
     ----------
     text : str
         An SVG file in the style of `evopem.figures.style`.
     name : str
-        Prefix that keeps the ids of several figures apart.
+        Prefix of the ids, which makes them unique in the page.
     label : str
-        What the figure shows, for those who do not see it.
+        Description of the figure for screen readers.
 
     Returns
     -------
     markupsafe.Markup
-        An ``svg`` element without fixed size, style sheet, metadata or scripts.
+        An ``svg`` element without fixed size, style sheet, metadata and scripts.
     """
     ElementTree.register_namespace("", SVG)
     ElementTree.register_namespace("xlink", XLINK)

@@ -1,24 +1,28 @@
-"""Numbers as they are printed: a true minus sign, sensible digits, errors to two digits."""
+"""Numbers as they are printed: a true minus sign, sensible digits, errors to two digits.
+
+What is missing or not finite is printed as a dash, or as "not known" where it is a standard error.
+"""
 
 from __future__ import annotations
 
 import math
-from typing import Any, TypeGuard
+from typing import TypeGuard
 
 # Narrow no-break space, between a number and its unit.
 THIN = "\u202f"
 # No-break space, inside a number.
 FIRM = "\u00a0"
 MISSING = "–"
+NOT_KNOWN = "not known"
 
 
-def is_number(value: Any) -> TypeGuard[float]:
-    """Whether a value is there and finite."""
-    return isinstance(value, int | float) and math.isfinite(value)
+def is_number(value: object) -> TypeGuard[float]:
+    """Whether a value is a finite number."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
 
 
-def number(value: Any, digits: int = 4) -> str:
-    """A number to so many significant digits, or a dash for none."""
+def number(value: float | None, digits: int = 4) -> str:
+    """A number with significant digits, or a dash."""
     if not is_number(value):
         return MISSING
     text = f"{value:.{digits}g}"
@@ -28,26 +32,26 @@ def number(value: Any, digits: int = 4) -> str:
     return text.replace("-", "−")
 
 
-def raw(value: Any) -> str:
-    """A number for machines, at full precision; nothing for none."""
+def raw(value: float | None) -> str:
+    """A number for programs, with 12 digits; empty where it is missing."""
     return f"{value:.12g}" if is_number(value) else ""
 
 
 def superscript(power: int) -> str:
-    """A power as raised digits."""
+    """A power as superscript digits."""
     return str(power).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
 
 
-def fixed(value: Any, decimals: int = 2) -> str:
-    """A number with so many decimals, or a dash for none."""
+def fixed(value: float | None, decimals: int = 2) -> str:
+    """A number with a fixed number of decimals, or a dash."""
     if not is_number(value):
         return MISSING
     text = f"{value:.{decimals}f}"
     return text.lstrip("-") if float(text) == 0 else text.replace("-", "−")
 
 
-def percent(value: Any, digits: int = 3) -> str:
-    """A percentage with its sign."""
+def percent(value: float | None, digits: int = 3) -> str:
+    """A percentage with its sign, or a dash."""
     if not is_number(value):
         return MISSING
     if value and abs(value) < 1e-4:
@@ -56,32 +60,42 @@ def percent(value: Any, digits: int = 3) -> str:
     return f"{fixed(value, decimals)}{THIN}%"
 
 
-def count(value: Any) -> str:
-    """A whole number, its thousands set apart."""
+def count(value: float | None) -> str:
+    """A whole number with separated thousands, or a dash."""
     return f"{int(value):,}".replace(",", THIN) if is_number(value) else MISSING
 
 
-def with_error(value: Any, error: Any) -> str:
-    """A value and its standard error, the error to two digits and the value to the same place."""
+def hertz(frequency: float | None) -> str:
+    """A frequency with its unit."""
+    return f"{number(frequency)}{THIN}Hz"
+
+
+def standard_error(error: float | None) -> str:
+    """A standard error to two digits, or "not known"."""
+    return number(error, 2) if is_number(error) else NOT_KNOWN
+
+
+def with_error(value: float | None, error: float | None) -> str:
+    """A value and its standard error, both to the second digit of the error."""
     if not is_number(value):
         return MISSING
     if not is_number(error) or error <= 0:
-        return number(value)
+        return f"{number(value)} ± {standard_error(error)}"
     decimals = max(0, 1 - math.floor(math.log10(error)))
     if decimals > 9:
         return f"{number(value, 6)} ± {number(error, 2)}"
     return f"{fixed(value, decimals)} ± {fixed(error, decimals)}"
 
 
-def root(real: float, imaginary: float, decimals: int = 4) -> str:
+def root(value: complex, decimals: int = 4) -> str:
     """A root of a real polynomial, a complex one with its conjugate."""
-    if abs(imaginary) < 0.5 * 10.0**-decimals:
-        return fixed(real, decimals)
-    return f"{fixed(real, decimals)} ± {fixed(abs(imaginary), decimals)}i"
+    if abs(value.imag) < 0.5 * 10.0**-decimals:
+        return fixed(value.real, decimals)
+    return f"{fixed(value.real, decimals)} ± {fixed(abs(value.imag), decimals)}i"
 
 
 def enumeration(items: list[str]) -> str:
-    """Words in a row: "a", "a and b", "a, b and c"."""
+    """Items in a row: "a", "a and b", "a, b and c"."""
     if len(items) < 2:
         return "".join(items)
     return f"{', '.join(items[:-1])} and {items[-1]}"
@@ -90,3 +104,15 @@ def enumeration(items: list[str]) -> str:
 def plural(amount: int, singular: str, several: str = "") -> str:
     """An amount with its noun."""
     return f"{count(amount)} {singular if amount == 1 else several or singular + 's'}"
+
+
+def p_value(value: float | None) -> str:
+    """A p-value: "p = 0.42", "p < 0.0001"; "p not known" where it is missing."""
+    if not is_number(value):
+        return f"p {NOT_KNOWN}"
+    return "p < 0.0001" if value < 1e-4 else f"p = {number(value, 2)}"
+
+
+def times(amount: int) -> str:
+    """How often something is done: "not at all", "once", "twice", "3 times"."""
+    return {0: "not at all", 1: "once", 2: "twice"}.get(amount, f"{amount} times")

@@ -1,22 +1,22 @@
-"""What is needed to repeat a run, and what the run took."""
+"""What is needed to repeat a run, and how long its stages took."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
-from typing import Any
 
-from evopem.report.contents import Contents
 from evopem.report.numbers import count
+from evopem.results.dataset import DatasetResults
+from evopem.signals.recording_info import RecordingInfo
 
-# Beside those of the model's numbers: they draw and write, and are those of the report's making.
+# They draw and write the page; the libraries behind the numbers are listed in the model.
 REPORT_LIBRARIES = ("pandas", "matplotlib", "jinja2", "snakemake")
-PHASES = {
-    "delay": "Fits of the delay search",
-    "common": "Fits of phase one, common order",
-    "c": "Fits of phase two, nc",
-    "b": "Fits of phase three, nb",
+PHASE_STAGES = {
+    "delay": "Delay search",
+    "joint": "Search of the joint order",
+    "nc": "Search of nc",
+    "nb": "Search of nb",
 }
 BEFORE = (("recording", "Reading"), ("prepared", "Preparation"), ("spectrum", "Spectrum"))
 AFTER = (("model", "Model and covariance"), ("validation", "Validation"), ("figures", "Figures"))
@@ -24,7 +24,7 @@ AFTER = (("model", "Model and covariance"), ("validation", "Validation"), ("figu
 
 @dataclass(frozen=True)
 class Stage:
-    """What one stage took; ``candidates`` and ``evaluations`` are None where it has none."""
+    """Time and evaluations of one stage; None where they are not known or there are none."""
 
     name: str
     seconds: float | None
@@ -32,19 +32,21 @@ class Stage:
     evaluations: int | None = None
 
 
-def stages(contents: Contents) -> list[Stage]:
-    """Time of every stage in its order.
+def stages(results: DatasetResults, wall_clock: Mapping[str, float]) -> list[Stage]:
+    """Time of every stage in its order, from the start to the end of its jobs.
 
-    From start to end of its jobs, which may run side by side; None where it was not kept.
+    Parameters
+    ----------
+    results : DatasetResults
+    wall_clock : mapping of str to float
+        Seconds by stage, as :func:`.wall_clock.read_wall_clock` returns them.
     """
-    clock = contents.wall_clock
-    rows = [Stage(name, clock.get(stage)) for stage, name in BEFORE]
-    for phase, name in PHASES.items():
-        tried = contents.candidates[contents.candidates["phase"] == phase]
-        if not tried.empty:
-            evaluations = int(tried["evaluations"].fillna(0).sum())
-            rows.append(Stage(name, clock.get(phase), len(tried), evaluations))
-    return rows + [Stage(name, clock.get(stage)) for stage, name in AFTER]
+    rows = [Stage(name, wall_clock.get(stage)) for stage, name in BEFORE]
+    for phase, name in PHASE_STAGES.items():
+        tried = [candidate.diagnostics for candidate in results.phases[phase].candidates]
+        evaluations = sum(diagnostics.evaluations for diagnostics in tried)
+        rows.append(Stage(name, wall_clock.get(phase), len(tried), evaluations))
+    return rows + [Stage(name, wall_clock.get(stage)) for stage, name in AFTER]
 
 
 def command(commit: str) -> str:
@@ -54,46 +56,39 @@ def command(commit: str) -> str:
     return run if digest == "unknown" else f"git -C PATH checkout {digest}\n{run}"
 
 
-def terms(contents: Contents, commit: str) -> list[tuple[str, str]]:
-    """Origin, seeds, amounts and versions, as terms and values."""
-    recording, model = contents.recording, contents.model
-    rows = _origin(recording, "")
-    if contents.validation_recording:
-        rows += _origin(contents.validation_recording, " for validation")
-    rows.append(("Seed of the search", str(model.get("seed", "–"))))
-    if contents.truth and contents.truth.get("seed") is not None:
-        rows.append(("Seed of the synthesis", str(contents.truth["seed"])))
-    evaluations = contents.candidates["evaluations"].fillna(0).sum()
-    rows.append(("Objective evaluations in all", count(int(evaluations))))
+def terms(results: DatasetResults, commit: str) -> list[tuple[str, str]]:
+    """Origin, seeds, evaluations and versions, as terms and values."""
+    model = results.model
+    rows = _origin(results.recording_info, "")
+    if results.validation_recording_info is not None:
+        rows += _origin(results.validation_recording_info, " for validation")
+    rows.append(("Seed of the search", str(model.search.settings.seed)))
+    if results.truth is not None:
+        rows.append(("Seed of the synthesis", str(results.truth.seed)))
+    rows.append(("Objective evaluations", count(int(results.candidates["evaluations"].sum()))))
     rows.append(("Commit of the workflow", commit))
-    versions = {"evopem": model.get("evopem", "unknown"), **(model.get("versions") or {})}
-    rows.append(("Versions behind the numbers", listed(versions)))
+    rows.append(("Versions behind the numbers", listed({"evopem": model.evopem} | model.versions)))
     rows.append(("Versions behind this page", listed(installed(REPORT_LIBRARIES))))
     return rows
 
 
-def _origin(recording: Mapping[str, Any], suffix: str) -> list[tuple[str, str]]:
-    if recording.get("kind") == "synthesis":
+def _origin(recording: RecordingInfo, suffix: str) -> list[tuple[str, str]]:
+    file = recording.file
+    if file is None:
         return [(f"Recording{suffix}", "simulated, see the configuration")]
-    rows = [(f"File{suffix}", str(recording.get("path") or "unknown"))]
-    rows.append((f"SHA-256{suffix}", str(recording.get("sha256") or "unknown")))
-    if recording.get("bytes"):
-        rows.append((f"Size{suffix}", f"{count(recording['bytes'])} bytes"))
-    named = (
-        ("format", "Format"),
-        ("input_channel", "Input channel"),
-        ("output_channel", "Output channel"),
-    )
-    rows += [
-        (f"{term}{suffix}", str(recording[key]))
-        for key, term in named
-        if recording.get(key) is not None
+    rows = [
+        ("File", file.path),
+        ("SHA-256", file.sha256),
+        ("Size", f"{count(file.bytes)} bytes"),
+        ("Format", file.format),
+        ("Input channel", str(file.input_channel)),
+        ("Output channel", str(file.output_channel)),
     ]
-    return rows
+    return [(f"{term}{suffix}", value) for term, value in rows]
 
 
 def installed(libraries: Iterable[str]) -> dict[str, str]:
-    """Versions of those of the libraries that are there."""
+    """Versions of those libraries that are installed."""
     found = {}
     for library in libraries:
         try:
@@ -103,6 +98,6 @@ def installed(libraries: Iterable[str]) -> dict[str, str]:
     return found
 
 
-def listed(versions: Mapping[str, Any]) -> str:
+def listed(versions: Mapping[str, object]) -> str:
     """Names and versions in a line."""
     return ", ".join(f"{name} {value}" for name, value in versions.items())

@@ -1,170 +1,126 @@
-"""The result files of one data set, read once for figures and report."""
+"""All results of one data set, read once for figures and report."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
+from evopem.config.settings import DatasetSettings
 from evopem.errors import InputError
-
-if TYPE_CHECKING:
-    from evopem.signals.preparation import PreparedData
-    from evopem.signals.recording import Recording
-
-REQUIRED = (
-    "recording.npz",
-    "prepared.npz",
-    "transforms.json",
-    "spectrum.csv",
-    "spectrum.json",
-    "candidates.csv",
-    "model.json",
-    "residual_autocorrelation.csv",
-    "cross_correlation.csv",
-    "frequency_response.csv",
-    "simulation.csv",
-    "validation.json",
-)
-PHASES = ("delay", "common", "c", "b")
+from evopem.estimation.candidate import Candidate, PhaseSelection
+from evopem.estimation.model_record import ModelRecord
+from evopem.files.json_form import load
+from evopem.results.layout import PHASES, DatasetFiles
+from evopem.signals.preparation import PreparedData, load_prepared
+from evopem.signals.recording import Recording, load_recording
+from evopem.signals.recording_info import RecordingInfo
+from evopem.signals.spectral.summary import SpectrumSummary
+from evopem.synthesis.truth import Truth
+from evopem.validation.checks import Check, checks
+from evopem.validation.validation import Validation, ValidationTables
 
 
-@dataclass(frozen=True)
-class Results:
-    """Contents of a data set's result files, by the names of the files."""
+@dataclass(frozen=True, eq=False)
+class DatasetResults:
+    """The results of one data set, as typed objects and tables.
 
-    recording: Recording
-    prepared: PreparedData
-    transforms: Mapping[str, Any]
-    spectrum: pd.DataFrame
-    spectrum_summary: Mapping[str, Any]
-    candidates: pd.DataFrame
-    phases: Mapping[str, Mapping[str, Any]]
-    model: Mapping[str, Any]
-    residual_autocorrelation: pd.DataFrame
-    cross_correlation: pd.DataFrame
-    frequency_response: pd.DataFrame
-    simulation: pd.DataFrame
-    validation: Mapping[str, Any]
-    truth: Mapping[str, Any] | None
-    recording_summary: Mapping[str, Any] | None
-
-    def chosen_candidate(self) -> Mapping[str, Any] | None:
-        """Record of the candidate that became the model; None without records."""
-        return candidate_of(self.model["orders"], self.phases)
-
-
-def result_paths(directory: Path) -> dict[str, Path]:
-    """Every result file of a data set's directory, by its name relative to the directory."""
-    return {
-        path.relative_to(directory).as_posix(): path
-        for path in sorted(directory.rglob("*"))
-        if path.is_file()
-    }
-
-
-def read_results(paths: Mapping[str, Path]) -> Results:
-    """Read the result files of one data set.
-
-    Parameters
+    Attributes
     ----------
-    paths : mapping of str to Path
-        Files by their names relative to the data set's directory, such as ``model.json`` or
-        ``phases/delay.json``; others are passed over. ``truth.json``, ``recording.json`` and
-        ``phases/*.json`` may be missing.
+    settings : DatasetSettings
+    recording : Recording
+    recording_info : RecordingInfo
+    validation_recording_info : RecordingInfo, optional
+    prepared : PreparedData
+    spectrum : pandas.DataFrame
+        As in ``spectrum.csv``.
+    spectrum_summary : SpectrumSummary
+    phases : dict of str to PhaseSelection
+        By the names of :data:`evopem.results.layout.PHASES`.
+    candidates : pandas.DataFrame
+        As in ``candidates.csv``.
+    model : ModelRecord
+    frequency_response : pandas.DataFrame
+        As in ``frequency_response.csv``.
+    validation : Validation
+    validation_tables : ValidationTables
+    truth : Truth, optional
+    """
+
+    settings: DatasetSettings
+    recording: Recording
+    recording_info: RecordingInfo
+    validation_recording_info: RecordingInfo | None
+    prepared: PreparedData
+    spectrum: pd.DataFrame
+    spectrum_summary: SpectrumSummary
+    phases: dict[str, PhaseSelection]
+    candidates: pd.DataFrame
+    model: ModelRecord
+    frequency_response: pd.DataFrame
+    validation: Validation
+    validation_tables: ValidationTables
+    truth: Truth | None
+
+    @property
+    def name(self) -> str:
+        """Name of the data set."""
+        return self.settings.name
+
+    @property
+    def selected(self) -> Candidate:
+        """The candidate that became the model."""
+        return self.phases[PHASES[-1]].selected
+
+    @property
+    def checks(self) -> list[Check]:
+        """The checks of the model."""
+        return checks(
+            self.model,
+            self.validation,
+            self.spectrum_summary,
+            self.phases,
+            self.recording_info,
+        )
+
+
+def read_dataset_results(files: DatasetFiles, settings: DatasetSettings) -> DatasetResults:
+    """Read the results of one data set.
 
     Raises
     ------
     InputError
-        When a required file is missing or damaged.
+        When a file is missing or damaged.
     """
-    from evopem.signals.preparation import load_prepared
-    from evopem.signals.recording import load_recording
 
-    require(REQUIRED, paths)
-    return Results(
-        recording=load_recording(paths["recording.npz"]),
-        prepared=load_prepared(paths["prepared.npz"], paths["transforms.json"]),
-        transforms=read_json(paths["transforms.json"]),
-        spectrum=read_table(paths["spectrum.csv"]),
-        spectrum_summary=read_json(paths["spectrum.json"]),
-        candidates=read_table(paths["candidates.csv"]),
-        phases=read_phases(paths),
-        model=read_json(paths["model.json"]),
-        residual_autocorrelation=read_table(paths["residual_autocorrelation.csv"]),
-        cross_correlation=read_table(paths["cross_correlation.csv"]),
-        frequency_response=read_table(paths["frequency_response.csv"]),
-        simulation=read_table(paths["simulation.csv"]),
-        validation=read_json(paths["validation.json"]),
-        truth=read_optional(paths, "truth.json"),
-        recording_summary=read_optional(paths, "recording.json"),
+    def optional_info(path: str) -> RecordingInfo | None:
+        return load(RecordingInfo, path) if Path(path).exists() else None
+
+    return DatasetResults(
+        settings=settings,
+        recording=load_recording(files.recording),
+        recording_info=load(RecordingInfo, files.recording_info),
+        validation_recording_info=optional_info(files.validation_recording_info),
+        prepared=load_prepared(files.prepared, files.transforms),
+        spectrum=read_table(files.spectrum),
+        spectrum_summary=load(SpectrumSummary, files.spectrum_summary),
+        phases={phase: load(PhaseSelection, files.phase(phase)) for phase in PHASES},
+        candidates=read_table(files.candidates),
+        model=load(ModelRecord, files.model),
+        frequency_response=read_table(files.frequency_response),
+        validation=load(Validation, files.validation),
+        validation_tables=ValidationTables(
+            residual_autocorrelation=read_table(files.residual_autocorrelation),
+            cross_correlation=read_table(files.cross_correlation),
+            simulation=read_table(files.simulation),
+        ),
+        truth=load(Truth, files.truth) if Path(files.truth).exists() else None,
     )
 
 
-def require(names: Iterable[str], paths: Mapping[str, Path]) -> None:
-    """Refuse results that lack one of the files.
-
-    Raises
-    ------
-    InputError
-        Naming the first one that is missing.
-    """
-    for name in names:
-        if name not in paths:
-            raise InputError(name, "is not among the results", "run the stage that writes it")
-
-
-def read_phases(paths: Mapping[str, Path]) -> dict[str, dict[str, Any]]:
-    """Read the record of every phase of the order search that is there."""
-    return {
-        phase: read_json(paths[f"phases/{phase}.json"])
-        for phase in PHASES
-        if f"phases/{phase}.json" in paths
-    }
-
-
-def candidate_of(
-    orders: Mapping[str, int], phases: Mapping[str, Mapping[str, Any]]
-) -> Mapping[str, Any] | None:
-    """Record of the candidate of these orders, from the last phase that tried it."""
-    for phase in reversed(PHASES):
-        for candidate in phases.get(phase, {}).get("candidates", []):
-            if all(candidate.get(key) == value for key, value in orders.items()):
-                return candidate
-    return None
-
-
-def read_json(path: Path) -> dict[str, Any]:
-    """Read a JSON object.
-
-    Raises
-    ------
-    InputError
-        When the file is missing or does not hold an object.
-    """
-    remedy = "make the file again by running the stage that writes it"
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except OSError:
-        raise InputError(str(path), "cannot be read", remedy) from None
-    except ValueError:
-        raise InputError(str(path), "is not valid JSON", remedy) from None
-    if not isinstance(content, dict):
-        raise InputError(str(path), "does not hold a JSON object", remedy)
-    return content
-
-
-def read_optional(paths: Mapping[str, Path], name: str) -> dict[str, Any] | None:
-    """Read a JSON object that need not be among the results; None where it is not."""
-    return read_json(paths[name]) if name in paths else None
-
-
-def read_table(path: Path) -> pd.DataFrame:
-    """Read a CSV table.
+def read_table(path: str) -> pd.DataFrame:
+    """Read a CSV table of the results.
 
     Raises
     ------
@@ -175,7 +131,7 @@ def read_table(path: Path) -> pd.DataFrame:
         return pd.read_csv(path)
     except (OSError, ValueError):
         raise InputError(
-            str(path),
+            path,
             "is not a readable table",
-            "make the file again by running the stage that writes it",
+            "delete the file and run snakemake again, which writes it anew",
         ) from None

@@ -1,134 +1,272 @@
-"""Many data sets side by side: the summary of each, and one table of all modes and checks."""
+"""Many data sets: the summary of each, and one table of all their modes and checks."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Literal
 
-from evopem.results.dataset import read_json, read_table
-from evopem.validation.checks import checks
+from evopem.errors import InputError
+from evopem.files.checksums import sha256_of_file, verify_checksums
+from evopem.files.json_form import load
+from evopem.files.unfinished import unfinished_jobs
+from evopem.models.armax import Orders
+from evopem.models.modes import Mode
+from evopem.results.layout import DatasetFiles
+from evopem.validation.checks import Check, checks
 
 if TYPE_CHECKING:
     import pandas as pd
 
-Summary = dict[str, Any]
+    from evopem.estimation.candidate import PhaseSelection
+    from evopem.estimation.model_record import ModelRecord
+    from evopem.signals.recording_info import RecordingInfo
+    from evopem.signals.spectral.summary import SpectrumSummary
+    from evopem.validation.validation import Validation
+
+# Text that a spreadsheet program would take for a formula when it begins a cell (OWASP, "CSV
+# injection"), with the full-width forms of the signs.
+_FORMULA_START = tuple("=+-@＝＋－＠\t\r\n")
+
+
+@dataclass(frozen=True)
+class DatasetSummary:
+    """The summary of one data set.
+
+    Attributes
+    ----------
+    file, sha256 : str, optional
+        The recorded file; None for a synthetic recording.
+    sampling_rate : float
+        Hz, after all transforms.
+    estimation_samples, validation_samples : int
+    orders : Orders
+    bic : float
+    prediction_error_percent, simulation_error_percent : float
+    continued_simulation_error_percent : float, optional
+    checks : tuple of Check
+    modes : tuple of Mode
+    made_from : dict of str to str
+        SHA-256 of files that the summary was made from, by their names in the data set's folder.
+    """
+
+    file: str | None
+    sha256: str | None
+    sampling_rate: float
+    estimation_samples: int
+    validation_samples: int
+    orders: Orders
+    bic: float
+    prediction_error_percent: float
+    simulation_error_percent: float
+    continued_simulation_error_percent: float | None
+    checks: tuple[Check, ...]
+    modes: tuple[Mode, ...]
+    made_from: dict[str, str]
+
+    def n_checks(self, passed: bool | None) -> int:
+        """Number of checks with an outcome: passed, failed (False) or not judged (None)."""
+        return sum(check.passed is passed for check in self.checks)
+
+
+@dataclass(frozen=True)
+class IncompleteDataset:
+    """A data set whose results are not complete.
+
+    Attributes
+    ----------
+    status : {"failed", "unfinished"}
+        ``unfinished`` where no job of it failed, because the run ended before.
+    problem : str
+        What is wrong, in a sentence.
+    """
+
+    status: Literal["failed", "unfinished"]
+    problem: str
+
+
+Entry = DatasetSummary | IncompleteDataset
+"""A data set in a list of all data sets."""
+
+
+def summarize(
+    model: ModelRecord,
+    validation: Validation,
+    spectrum: SpectrumSummary,
+    phases: Mapping[str, PhaseSelection],
+    recording: RecordingInfo,
+    made_from: Iterable[str | Path] = (),
+) -> DatasetSummary:
+    """Summarize one data set.
+
+    Parameters
+    ----------
+    model : ModelRecord
+    validation : Validation
+    spectrum : SpectrumSummary
+    phases : mapping of str to PhaseSelection
+    recording : RecordingInfo
+    made_from : iterable of path
+        The files of these results; the summary holds their checksums.
+    """
+    return DatasetSummary(
+        file=recording.file.path if recording.file else None,
+        sha256=recording.file.sha256 if recording.file else None,
+        sampling_rate=model.sampling_rate,
+        estimation_samples=model.transforms.estimation_samples,
+        validation_samples=model.transforms.validation_samples,
+        orders=model.orders,
+        bic=model.criteria.bic,
+        prediction_error_percent=validation.prediction_error_percent,
+        simulation_error_percent=validation.simulation_error_percent,
+        continued_simulation_error_percent=validation.continued_simulation_error_percent,
+        checks=tuple(checks(model, validation, spectrum, phases, recording)),
+        modes=tuple(model.modes),
+        made_from={Path(file).name: sha256_of_file(file) for file in made_from},
+    )
+
+
+def read_summaries(datasets: Iterable[DatasetFiles]) -> dict[str, DatasetSummary]:
+    """Read the summaries of data sets whose results are complete, by name.
+
+    Raises
+    ------
+    InputError
+        When a summary is missing or damaged.
+    """
+    return {files.name: load(DatasetSummary, files.summary) for files in datasets}
+
+
+def read_entry(files: DatasetFiles, required: Collection[str], pending: bool = False) -> Entry:
+    """Read the summary of a data set, or find out why its results are not complete.
+
+    Results are complete if no job is left, every required file exists, and the summary is as its
+    job wrote it and was made from the present model, validation and recording.
+
+    Parameters
+    ----------
+    files : DatasetFiles
+    required : collection of path
+    pending : bool
+        Whether the run has ended with jobs of this data set left.
+    """
+    missing = next((file for file in [*required, files.summary] if not Path(file).exists()), None)
+    if pending or missing:
+        return _reason(files, missing)
+    try:
+        verify_checksums([files.summary], files.folder)
+        summary = load(DatasetSummary, files.summary)
+    except InputError as error:
+        return IncompleteDataset("failed", str(error))
+    for name, checksum in summary.made_from.items():
+        if sha256_of_file(Path(files.folder) / name) != checksum:
+            return IncompleteDataset(
+                "unfinished",
+                f"{files.summary}: {name} has changed since it was written; run snakemake again.",
+            )
+    return summary
+
+
+def fleet_table(entries: Mapping[str, Entry]) -> pd.DataFrame:
+    """Put every mode of every data set into one table.
+
+    A data set without modes, or without complete results, has one row. Cells without a value are
+    missing.
+
+    Parameters
+    ----------
+    entries : mapping of str to DatasetSummary or IncompleteDataset
+        By the names of the data sets.
+
+    Returns
+    -------
+    pandas.DataFrame
+    """
+    import pandas as pd
+
+    names = dict.fromkeys(
+        check.name
+        for entry in entries.values()
+        if isinstance(entry, DatasetSummary)
+        for check in entry.checks
+    )
+    check_columns = [check_column(name) for name in names]
+    types = _COLUMN_TYPES | dict.fromkeys(check_columns, "boolean")
+    rows = [row for name, entry in entries.items() for row in _rows(name, entry)]
+    return pd.DataFrame(rows, columns=list(types)).astype(types)
+
+
+def without_formulas(table: pd.DataFrame) -> pd.DataFrame:
+    """Put an apostrophe before text that a spreadsheet program would take for a formula.
+
+    Numbers are not changed.
+    """
+    safe = table.copy()
+    for column in table.columns[table.dtypes == "string"]:
+        text = table[column]
+        starts = text.str.startswith(_FORMULA_START, na=False)
+        safe[column] = text.mask(starts, "'" + text)
+    return safe
+
+
+def check_column(name: str) -> str:
+    """Name of a check's column in the table."""
+    return "check_" + re.sub(r"\W+", "_", name.lower()).strip("_")
+
 
 _ERRORS = (
     "prediction_error_percent",
     "simulation_error_percent",
     "continued_simulation_error_percent",
 )
-_RECORD = ("file", "sha256", "sampling_rate", "estimation_samples", "validation_samples")
-_ORDERS = ("na", "nb", "nc", "nk")
 _MODE = ("frequency_hz", "frequency_se_hz", "damping_percent", "damping_se_percent")
-_STAMP = re.compile(r"^\d\d:\d\d:\d\d ")
+_COLUMN_TYPES = (
+    dict.fromkeys(("dataset", "status", "problem", "file", "sha256"), "string")
+    | {"sampling_rate": "float64"}
+    | dict.fromkeys(("estimation_samples", "validation_samples"), "Int64")
+    | dict.fromkeys((field.name for field in fields(Orders)), "Int64")
+    | dict.fromkeys(("bic", *_ERRORS), "float64")
+    | dict.fromkeys(("failed_checks", "mode"), "Int64")
+    | dict.fromkeys(_MODE, "float64")
+)
 
 
-def summarize(paths: Mapping[str, Path]) -> Summary:
-    """Summarize one data set: its model's orders and modes, its errors and checks.
-
-    Parameters
-    ----------
-    paths : mapping of str to Path
-        ``recording.json``, ``transforms.json``, ``spectrum.json``, ``candidates.csv``,
-        ``model.json`` and ``validation.json`` by these names.
-
-    Raises
-    ------
-    InputError
-        When a file is missing or damaged.
-    """
-    model, validation = read_json(paths["model.json"]), read_json(paths["validation.json"])
-    recording, transforms = read_json(paths["recording.json"]), read_json(paths["transforms.json"])
-    spectrum, candidates = read_json(paths["spectrum.json"]), read_table(paths["candidates.csv"])
-    verdicts = checks(model, validation, spectrum, candidates, recording)
-    return {
-        "file": recording.get("path"),
-        "sha256": recording.get("sha256"),
-        "sampling_rate": transforms["sampling_rate"],
-        "estimation_samples": transforms["estimation_samples"],
-        "validation_samples": transforms["validation_samples"],
-        "orders": model["orders"],
-        "bic": model["bic"],
-        **{key: validation.get(key) for key in _ERRORS},
-        "checks": {check.name: check.passed for check in verdicts},
-        "modes": [{key: mode.get(key) for key in _MODE} for mode in model["modes"]],
+def _rows(name: str, entry: Entry) -> list[dict[str, object]]:
+    if isinstance(entry, IncompleteDataset):
+        return [{"dataset": name, "status": entry.status, "problem": entry.problem}]
+    own = {
+        "dataset": name,
+        "status": "complete",
+        "file": entry.file,
+        "sha256": entry.sha256,
+        "sampling_rate": entry.sampling_rate,
+        "estimation_samples": entry.estimation_samples,
+        "validation_samples": entry.validation_samples,
+        **{field.name: getattr(entry.orders, field.name) for field in fields(Orders)},
+        "bic": entry.bic,
+        **{error: getattr(entry, error) for error in _ERRORS},
+        "failed_checks": entry.n_checks(passed=False),
+        **{check_column(check.name): check.passed for check in entry.checks},
     }
-
-
-def read_summaries(directory: Path, names: Sequence[str]) -> dict[str, Summary]:
-    """Read the summary of every data set; of one that has none, what its last log says.
-
-    Parameters
-    ----------
-    directory : Path
-        Where the data sets' folders are.
-    names : sequence of str
-        Names of the data sets.
-    """
-    return {name: _summary(directory / name) for name in names}
-
-
-def fleet_table(summaries: Mapping[str, Summary]) -> pd.DataFrame:
-    """Put every mode of every data set into one table.
-
-    A data set without modes, or without a model, has one row; what it lacks is empty.
-    """
-    import pandas as pd
-
-    checked = dict.fromkeys(
-        check for summary in summaries.values() for check in summary.get("checks", {})
-    )
-    rows = []
-    for name, summary in summaries.items():
-        own = {
-            "dataset": name,
-            "status": "failed" if "problem" in summary else "complete",
-            "problem": summary.get("problem"),
-            **{key: summary.get(key) for key in _RECORD},
-            **{key: summary.get("orders", {}).get(key) for key in _ORDERS},
-            "bic": summary.get("bic"),
-            **{key: summary.get(key) for key in _ERRORS},
+    modes = [
+        {
+            "mode": number,
+            "frequency_hz": mode.frequency_hz,
+            "frequency_se_hz": mode.frequency_se_hz,
+            "damping_percent": 100.0 * mode.damping_ratio,
+            "damping_se_percent": 100.0 * mode.damping_se,
         }
-        verdicts = {column_of(check): summary.get("checks", {}).get(check) for check in checked}
-        own["failed_checks"] = sum(verdict is False for verdict in verdicts.values())
-        for number, mode in enumerate(summary.get("modes") or [{}], start=1):
-            rows.append(
-                own
-                | {"mode": number if mode else None}
-                | {key: mode.get(key) for key in _MODE}
-                | verdicts
-            )
-    whole = ("estimation_samples", "validation_samples", *_ORDERS, "mode", "failed_checks")
-    table = pd.DataFrame(rows)
-    numbers = ("sampling_rate", "bic", *_ERRORS, *_MODE)
-    return table.astype(
-        dict.fromkeys(("dataset", "status", "problem", "file", "sha256"), "string")
-        | dict.fromkeys(whole, "Int64")
-        | dict.fromkeys(numbers, "float64")
-        | {column_of(check): "boolean" for check in checked}
-    )
+        for number, mode in enumerate(entry.modes, start=1)
+    ]
+    return [own | mode for mode in modes or [{}]]
 
 
-def column_of(check: str) -> str:
-    """Name a check's column."""
-    return "check_" + re.sub(r"\W+", "_", check.lower().replace("'s", "")).strip("_")
-
-
-def _summary(folder: Path) -> Summary:
-    path = folder / "summary.json"
-    if path.exists():
-        return read_json(path)
-    return {"problem": _last_words(folder / "logs")}
-
-
-def _last_words(logs: Path) -> str:
-    """Find what the job said last that wrote to a data set's logs most recently."""
-    newest = max(logs.rglob("*.log"), key=lambda log: log.stat().st_mtime_ns, default=None)
-    if newest is None:
-        return "nothing was computed"
-    lines = newest.read_text(encoding="utf-8", errors="replace").split("\n")
-    said = next((line for line in reversed(lines) if line.strip()), "")
-    return _STAMP.sub("", said) or f"{newest.stem} came to no end"
+def _reason(files: DatasetFiles, missing: str | None) -> IncompleteDataset:
+    """Why the results of a data set are not complete."""
+    jobs = unfinished_jobs(Path(files.folder) / "logs")
+    if jobs:
+        return IncompleteDataset("failed", jobs[0].sentence)
+    what = f"{missing} has not been made" if missing else "not all of its jobs have run"
+    return IncompleteDataset("unfinished", f"{what}: the run ended before; run snakemake again.")

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from evopem.config.settings import PreparationSettings, SplitSettings, TransformSettings
 from evopem.errors import InputError
-from evopem.files.atomic import write_json
+from evopem.files.json_form import load, save
 from evopem.files.npz import load_arrays, save_arrays
 from evopem.signals.recording import (
     Recording,
@@ -58,6 +57,11 @@ class Transforms:
         Samples dropped at the start, after the differences.
     validation_difference_initial, validation_difference_input_initial : tuple of float
         Values the differences start from, at the first validation sample.
+    estimation_samples, validation_samples : int
+        Numbers of prepared samples.
+    validation_source : {"cut", "file"}
+        ``cut``: the validation samples follow the estimation samples without a gap; ``file``:
+        they come from another recording.
     """
 
     sampling_rate: float
@@ -71,8 +75,11 @@ class Transforms:
     input_mean: float
     output_mean: float
     discard: int
-    validation_difference_initial: tuple[float, ...] = ()
-    validation_difference_input_initial: tuple[float, ...] = ()
+    validation_difference_initial: tuple[float, ...]
+    validation_difference_input_initial: tuple[float, ...]
+    estimation_samples: int
+    validation_samples: int
+    validation_source: Literal["cut", "file"]
 
 
 @dataclass(frozen=True)
@@ -83,26 +90,25 @@ class PreparedData:
     ----------
     estimation, validation : Recording
         The two parts.
-    contiguous : bool
-        True when the validation samples follow the estimation samples without a gap (a
-        cut of one recording), False when they come from another recording.
     transforms : Transforms
         What was done to the recording.
     """
 
     estimation: Recording
     validation: Recording
-    contiguous: bool
     transforms: Transforms
+
+    @property
+    def contiguous(self) -> bool:
+        """Whether the validation samples follow the estimation samples without a gap."""
+        return self.transforms.validation_source == "cut"
 
 
 def prepare(
     recording: Recording,
-    stationarity: Mapping[str, Any],
-    split: Mapping[str, Any],
-    resample: float | None = None,
+    settings: PreparationSettings,
     validation_recording: Recording | None = None,
-    dataset: str = "",
+    place: str = "",
 ) -> PreparedData:
     """Make a recording stationary and divide it for estimation and validation.
 
@@ -115,21 +121,13 @@ def prepare(
     Parameters
     ----------
     recording : Recording
-        What was measured; it is not changed.
-    stationarity : mapping
-        ``box_cox`` (a number, "auto" or "none"), ``difference`` and ``difference_input``
-        (whole numbers from 0); "none", 0 and 0 when left out.
-    split : mapping
-        ``discard``: samples (a whole number from 0) or a share of the samples (a number
-        between 0 and 1) left out at the start; 0 when left out. ``estimation``: samples
-        (a whole number from 1) or a share of those that remain; 0.8 when left out. With a
-        validation recording the default is all of them, and 1.0 says so.
-    resample : float, optional
-        New sampling rate (Hz), at most the recording's.
+        The measured signals; not modified.
+    settings : PreparationSettings
+        With a validation recording, ``split.estimation`` of 1.0 takes all samples.
     validation_recording : Recording, optional
         An independent recording to validate on, instead of the end of this one.
-    dataset : str, optional
-        Name of the data set, so that errors name the configuration key in full.
+    place : str, optional
+        Configuration key of the data set, such as ``datasets.arm``, for errors to name.
 
     Returns
     -------
@@ -142,19 +140,20 @@ def prepare(
         cannot be applied or leaves nothing that varies, or the two recordings were
         sampled at different rates.
     """
-    key = f"datasets.{dataset}." if dataset else ""
+    key = f"{place}." if place else ""
     resampled_from = None
     records = [recording]
     if validation_recording is not None:
         _check_same_rate(recording, validation_recording, f"{key}validation_file")
         records.append(validation_recording)
-    if resample is not None:
-        records = [resample_recording(one, resample, f"{key}resample") for one in records]
+    if settings.resample is not None:
+        records = [resample_recording(one, settings.resample, f"{key}resample") for one in records]
         if records[0].sampling_rate != recording.sampling_rate:
             resampled_from = recording.sampling_rate
 
-    differences = _count(stationarity, "difference", f"{key}stationarity")
-    differences_input = _count(stationarity, "difference_input", f"{key}stationarity")
+    transforms, split = settings.transforms, settings.split
+    _check_differences(transforms, f"{key}transforms")
+    differences, differences_input = transforms.difference, transforms.difference_input
     lost = max(differences, differences_input)
     own = validation_recording is None
     start, stop = _estimation_range(records[0].samples - lost, split, own, f"{key}split")
@@ -166,7 +165,7 @@ def prepare(
         validation_range = (validation_start, records[1].samples)
 
     records, parameter, shift = _transform_outputs(
-        records, stationarity.get("box_cox"), (start, stop), f"{key}stationarity.box_cox"
+        records, transforms.box_cox, (start, stop), f"{key}transforms.box_cox"
     )
     counts = (differences, differences_input)
     estimation, estimation_initial = _section(records[0], start, stop, counts)
@@ -182,7 +181,6 @@ def prepare(
     return PreparedData(
         estimation=centred[0],
         validation=centred[1],
-        contiguous=own,
         transforms=Transforms(
             sampling_rate=records[0].sampling_rate,
             resampled_from=resampled_from,
@@ -197,6 +195,9 @@ def prepare(
             discard=start - lost,
             validation_difference_initial=validation_initial[1],
             validation_difference_input_initial=validation_initial[0],
+            estimation_samples=centred[0].samples,
+            validation_samples=centred[1].samples,
+            validation_source="cut" if own else "file",
         ),
     )
 
@@ -249,25 +250,13 @@ def invert_input(
 
 
 def save_prepared(prepared: PreparedData, arrays: str | Path, transforms: str | Path) -> None:
-    """Write the samples to one ``.npz`` and the transforms to a JSON file.
-
-    The JSON holds the fields of `Transforms` and ``estimation_samples``,
-    ``validation_samples`` and ``validation_source`` ("cut" or "file").
-    """
+    """Write the samples to one ``.npz`` and the transforms to a JSON file."""
     save_arrays(
         arrays,
         recording_arrays(prepared.estimation, "estimation_")
         | recording_arrays(prepared.validation, "validation_"),
     )
-    write_json(
-        transforms,
-        asdict(prepared.transforms)
-        | {
-            "estimation_samples": prepared.estimation.samples,
-            "validation_samples": prepared.validation.samples,
-            "validation_source": "cut" if prepared.contiguous else "file",
-        },
-    )
+    save(prepared.transforms, transforms)
 
 
 def load_prepared(arrays: str | Path, transforms: str | Path) -> PreparedData:
@@ -280,25 +269,10 @@ def load_prepared(arrays: str | Path, transforms: str | Path) -> PreparedData:
     """
     names = recording_names("estimation_") + recording_names("validation_")
     stored = load_arrays(arrays, names)
-    try:
-        settings: dict[str, Any] = json.loads(Path(transforms).read_text(encoding="utf-8"))
-        contiguous = settings.pop("validation_source") == "cut"
-        for count in ("estimation_samples", "validation_samples"):
-            settings.pop(count)
-        for name, value in settings.items():
-            settings[name] = tuple(value) if isinstance(value, list) else value
-        parameters = Transforms(**settings)
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
-        raise InputError(
-            str(transforms),
-            "is missing or does not hold the transforms of prepared data",
-            "make the file again by running the step that writes it",
-        ) from None
     return PreparedData(
         estimation=recording_from_arrays(stored, "estimation_"),
         validation=recording_from_arrays(stored, "validation_"),
-        contiguous=contiguous,
-        transforms=parameters,
+        transforms=load(Transforms, transforms),
     )
 
 
@@ -312,20 +286,19 @@ def _check_same_rate(recording: Recording, validation: Recording, source: str) -
         )
 
 
-def _count(settings: Mapping[str, Any], name: str, source: str) -> int:
-    """A whole number from 0 out of the settings; 0 when it is not there."""
-    value = settings.get(name, 0)
-    if isinstance(value, bool) or not isinstance(value, int) or value < 0:
-        raise InputError(
-            f"{source}.{name}",
-            f"{value!r} is not a number of differences",
-            "give a whole number from 0",
-        )
-    return value
+def _check_differences(transforms: TransformSettings, source: str) -> None:
+    for name in ("difference", "difference_input"):
+        count = getattr(transforms, name)
+        if not isinstance(count, int) or isinstance(count, bool) or count < 0:
+            raise InputError(
+                f"{source}.{name}",
+                f"{count!r} is not a number of differences",
+                "give a whole number of at least 0",
+            )
 
 
 def _estimation_range(
-    available: int, split: Mapping[str, Any], cut: bool, source: str
+    available: int, split: SplitSettings, cut: bool, source: str
 ) -> tuple[int, int]:
     """First estimation sample and the one after the last, among the differenced samples."""
     if available < 1:
@@ -336,7 +309,7 @@ def _estimation_range(
         )
     discard = _discarded(available, split, source)
     remaining = available - discard
-    chosen = split.get("estimation", 0.8 if cut else 1.0)
+    chosen = split.estimation
     key = f"{source}.estimation"
     if not cut and isinstance(chosen, float) and chosen == 1.0:
         return discard, available
@@ -356,10 +329,10 @@ def _estimation_range(
     return discard, discard + samples
 
 
-def _discarded(available: int, split: Mapping[str, Any], source: str) -> int:
+def _discarded(available: int, split: SplitSettings, source: str) -> int:
     """Number of samples to leave out at the start of `available` ones."""
     key = f"{source}.discard"
-    discard = _samples(split.get("discard", 0), available, key, smallest=0)
+    discard = _samples(split.discard, available, key, smallest=0)
     if discard >= available:
         raise InputError(
             key,
@@ -369,7 +342,7 @@ def _discarded(available: int, split: Mapping[str, Any], source: str) -> int:
     return discard
 
 
-def _samples(value: Any, available: int, source: str, smallest: int) -> int:
+def _samples(value: float, available: int, source: str, smallest: int) -> int:
     """Turn a number of samples (int) or a share (float between 0 and 1) into samples."""
     if isinstance(value, int) and not isinstance(value, bool) and value >= smallest:
         return value
@@ -383,10 +356,10 @@ def _samples(value: Any, available: int, source: str, smallest: int) -> int:
 
 
 def _transform_outputs(
-    records: list[Recording], setting: Any, estimation: tuple[int, int], source: str
+    records: list[Recording], setting: float | str, estimation: tuple[int, int], source: str
 ) -> tuple[list[Recording], float | None, float]:
     """Box-Cox transform the outputs of all records alike: records, parameter, shift."""
-    if setting is None or setting == "none":
+    if setting == "none":
         return records, None, 0.0
     shift = positive_shift(*(record.output for record in records))
     if setting == "auto":

@@ -2,29 +2,32 @@
 
 from __future__ import annotations
 
-from typing import Any
-
+from evopem.config.settings import SyntheticSource, TransformSettings
 from evopem.signals.recording import Recording
+from evopem.synthesis.truth import Truth
 
-KINDS = ("flexible_arm", "armax")
 
-
-def synthesize(kind: str, **settings: Any) -> tuple[Recording, dict[str, Any]]:
-    """A synthetic recording and its truth.
+def synthesize(source: SyntheticSource, transforms: TransformSettings) -> tuple[Recording, Truth]:
+    """Simulate a recording of a known system.
 
     Parameters
     ----------
-    kind : {"flexible_arm", "armax"}
-    **settings
-        Of :func:`evopem.synthesis.flexible_arm.flexible_arm` or
-        :func:`evopem.synthesis.armax.armax`.
+    source : SyntheticSource
+    transforms : TransformSettings
+        An ARMAX recording is made non-stationary in the way that these transforms undo.
     """
-    if kind == "flexible_arm":
+    if source.synthesis == "flexible_arm":
         from evopem.synthesis.flexible_arm import flexible_arm
 
-        return flexible_arm(**settings)
-    if kind == "armax":
-        from evopem.synthesis.armax import armax
+        return flexible_arm(source.seed, source.samples, source.sampling_rate)
+    from evopem.synthesis.armax import armax
 
-        return armax(**settings)
-    raise ValueError(f"synthesis must be one of {KINDS}, not {kind!r}")
+    box_cox = transforms.box_cox
+    return armax(
+        source.seed,
+        source.samples,
+        source.sampling_rate,
+        noise=0.1 if source.noise is None else source.noise,
+        box_cox=None if isinstance(box_cox, str) else box_cox,
+        difference=transforms.difference,
+    )

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
 from evopem.models.armax import ArmaxModel
-from evopem.models.modes import Mode
 from evopem.signals.recording import Recording
+from evopem.synthesis.truth import Truth, true_mode
 
 Array = NDArray[np.float64]
 
@@ -35,7 +33,7 @@ WARM_UP = 2000
 
 def true_model(sampling_rate: float = 100.0) -> ArmaxModel:
     """ARMAX(7,6,7,3) with the poles of the chapter's table 2; noise variance not set."""
-    upper = [_pole(frequency, damping, sampling_rate) for frequency, damping in MODES]
+    upper = [true_mode(frequency, damping, sampling_rate).pole for frequency, damping in MODES]
     poles = np.concatenate([upper, np.conj(upper), [REAL_POLE]])
     return ArmaxModel(
         a=np.real(np.poly(poles)),
@@ -53,7 +51,7 @@ def armax(
     noise: float = 0.1,
     box_cox: float | None = None,
     difference: int = 0,
-) -> tuple[Recording, dict[str, Any]]:
+) -> tuple[Recording, Truth]:
     """White noise through the true model, with ARMAX noise, made non-stationary on request.
 
     Parameters
@@ -71,8 +69,7 @@ def armax(
 
     Returns
     -------
-    Recording, dict
-        The truth: orders, coefficients, modes, delay, noise and transforms.
+    Recording, Truth
     """
     model = true_model(sampling_rate)
     generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(1,)))
@@ -89,19 +86,19 @@ def armax(
         input_name="input",
         output_name="output",
     )
-    orders = model.orders
-    truth = {
-        "kind": "armax",
-        "seed": seed,
-        "orders": {"na": orders.na, "nb": orders.nb, "nc": orders.nc, "nk": orders.nk},
-        "a": model.a.tolist(),
-        "b": model.b.tolist(),
-        "c": model.c.tolist(),
-        "delay_samples": orders.nk,
-        "modes": [mode_record(mode) for mode in model.modes()],
-        "noise": {"ratio": noise, "innovation_variance": deviation**2},
-        "transforms": {"box_cox": box_cox, "difference": difference},
-    }
+    truth = Truth(
+        kind="armax",
+        seed=seed,
+        delay_samples=model.orders.nk,
+        modes=tuple(model.modes()),
+        noise={"ratio": noise, "innovation_variance": deviation**2},
+        box_cox=box_cox,
+        difference=difference,
+        orders=model.orders,
+        a=model.a,
+        b=model.b,
+        c=model.c,
+    )
     return recording, truth
 
 
@@ -120,20 +117,6 @@ def undo_stationarity(signal: Array, box_cox: float | None, difference: int) -> 
         return summed
     lifted: Array = inv_boxcox(summed - summed.min() + np.std(summed), box_cox)
     return lifted
-
-
-def mode_record(mode: Mode) -> dict[str, float]:
-    """A mode as it stands in truth.json."""
-    return {
-        "frequency_hz": mode.frequency_hz,
-        "damping_percent": 100.0 * mode.damping_ratio,
-    }
-
-
-def _pole(frequency: float, damping: float, sampling_rate: float) -> complex:
-    w = 2.0 * np.pi * frequency
-    s = w * complex(-damping, np.sqrt(1.0 - damping**2))
-    return complex(np.exp(s / sampling_rate))
 
 
 def _filtered(model: ArmaxModel, innovations: Array) -> Array:

@@ -10,12 +10,11 @@ reports of its own record.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
 from evopem.signals.recording import Recording
+from evopem.synthesis.truth import Truth, true_mode
 
 Array = NDArray[np.float64]
 
@@ -40,9 +39,7 @@ CHARACTERISTIC = 1.1
 WARM_UP_SECONDS = 60.0
 
 
-def flexible_arm(
-    seed: int, samples: int, sampling_rate: float = 100.0
-) -> tuple[Recording, dict[str, Any]]:
+def flexible_arm(seed: int, samples: int, sampling_rate: float = 100.0) -> tuple[Recording, Truth]:
     """White velocity commands in, tip acceleration out.
 
     Parameters
@@ -96,19 +93,19 @@ def flexible_arm(
         output_unit="V",
     )
     modes = sorted([SERVO, *((f, z) for f, z, _ in ARM_MODES)])
-    truth = {
-        "kind": "flexible_arm",
-        "seed": seed,
-        "orders": None,
-        "modes": [{"frequency_hz": f, "damping_percent": 100.0 * z} for f, z in modes],
-        "delay_samples": TRANSPORT_SAMPLES + 1,
-        "noise": {
+    truth = Truth(
+        kind="flexible_arm",
+        seed=seed,
+        delay_samples=TRANSPORT_SAMPLES + 1,
+        modes=tuple(true_mode(f, z, sampling_rate) for f, z in modes),
+        noise={
             "torque_disturbance_ratio": DISTURBANCE,
             "sensor_noise_ratio": SENSOR_NOISE,
             "drift_step_ratio": DRIFT_STEP,
         },
-        "transforms": {"box_cox": CHARACTERISTIC, "difference": 2},
-    }
+        box_cox=CHARACTERISTIC,
+        difference=2,
+    )
     return recording, truth
 
 

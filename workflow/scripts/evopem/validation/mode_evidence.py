@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from evopem.models.armax import ArmaxModel
 from evopem.models.modes import Mode
 from evopem.models.polynomials import roots
-from evopem.signals.spectral.multitaper import FrequencyResponse
+from evopem.signals.spectral.frequency_response import FrequencyResponse
 from evopem.validation.held_out_tests import (
     HeldOutTest,
     contribution_test,

@@ -6,9 +6,8 @@ uses every measured output up to the sample before; the simulation sees the inpu
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -36,12 +35,64 @@ CROSS_CORRELATION_LAGS = 200
 
 
 @dataclass(frozen=True)
-class Validation:
-    """Everything the validation of one model yields.
+class CrossCorrelationTest:
+    """Cross-correlation of residuals and input against its 95 % bounds.
 
-    Percentages refer to the scored validation samples; ``samples`` is their number. Errors are
-    100 ‖y − ŷ‖/‖y‖, fits 100 (1 − ‖y − ŷ‖/‖y − ȳ‖).  ``continued_simulation_error_percent`` is None
-    where the validation samples do not continue the estimation samples.
+    Attributes
+    ----------
+    share_inside95 : float
+        Share of the lags inside the bounds.
+    max_abs : float
+        Largest correlation.
+    max_in_bounds : float
+        Largest correlation, in units of its bound.
+    lags : int
+        Largest lag to either side.
+    """
+
+    share_inside95: float
+    max_abs: float
+    max_in_bounds: float
+    lags: int
+
+
+@dataclass(frozen=True)
+class Excitation:
+    """Order of excitation of the input, and the order that the model needs."""
+
+    order: int
+    needed: int
+
+
+@dataclass(frozen=True)
+class Validation:
+    """Errors and residual tests of one model; NaN where a number could not be computed.
+
+    Errors are ``100 ||y - yhat|| / ||y||`` and fits ``100 (1 - ||y - yhat|| / ||y - mean(y)||)``,
+    over the scored validation samples.
+
+    Attributes
+    ----------
+    prediction_error_percent, prediction_fit_percent : float
+        One step ahead.
+    simulation_error_percent, simulation_fit_percent : float
+        From the initial state that fits the validation samples best.
+    continued_simulation_error_percent : float, optional
+        Of a simulation that starts with the estimation samples and runs on; None where the
+        validation samples do not continue the estimation samples.
+    samples, unscored_samples : int
+        Validation samples that are scored, and those before them that are not.
+    residual_samples : int
+        Residuals of the estimation samples that the tests use.
+    autocorrelation_share_inside95 : float
+        Share of the residual autocorrelations inside their 95 % bounds.
+    lags : int
+        Largest lag of the residual autocorrelation.
+    ljung_box : LjungBox
+    cross_correlation : CrossCorrelationTest
+    residual_outlier_percent : float
+        Percentage of residuals beyond five robust standard deviations.
+    excitation : Excitation
     """
 
     prediction_error_percent: float
@@ -55,57 +106,26 @@ class Validation:
     autocorrelation_share_inside95: float
     lags: int
     ljung_box: LjungBox
-    cross_correlation_share_inside95: float
-    cross_correlation_max_abs: float
-    cross_correlation_max_in_bounds: float
-    cross_correlation_lags: int
-    excitation_order: int
-    excitation_needed: int
+    cross_correlation: CrossCorrelationTest
     residual_outlier_percent: float
+    excitation: Excitation
+
+
+@dataclass(frozen=True, eq=False)
+class ValidationTables:
+    """The series behind a validation.
+
+    Attributes
+    ----------
+    residual_autocorrelation, cross_correlation : pandas.DataFrame
+        By lag, with their 95 % bounds.
+    simulation : pandas.DataFrame
+        Validation samples, predicted and simulated.
+    """
+
     residual_autocorrelation: pd.DataFrame
     cross_correlation: pd.DataFrame
     simulation: pd.DataFrame
-
-    def scalars(self) -> dict[str, Any]:
-        """Everything but the tables, ready for ``validation.json``.
-
-        A number that could not be computed is None.
-        """
-        return {
-            "prediction_error_percent": _finite(self.prediction_error_percent),
-            "simulation_error_percent": _finite(self.simulation_error_percent),
-            "prediction_fit_percent": _finite(self.prediction_fit_percent),
-            "simulation_fit_percent": _finite(self.simulation_fit_percent),
-            "continued_simulation_error_percent": (
-                None
-                if self.continued_simulation_error_percent is None
-                else _finite(self.continued_simulation_error_percent)
-            ),
-            "samples": self.samples,
-            "unscored_samples": self.unscored_samples,
-            "residual_samples": self.residual_samples,
-            "autocorrelation_share_inside95": _finite(self.autocorrelation_share_inside95),
-            "lags": self.lags,
-            "ljung_box": {
-                "statistic": _finite(self.ljung_box.statistic),
-                "degrees_of_freedom": self.ljung_box.degrees_of_freedom,
-                "p_value": _finite(self.ljung_box.p_value),
-                "lags": self.ljung_box.lags,
-            },
-            "cross_correlation": {
-                "share_inside95": _finite(self.cross_correlation_share_inside95),
-                "max_abs": _finite(self.cross_correlation_max_abs),
-                "max_in_bounds": _finite(self.cross_correlation_max_in_bounds),
-                "lags": self.cross_correlation_lags,
-            },
-            "residual_outlier_percent": _finite(self.residual_outlier_percent),
-            "excitation": {"order": self.excitation_order, "needed": self.excitation_needed},
-        }
-
-
-def _finite(value: float) -> float | None:
-    """JSON has no nan; say null."""
-    return float(value) if math.isfinite(value) else None
 
 
 @dataclass(frozen=True)
@@ -123,26 +143,25 @@ class _Responses:
 def validate(
     model: ArmaxModel,
     prepared: PreparedData,
+    loss_start: int | None = None,
     lags: int = 1200,
-    scoring_start: int | None = None,
-) -> Validation:
-    """Validate a model on the data it was fitted to and on the samples it never saw.
+) -> tuple[Validation, ValidationTables]:
+    """Validate a model on the estimation samples and on samples it was not estimated from.
 
     Parameters
     ----------
     model : ArmaxModel
-        The fitted model.
     prepared : PreparedData
         Estimation and validation samples, transformed alike.
-    lags : int
-        Largest lag of the residual autocorrelation; cut to the number of residuals less one.
-    scoring_start : int, optional
+    loss_start : int, optional
         First estimation sample whose residual is used. By default the nc-th residual: the ones
         before are fitted by the noise state.
+    lags : int
+        Largest lag of the residual autocorrelation; cut to the number of residuals less one.
 
     Returns
     -------
-    Validation
+    Validation, ValidationTables
 
     Raises
     ------
@@ -168,7 +187,7 @@ def validate(
     """
     estimation = prepared.estimation
     orders = model.orders
-    start = orders.first_residual + orders.nc if scoring_start is None else scoring_start
+    start = orders.first_residual + orders.nc if loss_start is None else loss_start
     noise_state = estimate_noise_state(model, estimation.input, estimation.output)
     residuals = model.residuals(estimation.input, estimation.output, noise_state)[start:]
     if residuals.size < 2:
@@ -191,7 +210,7 @@ def validate(
     if measured.size == 0:
         raise ValueError("no validation sample is left to score; keep more samples for validation")
     ratio = cross["cross_correlation"].abs() / cross["bound95"]
-    return Validation(
+    validation = Validation(
         prediction_error_percent=error_percent(measured, responses.predicted[scored]),
         simulation_error_percent=error_percent(measured, responses.simulated[scored]),
         prediction_fit_percent=fit_percent(measured, responses.predicted[scored]),
@@ -214,17 +233,20 @@ def validate(
             fitted,
             ljung_box_lags(residuals.size, fitted, largest),
         ),
-        cross_correlation_share_inside95=share_inside(cross["cross_correlation"], cross["bound95"]),
-        cross_correlation_max_abs=float(cross["cross_correlation"].abs().max()),
-        cross_correlation_max_in_bounds=float(ratio.max()),
-        cross_correlation_lags=int(cross["lag"].max()),
-        excitation_order=excitation_order(estimation.input, orders.na + orders.nb),
-        excitation_needed=orders.na + orders.nb,
+        cross_correlation=CrossCorrelationTest(
+            share_inside95=share_inside(cross["cross_correlation"], cross["bound95"]),
+            max_abs=float(cross["cross_correlation"].abs().max()),
+            max_in_bounds=float(ratio.max()),
+            lags=int(cross["lag"].max()),
+        ),
         residual_outlier_percent=outlier_percent(residuals),
-        residual_autocorrelation=autocorrelation,
-        cross_correlation=cross,
-        simulation=_table(responses, estimation.sampling_rate),
+        excitation=Excitation(
+            order=excitation_order(estimation.input, orders.na + orders.nb),
+            needed=orders.na + orders.nb,
+        ),
     )
+    simulation = _table(responses, estimation.sampling_rate)
+    return validation, ValidationTables(autocorrelation, cross, simulation)
 
 
 def _continued(

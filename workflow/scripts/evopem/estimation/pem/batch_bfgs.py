@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from evopem.estimation.pem.kernels.cache import cached_njit, njit
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
@@ -120,22 +121,23 @@ def descend(
     return Descent(x, f, state.converged, evaluations)
 
 
-@njit(cache=True, error_model="numpy")
+@cached_njit
 def _trial_points(state: _State, rows: Rows) -> Array:
     """The point that each of some starts tries."""
     trial = np.empty((rows.size, state.x.shape[1]))
     for k, r in enumerate(rows):
-        trial[k] = state.x[r] + state.step[r] * state.d[r]
+        for i in range(trial.shape[1]):
+            trial[k, i] = state.x[r, i] + state.step[r] * state.d[r, i]
     return trial
 
 
-@njit(cache=True, error_model="numpy")
+@cached_njit
 def _aim_anew(state: _State, rows: Rows) -> None:
     for r in rows:
         _aim(state, r)
 
 
-@njit(cache=True, error_model="numpy")
+@cached_njit
 def _advance(
     state: _State,
     rows: Rows,
@@ -169,7 +171,7 @@ def _advance(
     return evaluations
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _next_step(low: float, high: float, f: float, slope: float, beyond: float) -> float:
     """The next trial step: twice the last one until a bracket is found, then inside it.
 
@@ -186,7 +188,7 @@ def _next_step(low: float, high: float, f: float, slope: float, beyond: float) -
     return low + 0.5 * width
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _accept(
     state: _State,
     r: int,
@@ -198,8 +200,13 @@ def _accept(
 ) -> None:
     """Move a start to its trial point and aim from there; end it where it has converged."""
     drop = state.f[r] - value
-    _update(state.h[r], state.step[r] * state.d[r], gradient - state.g[r])
-    state.x[r], state.f[r], state.g[r] = point, value, gradient
+    step, change = np.empty(point.size), np.empty(point.size)
+    for i in range(point.size):
+        step[i] = state.step[r] * state.d[r, i]
+        change[i] = gradient[i] - state.g[r, i]
+        state.x[r, i], state.g[r, i] = point[i], gradient[i]
+    state.f[r] = value
+    _update(state.h[r], step, change)
     state.iterations[r] += 1
     state.tries[r] = 0
     _aim(state, r)
@@ -208,19 +215,24 @@ def _accept(
     state.active[r] = not (state.converged[r] or state.iterations[r] >= max_iterations)
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _aim(state: _State, r: int) -> None:
     """Begin a line along the quasi-Newton direction, or steepest descent where that climbs."""
-    state.d[r] = -_times(state.h[r], state.g[r])
-    state.slope[r] = _dot(state.d[r], state.g[r])
+    h, g, d = state.h[r], state.g[r], state.d[r]
+    product = _times(h, g)
+    for i in range(g.size):
+        d[i] = -product[i]
+    state.slope[r] = _dot(d, g)
     if not state.slope[r] < 0.0:
-        state.h[r] = np.eye(len(state.g[r]))
-        state.d[r] = -state.g[r]
-        state.slope[r] = _dot(state.d[r], state.g[r])
+        for i in range(g.size):
+            for j in range(g.size):
+                h[i, j] = 1.0 if i == j else 0.0
+            d[i] = -g[i]
+        state.slope[r] = _dot(d, g)
     state.step[r], state.low[r], state.high[r] = 1.0, 0.0, np.inf
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _update(h: Array, s: Array, y: Array) -> None:
     """Update an inverse Hessian by BFGS (Fletcher 1987), except where curvature is not positive."""
     sy = _dot(s, y)
@@ -234,7 +246,7 @@ def _update(h: Array, s: Array, y: Array) -> None:
 
 
 # Sums in one order: the bits of a result must not depend on the processor's vectors.
-@njit(cache=True, error_model="numpy")
+@njit
 def _dot(one: Array, other: Array) -> float:
     total = 0.0
     for i in range(len(one)):
@@ -242,7 +254,7 @@ def _dot(one: Array, other: Array) -> float:
     return total
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _times(symmetric: Array, vector: Array) -> Array:
     product = np.zeros(len(vector))
     for j in range(len(vector)):

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from evopem.estimation.pem.kernels.filtering import filter_rows
 from evopem.estimation.pem.least_squares import chunks, triangle_of
 from evopem.models.armax import ArmaxModel
 from evopem.models.parameter_covariance import ParameterCovariance
@@ -61,8 +62,6 @@ def jacobian_blocks(
     rest at ``recursion_start`` (Ljung 1999, section 10.3), and impulse responses of 1/C for the
     noise state.
     """
-    from scipy.signal import lfilter
-
     o = model.orders
     samples = len(output)
     impulse = np.zeros(samples)
@@ -74,15 +73,14 @@ def jacobian_blocks(
         + [(residuals, k, -1.0) for k in range(1, o.nc + 1)]
         + [(impulse, k, 1.0) for k in range(o.nc)]
     )
-    states = [np.zeros(o.nc) for _ in columns]
+    states = np.zeros((len(columns), o.nc))
     for first, stop in chunks(recursion_start, samples):
-        block = np.empty((stop - first, len(columns)))
-        for column, (signal, lag, sign) in enumerate(columns):
-            delayed = signal[first - lag : stop - lag]
-            filtered, states[column] = lfilter([1.0], model.c, delayed, zi=states[column])
-            block[:, column] = sign * filtered
+        filtered = np.empty((len(columns), stop - first))
+        for row, (signal, lag, sign) in enumerate(columns):
+            filtered[row] = sign * signal[first - lag : stop - lag]
+        filter_rows(filtered, model.c, states)
         if stop > scoring_start:
-            yield block[max(scoring_start - first, 0) :]
+            yield filtered.T[max(scoring_start - first, 0) :]
 
 
 def estimate_covariance(

@@ -74,11 +74,11 @@ class PredictionErrorProblem:
             nc=orders.nc,
             nk=orders.nk,
             rows_c=max(orders.nc, kernels.MIN_NC),
-            start=recursion_start,
-            first=scoring_start,
-            last=self.samples,
+            residual_start=recursion_start,
+            loss_start=scoring_start,
+            loss_stop=self.samples,
         )
-        self._tables = kernels.tables_for(self._record)
+        self._workspace = kernels.workspace_for(self._record)
         self._lag_sums = kernels.lag_sums_for(self._record)
         absolute = objective == "absolute"
         scored = self._record.y[scoring_start : self.samples]
@@ -115,44 +115,43 @@ class PredictionErrorProblem:
 
         The weak square of the noise state is part of it.
         """
-        values: Array = kernels.values(self._record, self._objective, self._tables, _rows(points))
+        values: Array = kernels.values(
+            self._record, self._objective, self._workspace, _rows(points)
+        )
         return values
 
     def values_and_gradients(
-        self, points: Array, corners: Array, barriers: Array
+        self, points: Array, smoothing: Array, barriers: Array
     ) -> tuple[Array, Array]:
         """Smoothed objective of each row and its gradient; infeasible rows are inf and 0.
 
-        ``corners`` (M,), in the unit of the output, round the corner of the absolute value,
-        ``sqrt(e**2 + corner**2)``; the quadratic objective does not use them.  ``barriers``
-        (M,), in percent, weigh a barrier that grows towards the edge of the stability region
-        (:func:`evopem.estimation.pem.kernels.stability_barriers` of A and of C), so that a descent
-        is led along the edge instead of being stuck at it.
+        ``smoothing`` (M,), in the unit of the output, is the width over which the absolute value
+        is smoothed, ``sqrt(e**2 + smoothing**2)``; the quadratic objective does not use it.
+        ``barriers`` (M,), in percent, are the weights of a barrier that grows towards the edge of
+        the stability region (:func:`evopem.estimation.pem.kernels.stability_barriers` of A and of
+        C), so that a descent moves along the edge instead of stopping at it.
         """
         found: tuple[Array, Array] = kernels.values_and_gradients(
-            self._record, self._objective, self._tables, _rows(points), corners, barriers
+            self._record, self._objective, self._workspace, _rows(points), smoothing, barriers
         )
         return found
 
-    def curvatures(self, points: Array, corners: Array, barriers: Array) -> Array:
-        """Gauss-Newton approximation of the Hessian of what rows of a descent minimise, (M, n, n).
+    def curvatures(self, points: Array, smoothing: Array, barriers: Array) -> Array:
+        """Gauss-Newton approximation of the Hessian of the smoothed objective, (M, n, n).
 
         For the absolute objective the mean second derivative of the loss (twice the density of
         the residuals at zero) scales the same matrix.
         """
-        matrices: Array = kernels.curvatures(
+        matrices: Array = kernels.gauss_newton_matrices(
             self._record,
             self._objective,
-            self._tables,
+            self._workspace,
             self._lag_sums,
             DENSITY_BANDWIDTH,
             _rows(points),
-            corners,
+            smoothing,
+            barriers,
         )
-        for part in self._polynomials():
-            coefficients = np.ascontiguousarray(points[:, part])
-            barrier = kernels.barrier_curvatures(coefficients, self.max_root_radius)
-            matrices[:, part, part] += barriers[:, None, None] * barrier
         return matrices
 
     def mean_absolute_residuals(self, values: Array) -> Array:
@@ -162,8 +161,10 @@ class PredictionErrorProblem:
 
     def residuals(self, point: Array) -> Array:
         """Residuals of one parameter vector, (N,); zero before ``recursion_start``."""
-        residuals: Array = kernels.residuals(self._record, self._tables, _rows(point))
-        return residuals[: self.samples]
+        residuals: Array = kernels.residuals(
+            self._record, self._workspace, _rows(point[None, :]), np.zeros(1, dtype=np.intp)
+        )
+        return residuals[0, : self.samples]
 
     def feasible(self, points: Array) -> NDArray[np.bool_]:
         """Whether A and C of each row have all roots within ``max_root_radius``."""

@@ -1,0 +1,132 @@
+"""The runs of the comparison, and their division into jobs.
+
+Three studies: ``table`` is the chapter's table 1, with gradients by finite differences and the
+whole budget; ``precise`` is the same with analytic gradients; ``scale`` varies the dimension, with
+analytic gradients, and ends a run at the target.
+
+Imports neither NumPy nor pandas, because the Snakefile imports this module.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from fletcher_powell.settings import Settings
+
+HYBRIDS = ("hybrid", "hybrid-all", "hybrid-best", "hybrid-random")
+CHAPTER = ("hybrid", "es", "ep", "ga")
+SMALL_HYBRID = "hybrid-small"
+MULTI_START = "multi-start"
+BASIN_HOPPING = ("basin-hopping", "monotonic-basin-hopping")
+# Their libraries take most of their time in Python, so they get fewer runs.
+SLOW = (
+    "multi-start-scipy",
+    "multi-start-lbfgsb",
+    *BASIN_HOPPING,
+    "cma-es",
+    "differential-evolution",
+    "dual-annealing",
+)
+IN_TABLE = (*CHAPTER, *HYBRIDS[1:], MULTI_START, *SLOW)
+IN_PRECISE = (*HYBRIDS, MULTI_START)
+# In every dimension of the study of scale, and in its largest dimension only.
+IN_SCALE = ("hybrid", MULTI_START, *BASIN_HOPPING)
+AT_LARGEST = (*HYBRIDS[1:], SMALL_HYBRID)
+
+PARTS = ("table", "scale")
+"""What one job runs: ``table`` and ``precise`` together, or all dimensions of ``scale``."""
+
+FIGURES = ("final", "convergence", "refinement", "scale", "landscape")
+"""Figures of the page, in its order."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """Some runs of one study in one dimension.
+
+    Attributes
+    ----------
+    study : {"table", "precise", "scale"}
+    dimension : int
+    gradient : {"differences", "analytic"}
+    evaluations : int
+        Budget of each run.
+    runs : tuple of int
+        Numbers of the runs, from 1.
+    """
+
+    study: str
+    dimension: int
+    gradient: str
+    evaluations: int
+    runs: tuple[int, ...]
+
+
+def instances(settings: Settings) -> list[str]:
+    """Name the instances: the published one first, the others by their seeds."""
+    return ["cec2005-f12", *(f"seed-{seed}" for seed in range(1, settings.instances))]
+
+
+def algorithms(part: str, settings: Settings) -> list[str]:
+    """Name the algorithms of a part."""
+    taking_part = IN_TABLE if part == "table" else (*IN_SCALE, *AT_LARGEST)
+    return [name for name in taking_part if name in settings.algorithms]
+
+
+def block_count(part: str, algorithm: str, settings: Settings) -> int:
+    """Count the jobs that share the runs of one algorithm on one instance."""
+    return math.ceil(_runs(part, algorithm, settings) / settings.runs_per_job)
+
+
+def cases(part: str, algorithm: str, block: int, settings: Settings) -> list[Case]:
+    """List what one job runs.
+
+    Parameters
+    ----------
+    part : str
+        One of ``PARTS``.
+    algorithm : str
+    block : int
+        Number of the job, from 1.
+    settings : Settings
+    """
+    first = (block - 1) * settings.runs_per_job + 1
+    last = min(block * settings.runs_per_job, _runs(part, algorithm, settings))
+    n = settings.dimension
+    if part == "table":
+        studies = [("table", n, "differences")]
+        if algorithm in IN_PRECISE:
+            studies.append(("precise", n, "analytic"))
+    else:
+        dimensions = settings.scale.dimensions
+        if algorithm in AT_LARGEST:
+            dimensions = (max(dimensions),)
+        studies = [("scale", dimension, "analytic") for dimension in dimensions]
+    return [
+        Case(
+            study=study,
+            dimension=dimension,
+            gradient=gradient,
+            evaluations=settings.evaluations * dimension // n,
+            runs=tuple(range(first, last + 1)),
+        )
+        for study, dimension, gradient in studies
+    ]
+
+
+def run_files(settings: Settings) -> list[str]:
+    """Name the output of every job: part, algorithm, instance and block."""
+    return [
+        f"{part}/{algorithm}/{instance}/{block}.json"
+        for part in PARTS
+        for algorithm in algorithms(part, settings)
+        for instance in instances(settings)
+        for block in range(1, block_count(part, algorithm, settings) + 1)
+    ]
+
+
+def _runs(part: str, algorithm: str, settings: Settings) -> int:
+    """Runs of an algorithm on one instance."""
+    runs = settings.runs if part == "table" else settings.scale.runs
+    return min(runs, settings.slow_runs) if algorithm in SLOW else runs

@@ -1,0 +1,87 @@
+"""Memory and time that jobs ask for, against numbers computed by hand."""
+
+from pathlib import Path
+
+import pytest
+import yaml
+
+from evopem.config import resources
+from evopem.config.defaults import complete
+
+SCHEMA = Path(__file__).parents[2] / "workflow" / "schemas" / "config.schema.yaml"
+
+
+def dataset(text):
+    return complete(yaml.safe_load(f"datasets: {{a: {{{text}}}}}"), SCHEMA).datasets["a"]
+
+
+@pytest.fixture
+def simulated():
+    """5000 samples and the built-in grids, whose largest model has 14 + 16 + 16 parameters."""
+    return dataset("synthesis: armax")
+
+
+@pytest.fixture
+def recorded(tmp_path, monkeypatch):
+    """10 MB to estimate from and 6 MB to validate on."""
+    monkeypatch.chdir(tmp_path)
+    for name, size in (("a.csv", 10_000_000), ("b.csv", 6_000_000)):
+        with Path(name).open("wb") as stream:
+            stream.truncate(size)
+    return dataset("file: a.csv, validation_file: b.csv")
+
+
+def test_a_job_that_reads_asks_for_the_size_of_its_recordings(recorded, simulated):
+    assert resources.recording_bytes(recorded) == 16_000_000
+    # 800 MB and 40 bytes for each of the file; 5 minutes and a quarter of one for each MB.
+    assert resources.reading_memory(recorded, attempt=1) == 800 + 640
+    assert resources.reading_time(recorded, attempt=1) == 5 + 4
+    # Two signals of 5000 floats.
+    assert resources.recording_bytes(simulated) == 80_000
+    assert resources.reading_memory(simulated, attempt=1) == 803
+    assert resources.reading_time(simulated, attempt=1) == 5
+
+
+def test_every_further_attempt_asks_for_more(recorded, simulated):
+    assert resources.reading_memory(recorded, attempt=3) == 3 * 1440
+    assert resources.reading_time(recorded, attempt=3) == 3 * 9
+    assert resources.estimation_memory(simulated, threads=1, attempt=2) == 1336
+    assert resources.estimation_time(simulated, "delay", "auto", threads=1, attempt=2) == 37
+
+
+def test_a_job_that_estimates_asks_for_its_processes(recorded, simulated):
+    # 250 MB and 80 bytes for each of 5000 * 46 entries: 268.4 MB a process.
+    assert resources.estimation_memory(simulated, threads=1, attempt=1) == 400 + 268
+    assert resources.estimation_memory(simulated, threads=4, attempt=1) == 400 + 5 * 268.4
+    # At most 2 million samples of 8 bytes: 400 MB and 400 bytes for each, not 80 * 46.
+    assert resources.max_samples(recorded) == 2_000_000
+    assert resources.estimation_memory(recorded, threads=1, attempt=1) == 400 + 1200
+
+
+@pytest.mark.parametrize(
+    ("phase", "per_job", "threads", "minutes"),
+    [
+        # 2 s and 2 ns for each of 20 000 evaluations of 5000 * 46 entries: 11.2 s a candidate.
+        # Three times that for 16, 9, 15 and 15 candidates, after ten minutes.
+        ("delay", "auto", 1, 10 + 8.96),
+        ("joint", "auto", 1, 10 + 5.04),
+        ("nc", "auto", 1, 10 + 8.4),
+        (None, "auto", 1, 10 + 30.8),
+        (None, "auto", 4, 10 + 7.7),
+        # 16 candidates in three jobs: six in the largest. Nine in two: five.
+        ("delay", 6, 1, 10 + 3.36),
+        ("joint", 6, 1, 10 + 2.8),
+    ],
+)
+def test_a_job_that_estimates_asks_for_the_time_of_its_candidates(
+    simulated, phase, per_job, threads, minutes
+):
+    asked = resources.estimation_time(simulated, phase, per_job, threads, attempt=1)
+    assert asked == int(minutes)
+
+
+@pytest.mark.parametrize("name", ["missing.csv", "x" * 5000 + ".csv", "nul\0byte.csv"])
+def test_a_file_that_does_not_exist_counts_nothing(name):
+    settings = complete({"datasets": {"a": {"file": name}}}, SCHEMA).datasets["a"]
+    assert resources.recording_bytes(settings) == 0
+    assert resources.reading_memory(settings, attempt=1) == 800

@@ -1,0 +1,92 @@
+"""The schema and the typed settings: the same keys, the same choices, the same defaults."""
+
+from dataclasses import fields
+from pathlib import Path
+from typing import Literal, get_args, get_origin, get_type_hints
+
+import pytest
+import yaml
+
+from evopem.config.defaults import complete
+from evopem.config.settings import (
+    ChannelSettings,
+    DatasetSettings,
+    DelaySettings,
+    OrderSettings,
+    RecordedSource,
+    RunSettings,
+    SearchSettings,
+    SpectrumSettings,
+    SplitSettings,
+    SyntheticSource,
+    TransformSettings,
+)
+from evopem.config.yaml_form import ANALYSIS_KEYS
+
+SCHEMA = Path(__file__).parents[2] / "workflow" / "schemas" / "config.schema.yaml"
+KEYS = yaml.safe_load(SCHEMA.read_text(encoding="utf-8"))
+MAPPINGS = {
+    "transforms": TransformSettings,
+    "split": SplitSettings,
+    "spectrum": SpectrumSettings,
+    "delay": DelaySettings,
+    "orders": OrderSettings,
+    "search": SearchSettings,
+}
+
+
+def names(*kinds):
+    """Names of the fields of settings, as keys."""
+    return {field.name.rstrip("_") for kind in kinds for field in fields(kind)}
+
+
+@pytest.mark.parametrize(("mapping", "kind"), MAPPINGS.items())
+def test_the_keys_of_a_mapping_are_the_fields_of_its_settings(mapping, kind):
+    assert set(KEYS["$defs"][mapping]["properties"]) == names(kind)
+
+
+def test_the_keys_of_a_data_set_are_its_source_and_its_analysis():
+    assert set(ANALYSIS_KEYS) == {"resample", *MAPPINGS}
+    source = names(RecordedSource, ChannelSettings, SyntheticSource) - {"channels"}
+    assert set(KEYS["$defs"]["dataset"]["properties"]) == source | set(ANALYSIS_KEYS)
+    assert set(KEYS["properties"]["defaults"]["properties"]) == set(ANALYSIS_KEYS)
+
+
+def test_the_keys_of_a_run_are_the_fields_of_its_settings():
+    others = {"datasets", "defaults"}
+    assert set(KEYS["properties"]) - others == names(RunSettings)
+
+
+def choices(kind):
+    """The fields of settings that hold one of a few words, with these."""
+    for name, hint in get_type_hints(kind).items():
+        if get_origin(hint) is Literal:
+            yield name, set(get_args(hint))
+
+
+@pytest.mark.parametrize(
+    ("properties", "kind"),
+    [
+        (KEYS["properties"], RunSettings),
+        (KEYS["$defs"]["search"]["properties"], SearchSettings),
+        (KEYS["$defs"]["dataset"]["properties"], SyntheticSource),
+    ],
+)
+def test_the_words_a_key_takes_are_those_of_its_field(properties, kind):
+    listed = dict(choices(kind))
+    assert listed
+    assert {name: set(properties[name]["enum"]) for name in listed} == listed
+
+
+def test_the_phases_are_the_grids_of_the_order_search():
+    from evopem.config.order_grid import PHASES
+
+    assert ("delay", *(field.name for field in fields(OrderSettings))) == PHASES
+
+
+def test_built_in_settings_of_the_search_are_those_of_the_package():
+    """One search, whether a configuration or a notebook starts it."""
+    config = complete({"datasets": {"arm": {"synthesis": "flexible_arm"}}}, SCHEMA)
+    arm = config.datasets["arm"]
+    assert isinstance(arm, DatasetSettings)
+    assert arm.search == SearchSettings()

@@ -1,0 +1,100 @@
+"""The on-disk cache of compiled functions: what it notices, and where it is stored."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from evopem.estimation.pem.kernels.cache import folder_digest
+
+SCRIPTS = Path(__file__).parents[2] / "workflow" / "scripts"
+INNER = """
+from evopem.estimation.pem.kernels.cache import njit
+
+@njit
+def addend(x):
+    return x + {number}
+"""
+OUTER = """
+from evopem.estimation.pem.kernels.cache import cached_njit
+from package.inner import addend
+
+@cached_njit
+def total(x):
+    return 10 * addend(x)
+"""
+RUN = """
+from package.outer import total
+print(total(1), sum(total.stats.cache_hits.values()), sum(total.stats.cache_misses.values()))
+"""
+
+
+@pytest.fixture
+def package(tmp_path):
+    folder = tmp_path / "package"
+    folder.mkdir()
+    (folder / "__init__.py").touch()
+    (folder / "inner.py").write_text(INNER.format(number=1))
+    (folder / "outer.py").write_text(OUTER)
+    return folder
+
+
+def run(package, **environment):
+    """Result, cache hits and cache misses of a new process, and what it wrote on stderr."""
+    paths = os.pathsep.join([str(package.parent), str(SCRIPTS)])
+    inherited = {key: value for key, value in os.environ.items() if key != "NUMBA_CACHE_DIR"}
+    ended = subprocess.run(
+        [sys.executable, "-B", "-c", RUN],
+        env={**inherited, "PYTHONPATH": paths, **environment},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return tuple(int(number) for number in ended.stdout.split()), ended.stderr
+
+
+def test_a_change_in_one_file_invalidates_what_other_files_compiled(package):
+    (found, message) = run(package)
+    assert found == (20, 0, 1)
+    assert message.count("compiling the numerical kernels") == 1
+    assert run(package) == ((20, 1, 0), "")
+    (package / "inner.py").write_text(INNER.format(number=2))
+    assert run(package)[0] == (30, 0, 1)
+    assert run(package)[0] == (30, 1, 0)
+
+
+def test_a_touched_file_does_not_invalidate_the_cache(package):
+    run(package)
+    os.utime(package / "inner.py", (1, 1))
+    assert run(package)[0] == (20, 1, 0)
+
+
+def test_the_cache_goes_where_numba_is_told(package, tmp_path):
+    elsewhere = tmp_path / "cache"
+    assert run(package, NUMBA_CACHE_DIR=str(elsewhere))[0] == (20, 0, 1)
+    assert not (package / "__pycache__").exists()
+    assert list(elsewhere.glob("*/*.nbc"))
+    assert run(package, NUMBA_CACHE_DIR=str(elsewhere))[0] == (20, 1, 0)
+
+
+def test_an_installation_that_is_not_writable_uses_the_users_cache(package, tmp_path):
+    # A file in its place keeps even a superuser from writing to the folder.
+    (package / "__pycache__").touch()
+    home = tmp_path / "home"
+    environment = {"HOME": str(home), "XDG_CACHE_HOME": str(home / ".cache")}
+    assert run(package, **environment)[0] == (20, 0, 1)
+    assert list(home.rglob("*.nbc"))
+    assert run(package, **environment)[0] == (20, 1, 0)
+
+
+def test_the_digest_covers_names_and_contents(package):
+    digests = {folder_digest(package)}
+    (package / "inner.py").rename(package / "other.py")
+    digests.add(folder_digest(package))
+    (package / "other.py").write_text("")
+    digests.add(folder_digest(package))
+    (package / "note.txt").touch()
+    assert folder_digest(package) in digests
+    assert len(digests) == 3

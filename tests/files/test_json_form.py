@@ -1,0 +1,214 @@
+"""The JSON form of typed results and settings: what is written is what is read."""
+
+import json
+import math
+import re
+from dataclasses import dataclass, fields, is_dataclass
+from pathlib import Path
+from types import UnionType
+from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import settings as examples
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+
+from evopem.config import settings
+from evopem.config.settings import ChannelSettings, OrderSettings, SearchSettings, SyntheticSource
+from evopem.errors import InputError
+from evopem.estimation.candidate import Candidate, PhaseSelection
+from evopem.estimation.model_record import ModelRecord
+from evopem.files.json_form import from_json, load, save, to_json
+from evopem.models.armax import Orders
+from evopem.signals.preparation import Transforms
+from evopem.signals.recording_info import RecordingInfo
+from evopem.signals.spectral.summary import SpectrumSummary
+from evopem.synthesis.truth import Truth
+from evopem.validation.validation import Validation
+
+SCRIPTS = Path(__file__).parents[2] / "workflow" / "scripts"
+RESULTS = [
+    Candidate,
+    ModelRecord,
+    PhaseSelection,
+    RecordingInfo,
+    SpectrumSummary,
+    Transforms,
+    Truth,
+    Validation,
+]
+SETTINGS = [kind for kind in vars(settings).values() if is_dataclass(kind)]
+
+FINITE = st.floats(allow_nan=False, allow_infinity=False)
+
+
+def instances(kind: Any) -> st.SearchStrategy[Any]:
+    """Any value of a type, as its annotation states it; floats may be infinite or NaN."""
+    if kind is Orders:
+        high = st.integers(0, 60)
+        return st.builds(Orders, na=high, nb=st.integers(1, 60), nc=high, nk=high)
+    if is_dataclass(kind):
+        hints = get_type_hints(kind)
+        return st.builds(kind, **{each.name: instances(hints[each.name]) for each in fields(kind)})
+    if kind is complex:
+        return st.complex_numbers(allow_nan=False, allow_infinity=False)
+    if kind in (int, str, bool, float):
+        return st.from_type(kind)
+    origin, members = get_origin(kind), get_args(kind)
+    if origin in (Union, UnionType):
+        # In a union JSON itself tells the members apart, and NaN has no form of its own there.
+        return st.one_of([FINITE if each is float else instances(each) for each in members])
+    if origin is Literal:
+        return st.sampled_from(members)
+    if origin is dict:
+        return st.dictionaries(*map(instances, members), max_size=3)
+    if origin is tuple and members[-1] is Ellipsis:
+        return st.lists(instances(members[0]), max_size=3).map(tuple)
+    if origin is tuple:
+        return st.tuples(*map(instances, members))
+    if origin is np.ndarray:
+        shape = arrays.array_shapes(min_dims=1, max_dims=2, max_side=3)
+        if "complex" in str(kind):
+            finite = st.complex_numbers(allow_nan=False, allow_infinity=False)
+            return arrays.arrays(complex, st.integers(0, 3), elements=finite)
+        return arrays.arrays(float, st.integers(0, 3) | shape)
+    return st.none() if kind is type(None) else st.from_type(kind)
+
+
+def expected(value: Any) -> Any:
+    """A value as it is read back: with NaN for what is not finite."""
+    if isinstance(value, np.ndarray):
+        return np.where(np.isfinite(value), value, np.nan)
+    return math.nan if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def assert_same(read: Any, written: Any) -> None:
+    """Types, values and signs of zero are the same, to the last bit."""
+    written = expected(written)
+    assert type(read) is type(written)
+    if is_dataclass(read):
+        for field in fields(read):
+            assert_same(getattr(read, field.name), getattr(written, field.name))
+    elif isinstance(read, tuple):
+        assert len(read) == len(written)
+        for one, other in zip(read, written, strict=True):
+            assert_same(one, other)
+    elif isinstance(read, dict):
+        assert list(read) == list(written)
+        for key in read:
+            assert_same(read[key], written[key])
+    elif isinstance(read, np.ndarray):
+        assert read.dtype == written.dtype
+        np.testing.assert_array_equal(read, written)
+    else:
+        assert repr(read) == repr(written)
+
+
+@pytest.mark.parametrize("kind", [*RESULTS, *SETTINGS], ids=lambda kind: kind.__name__)
+@examples(max_examples=15, deadline=None)
+@given(data=st.data())
+def test_what_is_written_is_what_is_read(kind, data):
+    value = data.draw(instances(kind))
+    text = json.dumps(to_json(value), allow_nan=False)
+    assert_same(from_json(kind, json.loads(text)), value)
+
+
+def test_every_type_that_a_stage_reads_is_among_them():
+    """A new result has to be added to the types above."""
+    listed = {kind.__name__ for kind in [*RESULTS, *SETTINGS]}
+    read = set()
+    for file in SCRIPTS.rglob("*.py"):
+        pattern = r"(?<![.\w])(?:load|from_json)\((?:tuple\[)?([A-Z]\w+)"
+        read |= set(re.findall(pattern, file.read_text(encoding="utf-8")))
+    assert len(read) > 8
+    assert read <= listed
+
+
+@dataclass(frozen=True, eq=False)
+class Example:
+    number: float
+    maybe: float | None
+    array: np.ndarray[Any, np.dtype[np.float64]]
+    lambda_: int = 3
+
+
+def test_numbers_that_are_not_finite_become_null():
+    content = to_json(Example(math.inf, math.nan, np.array([1.0, -math.inf])))
+    assert content == {"number": None, "maybe": None, "array": [1.0, None], "lambda": 3}
+    again = from_json(Example, content)
+    assert math.isnan(again.number)
+    assert again.maybe is None
+    np.testing.assert_array_equal(again.array, [1.0, np.nan])
+
+
+def test_an_underscore_that_avoids_a_keyword_is_no_part_of_the_key():
+    assert to_json(SearchSettings())["lambda"] == 100
+    assert from_json(SearchSettings, {"lambda": 7}).lambda_ == 7
+    with pytest.raises(InputError, match="the key lambda_ is not known"):
+        from_json(SearchSettings, {"lambda_": 7})
+
+
+ORDERS = {"na": 2, "nb": 1, "nc": 1, "nk": 0}
+
+
+@pytest.mark.parametrize(
+    ("kind", "content", "place", "problem"),
+    [
+        (Orders, ORDERS | {"na": 2.7}, "na", "2.7 is not a whole number"),
+        (Orders, ORDERS | {"na": "2"}, "na", "'2' is not a whole number"),
+        (Orders, ORDERS | {"na": True}, "na", "True is not a whole number"),
+        (Orders, ORDERS | {"na": None}, "na", "None is not a whole number"),
+        (Orders, ORDERS | {"nb": 0}, "", "nb of at least 1"),
+        (Orders, ORDERS | {"nd": 1}, "", "the key nd is not known"),
+        (Orders, {"na": 1, "nb": 1, "nc": 1}, "nk", "the key nk is missing"),
+        (Orders, [1, 1, 1, 0], "", "the content has another form"),
+        (Orders, None, "", "the content has another form"),
+        (SearchSettings, {"objective": "cubic"}, "objective", "'cubic' is none of absolute, qu"),
+        (SearchSettings, {"max_root_radius": "0.9"}, "max_root_radius", "'0.9' is not a number"),
+        (SyntheticSource, {"synthesis": "pendulum"}, "synthesis", "'pendulum' is none of flex"),
+        (ChannelSettings, {"input": [1]}, "input", "[1] cannot be used here"),
+        (ChannelSettings, {"input": None}, "input", "there is no value"),
+        (ChannelSettings, {"input_unit": 5}, "input_unit", "5 is not a text"),
+        (OrderSettings, {"nc": [1, 2, 3]}, "nc", "[1, 2, 3] has not 2 entries"),
+        (OrderSettings, {"nc": "ab"}, "nc", "'ab' is not a list"),
+        (OrderSettings, {"joint": "aut"}, "joint", "'aut' cannot be used here"),
+        (tuple[Orders, ...], [ORDERS, ORDERS | {"nk": 0.5}], "[1].nk", "0.5 is not a whole"),
+        (tuple[Orders, ...], {}, "", "{} is not a list"),
+    ],
+)
+def test_other_content_is_refused_in_a_sentence_that_names_the_field(kind, content, place, problem):
+    with pytest.raises(InputError) as caught:
+        from_json(kind, content, "file.json")
+    error = caught.value
+    assert (error.source, error.place) == ("file.json", place)
+    assert problem in error.problem
+    assert re.fullmatch(r"file\.json(, [^:]+)?: .+; delete the file and .+\.", str(error))
+
+
+def test_a_field_deep_inside_is_named():
+    content = to_json(settings.OrderGrid())
+    content["orders"]["nc"] = [2, "x"]
+    with pytest.raises(InputError, match=r"^file\.json, orders\.nc: 'x' is not a whole number; "):
+        from_json(settings.OrderGrid, content, "file.json")
+
+
+def test_a_file_holds_what_was_saved(tmp_path):
+    path = tmp_path / "orders.json"
+    save((Orders(1, 2, 3, 4), Orders(4, 3, 2, 1)), path)
+    assert load(tuple[Orders, ...], path) == (Orders(1, 2, 3, 4), Orders(4, 3, 2, 1))
+
+
+@pytest.mark.parametrize(
+    ("content", "problem"),
+    [(None, "cannot be read (No such file"), (b"{", "is not valid JSON"), (b"\xff", "not valid")],
+)
+def test_files_that_hold_no_json_are_refused_in_a_sentence(tmp_path, content, problem):
+    path = tmp_path / "orders.json"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(InputError) as caught:
+        load(Orders, path)
+    assert caught.value.source == str(path)
+    assert problem in caught.value.problem

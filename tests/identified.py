@@ -1,0 +1,81 @@
+"""A small data set, identified by the stages of the package, for the tests of their results.
+
+:func:`identify` simulates an ARMAX recording and writes the files of its results. The fixture
+``identified`` in ``conftest.py`` does so once a session.
+"""
+
+from __future__ import annotations
+
+import os
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from evopem.config.settings import (
+    DatasetSettings,
+    DelaySettings,
+    OrderGrid,
+    OrderSettings,
+    PreparationSettings,
+    SearchSettings,
+    SpectrumSettings,
+    SplitSettings,
+    SyntheticSource,
+)
+from evopem.pipeline.identification import stages
+from evopem.results.dataset import DatasetResults, read_dataset_results
+from evopem.results.layout import PHASES, DatasetFiles
+
+# The true orders, ARMAX(7, 6, 7, 3), lie inside every range but that of the delay, which ends
+# at 3: the check of the search ranges therefore fails.
+SETTINGS = DatasetSettings(
+    name="bench",
+    source=SyntheticSource("armax", seed=1, samples=1500, noise=0.1),
+    preparation=PreparationSettings(split=SplitSettings(discard=100, estimation=1000)),
+    spectrum=SpectrumSettings(nfft=2048),
+    order_grid=OrderGrid(
+        DelaySettings(orders=(6, 7), nk=(2, 3)),
+        OrderSettings(joint=(6, 8), nc=(5, 8), nb=(5, 7)),
+    ),
+    search=SearchSettings(evaluations=4000),
+)
+# Stages of the summary, the figures and the report are left to the tests.
+STAGES = (
+    "configuration",
+    "recording",
+    "preparation",
+    "spectrum",
+    *PHASES,
+    "model",
+    "candidates",
+    "validation",
+)
+
+
+def identify(folder: Path, settings: DatasetSettings = SETTINGS) -> DatasetFiles:
+    """Take a synthetic recording through the stages up to the validation of its model."""
+    files = DatasetFiles(str(folder))
+    listed = stages(files, settings)
+    for name in STAGES:
+        listed[name]()
+    return files
+
+
+@dataclass(frozen=True)
+class Identified:
+    """The files of an identified data set and the results read from them."""
+
+    files: DatasetFiles
+    results: DatasetResults
+
+
+def identify_once(shared: Path) -> Identified:
+    """Identify the data set in a folder that worker processes share, unless another one has."""
+    folder = shared / SETTINGS.name
+    if not folder.exists():
+        own = shared / f".{os.getpid()}"
+        identify(own / SETTINGS.name)
+        with suppress(OSError):  # another worker was first
+            (own / SETTINGS.name).rename(folder)
+    files = DatasetFiles(str(folder))
+    return Identified(files, read_dataset_results(files, SETTINGS))

@@ -1,0 +1,63 @@
+"""Models written for MATLAB, read back by SciPy and Octave."""
+
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+from scipy.io import loadmat
+
+import evopem
+from evopem.models.matlab import save_model_mat
+from evopem.models.parameter_covariance import ParameterCovariance
+from evopem.synthesis.armax import true_model
+
+
+@pytest.fixture
+def model():
+    truth = true_model()
+    n = truth.orders.parameters
+    covariance = ParameterCovariance(1e-2 * np.eye(n)[:, 1:], np.eye(n)[:, :1])
+    return evopem.ArmaxModel(truth.a, truth.b, truth.c, truth.nk, 100.0, 0.25, covariance)
+
+
+def test_mat_holds_the_arguments_of_idpoly(model, tmp_path):
+    path = tmp_path / "model.mat"
+    save_model_mat(model, path)
+    stored = loadmat(path)
+    np.testing.assert_array_equal(stored["A"], model.a[None, :])
+    np.testing.assert_array_equal(stored["B"][0], np.r_[0, 0, 0, model.b])
+    np.testing.assert_array_equal(stored["C"], model.c[None, :])
+    assert stored["Ts"][0, 0] == 0.01
+    assert stored["NoiseVariance"][0, 0] == 0.25
+
+
+def test_mat_bytes_depend_on_the_model_alone(model, tmp_path):
+    first, second = tmp_path / "one.mat", tmp_path / "two.mat"
+    save_model_mat(model, first)
+    save_model_mat(model, second)
+    assert first.read_bytes() == second.read_bytes()
+    assert b"evopem" in first.read_bytes()[:116]
+
+
+def test_octave_simulates_the_same(model, tmp_path):
+    octave = shutil.which("octave-cli") or shutil.which("octave")
+    if octave is None:
+        pytest.skip("Octave is not installed")
+    save_model_mat(model, tmp_path / "model.mat")
+    u = np.random.default_rng(1).standard_normal(50)
+    np.savetxt(tmp_path / "u.txt", u)
+    script = (
+        "load model.mat; u = load('u.txt'); y = filter(B, A, u); "
+        "printf('%.17g\\n', y); printf('%.17g\\n', Ts);"
+    )
+    printed = subprocess.run(
+        [octave, "--no-gui", "--quiet", "--eval", script],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=120,
+    ).stdout.split()
+    np.testing.assert_allclose(np.array(printed[:-1], float), model.simulate(u), rtol=1e-9)
+    assert float(printed[-1]) == 0.01

@@ -1,0 +1,131 @@
+"""The stages of a data set in one process, together and one by one."""
+
+import os
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+from evopem.config.settings import (
+    DatasetSettings,
+    DelaySettings,
+    OrderGrid,
+    OrderSettings,
+    PreparationSettings,
+    RecordedSource,
+    SearchSettings,
+    SpectrumSettings,
+    SplitSettings,
+    SyntheticSource,
+)
+from evopem.errors import InputError
+from evopem.pipeline.identification import identify_recording, run_stage, stages
+from evopem.results.layout import PHASES, DatasetFiles
+
+SETTINGS = DatasetSettings(
+    name="arm",
+    source=SyntheticSource("armax", samples=700, noise=0.1),
+    preparation=PreparationSettings(split=SplitSettings(discard=20)),
+    spectrum=SpectrumSettings(nfft=512),
+    order_grid=OrderGrid(DelaySettings((3, 3), (2, 3)), OrderSettings((3, 4), (2, 3), (3, 3))),
+    search=SearchSettings(mu=3, lambda_=6, nu=2, evaluations=50),
+)
+STAGES = (
+    *("configuration", "recording", "preparation", "spectrum", *PHASES, "model", "candidates"),
+    *("validation", "summary", "figures", "report"),
+)
+
+
+@pytest.fixture(scope="module")
+def identified(tmp_path_factory):
+    """The files of a data set that was taken through all stages in one process."""
+    files = DatasetFiles(str(tmp_path_factory.mktemp("identified") / "arm"))
+    identify_recording(files, SETTINGS, with_report=True)
+    return files
+
+
+def contents(files):
+    return {path: path.read_bytes() for path in Path(files.folder).rglob("*") if path.is_file()}
+
+
+def test_it_makes_every_result_and_leaves_no_parts(identified):
+    made = set(map(str, contents(identified)))
+    steps = {identified.recording, identified.prepared, *identified.phases, identified.truth}
+    assert made == steps | set(identified.results) | set(identified.pages)
+
+
+def test_the_stages_are_listed_in_their_order(identified):
+    assert tuple(stages(identified, SETTINGS)) == STAGES
+
+
+@pytest.fixture(scope="module")
+def repeated(identified):
+    """The contents of the files that each stage, run alone, writes again; the first contents."""
+    first = contents(identified)
+    written = {}
+    for stage in STAGES:
+        for path in first:
+            os.utime(path, (1, 1))
+        run_stage(stage, identified.folder, log=None)
+        written[stage] = {
+            path: content
+            for path, content in contents(identified).items()
+            if path.stat().st_mtime > 1
+        }
+    return written, first
+
+
+@pytest.mark.parametrize("stage", STAGES)
+def test_a_stage_alone_reproduces_its_files_byte_for_byte(repeated, stage):
+    written, first = repeated
+    assert written[stage]
+    assert [path for path, content in written[stage].items() if content != first[path]] == []
+
+
+def test_every_file_is_written_by_one_stage(repeated):
+    written, first = repeated
+    assert Counter(path for files in written.values() for path in files) == Counter(list(first))
+
+
+def test_progress_reaches_the_log(identified):
+    lines = []
+    run_stage("nc", identified.folder, log=lines.append)
+    assert "nc: ARMAX(3,3,2,3), candidate 1 of 2" in lines
+    assert "has the smallest BIC" in lines[-1]
+
+
+def test_a_folder_without_a_configuration_is_refused(tmp_path):
+    with pytest.raises(InputError, match=r"config\.yaml: does not hold the complete configuration"):
+        run_stage("model", tmp_path)
+
+
+def test_a_recorded_file_without_a_report(tmp_path, identified, monkeypatch):
+    """From files instead of a simulation, an independent one for validation among them."""
+    import numpy as np
+
+    from evopem.config.settings import ChannelSettings
+    from evopem.files.json_form import load
+    from evopem.signals.preparation import Transforms
+    from evopem.signals.recording import load_recording
+
+    monkeypatch.chdir(tmp_path)
+    recording = load_recording(identified.recording)
+    table = np.column_stack([recording.input, recording.output])
+    for name, rows in (("a.csv", table[:500]), ("b.csv", table[500:])):
+        np.savetxt(name, rows, delimiter=",", fmt="%.17g")
+    source = RecordedSource("a.csv", ChannelSettings(sampling_rate=100.0), "b.csv")
+    settings = DatasetSettings(
+        "bench",
+        source,
+        PreparationSettings(split=SplitSettings(discard=20, estimation=1.0)),
+        SETTINGS.spectrum,
+        SETTINGS.order_grid,
+        SETTINGS.search,
+    )
+    files = DatasetFiles.of_dataset("bench")
+    identify_recording(files, settings, with_report=False)
+    made = set(map(str, (path for path in contents(files))))
+    steps = {files.recording, files.prepared, *files.phases}
+    own = {files.validation_recording, files.validation_recording_info}
+    assert made == steps | set(files.results) | own
+    assert load(Transforms, files.transforms).validation_source == "file"

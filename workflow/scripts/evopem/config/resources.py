@@ -1,0 +1,76 @@
+"""Memory and time that jobs ask for, from the size of a recording and of its largest model.
+
+The constants were measured (docs/planning.md). Every quantity grows with the number of the attempt.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from evopem.config.order_grid import PHASES, max_candidates_per_part, sample_requirements
+from evopem.config.settings import DatasetSettings, RecordedSource
+
+
+def recording_bytes(settings: DatasetSettings) -> int:
+    """Size of a data set's recordings, known before any job has run."""
+    source = settings.source
+    if not isinstance(source, RecordedSource):
+        return 16 * source.samples
+    files = [Path(file) for file in (source.file, source.validation_file) if file]
+    return sum(file.stat().st_size for file in files if is_file(file))
+
+
+def is_file(path: str | Path) -> bool:
+    """Whether a path names a file; False for a name that no file system accepts."""
+    try:
+        return Path(path).is_file()
+    except (OSError, ValueError):
+        return False
+
+
+def max_samples(settings: DatasetSettings) -> float:
+    """Number of samples of a data set's recordings, at most: a sample has at least 8 bytes."""
+    source = settings.source
+    if isinstance(source, RecordedSource):
+        return recording_bytes(settings) / 8
+    return source.samples
+
+
+def reading_memory(settings: DatasetSettings, attempt: int) -> int:
+    """MB of a job that reads a recording once."""
+    return int(attempt * (800 + 40e-6 * recording_bytes(settings)))
+
+
+def reading_time(settings: DatasetSettings, attempt: int) -> int:
+    """Minutes of a job that reads a recording once."""
+    return int(attempt * (5 + 0.25e-6 * recording_bytes(settings)))
+
+
+def estimation_memory(settings: DatasetSettings, threads: int, attempt: int) -> int:
+    """MB of Snakemake and of the processes that estimate candidates."""
+    processes = threads + 1 if threads > 1 else 1
+    samples = max_samples(settings)
+    # The least squares of many parameters work in stretches: long records need no more for them.
+    each = min(250 + 80e-6 * _largest_fit(settings), 400 + 400e-6 * samples)
+    return int(attempt * (400 + processes * each))
+
+
+def estimation_time(
+    settings: DatasetSettings,
+    phase: str | None,
+    candidates_per_job: int | str,
+    threads: int,
+    attempt: int,
+) -> int:
+    """Minutes of a job that estimates the candidates of a phase, or of all phases for None."""
+    count = sum(
+        max_candidates_per_part(each, settings.order_grid, candidates_per_job)
+        for each in ([phase] if phase else PHASES)
+    )
+    seconds = 2 + 2e-9 * settings.search.evaluations * _largest_fit(settings)
+    return int(attempt * (10 + 3 * count * seconds / threads / 60))
+
+
+def _largest_fit(settings: DatasetSettings) -> float:
+    """Samples times parameters of a data set's largest model."""
+    return max_samples(settings) * sample_requirements(settings).parameters

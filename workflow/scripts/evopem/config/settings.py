@@ -1,0 +1,278 @@
+"""The settings of a run and of its data sets, typed.
+
+The default values of these dataclasses are the built-in values of the configuration.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+Range = tuple[int, int]
+"""Lower and upper end of a range of orders, both included."""
+
+Objective = Literal["absolute", "quadratic"]
+Initialization = Literal["arx", "incremental_order"]
+Refine = Literal["worst", "all", "best", "random"]
+
+
+@dataclass(frozen=True)
+class ChannelSettings:
+    """Which channels of a recorded file are read, and what is known of them.
+
+    Attributes
+    ----------
+    input, output : int or str
+        Column number from 1, or name of a column, variable or channel.
+    sampling_rate : float, optional
+        Hz; taken from the file or its time column where it is None.
+    time : int or str, optional
+        The column that holds the time.
+    time_unit : str, optional
+        Unit of the time stamps; taken from the file where it is None.
+    input_unit, output_unit : str
+        Empty where not stated.
+    header_lines : int, optional
+        Lines above the first row of numbers of a text table; found where it is None.
+    decimal_mark : {".", ","}, optional
+        Decimal mark of a text table; found where it is None.
+    """
+
+    input: int | str = 1
+    output: int | str = 2
+    sampling_rate: float | None = None
+    time: int | str | None = None
+    time_unit: str | None = None
+    input_unit: str = ""
+    output_unit: str = ""
+    header_lines: int | None = None
+    decimal_mark: Literal[".", ","] | None = None
+
+
+@dataclass(frozen=True)
+class RecordedSource:
+    """A recorded file, and an independent one for validation where there is one."""
+
+    file: str
+    channels: ChannelSettings
+    validation_file: str | None = None
+
+
+@dataclass(frozen=True)
+class SyntheticSource:
+    """A simulated recording.
+
+    Attributes
+    ----------
+    synthesis : {"flexible_arm", "armax"}
+    seed, samples : int
+    sampling_rate : float
+        Hz.
+    noise : float, optional
+        Ratio of noise to output, of the ARMAX recording alone.
+    """
+
+    synthesis: Literal["flexible_arm", "armax"]
+    seed: int = 1
+    samples: int = 5000
+    sampling_rate: float = 100.0
+    noise: float | None = None
+
+
+@dataclass(frozen=True)
+class TransformSettings:
+    """Transforms towards stationarity.
+
+    Attributes
+    ----------
+    box_cox : float or {"auto", "none"}
+        Parameter of the output's Box-Cox transform.
+    difference, difference_input : int
+        How often the output and the input are differenced.
+    """
+
+    box_cox: float | str = 1.1
+    difference: int = 2
+    difference_input: int = 0
+
+
+@dataclass(frozen=True)
+class SplitSettings:
+    """How the samples are divided.
+
+    Attributes
+    ----------
+    discard : int or float
+        Samples, or a share of them, left out at the start.
+    estimation : int or float
+        Samples, or a share of those that remain, used for estimation.
+    """
+
+    discard: int | float = 500
+    estimation: int | float = 0.8
+
+
+@dataclass(frozen=True)
+class PreparationSettings:
+    """Everything between a recording and the samples that a model is estimated from.
+
+    Attributes
+    ----------
+    resample : float, optional
+        New sampling rate in Hz.
+    """
+
+    transforms: TransformSettings = TransformSettings()
+    split: SplitSettings = SplitSettings()
+    resample: float | None = None
+
+
+@dataclass(frozen=True)
+class SpectrumSettings:
+    """Multitaper estimate: time-halfbandwidth product NW and length of the transforms."""
+
+    time_halfbandwidth: float = 4.0
+    nfft: int = 8192
+
+
+@dataclass(frozen=True)
+class DelaySettings:
+    """Grid of the delay search: ARMAX(k, k, k, nk) over ranges of k and nk."""
+
+    orders: Range = (6, 9)
+    nk: Range = (0, 3)
+
+
+@dataclass(frozen=True)
+class OrderSettings:
+    """Ranges of the three phases: the joint order na = nb = nc, then nc, then nb.
+
+    The joint range is ``"auto"`` where the spectral peaks give its lower end.
+    """
+
+    joint: Range | Literal["auto"] = (6, 14)
+    nc: Range = (2, 16)
+    nb: Range = (2, 16)
+
+
+@dataclass(frozen=True)
+class OrderGrid:
+    """The candidates of all four phases of the order search."""
+
+    delay: DelaySettings = DelaySettings()
+    orders: OrderSettings = OrderSettings()
+
+
+@dataclass(frozen=True)
+class SearchSettings:
+    """Settings of the search for the parameters of one model.
+
+    Attributes
+    ----------
+    objective : {"absolute", "quadratic"}
+        Sum of absolute prediction errors (chapter eq. 20-21) or of their squares (eq. 22).
+    initialization : {"arx", "incremental_order"}
+        First individuals: A and B of an ARX model with C at random, as in the chapter, or models
+        of smaller orders extended by pairs of roots.
+    mu, lambda_ : int
+        Parents and offspring of a generation.
+    nu : int
+        Offspring that BFGS refines in each generation.
+    refine : {"worst", "all", "best", "random"}
+        Which of the offspring BFGS refines (the chapter's choice, and the three it rejected).
+    seed : int
+        Seed of every random draw of the search.
+    evaluations : int
+        Evaluations after which no new generation starts; a gradient counts as one more.
+    max_root_radius : float
+        Largest radius of the roots of A and C.
+    n_initial_discard : int
+        First residuals that the loss leaves out.
+    """
+
+    objective: Objective = "absolute"
+    initialization: Initialization = "arx"
+    mu: int = 15
+    lambda_: int = 100
+    nu: int = 10
+    refine: Refine = "worst"
+    seed: int = 1
+    evaluations: int = 20000
+    max_root_radius: float = 0.9999
+    n_initial_discard: int = 20
+
+
+@dataclass(frozen=True)
+class ScoringWindow:
+    """The samples on which models are compared.
+
+    Attributes
+    ----------
+    residual_start : int
+        First residual, the same for all orders that are compared, so that a smaller model is a
+        special case of a larger one.
+    loss_start : int
+        First residual that counts in the loss and in all criteria.
+    """
+
+    residual_start: int
+    loss_start: int
+
+
+@dataclass(frozen=True)
+class SampleRequirements:
+    """What a record must have for the largest candidate of an order grid.
+
+    Attributes
+    ----------
+    loss_start : int
+        First residual that counts in the loss.
+    parameters : int
+        Largest na + nb + nc of any candidate.
+    settling : int
+        Samples in which the longest model settles: its memory and its nc noise states.
+    """
+
+    loss_start: int
+    parameters: int
+    settling: int
+
+
+@dataclass(frozen=True)
+class DatasetSettings:
+    """All settings of one data set."""
+
+    name: str
+    source: RecordedSource | SyntheticSource
+    preparation: PreparationSettings
+    spectrum: SpectrumSettings
+    order_grid: OrderGrid
+    search: SearchSettings
+
+
+@dataclass(frozen=True)
+class RunSettings:
+    """How a run is divided into jobs, and what it writes.
+
+    Attributes
+    ----------
+    candidates_per_job : int or "auto"
+        With ``"auto"`` one job estimates all candidates of a phase, on all its cores.
+    one_job_per : {"stage", "recording"}
+    report : {"html", "none"}
+    shard : str, optional
+        Number of a shard and of all shards, such as ``3/40``.
+    """
+
+    candidates_per_job: int | Literal["auto"] = "auto"
+    one_job_per: Literal["stage", "recording"] = "stage"
+    report: Literal["html", "none"] = "html"
+    shard: str | None = None
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """A checked and completed configuration."""
+
+    datasets: dict[str, DatasetSettings]
+    run: RunSettings

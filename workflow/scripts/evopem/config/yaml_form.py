@@ -1,0 +1,120 @@
+"""The settings of a data set as the keys of ``config.yaml``, and back."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from evopem.config.settings import (
+    ChannelSettings,
+    DatasetSettings,
+    OrderGrid,
+    PreparationSettings,
+    RecordedSource,
+    SearchSettings,
+    SpectrumSettings,
+    SyntheticSource,
+)
+from evopem.errors import InputError
+from evopem.files.json_form import from_json, to_json
+
+CHANNEL_KEYS = tuple(field.name for field in fields(ChannelSettings))
+FILE_KEYS = ("file", *CHANNEL_KEYS, "validation_file")
+SYNTHESIS_KEYS = tuple(field.name for field in fields(SyntheticSource))
+ANALYSIS_KEYS = ("resample", "transforms", "split", "spectrum", "delay", "orders", "search")
+
+NO_RESAMPLING = "none"
+
+
+def settings_of(name: str, keys: Mapping[str, Any]) -> DatasetSettings:
+    """Build the settings of a data set from its complete, checked keys."""
+    source: dict[str, Any]
+    if "file" in keys:
+        channels = {key: keys[key] for key in CHANNEL_KEYS if key in keys}
+        source = {"file": keys["file"], "channels": channels}
+        source["validation_file"] = keys.get("validation_file")
+    else:
+        source = {key: keys[key] for key in SYNTHESIS_KEYS if key in keys}
+    resample = keys["resample"]
+    content = {
+        "name": name,
+        "source": source,
+        "preparation": {
+            "transforms": keys["transforms"],
+            "split": keys["split"],
+            "resample": None if resample == NO_RESAMPLING else resample,
+        },
+        "spectrum": keys["spectrum"],
+        "order_grid": {"delay": keys["delay"], "orders": keys["orders"]},
+        "search": keys["search"],
+    }
+    return from_json(DatasetSettings, content, f"datasets.{name}")
+
+
+def keys_of(settings: DatasetSettings) -> dict[str, Any]:
+    """List the keys that give these settings; what is not set is left out."""
+    source = settings.source
+    if isinstance(source, RecordedSource):
+        own = {"file": source.file, **to_json(source.channels)}
+        own["validation_file"] = source.validation_file
+    else:
+        own = to_json(source)
+    present = {key: value for key, value in own.items() if value is not None}
+    return present | analysis_keys(settings.preparation, settings)
+
+
+def analysis_keys(
+    preparation: PreparationSettings, settings: DatasetSettings | None = None
+) -> dict[str, Any]:
+    """List the keys of the analysis, by default with their built-in values."""
+    grid = settings.order_grid if settings else OrderGrid()
+    prepared = to_json(preparation)
+    return {
+        "resample": prepared["resample"] or NO_RESAMPLING,
+        "transforms": prepared["transforms"],
+        "split": prepared["split"],
+        "spectrum": to_json(settings.spectrum if settings else SpectrumSettings()),
+        **_as_lists(to_json(grid)),
+        "search": to_json(settings.search if settings else SearchSettings()),
+    }
+
+
+def _as_lists(value: Any) -> Any:
+    """Turn tuples, which YAML does not have, into lists."""
+    if isinstance(value, Mapping):
+        return {key: _as_lists(each) for key, each in value.items()}
+    return list(value) if isinstance(value, tuple) else value
+
+
+def yaml_text(settings: DatasetSettings) -> str:
+    """Write a configuration with this one data set, ready to be run again."""
+    return yaml.safe_dump(
+        {"datasets": {settings.name: keys_of(settings)}},
+        sort_keys=False,
+        allow_unicode=True,
+        default_flow_style=None,
+    )
+
+
+def read_settings(path: str | Path) -> DatasetSettings:
+    """Read the settings that :func:`yaml_text` wrote.
+
+    Raises
+    ------
+    InputError
+        When the file is missing or holds something else.
+    """
+    try:
+        content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+        ((name, keys),) = content["datasets"].items()
+        return settings_of(name, keys)
+    except (OSError, yaml.YAMLError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise InputError(
+            str(path),
+            f"does not hold the complete configuration of one data set ({error})",
+            "delete the file and run snakemake again, which writes it anew",
+        ) from None

@@ -1,0 +1,152 @@
+"""The contents of ``model.json``: the model, its criteria, and how it was found."""
+
+from __future__ import annotations
+
+import platform
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evopem.config.settings import ScoringWindow, SearchSettings
+from evopem.errors import InputError
+from evopem.estimation.estimate import Criteria, Estimate
+from evopem.estimation.search.problem import SearchDiagnostics
+from evopem.files.json_form import load
+from evopem.models.armax import ArmaxModel, Orders
+from evopem.models.modes import Mode
+from evopem.models.parameter_covariance import ParameterCovariance
+from evopem.signals.preparation import Transforms
+from evopem.version import __version__
+
+Array = NDArray[np.float64]
+Roots = NDArray[np.complex128]
+
+_LIBRARIES = ("numpy", "scipy", "numba")
+
+
+@dataclass(frozen=True)
+class SearchRecord:
+    """Settings and diagnostics of the search that found a model.
+
+    Attributes
+    ----------
+    settings : SearchSettings
+    diagnostics : SearchDiagnostics
+    at_stability_bound : bool
+        Whether a root of A or C lies at the largest radius allowed.
+    """
+
+    settings: SearchSettings
+    diagnostics: SearchDiagnostics
+    at_stability_bound: bool
+
+
+@dataclass(frozen=True, eq=False)
+class ModelRecord:
+    """A model with everything that is known of it.
+
+    Attributes
+    ----------
+    orders : Orders
+    a, b, c : array
+        Coefficients, ``a`` and ``c`` with their leading 1, ``b`` from lag nk on.
+    sampling_rate : float
+        Hz.
+    noise_variance : float
+    covariance : ParameterCovariance, optional
+        Of ``[a_1.., b_0.., c_1..]``.
+    parameter_standard_errors : (n,) array, optional
+    modes : tuple of Mode
+    poles, zeros, noise_zeros : complex array
+        Roots of A, B and C in the z plane.
+    criteria : Criteria
+    noise_state : (nc,) array
+    window : ScoringWindow
+    search : SearchRecord
+    transforms : Transforms
+    evopem : str
+        Version of this package.
+    versions : dict
+        Versions of the libraries behind the numbers.
+    """
+
+    orders: Orders
+    a: Array
+    b: Array
+    c: Array
+    sampling_rate: float
+    noise_variance: float
+    covariance: ParameterCovariance | None
+    parameter_standard_errors: Array | None
+    modes: tuple[Mode, ...]
+    poles: Roots
+    zeros: Roots
+    noise_zeros: Roots
+    criteria: Criteria
+    noise_state: Array
+    window: ScoringWindow
+    search: SearchRecord
+    transforms: Transforms
+    evopem: str
+    versions: dict[str, str]
+
+    @classmethod
+    def of(
+        cls, estimate: Estimate, settings: SearchSettings, transforms: Transforms
+    ) -> ModelRecord:
+        """The record of an estimate."""
+        model = estimate.model
+        return cls(
+            orders=model.orders,
+            a=model.a,
+            b=model.b,
+            c=model.c,
+            sampling_rate=model.sampling_rate,
+            noise_variance=model.noise_variance,
+            covariance=model.covariance,
+            parameter_standard_errors=model.parameter_standard_errors(),
+            modes=tuple(model.modes()),
+            poles=model.poles(),
+            zeros=model.zeros(),
+            noise_zeros=model.noise_zeros(),
+            criteria=estimate.criteria,
+            noise_state=estimate.noise_state,
+            window=estimate.window,
+            search=SearchRecord(settings, estimate.search.diagnostics, estimate.at_stability_bound),
+            transforms=transforms,
+            evopem=__version__,
+            versions={"python": platform.python_version()}
+            | {library: version(library) for library in _LIBRARIES},
+        )
+
+    @property
+    def model(self) -> ArmaxModel:
+        """The model itself."""
+        return ArmaxModel(
+            a=self.a,
+            b=self.b,
+            c=self.c,
+            nk=self.orders.nk,
+            sampling_rate=self.sampling_rate,
+            noise_variance=self.noise_variance,
+            covariance=self.covariance,
+        )
+
+
+def load_model(path: str | Path) -> ArmaxModel:
+    """Read the model of a ``model.json``.
+
+    Raises
+    ------
+    InputError
+        When the file is missing or is not a model of evopem.
+    """
+    try:
+        return load(ModelRecord, path).model
+    except InputError as error:
+        raise InputError(
+            error.source, error.problem, "give the model.json of a results folder"
+        ) from None

@@ -1,0 +1,40 @@
+"""Compiled kernels of ARMAX models: residuals, loss, adjoint gradient, Gauss-Newton, stability."""
+
+from evopem.estimation.pem.kernels.gauss_newton import gauss_newton_matrices
+from evopem.estimation.pem.kernels.gradient import values_and_gradients
+from evopem.estimation.pem.kernels.record import (
+    MIN_NC,
+    LagSums,
+    Objective,
+    Record,
+    Workspace,
+    lag_sums_for,
+    padded_length,
+    workspace_for,
+)
+from evopem.estimation.pem.kernels.residuals import residuals, values
+from evopem.estimation.pem.kernels.simd import LANES
+from evopem.estimation.pem.kernels.stability import (
+    feasible_rows,
+    schur_stable,
+    stability_barriers,
+)
+
+__all__ = [
+    "LANES",
+    "MIN_NC",
+    "LagSums",
+    "Objective",
+    "Record",
+    "Workspace",
+    "feasible_rows",
+    "gauss_newton_matrices",
+    "lag_sums_for",
+    "padded_length",
+    "residuals",
+    "schur_stable",
+    "stability_barriers",
+    "values",
+    "values_and_gradients",
+    "workspace_for",
+]

@@ -1,0 +1,114 @@
+"""Compilation by numba, with an on-disk cache that notices changes in a whole folder.
+
+numba's own cache compares a digest of the one file that defines a function, so a change in a
+function that is imported from another file would go unnoticed.  Here the digest covers every
+Python file of the folder that the function is defined in.  Where the cache is stored is numba's
+decision, as always: ``NUMBA_CACHE_DIR`` where it is set, ``__pycache__`` where that is writable,
+the user's cache directory otherwise.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+import os
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numba
+from numba.core import caching
+
+LOGGER = logging.getLogger("evopem")
+
+_OPTIONS: dict[str, Any] = {"error_model": "numpy", "no_cfunc_wrapper": True}
+_INNER: dict[str, Any] = {"no_cpython_wrapper": True}
+
+
+def njit(function: Callable[..., Any]) -> Any:
+    """Compile a function that only compiled functions call: not kept, not callable from Python."""
+    return numba.njit(**_OPTIONS, **_INNER)(function)
+
+
+def cached_njit(function: Callable[..., Any]) -> Any:
+    """Compile a function that Python calls, on first use, and keep the result on disk.
+
+    Parameters
+    ----------
+    function : callable
+        A function at the top level of a module.  What it calls must be defined in the same
+        folder, or be compiled by numba itself.
+    """
+    dispatcher: Any = numba.njit(**_OPTIONS)(function)
+    dispatcher._cache = _FolderCache(function)
+    return dispatcher
+
+
+def folder_digest(folder: Path) -> str:
+    """Digest of the names and contents of the Python files of a folder.
+
+    Parameters
+    ----------
+    folder : Path
+
+    Returns
+    -------
+    str
+        64 hexadecimal digits.
+    """
+    digest = hashlib.sha256()
+    for file in sorted(folder.glob("*.py")):
+        digest.update(file.name.encode())
+        digest.update(hashlib.sha256(file.read_bytes()).digest())
+    return digest.hexdigest()
+
+
+# The sources that were imported count, not what became of them while the process runs.
+_digest_once = cache(folder_digest)
+
+
+class _FolderStamp:
+    """Cache locators whose source stamp is the digest of a folder."""
+
+    _py_file: str
+
+    def get_source_stamp(self) -> str:
+        return _digest_once(Path(self._py_file).parent)
+
+
+class _UserProvidedLocator(_FolderStamp, caching.UserProvidedCacheLocator):
+    """The directory named by ``NUMBA_CACHE_DIR``."""
+
+
+class _InTreeLocator(_FolderStamp, caching.InTreeCacheLocator):
+    """``__pycache__`` beside the source file."""
+
+
+class _UserWideLocator(_FolderStamp, caching.UserWideCacheLocator):
+    """The user's cache directory, for installations that are not writable."""
+
+
+class _FolderCacheImplementation(caching.CompileResultCacheImpl):
+    _locator_classes: list[type[object]] = [  # noqa: RUF012 - as numba declares it
+        _UserProvidedLocator,
+        _InTreeLocator,
+        _UserWideLocator,
+    ]
+
+
+class _FolderCache(caching.FunctionCache):
+    """numba's cache of one function, with the folder's digest as source stamp."""
+
+    _impl_class = _FolderCacheImplementation
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        loaded = super().load_overload(sig, target_context)
+        if loaded is None:
+            _announce(os.getpid())
+        return loaded
+
+
+@cache
+def _announce(process: int) -> None:  # noqa: ARG001 - once a process
+    LOGGER.warning("compiling the numerical kernels, once after an installation: about 10 seconds")

@@ -1,0 +1,196 @@
+"""Loss and its gradient by the adjoint recursion: one pass backwards through 1/C."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from evopem.estimation.pem.kernels.cache import cached_njit, njit
+from evopem.estimation.pem.kernels.record import (
+    BLOCK,
+    CHUNK,
+    MIN_NC,
+    all_finite,
+    fill,
+    load_points,
+    load_smoothing,
+    marked_rows,
+    squared_state,
+)
+from evopem.estimation.pem.kernels.residuals import all_residuals
+from evopem.estimation.pem.kernels.simd import (
+    LANES,
+    add,
+    constant,
+    divide,
+    fma,
+    load,
+    sample,
+    square_root,
+    store,
+)
+from evopem.estimation.pem.kernels.stability import barrier
+
+
+@njit
+def _slopes(record, workspace, absolute, slope, begin, end, s):
+    """Derivative of the loss with respect to each residual, from row 0 on; ``s`` plus the losses.
+
+    The absolute value is smoothed: ``sqrt(e**2 + smoothing**2)``.
+    """
+    zero, two = constant(0.0), constant(2.0)
+    e = workspace.residuals
+    smoothing_squared = fma(load(workspace.smoothing, 0), load(workspace.smoothing, 0), zero)
+    for t in range(begin, end):
+        if t < record.loss_start or t >= record.loss_stop:
+            store(slope, t - begin, zero)
+        elif absolute:
+            v = load(e, t)
+            r = square_root(fma(v, v, smoothing_squared))
+            s = add(s, r)
+            store(slope, t - begin, divide(v, r))
+        else:
+            v = load(e, t)
+            s = fma(v, v, s)
+            store(slope, t - begin, fma(two, v, zero))
+    return s
+
+
+@njit
+def _filter_block_back(parameters, c, nc, slope, row):
+    """Filter rows ``row ... row - 3`` backwards through 1/C in place, and return them."""
+    s0, s1 = load(slope, row), load(slope, row - 1)
+    s2, s3 = load(slope, row - 2), load(slope, row - 3)
+    for k in range(nc - 1, MIN_NC - 1, -1):
+        p, q = load(parameters, c + k), row + 1 + k
+        s0, s1 = fma(p, load(slope, q), s0), fma(p, load(slope, q - 1), s1)
+        s2, s3 = fma(p, load(slope, q - 2), s2), fma(p, load(slope, q - 3), s3)
+    c1, c2, c3 = load(parameters, c), load(parameters, c + 1), load(parameters, c + 2)
+    n1, n2, n3 = load(slope, row + 1), load(slope, row + 2), load(slope, row + 3)
+    s0 = fma(c1, n1, fma(c2, n2, fma(c3, n3, s0)))
+    s1 = fma(c1, s0, fma(c2, n1, fma(c3, n2, s1)))
+    s2 = fma(c1, s1, fma(c2, s0, fma(c3, n1, s2)))
+    s3 = fma(c1, s2, fma(c2, s1, fma(c3, s0, s3)))
+    store(slope, row, s0)
+    store(slope, row - 1, s1)
+    store(slope, row - 2, s2)
+    store(slope, row - 3, s3)
+    return s0, s1, s2, s3
+
+
+@njit
+def _sweep_back(record, parameters, e, slope, begin, end, gradient):
+    """Filter the slopes of a stretch backwards through 1/C, and correlate them with the signals.
+
+    Row ``t - begin`` of ``slope`` is sample t; the ``rows_c`` rows after the last are known.  The
+    correlations keep the processor busy while the recursion waits for itself.
+    """
+    y, u, na, nb, nc = record.y, record.u, record.na, record.nb, record.rows_c
+    zero = constant(0.0)
+    c = na + nb
+    for t in range(end - 1, begin, -2 * BLOCK):
+        s0, s1, s2, s3 = _filter_block_back(parameters, c, nc, slope, t - begin)
+        s4, s5, s6, s7 = _filter_block_back(parameters, c, nc, slope, t - begin - BLOCK)
+        for i in range(na):
+            q = t - 1 - i
+            even = fma(s2, sample(y, q - 2), fma(s0, sample(y, q), load(gradient, i)))
+            odd = fma(s3, sample(y, q - 3), fma(s1, sample(y, q - 1), zero))
+            even = fma(s6, sample(y, q - 6), fma(s4, sample(y, q - 4), even))
+            odd = fma(s7, sample(y, q - 7), fma(s5, sample(y, q - 5), odd))
+            store(gradient, i, add(even, odd))
+        for j in range(nb):
+            row, q = na + j, t - record.nk - j
+            even = fma(s2, sample(u, q - 2), fma(s0, sample(u, q), load(gradient, row)))
+            odd = fma(s3, sample(u, q - 3), fma(s1, sample(u, q - 1), zero))
+            even = fma(s6, sample(u, q - 6), fma(s4, sample(u, q - 4), even))
+            odd = fma(s7, sample(u, q - 7), fma(s5, sample(u, q - 5), odd))
+            store(gradient, row, add(even, odd))
+        for k in range(nc):
+            row, q = c + k, t - 1 - k
+            even = fma(s2, load(e, q - 2), fma(s0, load(e, q), load(gradient, row)))
+            odd = fma(s3, load(e, q - 3), fma(s1, load(e, q - 1), zero))
+            even = fma(s6, load(e, q - 6), fma(s4, load(e, q - 4), even))
+            odd = fma(s7, load(e, q - 7), fma(s5, load(e, q - 5), odd))
+            store(gradient, row, add(even, odd))
+
+
+@njit
+def _loss_and_gradient(record, workspace, absolute):
+    """Loss of the loaded models, and by one backward pass its gradient, whatever their size.
+
+    The gradient, with respect to the signed parameters, goes to its table; the loss is returned.
+    """
+    all_residuals(record, workspace)
+    e, gradient = workspace.residuals, workspace.gradient
+    fill(gradient, 0, gradient.shape[0], 0.0)
+    slope, history, start = workspace.window, record.rows_c, record.residual_start
+    fill(slope, 0, slope.shape[0], 0.0)
+    s = constant(0.0)
+    end = record.y.size
+    while True:
+        begin = max(end - CHUNK, start)
+        s = _slopes(record, workspace, absolute, slope, begin, end, s)
+        _sweep_back(record, workspace.parameters, e, slope, begin, end, gradient)
+        if begin == start:
+            break
+        following = min(CHUNK, begin - start)
+        for k in range(history - 1, -1, -1):
+            store(slope, following + k, load(slope, k))
+        end = begin
+    noise_state = record.na + record.nb + history
+    for k in range(history):
+        store(gradient, noise_state + k, load(slope, k))
+    return s
+
+
+@cached_njit
+def values_and_gradients(record, objective, workspace, points, smoothing, barriers):
+    """Smoothed objective of each row with a barrier added, and its gradient.
+
+    The absolute value is smoothed, ``sqrt(e**2 + smoothing**2)``.  The barrier is that of
+    :func:`.stability.stability_barriers`, of A and of C, times ``barriers``.  Infeasible rows are
+    inf and 0.
+    """
+    found = np.empty(points.shape[0])
+    gradients = np.zeros(points.shape)
+    radius = objective.max_root_radius
+    a, noise = record.na, record.na + record.nb
+    c = noise + record.nc
+    of_roots = np.empty(found.size)
+    order = max(record.na, record.nc)
+    work = np.empty((order + 1, order))
+    for r in range(found.size):
+        found[r] = np.inf
+        of_roots[r] = barrier(points[r, :a], radius, work, gradients[r, :a])
+        of_roots[r] += barrier(points[r, noise:c], radius, work, gradients[r, noise:c])
+    feasible = marked_rows(of_roots < np.inf)
+    for i in range(0, feasible.size, LANES):
+        rows = feasible[i : i + LANES]
+        load_points(record, points, rows, workspace.parameters)
+        load_smoothing(smoothing, rows, workspace)
+        store(workspace.total, 0, _loss_and_gradient(record, workspace, objective.absolute))
+        for lane, r in enumerate(rows):
+            for i in range(points.shape[1]):
+                gradients[r, i] *= barriers[r]
+            _unload_gradient(record, objective, workspace.gradient, lane, points[r], gradients[r])
+            value = objective.factor * workspace.total[0, lane] + barriers[r] * of_roots[r]
+            value += objective.state_weight * squared_state(record, points[r])
+            if np.isfinite(value) and all_finite(gradients[r]):
+                found[r] = value
+    for r in range(found.size):
+        if not np.isfinite(found[r]):
+            for i in range(points.shape[1]):
+                gradients[r, i] = 0.0
+    return found, gradients
+
+
+@njit
+def _unload_gradient(record, objective, table, lane, point, gradient):
+    """Add one lane's gradient, with respect to the signed parameters, to a row of gradients."""
+    factor, state = objective.factor, record.na + record.nb + record.nc
+    for i in range(record.na):
+        gradient[i] += factor * table[i, lane]
+    for i in range(record.na, state):
+        gradient[i] -= factor * table[i, lane]
+    for k in range(record.nc):
+        gradient[state + k] += factor * table[record.na + record.nb + record.rows_c + k, lane]
+        gradient[state + k] += 2.0 * objective.state_weight * point[state + k]

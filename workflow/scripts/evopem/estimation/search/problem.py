@@ -1,0 +1,153 @@
+"""What the global search needs to know of an objective, and when two optima are the same."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evopem.estimation.pem.batch_bfgs import Descent
+
+Array = NDArray[np.float64]
+
+# Relative difference of objective values below which two end points count as the same optimum.
+SAME_OPTIMUM = 1e-6
+# Relative difference below which the values of descents that were not refined to the last digits,
+# or of the individuals of a converged population, count as the same.
+SAME_DESCENT = 1e-5
+
+
+class Problem(Protocol):
+    """An objective, the region it is searched in, and a local descent."""
+
+    @property
+    def min_multistart(self) -> int:
+        """Random points that a multistart check takes at least."""
+
+    def draw(self, count: int, generator: np.random.Generator) -> tuple[Array, int]:
+        """Draw a first population, (count, n), and count the evaluations that it took."""
+
+    def random(self, count: int, generator: np.random.Generator) -> Array:
+        """Draw independent random points, (count, n), without regard to any optimum."""
+
+    def repair(self, points: Array) -> Array:
+        """Move points that lie outside into the feasible region."""
+
+    def values(self, points: Array) -> Array:
+        """Objective of each row, (M,)."""
+
+    def descend(self, points: Array) -> Descent:
+        """Descend from each row by BFGS; values as of :meth:`values`."""
+
+    def polish(self, points: Array) -> Descent:
+        """Descend from each row to the last digits."""
+
+
+@dataclass(frozen=True)
+class SearchDiagnostics:
+    """How a search arrived at its optimum, and how far the optimum was confirmed.
+
+    Attributes
+    ----------
+    evaluations : int
+        Evaluations of the objective; a gradient counts as one more.
+    generations : int
+    restart_minima : tuple of float
+        Lowest value of each independent restart; a multistart check counts as one.
+    n_confirming : int
+        Restarts, other than the one that found it, that ended at the lowest value.
+    n_local_optima : int
+        Distinct values among all descents that converged.
+    n_multistart : int
+        Random points that the multistart check descended from; 0 without a check.
+    undiscovered_probability : float
+        Estimated probability that a descent from a random point leads to an optimum that has not
+        been found; 1 without a check.
+    convergence : tuple of (evaluations, lowest value)
+        One entry a generation, and one after each polish.
+    """
+
+    evaluations: int
+    generations: int
+    restart_minima: tuple[float, ...]
+    n_confirming: int
+    n_local_optima: int
+    n_multistart: int
+    undiscovered_probability: float
+    convergence: tuple[tuple[int, float], ...]
+
+    @property
+    def n_restarts(self) -> int:
+        """Number of independent restarts."""
+        return len(self.restart_minima)
+
+
+@dataclass(frozen=True, eq=False)
+class SearchResult:
+    """Best point of a search, its value, and the diagnostics of the search.
+
+    Attributes
+    ----------
+    point : (n,) array
+    value : float
+    diagnostics : SearchDiagnostics
+    """
+
+    point: Array
+    value: float
+    diagnostics: SearchDiagnostics
+
+
+def pooled(first: SearchResult, second: SearchResult) -> SearchResult:
+    """Combine two searches of one problem that drew independently.
+
+    The number of local optima is the larger of the two: which of them coincide is not known.
+    """
+    best = second if second.value < first.value else first
+    one, other = first.diagnostics, second.diagnostics
+    continued = (
+        (one.evaluations + spent, min(value, first.value)) for spent, value in other.convergence
+    )
+    minima = one.restart_minima + other.restart_minima
+    return SearchResult(
+        point=best.point,
+        value=best.value,
+        diagnostics=SearchDiagnostics(
+            evaluations=one.evaluations + other.evaluations,
+            generations=one.generations + other.generations,
+            restart_minima=minima,
+            n_confirming=count_confirming(minima, best.value),
+            n_local_optima=max(one.n_local_optima, other.n_local_optima),
+            n_multistart=one.n_multistart + other.n_multistart,
+            undiscovered_probability=min(
+                one.undiscovered_probability, other.undiscovered_probability
+            ),
+            convergence=(*one.convergence, *continued),
+        ),
+    )
+
+
+def same_optimum(value: float, best: float, tolerance: float = SAME_OPTIMUM) -> bool:
+    """Whether a value is not above the best by more than a relative tolerance."""
+    return bool(value - best <= tolerance * abs(best))
+
+
+def count_confirming(minima: tuple[float, ...], best: float) -> int:
+    """Count the restarts, other than the one that found it, that ended at the best value."""
+    return max(sum(same_optimum(minimum, best) for minimum in minima) - 1, 0)
+
+
+def count_distinct(values: list[float]) -> int:
+    """Count the groups of values that differ by more than :data:`SAME_DESCENT`."""
+    count, last = 0, -np.inf
+    for value in sorted(values):
+        if not np.isfinite(last) or not same_optimum(value, last, SAME_DESCENT):
+            count, last = count + 1, value
+    return count
+
+
+def converged_values(descents: Descent) -> list[float]:
+    """List the values of the descents that converged."""
+    return [float(value) for value in descents.values[descents.converged]]

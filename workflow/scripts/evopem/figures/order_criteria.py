@@ -1,0 +1,139 @@
+"""Figures of the order search: RSS and BIC of the candidates."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pandas as pd
+
+from evopem.figures.style import (
+    ERROR,
+    FAMILY,
+    FAMILY_LINES,
+    FAMILY_MARKERS,
+    INK,
+    LABEL_BOX,
+    MODEL,
+    PAPER,
+    logarithmic_if_wide,
+    new_figure,
+    say_nothing_to_draw,
+    styled,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+CRITERIA = (("rss", "RSS (%)"), ("bic", "BIC"))
+# Phase, the order it varies, title.
+ORDER_PHASES = (
+    ("joint", "na", "Joint order: na = nb = nc = k"),
+    ("nc", "nc", "Order of C: nc = k"),
+    ("nb", "nb", "Coefficients of B: nb = k"),
+)
+
+
+@styled
+def draw_delay(candidates: pd.DataFrame) -> Figure:
+    """RSS and BIC against the order, one line for each delay (chapter figure 5).
+
+    Parameters
+    ----------
+    candidates : pandas.DataFrame
+        As in ``candidates.csv``.
+    """
+    figure = new_figure(3.1)
+    panels = figure.subplots(1, 2)
+    tried = candidates[candidates["phase"] == "delay"]
+    if tried.empty:
+        for axes in panels:
+            say_nothing_to_draw(axes, "There are no candidates of the delay search.")
+        return figure
+    selected = tried[tried["selected"]]
+    delay = None if selected.empty else int(selected["nk"].iloc[0])
+    for axes, (column, label) in zip(panels, CRITERIA, strict=True):
+        for number, (nk, group) in enumerate(tried.groupby("nk")):
+            line = group.sort_values("na")
+            style = number % len(FAMILY)
+            axes.plot(
+                line["na"],
+                line[column],
+                color=FAMILY[style],
+                linestyle=FAMILY_LINES[style],
+                marker=FAMILY_MARKERS[style],
+                linewidth=2.2 if nk == delay else 1.1,
+                label=f"nk = {nk}" + (" (selected)" if nk == delay else ""),
+            )
+        _whole_numbers(axes)
+        axes.set_xlabel("Order k of ARMAX(k, k, k, nk)")
+        axes.set_ylabel(label)
+        logarithmic_if_wide(axes, tried[column])
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper right", ncols=6)
+    return figure
+
+
+@styled
+def draw_phases(candidates: pd.DataFrame) -> Figure:
+    """RSS and BIC against k for the three phases of the orders, the selection marked.
+
+    Parameters
+    ----------
+    candidates : pandas.DataFrame
+        As in ``candidates.csv``.
+    """
+    figure = new_figure(4.3)
+    panels = figure.subplots(2, 3, sharex="col")
+    for column, (phase, order, title) in enumerate(ORDER_PHASES):
+        tried = candidates[candidates["phase"] == phase].sort_values(order)
+        panels[0, column].set_title(title, fontsize=8)
+        if tried.empty:
+            for axes in panels[:, column]:
+                say_nothing_to_draw(axes, "Not searched.")
+            continue
+        for axes, (criterion, label) in zip(panels[:, column], CRITERIA, strict=True):
+            axes.plot(
+                tried[order],
+                tried[criterion],
+                color=MODEL,
+                marker="o",
+                markerfacecolor=PAPER,
+                markersize=4,
+            )
+            _mark_selection(axes, tried, order, criterion)
+            _whole_numbers(axes)
+            logarithmic_if_wide(axes, tried[criterion])
+            if column == 0:
+                axes.set_ylabel(label)
+        panels[1, column].set_xlabel("k")
+    return figure
+
+
+def _mark_selection(axes: Axes, tried: pd.DataFrame, order: str, criterion: str) -> None:
+    """Mark the selected candidate, with its order in the upper panels."""
+    selected = tried[tried["selected"]]
+    if selected.empty:
+        return
+    k = int(selected[order].iloc[0])
+    axes.axvline(k, color=ERROR, linewidth=0.9, linestyle=(0, (3, 2)), zorder=1)
+    axes.plot([k], selected[criterion].iloc[:1], "o", color=ERROR, markersize=6.5)
+    if criterion != "rss":
+        return
+    beyond = k > 0.7 * tried[order].max() + 0.3 * tried[order].min()
+    axes.annotate(
+        f"k = {k}",
+        (k, 1.0),
+        xycoords=("data", "axes fraction"),
+        xytext=(-4 if beyond else 4, -9),
+        textcoords="offset points",
+        ha="right" if beyond else "left",
+        fontsize=8,
+        color=INK,
+        bbox=LABEL_BOX,
+    )
+
+
+def _whole_numbers(axes: Axes) -> None:
+    from matplotlib.ticker import MaxNLocator
+
+    axes.xaxis.set_major_locator(MaxNLocator(nbins=8, integer=True))

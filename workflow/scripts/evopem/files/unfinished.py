@@ -1,0 +1,90 @@
+"""Records of jobs that were started and have not succeeded.
+
+A job writes its record when it starts, adds the message of its error when it fails, and deletes the
+record when it succeeds. A job that is killed therefore leaves a record without a message.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from evopem.errors import InputError
+from evopem.files.atomic import files_below
+from evopem.files.json_form import load, save
+
+_ENDING = ".unfinished.json"
+
+
+@dataclass(frozen=True)
+class UnfinishedJob:
+    """A job that was started and has not succeeded.
+
+    Attributes
+    ----------
+    job : str
+        Path of its log file below the folder ``logs``, without the ending.
+    outputs : tuple of str
+        Relative to the folder beside ``logs``.
+    message : str, optional
+        The message of its error; None while it runs and after it was killed.
+    """
+
+    job: str
+    outputs: tuple[str, ...]
+    message: str | None = None
+
+    @property
+    def sentence(self) -> str:
+        """What is known of why it has not succeeded."""
+        return self.message or (
+            f"the job {self.job} ended without a message, as a job that is killed does; run"
+            " snakemake again"
+        )
+
+
+def write_record(record: UnfinishedJob, logs: str | Path) -> None:
+    """Write the record of a job into the folder of its logs."""
+    save(record, _file(record.job, logs))
+
+
+def delete_records(succeeded: UnfinishedJob, logs: str | Path) -> None:
+    """Delete the record of a job that succeeded, and the records that its outputs make obsolete.
+
+    These are the records of jobs that make the same outputs, or parts of them, when the workflow is
+    divided differently. The parts of ``phases/delay.json`` lie in the folder ``phases/delay``.
+    """
+    made = {Path(output) for output in succeeded.outputs}
+    made |= {output.with_suffix("") for output in made}
+    for other in _read(Path(logs)):
+        if all({Path(output), *Path(output).parents} & made for output in other.outputs):
+            _file(other.job, logs).unlink(missing_ok=True)
+    _file(succeeded.job, logs).unlink(missing_ok=True)
+
+
+def unfinished_jobs(logs: str | Path) -> list[UnfinishedJob]:
+    """The unfinished jobs of which an output is missing; those with a message first, then by age.
+
+    The newest comes first. A record that cannot be read is left out.
+    """
+    logs = Path(logs)
+    records = [
+        record
+        for record in _read(logs)
+        if not all((logs.parent / output).exists() for output in record.outputs)
+    ]
+    records.sort(key=lambda record: _file(record.job, logs).stat().st_mtime_ns, reverse=True)
+    return sorted(records, key=lambda record: record.message is None)
+
+
+def _file(job: str, logs: str | Path) -> Path:
+    return Path(logs) / f"{job}{_ENDING}"
+
+
+def _read(logs: Path) -> Iterable[UnfinishedJob]:
+    for file in files_below(logs, _ENDING):
+        try:
+            yield load(UnfinishedJob, file)
+        except InputError:  # another job has just deleted it, or it is damaged
+            continue

@@ -1,0 +1,87 @@
+"""95 % confidence ellipses of the poles and zeros of a model in the z plane."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evopem.models.armax import ArmaxModel
+from evopem.models.root_covariance import CHI_SQUARE_95, root_covariance
+
+Array = NDArray[np.float64]
+Polynomial = Literal["A", "B", "C"]
+
+
+@dataclass(frozen=True, eq=False)
+class UncertainRoot:
+    """A root of A, B or C with the covariance of its real and imaginary part.
+
+    Attributes
+    ----------
+    value : complex
+    covariance : (2, 2) array
+        NaN where it is not known or not finite.
+    """
+
+    value: complex
+    covariance: Array
+
+    @property
+    def covariance_known(self) -> bool:
+        """Whether the covariance is finite."""
+        return bool(np.isfinite(self.covariance).all())
+
+    @property
+    def half_axes(self) -> Array:
+        """Half axes of the 95 % confidence ellipse, the smaller first, (2,); NaN where unknown.
+
+        A real root varies on the real axis alone and has one degree of freedom.
+        """
+        if not self.covariance_known:
+            return np.full(2, np.nan)
+        freedom = 1 if self.value.imag == 0 else 2
+        variances = np.clip(np.linalg.eigvalsh(self.covariance), 0, None)
+        radii: Array = np.sqrt(variances * CHI_SQUARE_95[freedom])
+        return radii
+
+    def outline(self, points: int = 73) -> Array:
+        """Points on the 95 % confidence ellipse, real and imaginary parts as rows, (2, points)."""
+        if not self.covariance_known:
+            return np.full((2, points), np.nan)
+        angle = np.linspace(0, 2 * np.pi, points)
+        circle = np.vstack([np.cos(angle), np.sin(angle)])
+        directions = np.linalg.eigh(self.covariance)[1]
+        centre = np.array([[self.value.real], [self.value.imag]])
+        outline: Array = centre + directions @ (self.half_axes[:, None] * circle)
+        return outline
+
+
+def uncertain_roots(model: ArmaxModel, polynomial: Polynomial) -> list[UncertainRoot]:
+    """Roots in the z plane of one polynomial of a model, with their covariances.
+
+    The covariance of the coefficients is propagated to the roots to first order.
+
+    Parameters
+    ----------
+    model : ArmaxModel
+    polynomial : {"A", "B", "C"}
+    """
+    orders = model.orders
+    coefficients, roots, rows = {
+        "A": (model.a, model.poles(), slice(0, orders.na)),
+        "B": (model.b, model.zeros(), slice(orders.na, orders.na + orders.nb)),
+        "C": (model.c, model.noise_zeros(), slice(orders.na + orders.nb, orders.parameters)),
+    }[polynomial]
+    unknown = np.full((2, 2), np.nan)
+    if model.covariance is None:
+        return [UncertainRoot(complex(root), unknown) for root in roots]
+    own = model.covariance.part(rows)
+    found = []
+    for root in roots:
+        covariance = root_covariance(coefficients, complex(root), own)
+        finite = bool(np.isfinite(covariance).all())
+        found.append(UncertainRoot(complex(root), covariance if finite else unknown))
+    return found

@@ -1,0 +1,34 @@
+"""A model as a MAT file for MATLAB."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+
+from evopem.files.atomic import atomic_write
+from evopem.models.armax import ArmaxModel
+
+
+def save_model_mat(model: ArmaxModel, path: str | os.PathLike[str]) -> None:
+    """Write the arguments of MATLAB's ``idpoly(A,B,C,D,F,NoiseVariance,Ts)`` to a v5 MAT file."""
+    from scipy.io import savemat
+
+    with atomic_write(Path(path)) as temporary, temporary.open("wb") as stream:
+        savemat(
+            stream,
+            {
+                "A": model.a[None, :],
+                "B": model.delayed_b[None, :],
+                "C": model.c[None, :],
+                "D": np.ones((1, 1)),
+                "F": np.ones((1, 1)),
+                "NoiseVariance": model.noise_variance,
+                "Ts": 1.0 / model.sampling_rate,
+            },
+        )
+        # SciPy stamps the header with the time of writing; the same model must give the same
+        # bytes.  The first 116 bytes are free text (MATLAB Level 5 MAT-file format).
+        stream.seek(0)
+        stream.write(b"MATLAB 5.0 MAT-file, written by evopem".ljust(116))

@@ -1,0 +1,106 @@
+"""Stabilization of poles over the model order, as in experimental modal analysis.
+
+The poles of a structure stay where they are when the order of the model is increased; poles that
+fit noise do not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from statistics import median
+from typing import Literal
+
+from evopem.models.armax import ArmaxModel
+from evopem.models.modes import Mode
+
+# A pole is stable from one order to the next when its natural frequency changes by less than 1 %
+# and its damping ratio by less than 10 %, the usual thresholds of modal analysis (Ewins 2000).
+FREQUENCY_TOLERANCE = 0.01
+DAMPING_TOLERANCE = 0.10
+# Stable poles whose frequencies differ by less than this share belong to one mode.
+SAME_MODE = 0.02
+# A mode persists when its pole appears at this many successive orders.
+PERSISTENT_ORDERS = 3
+
+Status = Literal["new", "frequency", "stable"]
+
+
+@dataclass(frozen=True)
+class StabilizationPole:
+    """An oscillating pole at one order of a stabilization diagram.
+
+    Attributes
+    ----------
+    order : int
+    frequency_hz, damping_ratio : float
+    status : {"new", "frequency", "stable"}
+        Compared with the poles of the next lower order: none at this frequency, one at this
+        frequency, or one at this frequency and damping ratio.
+    """
+
+    order: int
+    frequency_hz: float
+    damping_ratio: float
+    status: Status
+
+
+def stabilization(models: Iterable[tuple[int, ArmaxModel, float]]) -> list[StabilizationPole]:
+    """Compare the poles of models of increasing order, each with those of the next lower order.
+
+    Parameters
+    ----------
+    models : iterable of (order, model, BIC)
+        Of several models of one order, the one with the smallest BIC is used. The order is na.
+
+    Returns
+    -------
+    list of StabilizationPole
+        By order, then by frequency.
+    """
+    best: dict[int, tuple[float, ArmaxModel]] = {}
+    for order, model, bic in models:
+        if order not in best or bic < best[order][0]:
+            best[order] = (bic, model)
+    poles: list[StabilizationPole] = []
+    below: list[Mode] = []
+    for order in sorted(best):
+        modes = best[order][1].modes()
+        poles += [
+            StabilizationPole(order, mode.frequency_hz, mode.damping_ratio, _status(mode, below))
+            for mode in modes
+        ]
+        below = modes
+    return poles
+
+
+def persistent_frequencies(poles: Sequence[StabilizationPole]) -> list[float]:
+    """Median natural frequencies in Hz of the modes that persist over the orders.
+
+    Stable poles are grouped by frequency. A group persists when it covers
+    :data:`PERSISTENT_ORDERS` orders; a pole that is stable at n - 1 orders was present at n.
+    """
+    stable = sorted(
+        (pole for pole in poles if pole.status == "stable"), key=lambda pole: pole.frequency_hz
+    )
+    groups = [stable[:1]]
+    for lower, upper in pairwise(stable):
+        if upper.frequency_hz - lower.frequency_hz > SAME_MODE * upper.frequency_hz:
+            groups.append([])
+        groups[-1].append(upper)
+    return [
+        median(pole.frequency_hz for pole in group)
+        for group in groups
+        if len({pole.order for pole in group}) >= PERSISTENT_ORDERS - 1
+    ]
+
+
+def _status(mode: Mode, below: Sequence[Mode]) -> Status:
+    width = FREQUENCY_TOLERANCE * mode.frequency_hz
+    near = [other for other in below if abs(other.frequency_hz - mode.frequency_hz) <= width]
+    if not near:
+        return "new"
+    tolerance = DAMPING_TOLERANCE * abs(mode.damping_ratio)
+    alike = any(abs(other.damping_ratio - mode.damping_ratio) <= tolerance for other in near)
+    return "stable" if alike else "frequency"

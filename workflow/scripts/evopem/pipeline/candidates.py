@@ -1,0 +1,43 @@
+"""Candidates: every candidate of every phase in one table."""
+
+from __future__ import annotations
+
+from evopem.estimation.candidate import Candidate, PhaseSelection
+from evopem.files.atomic import write_table
+from evopem.files.json_form import load
+from evopem.results.layout import PHASES, DatasetFiles
+
+
+def tabulate_candidates(files: DatasetFiles) -> None:
+    """Write one row for each candidate of each phase."""
+    selections = [load(PhaseSelection, files.phase(phase)) for phase in PHASES]
+    rows = [
+        _row(candidate, candidate.orders == selection.orders)
+        for selection in selections
+        for candidate in selection.candidates
+    ]
+    write_table(files.candidates, {name: [row[name] for row in rows] for name in rows[0]})
+
+
+def _row(candidate: Candidate, selected: bool) -> dict[str, str | float]:
+    orders, criteria, diagnostics = candidate.orders, candidate.criteria, candidate.diagnostics
+    return {
+        "phase": candidate.phase,
+        "na": orders.na,
+        "nb": orders.nb,
+        "nc": orders.nc,
+        "nk": orders.nk,
+        "rss": criteria.rss,
+        "bic": criteria.bic,
+        "objective": criteria.objective,
+        "evaluations": diagnostics.evaluations,
+        "max_pole_radius": candidate.max_pole_radius,
+        "selected": selected,
+        "max_noise_zero_radius": candidate.max_noise_zero_radius,
+        "n_restarts": diagnostics.n_restarts,
+        "n_confirming": diagnostics.n_confirming,
+        "n_local_optima": diagnostics.n_local_optima,
+        "at_stability_bound": candidate.at_stability_bound,
+        "n_multistart": diagnostics.n_multistart,
+        "undiscovered_probability": diagnostics.undiscovered_probability,
+    }

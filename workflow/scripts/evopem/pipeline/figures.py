@@ -1,0 +1,16 @@
+"""Figures: one SVG file for each figure of the report."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from evopem.config.yaml_form import read_settings
+from evopem.figures.registry import draw_all
+from evopem.results.dataset import read_dataset_results
+from evopem.results.layout import DatasetFiles
+
+
+def draw_figures(files: DatasetFiles) -> None:
+    """Draw every figure of one data set from its results."""
+    results = read_dataset_results(files, read_settings(files.config))
+    draw_all(results, Path(files.figures[0]).parent)

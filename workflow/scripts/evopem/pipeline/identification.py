@@ -1,0 +1,132 @@
+"""Identification: every stage of one data set, in their order, in one process.
+
+Snakemake schedules the same stages as separate jobs, or this whole sequence as one job.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+from evopem.config.order_grid import sample_requirements, scoring_window
+from evopem.config.settings import DatasetSettings, RecordedSource
+from evopem.config.yaml_form import read_settings
+from evopem.pipeline.acquisition import read_recording
+from evopem.pipeline.candidates import tabulate_candidates
+from evopem.pipeline.configuration import write_configuration
+from evopem.pipeline.model import complete_model
+from evopem.pipeline.order_search import Log, estimate_candidates, select_candidate
+from evopem.pipeline.preparation import prepare_signals
+from evopem.pipeline.spectrum import estimate_spectrum
+from evopem.pipeline.summary import summarize_dataset
+from evopem.pipeline.synthesis import synthesize_recording
+from evopem.pipeline.validation import validate_model
+from evopem.results.layout import PHASES, DatasetFiles
+
+Stage = Callable[[], None]
+
+# The folder with the templates, in a checkout of the workflow.
+WORKFLOW = Path(__file__).resolve().parents[3]
+
+
+def stages(
+    files: DatasetFiles, settings: DatasetSettings, log: Log | None = None, cores: int = 1
+) -> dict[str, Stage]:
+    """List the stages of a data set by their names, in their order, ready to be called."""
+    window, search = scoring_window(settings), settings.search
+    validated = isinstance(settings.source, RecordedSource) and settings.source.validation_file
+    listed: dict[str, Stage] = {
+        "configuration": partial(write_configuration, files, settings),
+        **_acquisition(files, settings),
+        "preparation": partial(
+            prepare_signals,
+            files,
+            settings.preparation,
+            sample_requirements(settings),
+            bool(validated),
+        ),
+        "spectrum": partial(estimate_spectrum, files, settings.spectrum),
+    }
+    for phase in PHASES:
+        listed[phase] = partial(_search_phase, files, phase, settings, log, cores)
+    return listed | {
+        "model": partial(complete_model, files, search, window),
+        "candidates": partial(tabulate_candidates, files),
+        "validation": partial(validate_model, files),
+        "summary": partial(summarize_dataset, files),
+        "figures": partial(_draw_figures, files),
+        "report": partial(_write_report, files),
+    }
+
+
+def identify_recording(
+    files: DatasetFiles,
+    settings: DatasetSettings,
+    with_report: bool,
+    log: Log | None = None,
+    cores: int = 1,
+) -> None:
+    """Take one data set from its recording to its results."""
+    for name, stage in stages(files, settings, log, cores).items():
+        if with_report or name not in ("figures", "report"):
+            stage()
+
+
+def run_stage(name: str, folder: str | Path, log: Log | None = print) -> None:
+    """Run one stage again on the files of a data set's folder, without Snakemake.
+
+    Parameters
+    ----------
+    name : str
+        A name that :func:`stages` lists, such as ``"validation"``.
+    folder : path
+        The data set's folder of results, with its ``config.yaml``.
+    log : callable, optional
+        Receives progress.
+    """
+    files = DatasetFiles(str(folder))
+    stages(files, read_settings(files.config), log)[name]()
+
+
+def _acquisition(files: DatasetFiles, settings: DatasetSettings) -> dict[str, Stage]:
+    source = settings.source
+    if not isinstance(source, RecordedSource):
+        transforms = settings.preparation.transforms
+        return {"recording": partial(synthesize_recording, files, source, transforms)}
+    reading: dict[str, Stage] = {
+        "recording": partial(
+            read_recording, source.file, source.channels, files.recording, files.recording_info
+        )
+    }
+    if source.validation_file:
+        reading["validation_recording"] = partial(
+            read_recording,
+            source.validation_file,
+            source.channels,
+            files.validation_recording,
+            files.validation_recording_info,
+        )
+    return reading
+
+
+def _search_phase(
+    files: DatasetFiles, phase: str, settings: DatasetSettings, log: Log | None, cores: int
+) -> None:
+    window, search, grid = scoring_window(settings), settings.search, settings.order_grid
+    estimate_candidates(files, phase, 1, 1, grid, search, window, log, cores)
+    select_candidate(files, phase, 1, search, window, log)
+    Path(files.part(phase, 1)).unlink()  # the file of the phase holds all of it
+
+
+# Drawing is imported where it is used: a fleet without reports spares the time of matplotlib.
+def _draw_figures(files: DatasetFiles) -> None:
+    from evopem.pipeline.figures import draw_figures
+
+    draw_figures(files)
+
+
+def _write_report(files: DatasetFiles) -> None:
+    from evopem.pipeline.report import write_report
+
+    write_report(files, WORKFLOW)

@@ -1,0 +1,66 @@
+"""Order search: the candidates of a phase, and the selection of one of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import astuple
+
+from evopem.config.order_grid import candidate_orders, needs_resonances, previous_phase
+from evopem.config.settings import OrderGrid, ScoringWindow, SearchSettings
+from evopem.estimation.candidate import Candidate, PhaseSelection
+from evopem.estimation.order_selection import select_candidate as select
+from evopem.estimation.parallel import estimate_in_parallel
+from evopem.files.json_form import load, save
+from evopem.models.armax import Orders
+from evopem.results.layout import DatasetFiles
+from evopem.signals.preparation import load_prepared
+from evopem.signals.spectral.summary import SpectrumSummary
+
+Log = Callable[[str], None]
+
+
+def estimate_candidates(
+    files: DatasetFiles,
+    phase: str,
+    part: int,
+    parts: int,
+    grid: OrderGrid,
+    search: SearchSettings,
+    window: ScoringWindow,
+    log: Log | None = None,
+    cores: int = 1,
+) -> None:
+    """Estimate every ``parts``-th candidate of a phase, from the ``part``-th on (from 1)."""
+    previous = previous_phase(phase)
+    selected = load(PhaseSelection, files.phase(previous)).orders if previous else None
+    resonances = (
+        load(SpectrumSummary, files.spectrum_summary).resonances
+        if needs_resonances(phase, grid)
+        else None
+    )
+    orders = candidate_orders(phase, grid, astuple(selected) if selected else None, resonances)
+    own = [Orders(*each) for each in orders[part - 1 :: parts]]
+    data = load_prepared(files.prepared, files.transforms).estimation
+    candidates = estimate_in_parallel(data, own, phase, search, window, log, cores)
+    save(candidates, files.part(phase, part))
+
+
+def select_candidate(
+    files: DatasetFiles,
+    phase: str,
+    parts: int,
+    search: SearchSettings,
+    window: ScoringWindow,
+    log: Log | None = None,
+) -> None:
+    """Collect the candidates of a phase, repeat doubtful searches, and select one candidate."""
+    candidates = [
+        candidate
+        for part in range(1, parts + 1)
+        for candidate in load(tuple[Candidate, ...], files.part(phase, part))
+    ]
+    data = load_prepared(files.prepared, files.transforms).estimation
+    selection = select(candidates, phase, data, search, window, log)
+    if log is not None:
+        log(selection.reason)
+    save(selection, files.phase(phase))

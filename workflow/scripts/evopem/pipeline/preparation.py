@@ -1,0 +1,29 @@
+"""Preparation: stationary, zero-mean samples, divided for estimation and validation."""
+
+from __future__ import annotations
+
+from evopem.config.order_grid import check_samples
+from evopem.config.settings import PreparationSettings, SampleRequirements
+from evopem.results.layout import DatasetFiles
+from evopem.signals.preparation import prepare, save_prepared
+from evopem.signals.recording import load_recording
+
+
+def prepare_signals(
+    files: DatasetFiles,
+    settings: PreparationSettings,
+    requirements: SampleRequirements,
+    has_validation_recording: bool,
+) -> None:
+    """Make both signals stationary, and divide them for estimation and validation.
+
+    Raises
+    ------
+    InputError
+        When a transform cannot be applied, or too few samples are left for the order grid.
+    """
+    place = f"datasets.{files.name}"
+    validation = load_recording(files.validation_recording) if has_validation_recording else None
+    prepared = prepare(load_recording(files.recording), settings, validation, place)
+    check_samples(requirements, prepared.estimation.samples, prepared.validation.samples, place)
+    save_prepared(prepared, files.prepared, files.transforms)

@@ -1,0 +1,199 @@
+"""What rules ask of a configuration: settings, inputs and resources for their wildcards.
+
+A rule gives these methods to Snakemake, which calls them with the wildcards of each job. Nothing
+here imports numpy, pandas or Snakemake.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Protocol
+
+from evopem.config import order_grid, resources
+from evopem.config.defaults import RESERVED_NAMES
+from evopem.config.settings import Configuration, DatasetSettings, RecordedSource
+from evopem.files.json_form import to_json
+from evopem.results.layout import OVERVIEW, DatasetFiles
+
+_RESERVED = "|".join(map(re.escape, RESERVED_NAMES))
+DATASET_PATTERN = rf"(?!(?:{_RESERVED})/)[A-Za-z0-9][A-Za-z0-9_.-]*"
+"""The form of a data set's name. A folder with a reserved name belongs to no data set."""
+
+FILES = DatasetFiles.of_dataset("{dataset}")
+"""The files of a data set, with the wildcard in their paths."""
+
+
+class Wildcards(Protocol):
+    """The wildcards of a job."""
+
+    dataset: str
+    phase: str
+
+    def get(self, name: str) -> str | None:
+        """Value of a wildcard, None where the job has no such one."""
+
+
+@dataclass(frozen=True)
+class Provider:
+    """The configuration of a run, as its rules read it."""
+
+    config: Configuration
+
+    @cached_property
+    def recorded(self) -> frozenset[str]:
+        """Names of the data sets that are read from a file."""
+        return frozenset(
+            name
+            for name, dataset in self.config.datasets.items()
+            if isinstance(dataset.source, RecordedSource)
+        )
+
+    @cached_property
+    def validated(self) -> frozenset[str]:
+        """Names of the data sets with an independent recording for validation."""
+        return frozenset(name for name in self.recorded if self._file(name, "validation_file"))
+
+    @cached_property
+    def synthetic(self) -> frozenset[str]:
+        """Names of the data sets that are simulated."""
+        return frozenset(self.config.datasets) - self.recorded
+
+    @property
+    def with_report(self) -> bool:
+        """Whether figures and reports are made."""
+        return self.config.run.report == "html"
+
+    @property
+    def page(self) -> str:
+        """The file of a data set that the list of all data sets links to."""
+        return "report.html" if self.with_report else "modes.csv"
+
+    @property
+    def lists(self) -> list[str]:
+        """The lists of all data sets; none for a single data set or a shard."""
+        return [*OVERVIEW] if len(self.config.datasets) > 1 and not self.config.run.shard else []
+
+    def results(self, dataset: str) -> list[str]:
+        """The results of one data set."""
+        own = DatasetFiles.of_dataset(dataset)
+        truth = [own.truth] if dataset in self.synthetic else []
+        return [*own.results, *(own.pages if self.with_report else []), *truth]
+
+    def one_of(self, names: frozenset[str]) -> str:
+        """A wildcard constraint that matches these names and no other data set's.
+
+        Where these are all data sets, the form of a name suffices: a list of thousands would be
+        tried for each of thousands of files.
+        """
+        if len(names) == len(self.config.datasets):
+            return DATASET_PATTERN
+        return "|".join(map(re.escape, sorted(names))) or "(?!)"
+
+    def settings(self, part: str = "") -> Callable[[Wildcards], Any]:
+        """A function that gives a part of the settings of a data set, or all of them.
+
+        Parameters
+        ----------
+        part : str
+            Names of attributes with dots between them, such as ``preparation.transforms``.
+        """
+
+        def provide(wildcards: Wildcards) -> Any:
+            provided: Any = self._of(wildcards)
+            for name in filter(None, part.split(".")):
+                provided = getattr(provided, name)
+            return to_json(provided)
+
+        return provide
+
+    def recorded_file(self, key: str) -> Callable[[Wildcards], dict[str, str]]:
+        """A function that gives the recorded file that a data set names under a key.
+
+        A missing file is no input before its first reading: its job then says so in a sentence,
+        and the other data sets continue, where Snakemake would stop them all. Later it stays an
+        input, so that nothing made from it is lost.
+        """
+
+        def existing(wildcards: Wildcards) -> dict[str, str]:
+            path = self._file(wildcards.dataset, key)
+            own = DatasetFiles.of_dataset(wildcards.dataset)
+            used = path and (Path(own.recording).exists() or resources.is_file(path))
+            return {"file": path} if path and used else {}
+
+        return existing
+
+    def validation_recording(self, file: str) -> Callable[[Wildcards], dict[str, str]]:
+        """A function that gives a file of the validation recording, where there is one."""
+
+        def existing(wildcards: Wildcards) -> dict[str, str]:
+            return {"validation_recording": file} if wildcards.dataset in self.validated else {}
+
+        return existing
+
+    def truth(self, wildcards: Wildcards) -> dict[str, str]:
+        """The truth behind a synthetic data set."""
+        return {"truth": FILES.truth} if wildcards.dataset in self.synthetic else {}
+
+    def window(self, wildcards: Wildcards) -> object:
+        """The samples on which the candidates of a data set are compared."""
+        return to_json(order_grid.scoring_window(self._of(wildcards)))
+
+    def requirements(self, wildcards: Wildcards) -> object:
+        """What a record must have for the largest candidate of its data set."""
+        return to_json(order_grid.sample_requirements(self._of(wildcards)))
+
+    def phase_grid(self, wildcards: Wildcards) -> object:
+        """The part of the order grid that a phase uses."""
+        grid = order_grid.grid_of_phase(wildcards.phase, self._of(wildcards).order_grid)
+        return to_json(grid)
+
+    def part_count(self, wildcards: Wildcards) -> int:
+        """The number of jobs of a phase."""
+        grid, per_job = self._of(wildcards).order_grid, self.config.run.candidates_per_job
+        return order_grid.part_count(wildcards.phase, grid, per_job)
+
+    def parts(self, wildcards: Wildcards) -> list[str]:
+        """The outputs of all jobs of a phase."""
+        numbers = range(1, self.part_count(wildcards) + 1)
+        return [FILES.part(wildcards.phase, number) for number in numbers]
+
+    def earlier_results(self, wildcards: Wildcards) -> dict[str, str]:
+        """What a phase waits for: its predecessor's selection, and the spectrum if it counts."""
+        previous = order_grid.previous_phase(wildcards.phase)
+        inputs = {"previous": FILES.phase(previous)} if previous else {}
+        if order_grid.needs_resonances(wildcards.phase, self._of(wildcards).order_grid):
+            inputs["spectrum"] = FILES.spectrum_summary
+        return inputs
+
+    def reading_memory(self, wildcards: Wildcards, attempt: int) -> int:
+        """MB of a job that reads a recording once."""
+        return resources.reading_memory(self._of(wildcards), attempt)
+
+    def reading_time(self, wildcards: Wildcards, attempt: int) -> int:
+        """Minutes of a job that reads a recording once."""
+        return resources.reading_time(self._of(wildcards), attempt)
+
+    def estimation_memory(self, wildcards: Wildcards, threads: int, attempt: int) -> int:
+        """MB of a job that estimates candidates."""
+        return resources.estimation_memory(self._of(wildcards), threads, attempt)
+
+    def estimation_time(self, wildcards: Wildcards, threads: int, attempt: int) -> int:
+        """Minutes of a job that estimates the candidates of a phase, or of all of them."""
+        return resources.estimation_time(
+            self._of(wildcards),
+            wildcards.get("phase"),
+            self.config.run.candidates_per_job,
+            threads,
+            attempt,
+        )
+
+    def _of(self, wildcards: Wildcards) -> DatasetSettings:
+        return self.config.datasets[wildcards.dataset]
+
+    def _file(self, name: str, key: str) -> str | None:
+        path: str | None = getattr(self.config.datasets[name].source, key)
+        return path

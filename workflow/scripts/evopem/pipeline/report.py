@@ -1,0 +1,60 @@
+"""Report: one self-contained HTML file for a data set."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+
+from evopem.config.yaml_form import read_settings
+from evopem.files.atomic import write_text
+from evopem.report.page import build_report
+from evopem.report.wall_clock import read_wall_clock
+from evopem.results.dataset import read_dataset_results
+from evopem.results.layout import FIGURES, DatasetFiles
+
+
+def write_report(files: DatasetFiles, workflow: Path) -> None:
+    """Set the results and figures of one data set into one HTML file.
+
+    Parameters
+    ----------
+    files : DatasetFiles
+    workflow : Path
+        The folder with ``templates/``, whose commit the report names.
+    """
+    results = read_dataset_results(files, read_settings(files.config))
+    figures = {name: Path(files.figure(name)).read_text(encoding="utf-8") for name in FIGURES}
+    page = build_report(
+        results,
+        figures,
+        read_wall_clock(Path(files.folder) / "benchmarks"),
+        Path(files.config).read_text(encoding="utf-8"),
+        workflow / "templates",
+        commit_of(workflow),
+    )
+    write_text(files.report, page)
+
+
+def commit_of(workflow: Path) -> str:
+    """Name the commit that the workflow was checked out at, ``"unknown"`` outside of Git.
+
+    It is read when the report is written and not in a rule: a new commit alone must not make a
+    result out of date.
+    """
+
+    def git(*arguments: str) -> str:
+        return subprocess.run(
+            ["git", "-C", str(workflow), *arguments],
+            capture_output=True,
+            text=True,
+            check=True,
+            timeout=20,
+        ).stdout.strip()
+
+    try:
+        git("ls-files", "--error-unmatch", "scripts/write_report.py")
+        commit = git("rev-parse", "HEAD")
+        changed = git("status", "--porcelain", "--untracked-files=no", "--", ".", "../Snakefile")
+    except (OSError, subprocess.SubprocessError):
+        return "unknown"
+    return f"{commit}, with changes that are not committed" if changed else commit

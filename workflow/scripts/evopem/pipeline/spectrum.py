@@ -1,0 +1,35 @@
+"""Spectrum: Thomson's multitaper estimate, its peaks, and an empirical frequency response."""
+
+from __future__ import annotations
+
+from evopem.config.settings import SpectrumSettings
+from evopem.files.atomic import write_table
+from evopem.files.json_form import save
+from evopem.results.layout import DatasetFiles
+from evopem.signals.preparation import load_prepared
+from evopem.signals.spectral.frequency_response import multitaper_frequency_response
+from evopem.signals.spectral.multitaper import multitaper_spectrum
+from evopem.signals.spectral.peaks import summarize_spectrum
+
+
+def estimate_spectrum(files: DatasetFiles, settings: SpectrumSettings) -> None:
+    """Estimate the spectra of the estimation samples, and the frequency response they imply."""
+    samples = load_prepared(files.prepared, files.transforms).estimation
+    rate, width, nfft = samples.sampling_rate, settings.time_halfbandwidth, settings.nfft
+    spectrum = multitaper_spectrum(samples.output, rate, width, nfft)
+    input_spectrum = multitaper_spectrum(samples.input, rate, width, nfft)
+    response = multitaper_frequency_response(samples.input, samples.output, rate, width, nfft)
+    table = {
+        "frequency_hz": spectrum.frequencies,
+        "density": spectrum.density,
+        "lower": spectrum.lower,
+        "upper": spectrum.upper,
+        "input_density": input_spectrum.density,
+        "frequency_response_gain": response.gain,
+        "frequency_response_gain_lower": response.gain_lower,
+        "frequency_response_gain_upper": response.gain_upper,
+        "frequency_response_phase_deg": response.phase_deg,
+        "coherence": response.coherence,
+    }
+    write_table(files.spectrum, table)
+    save(summarize_spectrum(spectrum), files.spectrum_summary)

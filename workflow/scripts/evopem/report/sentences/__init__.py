@@ -1,0 +1,4 @@
+"""Sentences of the report, computed from the results.
+
+Each function returns paragraphs.
+"""

@@ -1,0 +1,95 @@
+"""Sentences about the order search: delay, orders, and stabilization over the orders."""
+
+from __future__ import annotations
+
+import re
+from typing import Literal
+
+from evopem.figures.figure_data import stabilization_poles
+from evopem.models.stabilization import PERSISTENT_ORDERS, persistent_frequencies
+from evopem.report.chapter import (
+    COEFFICIENTS_OF_B,
+    JOINT_ORDER,
+    ORDER_OF_C,
+    stands_in_for_the_chapter,
+)
+from evopem.report.numbers import enumeration, hertz, number, percent, plural
+from evopem.results.dataset import DatasetResults
+
+Order = Literal["na", "nb", "nc"]
+
+# Phase, the order that it varies, its name.
+ORDER_PHASES: tuple[tuple[str, Order, str], ...] = (
+    ("joint", "na", "Joint order k = na = nb = nc"),
+    ("nc", "nc", "Order of C, nc"),
+    ("nb", "nb", "Number of B coefficients, nb"),
+)
+
+
+def delay(results: DatasetResults) -> list[str]:
+    """The selected delay, and how much BIC varies over the orders."""
+    selected = results.phases["delay"].orders.nk
+    tried = results.candidates[results.candidates["phase"] == "delay"]
+    sentences = [_reason(results, "delay")]
+    spread = tried.groupby("nk")["bic"].agg(lambda bic: bic.max() - bic.min())
+    if len(spread) > 1:
+        others = spread.drop(selected)
+        low, high = number(others.min(), 2), number(others.max(), 2)
+        sentences.append(
+            f"Over the orders {tried['na'].min()} to {tried['na'].max()} the BIC of nk = {selected}"
+            f" varies by {number(spread[selected], 2)}, that of the other delays by"
+            f" {low if low == high else f'{low} to {high}'}. The chapter takes a small variation"
+            " over the orders as a sign of the right delay."
+        )
+    if results.truth is not None:
+        true, found = results.truth.delay_samples, results.model.orders.nk
+        difference = "which was found" if true == found else f"{abs(true - found)} off"
+        sentences.append(f"The true delay is {plural(true, 'sample')}, {difference}.")
+    return [" ".join(sentences)]
+
+
+def phases(results: DatasetResults) -> list[str]:
+    """The selection of each phase of the orders, beside the smallest RSS."""
+    paragraphs = []
+    for phase, order, name in ORDER_PHASES:
+        candidates = results.phases[phase].candidates
+        own = results.phases[phase].selected
+        least = min(candidates, key=lambda candidate: candidate.criteria.rss)
+        tried = [getattr(candidate.orders, order) for candidate in candidates]
+        value, smallest = getattr(own.orders, order), getattr(least.orders, order)
+        text = (
+            f"{name}, searched from {min(tried)} to {max(tried)}: {value} is selected, with an"
+            f" RSS of {percent(own.criteria.rss, 4)}"
+        )
+        if smallest != value:
+            text += f"; the smallest RSS, {percent(least.criteria.rss, 4)}, is at {smallest}"
+        paragraphs.append(f"{text}. {_reason(results, phase)}")
+    paragraphs.append(
+        "BIC decides. RSS is shown for comparison: it does not penalise the number of coefficients."
+    )
+    if stands_in_for_the_chapter(results.settings):
+        paragraphs.append(
+            f"On its own recording the chapter selected the joint order {JOINT_ORDER}, then"
+            f" nc = {ORDER_OF_C}, then nb = {COEFFICIENTS_OF_B}."
+        )
+    return paragraphs
+
+
+def stabilization(results: DatasetResults) -> list[str]:
+    """The natural frequencies that persist over the joint orders."""
+    poles = stabilization_poles(results)
+    if not poles:
+        return ["No candidate of the joint order has an oscillating mode."]
+    persistent = persistent_frequencies(poles)
+    lead = f"Over the orders {poles[0].order} to {poles[-1].order},"
+    if not persistent:
+        return [f"{lead} no pole is stable over {PERSISTENT_ORDERS} successive orders."]
+    return [
+        f"{lead} poles at {enumeration([hertz(frequency) for frequency in persistent])} are stable,"
+        f" within 1 % in frequency and 10 % in damping, over {PERSISTENT_ORDERS} orders or more."
+    ]
+
+
+def _reason(results: DatasetResults, phase: str) -> str:
+    """Why a candidate was selected, with true minus signs."""
+    return re.sub(r"(?<![\w-])-(?=\d)", "−", results.phases[phase].reason)

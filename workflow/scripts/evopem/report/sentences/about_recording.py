@@ -1,0 +1,114 @@
+"""Sentences about the recording and its transforms."""
+
+from __future__ import annotations
+
+import math
+
+from evopem.report.numbers import (
+    THIN,
+    count,
+    enumeration,
+    hertz,
+    number,
+    plural,
+    superscript,
+    times,
+)
+from evopem.results.dataset import DatasetResults
+from evopem.signals.preparation import Transforms
+from evopem.signals.recording_info import RecordingInfo
+
+
+def recording(results: DatasetResults) -> list[str]:
+    """What was recorded and how it was prepared."""
+    transforms = results.model.transforms
+    sentences = [_contents(results.recording_info)]
+    if transforms.resampled_from is not None:
+        sentences.append(
+            f"It was resampled from {hertz(transforms.resampled_from)} to"
+            f" {hertz(transforms.sampling_rate)}."
+        )
+    steps = _output_steps(transforms)
+    sentences.append(f"The output was {enumeration(steps) or 'not transformed'}.")
+    if transforms.difference_input:
+        sentences.append(f"The input was differenced {times(transforms.difference_input)}.")
+    sentences.append(_division(transforms))
+    sentences.append("The means of the estimation samples are subtracted from all samples.")
+    return [" ".join(sentences)]
+
+
+def _contents(info: RecordingInfo) -> str:
+    names = f"{info.input_name} (input) and {info.output_name} (output)"
+    if (info.input_name, info.output_name) == ("input", "output"):
+        names = "one input and one output"
+    return (
+        f"The recording has {count(info.samples)} samples of {names} at"
+        f" {hertz(info.sampling_rate)},"
+        f" {number(info.samples / info.sampling_rate)}{THIN}s in total."
+    )
+
+
+def _output_steps(transforms: Transforms) -> list[str]:
+    steps = []
+    if transforms.box_cox is not None:
+        if transforms.shift:
+            steps.append(f"shifted by {number(transforms.shift)} to be positive")
+        steps.append(f"Box-Cox transformed with λ = {number(transforms.box_cox)}")
+    if transforms.difference:
+        steps.append(f"differenced {times(transforms.difference)}")
+    return steps
+
+
+def _division(transforms: Transforms) -> str:
+    lead = "The first "
+    if transforms.discard:
+        lead = f"The first {plural(transforms.discard, 'sample')} are discarded. The next "
+    where = (
+        "those of an independent recording"
+        if transforms.validation_source == "file"
+        else "those that follow without a gap"
+    )
+    return (
+        f"{lead}{plural(transforms.estimation_samples, 'sample')} are used for estimation;"
+        f" {plural(transforms.validation_samples, 'sample')}, {where}, are used for validation."
+    )
+
+
+def transform_effects(transforms: Transforms) -> list[str]:
+    """What the transforms do to the model; empty where they leave it unchanged."""
+    paragraphs = []
+    surplus = transforms.difference - transforms.difference_input
+    output_times, input_times = times(transforms.difference), times(transforms.difference_input)
+    if surplus > 0:
+        rate = transforms.sampling_rate
+        power = "" if surplus == 1 else superscript(surplus)
+        low, gain = hertz(rate / 50), number(difference_gain(transforms, rate / 50), 2)
+        paragraphs.append(
+            f"The output was differenced {output_times}, the input {input_times}. B therefore"
+            f" contains the factor (1 − q⁻¹){power}, which multiplies the gain by"
+            f" |2 sin(πf/fs)|{power}: {gain} at {low} and {2**surplus} at {hertz(rate / 2)}. The"
+            " high-pass trend of the frequency response is in part an effect of this factor and"
+            " not of the system. Modes at low frequencies are attenuated and may be lost in the"
+            " noise. With “difference_input” set to the same number, both signals are differenced"
+            " and the frequency response is not changed."
+        )
+    elif surplus < 0:
+        integrators = "an integrator" if surplus == -1 else f"{-surplus} integrators"
+        paragraphs.append(
+            f"The input was differenced {input_times}, the output {output_times}. The frequency"
+            " response shown is that from the differenced input to the output; compared with the"
+            f" response to the input it has {integrators} more."
+        )
+    if transforms.box_cox is not None and transforms.box_cox != 1:
+        paragraphs.append(
+            "The Box-Cox transform is not linear. The model, the errors and the simulation refer"
+            " to the transformed output. The modes are those of the system as far as the transform"
+            " is close to a straight line over the range of the output."
+        )
+    return paragraphs
+
+
+def difference_gain(transforms: Transforms, frequency: float) -> float:
+    """Factor |2 sin(πf/fs)|^d on the gain, d the output's differences beyond the input's."""
+    surplus = transforms.difference - transforms.difference_input
+    return float(abs(2 * math.sin(math.pi * frequency / transforms.sampling_rate)) ** surplus)

@@ -1,0 +1,75 @@
+"""Sentences about the validation: residual tests and simulation."""
+
+from __future__ import annotations
+
+from evopem.report.numbers import count, is_number, number, p_value, percent, plural
+from evopem.results.dataset import DatasetResults
+from evopem.validation.residual_tests import LjungBox
+from evopem.validation.validation import CrossCorrelationTest, Validation
+
+
+def residuals(results: DatasetResults) -> list[str]:
+    """Outcome of the residual tests."""
+    validation = results.validation
+    sentences = [
+        _autocorrelation(validation),
+        _ljung_box(validation.ljung_box),
+        _cross_correlation(validation.cross_correlation),
+    ]
+    return [" ".join(sentences)]
+
+
+def _autocorrelation(validation: Validation) -> str:
+    share = validation.autocorrelation_share_inside95
+    if not is_number(share):
+        return "The autocorrelation of the residuals is not known."
+    return (
+        f"{percent(100 * share)} of {count(validation.lags)} residual autocorrelations are within"
+        f" the 95 % bounds ±1.96/√N, with N = {count(validation.residual_samples)} residuals of the"
+        " estimation samples. About 95 % are expected of white residuals."
+    )
+
+
+def _ljung_box(test: LjungBox) -> str:
+    if not is_number(test.p_value):
+        return "The Ljung-Box test was not possible."
+    return (
+        f"The Ljung-Box statistic over {count(test.lags)} lags is {number(test.statistic, 4)} with"
+        f" {count(test.degrees_of_freedom)} degrees of freedom: {p_value(test.p_value)}."
+    )
+
+
+def _cross_correlation(test: CrossCorrelationTest) -> str:
+    if not is_number(test.share_inside95):
+        return "The cross-correlation of residuals and input is not known."
+    return (
+        f"{percent(100 * test.share_inside95)} of the cross-correlations with the input at lags"
+        f" −{count(test.lags)} to {count(test.lags)} are within their 95 % bounds; the largest is"
+        f" {number(test.max_abs, 2)}. These bounds take the autocorrelation of residuals and input"
+        " into account (Ljung 1999, section 16.6)."
+    )
+
+
+def simulation(results: DatasetResults) -> list[str]:
+    """Error of the simulation on samples that were not used for estimation."""
+    validation = results.validation
+    sentences = [
+        "The simulation uses the input alone. Its error is"
+        f" {percent(validation.simulation_error_percent)} of the norm of the measured output"
+        f" ({percent(validation.simulation_fit_percent)} NRMSE fit) over"
+        f" {plural(validation.samples, 'validation sample')}. It starts from the initial state that"
+        " fits these samples best, as in MATLAB's compare; their output is not used otherwise."
+    ]
+    if is_number(validation.continued_simulation_error_percent):
+        sentences.append(
+            "A simulation that starts with the estimation samples and continues through the"
+            " validation samples without their output has an error of"
+            f" {percent(validation.continued_simulation_error_percent)}. It is affected by the"
+            " noise that has changed the state in between."
+        )
+    if validation.unscored_samples:
+        sentences.append(
+            f"The first {plural(validation.unscored_samples, 'sample')} have no complete past and"
+            " are not scored."
+        )
+    return [" ".join(sentences)]

@@ -1,0 +1,1 @@
+"""The results of a data set: where each file lies, and its contents as typed objects."""

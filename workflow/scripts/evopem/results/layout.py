@@ -1,0 +1,223 @@
+"""Where every file of the results lies, and the names of the phases and figures.
+
+Rules, stage functions, report, fleet and tests take every path from here. Nothing here imports
+numpy or pandas: a Snakefile uses this module.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from evopem.config.order_grid import PHASES
+
+FOLDER = "results"
+
+FIGURES = (
+    "record",
+    "spectrum",
+    "delay",
+    "phases",
+    "poles_zeros",
+    "frequency_response",
+    "residuals",
+    "simulation",
+    "stabilization",
+    "convergence",
+)
+"""The figures of the report, in its order."""
+
+INDEX = f"{FOLDER}/index.html"
+FLEET_CSV = f"{FOLDER}/fleet.csv"
+FLEET_PARQUET = f"{FOLDER}/fleet.parquet"
+OVERVIEW = (INDEX, FLEET_CSV, FLEET_PARQUET)
+"""The lists of all data sets."""
+
+
+@dataclass(frozen=True)
+class DatasetFiles:
+    """The files of one data set.
+
+    Attributes
+    ----------
+    folder : str
+        The data set's folder; in a rule it holds the wildcard, ``results/{dataset}``.
+    """
+
+    folder: str
+
+    @classmethod
+    def of_dataset(cls, name: str) -> DatasetFiles:
+        """The files of the data set of this name, below the working directory."""
+        return cls(f"{FOLDER}/{name}")
+
+    @classmethod
+    def of_log(cls, log_file: str | Path) -> DatasetFiles:
+        """The files of the data set that a log file belongs to."""
+        return cls(str(next(up.parent for up in Path(log_file).parents if up.name == "logs")))
+
+    @property
+    def name(self) -> str:
+        """Name of the data set."""
+        return Path(self.folder).name
+
+    @property
+    def config(self) -> str:
+        """The complete configuration of the data set."""
+        return f"{self.folder}/config.yaml"
+
+    @property
+    def recording(self) -> str:
+        """Samples of the recording."""
+        return f"{self.folder}/recording.npz"
+
+    @property
+    def recording_info(self) -> str:
+        """Origin and properties of the recording."""
+        return f"{self.folder}/recording.json"
+
+    @property
+    def validation_recording(self) -> str:
+        """Samples of the independent recording for validation."""
+        return f"{self.folder}/validation_recording.npz"
+
+    @property
+    def validation_recording_info(self) -> str:
+        """Origin and properties of the independent recording for validation."""
+        return f"{self.folder}/validation_recording.json"
+
+    @property
+    def truth(self) -> str:
+        """The system behind a synthetic recording."""
+        return f"{self.folder}/truth.json"
+
+    @property
+    def prepared(self) -> str:
+        """Estimation and validation samples after all transforms."""
+        return f"{self.folder}/prepared.npz"
+
+    @property
+    def transforms(self) -> str:
+        """The transforms, with what undoes them."""
+        return f"{self.folder}/transforms.json"
+
+    @property
+    def spectrum(self) -> str:
+        """Multitaper spectrum and empirical frequency response, by frequency."""
+        return f"{self.folder}/spectrum.csv"
+
+    @property
+    def spectrum_summary(self) -> str:
+        """Settings and peaks of the spectrum."""
+        return f"{self.folder}/spectrum.json"
+
+    def part(self, phase: str, part: int | str) -> str:
+        """Candidates of one job of a phase."""
+        return f"{self.folder}/phases/{phase}/part-{part}.json"
+
+    def phase(self, phase: str) -> str:
+        """Selection and all candidates of a phase."""
+        return f"{self.folder}/phases/{phase}.json"
+
+    @property
+    def phases(self) -> list[str]:
+        """The files of all phases, in their order."""
+        return [self.phase(phase) for phase in PHASES]
+
+    @property
+    def candidates(self) -> str:
+        """Every candidate of every phase."""
+        return f"{self.folder}/candidates.csv"
+
+    @property
+    def model(self) -> str:
+        """The model, for evopem and people."""
+        return f"{self.folder}/model.json"
+
+    @property
+    def model_mat(self) -> str:
+        """The model, for MATLAB."""
+        return f"{self.folder}/model.mat"
+
+    @property
+    def modes(self) -> str:
+        """Natural frequencies and damping ratios."""
+        return f"{self.folder}/modes.csv"
+
+    @property
+    def frequency_response(self) -> str:
+        """Frequency response of the model with its 95 % interval."""
+        return f"{self.folder}/frequency_response.csv"
+
+    @property
+    def validation(self) -> str:
+        """Errors and residual tests."""
+        return f"{self.folder}/validation.json"
+
+    @property
+    def residual_autocorrelation(self) -> str:
+        """Autocorrelation of the residuals, by lag."""
+        return f"{self.folder}/residual_autocorrelation.csv"
+
+    @property
+    def cross_correlation(self) -> str:
+        """Cross-correlation of residuals and input, by lag."""
+        return f"{self.folder}/cross_correlation.csv"
+
+    @property
+    def simulation(self) -> str:
+        """Validation samples, predicted and simulated."""
+        return f"{self.folder}/simulation.csv"
+
+    @property
+    def summary(self) -> str:
+        """Orders, errors, modes and checks."""
+        return f"{self.folder}/summary.json"
+
+    @property
+    def report(self) -> str:
+        """The report."""
+        return f"{self.folder}/report.html"
+
+    def figure(self, figure: str) -> str:
+        """One figure of the report."""
+        return f"{self.folder}/figures/{figure}.svg"
+
+    @property
+    def figures(self) -> list[str]:
+        """All figures of the report, in its order."""
+        return [self.figure(figure) for figure in FIGURES]
+
+    def log(self, job: str) -> str:
+        """Log of a job."""
+        return f"{self.folder}/logs/{job}.log"
+
+    def benchmark(self, job: str) -> str:
+        """Time and memory of a job."""
+        return f"{self.folder}/benchmarks/{job}.tsv"
+
+    @property
+    def results(self) -> list[str]:
+        """The results of every data set, without pages and figures."""
+        return [
+            self.config,
+            self.recording_info,
+            self.transforms,
+            self.spectrum,
+            self.spectrum_summary,
+            self.candidates,
+            self.model,
+            self.model_mat,
+            self.modes,
+            self.frequency_response,
+            self.validation,
+            self.residual_autocorrelation,
+            self.cross_correlation,
+            self.simulation,
+            self.summary,
+        ]
+
+    @property
+    def pages(self) -> list[str]:
+        """The report and its figures."""
+        return [self.report, *self.figures]

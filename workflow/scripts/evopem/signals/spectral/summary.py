@@ -1,0 +1,52 @@
+"""Settings and peaks of a multitaper spectrum, as they are kept beside its values.
+
+The order search reads them. Nothing here imports the estimates, so a change of these does not
+repeat the search of spectra that stay the same.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class SpectralPeak:
+    """A local maximum of the density that noise alone does not explain.
+
+    Attributes
+    ----------
+    frequency_hz : float
+    density, lower, upper : float
+        Density at the peak and its 95 % band (unit² / Hz).
+    prominence_db : float
+        Height above the higher of the two valleys between it and higher maxima.
+    """
+
+    frequency_hz: float
+    density: float
+    prominence_db: float
+    lower: float
+    upper: float
+
+
+@dataclass(frozen=True)
+class SpectrumSummary:
+    """What the order search and the report need of a spectrum.
+
+    Attributes
+    ----------
+    time_halfbandwidth : float
+    tapers, nfft, segments : int
+    resolution_hz : float
+    peaks : tuple of SpectralPeak
+    resonances : int
+        Peaks that may be resonances; 0 where they are the lines of a periodic input.
+    """
+
+    time_halfbandwidth: float
+    tapers: int
+    nfft: int
+    segments: int
+    resolution_hz: float
+    peaks: tuple[SpectralPeak, ...]
+    resonances: int

@@ -1,0 +1,57 @@
+"""The system behind a synthetic recording."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evopem.models.armax import Orders
+from evopem.models.modes import Mode
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """What a synthetic recording was made from.
+
+    Attributes
+    ----------
+    kind : str
+        ``flexible_arm`` or ``armax``.
+    seed : int
+    delay_samples : int
+        Delay from input to output.
+    modes : tuple of Mode
+    noise : dict
+        Levels of the disturbances, by their names.
+    box_cox : float, optional
+        Parameter of the Box-Cox transform that the output was made for.
+    difference : int
+        Number of differences that the output was made for.
+    orders : Orders, optional
+        Of the ARMAX model; None where the system is no ARMAX model.
+    a, b, c : array, optional
+        Its coefficients.
+    """
+
+    kind: str
+    seed: int
+    delay_samples: int
+    modes: tuple[Mode, ...]
+    noise: dict[str, float]
+    box_cox: float | None
+    difference: int
+    orders: Orders | None = None
+    a: Array | None = None
+    b: Array | None = None
+    c: Array | None = None
+
+
+def true_mode(frequency: float, damping_ratio: float, sampling_rate: float) -> Mode:
+    """A mode of known natural frequency (Hz) and damping ratio, at a sampling rate in Hz."""
+    omega = 2.0 * np.pi * frequency
+    s = omega * complex(-damping_ratio, np.sqrt(1.0 - damping_ratio**2))
+    return Mode(frequency, damping_ratio, complex(np.exp(s / sampling_rate)))

@@ -1,0 +1,73 @@
+"""Checks of a model: each is passed, failed or not judged, with a statement that says why.
+
+A check passes only on numbers that show it. Where a number could not be computed (NaN) or does not
+exist, ``passed`` is None and the statement says which one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from evopem.validation.checks.check import SIGNIFICANCE, Check, p_text
+from evopem.validation.checks.excitation import excitation, response_to_input
+from evopem.validation.checks.recording import saturation
+from evopem.validation.checks.residuals import input_independence, outliers, whiteness
+from evopem.validation.checks.roots import (
+    cancellation,
+    invertibility,
+    stability,
+    stability_bound,
+)
+from evopem.validation.checks.search import repeatability, search_ranges
+from evopem.validation.checks.spectral_peaks import spectral_peaks
+
+if TYPE_CHECKING:
+    from evopem.estimation.candidate import PhaseSelection
+    from evopem.estimation.model_record import ModelRecord
+    from evopem.signals.recording_info import RecordingInfo
+    from evopem.signals.spectral.summary import SpectrumSummary
+    from evopem.validation.validation import Validation
+
+__all__ = ["SIGNIFICANCE", "Check", "checks", "p_text"]
+
+
+def checks(
+    model: ModelRecord,
+    validation: Validation,
+    spectrum: SpectrumSummary,
+    phases: Mapping[str, PhaseSelection],
+    recording: RecordingInfo,
+) -> list[Check]:
+    """Check a model against its validation, its order search and its recording.
+
+    Parameters
+    ----------
+    model : ModelRecord
+    validation : Validation
+    spectrum : SpectrumSummary
+        Peaks and resolution of the output's spectrum.
+    phases : mapping of str to PhaseSelection
+        The order search, by the names of its phases.
+    recording : RecordingInfo
+
+    Returns
+    -------
+    list of Check
+        In the order of the report.
+    """
+    return [
+        stability(model),
+        invertibility(model),
+        whiteness(validation),
+        input_independence(validation),
+        spectral_peaks(model, spectrum),
+        cancellation(model),
+        search_ranges(phases),
+        stability_bound(model),
+        repeatability(model.search.diagnostics),
+        excitation(validation),
+        response_to_input(model),
+        outliers(model, validation),
+        saturation(recording),
+    ]

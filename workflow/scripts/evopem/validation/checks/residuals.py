@@ -1,0 +1,112 @@
+"""Checks of the residuals."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from scipy.special import ndtri
+
+from evopem.validation.checks.check import SIGNIFICANCE, Check, p_text
+
+if TYPE_CHECKING:
+    from evopem.estimation.model_record import ModelRecord
+    from evopem.validation.validation import Validation
+
+# With a coloured input, cross-correlations at neighbouring lags are dependent, so the share inside
+# the bounds varies more than a binomial one.
+MIN_CROSS_CORRELATION_SHARE = 0.90
+# Percentage of outliers below which they are ignored, and up to which the absolute objective is
+# robust against them.
+MAX_OUTLIER_PERCENT = 0.1
+MAX_OUTLIER_PERCENT_ABSOLUTE = 5.0
+
+
+def whiteness(validation: Validation) -> Check:
+    """Residual autocorrelations as small as those of white noise, jointly and one by one."""
+    name = "White residuals"
+    share, lags = validation.autocorrelation_share_inside95, validation.lags
+    test = validation.ljung_box
+    if math.isnan(share) or math.isnan(test.p_value) or lags < 1:
+        return Check(
+            name,
+            None,
+            "The residual autocorrelation or its Ljung-Box test could not be computed: there are"
+            f" {validation.residual_samples} residuals, and {test.degrees_of_freedom} degrees of"
+            " freedom are left.",
+            "Use a longer record or fewer parameters.",
+        )
+    # The autocorrelations of white noise are nearly independent, so the share is binomial; three
+    # standard deviations are allowed.
+    least = 0.95 - 3.0 * math.sqrt(0.95 * 0.05 / lags)
+    passed = test.p_value >= SIGNIFICANCE and share >= least
+    return Check(
+        name,
+        passed,
+        f"Ljung-Box test of whiteness over {test.lags} lags: {p_text(test.p_value)}."
+        f" {100 * share:.1f} % of {lags} autocorrelations lie inside their 95 % bounds"
+        f" (at least {100 * least:.1f} % required).",
+        ""
+        if passed
+        else "The noise model is incomplete: raise the upper end of “orders.nc” or"
+        " “orders.joint”, or look for trends, mains hum or nonlinearity in the record.",
+    )
+
+
+def input_independence(validation: Validation) -> Check:
+    """No significant cross-correlation of residuals and input."""
+    name = "Residuals independent of the input"
+    test = validation.cross_correlation
+    if math.isnan(test.share_inside95) or math.isnan(test.max_in_bounds):
+        return Check(
+            name,
+            None,
+            "The cross-correlation of residuals and input could not be computed: one of them is"
+            " constant.",
+            "Use a record whose input varies, or fewer parameters.",
+        )
+    count = 2 * test.lags + 1
+    # The Bonferroni inequality holds for any dependence between lags.
+    allowed = float(ndtri(1 - SIGNIFICANCE / (2 * count)) / ndtri(0.975))
+    passed = test.max_in_bounds <= allowed and test.share_inside95 >= MIN_CROSS_CORRELATION_SHARE
+    return Check(
+        name,
+        passed,
+        f"{100 * test.share_inside95:.1f} % of {count} cross-correlations (lags −{test.lags} to"
+        f" {test.lags}) lie inside their 95 % bounds. The largest is {test.max_in_bounds:.2f} times"
+        f" its bound; up to {allowed:.2f} times is not significant (Bonferroni,"
+        f" {100 * SIGNIFICANCE:g} %).",
+        ""
+        if passed
+        else "If positive lags are significant, raise the upper end of “orders.nb” or"
+        " “orders.joint”, or search further delays (“delay.nk”). Significant negative lags indicate"
+        " feedback from output to input.",
+    )
+
+
+def outliers(model: ModelRecord, validation: Validation) -> Check:
+    """Few residual outliers, or an objective that is robust against them."""
+    name = "Few residual outliers"
+    percent = validation.residual_outlier_percent
+    if math.isnan(percent):
+        return Check(
+            name,
+            None,
+            "The share of residual outliers could not be computed.",
+            "Use a longer record or fewer parameters.",
+        )
+    statement = f"{percent:.2g} % of the residuals lie beyond five robust standard deviations"
+    if percent <= MAX_OUTLIER_PERCENT:
+        return Check(name, True, f"{statement}.")
+    absolute = model.search.settings.objective == "absolute"
+    if absolute and percent <= MAX_OUTLIER_PERCENT_ABSOLUTE:
+        return Check(
+            name, True, f"{statement}. The absolute objective is robust against so few outliers."
+        )
+    return Check(
+        name,
+        False,
+        f"{statement}, so they may bias the estimate.",
+        "Inspect them in the record, and repair spikes and drop-outs."
+        + ("" if absolute else " The objective “absolute” gives outliers less weight."),
+    )

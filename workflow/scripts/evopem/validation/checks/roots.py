@@ -1,0 +1,154 @@
+"""Checks of the roots of A, B and C."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evopem.models.polynomials import root_gradient
+from evopem.models.root_covariance import CHI_SQUARE_95, parameter_covariance
+from evopem.validation.checks.check import Check
+
+if TYPE_CHECKING:
+    from evopem.estimation.model_record import ModelRecord
+
+Array = NDArray[np.float64]
+Roots = NDArray[np.complex128]
+
+# A pole and a zero farther apart than this do not cancel, however uncertain they are.
+MAX_CANCELLATION_DISTANCE = 0.1
+# Without a covariance, only a pair closer than this is called a cancellation.
+COINCIDENT_DISTANCE = 0.01
+
+
+def stability(model: ModelRecord) -> Check:
+    """All roots of A inside the unit circle."""
+    return _inside_unit_circle(
+        "Stable",
+        "A",
+        model.poles,
+        "Do not simulate with this model. Estimate again with a smaller “search.max_root_radius”.",
+    )
+
+
+def invertibility(model: ModelRecord) -> Check:
+    """All roots of C inside the unit circle."""
+    return _inside_unit_circle(
+        "Invertible",
+        "C",
+        model.noise_zeros,
+        "The one-step predictor diverges. Estimate again with a smaller “search.max_root_radius”"
+        " or a smaller nc.",
+    )
+
+
+def _inside_unit_circle(name: str, polynomial: str, roots: Roots, advice: str) -> Check:
+    if roots.size == 0:
+        return Check(name, True, f"{polynomial} = 1 has no roots.")
+    largest = float(np.max(np.abs(roots)))
+    if not np.isfinite(largest):
+        return Check(name, None, f"The roots of {polynomial} are not finite.", advice)
+    passed = largest < 1.0
+    where = "inside" if passed else "not inside"
+    return Check(
+        name,
+        passed,
+        f"The largest radius of the roots of {polynomial} is {largest:.5f}, {where} the unit"
+        " circle.",
+        "" if passed else advice,
+    )
+
+
+def stability_bound(model: ModelRecord) -> Check:
+    """No root of A or C at the largest radius that the search allows."""
+    name = "Roots inside the stability bound"
+    bound = f"the stability bound (radius {model.search.settings.max_root_radius:g})"
+    if not model.search.at_stability_bound:
+        return Check(name, True, f"No root of A or C lies at {bound}.")
+    return Check(
+        name,
+        False,
+        f"A root of A or C lies at {bound}: the bound and not the data determines its radius.",
+        "A root of C at the bound indicates overdifferencing: lower “transforms.difference”."
+        " A pole there indicates drift or very low damping: remove the drift, or raise"
+        " “search.max_root_radius” towards 1. With a short record, lower the orders.",
+    )
+
+
+def cancellation(model: ModelRecord) -> Check:
+    """No pole and zero of B/A that their joint 95 % uncertainty cannot distinguish."""
+    name = "Poles and zeros distinct"
+    poles, zeros = model.poles, model.zeros
+    if poles.size == 0 or zeros.size == 0:
+        return Check(name, True, "The model has no pair of a pole and a zero.")
+    pairs = [
+        (abs(pole - zero), complex(pole), complex(zero))
+        for pole in poles
+        for zero in zeros
+        if pole.imag >= 0 and zero.imag >= 0
+    ]
+    distance, pole, zero = min(pairs, key=lambda pair: pair[0])
+    nearest = f"The nearest pair, pole {_root_text(pole)} and zero {_root_text(zero)}, is"
+    advice = (
+        "The pair hardly affects the frequency response: lower na and nb by one (a real pair) or"
+        " two (a complex pair) and compare the BIC."
+    )
+    covariance = parameter_covariance(model.covariance, poles.size + model.b.size)
+    if covariance is None:
+        if distance < COINCIDENT_DISTANCE:
+            return Check(name, False, f"{nearest} only {distance:.2g} apart.", advice)
+        return Check(
+            name,
+            None,
+            f"{nearest} {distance:.2g} apart. Without a parameter covariance, this distance cannot"
+            " be compared with its uncertainty.",
+            "The parameters of a model of too high order are not all determined: lower the orders,"
+            " or use a longer record.",
+        )
+    indistinct = [
+        f"{_root_text(pole)} and {_root_text(zero)}"
+        for distance, pole, zero in pairs
+        if distance < MAX_CANCELLATION_DISTANCE
+        and _indistinguishable(pole, zero, model.a, model.b, covariance)
+    ]
+    if indistinct:
+        return Check(
+            name,
+            False,
+            "A pole and a zero do not differ significantly at the 95 % level:"
+            f" {'; '.join(indistinct)}.",
+            advice,
+        )
+    return Check(
+        name,
+        True,
+        f"{nearest} {distance:.2g} apart. No pair closer than {MAX_CANCELLATION_DISTANCE:g} is"
+        " within its joint 95 % uncertainty.",
+    )
+
+
+def _indistinguishable(pole: complex, zero: complex, a: Array, b: Array, covariance: Array) -> bool:
+    """Whether the 95 % confidence region of pole minus zero contains 0."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        gradient = np.concatenate([root_gradient(a, pole)[1:], -root_gradient(b, zero)])
+    if not np.all(np.isfinite(gradient)):
+        return True  # a repeated root has no derivative: its position is not determined
+    difference = pole - zero
+    if pole.imag == 0 and zero.imag == 0:
+        jacobian = gradient.real[np.newaxis]
+        offset = np.array([difference.real])
+    else:
+        jacobian = np.vstack([gradient.real, gradient.imag])
+        offset = np.array([difference.real, difference.imag])
+    spread = jacobian @ covariance @ jacobian.T
+    statistic = float(offset @ np.linalg.pinv(spread, hermitian=True) @ offset)
+    return statistic < CHI_SQUARE_95[offset.size]
+
+
+def _root_text(root: complex) -> str:
+    """A root to four decimals, with a true minus sign."""
+    if abs(root.imag) < 5e-5:
+        return f"{root.real:.4f}".replace("-", "−")
+    return f"{root.real:.4f} ± {abs(root.imag):.4f}i".replace("-", "−")

@@ -1,0 +1,99 @@
+"""Checks of the order search and of the search for the parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from evopem.validation.checks.check import Check
+
+if TYPE_CHECKING:
+    from evopem.estimation.candidate import PhaseSelection
+    from evopem.estimation.search.problem import SearchDiagnostics
+
+# Phase, the order that it varies, the configuration key of its range, and the smallest value that
+# the order can have.
+RANGES = (
+    ("delay", "nk", "delay.nk", 0),
+    ("joint", "na", "orders.joint", 1),
+    ("nc", "nc", "orders.nc", 0),
+    ("nb", "nb", "orders.nb", 1),
+)
+# Estimated probability of an undiscovered minimum above which a search is not called repeatable.
+MAX_UNDISCOVERED_PROBABILITY = 0.01
+
+
+def search_ranges(phases: Mapping[str, PhaseSelection]) -> Check:
+    """No selected order at an end of its range, unless the order cannot go beyond that end."""
+    name = "Orders inside their search ranges"
+    at_end, inside, fixed = [], [], []
+    for phase, order, key, least in RANGES:
+        tried = [getattr(candidate.orders, order) for candidate in phases[phase].candidates]
+        low, high, value = min(tried), max(tried), getattr(phases[phase].orders, order)
+        if low == high:
+            fixed.append(f"{order} = {value}")
+        elif value == high or (value == low and value > least):
+            at_end.append((f"{order} = {value} ({key}: {low} to {high})", key))
+        else:
+            inside.append(f"{order} = {value} ({key}: {low} to {high})")
+    if at_end:
+        return Check(
+            name,
+            False,
+            f"At an end of the range: {'; '.join(text for text, _ in at_end)}.",
+            f"Widen {', '.join(f'“{key}”' for _, key in at_end)}: a better model may lie outside.",
+        )
+    if not inside:
+        return Check(
+            name,
+            None,
+            f"The configuration fixes every order: {', '.join(fixed)}.",
+            "Give at least one order a range, if the orders are not known.",
+        )
+    remark = f" Fixed by the configuration: {', '.join(fixed)}." if fixed else ""
+    return Check(name, True, f"Inside: {'; '.join(inside)}.{remark}")
+
+
+def repeatability(diagnostics: SearchDiagnostics) -> Check:
+    """An independent restart at the same minimum, and an improbable undiscovered minimum.
+
+    The probability of an undiscovered minimum is that of Boender and Rinnooy Kan (1987), estimated
+    by a multistart check.
+    """
+    name = "Search repeatable"
+    advice = (
+        "Raise “search.evaluations”, and compare the model with one of another “search.seed”. A"
+        " model of lower order has fewer local minima."
+    )
+    others, confirming = diagnostics.n_restarts - 1, diagnostics.n_confirming
+    if others < 1:
+        return Check(
+            name,
+            None,
+            "The search ended after one restart: no independent restart could confirm its minimum.",
+            advice,
+        )
+    restarts = f"{others} other independent restart{'' if others == 1 else 's'}"
+    if confirming < 1:
+        return Check(
+            name, False, f"None of {restarts} reached the lowest minimum that was found.", advice
+        )
+    confirmed = f"{confirming} of {restarts} reached the same minimum."
+    if diagnostics.n_multistart < 1:
+        return Check(
+            name,
+            None,
+            f"{confirmed} The probability of an undiscovered minimum is not known: no multistart"
+            " check was made.",
+            advice,
+        )
+    passed = diagnostics.undiscovered_probability <= MAX_UNDISCOVERED_PROBABILITY
+    return Check(
+        name,
+        passed,
+        f"{confirmed} The probability that a further random start leads to an undiscovered local"
+        f" minimum is estimated at {diagnostics.undiscovered_probability:.2g} from"
+        f" {diagnostics.n_multistart} multistart points (at most"
+        f" {MAX_UNDISCOVERED_PROBABILITY:g} required).",
+        "" if passed else advice,
+    )
