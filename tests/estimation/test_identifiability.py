@@ -63,6 +63,7 @@ def test_lines_determine_the_gain_at_the_lines_only(signal, orders, excited, bet
     assert np.isnan(gain_band(model, between)).all()
 
 
+@pytest.mark.filterwarnings("ignore:the mean of the output")
 def test_a_constant_input_determines_the_sum_of_b_only():
     u, y = record(np.full(2500, 5.0), 0.1)
     model = estimate(u, y, (2, 3, 1, 1), settings=SEARCH).model
