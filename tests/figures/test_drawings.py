@@ -9,6 +9,8 @@ from xml.etree import ElementTree
 import numpy as np
 import pandas as pd
 import pytest
+from evopem.figures.order_selection import draw_convergence, draw_delay, draw_phases
+from evopem.figures.residuals import draw_residuals
 
 from evopem.figures import FIGURE_NAMES, FIGURES
 from evopem.figures.frequency_domain import (
@@ -16,7 +18,6 @@ from evopem.figures.frequency_domain import (
     draw_spectrum,
     unwrapped_gaps,
 )
-from evopem.figures.order_selection import draw_convergence, draw_delay, draw_phases
 from evopem.figures.pole_zero_map import (
     draw_poles_zeros,
     draw_stabilization,
@@ -24,7 +25,6 @@ from evopem.figures.pole_zero_map import (
     root_spread,
     stabilization,
 )
-from evopem.figures.residuals import draw_residuals
 from evopem.figures.style import svg_text
 from evopem.figures.time_domain import draw_record, draw_simulation
 from evopem.signals.preparation import PreparedData, Transforms

@@ -2,43 +2,32 @@
 
 from __future__ import annotations
 
-import contextlib
-import json
-import struct
 import sys
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+from recorded_files import (
+    RATE,
+    N,
+    T,
+    U,
+    Y,
+    assert_read,
+    refusal,
+    uff_text,
+    write_every_format,
+    write_matlab_73,
+    write_tdms,
+)
 from scipy.io import savemat
 
-from evopem.errors import InputError
-from evopem.signals.reading import describe_source, read_recording
-
-N = 240
-RATE = 250.0
-T = np.arange(N) / RATE
-U = np.random.default_rng(3).standard_normal(N)
-Y = np.convolve(U, [0.0, 0.5, 0.25])[:N]
+from evopem.config.settings import ChannelSettings
+from evopem.signals.reading import read_recording
+from evopem.signals.recording_info import FileOrigin, RecordingInfo, describe_recorded_file
 
 MOTOR_BENCH = Path(__file__).parents[2].parent / "shared" / "data" / "motor_bench"
-
-
-def assert_read(recording, rate=RATE):
-    np.testing.assert_array_equal(recording.input, U)
-    np.testing.assert_array_equal(recording.output, Y)
-    assert recording.sampling_rate == pytest.approx(rate, rel=1e-9)
-
-
-def refusal(path: Path, *channels, **settings) -> str:
-    with pytest.raises(InputError) as caught:
-        read_recording(path, *(channels or (1, 2)), **({"sampling_rate": 1.0} | settings))
-    message = str(caught.value)
-    assert message.startswith(str(path))
-    assert message.endswith(".")
-    assert "\n" not in message
-    return message
 
 
 # MATLAB up to version 7
@@ -110,24 +99,6 @@ def test_a_recording_that_matlab_wrote(name):
 
 
 # MATLAB 7.3
-
-
-def write_matlab_73(path: Path, variables: dict[str, np.ndarray]) -> None:
-    """As MATLAB does: HDF5 behind a block of 512 bytes, columns as rows, classes as attributes."""
-    import h5py
-
-    with h5py.File(path, "w", userblock_size=512) as file:
-        for name, values in variables.items():
-            dataset = file.create_dataset(name, data=np.atleast_2d(values))
-            dataset.attrs["MATLAB_class"] = np.bytes_("double")
-        text = file.create_dataset("note", data=np.array([[72], [105]], dtype=np.uint16))
-        text.attrs["MATLAB_class"] = np.bytes_("char")
-        file.create_group("#refs#").create_dataset("a", data=np.arange(9.0))
-    header = b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + struct.pack(
-        "<HH", 0x0200, 0x4D49
-    )
-    with path.open("r+b") as file:
-        file.write(header)
 
 
 def test_matlab_73(tmp_path):
@@ -244,19 +215,6 @@ def test_hdf5_that_pandas_wrote(tmp_path):
 # TDMS
 
 
-def write_tdms(path: Path, **properties) -> None:
-    from nptdms import ChannelObject, TdmsWriter
-
-    with TdmsWriter(path) as writer:
-        writer.write_segment(
-            [
-                ChannelObject("run", "torque", U, {"unit_string": "N m"} | properties),
-                ChannelObject("run", "speed", Y, properties),
-                ChannelObject("spare", "speed", Y[::-1], properties),
-            ]
-        )
-
-
 def test_tdms(tmp_path):
     path = tmp_path / "record.tdms"
     write_tdms(path, wf_increment=1.0 / RATE)
@@ -285,26 +243,6 @@ def test_tdms_channels_of_different_rates(tmp_path):
 
 
 # Universal files
-
-
-def uff_text(values: np.ndarray, name: str, rate: float = RATE, function: int = 1) -> str:
-    """A dataset 58 written out by the published layout: double precision, even abscissa."""
-    lines = [
-        "    -1",
-        "    58",
-        *(text.ljust(80) for text in (name, "NONE", "21-NOV-24 10:00:00", "NONE", "NONE")),
-        f"{function:5d}{1:10d}{0:5d}{0:10d} {'NONE':>10}{12:10d}{3:4d} {'NONE':>10}{0:10d}{0:4d}",
-        f"{4:10d}{values.size:10d}{1:10d}{0.0:13.5e}{1.0 / rate:13.5e}{0.0:13.5e}",
-        f"{17:10d}{0:5d}{0:5d}{0:5d} {'Time':<20} {'s':<20}",
-        f"{12:10d}{0:5d}{0:5d}{0:5d} {'Acceleration':<20} {'m/s^2':<20}",
-        f"{0:10d}{0:5d}{0:5d}{0:5d} {'NONE':<20} {'NONE':<20}",
-        f"{0:10d}{0:5d}{0:5d}{0:5d} {'NONE':<20} {'NONE':<20}",
-    ]
-    rows = [
-        "".join(f"{value:20.11e}" for value in values[start : start + 4])
-        for start in range(0, values.size, 4)
-    ]
-    return "\n".join([*lines, *rows, "    -1", ""])
 
 
 def test_universal_file_by_the_published_layout(tmp_path):
@@ -355,85 +293,6 @@ def test_universal_file_that_is_no_time_record(tmp_path):
     assert "announces 244 values and 240" in refusal(path, 1, 2)
 
 
-# Damage
-
-
-def write_every_format(folder: Path) -> dict[str, Path]:
-    import h5py
-
-    paths = {
-        name: folder / f"record.{name}"
-        for name in ("mat", "npz", "npy", "parquet", "h5", "tdms", "uff")
-    }
-    savemat(paths["mat"], {"u": U, "y": Y})
-    write_matlab_73(folder / "new.mat", {"u": U, "y": Y})
-    np.savez(paths["npz"], u=U, y=Y)
-    np.save(paths["npy"], np.column_stack([U, Y]))
-    pd.DataFrame({"u": U, "y": Y}).to_parquet(paths["parquet"])
-    with h5py.File(paths["h5"], "w") as file:
-        file["u"], file["y"] = U, Y
-    write_tdms(paths["tdms"])
-    paths["uff"].write_text(uff_text(U, "u") + uff_text(Y, "y"))
-    return paths | {"7.3 mat": folder / "new.mat"}
-
-
-FORMATS = ("mat", "7.3 mat", "npz", "npy", "parquet", "h5", "tdms", "uff")
-
-
-@pytest.mark.parametrize("form", FORMATS)
-@pytest.mark.parametrize("share", [0.05, 0.3, 0.6, 0.9, 0.99])
-def test_truncated_files_are_refused(tmp_path, form, share):
-    path = write_every_format(tmp_path)[form]
-    whole = path.read_bytes()
-    assert read_recording(path, 1, 2, RATE).samples == N
-    path.write_bytes(whole[: int(share * len(whole))])
-    refusal(path)
-
-
-@pytest.mark.parametrize("form", FORMATS)
-def test_empty_and_random_files_are_refused(tmp_path, form):
-    path = write_every_format(tmp_path)[form]
-    path.write_bytes(b"")
-    assert "empty" in refusal(path)
-    path.write_bytes(np.random.default_rng(5).bytes(5000))
-    refusal(path)
-    path.write_text("time,u,y\n0,1,2\n" * 500)
-    refusal(path)
-
-
-@pytest.mark.parametrize("form", FORMATS)
-def test_damaged_bytes_never_end_in_a_traceback(tmp_path, form):
-    """Either the damage hit what is not needed, or one sentence says that the file is bad."""
-    path = write_every_format(tmp_path)[form]
-    whole = path.read_bytes()
-    generator = np.random.default_rng(7)
-    for _ in range(60):
-        damaged = bytearray(whole)
-        for place in generator.integers(0, min(len(whole), 1500), 4):
-            damaged[place] = int(generator.integers(0, 256))
-        path.write_bytes(bytes(damaged))
-        with contextlib.suppress(InputError):
-            read_recording(path, 1, 2, RATE)
-
-
-@pytest.mark.parametrize(
-    ("form", "module"),
-    [
-        ("7.3 mat", "h5py"),
-        ("h5", "h5py"),
-        ("parquet", "pyarrow"),
-        ("tdms", "nptdms"),
-        ("uff", "pyuff"),
-    ],
-)
-def test_a_missing_library_names_the_extra(tmp_path, monkeypatch, form, module):
-    path = write_every_format(tmp_path)[form]
-    monkeypatch.setitem(sys.modules, module, None)
-    message = refusal(path)
-    assert f"the package {module}" in message
-    assert 'pip install "evopem[formats]"' in message
-
-
 # Provenance
 
 
@@ -442,22 +301,23 @@ def test_description_of_the_source(tmp_path):
 
     path = write_every_format(tmp_path)["npz"]
     recording = read_recording(path, "u", 2, RATE, output_unit="m")
-    description = describe_source(path, recording, "u", 2)
-    assert description == {
-        "kind": "file",
-        "path": str(path),
-        "sha256": hashlib.sha256(path.read_bytes()).hexdigest(),
-        "bytes": path.stat().st_size,
-        "format": "numpy_files",
-        "input_channel": "u",
-        "output_channel": 2,
-        "samples": N,
-        "sampling_rate": RATE,
-        "input_name": "u",
-        "output_name": "y",
-        "input_unit": "",
-        "output_unit": "m",
-        "input_saturated_percent": 0.0,
-        "output_saturated_percent": 0.0,
-    }
-    json.dumps(description)
+    info = describe_recorded_file(path, recording, ChannelSettings(input="u", output=2))
+    assert info == RecordingInfo(
+        kind="file",
+        samples=N,
+        sampling_rate=RATE,
+        input_name="u",
+        output_name="y",
+        input_unit="",
+        output_unit="m",
+        input_saturated_percent=0.0,
+        output_saturated_percent=0.0,
+        file=FileOrigin(
+            path=str(path),
+            sha256=hashlib.sha256(path.read_bytes()).hexdigest(),
+            bytes=path.stat().st_size,
+            format="numpy_files",
+            input_channel="u",
+            output_channel=2,
+        ),
+    )

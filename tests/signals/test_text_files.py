@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import contextlib
+import os
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -10,10 +14,12 @@ import pandas as pd
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from recorded_files import write_every_format
 
 from evopem.errors import InputError
 from evopem.signals.reading import read_recording
 
+SCRIPTS = Path(__file__).parents[2] / "workflow" / "scripts"
 N = 50
 U = np.sin(0.7 * np.arange(N)) * 3.25
 Y = np.cos(0.3 * np.arange(N)) - 0.125
@@ -139,8 +145,8 @@ def refusal(path: Path, *channels, **settings) -> str:
         ("some words\nand more words\n", "no row of numbers"),
         (b"\x00\x01\x02\xff" * 50, "not a text file"),
         (b"1,2\n3,\x004\n", "line 2"),
-        ("1,2\n3,4\n5\n" + "6,7\n" * 9, "line 3: the row has 1 fields where the others have 2"),
-        ("1,2\n3,4\n5,6,7\n" + "6,7\n" * 9, "line 3"),
+        ("3,2\n3,4\n5\n" + "6,7\n" * 9, "line 3: the row has 1 fields where the others have 2"),
+        ("3,2\n3,4\n5,6,7\n" + "6,7\n" * 9, "line 3"),
         ("1.5,2\n" * 9 + "1.5", "line 10"),
         ("1.5,2\n" * 9 + "1.5,\n", "line 10, column 2: the field is empty"),
         ("u,y\n" + "1.5,2\n" * 5 + "1.5,bad\n" + "1,2\n" * 9, 'line 7, column 2: "bad"'),
@@ -169,6 +175,7 @@ def test_unknown_columns_list_what_is_there(tmp_path):
     assert "no header" in refusal(bare, "speed", "tip")
     twice = write(tmp_path, table(",", header="u,u\n"), "twice.csv")
     assert "stands at 2 columns" in refusal(twice, "u", 2)
+    assert "same text in all columns" in refusal(twice, 1, 2)
 
 
 def test_missing_file_folder_and_extension(tmp_path):
@@ -198,7 +205,97 @@ def test_sampling_rate_must_be_known_and_not_contradicted(tmp_path):
 def test_a_constant_channel_and_a_short_record(tmp_path):
     text = "".join(f"{u!r},7\n" for u in U.tolist())
     assert 'output "output": every sample is 7' in refusal(write(tmp_path, text))
-    assert "only 3 samples" in refusal(write(tmp_path, "1,2\n3,4\n5,7\n"))
+    assert "only 3 samples" in refusal(write(tmp_path, "1,3\n3,4\n5,7\n"))
+
+
+@pytest.mark.parametrize("count", [*range(8, 30), 199, 200, 201, 399, 400, 401, 599, 600, 601])
+@pytest.mark.parametrize(
+    "header", ['"force","tip"', '"force, N","tip"', '"force","tip",', "force,tip", '"force",tip,']
+)
+def test_headings_are_found_whatever_the_number_of_rows(tmp_path, header, count):
+    rows = "".join(f"{index % 7}.5,{index % 11}.25\n" for index in range(count))
+    path = write(tmp_path, f"{header}\n{rows}")
+    name = "force, N" if ", N" in header else "force"
+    recording = read_recording(path, name, "tip", 1.0)
+    assert recording.samples == count
+
+
+def test_a_trailing_separator_in_headings_and_rows(tmp_path):
+    rows = "".join(f"{u!r},{y!r},\n" for u, y in zip(U.tolist(), Y.tolist(), strict=True))
+    for header in ('"V1","V2",\n', "V1,V2\n"):
+        recording = read_recording(write(tmp_path, header + rows), "V1", "V2", 1.0)
+        np.testing.assert_array_equal(recording.output, Y)
+    with_note = write(tmp_path, "V1,V2,note\n" + rows)
+    assert read_recording(with_note, "V1", "V2", 1.0).samples == N
+    assert "column 3: the field is empty" in refusal(with_note, "V1", "note")
+
+
+def test_long_fields_are_refused_at_once(tmp_path):
+    rows = table(",").splitlines()
+    for field in ("1" * 30_000 + "x", '"' + "1" * 200_000 + '"', "1." * 50_000, "," * 30_000):
+        path = write(tmp_path, "\n".join([*rows[:20], f"{field},1.5", *rows[20:]]))
+        start = time.perf_counter()
+        assert "line 21" in refusal(path)
+        assert time.perf_counter() - start < 2.0
+
+
+def test_a_wide_table_is_read_at_once(tmp_path):
+    columns = 100_000
+    row = ",".join(["0.5"] * (columns - 2))
+    text = "".join(
+        f"{row},{u!r},{y!r}\n" for u, y in zip(U[:8].tolist(), Y[:8].tolist(), strict=True)
+    )
+    names = ",".join(f"c{index}" for index in range(columns))
+    path = write(tmp_path, f"{names}\n{text}")
+    start = time.perf_counter()
+    recording = read_recording(path, f"c{columns - 2}", columns, 1.0)
+    assert time.perf_counter() - start < 20.0
+    np.testing.assert_array_equal(recording.output, Y[:8])
+
+
+@pytest.mark.parametrize(
+    "form", ["csv", "mat", "7.3 mat", "npz", "npy", "parquet", "h5", "tdms", "uff"]
+)
+def test_a_name_beyond_ascii_in_the_c_locale(tmp_path, form):
+    files = write_every_format(tmp_path)
+    files["csv"] = write(tmp_path, table(","))
+    named = files[form].rename(tmp_path / f"Größe {form.replace(' ', '')}{files[form].suffix}")
+    program = (
+        "from evopem.signals.reading import read_recording, sha256\n"
+        f"path = {str(named)!r}\n"
+        "assert read_recording(path, 1, 2, 1.0).samples > 8\n"
+        "assert len(sha256(path)) == 64\n"
+        "try:\n    read_recording(path, 1, 9, 1.0)\n"
+        "except ValueError as error:\n    assert error.source == path, ascii(error.source)\n"
+    )
+    environment = dict(os.environ, LC_ALL="C", PYTHONUTF8="0", PYTHONPATH=str(SCRIPTS))
+    script = tmp_path / "program.py"
+    script.write_text(program, encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, script], env=environment, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize(
+    ("options", "expected"),
+    [
+        ({"header_lines": -1}, "header_lines is -1"),
+        ({"header_lines": 500}, "no row below the 500 header lines"),
+        ({"decimal_mark": ";"}, 'the decimal mark is ";"'),
+        ({"time_unit": "ms"}, "time_unit is stated without a time channel"),
+    ],
+)
+def test_options_that_do_not_fit_are_refused(tmp_path, options, expected):
+    assert expected in refusal(write(tmp_path, table(",")), **options)
+
+
+def test_header_lines_are_for_text_tables(tmp_path):
+    path = tmp_path / "record.npy"
+    np.save(path, np.column_stack([U, Y]))
+    assert "header_lines is stated for a file that is no text table" in refusal(
+        path, header_lines=1
+    )
 
 
 @settings(

@@ -50,7 +50,13 @@ def test_whole_numbers_of_no_unit(dtype):
 @pytest.mark.parametrize(("unit", "per_second"), [("ms", 10**3), ("us", 10**6), ("ns", 10**9)])
 def test_whole_numbers_since_1970(unit, per_second):
     stamps = 1_732_000_000 * per_second + np.arange(1000) * (per_second // 200)
-    assert rate(stamps) == 200.0
+    assert rate(stamps, time_unit=unit) == 200.0
+    if unit == "ns":
+        assert rate(stamps) == 200.0
+    else:
+        # A counter of microseconds or nanoseconds reaches such numbers in minutes or days.
+        with pytest.raises(InputError, match=rf"set time_unit to {unit} if they .* \(200 Hz\)"):
+            rate(stamps)
     assert rate(stamps.astype(f"datetime64[{unit}]")) == 200.0
 
 
@@ -89,3 +95,98 @@ def test_jitter_below_the_tolerance_passes_and_above_it_does_not():
     assert rate(even + 0.045 * jitter) == pytest.approx(100.0, rel=1e-4)
     with pytest.raises(InputError, match="the step"):
         rate(even + 0.2 * jitter)
+
+
+@pytest.mark.parametrize(
+    ("name", "seconds"),
+    [
+        ("time", 1.0), ("t", 1.0), ("X_Value", 1.0), ("Timestamp", 1.0), ("elapsed_time", 1.0),
+        ("column 1", 1.0), ("time_rel", 1.0), ("t_0", 1.0), ("t / s", 1.0), ("Zeit [s]", 1.0),
+        ("Seconds elapsed", 1.0), ("TimeSec", 1.0), ("time in seconds", 1.0), ("t_sim", 1.0),
+        ("Time  1 - default sample rate [s]", 1.0), ("ts", 1.0), ("d", 1.0), ("h", 1.0),
+        ("time_msec", 1e-3), ("Time (milliseconds)", 1e-3), ("TimeMs", 1e-3), ("Time (ms.)", 1e-3),
+        ("timems", 1e-3), ("time_ms_1", 1e-3), ("millis", 1e-3), ("uptime_millis", 1e-3),
+        ("time_since_start_ms", 1e-3), ("time [MS]", 1e-3), ("Time, ms", 1e-3), ("t-ms", 1e-3),
+        ("Zeit in Millisekunden", 1e-3), ("ms since start", 1e-3),
+        ("time (usec)", 1e-6), ("t [\u00b5s]", 1e-6), ("t [\u03bcs]", 1e-6), ("micros", 1e-6),
+        ("Time{ns}", 1e-9), ("nanoseconds", 1e-9),
+        ("time [min]", 60.0), ("t_h", 3600.0), ("hours", 3600.0), ("time (d)", 86400.0),
+    ],
+)  # fmt: skip
+def test_the_unit_in_a_name(name, seconds):
+    stamps = 0.5 + 10.0 * np.arange(100)
+    assert rate(stamps, name=name) == pytest.approx(0.1 / seconds, rel=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("name", "unit", "spelled"),
+    [
+        ("time [ticks]", "", "ticks"),
+        ("time (samples)", "", "samples"),
+        ("time_ticks", "", "ticks"),
+        ("Time Cycles", "", "cycles"),
+        ("TimeFrames", "", "frames"),
+        ("t [10 ms]", "", "10 ms"),
+        ("time (hh:mm:ss)", "", "hh:mm:ss"),
+        ("time", "jiffies", "jiffies"),
+        ("time", "1/s", "1/s"),
+        ("time", "V", "v"),
+    ],
+)
+def test_a_unit_that_is_not_known_is_refused(name, unit, spelled):
+    stamps = 0.5 + 10.0 * np.arange(100)
+    with pytest.raises(InputError) as caught:
+        rate(stamps, name=name, unit=unit)
+    assert f'"{spelled}" is no known unit of time; set time_unit to one of s, ms' in str(
+        caught.value
+    )
+    assert rate(stamps, name=name, unit=unit, time_unit="ms") == 100.0
+
+
+@pytest.mark.parametrize(
+    ("unit", "seconds"),
+    [("msec", 1e-3), ("[ms]", 1e-3), ("MSec.", 1e-3), ("usec", 1e-6), ("Sekunden", 1.0),
+     ("minutes", 60.0), ("seconds since 1970-01-01 00:00", 1.0), ("-", 1.0), ("", 1.0)],
+)  # fmt: skip
+def test_the_unit_that_a_file_states(unit, seconds):
+    stamps = 0.5 + 10.0 * np.arange(100)
+    assert rate(stamps, unit=unit) == pytest.approx(0.1 / seconds, rel=1e-8)
+
+
+def test_two_units_that_contradict_each_other():
+    stamps = 0.5 + 10.0 * np.arange(100)
+    with pytest.raises(InputError, match=r'states the unit "s" .* name states "ms"'):
+        rate(stamps, name="time_ms", unit="s")
+    assert rate(stamps, name="time_ms", unit="s", time_unit="ms") == 100.0
+
+
+def test_the_stated_unit_of_whole_numbers():
+    stamps = 10 * np.arange(600)
+    with pytest.raises(InputError, match=r"set time_unit to one of .* \(ms would give 100 Hz\)"):
+        rate(stamps)
+    assert rate(stamps, time_unit="ms") == 100.0
+    with pytest.raises(InputError, match='"msec" is no known unit of time; set time_unit'):
+        rate(stamps, time_unit="msec")
+    with pytest.raises(InputError, match="set time_unit if that of the stamps"):
+        rate(stamps, stated_rate=100.0, time_unit="s")
+
+
+@pytest.mark.parametrize(
+    ("first", "step"),
+    [
+        (1_700_000_000, 50),  # microseconds of a counter after 28 minutes, at 20 kHz
+        (1_200_000_000_000, 1_000_000),  # nanoseconds after 20 minutes, at 1 kHz
+        (1_700_000_000_000_000, 10_000_000),  # nanoseconds after 20 days, at 100 Hz
+    ],
+)
+def test_counters_are_not_taken_for_dates(first, step):
+    with pytest.raises(InputError, match="set time_unit"):
+        rate(first + step * np.arange(100))
+
+
+def test_durations_and_large_counters():
+    steps = np.arange(100)
+    assert rate(steps * np.timedelta64(10, "ms")) == 100.0
+    assert rate((steps * 10).astype(np.uint64), time_unit="ms") == 100.0
+    with pytest.raises(InputError, match="sample 100: the time stamp is 1844"):
+        rate((steps[::-1] * -10).astype(np.int64).astype(np.uint64) - 1, time_unit="ms")

@@ -4,10 +4,10 @@ import json
 
 import numpy as np
 import pytest
+from evopem.models.files import model_record
 from scipy.signal import lfilter
 
 from evopem.estimation.order_selection import estimate_candidates, evidence_of, recall
-from evopem.models.files import model_record
 from evopem.signals.preparation import prepare
 from evopem.signals.recording import Recording, describe_recording
 from evopem.validation import checks, validate

@@ -3,9 +3,8 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from evopem.pipeline.report import write_report
-
 from evopem.files.job import job
+from evopem.pipeline.report import write_report
 from evopem.results.layout import DatasetFiles
 
 if TYPE_CHECKING:

@@ -16,7 +16,15 @@ from evopem.errors import InputError
 
 T = TypeVar("T")
 
-_TEXT_COLUMNS = {"name", "file", "validation_file", "input_unit", "output_unit"}
+_TEXT_COLUMNS = {
+    "name",
+    "file",
+    "validation_file",
+    "input_unit",
+    "output_unit",
+    "time_unit",
+    "decimal_mark",
+}
 _INTEGER = re.compile(r"[+-]?\d+")
 
 

@@ -28,16 +28,25 @@ class ChannelSettings:
         Hz; taken from the file or its time column where it is None.
     time : int or str, optional
         The column that holds the time.
+    time_unit : str, optional
+        Unit of the time stamps; taken from the file where it is None.
     input_unit, output_unit : str
         Empty where not stated.
+    header_lines : int, optional
+        Lines above the first row of numbers of a text table; found where it is None.
+    decimal_mark : {".", ","}, optional
+        Decimal mark of a text table; found where it is None.
     """
 
     input: int | str = 1
     output: int | str = 2
     sampling_rate: float | None = None
     time: int | str | None = None
+    time_unit: str | None = None
     input_unit: str = ""
     output_unit: str = ""
+    header_lines: int | None = None
+    decimal_mark: Literal[".", ","] | None = None
 
 
 @dataclass(frozen=True)

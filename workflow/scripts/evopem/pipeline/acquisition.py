@@ -30,6 +30,9 @@ def read_recording(
         time=channels.time,
         input_unit=channels.input_unit,
         output_unit=channels.output_unit,
+        time_unit=channels.time_unit,
+        header_lines=channels.header_lines,
+        decimal_mark=channels.decimal_mark,
     )
     save_recording(recording, recording_file)
     save(describe_recorded_file(file, recording, channels), info_file)

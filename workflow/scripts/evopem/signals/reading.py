@@ -1,10 +1,11 @@
-"""One recording out of a measured file, whatever its format."""
+"""Read a recording from a measured file of any known format."""
 
 from __future__ import annotations
 
 import contextlib
 import hashlib
 import importlib
+import itertools
 import os
 import signal
 import warnings
@@ -17,7 +18,11 @@ from numpy.typing import NDArray
 
 from evopem.errors import InputError
 from evopem.signals.readers.channels import Channel, Reference, refuse_unreadable
-from evopem.signals.recording import Recording, check_recording, describe_recording
+from evopem.signals.recording import (
+    Recording,
+    check_measured,
+    check_recording,
+)
 from evopem.signals.timestamps import sampling_rate_of
 
 FORMATS = {
@@ -26,6 +31,7 @@ FORMATS = {
     ".txt": "text",
     ".dat": "text",
     ".asc": "text",
+    ".lvm": "text",
     ".mat": "matlab",
     ".npz": "numpy_files",
     ".npy": "numpy_files",
@@ -39,11 +45,7 @@ FORMATS = {
 """The module of `evopem.signals.readers` that reads each extension."""
 
 COMPILED = {"matlab": "MATLAB", "hdf5": "HDF5", "parquet": "Parquet"}
-"""The readers whose libraries parse a file in compiled code."""
-
-LARGEST_STUCK_SHARE = 0.9
-"""An output with more than this share of its samples at one value, or at its two limits, is
-refused; less is left to the report to judge."""
+"""The readers whose libraries parse a file in compiled code, which a damaged file can crash."""
 
 _SIGNATURES = {
     b"PAR1": ("Parquet", ("parquet",)),
@@ -63,6 +65,9 @@ def read_recording(
     time: Reference | None = None,
     input_unit: str = "",
     output_unit: str = "",
+    time_unit: str | None = None,
+    header_lines: int | None = None,
+    decimal_mark: str | None = None,
 ) -> Recording:
     """Read an input and an output channel of a measured file.
 
@@ -78,6 +83,12 @@ def read_recording(
         Channel of time stamps, which must be uniform (see `sampling_rate_of`).
     input_unit, output_unit : str, optional
         Units; left out, those that the file states.
+    time_unit : str, optional
+        Unit of the time stamps, one of `TIME_UNITS`; left out, the one that the file states.
+    header_lines : int, optional
+        Of a text table, the number of lines above the first row of numbers.
+    decimal_mark : str, optional
+        Of a text table, "." or ",".
 
     Returns
     -------
@@ -86,8 +97,9 @@ def read_recording(
     Raises
     ------
     InputError
-        When the file cannot be read as its format, a channel is not there or not a signal
-        of finite numbers, or the sampling rate is unknown or contradicted by the time stamps.
+        When the file cannot be read as its format; a channel is not there or not a signal
+        of finite numbers; input, output and time are not three different signals; or the
+        sampling rate is unknown or contradicted by the time stamps.
     """
     path = Path(path)
     source = str(path)
@@ -101,8 +113,9 @@ def read_recording(
             f"channel {input!r} is named as the input and as the output",
             "choose two different channels",
         )
+    options = _text_options(format_of(path), source, header_lines, decimal_mark)
     references = [input, output] if time is None else [input, output, time]
-    channels = _read_channels(path, references)
+    channels = _read_channels(path, references, options)
     signals = [_signal(channels[0], "input", source), _signal(channels[1], "output", source)]
     if signals[0].size != signals[1].size:
         raise InputError(
@@ -110,59 +123,26 @@ def read_recording(
             f"the input has {signals[0].size} samples and the output {signals[1].size}",
             "choose two channels that were sampled together",
         )
+    _refuse_same(channels, references, source)
+    rate = _sampling_rate(channels, sampling_rate, time_unit, source)
+    _refuse_other_start(channels, rate, source)
     recording = Recording(
         input=signals[0],
         output=signals[1],
-        sampling_rate=_sampling_rate(channels, sampling_rate, source),
+        sampling_rate=rate,
         input_name=channels[0].name or "input",
         output_name=channels[1].name or "output",
         input_unit=input_unit or channels[0].unit,
         output_unit=output_unit or channels[1].unit,
     )
     check_recording(recording, source)
-    _refuse_stuck(recording, source)
+    check_measured(recording, source)
     return recording
-
-
-def describe_source(
-    path: str | Path,
-    recording: Recording,
-    input: Reference,  # noqa: A002
-    output: Reference,
-) -> dict[str, Any]:
-    """Where a recording came from, for its provenance.
-
-    Parameters
-    ----------
-    path : str or Path
-        The file it was read from.
-    recording : Recording
-        What was read.
-    input, output : int or str
-        The channels as they were asked for.
-
-    Returns
-    -------
-    dict
-        ``kind`` ("file"), ``path``, ``sha256``, ``bytes``, ``format``, ``input_channel``,
-        ``output_channel``, and what `describe_recording` says.
-    """
-    path = Path(path)
-    return {
-        "kind": "file",
-        "path": str(path),
-        "sha256": sha256(path),
-        "bytes": path.stat().st_size,
-        "format": format_of(path),
-        "input_channel": input,
-        "output_channel": output,
-        **describe_recording(recording),
-    }
 
 
 def sha256(path: str | Path) -> str:
     """SHA-256 of a file's bytes, as hexadecimal digits."""
-    with Path(path).open("rb") as file:
+    with _local(Path(path)).open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
@@ -177,7 +157,49 @@ def format_of(path: Path) -> str:
     return FORMATS[extension]
 
 
-def _read_channels(path: Path, references: list[Reference]) -> list[Channel]:
+def _local(path: Path) -> Path:
+    """The path as the operating system's calls take it in any locale.
+
+    In the C locale without UTF-8 mode Python cannot encode a name such as "Größe.csv". Files are
+    then named by the bytes of UTF-8.
+    """
+    try:
+        os.fsencode(path)
+    except UnicodeEncodeError:
+        return Path(os.fsdecode(str(path).encode("utf-8", "surrogateescape")))
+    return path
+
+
+def _text_options(
+    format_name: str, source: str, header_lines: int | None, decimal_mark: str | None
+) -> dict[str, Any]:
+    """The options that are given, which must fit the format."""
+    stated = {"header_lines": header_lines, "decimal_mark": decimal_mark}
+    options = {key: value for key, value in stated.items() if value is not None}
+    if options and format_name != "text":
+        raise InputError(
+            source, f"{next(iter(options))} is stated for a file that is no text table", "remove it"
+        )
+    if header_lines is not None and header_lines < 0:
+        raise InputError(source, f"header_lines is {header_lines}", "give 0 or a number above")
+    if decimal_mark not in (None, ".", ","):
+        raise InputError(source, f'the decimal mark is "{decimal_mark}"', 'give "." or ","')
+    return options
+
+
+def _read_channels(
+    path: Path, references: list[Reference], options: dict[str, Any]
+) -> list[Channel]:
+    local = _local(path)
+    try:
+        return _read_local(local, references, options)
+    except InputError as refused:
+        if local == path or refused.source != str(local):
+            raise
+        raise InputError(str(path), refused.problem, refused.remedy, refused.place) from None
+
+
+def _read_local(path: Path, references: list[Reference], options: dict[str, Any]) -> list[Channel]:
     format_name = format_of(path)
     if not path.exists():
         raise InputError(str(path), "there is no such file", "check the path in the configuration")
@@ -201,24 +223,24 @@ def _read_channels(path: Path, references: list[Reference]) -> list[Channel]:
             )
     reader = importlib.import_module(f"evopem.signals.readers.{format_name}")
     if format_name in COMPILED and hasattr(os, "fork"):
-        _refuse_deadly(reader, path, references)
-    channels: list[Channel] = reader.read(path, references)
+        _refuse_crashing(reader, path, references)
+    channels: list[Channel] = reader.read(path, references, **options)
     return channels
 
 
-def _refuse_deadly(reader: ModuleType, path: Path, references: list[Reference]) -> None:
-    """Refuse a file that crashes its reader, by reading it first in a process of its own.
+def _refuse_crashing(reader: ModuleType, path: Path, references: list[Reference]) -> None:
+    """Refuse a file that crashes its reader, by reading it first in a separate process.
 
-    A damaged file can make compiled code read past its memory, as scipy's reader of MATLAB files
-    does, which no exception reports.
+    A damaged file can make compiled code access invalid memory, as in scipy's reader of MATLAB
+    files. That ends the process without an exception.
     """
     with warnings.catch_warnings():
         # From Python 3.12 on, a fork beside the idle threads of a BLAS is warned about.
         warnings.simplefilter("ignore", DeprecationWarning)
         child = os.fork()
     if child == 0:
-        for deadly in (signal.SIGSEGV, signal.SIGBUS, signal.SIGABRT, signal.SIGFPE):
-            signal.signal(deadly, signal.SIG_DFL)
+        for fatal in (signal.SIGSEGV, signal.SIGBUS, signal.SIGABRT, signal.SIGFPE):
+            signal.signal(fatal, signal.SIG_DFL)
         os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
         with contextlib.suppress(BaseException):
             reader.read(path, references)
@@ -241,27 +263,35 @@ def _signal(channel: Channel, role: str, source: str) -> NDArray[np.float64]:
     return channel.values.astype(np.float64)
 
 
-def _refuse_stuck(recording: Recording, source: str) -> None:
-    """Refuse an output that hardly ever moves; an input of two levels is a good excitation."""
-    output = recording.output
-    values, counts = np.unique(output, return_counts=True)
-    at_limits = np.count_nonzero((output == values[0]) | (output == values[-1])) / output.size
-    usual = int(np.argmax(counts))
-    for share, where in (
-        (counts[usual] / output.size, f"are the same value, {values[usual]:g}"),
-        (at_limits, f"lie at its smallest or largest value, {values[0]:g} or {values[-1]:g}"),
-    ):
-        if share > LARGEST_STUCK_SHARE:
+def _refuse_same(channels: list[Channel], references: list[Reference], source: str) -> None:
+    """Refuse an input, an output and a time of which two hold the same values."""
+    roles = ("input", "output", "time")
+    for one, other in itertools.combinations(range(len(channels)), 2):
+        first, second = channels[one].values, channels[other].values
+        if np.array_equal(first, second):
             raise InputError(
                 source,
-                f"{100 * share:.1f} % of its samples {where}, so the channel was saturated, cut off"
-                " or hardly ever moved",
-                "record again within the range of the instrument, or cut that part away",
-                f'output "{recording.output_name}"',
+                f"the {roles[one]} ({references[one]!r}) and the {roles[other]}"
+                f" ({references[other]!r}) hold the same values",
+                "choose different channels",
             )
 
 
-def _sampling_rate(channels: list[Channel], stated: float | None, source: str) -> float:
+def _refuse_other_start(channels: list[Channel], rate: float, source: str) -> None:
+    """Refuse an input and an output that begin at different times."""
+    starts = [channel.start for channel in channels[:2] if channel.start is not None]
+    # A date in seconds since 1970 has a resolution of less than a microsecond as a float.
+    if len(starts) == 2 and abs(starts[1] - starts[0]) > max(0.5 / rate, 1e-6):
+        raise InputError(
+            source,
+            f"the output begins {starts[1] - starts[0]:g} s after the input",
+            "choose two channels that were sampled together",
+        )
+
+
+def _sampling_rate(
+    channels: list[Channel], stated: float | None, time_unit: str | None, source: str
+) -> float:
     """The rate that is stated, else that of the time stamps, else the file's own."""
     in_file = {channel.sampling_rate for channel in channels[:2]}
     if len(in_file) > 1 and stated is None:
@@ -273,22 +303,27 @@ def _sampling_rate(channels: list[Channel], stated: float | None, source: str) -
         )
     own = next(iter(in_file)) if len(in_file) == 1 else None
     if len(channels) == 3:
-        clock = channels[2]
-        if clock.values.size != channels[0].values.size:
+        time = channels[2]
+        if time.values.size != channels[0].values.size:
             raise InputError(
                 source,
-                f"there are {clock.values.size} time stamps and {channels[0].values.size} samples",
+                f"there are {time.values.size} time stamps and {channels[0].values.size} samples",
                 "choose the time channel of these signals",
-                f'time "{clock.name}"',
+                f'time "{time.name}"',
             )
         known = stated if stated is not None else own
-        return sampling_rate_of(clock.values, source, clock.name, clock.unit, known)
+        return sampling_rate_of(time.values, source, time.name, time.unit, known, time_unit)
+    if time_unit is not None:
+        raise InputError(
+            source, "time_unit is stated without a time channel", "remove it or state time"
+        )
     if stated is not None:
         return float(stated)
     if own is not None:
         return own
+    problem = next((one.rate_problem for one in channels[:2] if one.rate_problem), "")
     raise InputError(
         source,
-        "the sampling rate is not known, since the file states none",
+        f"the sampling rate is not known, since {problem or 'the file states none'}",
         "give sampling_rate in Hz or the name of a time channel",
     )

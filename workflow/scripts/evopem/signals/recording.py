@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,17 +12,25 @@ from evopem.errors import InputError
 from evopem.files.npz import load_arrays, save_arrays
 
 LARGEST = 1e60
-"""Magnitudes from here on, and below its inverse, do not leave room for the squares of residuals
-that are ten digits smaller, or of gains from the least input to the greatest output."""
+"""A signal's largest magnitude must be below this and above its inverse: the squares of residuals
+that are ten digits smaller, and the gain between two such signals, then stay finite."""
 
 MINIMUM_SAMPLES = 8
-"""A recording shorter than this cannot even be described, let alone identified."""
+"""A shorter recording is refused, whatever the model."""
 
+MAX_DESIGNED_LEVELS = 16
+"""A signal of at most this many levels, such as a random telegraph, was made of levels."""
 
-DESIGNED_LEVELS = 16
-"""A signal of no more levels than these was made of levels."""
-SATURATED_RUN = 3
-"""So many equal samples on end at a signal's limit are no chance."""
+MIN_SATURATED_RUN = 3
+"""This many equal samples in sequence at a signal's limit count as saturated."""
+
+LARGEST_STUCK_SHARE = 0.9
+"""A measured output with more than this share of its samples at one value, or at its two limits,
+is refused. A smaller share is stated in the report."""
+
+OVERFLOW_CODES = (9.9e37, 9.91e37, float(np.finfo(np.float32).max), 9.969209968386869e36)
+"""Numbers for overflow and "not a number" in SCPI (1999, 7.2.1), the largest number of single
+precision, and the value that netCDF fills in."""
 
 
 @dataclass(frozen=True)
@@ -57,12 +64,12 @@ class Recording:
 
 
 def check_recording(recording: Recording, source: str = "recording") -> None:
-    """Refuse a recording that nothing can be identified from.
+    """Refuse a recording from which no model can be identified.
 
     Parameters
     ----------
     recording : Recording
-        The recording to look at; it is not changed.
+        The recording to check.
     source : str
         The file or configuration key that an error names.
 
@@ -131,23 +138,72 @@ def check_recording(recording: Recording, source: str = "recording") -> None:
         )
 
 
-def saturated_share(signal: NDArray[np.float64]) -> float:
-    """Share of samples that stay at the signal's smallest or largest value for a while.
+def check_measured(recording: Recording, source: str) -> None:
+    """Refuse a measured recording with overflow codes or a stuck output.
 
-    Three equal samples on end at a limit are what a cut-off channel leaves; a measured one meets
-    its extremes once. A signal of few levels, such as a random telegraph, is meant to stay there.
+    An input may have two levels only. An output that hardly ever changes is refused.
+
+    Parameters
+    ----------
+    recording : Recording
+        A recording that `check_recording` accepts.
+    source : str
+        The file that an error names.
+
+    Raises
+    ------
+    InputError
+        When a sample is one of `OVERFLOW_CODES`, or more than `LARGEST_STUCK_SHARE` of the output
+        lies at one value or at its two limits.
     """
-    if np.unique(signal).size <= DESIGNED_LEVELS:
+    for place, signal in (
+        (f'input "{recording.input_name}"', recording.input),
+        (f'output "{recording.output_name}"', recording.output),
+    ):
+        found = np.isin(np.abs(signal), OVERFLOW_CODES)
+        if found.any():
+            first = int(np.argmax(found))
+            raise InputError(
+                source,
+                f"the value is {signal[first]:g}, which instruments write for an overflow or a"
+                " missing value",
+                "repair the recording or cut that part away",
+                f"{place}, sample {first + 1}",
+            )
+    output = recording.output
+    values, counts = np.unique(output, return_counts=True)
+    at_limits = np.count_nonzero((output == values[0]) | (output == values[-1])) / output.size
+    usual = int(np.argmax(counts))
+    for share, where in (
+        (counts[usual] / output.size, f"are the same value, {values[usual]:g}"),
+        (at_limits, f"lie at its smallest or largest value, {values[0]:g} or {values[-1]:g}"),
+    ):
+        if share > LARGEST_STUCK_SHARE:
+            raise InputError(
+                source,
+                f"{100 * share:.1f} % of its samples {where}, so the channel was saturated, cut off"
+                " or hardly ever changed",
+                "record again within the range of the instrument, or cut that part away",
+                f'output "{recording.output_name}"',
+            )
+
+
+def saturated_share(signal: NDArray[np.float64]) -> float:
+    """Share of samples in runs of `MIN_SATURATED_RUN` or more at the smallest or largest value.
+
+    0 for a signal of at most `MAX_DESIGNED_LEVELS` levels.
+    """
+    if np.unique(signal).size <= MAX_DESIGNED_LEVELS:
         return 0.0
     at_limit = (signal == signal.min()) | (signal == signal.max())
     starts = np.flatnonzero(np.diff(signal) != 0.0) + 1
     lengths = np.diff(np.concatenate(([0], starts, [signal.size])))
-    stays = np.repeat(lengths >= SATURATED_RUN, lengths)
+    stays = np.repeat(lengths >= MIN_SATURATED_RUN, lengths)
     return float(np.mean(at_limit & stays))
 
 
 def save_recording(recording: Recording, path: str | Path) -> None:
-    """Write a recording to one ``.npz``, whole or not at all; equal recordings, equal bytes."""
+    """Write a recording to an ``.npz`` file, atomically; equal recordings give equal bytes."""
     save_arrays(path, recording_arrays(recording))
 
 
@@ -174,28 +230,17 @@ _FIELDS = (
 
 
 def recording_arrays(recording: Recording, prefix: str = "") -> dict[str, NDArray]:
-    """The fields of a recording as arrays, each name led by `prefix`."""
+    """The fields of a recording as arrays, each under its name after `prefix`."""
     return {prefix + field: np.asarray(getattr(recording, field)) for field in _FIELDS}
 
 
-def describe_recording(recording: Recording) -> dict[str, Any]:
-    """What a recording's provenance says of its samples: number, rate, names, units, saturation."""
-    return {
-        "samples": recording.samples,
-        "sampling_rate": recording.sampling_rate,
-        **{name: getattr(recording, name) for name in _FIELDS[3:]},
-        "input_saturated_percent": 100.0 * saturated_share(recording.input),
-        "output_saturated_percent": 100.0 * saturated_share(recording.output),
-    }
-
-
 def recording_names(prefix: str = "") -> tuple[str, ...]:
-    """The names of the arrays that `recording_arrays` makes with this prefix."""
+    """The names of the arrays of `recording_arrays` with this prefix."""
     return tuple(prefix + field for field in _FIELDS)
 
 
 def recording_from_arrays(arrays: dict[str, NDArray], prefix: str = "") -> Recording:
-    """Build the recording that `recording_arrays` took apart."""
+    """The recording whose fields `recording_arrays` gave as arrays."""
     values = {field: arrays[prefix + field] for field in _FIELDS}
     return Recording(
         input=values["input"],

@@ -1,8 +1,9 @@
-"""A sampling rate from time stamps, and the check that they are uniform."""
+"""The sampling rate of time stamps, and the check that they are uniform."""
 
 from __future__ import annotations
 
 import re
+from typing import NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,17 +11,54 @@ from numpy.typing import NDArray
 from evopem.errors import InputError
 
 STEP_TOLERANCE = 0.1
-"""A step may differ by this share of the median step."""
+"""A step may differ from the median step by this share of it."""
 GRID_TOLERANCE = 1e-3
-"""A stamp may lie off the even grid by this share of the record, or by half a step."""
+"""A stamp may differ from the uniform grid by half a step or this share of the record."""
 RATE_TOLERANCE = 1e-3
-"""A stated rate and the stamps' own may differ by this share."""
+"""A stated rate may differ from that of the stamps by this share."""
 
-_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-_UNIT_IN_NAME = re.compile(r"(?:^|[\s_\[(/,.-])(s|sec|seconds|ms|us|µs|μs|ns)[\])]?$", re.I)
-_UNIT_NAMES = {"sec": "s", "seconds": "s", "µs": "us", "μs": "us"}
-# Seconds since 1970 for the years 2001 to 2286, in each unit.
-_EPOCHS = {unit: (1e9 / scale, 1e10 / scale) for unit, scale in _SECONDS.items()}
+TIME_UNITS = {
+    "s": 1.0,
+    "ms": 1e-3,
+    "us": 1e-6,
+    "ns": 1e-9,
+    "min": 60.0,
+    "h": 3600.0,
+    "d": 86400.0,
+}
+"""Seconds in each unit of time."""
+
+_SPELLINGS = {
+    "s": "s sec secs second seconds sek sekunde sekunden seconde secondes segundo segundos",
+    "ms": "ms msec msecs msek millis millisec millisecs millisecond milliseconds millisekunden",
+    "us": "us µs μs usec usecs µsec μsec micros microsec microsecs microsecond microseconds"
+    " mikrosekunden",
+    "ns": "ns nsec nsecs nanos nanosec nanosecs nanosecond nanoseconds nanosekunden",
+    "min": "min mins minute minutes minuten",
+    "h": "h hr hrs hour hours stunde stunden",
+    "d": "d day days tag tage",
+}
+_UNIT_OF = {text: unit for unit, texts in _SPELLINGS.items() for text in texts.split()}
+
+_TIME_WORDS = {
+    "t", "time", "times", "zeit", "temps", "tiempo", "tempo", "timestamp", "timestamps", "stamp",
+    "stamps", "clock", "elapsed", "uptime", "runtime", "abszeit", "messzeit",
+}  # fmt: skip
+"""Words that begin the name of a time channel, and after which a unit may follow."""
+_OTHER_WORDS = {
+    "a", "abs", "absolute", "axis", "b", "base", "channel", "col", "column", "date", "daq", "gps",
+    "in", "index", "local", "log", "of", "raw", "rel", "relative", "sample", "sampling", "series",
+    "since", "sim", "start", "the", "utc", "value", "values", "vec", "vector", "x", "y", "unix",
+    "epoch", "measured", "measurement", "out", "data", "test",
+}  # fmt: skip
+"""Words in the name of a time channel that are no units."""
+
+_BRACKET = re.compile(r"[\[({<]\s*([^\[\](){}<>]*?)\s*[\])}>]\s*$")
+_CAMEL_CASE = re.compile(r"(?<=[a-z])(?=[A-Z])")
+_JOINED = re.compile(r"(?:time|t)(ms|us|µs|ns|msec|usec|nsec|sec|min)")
+_SECONDS_1990, _SECONDS_2050 = 6.3e8, 2.5e9
+_LARGEST_UPTIME = 1e18
+"""Whole numbers from here on are nanoseconds since 1970: they would be 31 years of uptime."""
 
 
 def sampling_rate_of(
@@ -29,55 +67,59 @@ def sampling_rate_of(
     name: str,
     unit: str = "",
     stated_rate: float | None = None,
+    time_unit: str | None = None,
 ) -> float:
     """Sampling rate (Hz) of uniform time stamps.
 
-    Numbers with a fraction are seconds unless a unit is stated, as `unit` or at the end of
-    the name ("time_ms", "t [µs]"). Whole numbers without a unit are taken as milliseconds
-    and so on only where a stated rate or their size (time since 1970) decides it.
+    The unit of the stamps is `time_unit`; without it the one that the file states, as `unit` or
+    in the name ("time_ms", "t [µs]"). A unit that is stated and not known is refused. Where none
+    is stated, numbers with a fraction are seconds; whole numbers are taken in the unit in which
+    they agree with the stated rate, and as nanoseconds since 1970 where they are that large.
+    Other whole numbers are refused.
 
-    The stamps must increase; each step must be within 10 % of the median step, and each
-    stamp within half a step, or 0.1 % of the record, of the even grid from the first stamp
-    to the last.
+    The stamps must increase. Each step must be within 10 % of the median step, and each stamp
+    within half a step, or 0.1 % of the record, of the uniform grid from the first stamp to the
+    last.
 
     Parameters
     ----------
     stamps : ndarray, shape (N,)
-        Numbers or dates (datetime64).
+        Numbers, dates (datetime64) or durations (timedelta64).
     source, name : str
         File and channel that an error names.
     unit : str
-        "s", "ms", "us" ("µs") or "ns", when the file states one.
+        The unit that the file states; empty when it states none.
     stated_rate : float, optional
         Rate (Hz) stated elsewhere. When the stamps agree with it, it is returned.
+    time_unit : str, optional
+        One of `TIME_UNITS`, as the user states it.
 
     Raises
     ------
     InputError
         When the stamps are too few, not finite, not increasing, not uniform (the first bad
-        sample is named, counted from 1), of an undecided unit, or contradict the stated rate.
+        sample is named, counted from 1), of an unknown unit, or contradict the stated rate.
     """
     place = f'time "{name}"' if name else "time"
+    if time_unit is not None and time_unit not in TIME_UNITS:
+        raise InputError(
+            source,
+            f'"{time_unit}" is no known unit of time',
+            f"set time_unit to one of {', '.join(TIME_UNITS)}",
+            place,
+        )
     if stamps.size < 2:
         raise InputError(source, "there are fewer than two time stamps", "give a longer recording")
-    if stamps.dtype.kind == "M":
-        if np.isnat(stamps).any():
-            first = int(np.argmax(np.isnat(stamps)))
-            _refuse(source, place, first, "the time stamp is missing")
-        ticks = stamps.astype("datetime64[ns]").astype(np.int64)
-        unit = "ns"
-    elif stamps.dtype.kind in "iuf":
-        # Wide types first: differences of unsigned or short integers would wrap round.
-        ticks = stamps.astype(np.float64 if stamps.dtype.kind == "f" else np.int64)
-        if not np.isfinite(ticks).all():
-            first = int(np.argmin(np.isfinite(ticks)))
-            _refuse(source, place, first, f"the time stamp is {ticks[first]}")
-    else:
-        raise InputError(source, "the channel holds no times", "choose another channel", place)
+    ticks = _ticks(stamps, source, place)
     # From the first stamp on, so that dates in nanoseconds keep all their digits as floats.
-    since_start = (ticks - ticks[0]).astype(np.float64)
-    step = _uniform_step(since_start, source, place)
-    scale = _scale(ticks, step, name, unit, stated_rate, source, place)
+    step = _uniform_step((ticks - ticks[0]).astype(np.float64), source, place)
+    if stamps.dtype.kind in "Mm":
+        scale = TIME_UNITS["ns"]
+    elif time_unit is not None:
+        scale = TIME_UNITS[time_unit]
+    else:
+        stated = _stated_unit(name, unit, source, place)
+        scale = TIME_UNITS[stated] if stated else _scale(ticks, step, stated_rate, source, place)
     rate = float(f"{1.0 / (step * scale):.9g}")
     if stated_rate is None:
         return rate
@@ -85,10 +127,35 @@ def sampling_rate_of(
         raise InputError(
             source,
             f"the time stamps give {rate:g} Hz and the stated sampling rate is {stated_rate:g} Hz",
-            "correct one of them or leave one out",
+            "correct one of them or leave one out, or set time_unit if that of the stamps is"
+            " another one",
             place,
         )
     return float(stated_rate)
+
+
+def seconds_of(unit: str) -> float | None:
+    """Seconds in a unit of time as files spell it ("ms", "msec", "Sekunden"); None if unknown."""
+    spelled = _spelled(unit)
+    return TIME_UNITS[_UNIT_OF[spelled]] if spelled in _UNIT_OF else None
+
+
+def _ticks(stamps: NDArray, source: str, place: str) -> NDArray:
+    """The stamps as 64-bit numbers, in which differences do not overflow."""
+    if stamps.dtype.kind in "Mm":
+        if np.isnat(stamps).any():
+            first = int(np.argmax(np.isnat(stamps)))
+            _refuse(source, place, first, "the time stamp is missing")
+        return stamps.astype(f"{stamps.dtype.kind}8[ns]").astype(np.int64)
+    if stamps.dtype.kind not in "iuf":
+        raise InputError(source, "the channel holds no times", "choose another channel", place)
+    if stamps.dtype.kind == "u" and stamps.max() > np.iinfo(np.int64).max:
+        _refuse(source, place, int(np.argmax(stamps)), f"the time stamp is {stamps.max()}")
+    ticks = stamps.astype(np.float64 if stamps.dtype.kind == "f" else np.int64)
+    if not np.isfinite(ticks).all():
+        first = int(np.argmin(np.isfinite(ticks)))
+        _refuse(source, place, first, f"the time stamp is {ticks[first]}")
+    return ticks
 
 
 def _uniform_step(times: NDArray[np.float64], source: str, place: str) -> float:
@@ -115,7 +182,7 @@ def _uniform_step(times: NDArray[np.float64], source: str, place: str) -> float:
     return step
 
 
-def _refuse(source: str, place: str, index: int, problem: str) -> None:
+def _refuse(source: str, place: str, index: int, problem: str) -> NoReturn:
     raise InputError(
         source,
         problem,
@@ -124,36 +191,88 @@ def _refuse(source: str, place: str, index: int, problem: str) -> None:
     )
 
 
+def _spelled(unit: str) -> str:
+    """A unit without brackets, final point and the date that it counts from."""
+    bare = unit.strip().strip("[](){}<>").strip().rstrip(".").casefold()
+    return re.sub(r"\s+since\s.*", "", bare.replace("μ", "µ"))
+
+
+def _stated_unit(name: str, unit: str, source: str, place: str) -> str | None:
+    """The unit that the file states for the stamps, as a key of `TIME_UNITS`."""
+    own, in_name = _spelled(unit), _unit_in_name(name)
+    stated = [text for text in ("" if own == "-" else own, in_name) if text]
+    for text in stated:
+        if text not in _UNIT_OF:
+            raise InputError(
+                source,
+                f'"{text}" is no known unit of time',
+                f"set time_unit to one of {', '.join(TIME_UNITS)}",
+                place,
+            )
+    units = {_UNIT_OF[text] for text in stated}
+    if len(units) > 1:
+        raise InputError(
+            source,
+            f'the file states the unit "{unit}" for a channel whose name states "{in_name}"',
+            "set time_unit to the right one",
+            place,
+        )
+    return units.pop() if units else None
+
+
+def _unit_in_name(name: str) -> str:
+    """What stands for a unit in the name of a time channel, known or not; empty if nothing does.
+
+    That is a text in brackets at the end; else a last or first word that is a known unit, as in
+    "time_ms_1" and "Seconds elapsed"; else a last word of letters that follows a word for time,
+    as in "time_ticks", and is none of the usual ones there.
+    """
+    bracketed = _BRACKET.search(name)
+    if bracketed:
+        return _spelled(bracketed.group(1))
+    split = re.split(r"[\s_\-./,:;|]+", _CAMEL_CASE.sub(" ", name))
+    words = [word for word in map(_spelled, split) if word]
+    while len(words) > 1 and (words[-1] in _OTHER_WORDS or words[-1].isdigit()):
+        words.pop()
+    if not words:
+        return ""
+    first, last = words[0], words[-1]
+    joined = _JOINED.fullmatch(last)
+    if joined:
+        return joined.group(1)
+    for word in (last, first):
+        # A single letter may be a name of its own.
+        if word in _UNIT_OF and (len(words) > 1 or word == "s" or len(word) > 1):
+            return word
+    follows = any(word in _TIME_WORDS for word in words[:-1])
+    if follows and last.isalpha() and last not in _TIME_WORDS | _OTHER_WORDS:
+        return last
+    return ""
+
+
 def _scale(
-    ticks: NDArray,
-    step: float,
-    name: str,
-    unit: str,
-    stated_rate: float | None,
-    source: str,
-    place: str,
+    ticks: NDArray, step: float, stated_rate: float | None, source: str, place: str
 ) -> float:
-    """Seconds in one unit of the stamps."""
-    found = _UNIT_IN_NAME.search(name.strip())
-    spelled = (unit or (found.group(1) if found else "")).strip().lower()
-    spelled = _UNIT_NAMES.get(spelled, spelled)
-    if spelled in _SECONDS:
-        return _SECONDS[spelled]
+    """Seconds in the unit of stamps for which the file states none."""
     if not np.array_equal(ticks, np.round(ticks)):
         return 1.0
     if stated_rate is not None:
-        for scale in _SECONDS.values():
+        for scale in TIME_UNITS.values():
             if abs(1.0 / (step * scale * stated_rate) - 1.0) <= RATE_TOLERANCE:
                 return scale
         return 1.0
-    for candidate, (low, high) in _EPOCHS.items():
-        if low <= float(ticks[0]) < high:
-            return _SECONDS[candidate]
+    if float(ticks[0]) >= _LARGEST_UPTIME:
+        return TIME_UNITS["ns"]
+    choice = f"set time_unit to one of {', '.join(TIME_UNITS)} (ms would give {1e3 / step:g} Hz)"
+    for unit, scale in TIME_UNITS.items():
+        if _SECONDS_1990 <= float(ticks[0]) * scale <= _SECONDS_2050 and step * scale < 60.0:
+            choice = f"set time_unit to {unit} if they count from 1970 ({1 / (step * scale):g} Hz)"
+            choice += f", else to one of {', '.join(TIME_UNITS)}"
+            break
     raise InputError(
         source,
         f"the time stamps are whole numbers {step:g} apart, which may be seconds, milliseconds or"
         " microseconds",
-        f"state sampling_rate as well (for milliseconds {1e3 / step:g}), or name the channel with"
-        " its unit, as in time_ms",
+        choice,
         place,
     )

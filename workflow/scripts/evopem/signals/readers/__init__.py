@@ -1,4 +1,4 @@
-"""One module a file format, each with ``read(path, references) -> list[Channel]``.
+"""One module for each file format, with a function ``read(path, references) -> list[Channel]``.
 
-A module is imported only when a file of its format is read, and so is the library behind it.
+A module and the library behind it are imported only when a file of that format is read.
 """

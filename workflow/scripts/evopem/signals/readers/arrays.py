@@ -1,7 +1,8 @@
-"""Channels out of named arrays: what MATLAB, numpy and HDF5 files have in common."""
+"""Channels out of named arrays, for MATLAB, numpy and HDF5 files."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Protocol
@@ -13,11 +14,17 @@ from evopem.errors import InputError
 from evopem.signals.readers.channels import Channel, Reference, find_channel
 
 RATE_NAMES = ("sampling_rate", "sample_rate", "sampling_frequency", "fs")
-"""A single number of such a name (in any case) in a file is its sampling rate in Hz."""
+"""A single number of such a name, in upper or lower case, is a sampling rate."""
+
+_HERTZ = {
+    "": 1.0, "Hz": 1.0, "hz": 1.0, "HZ": 1.0, "1/s": 1.0, "s^-1": 1.0, "S/s": 1.0,
+    "samples/s": 1.0, "kHz": 1e3, "KHz": 1e3, "kS/s": 1e3, "MHz": 1e6, "MS/s": 1e6,
+}  # fmt: skip
+_KINDS = "fiubcMm"
 
 
 class StoredArray(Protocol):
-    """An array, in memory or still in its file."""
+    """An array in memory or in its file."""
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -37,12 +44,17 @@ def channels_of(
     references: Sequence[Reference],
     kind: str,
     units: Mapping[str, str] | None = None,
+    attributes: Mapping[str, Any] | None = None,
 ) -> list[Channel]:
-    """The channels that references mean among named arrays.
+    """The channels that references stand for among named arrays.
 
-    A vector is one channel under the array's name. A matrix is one channel a column, named
-    ``name:1``, ``name:2``, …; where it has fewer rows than columns, one a row. Numbers count
-    all of these in the order of the file. Single numbers, texts and objects are no channels.
+    A vector is one channel under the array's name. A matrix is one channel for each column,
+    named ``name:1``, ``name:2``, …; with fewer rows than columns, one for each row. Numbers
+    count all of these in the order of the file. Single numbers, texts and objects are no
+    channels.
+
+    A channel's sampling rate is the single number named as in `RATE_NAMES` in the channel's own
+    group, else in the nearest group around it. Groups are separated by points or slashes.
 
     Parameters
     ----------
@@ -52,14 +64,17 @@ def channels_of(
     kind : str
         What the format calls an array.
     units : mapping of str to str, optional
-        Units of arrays by name.
+        Units of arrays and attributes by name.
+    attributes : mapping of str to object, optional
+        Attributes of groups and arrays by their path in the file.
 
     Raises
     ------
     InputError
         When there is no such channel, or a matrix is named without its column.
     """
-    rate = _stated_rate(arrays)
+    units = units or {}
+    rates = _stated_rates({**arrays, **(attributes or {})}, units)
     places = [
         (name, column)
         for name, array in arrays.items()
@@ -72,13 +87,14 @@ def channels_of(
             _refuse_array(path, reference, arrays[reference], kind)
         index = find_channel(path, reference, names, kind)
         name, column = places[index]
-        values = np.asarray(arrays[name][()])
+        rate, problem = _rate_of(name, rates)
         channels.append(
             Channel(
                 name=names[index].lstrip(":"),
-                values=_signal(values, column),
-                unit=(units or {}).get(name, ""),
+                values=_signal(np.asarray(arrays[name][()]), column),
+                unit=units.get(name, ""),
                 sampling_rate=rate,
+                rate_problem=problem,
             )
         )
     return channels
@@ -87,7 +103,7 @@ def channels_of(
 def _columns_of(shape: tuple[int, ...], dtype: np.dtype) -> list[int | None]:
     """The channels in an array of this shape: none, itself (None), or its columns."""
     lengths = [length for length in shape if length != 1]
-    if dtype.kind not in "fiubcM" or not lengths or 0 in lengths or len(lengths) > 2:
+    if dtype.kind not in _KINDS or not lengths or 0 in lengths or len(lengths) > 2:
         return []
     return [None] if len(lengths) == 1 else list(range(min(lengths)))
 
@@ -99,13 +115,52 @@ def _signal(values: NDArray, column: int | None) -> NDArray:
     return matrix[:, column] if matrix.shape[0] >= matrix.shape[1] else matrix[column]
 
 
-def _stated_rate(arrays: Mapping[str, StoredArray]) -> float | None:
-    for name, array in arrays.items():
-        single = int(np.prod(array.shape)) == 1 and array.dtype.kind in "fiu"
-        if single and name.rsplit("/")[-1].rsplit(".")[-1].lower() in RATE_NAMES:
-            rate = float(np.asarray(array[()]).reshape(-1)[0])
-            return rate if np.isfinite(rate) and rate > 0 else None
-    return None
+def _path(name: str) -> tuple[str, ...]:
+    return tuple(part for part in re.split(r"[/.]", name) if part)
+
+
+def _stated_rates(
+    numbers: Mapping[str, Any], units: Mapping[str, str]
+) -> dict[str, tuple[float, str]]:
+    """Every sampling rate in a file by its path: its value (Hz) and what is wrong with it."""
+    rates = {}
+    for name, value in numbers.items():
+        parts = _path(name)
+        if not parts or parts[-1].lower() not in RATE_NAMES:
+            continue
+        array = value if hasattr(value, "dtype") else np.asarray(value)
+        if int(np.prod(array.shape)) != 1 or array.dtype.kind not in "fiu":
+            continue
+        unit = units.get(name, "").strip()
+        rate = float(np.asarray(array[()]).reshape(-1)[0]) * _HERTZ.get(unit, 1.0)
+        problem = ""
+        if unit not in _HERTZ:
+            problem = f'its "{name}" is in the unit "{unit}", which is not known'
+        elif not (np.isfinite(rate) and rate > 0):
+            problem = f'its "{name}" is {rate:g} Hz'
+        rates[name] = (rate, problem)
+    return rates
+
+
+def _rate_of(name: str, rates: Mapping[str, tuple[float, str]]) -> tuple[float | None, str]:
+    """The sampling rate of the nearest group around an array, or why there is none."""
+    own = _path(name)
+    for depth in range(len(own), -1, -1):
+        here = {key: rate for key, rate in rates.items() if _path(key)[:-1] == own[:depth]}
+        if not here:
+            continue
+        problems = [problem for _, problem in here.values() if problem]
+        values = {rate for rate, _ in here.values()}
+        if problems:
+            return None, problems[0]
+        if len(values) > 1:
+            stated = " and ".join(f'"{key}" {rate:g} Hz' for key, (rate, _) in here.items())
+            return None, f"it states {stated}"
+        return values.pop(), ""
+    if rates:
+        key, (rate, _) = next(iter(rates.items()))
+        return None, f'its "{key}" states {rate:g} Hz for another group than that of "{name}"'
+    return None, ""
 
 
 def _refuse_array(path: Path, name: str, array: StoredArray, kind: str) -> None:
@@ -118,7 +173,7 @@ def _refuse_array(path: Path, name: str, array: StoredArray, kind: str) -> None:
             f"add the number of the column, from {name}:1 to {name}:{len(columns)}",
             f'{kind} "{name}"',
         )
-    holds = size if array.dtype.kind in "fiubcM" else f"{size} of text or objects"
+    holds = size if array.dtype.kind in _KINDS else f"{size} of text or objects"
     raise InputError(
         str(path),
         f"it is no signal but {holds}",

@@ -1,4 +1,4 @@
-"""What every format hands over, and the errors they share."""
+"""The channel that every reader returns, and the errors that readers share."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Reference = int | str
 """A channel by its number, counted from 1, or by its name."""
 
 LONGEST_LIST = 20
-"""So many channel names an error lists; a file may hold thousands."""
+"""An error lists at most this many channel names; a file may hold thousands."""
 
 
 @dataclass(frozen=True)
@@ -33,17 +33,23 @@ class Channel:
     unit : str
         As the file states it; empty when it does not.
     sampling_rate : float or None
-        Hz, when the file states one.
+        Hz, when the file states one for this channel.
+    rate_problem : str
+        Why a rate that the file states is not used, in a clause.
+    start : float or None
+        Time (s) of the first sample, when the file states one.
     """
 
     name: str
     values: NDArray[Any]
     unit: str = ""
     sampling_rate: float | None = None
+    rate_problem: str = ""
+    start: float | None = None
 
 
 def find_channel(path: Path, reference: Reference, names: Sequence[str], kind: str) -> int:
-    """Index (from 0) of the channel a reference means.
+    """Index (from 0) of the channel that a reference stands for.
 
     Parameters
     ----------

@@ -2,27 +2,91 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import ceil, prod
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from evopem.errors import InputError
 from evopem.signals.readers.arrays import RATE_NAMES, channels_of
 from evopem.signals.readers.channels import Channel, Reference, library, refuse_unreadable
 
+_COMPLEX_FIELDS = ("real", "imag")
+
+
+@dataclass(frozen=True)
+class StoredDataset:
+    """A dataset, or one field of its records, that is read when it is asked for.
+
+    Attributes
+    ----------
+    path : Path
+        The file that an error names.
+    dataset : h5py.Dataset
+    field : str or None
+        A field of a dataset of records.
+    transposed : bool
+        Whether the dimensions are stored in reverse order, as MATLAB does.
+    is_numeric : bool
+        False for numbers that stand for something else, such as the codes of characters.
+    """
+
+    path: Path
+    dataset: Any
+    field: str | None = None
+    transposed: bool = False
+    is_numeric: bool = True
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Lengths of the dimensions."""
+        stored = self.dataset.dtype
+        inner = () if self.field is None else stored[self.field].shape
+        shape = tuple(self.dataset.shape) + inner
+        return shape[::-1] if self.transposed else shape
+
+    @property
+    def dtype(self) -> np.dtype:
+        """Type of the elements."""
+        dtype = self.dataset.dtype
+        if not self.is_numeric:
+            return np.dtype(object)
+        if dtype.names == _COMPLEX_FIELDS:
+            return np.dtype(np.complex128)
+        return dtype if self.field is None else dtype[self.field].base
+
+    def __getitem__(self, index: tuple[()]) -> NDArray[Any]:
+        """All values.
+
+        Raises
+        ------
+        InputError
+            When values are missing from the file or stored outside it, or need a conversion.
+        """
+        refuse_incomplete(self.path, self.dataset)
+        values = np.asarray(self.dataset[()] if self.field is None else self.dataset[self.field])
+        if values.dtype.names == _COMPLEX_FIELDS:
+            values = values["real"] + 1j * values["imag"]
+        _refuse_missing(self.path, self.dataset, values)
+        return values.T if self.transposed else values
+
 
 def read(path: Path, references: Sequence[Reference]) -> list[Channel]:
     """Read datasets by their path in the file, or by number in the order of the paths.
 
-    The attributes ``unit`` or ``units`` of a dataset are its unit. The sampling rate is a
-    single-number dataset or an attribute of the file named as in `RATE_NAMES`.
+    A field of a dataset of records is named ``dataset.field``. The attribute ``unit`` or
+    ``units`` of a dataset is its unit. The sampling rate is a single-number dataset or an
+    attribute named as in `RATE_NAMES`, of the dataset or of a group around it.
 
     Raises
     ------
     InputError
-        When the file is damaged or no HDF5, h5py is missing, or there is no such dataset.
+        When the file is damaged or no HDF5, h5py is missing, there is no such dataset, or the
+        values of one are missing or stored in another file.
     """
     h5py = library("h5py", path)
     try:
@@ -30,20 +94,25 @@ def read(path: Path, references: Sequence[Reference]) -> list[Channel]:
     except OSError:
         refuse_unreadable(path, "HDF5 file")
     with file:
-        arrays: dict[str, Any] = {}
+        arrays: dict[str, StoredDataset] = {}
+        attributes = dict(_rates_in(file.attrs))
+        units: dict[str, str] = {}
 
         def collect(name: str, item: Any) -> None:
-            if isinstance(item, h5py.Dataset) and item.shape is not None:
-                arrays[name] = item
+            attributes.update(_rates_in(item.attrs, f"{name}/"))
+            if not isinstance(item, h5py.Dataset) or item.shape is None:
+                return
+            units[name] = _unit(item.attrs)
+            if item.dtype.names is None or item.dtype.names == _COMPLEX_FIELDS:
+                arrays[name] = StoredDataset(path, item)
+                return
+            for field in item.dtype.names:
+                arrays[f"{name}.{field}"] = StoredDataset(path, item, field)
 
         try:
             file.visititems(collect)
-            for attribute, value in file.attrs.items():
-                if attribute.lower() in RATE_NAMES:
-                    arrays[attribute] = np.asarray(value)
-            units = {name: _unit(item) for name, item in arrays.items()}
             wanted = [one.lstrip("/") if isinstance(one, str) else one for one in references]
-            return channels_of(path, arrays, wanted, "dataset", units)
+            return channels_of(path, arrays, wanted, "dataset", units, attributes)
         except InputError:
             raise
         except Exception:
@@ -51,12 +120,85 @@ def read(path: Path, references: Sequence[Reference]) -> list[Channel]:
             refuse_unreadable(path, "HDF5 file")
 
 
-def _unit(item: Any) -> str:
-    attributes = getattr(item, "attrs", {})
-    for name in ("unit", "units"):
-        value = attributes.get(name)
+def _rates_in(attributes: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    return {
+        f"{prefix}{name}": np.asarray(attributes[name])
+        for name in attributes
+        if name.lower() in RATE_NAMES
+    }
+
+
+def _unit(attributes: Mapping[str, Any]) -> str:
+    for name in attributes:
+        if name.lower() not in ("unit", "units"):
+            continue
+        value = attributes[name]
+        if isinstance(value, np.ndarray) and value.size == 1:
+            value = value.reshape(-1)[0]
         if isinstance(value, bytes):
             value = value.decode("utf-8", errors="replace")
         if isinstance(value, str):
             return value
     return ""
+
+
+def refuse_incomplete(path: Path, dataset: Any) -> None:
+    """Refuse a dataset whose values are not all written, or not all in this file.
+
+    HDF5 gives the fill value, mostly 0, for what was never written and for virtual datasets
+    whose source is missing. Values in other files are not covered by the file's checksum.
+
+    Raises
+    ------
+    InputError
+        With the name of the dataset.
+    """
+    problem = ""
+    if dataset.external:
+        problem = f'its values are stored in another file, "{dataset.external[0][0]}"'
+    elif dataset.is_virtual:
+        for source in dataset.virtual_sources():
+            if source.file_name != ".":
+                problem = f'its values are stored in another file, "{source.file_name}"'
+            elif source.dset_name not in dataset.file:
+                problem = f'its source "{source.dset_name}" is missing'
+    elif dataset.size and dataset.chunks:
+        counts = zip(dataset.shape, dataset.chunks, strict=True)
+        expected = prod(ceil(length / chunk) for length, chunk in counts)
+        written = dataset.id.get_num_chunks()
+        if written < expected:
+            problem = f"only {written} of its {expected} chunks were written"
+    elif dataset.size and not dataset.id.get_storage_size():
+        problem = "its values were never written"
+    if problem:
+        raise InputError(
+            str(path),
+            problem,
+            "copy the whole recording into one file",
+            f'dataset "{dataset.name.lstrip("/")}"',
+        )
+
+
+def _refuse_missing(path: Path, dataset: Any, values: NDArray) -> None:
+    """Refuse what the conventions of netCDF mark as packed or as missing."""
+    attributes = dataset.attrs
+    place = f'dataset "{dataset.name.lstrip("/")}"'
+    for name, neutral in (("scale_factor", 1.0), ("add_offset", 0.0)):
+        if name in attributes and np.any(np.asarray(attributes[name]) != neutral):
+            raise InputError(
+                str(path),
+                f"its values are packed: the attribute {name} is {attributes[name]}",
+                "store the values in their unit",
+                place,
+            )
+    for name in ("_FillValue", "missing_value"):
+        if name in attributes and values.dtype.kind in "fiu":
+            missing = np.isin(values, np.asarray(attributes[name]))
+            if missing.any():
+                first = int(np.argmax(missing.any(axis=tuple(range(1, values.ndim)))))
+                raise InputError(
+                    str(path),
+                    f"the value is missing, marked by {name}",
+                    "repair the recording or cut that part away",
+                    f"{place}, sample {first + 1}",
+                )

@@ -9,18 +9,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from evopem.errors import InputError
 from evopem.signals.readers.arrays import channels_of
 from evopem.signals.readers.channels import Channel, Reference, library, refuse_unreadable
+from evopem.signals.readers.hdf5 import StoredDataset
 
 _HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
-_HDF5_OFFSETS = (0, 512)  # version 7.3 puts a block of 512 bytes of its own in front
+_HDF5_OFFSETS = (0, 512)
+"""Version 7.3 puts a block of 512 bytes in front."""
 
 
 def read(path: Path, references: Sequence[Reference]) -> list[Channel]:
     """Read variables by name or by number in the order of the file.
 
-    The file's content, not its name, tells the two versions apart. Fields of a structure
-    are named with points, as in ``motor.speed``.
+    The two versions are told apart by content. Fields of a structure are named with points, as
+    in ``motor.speed``.
 
     Raises
     ------
@@ -31,17 +34,15 @@ def read(path: Path, references: Sequence[Reference]) -> list[Channel]:
     with path.open("rb") as file:
         beginning = file.read(_HDF5_OFFSETS[-1] + len(_HDF5_SIGNATURE))
     if any(beginning.startswith(_HDF5_SIGNATURE, offset) for offset in _HDF5_OFFSETS):
-        variables = _read_hdf5(path)
-    else:
-        variables = _read_level_5(path)
-    return channels_of(path, variables, references, "variable")
+        return _read_hdf5(path, references)
+    return channels_of(path, _read_level_5(path), references, "variable")
 
 
 def _read_level_5(path: Path) -> dict[str, NDArray[Any]]:
     from scipy.io import loadmat
 
     try:
-        # Not mat_dtype=True: it drops the imaginary part of complex variables in silence.
+        # Not mat_dtype=True: it drops the imaginary part of complex variables without a message.
         content = loadmat(str(path), struct_as_record=True)
     except Exception:
         # scipy's parser meets damage with nearly any exception: ValueError, TypeError,
@@ -49,14 +50,14 @@ def _read_level_5(path: Path) -> dict[str, NDArray[Any]]:
         refuse_unreadable(path, "MATLAB file")
     variables: dict[str, NDArray[Any]] = {}
     for name, value in content.items():
-        # Objects of classes come without a name; names with underscores first are scipy's own.
+        # Objects of classes come without a name; scipy's own entries begin with underscores.
         if isinstance(name, str) and not name.startswith("__"):
             _flatten(name, value, variables)
     return variables
 
 
 def _flatten(name: str, value: Any, variables: dict[str, NDArray[Any]]) -> None:
-    """Enter a variable, or the fields of a 1 x 1 structure under dotted names."""
+    """Add a variable, or the fields of a 1 x 1 structure under dotted names."""
     if not isinstance(value, np.ndarray):
         return
     if value.dtype.names is None:
@@ -66,21 +67,31 @@ def _flatten(name: str, value: Any, variables: dict[str, NDArray[Any]]) -> None:
             _flatten(f"{name}.{field}", value.reshape(-1)[0][field], variables)
 
 
-def _read_hdf5(path: Path) -> dict[str, NDArray[Any]]:
+def _read_hdf5(path: Path, references: Sequence[Reference]) -> list[Channel]:
     h5py = library("h5py", path)
-    variables: dict[str, NDArray[Any]] = {}
+    variables: dict[str, StoredDataset] = {}
+    sparse: list[str] = []
 
     def collect(name: str, item: Any) -> None:
-        if isinstance(item, h5py.Dataset) and not name.startswith("#"):
-            # MATLAB's columns are HDF5's rows; texts and cells keep a type that is no signal.
-            is_text = item.attrs.get("MATLAB_class", b"") in (b"char", b"cell")
-            values = np.asarray(item[()]).T
-            variables[name.replace("/", ".")] = values.astype(object) if is_text else values
+        # Groups with a number sign hold the contents of cells and objects.
+        if name.startswith("#") or any(name.startswith(group) for group in sparse):
+            return
+        if "MATLAB_sparse" in item.attrs:
+            sparse.append(f"{name}/")
+        # An empty variable is stored as the lengths of its dimensions.
+        if not isinstance(item, h5py.Dataset) or item.attrs.get("MATLAB_empty", 0):
+            return
+        is_text = item.attrs.get("MATLAB_class", b"") in (b"char", b"cell")
+        variables[name.replace("/", ".")] = StoredDataset(
+            path, item, transposed=True, is_numeric=not is_text
+        )
 
     try:
         with h5py.File(path, "r") as file:
             file.visititems(collect)
+            return channels_of(path, variables, references, "variable")
+    except InputError:
+        raise
     except Exception:
         # h5py meets damage with OSError, RuntimeError, KeyError, TypeError, ValueError …
         refuse_unreadable(path, "MATLAB 7.3 file")
-    return variables

@@ -28,29 +28,30 @@ def read(path: Path, references: Sequence[Reference]) -> list[Channel]:
     """
     arrow = library("pyarrow", path)
     parquet = library("pyarrow.parquet", path)
-    try:
-        file = parquet.ParquetFile(path)
-        names = list(file.schema_arrow.names)
-    except (arrow.ArrowException, OSError):
-        refuse_unreadable(path, "Parquet file")
-    channels = []
-    for reference in references:
-        index = find_channel(path, reference, names, "column")
+    with path.open("rb") as stream:
         try:
-            # Two columns may share a name: the table then holds both, in their order.
-            table = file.read(columns=[names[index]])
-            column = table.column(names[:index].count(names[index]))
+            file = parquet.ParquetFile(stream)
+            names = list(file.schema_arrow.names)
         except (arrow.ArrowException, OSError):
             refuse_unreadable(path, "Parquet file")
-        if column.null_count:
-            first = int(np.argmax(column.is_null().to_numpy()))
-            raise InputError(
-                str(path),
-                "the value is missing",
-                "repair or remove that sample",
-                f'column "{names[index]}", sample {first + 1}',
-            )
-        if arrow.types.is_decimal(column.type):
-            column = column.cast(arrow.float64())
-        channels.append(Channel(names[index], column.to_numpy()))
+        channels = []
+        for reference in references:
+            index = find_channel(path, reference, names, "column")
+            try:
+                # Two columns may share a name: the table then holds both, in their order.
+                table = file.read(columns=[names[index]])
+                column = table.column(names[:index].count(names[index]))
+            except (arrow.ArrowException, OSError):
+                refuse_unreadable(path, "Parquet file")
+            if column.null_count:
+                first = int(np.argmax(column.is_null().to_numpy()))
+                raise InputError(
+                    str(path),
+                    "the value is missing",
+                    "repair or remove that sample",
+                    f'column "{names[index]}", sample {first + 1}',
+                )
+            if arrow.types.is_decimal(column.type):
+                column = column.cast(arrow.float64())
+            channels.append(Channel(names[index], column.to_numpy()))
     return channels

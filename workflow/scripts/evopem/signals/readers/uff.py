@@ -64,7 +64,7 @@ def read(path: Path, references: Sequence[Reference]) -> list[Channel]:
 
 
 def _refuse_broken_off(path: Path) -> None:
-    """Every dataset stands between two lines that hold -1; pyuff drops one without its end."""
+    """Refuse a file that does not end with the line -1; pyuff leaves out a dataset without it."""
     with path.open("rb") as file:
         file.seek(0, 2)
         file.seek(max(0, file.tell() - 200))
@@ -79,7 +79,7 @@ def _refuse_broken_off(path: Path) -> None:
 
 
 def _names_of(header: Mapping[str, Any]) -> list[str]:
-    """Everything a dataset can be called by, the best name first."""
+    """All names of a dataset, the most telling one first."""
     texts = [str(header.get(field, "")).strip() for field in _NAME_FIELDS]
     names = [text for text in texts if text and text.upper() != "NONE"]
     direction = _DIRECTIONS.get(header.get("rsp_dir", 0), "")
@@ -89,7 +89,7 @@ def _names_of(header: Mapping[str, Any]) -> list[str]:
 def _find_dataset(path: Path, reference: Reference, names: Sequence[Sequence[str]]) -> int:
     if not isinstance(reference, str):
         return find_channel(path, reference, [every[0] for every in names], "dataset")
-    # Each dataset under the name that was asked for, where it has it, else under its best one.
+    # A dataset is listed under the name that was asked for, if it has it, else under its first.
     shown = [reference if reference in every else every[0] for every in names]
     if reference not in shown:
         raise InputError(
@@ -114,10 +114,14 @@ def _channel(path: Path, dataset: Mapping[str, Any], number: int, names: Sequenc
             "copy or export the file again",
             place,
         )
+    problem = ""
     if dataset.get("abscissa_spacing") == 1:
-        increment = float(dataset["abscissa_inc"])
-        rate = 1.0 / increment if increment > 0 else None
+        start, increment = float(dataset["abscissa_min"]), float(dataset["abscissa_inc"])
+        rate = 1.0 / increment if 0.0 < increment < np.inf else None
+        problem = "" if rate else f"the increment of its abscissa is {increment:g} s"
     else:
+        start = float(dataset["x"][0])
         rate = sampling_rate_of(np.asarray(dataset["x"]), str(path), place, unit="s")
     unit = str(dataset.get("ordinate_axis_units_lab", "")).strip()
-    return Channel(names[0], values, "" if unit.upper() == "NONE" else unit, rate)
+    unit = "" if unit.upper() == "NONE" else unit
+    return Channel(names[0], values, unit, rate, problem, start)

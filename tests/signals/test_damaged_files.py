@@ -1,0 +1,69 @@
+"""Files that are truncated, damaged or of another format, and libraries that are missing."""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+
+import numpy as np
+import pytest
+from recorded_files import RATE, N, refusal, write_every_format
+
+from evopem.errors import InputError
+from evopem.signals.reading import read_recording
+
+FORMATS = ("mat", "7.3 mat", "npz", "npy", "parquet", "h5", "tdms", "uff")
+
+
+@pytest.mark.parametrize("form", FORMATS)
+@pytest.mark.parametrize("share", [0.05, 0.3, 0.6, 0.9, 0.99])
+def test_truncated_files_are_refused(tmp_path, form, share):
+    path = write_every_format(tmp_path)[form]
+    whole = path.read_bytes()
+    assert read_recording(path, 1, 2, RATE).samples == N
+    path.write_bytes(whole[: int(share * len(whole))])
+    refusal(path)
+
+
+@pytest.mark.parametrize("form", FORMATS)
+def test_empty_and_random_files_are_refused(tmp_path, form):
+    path = write_every_format(tmp_path)[form]
+    path.write_bytes(b"")
+    assert "empty" in refusal(path)
+    path.write_bytes(np.random.default_rng(5).bytes(5000))
+    refusal(path)
+    path.write_text("time,u,y\n0,1,2\n" * 500)
+    refusal(path)
+
+
+@pytest.mark.parametrize("form", FORMATS)
+def test_damaged_bytes_never_end_in_a_traceback(tmp_path, form):
+    """Either the damage hit what is not needed, or one sentence says that the file is bad."""
+    path = write_every_format(tmp_path)[form]
+    whole = path.read_bytes()
+    generator = np.random.default_rng(7)
+    for _ in range(60):
+        damaged = bytearray(whole)
+        for place in generator.integers(0, min(len(whole), 1500), 4):
+            damaged[place] = int(generator.integers(0, 256))
+        path.write_bytes(bytes(damaged))
+        with contextlib.suppress(InputError):
+            read_recording(path, 1, 2, RATE)
+
+
+@pytest.mark.parametrize(
+    ("form", "module"),
+    [
+        ("7.3 mat", "h5py"),
+        ("h5", "h5py"),
+        ("parquet", "pyarrow"),
+        ("tdms", "nptdms"),
+        ("uff", "pyuff"),
+    ],
+)
+def test_a_missing_library_names_the_extra(tmp_path, monkeypatch, form, module):
+    path = write_every_format(tmp_path)[form]
+    monkeypatch.setitem(sys.modules, module, None)
+    message = refusal(path)
+    assert f"the package {module}" in message
+    assert 'pip install "evopem[formats]"' in message
