@@ -14,11 +14,12 @@ sys.path.insert(0, str(SCRIPTS))
 from evopem.config.blas import blas_code
 from evopem.config.defaults import complete
 from evopem.config.rule_digest import code_version
-from evopem.config.schema import check_yaml_files
+from evopem.config.strict_yaml import check_yaml_files
 from evopem.errors import InputError
 from evopem.pipeline.provider import FILES as files
 from evopem.pipeline.provider import Provider
 from evopem.results.layout import FIGURES, OVERVIEW, PHASES, DatasetFiles
+from evopem.results.replaced_recordings import mark_replaced_recordings
 
 # Jobs inherit it.
 for name, value in blas_code().items():
@@ -34,7 +35,8 @@ CONFIG_FILES = (
 try:
     check_yaml_files(CONFIG_FILES)
 except InputError as error:
-    raise WorkflowError(str(error)) from None
+    # A WorkflowError would add the line of this file to the sentence.
+    sys.exit(str(error))
 
 
 configfile: "config.yaml"
@@ -49,7 +51,11 @@ try:
         )
     )
 except InputError as error:
-    raise WorkflowError(str(error)) from None
+    sys.exit(str(error))
+
+# Jobs parse this file as well, while the results of other jobs change.
+if workflow.is_main_process:
+    mark_replaced_recordings(provider.config.datasets)
 
 TEMPLATES = sorted(
     path for path in (WORKFLOW / "templates").rglob("*") if path.is_file()
