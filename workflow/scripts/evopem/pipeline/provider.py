@@ -74,8 +74,15 @@ class Provider:
 
     @property
     def lists(self) -> list[str]:
-        """The lists of all data sets; none for a single data set or a shard."""
-        return [*OVERVIEW] if len(self.config.datasets) > 1 and not self.config.run.shard else []
+        """The lists of all data sets; none for a shard.
+
+        Nor are there any for a single data set, unless they exist from a run with several: then
+        they are made again, so that they do not list data sets that have been removed.
+        """
+        if self.config.run.shard:
+            return []
+        several = len(self.config.datasets) > 1
+        return [*OVERVIEW] if several or any(map(resources.is_file, OVERVIEW)) else []
 
     def results(self, dataset: str) -> list[str]:
         """The results of one data set."""
