@@ -21,7 +21,7 @@ def gain_band(model: ArmaxModel, frequencies: ArrayLike) -> tuple[Array, Array]:
 
     Both ends are NaN where the gain is zero, where the covariance is not known, and where the gain
     depends on a direction of the parameters that the data do not determine, as between the lines
-    of a periodic input.
+    of a periodic input. The upper end is infinite where it leaves the range of numbers.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def gain_band(model: ArmaxModel, frequencies: ArrayLike) -> tuple[Array, Array]:
     delay = np.exp(-2j * np.pi * frequencies / model.sampling_rate)[:, None]
     denominator = np.polynomial.polynomial.polyval(delay, model.a)
     numerator = np.polynomial.polynomial.polyval(delay, model.delayed_b)
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         # d ln G / da_i = -q^-i / A and d ln G / db_j = q^-(nk+j) / B.
         by_a = -(delay ** np.arange(1, orders.na + 1)) / denominator
         by_b = delay ** np.arange(orders.nk, orders.nk + orders.nb) / numerator

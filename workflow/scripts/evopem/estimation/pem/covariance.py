@@ -85,8 +85,11 @@ def jacobian_blocks(
 
 def estimate_covariance(
     triangle: Array, residuals: Array, output: Array, parameters: int, nc: int, objective: str
-) -> ParameterCovariance:
+) -> ParameterCovariance | None:
     """Asymptotic covariance of the n parameters, the noise state being estimated as well.
+
+    None where the density of the residuals at zero, which that of the absolute objective needs,
+    cannot be estimated.
 
     ``sigma^2 (J'J)^-1`` for the quadratic objective (Ljung 1999, eq. 9.17), and
     ``(J'J)^-1 / (2 f(0))^2`` for the absolute one, f the density of the residuals (Bassett &
@@ -117,7 +120,10 @@ def estimate_covariance(
     if objective == "quadratic":
         deviation = np.sqrt(innovation_variance(residuals, estimated))
     else:
-        deviation = 1.0 / (2.0 * density_at_zero(residuals, estimated))
+        density = density_at_zero(residuals, estimated)
+        if not density > 0.0:
+            return None
+        deviation = 1.0 / (2.0 * density)
     return ParameterCovariance(deviation * inverse[:n], null_space)
 
 
@@ -162,4 +168,6 @@ def density_at_zero(residuals: Array, estimated: int) -> float:
     q25, q75 = np.quantile(others, [0.25, 0.75])
     spread = min(float(np.std(others)), float(q75 - q25) / 1.349)
     width = 0.9 * spread * len(others) ** -0.2
+    if width == 0.0:
+        return 0.0
     return float(np.mean(np.exp(-0.5 * (others / width) ** 2)) / (width * np.sqrt(2.0 * np.pi)))
