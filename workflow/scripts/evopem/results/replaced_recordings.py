@@ -81,7 +81,8 @@ def _origin(info: str) -> Mapping[str, object]:
 
 def _make_older(path: str, outputs: list[str]) -> None:
     """Give outputs a time before that of a file, which may itself be the oldest there is."""
-    time = min(0, Path(path).stat().st_mtime_ns - 10**9)
+    # Snakemake takes a time of exactly 0 for that of no file, and would rerun nothing.
+    time = min(10**9, Path(path).stat().st_mtime_ns - 10**9) or -(10**9)
     for output in outputs:
         if Path(output).exists():
             os.utime(output, ns=(time, time))
