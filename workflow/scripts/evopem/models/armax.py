@@ -207,23 +207,40 @@ class ArmaxModel:
         """``G`` as a discrete-time ``control.TransferFunction``; needs python-control."""
         import control
 
-        degree = max(len(self.a), len(self.delayed_b))
-        numerator = np.zeros(degree)
-        denominator = np.zeros(degree)
-        numerator[: len(self.delayed_b)] = self.delayed_b
-        denominator[: len(self.a)] = self.a
-        return control.TransferFunction(numerator, denominator, 1.0 / self.sampling_rate)
+        return control.TransferFunction(*self._polynomials_in_z(), 1.0 / self.sampling_rate)
 
     def to_scipy(self):  # type: ignore[no-untyped-def]
-        """``G`` as a ``scipy.signal.TransferFunction`` with ``dt``."""
+        """``G`` as a discrete-time ``scipy.signal.TransferFunction``.
+
+        SciPy takes leading coefficients of B below 1e-14 for zero, and warns of it.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from evopem import ArmaxModel
+        >>> model = ArmaxModel(np.array([1, -0.5]), np.array([2.0]), np.array([1.0]), nk=2)
+        >>> model.to_scipy()  # G = 2 q^-2 / (1 - 0.5 q^-1) = 2 / (z^2 - 0.5 z)
+        TransferFunctionDiscrete(
+        array([2.]),
+        array([ 1. , -0.5,  0. ]),
+        dt: 1.0
+        )
+        """
         from scipy.signal import TransferFunction
 
-        degree = max(len(self.a), len(self.delayed_b))
-        numerator = np.zeros(degree)
-        denominator = np.zeros(degree)
-        numerator[: len(self.delayed_b)] = self.delayed_b
-        denominator[: len(self.a)] = self.a
-        return TransferFunction(numerator, denominator, dt=1.0 / self.sampling_rate)
+        return TransferFunction(*self._polynomials_in_z(), dt=1.0 / self.sampling_rate)
+
+    def _polynomials_in_z(self) -> tuple[Array, Array]:
+        """Numerator and denominator of ``G`` in descending powers of z, without leading zeros.
+
+        The delay is the difference of their degrees.
+        """
+        degree = max(len(self.a), len(self.delayed_b)) - 1
+        denominator = np.pad(self.a, (0, degree + 1 - len(self.a)))
+        numerator = np.pad(self.delayed_b, (0, degree + 1 - len(self.delayed_b)))
+        nonzero = np.flatnonzero(numerator)
+        first = nonzero[0] if len(nonzero) else degree
+        return numerator[first:], denominator
 
 
 def _signals(input: ArrayLike, output: ArrayLike) -> tuple[Array, Array]:  # noqa: A002
