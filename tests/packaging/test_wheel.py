@@ -131,7 +131,7 @@ def test_the_extra_control_completes_the_example(python, wheel, identified, tmp_
     (tmp_path / "results" / "arm").mkdir(parents=True)
     shutil.copy(identified.files.model, tmp_path / "results" / "arm" / "model.json")
     pip(python, "install", f"{wheel}[control]")
-    code = "import evopem, control\n" + "".join(readme_example()[-4:])
+    code = "import evopem, control\n" + "".join(readme_example()[-5:])
     code += "\nprint(type(model.to_control()) is control.TransferFunction)"
     assert run_python(python, code, tmp_path) == ("True\n", "")
 

@@ -48,6 +48,12 @@ def modes_of(
         Hz.
     covariance : (na, na) array, optional
         Covariance of the coefficients, carried to the modes to first order.
+
+    Examples
+    --------
+    >>> (mode,) = modes_of(np.array([-1.2, 0.8]), 50.0, covariance=1e-6 * np.eye(2))
+    >>> round(mode.frequency_hz, 2), round(mode.frequency_se_hz, 3)
+    (6.71, 0.007)
     """
     modes = []
     for z in roots(coefficients):
