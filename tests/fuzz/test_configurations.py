@@ -140,7 +140,7 @@ def test_a_changed_configuration_is_completed_or_refused_in_one_sentence(config,
 def test_bytes_that_are_hardly_yaml_are_refused_in_one_sentence(
     tmp_path_factory, text, noise, place
 ):
-    from evopem.config.schema import check_yaml_files
+    from evopem.config.strict_yaml import check_yaml_files
 
     at = int(place * len(text))
     file = tmp_path_factory.mktemp("yaml") / "config.yaml"

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import operator
+import warnings
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -22,12 +24,15 @@ from evopem.estimation.search.memetic import REFINE, memetic_search
 from evopem.estimation.search.problem import SearchDiagnostics, SearchResult, pooled
 from evopem.models.armax import ArmaxModel, Orders
 from evopem.models.polynomials import max_root_radius as largest_radius
+from evopem.signals.recording import LARGEST
 
 Array = NDArray[np.float64]
 
 # A root this close to the largest allowed radius, relative to the distance of that radius from the
 # unit circle, counts as lying at the stability bound.
 BOUND_WIDTH = 0.05
+# Mean of the output, in standard deviations, from which on it biases the poles noticeably.
+LEVEL_WARNING = 0.3
 
 
 @dataclass(frozen=True)
@@ -39,7 +44,8 @@ class Criteria:
     objective : float
         Percent (chapter eq. 20 or 22).
     fit_percent : float
-        ``100 (1 - sum|e| / sum|y|)`` (chapter eq. 21).
+        One-step NRMSE fit ``100 (1 - ||e|| / ||y - mean(y)||)``, as MATLAB's ``compare`` has it.
+        The chapter's fit (eq. 21) is 100 minus the absolute objective.
     rss : float
         ``100 ||e||^2 / ||y||^2`` in percent (chapter eq. 22).
     bic : float
@@ -123,7 +129,13 @@ def estimate(
     Raises
     ------
     ValueError
-        When the record is too short for the orders, or a setting is outside its range.
+        When a signal is not real, finite or of moderate size, the record is too short for the
+        orders, or a setting is outside its range.
+
+    Warns
+    -----
+    UserWarning
+        When the mean of the output is not small beside its standard deviation.
 
     Examples
     --------
@@ -142,12 +154,14 @@ def estimate(
     >>> found.search.diagnostics.n_confirming >= 2
     True
     """
-    orders = orders if isinstance(orders, Orders) else Orders(*orders)
+    orders = orders if isinstance(orders, Orders) else Orders(*_whole_numbers(orders))
     settings = settings or SearchSettings()
-    u = np.ascontiguousarray(input, dtype=float)
-    y = np.ascontiguousarray(output, dtype=float)
+    u, y = _real_signal(input, "input"), _real_signal(output, "output")
+    if not (np.isfinite(sampling_rate) and sampling_rate > 0.0):
+        raise ValueError(f"sampling_rate must be a positive number of Hz, not {sampling_rate}")
     window = window or default_window(orders, settings)
     _check(u, y, orders, settings, window)
+    _warn_of_level(y)
     # The bits of a result must not depend on how many threads the machine's BLAS would take.
     with threadpool_limits(limits=1, user_api="blas"):
         errors = prediction_errors(u, y, orders, settings, window)
@@ -243,6 +257,7 @@ def describe(
     square_sum, count, n = float(scored @ scored), len(scored), orders.parameters
     rss = 100.0 * square_sum / float(scored_output @ scored_output)
     absolute = 100.0 * float(np.sum(np.abs(scored)) / np.sum(np.abs(scored_output)))
+    deviation = float(np.linalg.norm(scored_output - scored_output.mean()))
     model = ArmaxModel(a, b, c, orders.nk, sampling_rate)
     triangle = jacobian_triangle(
         model, errors.input, errors.output, residuals, errors.recursion_start, start
@@ -258,7 +273,7 @@ def describe(
         ),
         criteria=Criteria(
             objective=rss if errors.objective == "quadratic" else absolute,
-            fit_percent=100.0 - absolute,
+            fit_percent=100.0 * (1.0 - np.sqrt(square_sum) / deviation),
             rss=rss,
             bic=float(np.log(square_sum / count) + n * np.log(count) / count),
         ),
@@ -300,6 +315,37 @@ def _power_of_two(signal: Array) -> float:
     return 2.0 ** np.floor(np.log2(largest)) if largest > 0.0 else 1.0
 
 
+def _whole_numbers(orders: Iterable[int]) -> list[int]:
+    """Orders as whole numbers, NumPy's among them."""
+    orders = tuple(orders)
+    try:
+        na, nb, nc, nk = (operator.index(order) for order in orders)
+    except (TypeError, ValueError):
+        raise ValueError(
+            f"orders must be four whole numbers na, nb, nc and nk, not {orders}"
+        ) from None
+    return [na, nb, nc, nk]
+
+
+def _real_signal(signal: ArrayLike, name: str) -> Array:
+    """A signal as an array of floats."""
+    array = np.asarray(signal)
+    if np.iscomplexobj(array):
+        raise ValueError(f"the {name} is complex; give its real part or another channel")
+    return np.ascontiguousarray(array, dtype=float)
+
+
+def _warn_of_level(output: Array) -> None:
+    """Warn of a constant part, which the model has no term for."""
+    mean, deviation = float(np.mean(output)), float(np.std(output))
+    if abs(mean) > LEVEL_WARNING * deviation:
+        warnings.warn(
+            f"the mean of the output is {mean:.3g}, with a standard deviation of {deviation:.3g}: "
+            "the model has no constant term, so subtract the means of input and output first",
+            stacklevel=3,
+        )
+
+
 def _check(
     u: Array, y: Array, orders: Orders, settings: SearchSettings, window: ScoringWindow
 ) -> None:
@@ -307,6 +353,13 @@ def _check(
         raise ValueError(f"input and output must be of one length, not {u.shape} and {y.shape}")
     if not (np.isfinite(u).all() and np.isfinite(y).all()):
         raise ValueError("input and output must be finite")
+    for name, signal in (("input", u), ("output", y)):
+        largest = float(np.max(np.abs(signal)))
+        if largest and not 1.0 / LARGEST < largest < LARGEST:
+            raise ValueError(
+                f"the largest magnitude of the {name} is {largest:g}; scale it between "
+                f"{1.0 / LARGEST:g} and {LARGEST:g}"
+            )
     for name, known in (
         ("objective", OBJECTIVES),
         ("refine", REFINE),

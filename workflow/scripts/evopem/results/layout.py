@@ -9,9 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from evopem.config.dataset_names import RESULTS_FOLDER as FOLDER
 from evopem.config.order_grid import PHASES
-
-FOLDER = "results"
 
 FIGURES = (
     "record",
