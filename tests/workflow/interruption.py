@@ -49,7 +49,7 @@ def run_with_kills(folder: Folder, expected: Folder, kills: int, seed: int) -> l
 
 def final_files(folder: Folder) -> dict[str, bytes]:
     """Every result by its name; logs, times and the report that shows these are left out."""
-    passing = {"logs", "benchmarks", "report.html", "report.html.sha256"}
+    passing = {"logs", "benchmarks", "report.html", "report.sha256"}
     return {
         path.relative_to(folder.results).as_posix(): path.read_bytes()
         for path in sorted(folder.results.rglob("*"))

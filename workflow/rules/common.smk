@@ -12,19 +12,18 @@ WORKFLOW = Path(str(workflow.current_basedir)).parent
 SCRIPTS = WORKFLOW / "scripts"
 sys.path.insert(0, str(SCRIPTS))
 
-from evopem.config.blas import blas_code
 from evopem.config.defaults import complete
+from evopem.config.environment import check_environment, job_environment
 from evopem.config.rule_digest import code_version
 from evopem.config.strict_yaml import check_yaml_files
 from evopem.errors import InputError
+from evopem.files.termination import interrupt_on_hangup
 from evopem.pipeline.provider import FILES as files
 from evopem.pipeline.provider import Provider
-from evopem.results.layout import FIGURES, OVERVIEW, PHASES, DatasetFiles
+from evopem.results.layout import FIGURES, OVERVIEW, PHASES, DatasetFiles, check_folders
 from evopem.results.replaced_recordings import mark_replaced_recordings
 
-# Jobs inherit it.
-for name, value in blas_code().items():
-    os.environ.setdefault(name, value)
+os.environ.update(job_environment(os.environ, Path.cwd()))
 
 # A module is given its configuration by the project that uses it.
 CONFIG_FILES = (
@@ -34,6 +33,7 @@ CONFIG_FILES = (
 )
 
 try:
+    check_environment(os.environ)
     check_yaml_files(CONFIG_FILES)
 except InputError as error:
     # A WorkflowError would add the line of this file to the sentence.
@@ -51,11 +51,13 @@ try:
             source=" and ".join(map(str, CONFIG_FILES)),
         )
     )
+    check_folders(provider.config.datasets)
 except InputError as error:
     sys.exit(str(error))
 
 # Jobs parse this file as well, while the results of other jobs change.
 if workflow.is_main_process:
+    interrupt_on_hangup()
     mark_replaced_recordings(provider.config.datasets)
 
 TEMPLATES = sorted(

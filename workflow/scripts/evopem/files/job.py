@@ -11,6 +11,7 @@ from pathlib import Path
 
 from evopem.errors import InputError
 from evopem.files.checksums import verify_checksums, write_checksums
+from evopem.files.termination import end_with_parent
 from evopem.files.unfinished import UnfinishedJob, delete_record, start_record, write_record
 
 
@@ -57,6 +58,7 @@ def job(
         sys.stderr.write(f"{error}\n")
         sys.exit(1)
 
+    end_with_parent()
     try:
         start_record(record, logs)
         handler = _log_handler(log_file)

@@ -80,8 +80,13 @@ def _origin(info: str) -> Mapping[str, object]:
 
 
 def _make_older(path: str, outputs: list[str]) -> None:
-    """Give outputs a time before that of a file, which may itself be the oldest there is."""
-    time = min(0, Path(path).stat().st_mtime_ns - 10**9)
+    """Give outputs a time before that of a file, which may itself be the oldest there is.
+
+    Never time 0, which Snakemake takes for no time at all.
+    """
+    second = 10**9
+    modified = Path(path).stat().st_mtime_ns
+    time = second if modified > second else modified - 2 * second
     for output in outputs:
         if Path(output).exists():
             os.utime(output, ns=(time, time))
