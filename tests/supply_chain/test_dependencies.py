@@ -9,6 +9,7 @@ import tomllib
 from pathlib import Path
 
 import pytest
+import yaml
 
 ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
@@ -110,6 +111,18 @@ def test_the_extra_workflow_has_what_every_stage_and_the_archive_need():
     assert {"pandas", "matplotlib", "jinja2", "h5py", "pyarrow", "pygments"} <= {
         name for name, _, _ in PINS
     }
+
+
+def test_the_conda_environment_of_a_job_has_the_same_packages():
+    """Jobs need what the extras `report` and `formats` bring, and no Snakemake."""
+    listed = yaml.safe_load((ROOT / "workflow" / "envs" / "evopem.yaml").read_text())
+    *conda, pip = listed["dependencies"]
+    optional = PROJECT["optional-dependencies"]
+    needed = [*PROJECT["dependencies"], *optional["report"], *optional["formats"]]
+    # conda-forge has matplotlib without its user interfaces under another name.
+    named = {each.replace(" ", "").replace("matplotlib-base", "matplotlib") for each in conda}
+    named |= {each.replace(" ", "") for each in pip["pip"]}
+    assert named - {"pip", f"python{PROJECT['requires-python']}"} == set(needed)
 
 
 def test_every_import_of_the_package_is_a_named_dependency():
