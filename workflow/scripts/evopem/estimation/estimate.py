@@ -12,6 +12,12 @@ from numpy.typing import ArrayLike, NDArray
 from threadpoolctl import threadpool_limits
 
 from evopem.config.settings import ScoringWindow, SearchSettings
+from evopem.estimation.criteria import (
+    Criteria,
+    criteria_of,
+    lies_at_bound,
+    power_of_two_scale,
+)
 from evopem.estimation.pem.covariance import (
     innovation_variance,
     jacobian_triangle,
@@ -28,34 +34,8 @@ from evopem.signals.recording import LARGEST
 
 Array = NDArray[np.float64]
 
-# A root this close to the largest allowed radius, relative to the distance of that radius from the
-# unit circle, counts as lying at the stability bound.
-BOUND_WIDTH = 0.05
 # Mean of the output, in standard deviations, from which on it biases the poles noticeably.
 LEVEL_WARNING = 0.3
-
-
-@dataclass(frozen=True)
-class Criteria:
-    """Criteria of an estimate over the samples of its loss.
-
-    Attributes
-    ----------
-    objective : float
-        Percent (chapter eq. 20 or 22).
-    fit_percent : float
-        One-step NRMSE fit ``100 (1 - ||e|| / ||y - mean(y)||)``, as MATLAB's ``compare`` has it.
-        The chapter's fit (eq. 21) is 100 minus the absolute objective.
-    rss : float
-        ``100 ||e||^2 / ||y||^2`` in percent (chapter eq. 22).
-    bic : float
-        ``ln(||e||^2 / N) + n ln(N) / N`` (chapter eq. 23).
-    """
-
-    objective: float
-    fit_percent: float
-    rss: float
-    bic: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -254,33 +234,23 @@ def describe(
     c = np.concatenate([[1.0], point[orders.na + orders.nb : orders.parameters]])
     residuals = errors.residuals(point)
     scored, scored_output = residuals[start:], errors.output[start:]
-    square_sum, count, n = float(scored @ scored), len(scored), orders.parameters
-    rss = 100.0 * square_sum / float(scored_output @ scored_output)
-    absolute = 100.0 * float(np.sum(np.abs(scored)) / np.sum(np.abs(scored_output)))
-    deviation = float(np.linalg.norm(scored_output - scored_output.mean()))
     model = ArmaxModel(a, b, c, orders.nk, sampling_rate)
     triangle = jacobian_triangle(
         model, errors.input, errors.output, residuals, errors.recursion_start, start
     )
     residuals[: errors.recursion_start] = np.nan
     radius = max(largest_radius(a[1:]), largest_radius(c[1:]))
-    bound = errors.max_root_radius
     return Estimate(
         model=replace(
             model,
             noise_variance=innovation_variance(scored, triangle.shape[1]),
-            covariance=parameter_covariance(triangle, scored, n, errors.objective),
+            covariance=parameter_covariance(triangle, scored, orders.parameters, errors.objective),
         ),
-        criteria=Criteria(
-            objective=rss if errors.objective == "quadratic" else absolute,
-            fit_percent=100.0 * (1.0 - np.sqrt(square_sum) / deviation),
-            rss=rss,
-            bic=float(np.log(square_sum / count) + n * np.log(count) / count),
-        ),
+        criteria=criteria_of(scored, scored_output, errors.objective, orders.parameters),
         residuals=residuals,
         noise_state=point[orders.parameters :].copy(),
         window=ScoringWindow(errors.recursion_start, start),
-        at_stability_bound=bool(1.0 - radius <= (1.0 + BOUND_WIDTH) * (1.0 - bound)),
+        at_stability_bound=lies_at_bound(radius, errors.max_root_radius),
         search=result,
     )
 
@@ -293,7 +263,7 @@ def _scaled_problem(
     Powers of two leave every bit of signals and points unchanged.
     """
     u, y, orders = errors.input, errors.output, errors.orders
-    input_scale, output_scale = _power_of_two(u), _power_of_two(y)
+    input_scale, output_scale = power_of_two_scale(u), power_of_two_scale(y)
     scaled = PredictionErrorProblem(
         u / input_scale,
         y / output_scale,
@@ -307,12 +277,6 @@ def _scaled_problem(
     scales[orders.na : orders.na + orders.nb] = output_scale / input_scale
     scales[orders.parameters :] = output_scale
     return ArmaxProblem(scaled, initialization), scales
-
-
-def _power_of_two(signal: Array) -> float:
-    """The power of two next below a signal's largest magnitude; 1 for a signal of zeros."""
-    largest = float(np.max(np.abs(signal)))
-    return 2.0 ** np.floor(np.log2(largest)) if largest > 0.0 else 1.0
 
 
 def _whole_numbers(orders: Iterable[int]) -> list[int]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -17,6 +18,7 @@ from evopem.estimation.search.problem import SearchDiagnostics
 from evopem.files.json_form import load
 from evopem.models.armax import ArmaxModel, Orders
 from evopem.models.modes import Mode
+from evopem.models.polynomial import PolynomialModel
 from evopem.signals.preparation import Transforms
 from evopem.version import __version__
 
@@ -135,8 +137,8 @@ class ModelRecord:
         )
 
 
-def load_model(path: str | Path) -> ArmaxModel:
-    """Read the model of a ``model.json``.
+def load_model(path: str | Path) -> ArmaxModel | PolynomialModel:
+    """Read the model of a ``model.json``, or a polynomial model that :func:`.json_form.save` wrote.
 
     Raises
     ------
@@ -167,6 +169,9 @@ def load_model(path: str | Path) -> ArmaxModel:
     try:
         return load(ModelRecord, path).model
     except InputError as error:
+        # Another form of file: only what is no model of either form is refused.
+        with suppress(InputError):
+            return load(PolynomialModel, path)
         raise InputError(
             error.source, error.problem, "give the model.json of a results folder"
         ) from None
