@@ -117,6 +117,23 @@ def estimate(
     -----
     UserWarning
         When the mean of the output is not small beside its standard deviation.
+
+    Examples
+    --------
+    >>> import evopem
+    >>> from evopem.synthesis.armax import armax
+    >>> recording, truth = armax(seed=1, samples=1000)
+    >>> found = evopem.estimate(
+    ...     recording.input,
+    ...     recording.output,
+    ...     orders=truth.orders,
+    ...     sampling_rate=recording.sampling_rate,
+    ...     settings=evopem.SearchSettings(objective="quadratic", seed=1),
+    ... )
+    >>> [round(mode.frequency_hz) for mode in found.model.modes()]
+    [5, 17, 37]
+    >>> found.search.diagnostics.n_confirming >= 2
+    True
     """
     orders = orders if isinstance(orders, Orders) else Orders(*_whole_numbers(orders))
     settings = settings or SearchSettings()
@@ -141,7 +158,13 @@ def estimate(
 
 
 def default_window(orders: Orders, settings: SearchSettings) -> ScoringWindow:
-    """The window of an estimate that is not compared with models of other orders."""
+    """The window of an estimate that is not compared with models of other orders.
+
+    Examples
+    --------
+    >>> default_window(Orders(7, 6, 7, 3), SearchSettings(n_initial_discard=50))
+    ScoringWindow(residual_start=8, loss_start=58)
+    """
     first = orders.first_residual
     return ScoringWindow(first, first + max(settings.n_initial_discard, orders.nc))
 

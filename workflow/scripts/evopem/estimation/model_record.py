@@ -149,6 +149,27 @@ def load_model(path: str | Path) -> ArmaxModel | PolynomialModel:
     ------
     InputError
         When the file is missing or is not a model of evopem.
+
+    Examples
+    --------
+    Save an estimate as the workflow does, and load its model:
+
+    >>> from tempfile import TemporaryDirectory
+    >>> import evopem
+    >>> from evopem.config.settings import PreparationSettings, TransformSettings
+    >>> from evopem.files.json_form import save
+    >>> from evopem.signals.preparation import prepare
+    >>> from evopem.synthesis.armax import armax
+    >>> unchanged = TransformSettings(box_cox="none", difference=0)
+    >>> data = prepare(armax(seed=1, samples=1000)[0], PreparationSettings(unchanged))
+    >>> settings = evopem.SearchSettings(objective="quadratic", evaluations=500)
+    >>> record = data.estimation
+    >>> found = evopem.estimate(record.input, record.output, (2, 2, 2, 3), settings=settings)
+    >>> with TemporaryDirectory() as folder:
+    ...     save(ModelRecord.of(found, settings, data.transforms), f"{folder}/model.json")
+    ...     model = evopem.load(f"{folder}/model.json")
+    >>> bool(np.all(model.parameters == found.model.parameters))
+    True
     """
     try:
         return load(ModelRecord, path).model

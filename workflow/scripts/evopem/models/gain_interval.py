@@ -32,6 +32,16 @@ def gain_band(model: ArmaxModel, frequencies: ArrayLike) -> tuple[Array, Array]:
     Returns
     -------
     lower, upper : (M,) arrays
+
+    Examples
+    --------
+    >>> from evopem.models.armax import ArmaxModel
+    >>> model = ArmaxModel(
+    ...     np.array([1, -0.5]), np.array([2.0]), np.array([1.0]), nk=1, covariance=1e-4 * np.eye(2)
+    ... )
+    >>> lower, upper = gain_band(model, [0.0])  # around the gain 4
+    >>> lower.round(3), upper.round(3)
+    (array([3.842]), array([4.165]))
     """
     frequencies = np.asarray(frequencies, dtype=float)
     if model.covariance is None:

@@ -50,6 +50,12 @@ def modes_of(
         Hz.
     covariance : ParameterCovariance, optional
         Of the na coefficients; propagated to the modes to first order.
+
+    Examples
+    --------
+    >>> (mode,) = modes_of(np.array([-1.2, 0.8]), 50.0)
+    >>> round(mode.frequency_hz, 2), round(mode.damping_ratio, 3)
+    (6.71, 0.132)
     """
     modes = []
     for z in roots(coefficients):
