@@ -11,7 +11,7 @@ from evopem.models.modes import Mode
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.report import chapter
 from evopem.report.mode_table import mode_rows
-from evopem.report.numbers import THIN, count, number, percent
+from evopem.report.numbers import THIN, count, enumeration, number, percent
 from evopem.report.sentences import (
     about_model,
     about_orders,
@@ -200,6 +200,22 @@ def test_missed_and_spurious_modes_get_a_sentence(results):
     assert about_model.modes(results, mode_rows([mode(10.0)], [], [])) == []
 
 
+def test_what_drives_each_mode_is_said(results):
+    modes = results.validation.modes
+    rows = mode_rows([each.mode for each in modes], [], [])
+    (text,) = about_model.modes(results, rows)
+    driven = [n for n, each in enumerate(modes, start=1) if each.origin == "input"]
+    assert driven
+    assert f"Of the modes, {enumeration(list(map(str, driven)))} respond to the input" in text
+    noise = tuple(
+        replace(each, reached=False, needed_by_noise=True, stable=False) for each in modes
+    )
+    changed = replace(results, validation=replace(results.validation, modes=noise))
+    (text,) = about_model.modes(changed, rows)
+    assert "do not respond to the input; the noise model needs them" in text
+    assert "not found again at most other orders" in text
+
+
 def test_a_mode_that_outlasts_the_recording_gets_a_sentence(results):
     slow, quick = mode(5.36, damping=0.0091), mode(20.0, damping=0.05)
     short = with_transforms(results, estimation_samples=500)
@@ -214,7 +230,7 @@ def with_coefficients(results, a, b, c, covariance=None):
         covariance = ParameterCovariance.from_matrix(covariance)
     model = ArmaxModel(np.array(a), np.array(b), np.array(c), 1, 100.0, 1.0, covariance)
     return with_model(
-        results, a=model.a, b=model.b, c=model.c, orders=model.orders, covariance=covariance
+        results, a=model.a, b=model.b, c=model.c, orders=model.orders, covariance_factor=covariance
     )
 
 
@@ -252,7 +268,7 @@ def test_poles_and_zeros(results):
     # |dr/db_i| = |r^(n-i) / p'(r)| with p' = 2.1: √(4² + 2² + 1) / 2.1 · 1.96e-3.
     assert "for the zero 2.0000" in text
     assert number(1.96e-3 * math.sqrt(21) / 2.1, 2) in text
-    (text,) = about_model.poles(replace(given, model=replace(given.model, covariance=None)))
+    (text,) = about_model.poles(replace(given, model=replace(given.model, covariance_factor=None)))
     assert "so no ellipse is drawn" in text
 
 
@@ -267,7 +283,7 @@ def test_residual_tests(results):
         f"{percent(100 * validation.autocorrelation_share_inside95)} of {validation.lags}" in text
     )
     assert f"N = {validation.residual_samples} residuals" in text
-    assert f"with {validation.ljung_box.degrees_of_freedom} degrees of freedom: p = 0.00" in text
+    assert "is expected of white innovations after this fit: p" in text
     assert f"at lags −{validation.cross_correlation.lags} to" in text
 
 
@@ -287,7 +303,7 @@ def test_residual_tests_that_were_not_possible(results):
 def test_simulation_says_where_it_starts(results):
     validation = results.validation
     (text,) = about_validation.simulation(results)
-    assert f"Its error is {percent(validation.simulation_error_percent)} of the norm" in text
+    assert f"Its error is {percent(validation.simulation_error_percent)} of the deviation" in text
     assert "over 398 validation samples" in text
     assert "the initial state that fits these samples best" in text
     continued = percent(validation.continued_simulation_error_percent)
@@ -347,14 +363,14 @@ def test_the_search_of_all_candidates_in_words(results):
     (text,) = about_search.search(results)
     table = results.candidates
     assert text.startswith(
-        f"The search of 14 candidates took {count(int(table['evaluations'].sum()))} evaluations"
+        f"The search of {len(table)} candidates took {count(int(table['evaluations'].sum()))} evaluations"
     )
     assert f"The noise state before the first residual ({results.model.orders.nc} values)" in text
     assert f"is {percent(results.model.criteria.objective, 4)}, and the fit" in text
     confirmed, bound = table["n_confirming"].gt(0), table["at_stability_bound"]
     assert bound.dtype == bool
     assert (
-        f"Of all 14 candidates, {confirmed.sum()} were confirmed by another restart, and"
+        f"Of all {len(table)} candidates, {confirmed.sum()} were confirmed by another restart, and"
         f" {bound.sum()} have a root at the stability bound."
     ) in text.replace("1 has", "1 have")
     one = table.assign(n_confirming=[1] + 13 * [0], at_stability_bound=[True] + 13 * [False])

@@ -45,7 +45,8 @@ def modes(results: DatasetResults, rows: Sequence[ModeRow]) -> list[str]:
 def _origins(results: DatasetResults, rows: Sequence[ModeRow]) -> list[str]:
     """Which modes the input drives, which belong to the noise, and which recur at other orders."""
     numbers = {row.estimate.pole: n for n, row in enumerate(rows, start=1) if row.estimate}
-    judged = [(numbers[each.mode.pole], each) for each in results.validation.modes]
+    tested = results.validation.modes
+    judged = [(numbers[each.mode.pole], each) for each in tested if each.mode.pole in numbers]
     sentences = []
     for origin, words in (
         ("input", "respond to the input on the validation samples"),
