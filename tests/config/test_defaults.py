@@ -6,7 +6,6 @@ import pytest
 import yaml
 
 from evopem.config.defaults import complete
-from evopem.config.schema import check_yaml_files
 from evopem.config.settings import (
     ChannelSettings,
     Configuration,
@@ -22,6 +21,7 @@ from evopem.config.settings import (
     SyntheticSource,
     TransformSettings,
 )
+from evopem.config.strict_yaml import check_yaml_files
 from evopem.errors import InputError
 
 SCHEMA = Path(__file__).parents[2] / "workflow" / "schemas" / "config.schema.yaml"

@@ -7,6 +7,7 @@ from scipy.signal import lfilter
 
 from evopem import Orders, ScoringWindow, SearchSettings, estimate
 from evopem.estimation.pem.arx import fit_arx
+from evopem.estimation.pem.covariance import parameter_covariance
 from evopem.synthesis.armax import armax
 
 QUADRATIC = SearchSettings(objective="quadratic")
@@ -109,7 +110,9 @@ def test_criteria_are_those_of_the_residuals(objective):
     absolute, rss = 100 * np.abs(e).sum() / np.abs(scored).sum(), 100 * (e @ e) / (scored @ scored)
     expected = {"absolute": absolute, "quadratic": rss}[objective]
     assert found.criteria.objective == pytest.approx(expected)
-    assert found.criteria.fit_percent == pytest.approx(100 - absolute)
+    deviation = np.linalg.norm(scored - scored.mean())
+    nrmse = 100 * (1 - np.linalg.norm(e) / deviation)
+    assert found.criteria.fit_percent == pytest.approx(nrmse)
     assert found.criteria.rss == pytest.approx(rss)
     assert found.criteria.bic == pytest.approx(np.log(e @ e / 350) + 5 * np.log(350) / 350)
 
@@ -129,6 +132,14 @@ def test_over_parameterised_models_are_stable_and_invertible(objective):
     found = estimate(u, y, (8, 8, 8, 0), settings=settings, window=ScoringWindow(8, 40))
     assert np.abs(found.model.poles()).max() < 0.98 * (1 + 1e-6)
     assert np.abs(found.model.noise_zeros()).max() < 0.98 * (1 + 1e-6)
+
+
+@pytest.mark.parametrize("residuals", [np.full(200, 3.0), np.linspace(3.0, 3.01, 200)])
+def test_without_residuals_about_zero_the_absolute_estimate_has_no_covariance(residuals):
+    """Its covariance needs their density at zero; the quadratic one needs their variance alone."""
+    triangle = np.eye(4)
+    assert parameter_covariance(triangle, residuals, 3, "absolute") is None
+    assert np.isfinite(parameter_covariance(triangle, residuals, 3, "quadratic")).all()
 
 
 def test_outliers_move_the_absolute_estimate_less():
@@ -166,7 +177,9 @@ def test_units_do_not_matter(exponent):
     other = estimate(u / scale, y * scale, (2, 2, 1, 1)).model
     np.testing.assert_array_equal(one.a, other.a)
     np.testing.assert_array_equal(one.b, other.b / scale**2)
-    np.testing.assert_allclose(other.covariance[:2, :2], one.covariance[:2, :2], rtol=1e-9)
+    np.testing.assert_allclose(
+        other.covariance.matrix[:2, :2], one.covariance.matrix[:2, :2], rtol=1e-9
+    )
 
 
 @pytest.mark.parametrize(
@@ -195,3 +208,46 @@ def test_signals_that_make_no_sense_are_refused():
         estimate(u, np.where(np.arange(400) == 7, np.nan, y), (2, 2, 1, 1))
     with pytest.raises(ValueError, match="zero throughout"):
         estimate(u, np.zeros(400), (2, 2, 1, 1))
+
+
+@pytest.mark.parametrize("rate", [-5.0, 0.0, float("nan"), float("inf")])
+def test_a_sampling_rate_that_is_none_is_refused(rate):
+    u = np.random.default_rng(0).standard_normal((2, 300))
+    with pytest.raises(ValueError, match="sampling_rate must be a positive number of Hz"):
+        estimate(*u, (1, 1, 1, 1), rate)
+
+
+@pytest.mark.parametrize("orders", [(1.0, 1, 1, 1), (1, 1, 1), ("1", 1, 1, 1), (1, 1, 1, None)])
+def test_orders_that_are_no_whole_numbers_are_refused(orders):
+    u = np.random.default_rng(0).standard_normal((2, 300))
+    with pytest.raises(ValueError, match="orders must be four whole numbers"):
+        estimate(*u, orders)
+
+
+def test_complex_and_extreme_signals_are_refused():
+    u, y = np.random.default_rng(0).standard_normal((2, 300))
+    with pytest.raises(ValueError, match="the input is complex"):
+        estimate(u + 1j, y, (1, 1, 1, 1))
+    with pytest.raises(ValueError, match="largest magnitude of the input"):
+        estimate(1e-200 * u, y, (1, 1, 1, 1))
+
+
+def test_a_level_of_the_output_is_warned_of_and_a_small_one_is_not(recwarn):
+    u, y = np.random.default_rng(0).standard_normal((2, 300))
+    y = y - y.mean()
+    few = SearchSettings(evaluations=100)
+    estimate(u, y + 0.02, (1, 1, 1, 1), settings=few)
+    assert not [each for each in recwarn if "mean of the output" in str(each.message)]
+    with pytest.warns(UserWarning, match="subtract the means of input and output"):
+        estimate(u, y + 1.0, (1, 1, 1, 1), settings=few)
+
+
+def test_the_fit_is_relative_to_the_mean():
+    generator = np.random.default_rng(3)
+    u = generator.standard_normal(400)
+    y = np.convolve(u, [0.0, 1.0, 0.5])[:400] + 0.3 * generator.standard_normal(400)
+    found = estimate(u, y, (1, 2, 1, 1), settings=SearchSettings(objective="quadratic"))
+    scored = slice(found.window.loss_start, None)
+    e, measured = found.residuals[scored], y[scored]
+    expected = 100 * (1 - np.linalg.norm(e) / np.linalg.norm(measured - measured.mean()))
+    assert found.criteria.fit_percent == pytest.approx(expected)

@@ -63,7 +63,7 @@ def test_a_log_that_cannot_be_opened_is_one_sentence(tmp_path, capsys):
         pass
     assert stop.value.code == 1
     message = capsys.readouterr().err
-    assert "recording.log: cannot be written (" in message
+    assert ": cannot be written (" in message
     assert message.count("\n") == 1
 
 
@@ -121,34 +121,46 @@ def test_a_job_that_is_killed_is_said_to_end_without_a_message(log):
     assert record.sentence.startswith("the job recording ended without a message")
 
 
-def fail(log, output):
-    with pytest.raises(SystemExit), job(log, outputs=[output]):
+def fail(log, *outputs):
+    with pytest.raises(SystemExit), job(log, outputs=outputs):
         raise InputError("x.csv", "it is empty", "record something")
 
 
 @pytest.mark.parametrize("later", ["phases/delay", "identification"])
 def test_a_job_that_makes_the_whole_ends_the_records_of_its_parts(tmp_path, later):
-    """Also when there are no parts any more, as with one job for a whole recording."""
+    """Also when it fails, and when there are no parts any more."""
     folder = tmp_path / "a"
     fail(folder / "logs" / "phases" / "delay" / "part-7.log", folder / "phases/delay/part-7.json")
     fail(folder / "logs" / "spectrum.log", folder / "spectrum.json")
     outputs = [folder / "phases" / "delay.json"]
     outputs += [folder / "spectrum.json"] if later == "identification" else []
+    left = [] if later == "identification" else ["spectrum"]
+    with pytest.raises(ZeroDivisionError), job(folder / "logs" / f"{later}.log", outputs=outputs):
+        1 / 0  # noqa: B018
+    assert [record.job for record in unfinished_jobs(folder / "logs")] == [later, *left]
     with job(folder / "logs" / f"{later}.log", outputs=outputs):
         for output in outputs:
             output.parent.mkdir(exist_ok=True)
             output.write_text("{}")
-    left = [record.job for record in unfinished_jobs(folder / "logs")]
-    assert left == ([] if later == "identification" else ["spectrum"])
+    assert [record.job for record in unfinished_jobs(folder / "logs")] == left
 
 
-def test_records_with_a_message_come_first_then_the_newest(tmp_path):
+def test_a_job_that_makes_only_a_part_leaves_the_record_of_the_whole(tmp_path):
+    folder = tmp_path / "a"
+    whole = [folder / "recording.npz", folder / "model.json"]
+    fail(folder / "logs" / "identification.log", *whole)
+    for name, output in zip(("recording", "model"), whole, strict=True):
+        assert [each.job for each in unfinished_jobs(folder / "logs")] == ["identification"]
+        with job(folder / "logs" / f"{name}.log", outputs=[output]):
+            output.write_text("{}")
+    assert unfinished_jobs(folder / "logs") == []
+
+
+def test_the_newest_record_comes_first(tmp_path):
     logs = tmp_path / "a" / "logs"
     for number in (1, 2, 3):
         fail(logs / f"{number}.log", tmp_path / "a" / f"{number}.json")
-        os.utime(logs / f"{number}.unfinished.json", (number, number))
-    text = (logs / "3.unfinished.json").read_text()
-    killed = text.replace('"x.csv: it is empty; record something."', "null")
-    (logs / "3.unfinished.json").write_text(killed)
-    (logs / "4.unfinished.json").write_text(text[:20])
+    for number, time in ((1, 20), (2, 30), (3, 10)):
+        os.utime(logs / f"{number}.unfinished.json", (time, time))
+    (logs / "4.unfinished.json").write_text((logs / "3.unfinished.json").read_text()[:20])
     assert [record.job for record in unfinished_jobs(logs)] == ["2", "1", "3"]

@@ -21,7 +21,9 @@ from evopem.errors import InputError
 from evopem.estimation.candidate import Candidate, PhaseSelection
 from evopem.estimation.model_record import ModelRecord
 from evopem.files.json_form import from_json, load, save, to_json
+from evopem.files.unfinished import UnfinishedJob
 from evopem.models.armax import Orders
+from evopem.results.fleet import DatasetSummary
 from evopem.signals.preparation import Transforms
 from evopem.signals.recording_info import RecordingInfo
 from evopem.signals.spectral.summary import SpectrumSummary
@@ -31,12 +33,14 @@ from evopem.validation.validation import Validation
 SCRIPTS = Path(__file__).parents[2] / "workflow" / "scripts"
 RESULTS = [
     Candidate,
+    DatasetSummary,
     ModelRecord,
     PhaseSelection,
     RecordingInfo,
     SpectrumSummary,
     Transforms,
     Truth,
+    UnfinishedJob,
     Validation,
 ]
 SETTINGS = [kind for kind in vars(settings).values() if is_dataclass(kind)]

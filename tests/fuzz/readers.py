@@ -2,8 +2,8 @@
 
     python tests/fuzz/readers.py [folder] [libFuzzer options]
 
-Starts from a small good recording in every format and from what earlier runs found worth keeping.
-Any exception but the clear `InputError` stops it, and its bytes are left as `crash-…`.
+It starts from a small valid recording in every format and from the inputs that are kept in
+``corpus``. Any exception other than `InputError` stops it; the input is written to ``crash-…``.
 """
 
 import logging
@@ -34,7 +34,7 @@ KEPT = Path(__file__).parent / "corpus"
 
 
 def main() -> None:
-    """Fuzz until told to stop: `-max_total_time=600`, `-runs=100000`."""
+    """Fuzz until a limit is reached, such as ``-max_total_time=600`` or ``-runs=100000``."""
     logging.disable(logging.CRITICAL)
     options = sys.argv[1:]
     in_memory = "/dev/shm" if Path("/dev/shm").is_dir() else None
@@ -45,7 +45,7 @@ def main() -> None:
     corpus.mkdir(parents=True, exist_ok=True)
     for name, data in seeds().items():
         (corpus / name).write_bytes(data)
-    # What is new goes into the first folder; the kept finds are only read.
+    # libFuzzer writes new inputs to the first folder and only reads the second.
     limits = ["-max_len=6000", "-rss_limit_mb=4000", "-timeout=20"]
     arguments = [sys.argv[0], str(corpus), str(KEPT), *limits, *options]
     atheris.Setup(arguments, lambda data: read_bytes(data, scratch))

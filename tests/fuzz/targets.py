@@ -1,4 +1,4 @@
-"""What the fuzzers feed: bytes read as a recording in a format, and the seeds they start from."""
+"""The function that is fuzzed, which reads bytes as a recording, and the initial inputs."""
 
 import io
 import tempfile
@@ -11,14 +11,15 @@ from evopem.errors import InputError
 from evopem.signals.reading import FORMATS, read_recording
 
 EXTENSIONS = sorted(FORMATS)
-CHANNELS = ((1, 2, None), (1, 3, 2), ("u", "y", None), ("u", "y", "time"))
+CHANNELS = ((1, 2, None), (1, 2, 3), ("u", "y", None), ("u", "y", "y_time"))
 SAMPLES = 12
 
 
 def read_bytes(data: bytes, folder: Path) -> bool:
-    """Read bytes as a recording: the first one chooses the format, the second the channels.
+    """Read bytes as a recording; the first byte chooses the format, the second the channels.
 
-    True when they were one, False when they were refused in a sentence; all else is a bug.
+    Returns whether they were a recording. An `InputError` is a valid refusal; any other exception,
+    or a refusal that is no single line about the file, is a fault of the reader.
     """
     if len(data) < 2:
         return False
@@ -32,7 +33,9 @@ def read_bytes(data: bytes, folder: Path) -> bool:
             recording = read_recording(file, input_, output, sampling_rate=rate, time=time)
         except InputError as refusal:
             if "\n" in str(refusal) or not str(refusal).startswith(str(file)):
-                raise ValueError(f"this is no sentence about the file: {refusal}") from refusal
+                raise ValueError(
+                    f"the refusal is no single line about the file: {refusal}"
+                ) from refusal
             return False
     assert np.isfinite(recording.input).all()
     assert recording.input.shape == recording.output.shape
@@ -41,23 +44,23 @@ def read_bytes(data: bytes, folder: Path) -> bool:
 
 
 def seeds() -> dict[str, bytes]:
-    """A small good recording in every format, as the fuzzers want it."""
+    """A small valid recording in every format, after the two bytes that `read_bytes` expects."""
     time = np.arange(SAMPLES) / 100.0
     u, y = np.random.default_rng(1).standard_normal((2, SAMPLES)).round(3)
-    table = np.column_stack([u, time, y])
-    comma = "u,time,y\n" + "\n".join(",".join(map(str, row)) for row in table)
+    table = np.column_stack([u, y, time])
+    comma = "u,y,y_time\n" + "\n".join(",".join(map(str, row)) for row in table)
     contents = {
         ".csv": comma.encode(),
         ".tsv": comma.replace(",", "\t").encode("utf-16"),
         ".txt": comma.replace(",", ";").replace(".", ",").encode("latin-1"),
         ".dat": "\n".join(" ".join(map(str, row)) for row in table).encode(),
-        ".asc": ("# u time y\n" + "\n".join(f"{a:e} {b} {c}" for a, b, c in table)).encode(),
-        ".mat": _matlab(u=u, time=time, y=y),
-        ".npz": _numpy(u=u, time=time, y=y),
+        ".asc": ("# u y y_time\n" + "\n".join(f"{a:e} {b} {c}" for a, b, c in table)).encode(),
+        ".mat": _matlab(u=u, y=y, y_time=time),
+        ".npz": _numpy(u=u, y=y, y_time=time),
         ".npy": _numpy_alone(table),
-        ".parquet": _parquet(u=u, time=time, y=y),
-        ".h5": _hdf5(u=u, time=time, y=y),
-        ".tdms": _tdms(u=u, time=time, y=y),
+        ".parquet": _parquet(u=u, y=y, y_time=time),
+        ".h5": _hdf5(u=u, y=y, y_time=time),
+        ".tdms": _tdms(u=u, y=y, y_time=time),
         ".uff": _uff(u, y),
     }
     found = {}

@@ -11,7 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from evopem.config.defaults import complete
-from evopem.config.order_grid import PHASES, part_count, sample_requirements, scoring_window
+from evopem.config.order_grid import part_count, sample_requirements, scoring_window
+from evopem.config.settings import PHASES
 from evopem.config.yaml_form import keys_of
 from evopem.errors import InputError
 from evopem.files.json_form import to_json
@@ -140,7 +141,7 @@ def test_a_changed_configuration_is_completed_or_refused_in_one_sentence(config,
 def test_bytes_that_are_hardly_yaml_are_refused_in_one_sentence(
     tmp_path_factory, text, noise, place
 ):
-    from evopem.config.schema import check_yaml_files
+    from evopem.config.strict_yaml import check_yaml_files
 
     at = int(place * len(text))
     file = tmp_path_factory.mktemp("yaml") / "config.yaml"

@@ -1,4 +1,4 @@
-"""A short replay of what the fuzzers start from and of what they found."""
+"""The initial inputs of the fuzzer, and the inputs it found, read once each."""
 
 from pathlib import Path
 
@@ -23,7 +23,7 @@ def test_what_the_fuzzer_found_is_read_or_refused(file, tmp_path):
 
 @pytest.mark.parametrize("name", [name for name in SEEDS if name.endswith("-0")])
 def test_damaged_seeds_are_read_or_refused(name, tmp_path):
-    """Each seed with bytes changed, cut out or doubled, by a fixed stream of random numbers."""
+    """Each initial input with bytes changed, removed or repeated, with a fixed random seed."""
     generator = np.random.default_rng(len(name))
     for _ in range(60):
         data = bytearray(SEEDS[name])

@@ -1,14 +1,51 @@
-"""Result files with figures, made once a session."""
+"""The report of the identified data set, and how to build it from changed results."""
+
+from pathlib import Path
 
 import pytest
-from result_files import write_results
 
-from evopem.figures import draw_all, result_paths
+from evopem.figures import draw_all
+from evopem.report import build_report
+
+TEMPLATES = Path(__file__).parents[2] / "workflow" / "templates"
 
 
 @pytest.fixture(scope="session")
-def results(tmp_path_factory):
-    """The directory of one data set's results, figures included."""
-    directory = write_results(tmp_path_factory.mktemp("results") / "arm")
-    draw_all(result_paths(directory), directory / "figures")
-    return directory
+def results(identified):
+    return identified.results
+
+
+@pytest.fixture(scope="session")
+def draw(tmp_path_factory):
+    """Function that draws the figures of results: SVG texts by name."""
+
+    def drawn(results):
+        files = draw_all(results, tmp_path_factory.mktemp("figures"))
+        return {file.stem: file.read_text(encoding="utf-8") for file in files}
+
+    return drawn
+
+
+@pytest.fixture(scope="session")
+def figures(results, draw):
+    return draw(results)
+
+
+@pytest.fixture(scope="session")
+def config_text(identified):
+    return Path(identified.files.config).read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="session")
+def build(figures, config_text):
+    """Function that builds the report of results, with the figures of the fixture by default."""
+
+    def built(results, figures=figures, wall_clock=None, **options):
+        return build_report(results, figures, wall_clock or {}, config_text, TEMPLATES, **options)
+
+    return built
+
+
+@pytest.fixture(scope="session")
+def html(build, results):
+    return build(results)

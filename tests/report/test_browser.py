@@ -5,17 +5,17 @@ import importlib.util
 import io
 import json
 import shutil
+from dataclasses import replace
 from html.parser import HTMLParser
 from itertools import pairwise
 from pathlib import Path
 from unicodedata import normalize
 
 import pytest
-from result_files import write_results
 
-from evopem.figures import FIGURE_NAMES, draw_all, result_paths
-from evopem.report import build_index, build_report
-from evopem.results.fleet import summarize
+from evopem.report import build_index
+from evopem.results.fleet import IncompleteDataset, summarize
+from evopem.results.layout import FIGURES
 
 TEMPLATES = Path(__file__).parents[2] / "workflow" / "templates"
 HOSTILE = """<script>document.title="harmed"</script>"'&"""
@@ -57,43 +57,57 @@ def browser():
 
 
 @pytest.fixture(scope="module")
-def report(results, tmp_path_factory):
+def report(html, tmp_path_factory):
     file = tmp_path_factory.mktemp("pages") / "report.html"
-    file.write_text(build_report(result_paths(results), TEMPLATES), encoding="utf-8")
+    file.write_text(html, encoding="utf-8")
     return file
 
 
 @pytest.fixture(scope="module")
-def hostile(tmp_path_factory):
-    directory = write_results(
-        tmp_path_factory.mktemp("pages") / "hostile", 1500, output_name=HOSTILE, dataset=HOSTILE
+def hostile(results, build, draw, tmp_path_factory):
+    """A report in which the data set, its channels and their units are named by a script."""
+    renamed = replace(
+        results,
+        settings=replace(results.settings, name=HOSTILE),
+        recording=replace(results.recording, output_name=HOSTILE, input_unit=HOSTILE),
+        recording_info=replace(results.recording_info, output_name=HOSTILE, input_name=HOSTILE),
     )
-    draw_all(result_paths(directory), directory / "figures")
-    file = directory / "report.html"
-    file.write_text(build_report(result_paths(directory), TEMPLATES), encoding="utf-8")
+    file = tmp_path_factory.mktemp("pages") / "hostile.html"
+    file.write_text(build(renamed, draw(renamed)), encoding="utf-8")
     return file
 
 
 @pytest.fixture(scope="module")
-def index(results, tmp_path_factory):
+def summary(results):
+    return summarize(
+        results.model,
+        results.validation,
+        results.spectrum_summary,
+        results.phases,
+        results.recording_info,
+    )
+
+
+@pytest.fixture(scope="module")
+def index(summary, tmp_path_factory):
     file = tmp_path_factory.mktemp("pages") / "index.html"
-    summary = summarize(result_paths(results))
-    summaries = {"arm": summary, HOSTILE: summary, "gone": {"problem": HOSTILE}}
-    file.write_text(build_index(summaries, TEMPLATES), encoding="utf-8")
+    gone = IncompleteDataset("failed", HOSTILE)
+    entries = {"bench": summary, HOSTILE: summary, "gone": gone}
+    file.write_text(build_index(entries, TEMPLATES), encoding="utf-8")
     return file
 
 
 @pytest.fixture(scope="module")
-def thousand(results, tmp_path_factory):
+def thousand(summary, tmp_path_factory):
     """A list of a thousand data sets, the errors of their models in no order."""
-    summary = summarize(result_paths(results))
-    summaries = {
-        f"bench-{number}": summary | {"simulation_error_percent": (number * 617) % 1000 / 10}
+    entries = {
+        f"bench-{number}": replace(summary, simulation_error_percent=(number * 617) % 1000 / 10)
         for number in range(999)
     }
+    problem = 'bench.csv, line 7: "x" is not a number; correct it.'
+    entries["bench-999"] = IncompleteDataset("failed", problem)
     file = tmp_path_factory.mktemp("pages") / "thousand.html"
-    summaries["bench-999"] = {"problem": "bench.csv, line 7: this is no number; mend it."}
-    file.write_text(build_index(summaries, TEMPLATES), encoding="utf-8")
+    file.write_text(build_index(entries, TEMPLATES), encoding="utf-8")
     return file
 
 
@@ -148,7 +162,7 @@ def test_every_figure_is_drawn(browser, report):
             return [box.width, box.height, seen.length, svg.getAttribute('aria-label')];
         })"""
     )
-    assert len(sizes) == len(FIGURE_NAMES)
+    assert len(sizes) == len(FIGURES)
     for width, height, shapes, label in sizes:
         assert width > 500
         assert height > 150
@@ -199,7 +213,7 @@ def test_hostile_names_are_shown_and_not_run(browser, hostile):
     names = browser.execute_script(
         "return Array.from(document.querySelectorAll('a[download]')).map(link => link.download)"
     )
-    assert len(names) == len(FIGURE_NAMES)
+    assert len(names) == len(FIGURES)
     assert not set("".join(names)) & set("<>\"'&/\\")
 
 
@@ -273,7 +287,7 @@ def press(browser, label):
 
 
 @pytest.mark.parametrize("clipboard", ["granted", "absent", "refused"])
-def test_the_model_is_copied_in_every_notation(browser, report, results, clipboard):
+def test_the_model_is_copied_in_every_notation(browser, report, identified, clipboard):
     visit(browser, report)
     if clipboard != "granted":
         value = {
@@ -284,10 +298,11 @@ def test_the_model_is_copied_in_every_notation(browser, report, results, clipboa
             "window.clipboard = navigator.clipboard;"
             f"Object.defineProperty(navigator, 'clipboard', {{value: {value}}})"
         )
-    model = json.loads((results / "model.json").read_text())
+    model = json.loads(Path(identified.files.model).read_text())
     press(browser, "Copy JSON")
     taken = json.loads(copied(browser))
-    assert {key: model[key] for key in taken} == taken
+    assert model | taken == model
+    assert set(taken) == {"orders", "a", "b", "c", "noise_variance", "sampling_rate"}
     assert {"orders", "a", "b", "c", "noise_variance", "sampling_rate"} == set(taken)
     press(browser, "Copy Plain text")
     assert copied(browser).startswith("A(q) y(t) = B(q) u(t) + C(q) e(t)\nA(q) = 1 ")
@@ -309,10 +324,9 @@ def test_a_table_is_copied_with_numbers_at_full_precision(browser, report, resul
         "zeta (%) standard error",
     ]
     assert {len(row) for row in rows} == {len(header)}
-    modes = json.loads((results / "model.json").read_text())["modes"]
-    for row, mode in zip(rows, modes, strict=True):
-        assert float(row[1]) == pytest.approx(mode["frequency_hz"], rel=1e-11)
-        assert float(row[4]) == pytest.approx(mode["damping_se_percent"], rel=1e-11)
+    for row, mode in zip(rows, results.model.modes, strict=True):
+        assert float(row[1]) == pytest.approx(mode.frequency_hz, rel=1e-11)
+        assert float(row[4]) == pytest.approx(100 * mode.damping_se, rel=1e-11)
     press(browser, "Copy table: Time of each stage")
     assert "\u202f" not in copied(browser)
 
@@ -342,7 +356,7 @@ def test_tables_sort_by_keyboard(browser, report):
     button.send_keys(Keys.SPACE)
     assert [float(v) for v in column(browser, "Candidates", bic)] == sorted(before, reverse=True)
     assert heads[bic].get_attribute("aria-sort") == "descending"
-    assert "falling" in browser.find_element("id", "status").get_attribute("textContent")
+    assert "descending" in browser.find_element("id", "status").get_attribute("textContent")
     heads[0].find_element("tag name", "button").send_keys(Keys.ENTER)
     assert heads[bic].get_attribute("aria-sort") is None
     words = column(browser, "Candidates", 0)
@@ -385,7 +399,7 @@ def test_a_thousand_data_sets_are_searched_and_sorted(browser, thousand):
         "bench-99",
         *(f"bench-99{digit}" for digit in range(9)),
     }
-    assert shown("no model") == ["bench-999"]
+    assert shown("not complete") == ["bench-999"]
     assert "1 of 1000 rows" in browser.find_element("id", "status").get_attribute("textContent")
     assert len(shown("")) == 1000
 
@@ -403,7 +417,7 @@ def test_a_figures_numbers_are_saved_from_the_page(browser, report, tmp_path):
     )
     link = browser.find_element("css selector", "#delay a[download]")
     browser.execute_script("arguments[0].click()", link)
-    saved = tmp_path / "arm-delay.csv"
+    saved = tmp_path / "bench-delay.csv"
     WebDriverWait(browser, 10).until(lambda _: saved.is_file())
     assert list(pd.read_csv(saved))[:4] == ["na", "nb", "nc", "nk"]
     assert browser.current_url == report.as_uri()
@@ -413,7 +427,7 @@ def test_complete_without_javascript(browser, report):
     browser.execute_cdp_cmd("Emulation.setScriptExecutionDisabled", {"value": True})
     try:
         visit(browser, report)
-        assert len(browser.find_elements("css selector", "figure svg")) == len(FIGURE_NAMES)
+        assert len(browser.find_elements("css selector", "figure svg")) == len(FIGURES)
         assert [b for b in browser.find_elements("tag name", "button") if b.is_displayed()] == []
         assert "Copy the model" not in browser.find_element("tag name", "body").text
     finally:
@@ -455,7 +469,7 @@ def test_prints_without_blank_pages_and_cut_figures(browser, report, paper):
     assert 5 <= len(pages) <= 16
     assert min(len(text) for text in texts) > 40
     drawings = Drawings(report.read_text(encoding="utf-8")).words
-    assert set(drawings) == set(FIGURE_NAMES)
+    assert set(drawings) == set(FIGURES)
     for name, words in drawings.items():
         telling = {word for word in words if len(word) > 3}
         assert telling

@@ -1,23 +1,19 @@
-"""A record of a million samples makes a page that can still be sent and opened."""
+"""A recording of a million samples makes a page that can still be sent and opened."""
 
 import io
-import shutil
+from dataclasses import replace
 from html.parser import HTMLParser
-from pathlib import Path
 from urllib.parse import unquote
 
 import numpy as np
 import pandas as pd
 import pytest
-from result_files import RATE, record
 
-from evopem.figures import FIGURE_NAMES, draw_all, result_paths
 from evopem.figures.figure_data import thin_table
-from evopem.report import build_report
-from evopem.signals.preparation import prepare, save_prepared
-from evopem.signals.recording import save_recording
+from evopem.results.layout import FIGURES
+from evopem.signals.preparation import prepare
+from evopem.synthesis import synthesize
 
-TEMPLATES = Path(__file__).parents[2] / "workflow" / "templates"
 SAMPLES = 1_000_000
 
 
@@ -40,42 +36,47 @@ def repeated(table, rows):
 
 
 @pytest.fixture(scope="module")
-def long_record(results, tmp_path_factory):
-    directory = shutil.copytree(results, tmp_path_factory.mktemp("long") / "arm")
-    recording = record(SAMPLES)
-    prepared = prepare(
-        recording,
-        {"box_cox": "none", "difference": 0, "difference_input": 0},
-        {"discard": 500, "estimation": 0.8},
-    )
-    save_recording(recording, directory / "recording.npz")
-    save_prepared(prepared, directory / "prepared.npz", directory / "transforms.json")
-    simulation = repeated(pd.read_csv(directory / "simulation.csv"), SAMPLES // 5)
-    simulation["time_s"] = np.arange(len(simulation)) / RATE
+def long_results(results):
+    """Results with the signals and tables of a recording of a million samples."""
+    settings = results.settings
+    source = replace(settings.source, samples=SAMPLES)
+    split = replace(settings.preparation.split, estimation=0.8)
+    preparation = replace(settings.preparation, split=split)
+    recording, _ = synthesize(source, preparation.transforms)
+    tables = results.validation_tables
+    simulation = repeated(tables.simulation, SAMPLES // 5)
+    simulation["time_s"] = np.arange(len(simulation)) / recording.sampling_rate
     simulation.loc[123_457, "output"] = 99.0
-    simulation.to_csv(directory / "simulation.csv", index=False)
-    for name in ("spectrum.csv", "frequency_response.csv"):
-        repeated(pd.read_csv(directory / name), 2**16 + 1).to_csv(directory / name, index=False)
-    draw_all(result_paths(directory), directory / "figures")
-    return build_report(result_paths(directory), TEMPLATES), directory
+    return replace(
+        results,
+        recording=recording,
+        prepared=prepare(recording, preparation),
+        spectrum=repeated(results.spectrum, 2**16 + 1),
+        frequency_response=repeated(results.frequency_response, 2**16 + 1),
+        validation_tables=replace(tables, simulation=simulation),
+    )
 
 
-def test_the_page_stays_below_5_mb(long_record):
-    html, _ = long_record
-    assert len(html.encode()) < 5_000_000
+@pytest.fixture(scope="module")
+def long_page(build, draw, long_results):
+    return build(long_results, draw(long_results))
 
 
-def test_thinned_numbers_say_so_and_keep_the_extremes(long_record):
-    html, directory = long_record
-    links = dict(zip(FIGURE_NAMES, Links(html).saved, strict=True))
+def test_the_page_stays_below_5_mb(long_page):
+    assert len(long_page.encode()) < 5_000_000
+
+
+def test_thinned_numbers_say_so_and_keep_the_extremes(long_page, long_results):
+    links = dict(zip(FIGURES, Links(long_page).saved, strict=True))
     tables = {
         name: pd.read_csv(io.StringIO(unquote(link.partition(",")[2])))
         for name, link in links.items()
     }
     assert max(map(len, tables.values())) <= 5000
-    assert html.count("thinned from") == 4  # record, spectrum, frequency response, simulation
-    assert f"thinned from {SAMPLES // 5:,}".replace(",", "\u202f") in html
-    whole = pd.read_csv(directory / "simulation.csv")
+    # Recording, spectrum, frequency response and simulation.
+    assert long_page.count("thinned from") == 4
+    assert f"thinned from {SAMPLES // 5:,}".replace(",", "\u202f") in long_page
+    whole = long_results.validation_tables.simulation
     for column in ("output", "simulated", "prediction_error"):
         assert tables["simulation"][column].max() == pytest.approx(whole[column].max(), rel=1e-5)
         assert tables["simulation"][column].min() == pytest.approx(whole[column].min(), rel=1e-5)

@@ -1,11 +1,11 @@
-"""The pages: complete, escaped, self-contained, and true to the result files."""
+"""The report: complete, escaped, self-contained, and true to the results."""
 
 import base64
 import hashlib
 import io
-import json
+import math
 import re
-import shutil
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote
@@ -13,14 +13,16 @@ from urllib.parse import unquote
 import numpy as np
 import pandas as pd
 import pytest
-from result_files import write_results
 
-from evopem.errors import InputError
-from evopem.figures import FIGURE_NAMES, draw_all, result_paths
-from evopem.report import build_index, build_report
-from evopem.results.fleet import summarize
+from evopem.config.settings import RecordedSource
+from evopem.report import read_wall_clock
+from evopem.report.numbers import with_error
+from evopem.results.layout import FIGURES, PHASES
+from evopem.signals.recording_info import FileOrigin
+from evopem.validation.checks import Check
 
 TEMPLATES = Path(__file__).parents[2] / "workflow" / "templates"
+HIDDEN = ("style", "script")
 HOSTILE = """<script>alert("x")</script>'&"""
 
 
@@ -30,11 +32,13 @@ class Page(HTMLParser):
     def __init__(self, html):
         super().__init__()
         self.tags, self.ids, self.references, self.words = [], [], [], []
+        self.shown = True
         self.feed(html)
 
     def handle_starttag(self, tag, attrs):
         attributes = dict(attrs)
         self.tags.append(tag)
+        self.shown = self.shown and tag not in HIDDEN
         if "id" in attributes:
             self.ids.append(attributes["id"])
         self.references += [
@@ -43,17 +47,17 @@ class Page(HTMLParser):
 
     handle_startendtag = handle_starttag
 
+    def handle_endtag(self, tag):
+        self.shown = self.shown or tag in HIDDEN
+
     def handle_data(self, data):
-        self.words.append(data)
+        if self.shown:
+            self.words.append(data)
 
     @property
     def text(self):
-        return " ".join(" ".join(self.words).split())
-
-
-@pytest.fixture(scope="session")
-def html(results):
-    return build_report(result_paths(results), TEMPLATES)
+        """What is shown, with single spaces and none before a comma."""
+        return " ".join(" ".join(self.words).split()).replace(" ,", ",")
 
 
 @pytest.fixture(scope="session")
@@ -61,9 +65,16 @@ def page(html):
     return Page(html)
 
 
+@pytest.fixture(scope="session")
+def stand_in(results):
+    """The results as those of the data set that stands in for the chapter's recording."""
+    source = replace(results.settings.source, synthesis="flexible_arm")
+    return replace(results, settings=replace(results.settings, source=source))
+
+
 def test_every_figure_is_in_the_page(page):
-    assert page.tags.count("svg") == len(FIGURE_NAMES)
-    assert set(FIGURE_NAMES) <= set(page.ids)
+    assert page.tags.count("svg") == len(FIGURES)
+    assert set(FIGURES) <= set(page.ids)
 
 
 def test_ids_are_unique_and_every_reference_has_its_target(html, page):
@@ -92,97 +103,171 @@ def test_the_only_script_is_the_projects_own_and_allowed_by_its_digest(html, pag
 
 
 def tables_in(page):
-    """The tables held by the page's links, by the names they are saved under."""
+    """The tables in the page's links, in their order."""
     links = [r for r in page.references if r.startswith("data:text/csv")]
     return [pd.read_csv(io.StringIO(unquote(link.partition(",")[2]))) for link in links]
 
 
 def test_every_figure_offers_its_numbers_inside_the_page(results, page):
-    tables = dict(zip(FIGURE_NAMES, tables_in(page), strict=True))
-    spectrum = pd.read_csv(results / "spectrum.csv")
-    np.testing.assert_allclose(tables["spectrum"]["density"], spectrum["density"], rtol=1e-5)
-    simulation = pd.read_csv(results / "simulation.csv")
+    tables = dict(zip(FIGURES, tables_in(page), strict=True))
+    density = results.spectrum["density"]
+    np.testing.assert_allclose(tables["spectrum"]["density"], density, rtol=1e-5)
+    simulation = results.validation_tables.simulation
     assert list(tables["simulation"]) == list(simulation)
     np.testing.assert_allclose(tables["simulation"]["output"], simulation["output"], rtol=1e-5)
-    model = json.loads((results / "model.json").read_text())
     roots = tables["poles_zeros"]
     poles = roots[roots["kind"] == "pole"]
-    expected = np.roots(model["a"])
-    np.testing.assert_allclose(np.poly(poles["real"] + 1j * poles["imag"]), model["a"], atol=1e-4)
-    assert len(poles) == len(expected)
+    model = results.model.model
+    np.testing.assert_allclose(np.poly(poles["real"] + 1j * poles["imag"]), model.a, atol=1e-4)
+    assert len(poles) == model.orders.na
     assert (poles["variance_real"] > 0).all()
     assert set(tables["record"]["stage"]) == {"recorded", "estimation", "validation"}
     assert set(tables["frequency_response"]["source"]) == {"model", "multitaper"}
-    assert len(tables["delay"]) + len(tables["phases"]) == len(
-        pd.read_csv(results / "candidates.csv")
+    assert len(tables["delay"]) + len(tables["phases"]) == len(results.candidates)
+    assert len(tables["stabilization"]) == sum(
+        len(candidate.model.modes()) for candidate in results.phases["joint"].candidates
     )
+    history = results.selected.diagnostics.convergence
+    assert tables["convergence"]["evaluations"].tolist() == [spent for spent, _ in history]
 
 
-def test_the_answer_is_true_to_the_files(results, page):
-    validation = json.loads((results / "validation.json").read_text())
-    assert "ARMAX(7, 6, 7, 3)" in page.text
-    assert f"{validation['prediction_error_percent']:.2f}" in page.text
-    assert f"{validation['simulation_error_percent']:.1f}" in page.text
-    for mode in json.loads((results / "model.json").read_text())["modes"]:
-        assert f"{mode['frequency_hz']:.2f}" in page.text
+def test_the_summary_is_true_to_the_results(results, page):
+    validation = results.validation
+    assert str(results.model.orders) in page.text
+    assert f"{validation.prediction_error_percent:.1f} %" in page.text
+    assert f"{validation.simulation_error_percent:.1f} %" in page.text
+    for mode in results.model.modes:
+        shown = with_error(mode.frequency_hz, mode.frequency_se_hz)
+        assert f"{shown} {with_error(100 * mode.damping_ratio, 100 * mode.damping_se)}" in page.text
     assert "number of B coefficients" in page.text
+    passed = sum(check.passed is True for check in results.checks)
+    assert f"{passed} of {len(results.checks)} checks passed" in page.text
 
 
-def test_the_chapter_and_the_truth_stand_beside_the_estimate(page):
-    for figure in ("Truth", "Chapter", "37.00", "17.50", "The true delay is 3 samples: found"):
-        assert figure in page.text
+def test_truth_and_chapter_are_beside_the_estimate(build, stand_in):
+    text = Page(build(stand_in)).text
+    for words in ("Truth", "Chapter", "37.00", "17.50", "The true delay is 3 samples"):
+        assert words in text
+    assert "The chapter found ARMAX(7,6,7,3) on its own recording." in text
+    assert "Joint order 7 7" in text
 
 
-def test_a_recorded_set_has_neither_truth_nor_chapter(results, tmp_path):
-    directory = shutil.copytree(results, tmp_path / "bench")
-    (directory / "truth.json").unlink()
-    (directory / "config.yaml").write_text("datasets: {bench: {file: bench.csv}}\n")
-    digest = "ab" * 32
-    recording = json.loads((directory / "recording.json").read_text())
-    recording |= {"kind": "file", "path": "data/bench.csv", "sha256": digest, "bytes": 123456}
-    (directory / "recording.json").write_text(json.dumps(recording))
-    page = Page(build_report(result_paths(directory), TEMPLATES))
-    assert "Truth" not in page.text
-    assert "Chapter" not in page.text
-    assert digest in page.text
-    assert "data/bench.csv" in page.text
+def test_a_recorded_data_set_has_neither_truth_nor_chapter(build, results):
+    origin = FileOrigin("data/bench.csv", "ab" * 32, 123456, "text", "torque", 2)
+    recorded = replace(
+        results,
+        truth=None,
+        recording_info=replace(results.recording_info, kind="file", file=origin),
+        settings=replace(
+            results.settings, source=RecordedSource("data/bench.csv", results.settings.source)
+        ),
+    )
+    text = Page(build(recorded)).text
+    assert "Truth" not in text
+    assert "Chapter" not in text
+    assert f"File data/bench.csv SHA-256 {'ab' * 32} Size 123 456 bytes" in text
+    assert "Input channel torque Output channel 2" in text
 
 
-def test_the_configuration_and_the_command_are_in_full(results, page):
-    for line in (results / "config.yaml").read_text().splitlines():
-        assert line.strip() in page.text
+def test_the_configuration_and_the_command_are_complete(page, config_text):
+    assert len(config_text.splitlines()) > 10
+    for line in config_text.splitlines():
+        assert " ".join(line.split()) in page.text
     assert "snakemake --snakefile" in page.text
 
 
-def test_every_check_is_in_words_with_advice_where_it_failed(page):
-    assert page.text.count("Passed") + page.text.count("Not judged ") >= 9
-    # The delay 3 is the upper end of the range searched, 0 to 3.
-    assert "Failed Orders inside their search ranges. At the edge: delay nk = 3 in 0–3." in (
-        page.text
+WORDS = {True: "Passed", False: "Failed", None: "Not judged"}
+
+
+def test_every_check_is_in_the_page(results, page):
+    """Verdict, name, statement and advice of each, the failed ones first."""
+    checks = results.checks
+    assert len(checks) == 13
+    assert [check.name for check in checks if check.passed is False] != []
+    for check in checks:
+        words = [f"{WORDS[check.passed]} {check.name}.", check.statement, check.advice]
+        shown = " ".join(" ".join(words).split())
+        assert shown in page.text, check.name
+    places = [page.text.index(f"{WORDS[check.passed]} {check.name}.") for check in checks]
+    last_failed = max(p for p, c in zip(places, checks, strict=True) if c.passed is False)
+    first_passed = min(p for p, c in zip(places, checks, strict=True) if c.passed)
+    assert last_failed < first_passed
+
+
+def test_an_order_at_the_end_of_its_range_is_a_failed_check(results, page):
+    assert results.model.orders.nk == 3
+    assert results.settings.order_grid.delay.nk == (2, 3)
+    assert "Failed Orders inside their search ranges." in page.text
+
+
+@pytest.fixture(scope="session")
+def unknown(results):
+    """Results in which errors, a test and all standard errors are not known."""
+    validation = replace(
+        results.validation,
+        simulation_error_percent=math.nan,
+        prediction_fit_percent=math.nan,
+        ljung_box=replace(results.validation.ljung_box, p_value=math.nan),
     )
-    assert "Widen that range" in page.text
+    first, *others = results.model.modes
+    modes = (
+        replace(first, frequency_se_hz=math.inf, damping_se=math.inf),
+        *(replace(mode, frequency_se_hz=math.nan, damping_se=math.nan) for mode in others),
+    )
+    model = replace(results.model, covariance=None, parameter_standard_errors=None, modes=modes)
+    return replace(results, validation=validation, model=model)
 
 
-def test_stages_commit_and_validation_file_are_in_the_provenance(results, tmp_path):
-    directory = shutil.copytree(results, tmp_path / "arm")
-    (directory / "benchmarks").mkdir()
-    (directory / "benchmarks" / "spectrum.tsv").write_text("s\th:m:s\n12.34\t0:00:12\n")
-    (directory / "benchmarks" / "model.tsv").write_text("")
-    origin = {"kind": "file", "path": "data/fresh.csv", "sha256": "cd" * 32, "bytes": 99}
-    (directory / "validation_recording.json").write_text(json.dumps(origin))
-    paths = result_paths(directory)
-    text = Page(build_report(paths, TEMPLATES, commit="1234abcd")).text
+def test_what_is_not_known_is_said(build, unknown, draw):
+    text = Page(build(unknown, draw(unknown))).text
+    assert "Not judged White residuals." in text
+    assert "– simulation error" in text
+    assert "The Ljung-Box test was not possible." in text
+    assert "no ellipse is drawn" in text
+    for mode in unknown.model.modes:
+        assert f"{mode.frequency_hz:.4g} ± not known" in text
+    # Two for each mode and one for each coefficient.
+    expected = 2 * len(unknown.model.modes) + unknown.model.orders.parameters
+    assert text.count("not known") >= expected
+    assert re.findall(r"\b(?:nan|NaN|inf|None)\b", text) == []
+
+
+def test_wall_clock_commit_and_validation_file_are_in_the_provenance(build, results):
+    origin = FileOrigin("data/fresh.csv", "cd" * 32, 99, "text", 1, 2)
+    validated = replace(
+        results,
+        validation_recording_info=replace(results.recording_info, kind="file", file=origin),
+    )
+    seconds = {"spectrum": 12.34, "nb": 98.76, "identification": 321.0}
+    text = Page(build(validated, wall_clock=seconds, commit="1234abcd")).text
     assert "Spectrum – – 12.3" in text
     assert "Model and covariance – – –" in text
+    assert "98.8" in text
+    assert "All stages, in one job – – 321.0" in text
     assert "Commit of the workflow 1234abcd" in text
     assert "git -C PATH checkout 1234abcd" in text
-    assert "File for validation data/fresh.csv" in text
-    assert "cd" * 32 in text
-    candidates = pd.read_csv(directory / "candidates.csv")
-    assert f"{candidates['evaluations'].sum():,}".replace(",", " ") in text
-    for phase in ("delay", "common", "c", "b"):
-        own = candidates[candidates["phase"] == phase]
-        assert f"{len(own)} {own['evaluations'].sum():,}".replace(",", " ") in text
+    assert f"File for validation data/fresh.csv SHA-256 for validation {'cd' * 32}" in text
+    evaluations = results.candidates["evaluations"]
+    assert f"{evaluations.sum():,}".replace(",", " ") in text
+    for phase in PHASES:
+        own = evaluations[results.candidates["phase"] == phase]
+        assert f"{len(own)} {own.sum():,}".replace(",", " ") in text
+
+
+def test_times_of_jobs_are_summed_over_each_stage(tmp_path):
+    def benchmark(name, text):
+        file = tmp_path / f"{name}.tsv"
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(text)
+
+    benchmark("spectrum", "s\th:m:s\n12.34\t0:00:12\n")
+    benchmark("phases/delay/part-1", "s\n1.5\n")
+    benchmark("phases/delay/part-2", "s\n2.25\n")
+    benchmark("phases/delay", "s\n0.25\n")
+    benchmark("model", "")
+    benchmark("figures", "memory\n3\n")
+    assert read_wall_clock(tmp_path) == {"spectrum": 12.34, "delay": 4.0}
+    assert read_wall_clock(tmp_path / "absent") == {}
 
 
 def test_an_unknown_commit_is_said(page):
@@ -190,28 +275,24 @@ def test_an_unknown_commit_is_said(page):
     assert "git -C" not in page.text
 
 
-def test_missing_evidence_is_said(results, tmp_path):
-    directory = shutil.copytree(results, tmp_path / "arm")
-    validation = json.loads((directory / "validation.json").read_text())
-    validation["ljung_box"]["p_value"] = None
-    validation["simulation_error_percent"] = None
-    del validation["excitation"]
-    (directory / "validation.json").write_text(json.dumps(validation))
-    page = Page(build_report(result_paths(directory), TEMPLATES))
-    assert "Not judged White residuals." in page.text
-    assert "Not judged Excitation adequate." in page.text
-    assert "Not judged: White residuals; Excitation adequate." in page.text
+def test_checks_that_all_passed_are_said(build, results, monkeypatch):
+    passed = [Check(check.name, True, check.statement) for check in results.checks]
+    monkeypatch.setattr(type(results), "checks", property(lambda _: passed))
+    text = Page(build(results)).text
+    assert "13 of 13 checks passed All checks were judged and passed." in text
 
 
-def test_hostile_names_do_no_harm(tmp_path):
-    directory = write_results(
-        tmp_path / "hostile", samples=1500, output_name=HOSTILE, dataset=HOSTILE
+def test_hostile_names_do_no_harm(build, draw, results):
+    renamed = replace(
+        results,
+        settings=replace(results.settings, name=HOSTILE),
+        recording=replace(results.recording, output_name=HOSTILE, input_unit=HOSTILE),
+        recording_info=replace(results.recording_info, output_name=HOSTILE, input_name=HOSTILE),
     )
-    draw_all(result_paths(directory), directory / "figures")
-    html = build_report(result_paths(directory), TEMPLATES)
+    html = build(renamed, draw(renamed))
     page = Page(html)
     assert page.tags.count("script") == html.count("<script") == 1
-    assert HOSTILE in page.text
+    assert page.text.count(HOSTILE) >= 4
     assert len(page.ids) == len(set(page.ids))
 
 
@@ -219,63 +300,11 @@ def test_the_page_is_small(html):
     assert len(html) < 1_500_000
 
 
-def test_equal_results_give_equal_pages(results, html):
-    assert build_report(result_paths(results), TEMPLATES) == html
+def test_equal_results_give_equal_pages(build, results, html):
+    assert build(results) == html
 
 
-def test_a_missing_file_is_named(results):
-    paths = result_paths(results)
-    del paths["model.json"]
-    with pytest.raises(InputError, match=r"model\.json"):
-        build_report(paths, TEMPLATES)
-
-
-def test_a_damaged_file_is_named(results, tmp_path):
-    directory = shutil.copytree(results, tmp_path / "arm")
-    (directory / "spectrum.json").write_text("{")
-    with pytest.raises(InputError, match=r"spectrum\.json.*not valid JSON"):
-        build_report(result_paths(directory), TEMPLATES)
-
-
-def test_a_figure_that_was_not_drawn_is_said(results):
-    paths = result_paths(results)
-    del paths["figures/delay.svg"]
-    page = Page(build_report(paths, TEMPLATES))
-    assert "This figure was not drawn." in page.text
-
-
-@pytest.fixture
-def datasets(results, tmp_path):
-    """Three data sets: as it is, with all checks passed, and with a simulation that failed."""
-    good = shutil.copytree(results, tmp_path / "good")
-    table = pd.read_csv(good / "candidates.csv")
-    extra = table[(table["phase"] == "delay") & (table["nk"] == 3)].assign(nk=4, selected=False)
-    pd.concat([table, extra]).to_csv(good / "candidates.csv", index=False)
-    bad = shutil.copytree(results, tmp_path / "bad")
-    validation = json.loads((bad / "validation.json").read_text())
-    validation["ljung_box"]["p_value"] = 1e-9
-    validation["simulation_error_percent"] = None
-    (bad / "validation.json").write_text(json.dumps(validation))
-    return {
-        "good": result_paths(good),
-        HOSTILE: result_paths(bad),
-        "a / b?#": result_paths(results),
-    }
-
-
-def test_index_has_the_worst_first_and_links_each_report(datasets):
-    summaries = {name: summarize(paths) for name, paths in datasets.items()}
-    html = build_index(summaries | {"gone": {"problem": "gone.csv: <no> file"}}, TEMPLATES)
-    page = Page(html)
-    links = [reference for reference in page.references if reference.endswith("report.html")]
-    assert links == [
-        "%3Cscript%3Ealert%28%22x%22%29%3C%2Fscript%3E%27%26/report.html",
-        "a%20%2F%20b%3F%23/report.html",
-        "good/report.html",
-    ]
-    assert page.references.index("gone/logs/") < page.references.index(links[0])
-    assert "gone.csv: <no> file" in page.text
-    assert "2 failed" in page.text
-    assert "13 passed" in page.text
-    assert page.tags.count("script") == html.count("<script") == 1
-    assert HOSTILE in page.text
+def test_a_figure_that_was_not_drawn_is_said(build, results, figures):
+    page = Page(build(results, {name: figures[name] for name in FIGURES if name != "delay"}))
+    assert page.text.count("This figure was not drawn.") == 1
+    assert page.tags.count("svg") == len(FIGURES) - 1

@@ -1,65 +1,234 @@
-"""The table of a fleet: every mode and check of every data set, and those that have no model."""
+"""The lists of all data sets: complete, failed and unfinished ones, and files that were changed."""
+
+import csv
+import shutil
+from dataclasses import replace
+from pathlib import Path
 
 import pandas as pd
 import pytest
 
-from evopem.figures import result_paths
-from evopem.results.dataset import read_json
-from evopem.results.fleet import fleet_table, read_summaries, summarize
-from evopem.files.atomic import write_json, write_parquet, write_table
+from evopem.errors import InputError
+from evopem.files.atomic import write_parquet, write_table
+from evopem.files.job import job
+from evopem.files.json_form import load, save
+from evopem.pipeline.fleet import collect_fleet, collect_unfinished
+from evopem.pipeline.summary import summarize_dataset
+from evopem.results.fleet import (
+    DatasetSummary,
+    IncompleteDataset,
+    fleet_table,
+    read_entry,
+    read_summaries,
+    without_formulas,
+)
+from evopem.results.layout import OVERVIEW, DatasetFiles
+
+TEMPLATES = Path(__file__).parents[2] / "workflow" / "templates"
+SENTENCE = "x.csv, line 51: is not a number; correct it."
 
 
 @pytest.fixture(scope="module")
-def fleet(results, tmp_path_factory):
-    """Results of two data sets and the logs of three that failed, each in its own way."""
-    folder = tmp_path_factory.mktemp("fleet")
-    summary = summarize(result_paths(results))
-    write_json(folder / "good" / "summary.json", summary)
-    write_json(folder / "real poles" / "summary.json", summary | {"modes": []})
-    for name, text in {
-        "bad": "10:00:00 starts\n10:00:01 x.csv: bad; mend it.\n",
-        "killed": "",
-    }.items():
-        logs = folder / name / "logs"
-        logs.mkdir(parents=True)
-        (logs / "recording.log").write_text(text)
-    names = ["good", "bad", "killed", "never", "real poles"]
-    return read_summaries(folder, names)
+def summary(identified):
+    """The summary of an identified data set."""
+    summarize_dataset(identified.files)
+    return load(DatasetSummary, identified.files.summary)
 
 
-def test_one_row_for_each_mode_and_one_for_each_data_set_without(fleet, results):
-    table = fleet_table(fleet)
-    model = read_json(results / "model.json")
-    count = table.groupby("dataset", sort=False).size()
-    assert count.to_dict() == {
-        "good": len(model["modes"]),
-        "bad": 1,
-        "killed": 1,
-        "never": 1,
-        "real poles": 1,
-    }
-    good = table[table["dataset"] == "good"]
-    assert good["frequency_hz"].tolist() == [mode["frequency_hz"] for mode in model["modes"]]
-    assert good["mode"].tolist() == list(range(1, len(model["modes"]) + 1))
-    assert good["na"].unique().tolist() == [model["orders"]["na"]]
-    failed = good.filter(like="check_").eq(False).sum(axis=1)
-    assert good["failed_checks"].tolist() == failed.tolist()
+@pytest.fixture
+def files(identified, summary, tmp_path, monkeypatch):
+    """The files of a complete data set "a" below the working directory."""
+    monkeypatch.chdir(tmp_path)
+    files = DatasetFiles.of_dataset("a")
+    shutil.copytree(identified.files.folder, files.folder)
+    with job(files.log("summary"), [files.model], [files.summary]):
+        summarize_dataset(files)
+    return files
 
 
-def test_what_failed_says_why(fleet):
-    table = fleet_table(fleet).set_index("dataset")
-    assert table.loc["bad", "problem"] == "x.csv: bad; mend it."
-    assert table.loc["killed", "problem"] == "recording came to no end"
-    assert table.loc["never", "problem"] == "nothing was computed"
-    assert table["status"].value_counts().to_dict()["failed"] == 3
-    assert pd.isna(table.loc["bad", "na"])
+def required(*datasets):
+    return {files.name: [files.model, files.validation] for files in datasets}
 
 
-def test_csv_and_parquet_hold_the_same(fleet, tmp_path):
-    table = fleet_table(fleet)
+def unfinished(*datasets, pending=()):
+    """List data sets as after a run that failed; the rows of the table by name."""
+    collect_unfinished(required(*datasets), TEMPLATES, "report.html", pending)
+    return rows()
+
+
+def rows():
+    with Path(OVERVIEW[1]).open(encoding="utf-8") as stream:
+        return {row["dataset"]: row for row in csv.DictReader(stream)}
+
+
+def fail(log, *outputs):
+    """Run a job that fails as those of Snakemake do: its outputs are gone."""
+    for output in outputs:
+        Path(output).unlink(missing_ok=True)
+    with pytest.raises(SystemExit), job(log, outputs=outputs):
+        raise InputError("x.csv", "is not a number", "correct it", "line 51")
+
+
+def test_a_summary_holds_the_results(identified, summary):
+    results = identified.results
+    assert summary.orders == results.model.orders
+    assert summary.modes == tuple(results.model.modes)
+    assert summary.bic == results.model.criteria.bic
+    assert summary.estimation_samples == results.prepared.estimation.samples
+    assert summary.simulation_error_percent == results.validation.simulation_error_percent
+    assert list(summary.checks) == results.checks
+    assert sum(summary.n_checks(passed) for passed in (True, False, None)) == len(results.checks)
+    assert set(summary.made_from) == {"recording.json", "model.json", "validation.json"}
+
+
+def test_complete_data_sets_have_a_row_for_each_mode(summary):
+    still = replace(summary, modes=())
+    table = fleet_table({"a": summary, "no modes": still})
+    count = table.groupby("dataset", sort=False).size().to_dict()
+    assert count == {"a": len(summary.modes), "no modes": 1}
+    own = table[table["dataset"] == "a"]
+    assert own["frequency_hz"].tolist() == [mode.frequency_hz for mode in summary.modes]
+    assert own["damping_percent"].tolist() == [100 * mode.damping_ratio for mode in summary.modes]
+    assert own["mode"].tolist() == list(range(1, len(summary.modes) + 1))
+    assert own["na"].unique().tolist() == [summary.orders.na]
+    failed = own.filter(like="check_").eq(False).sum(axis=1)
+    assert own["failed_checks"].tolist() == failed.tolist()
+    assert own["failed_checks"].iloc[0] == summary.n_checks(passed=False) > 0
+    assert table["status"].unique().tolist() == ["complete"]
+
+
+def test_csv_and_parquet_hold_the_same(summary, tmp_path):
+    table = fleet_table({"a": summary, "b": IncompleteDataset("failed", SENTENCE)})
     write_parquet(tmp_path / "fleet.parquet", table)
-    write_table(tmp_path / "fleet.csv", table.astype(object).where(table.notna(), None))
-    from_parquet = pd.read_parquet(tmp_path / "fleet.parquet")
-    pd.testing.assert_frame_equal(from_parquet, table)
+    write_table(tmp_path / "fleet.csv", without_formulas(table))
+    pd.testing.assert_frame_equal(pd.read_parquet(tmp_path / "fleet.parquet"), table)
     from_csv = pd.read_csv(tmp_path / "fleet.csv", dtype=table.dtypes.to_dict())
     pd.testing.assert_frame_equal(from_csv, table)
+
+
+@pytest.mark.parametrize(
+    "text", ["=cmd|' C calc'!A0.csv", "+1", "-1+2", "@SUM(1)", "\tx", "\rx", "＝1"]
+)
+def test_text_is_no_formula_in_a_spreadsheet(summary, text):
+    summary = replace(summary, file=text, bic=-12.5, modes=summary.modes[:1])
+    table = fleet_table({"a": summary, "b": IncompleteDataset("failed", text)})
+    safe = without_formulas(table)
+    assert safe["file"].iloc[0] == safe["problem"].iloc[1] == f"'{text}"
+    assert safe["bic"].iloc[0] == -12.5
+    unchanged = ["dataset", "status", *table.columns[table.dtypes != "string"]]
+    pd.testing.assert_frame_equal(safe[unchanged], table[unchanged])
+
+
+def test_complete_data_sets_are_listed(files, summary):
+    collect_fleet(["a"], TEMPLATES, "report.html", *OVERVIEW)
+    assert rows()["a"]["status"] == "complete"
+    html = Path(OVERVIEW[0]).read_text()
+    assert f'<a href="a/report.html">a</a></th><td>{summary.orders}</td>' in html
+    assert f"{summary.n_checks(passed=True)} passed" in html
+    assert unfinished(files)["a"] == rows()["a"]
+
+
+def test_a_damaged_summary_ends_the_list_of_complete_data_sets(files):
+    Path(files.summary).write_text("{")
+    with pytest.raises(InputError, match=r"summary\.json: is not valid JSON"):
+        read_summaries([files])
+
+
+def test_a_data_set_that_was_complete_and_fails_is_not_listed_as_complete(files):
+    """The files of its old results are still there, all but the outputs of the job that failed."""
+    fail(files.log("model"), files.model)
+    row = unfinished(files)["a"]
+    assert (row["status"], row["problem"], row["na"]) == ("failed", SENTENCE, "")
+    html = Path(OVERVIEW[0]).read_text()
+    assert SENTENCE in html
+    assert 'href="a/logs/"' in html
+
+
+def test_a_failed_part_of_a_phase_is_known_by_the_jobs_that_are_left(files):
+    """The parts are no results: all required files exist."""
+    fail(files.log("phases/delay/part-1"), files.part("delay", 1))
+    assert unfinished(files, pending=["a"])["a"]["problem"] == SENTENCE
+
+
+def test_a_first_run_that_fails_says_why(tmp_path, monkeypatch):
+    """Also where other jobs of the data set succeeded, before and after it."""
+    monkeypatch.chdir(tmp_path)
+    bad, never = DatasetFiles.of_dataset("bad"), DatasetFiles.of_dataset("never")
+    with job(bad.log("config"), outputs=[bad.config]):
+        Path(bad.config).write_text("{}")
+    fail(bad.log("recording"), bad.recording, bad.recording_info)
+    with job(bad.log("spectrum")):
+        pass
+    listed = unfinished(bad, never, pending=["bad", "never"])
+    assert (listed["bad"]["status"], listed["bad"]["problem"]) == ("failed", SENTENCE)
+    assert listed["never"]["status"] == "unfinished"
+    assert "results/never/model.json has not been made" in listed["never"]["problem"]
+
+
+def test_a_data_set_that_the_run_did_not_reach_is_not_complete(files):
+    """Its results are of other settings, or the run would have left no job of it."""
+    row = unfinished(files, pending=["a"])["a"]
+    assert row["status"] == "unfinished"
+    assert "not all of its jobs have run" in row["problem"]
+
+
+@pytest.mark.parametrize("how", ["cut off", "edited"])
+def test_a_changed_summary_is_reported(files, how):
+    path = Path(files.summary)
+    text = path.read_text()
+    path.write_text(text[:100] if how == "cut off" else text.replace('"bic": ', '"bic": 1'))
+    row = unfinished(files)["a"]
+    assert row["status"] == "failed"
+    assert row["problem"].startswith(
+        f"{files.summary}: was changed or damaged after it was written"
+    )
+
+
+def test_a_cut_off_summary_without_a_checksum_is_reported(files):
+    path = Path(files.summary)
+    path.write_text(path.read_text()[:100])
+    shutil.rmtree(f"{files.folder}/checksums")
+    assert "is not valid JSON" in unfinished(files)["a"]["problem"]
+
+
+def test_a_summary_of_an_earlier_model_is_not_listed(files):
+    model = Path(files.model)
+    model.write_text(model.read_text().replace('"evopem": "', '"evopem": "x'))
+    row = unfinished(files)["a"]
+    assert row["status"] == "unfinished"
+    assert "model.json has changed" in row["problem"]
+
+
+def test_what_cannot_be_read_at_all_is_a_problem_of_one_data_set(files):
+    """An error that nobody foresaw: a folder where a file should be."""
+    other = DatasetFiles.of_dataset("b")
+    shutil.copytree(files.folder, other.folder)
+    Path(other.summary).unlink()
+    Path(other.summary).mkdir()
+    listed = unfinished(files, other)
+    assert listed["a"]["status"] == "complete"
+    assert listed["b"]["status"] == "failed"
+    assert "results/b" in listed["b"]["problem"]
+
+
+def test_no_outdated_list_remains_where_a_new_one_cannot_be_written(files, capsys, monkeypatch):
+    unfinished(files)
+    monkeypatch.setattr("evopem.pipeline.fleet.build_index", lambda *_: 1 / 0)
+    fail(files.log("model"), files.model)
+    assert unfinished(files)["a"]["problem"] == SENTENCE
+    assert not Path(OVERVIEW[0]).exists()
+    message = capsys.readouterr().err.splitlines()[-1]
+    assert message == "results/index.html: the list was not written (division by zero)."
+
+
+def test_an_entry_is_complete_again_when_the_job_succeeds(files):
+    model = Path(files.model).read_text()
+    fail(files.log("model"), files.model)
+    with job(files.log("model"), outputs=[files.model]):
+        Path(files.model).write_text(model)
+    assert isinstance(read_entry(files, [files.model]), DatasetSummary)
+
+
+def test_the_form_of_a_summary_is_exact(summary, tmp_path):
+    save(summary, tmp_path / "summary.json")
+    assert repr(load(DatasetSummary, tmp_path / "summary.json")) == repr(summary)

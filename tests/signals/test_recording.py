@@ -59,7 +59,7 @@ def test_a_failed_write_leaves_the_old_file_alone(tmp_path, monkeypatch):
 
     monkeypatch.setattr(np, "savez", fail)
     with pytest.raises(
-        InputError, match=r"recording.npz: cannot be written \(disk full\); make room"
+        InputError, match=r"recording.npz: cannot be written \(disk full\); free disk space"
     ):
         save_recording(record(30), path)
     assert path.read_bytes() == before

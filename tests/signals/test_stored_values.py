@@ -271,3 +271,13 @@ def test_two_channels_with_the_same_values(tmp_path):
     assert "hold the same values" in refusal(archive, "u", "v")
     assert "hold the same values" in refusal(archive, 1, "u")
     assert_read(read_recording(archive, "u", 2, RATE))
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e3, 1e6, 1e9])
+def test_a_time_that_is_chosen_as_a_signal(tmp_path, scale):
+    path = tmp_path / "record.npz"
+    np.savez(path, t=3.5 + scale * T.round(4), u=U, y=Y, ramp=0.7 * T)
+    message = refusal(path, "t", "y", sampling_rate=RATE)
+    assert 'input "t": the channel increases by the sampling period' in message
+    assert 'output "t"' in refusal(path, "u", "t", sampling_rate=RATE)
+    assert read_recording(path, "ramp", "y", RATE).samples == N

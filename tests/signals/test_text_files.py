@@ -180,6 +180,7 @@ def test_unknown_columns_list_what_is_there(tmp_path):
 
 def test_missing_file_folder_and_extension(tmp_path):
     assert "no such file" in refusal(tmp_path / "absent.csv")
+    assert "no such file" in refusal(tmp_path / f"{'long' * 80}.csv")
     (tmp_path / "folder.csv").mkdir()
     assert "is not a file" in refusal(tmp_path / "folder.csv")
     assert ".parquet" in refusal(write(tmp_path, "1,2", "record.xlsx"))
@@ -213,7 +214,7 @@ def test_a_constant_channel_and_a_short_record(tmp_path):
     "header", ['"force","tip"', '"force, N","tip"', '"force","tip",', "force,tip", '"force",tip,']
 )
 def test_headings_are_found_whatever_the_number_of_rows(tmp_path, header, count):
-    rows = "".join(f"{index % 7}.5,{index % 11}.25\n" for index in range(count))
+    rows = "".join(f"{3 * index % 7}.5,{7 * index % 11}.25\n" for index in range(count))
     path = write(tmp_path, f"{header}\n{rows}")
     name = "force, N" if ", N" in header else "force"
     recording = read_recording(path, name, "tip", 1.0)

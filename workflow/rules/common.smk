@@ -6,23 +6,24 @@ import sys
 from pathlib import Path
 
 from snakemake.exceptions import WorkflowError
+from snakemake.io import IOFile
 
 WORKFLOW = Path(str(workflow.current_basedir)).parent
 SCRIPTS = WORKFLOW / "scripts"
 sys.path.insert(0, str(SCRIPTS))
 
-from evopem.config.blas import blas_code
 from evopem.config.defaults import complete
+from evopem.config.environment import check_environment, job_environment
 from evopem.config.rule_digest import code_version
-from evopem.config.schema import check_yaml_files
+from evopem.config.strict_yaml import check_yaml_files
 from evopem.errors import InputError
+from evopem.files.termination import interrupt_on_hangup
 from evopem.pipeline.provider import FILES as files
 from evopem.pipeline.provider import Provider
-from evopem.results.layout import FIGURES, OVERVIEW, PHASES, DatasetFiles
+from evopem.results.layout import FIGURES, OVERVIEW, PHASES, DatasetFiles, check_folders
+from evopem.results.replaced_recordings import mark_replaced_recordings
 
-# Jobs inherit it.
-for name, value in blas_code().items():
-    os.environ.setdefault(name, value)
+os.environ.update(job_environment(os.environ, Path.cwd()))
 
 # A module is given its configuration by the project that uses it.
 CONFIG_FILES = (
@@ -32,9 +33,11 @@ CONFIG_FILES = (
 )
 
 try:
+    check_environment(os.environ)
     check_yaml_files(CONFIG_FILES)
 except InputError as error:
-    raise WorkflowError(str(error)) from None
+    # A WorkflowError would add the line of this file to the sentence.
+    sys.exit(str(error))
 
 
 configfile: "config.yaml"
@@ -48,8 +51,14 @@ try:
             source=" and ".join(map(str, CONFIG_FILES)),
         )
     )
+    check_folders(provider.config.datasets)
 except InputError as error:
-    raise WorkflowError(str(error)) from None
+    sys.exit(str(error))
+
+# Jobs parse this file as well, while the results of other jobs change.
+if workflow.is_main_process:
+    interrupt_on_hangup()
+    mark_replaced_recordings(provider.config.datasets)
 
 TEMPLATES = sorted(
     path for path in (WORKFLOW / "templates").rglob("*") if path.is_file()
@@ -85,13 +94,23 @@ def code(script, *templates):
 
 
 def collect_unfinished():
-    """List all data sets after a run in which some of them failed."""
+    """List all data sets after a run that failed; the next run makes the lists again."""
     from evopem.pipeline import fleet
 
-    names = provider.config.datasets if provider.lists else []
-    required = {name: provider.results(name) for name in names}
-    if required:
-        fleet.collect_unfinished(required, WORKFLOW / "templates", provider.page)
+    if not provider.lists:
+        return
+    left = {
+        getattr(job.wildcards, "dataset", None) for job in workflow.dag.needrun_jobs()
+    }
+    required = {name: provider.results(name) for name in provider.config.datasets}
+    fleet.collect_unfinished(
+        required, WORKFLOW / "templates", provider.page, pending=left
+    )
+    # Older than all results and without Snakemake's record of their inputs, they are made again
+    # even if the contents of these inputs stay the same. (Snakemake ignores a time of 0.)
+    for file in filter(os.path.exists, provider.lists):
+        os.utime(file, (1, 1))
+        workflow.persistence.cleanup_metadata(IOFile(file))
 
 
 wildcard_constraints:

@@ -12,7 +12,8 @@ from typing import Any
 
 import yaml
 
-from evopem.config.schema import check_schema, check_yaml_files
+from evopem.config.schema import check_schema
+from evopem.config.strict_yaml import check_yaml_files
 from evopem.files.json_form import from_json
 
 SCHEMA = Path(__file__).parents[2] / "settings.schema.yaml"

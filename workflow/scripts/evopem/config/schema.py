@@ -1,10 +1,10 @@
-"""Errors of form: YAML that hides something, keys and values the schema refuses."""
+"""Refuse keys and values that the schema does not allow."""
 
 from __future__ import annotations
 
 import difflib
-from collections.abc import Hashable, Iterable, Mapping
-from pathlib import Path
+import re
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 import jsonschema
@@ -13,67 +13,18 @@ import yaml
 from evopem.errors import InputError
 
 
-class _StrictLoader(yaml.SafeLoader):
-    """A YAML loader that refuses what the usual one passes over in silence."""
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
-        source = str(self.name)
-        seen = set()
-        for key_node, _ in node.value:
-            if key_node.tag == "tag:yaml.org,2002:merge":
-                continue
-            key = self.construct_object(key_node, deep=True)
-            place = f"line {key_node.start_mark.line + 1}"
-            if not isinstance(key, str):
-                raise InputError(
-                    source,
-                    f"the key {key_node.value} is read as {_shown(key)}, not as text",
-                    "put it in quotes",
-                    place,
-                )
-            if key in seen:
-                raise InputError(
-                    source, f"the key {key} stands here for the second time", "keep one", place
-                )
-            seen.add(key)
-        return super().construct_mapping(node, deep)
+def _full_pattern(
+    _validator: Any, pattern: str, instance: object, _: Mapping[str, Any]
+) -> Iterator[jsonschema.ValidationError]:
+    """Compare a whole text with a pattern, where ``$`` would accept a line break at its end."""
+    whole = pattern.replace("$", r"\Z")
+    if isinstance(instance, str) and not re.search(whole, instance):
+        yield jsonschema.ValidationError(f"{instance!r} does not match {pattern!r}")
 
 
-def check_yaml_files(paths: Iterable[str | Path]) -> None:
-    """Refuse a configuration file with broken YAML, a repeated key or a key that is not text.
-
-    Parameters
-    ----------
-    paths : iterable of path
-        Configuration files; one that does not exist is passed over, for whoever reads it to say.
-
-    Raises
-    ------
-    InputError
-        Naming the file and the line.
-    """
-    for path in map(Path, paths):
-        if not path.is_file():
-            continue
-        try:
-            with path.open(encoding="utf-8") as stream:
-                content = yaml.load(stream, Loader=_StrictLoader)
-        except UnicodeDecodeError as error:
-            raise InputError(
-                str(path), f"byte {error.start} is not UTF-8", "save the file as UTF-8"
-            ) from None
-        except yaml.YAMLError as error:
-            mark = getattr(error, "problem_mark", None)
-            raise InputError(
-                str(path),
-                f"this is not YAML: {getattr(error, 'problem', None) or error}",
-                "check indentation (spaces, no tabs), colons and brackets",
-                f"line {mark.line + 1}" if mark else "",
-            ) from None
-        if not isinstance(content, dict):
-            raise InputError(
-                str(path), "there are no keys in it", "write at least `datasets:` with one data set"
-            )
+_Validator = jsonschema.validators.extend(
+    jsonschema.Draft202012Validator, {"pattern": _full_pattern}
+)
 
 
 def check_schema(
@@ -96,7 +47,7 @@ def check_schema(
         Naming the path of the key (``datasets.arm.delay.orders``), its value, what is wrong with
         it and what to do.
     """
-    errors = jsonschema.Draft202012Validator(schema).iter_errors(config)
+    errors = _Validator(schema).iter_errors(config)
     error = min(errors, key=lambda each: (len(each.path), key_path(each.path)), default=None)
     if error is None:
         return

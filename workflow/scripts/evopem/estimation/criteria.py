@@ -23,7 +23,8 @@ class Criteria:
     objective : float
         Percent (chapter eq. 20 or 22).
     fit_percent : float
-        ``100 (1 - sum|e| / sum|y|)`` (chapter eq. 21).
+        One-step NRMSE fit ``100 (1 - ||e|| / ||y - mean(y)||)``, as MATLAB's ``compare`` has it.
+        The chapter's fit (eq. 21) is 100 minus the absolute objective.
     rss : float
         ``100 ||e||^2 / ||y||^2`` in percent (chapter eq. 22).
     bic : float
@@ -50,9 +51,10 @@ def criteria_of(residuals: Array, output: Array, objective: str, parameters: int
     square_sum, count = float(residuals @ residuals), len(residuals)
     rss = 100.0 * square_sum / float(output @ output)
     absolute = 100.0 * float(np.sum(np.abs(residuals)) / np.sum(np.abs(output)))
+    deviation = float(np.linalg.norm(output - output.mean()))
     return Criteria(
         objective=rss if objective == "quadratic" else absolute,
-        fit_percent=100.0 - absolute,
+        fit_percent=100.0 * (1.0 - np.sqrt(square_sum) / deviation),
         rss=rss,
         bic=float(np.log(square_sum / count) + parameters * np.log(count) / count),
     )

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import operator
+import warnings
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -17,19 +19,24 @@ from evopem.estimation.criteria import (
     power_of_two_scale,
 )
 from evopem.estimation.pem.covariance import (
+    estimate_covariance,
     innovation_variance,
     jacobian_triangle,
-    parameter_covariance,
 )
 from evopem.estimation.pem.kernels import MIN_NC
+from evopem.estimation.pem.minimum_norm import minimum_norm_point
 from evopem.estimation.pem.objective import OBJECTIVES, PredictionErrorProblem
 from evopem.estimation.search.armax_problem import INITIALIZATIONS, ArmaxProblem
 from evopem.estimation.search.memetic import REFINE, memetic_search
 from evopem.estimation.search.problem import SearchDiagnostics, SearchResult, pooled
 from evopem.models.armax import ArmaxModel, Orders
 from evopem.models.polynomials import max_root_radius as largest_radius
+from evopem.signals.recording import LARGEST
 
 Array = NDArray[np.float64]
+
+# Mean of the output, in standard deviations, from which on it biases the poles noticeably.
+LEVEL_WARNING = 0.3
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +46,7 @@ class Estimate:
     Attributes
     ----------
     model : ArmaxModel
-        With the covariance of its parameters.
+        With the covariance of its parameters, where it is known.
     criteria : Criteria
     residuals : (N,) array
         NaN before ``window.residual_start``.
@@ -103,14 +110,39 @@ def estimate(
     Raises
     ------
     ValueError
-        When the record is too short for the orders, or a setting is outside its range.
+        When a signal is not real, finite or of moderate size, the record is too short for the
+        orders, or a setting is outside its range.
+
+    Warns
+    -----
+    UserWarning
+        When the mean of the output is not small beside its standard deviation.
+
+    Examples
+    --------
+    >>> import evopem
+    >>> from evopem.synthesis.armax import armax
+    >>> recording, truth = armax(seed=1, samples=1000)
+    >>> found = evopem.estimate(
+    ...     recording.input,
+    ...     recording.output,
+    ...     orders=truth.orders,
+    ...     sampling_rate=recording.sampling_rate,
+    ...     settings=evopem.SearchSettings(objective="quadratic", seed=1),
+    ... )
+    >>> [round(mode.frequency_hz) for mode in found.model.modes()]
+    [5, 17, 37]
+    >>> found.search.diagnostics.n_confirming >= 2
+    True
     """
-    orders = orders if isinstance(orders, Orders) else Orders(*orders)
+    orders = orders if isinstance(orders, Orders) else Orders(*_whole_numbers(orders))
     settings = settings or SearchSettings()
-    u = np.ascontiguousarray(input, dtype=float)
-    y = np.ascontiguousarray(output, dtype=float)
+    u, y = _real_signal(input, "input"), _real_signal(output, "output")
+    if not (np.isfinite(sampling_rate) and sampling_rate > 0.0):
+        raise ValueError(f"sampling_rate must be a positive number of Hz, not {sampling_rate}")
     window = window or default_window(orders, settings)
     _check(u, y, orders, settings, window)
+    _warn_of_level(y)
     # The bits of a result must not depend on how many threads the machine's BLAS would take.
     with threadpool_limits(limits=1, user_api="blas"):
         errors = prediction_errors(u, y, orders, settings, window)
@@ -126,7 +158,13 @@ def estimate(
 
 
 def default_window(orders: Orders, settings: SearchSettings) -> ScoringWindow:
-    """The window of an estimate that is not compared with models of other orders."""
+    """The window of an estimate that is not compared with models of other orders.
+
+    Examples
+    --------
+    >>> default_window(Orders(7, 6, 7, 3), SearchSettings(n_initial_discard=50))
+    ScoringWindow(residual_start=8, loss_start=58)
+    """
     first = orders.first_residual
     return ScoringWindow(first, first + max(settings.n_initial_discard, orders.nc))
 
@@ -191,24 +229,25 @@ def describe(
     errors: PredictionErrorProblem, result: SearchResult, sampling_rate: float
 ) -> Estimate:
     """The model at a search's best point, with its criteria, residuals and covariance."""
-    point, orders, start = result.point, errors.orders, errors.scoring_start
-    a = np.concatenate([[1.0], point[: orders.na]])
-    b = point[orders.na : orders.na + orders.nb].copy()
-    c = np.concatenate([[1.0], point[orders.na + orders.nb : orders.parameters]])
-    residuals = errors.residuals(point)
+    orders, start = errors.orders, errors.scoring_start
+    point, residuals, triangle = _identifiable(errors, result.point)
+    a, b, c = _coefficients(point, orders)
     scored, scored_output = residuals[start:], errors.output[start:]
-    model = ArmaxModel(a, b, c, orders.nk, sampling_rate)
-    triangle = jacobian_triangle(
-        model, errors.input, errors.output, residuals, errors.recursion_start, start
+    model = ArmaxModel(
+        a,
+        b,
+        c,
+        orders.nk,
+        sampling_rate,
+        noise_variance=innovation_variance(scored, triangle.shape[1]),
+        covariance=estimate_covariance(
+            triangle, scored, scored_output, orders.parameters, orders.nc, errors.objective
+        ),
     )
     residuals[: errors.recursion_start] = np.nan
     radius = max(largest_radius(a[1:]), largest_radius(c[1:]))
     return Estimate(
-        model=replace(
-            model,
-            noise_variance=innovation_variance(scored, triangle.shape[1]),
-            covariance=parameter_covariance(triangle, scored, orders.parameters, errors.objective),
-        ),
+        model=model,
         criteria=criteria_of(scored, scored_output, errors.objective, orders.parameters),
         residuals=residuals,
         noise_state=point[orders.parameters :].copy(),
@@ -216,6 +255,30 @@ def describe(
         at_stability_bound=lies_at_bound(radius, errors.max_root_radius),
         search=result,
     )
+
+
+def _identifiable(errors: PredictionErrorProblem, point: Array) -> tuple[Array, Array, Array]:
+    """The point with the shortest B of equal residuals, its residuals and Jacobian triangle."""
+    residuals, triangle = _residuals_and_triangle(errors, point)
+    shortest = minimum_norm_point(point, triangle, errors.orders)
+    if np.array_equal(shortest, point):
+        return point, residuals, triangle
+    return shortest, *_residuals_and_triangle(errors, shortest)
+
+
+def _residuals_and_triangle(errors: PredictionErrorProblem, point: Array) -> tuple[Array, Array]:
+    residuals = errors.residuals(point)
+    bare = ArmaxModel(*_coefficients(point, errors.orders), errors.orders.nk)
+    triangle = jacobian_triangle(
+        bare, errors.input, errors.output, residuals, errors.recursion_start, errors.scoring_start
+    )
+    return residuals, triangle
+
+
+def _coefficients(point: Array, orders: Orders) -> tuple[Array, Array, Array]:
+    """A, B and C of a point."""
+    a, b, c = np.split(point[: orders.parameters], [orders.na, orders.na + orders.nb])
+    return np.concatenate([[1.0], a]), b.copy(), np.concatenate([[1.0], c])
 
 
 def _scaled_problem(
@@ -242,6 +305,37 @@ def _scaled_problem(
     return ArmaxProblem(scaled, initialization), scales
 
 
+def _whole_numbers(orders: Iterable[int]) -> list[int]:
+    """Orders as whole numbers, NumPy's among them."""
+    orders = tuple(orders)
+    try:
+        na, nb, nc, nk = (operator.index(order) for order in orders)
+    except (TypeError, ValueError):
+        raise ValueError(
+            f"orders must be four whole numbers na, nb, nc and nk, not {orders}"
+        ) from None
+    return [na, nb, nc, nk]
+
+
+def _real_signal(signal: ArrayLike, name: str) -> Array:
+    """A signal as an array of floats."""
+    array = np.asarray(signal)
+    if np.iscomplexobj(array):
+        raise ValueError(f"the {name} is complex; give its real part or another channel")
+    return np.ascontiguousarray(array, dtype=float)
+
+
+def _warn_of_level(output: Array) -> None:
+    """Warn of a constant part, which the model has no term for."""
+    mean, deviation = float(np.mean(output)), float(np.std(output))
+    if abs(mean) > LEVEL_WARNING * deviation:
+        warnings.warn(
+            f"the mean of the output is {mean:.3g}, with a standard deviation of {deviation:.3g}: "
+            "the model has no constant term, so subtract the means of input and output first",
+            stacklevel=3,
+        )
+
+
 def _check(
     u: Array, y: Array, orders: Orders, settings: SearchSettings, window: ScoringWindow
 ) -> None:
@@ -249,6 +343,13 @@ def _check(
         raise ValueError(f"input and output must be of one length, not {u.shape} and {y.shape}")
     if not (np.isfinite(u).all() and np.isfinite(y).all()):
         raise ValueError("input and output must be finite")
+    for name, signal in (("input", u), ("output", y)):
+        largest = float(np.max(np.abs(signal)))
+        if largest and not 1.0 / LARGEST < largest < LARGEST:
+            raise ValueError(
+                f"the largest magnitude of the {name} is {largest:g}; scale it between "
+                f"{1.0 / LARGEST:g} and {LARGEST:g}"
+            )
     for name, known in (
         ("objective", OBJECTIVES),
         ("refine", REFINE),

@@ -12,9 +12,11 @@ import sys
 import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from typing import NamedTuple
 
 from evopem.config.settings import ScoringWindow, SearchSettings
+from evopem.errors import InputError
 from evopem.estimation.candidate import Candidate
 from evopem.estimation.order_selection import estimate_candidates
 from evopem.models.armax import Orders
@@ -56,7 +58,7 @@ def estimate_in_parallel(
     Raises
     ------
     InputError
-        When the record is too short for an order.
+        When the record is too short for an order, or a process was killed.
     """
     if cores <= 1 or len(orders) <= 2:
         return estimate_candidates(data, orders, phase, settings, window, log)
@@ -67,9 +69,16 @@ def estimate_in_parallel(
     # Elsewhere than on Linux forking is unsafe.
     start = multiprocessing.get_context("fork" if sys.platform == "linux" else "spawn")
     task = _Task(data, phase, settings, window)
-    with ProcessPoolExecutor(min(cores, len(others)), start, _prepare, (task,)) as pool:
-        running = {index: pool.submit(_estimate, orders[index]) for index in reversed(others)}
-        found |= {index: estimate.result() for index, estimate in running.items()}
+    try:
+        with ProcessPoolExecutor(min(cores, len(others)), start, _prepare, (task,)) as pool:
+            running = {index: pool.submit(_estimate, orders[index]) for index in reversed(others)}
+            found |= {index: estimate.result() for index, estimate in running.items()}
+    except BrokenProcessPool:
+        raise InputError(
+            f"the candidates of phase {phase}",
+            "a process that estimates them was killed, as a system without memory does",
+            "run again with fewer cores or jobs, or with more memory",
+        ) from None
     return [candidate for index in range(len(orders)) for candidate in found[index]]
 
 

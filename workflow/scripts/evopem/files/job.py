@@ -11,7 +11,8 @@ from pathlib import Path
 
 from evopem.errors import InputError
 from evopem.files.checksums import verify_checksums, write_checksums
-from evopem.files.unfinished import UnfinishedJob, delete_records, write_record
+from evopem.files.termination import end_with_parent
+from evopem.files.unfinished import UnfinishedJob, delete_record, start_record, write_record
 
 
 @contextmanager
@@ -57,17 +58,18 @@ def job(
         sys.stderr.write(f"{error}\n")
         sys.exit(1)
 
+    end_with_parent()
     try:
+        start_record(record, logs)
         handler = _log_handler(log_file)
     except InputError as error:
         fail(error)
     with _attached(handler) as logger:
         try:
-            write_record(record, logs)
             verify_checksums(inputs, logs.parent)
             yield logger
             write_checksums(made, logs.parent, record.job)
-            delete_records(record, logs)
+            delete_record(record, logs)
         except (InputError, MemoryError) as error:
             mistake = error if isinstance(error, InputError) else _lack_of_memory(logs, record)
             logger.error("%s", mistake)

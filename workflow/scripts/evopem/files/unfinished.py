@@ -44,29 +44,34 @@ class UnfinishedJob:
         )
 
 
+def start_record(record: UnfinishedJob, logs: str | Path) -> None:
+    """Write the record of a job that starts, and delete the records that it makes obsolete.
+
+    These are the records of jobs that make the same outputs, or parts of them, when the workflow is
+    divided differently. The parts of ``phases/delay.json`` lie in the folder ``phases/delay``.
+    """
+    made = {Path(output) for output in record.outputs}
+    made |= {output.with_suffix("") for output in made}
+    for other in _read(Path(logs)):
+        if all({Path(output), *Path(output).parents} & made for output in other.outputs):
+            delete_record(other, logs)
+    write_record(record, logs)
+
+
 def write_record(record: UnfinishedJob, logs: str | Path) -> None:
     """Write the record of a job into the folder of its logs."""
     save(record, _file(record.job, logs))
 
 
-def delete_records(succeeded: UnfinishedJob, logs: str | Path) -> None:
-    """Delete the record of a job that succeeded, and the records that its outputs make obsolete.
-
-    These are the records of jobs that make the same outputs, or parts of them, when the workflow is
-    divided differently. The parts of ``phases/delay.json`` lie in the folder ``phases/delay``.
-    """
-    made = {Path(output) for output in succeeded.outputs}
-    made |= {output.with_suffix("") for output in made}
-    for other in _read(Path(logs)):
-        if all({Path(output), *Path(output).parents} & made for output in other.outputs):
-            _file(other.job, logs).unlink(missing_ok=True)
-    _file(succeeded.job, logs).unlink(missing_ok=True)
+def delete_record(record: UnfinishedJob, logs: str | Path) -> None:
+    """Delete the record of a job."""
+    _file(record.job, logs).unlink(missing_ok=True)
 
 
 def unfinished_jobs(logs: str | Path) -> list[UnfinishedJob]:
-    """The unfinished jobs of which an output is missing; those with a message first, then by age.
+    """The unfinished jobs of which an output is missing, the newest record first.
 
-    The newest comes first. A record that cannot be read is left out.
+    A record that cannot be read is left out.
     """
     logs = Path(logs)
     records = [
@@ -74,8 +79,14 @@ def unfinished_jobs(logs: str | Path) -> list[UnfinishedJob]:
         for record in _read(logs)
         if not all((logs.parent / output).exists() for output in record.outputs)
     ]
-    records.sort(key=lambda record: _file(record.job, logs).stat().st_mtime_ns, reverse=True)
-    return sorted(records, key=lambda record: record.message is None)
+    return sorted(records, key=lambda record: _written(record, logs), reverse=True)
+
+
+def _written(record: UnfinishedJob, logs: Path) -> int:
+    try:
+        return _file(record.job, logs).stat().st_mtime_ns
+    except OSError:  # another job has just deleted it
+        return 0
 
 
 def _file(job: str, logs: str | Path) -> Path:

@@ -16,13 +16,19 @@ SAME_MODE = 0.15
 def match_modes(estimates: Sequence[Mode], references: Sequence[Mode]) -> dict[int, int]:
     """Pair modes by natural frequency, each at most once.
 
-    The pairs have the least sum of distances in the logarithm of frequency (an assignment
-    problem). Modes further apart than :data:`SAME_MODE` are not paired.
+    As many modes as possible are paired, with the least sum of squared distances in the logarithm
+    of frequency (an assignment problem). Modes further apart than :data:`SAME_MODE` are not paired.
 
     Returns
     -------
     dict of int to int
         Index of the reference, by index of the estimate.
+
+    Examples
+    --------
+    >>> found = [Mode(5.4, 0.01, 0j), Mode(21.0, 0.1, 0j), Mode(37.1, 0.01, 0j)]
+    >>> match_modes(found, [Mode(5.36, 0.01, 0j), Mode(37.0, 0.01, 0j)])
+    {0: 0, 2: 1}
     """
     from scipy.optimize import linear_sum_assignment
 
@@ -36,7 +42,7 @@ def match_modes(estimates: Sequence[Mode], references: Sequence[Mode]) -> dict[i
     )
     # Pairs that are too far apart all have one large cost, so that none displaces a good pair.
     limit = math.log(1 + SAME_MODE)
-    rows, columns = linear_sum_assignment(np.where(distance <= limit, distance, 1e3))
+    rows, columns = linear_sum_assignment(np.where(distance <= limit, distance**2, 1e3))
     return {int(r): int(c) for r, c in zip(rows, columns, strict=True) if distance[r, c] <= limit}
 
 

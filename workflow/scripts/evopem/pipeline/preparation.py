@@ -7,6 +7,7 @@ from evopem.config.settings import PreparationSettings, SampleRequirements
 from evopem.results.layout import DatasetFiles
 from evopem.signals.preparation import prepare, save_prepared
 from evopem.signals.recording import load_recording
+from evopem.signals.shared_samples import check_independent
 
 
 def prepare_signals(
@@ -20,10 +21,14 @@ def prepare_signals(
     Raises
     ------
     InputError
-        When a transform cannot be applied, or too few samples are left for the order grid.
+        When a transform cannot be applied, too few samples are left for the order grid, or the
+        validation recording shares its samples with the estimation recording.
     """
     place = f"datasets.{files.name}"
+    recording = load_recording(files.recording)
     validation = load_recording(files.validation_recording) if has_validation_recording else None
-    prepared = prepare(load_recording(files.recording), settings, validation, place)
+    if validation is not None:
+        check_independent(recording, validation, f"{place}.validation_file")
+    prepared = prepare(recording, settings, validation, place)
     check_samples(requirements, prepared.estimation.samples, prepared.validation.samples, place)
     save_prepared(prepared, files.prepared, files.transforms)

@@ -10,14 +10,14 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import Any, Protocol
 
 from evopem.config import order_grid, resources
-from evopem.config.defaults import RESERVED_NAMES
+from evopem.config.dataset_names import RESERVED_NAMES
 from evopem.config.settings import Configuration, DatasetSettings, RecordedSource
 from evopem.files.json_form import to_json
 from evopem.results.layout import OVERVIEW, DatasetFiles
+from evopem.results.replaced_recordings import was_read_from
 
 _RESERVED = "|".join(map(re.escape, RESERVED_NAMES))
 DATASET_PATTERN = rf"(?!(?:{_RESERVED})/)[A-Za-z0-9][A-Za-z0-9_.-]*"
@@ -74,8 +74,15 @@ class Provider:
 
     @property
     def lists(self) -> list[str]:
-        """The lists of all data sets; none for a single data set or a shard."""
-        return [*OVERVIEW] if len(self.config.datasets) > 1 and not self.config.run.shard else []
+        """The lists of all data sets; none for a shard.
+
+        Nor are there any for a single data set, unless they exist from a run with several: then
+        they are made again, so that they do not list data sets that have been removed.
+        """
+        if self.config.run.shard:
+            return []
+        several = len(self.config.datasets) > 1
+        return [*OVERVIEW] if several or any(map(resources.is_file, OVERVIEW)) else []
 
     def results(self, dataset: str) -> list[str]:
         """The results of one data set."""
@@ -114,15 +121,16 @@ class Provider:
         """A function that gives the recorded file that a data set names under a key.
 
         A missing file is no input before its first reading: its job then says so in a sentence,
-        and the other data sets continue, where Snakemake would stop them all. Later it stays an
-        input, so that nothing made from it is lost.
+        and the other data sets continue, where Snakemake would stop them all. One that was read
+        before stays an input, so that nothing made from it is lost.
         """
 
         def existing(wildcards: Wildcards) -> dict[str, str]:
             path = self._file(wildcards.dataset, key)
             own = DatasetFiles.of_dataset(wildcards.dataset)
-            used = path and (Path(own.recording).exists() or resources.is_file(path))
-            return {"file": path} if path and used else {}
+            info = own.recording_info if key == "file" else own.validation_recording_info
+            used = path and (resources.is_file(path) or was_read_from(path, info))
+            return {key: path} if path and used else {}
 
         return existing
 

@@ -18,7 +18,9 @@ PHASE_STAGES = {
     "nc": "Search of nc",
     "nb": "Search of nb",
 }
-BEFORE = (("recording", "Reading"), ("prepared", "Preparation"), ("spectrum", "Spectrum"))
+# All stages where they ran as one job.
+ONE_JOB = "identification"
+BEFORE = (("recording", "Reading"), ("preparation", "Preparation"), ("spectrum", "Spectrum"))
 AFTER = (("model", "Model and covariance"), ("validation", "Validation"), ("figures", "Figures"))
 
 
@@ -46,7 +48,10 @@ def stages(results: DatasetResults, wall_clock: Mapping[str, float]) -> list[Sta
         tried = [candidate.diagnostics for candidate in results.phases[phase].candidates]
         evaluations = sum(diagnostics.evaluations for diagnostics in tried)
         rows.append(Stage(name, wall_clock.get(phase), len(tried), evaluations))
-    return rows + [Stage(name, wall_clock.get(stage)) for stage, name in AFTER]
+    rows += [Stage(name, wall_clock.get(stage)) for stage, name in AFTER]
+    if ONE_JOB in wall_clock:
+        rows.append(Stage("All stages, in one job", wall_clock[ONE_JOB]))
+    return rows
 
 
 def command(commit: str) -> str:

@@ -78,7 +78,7 @@ class IncompleteDataset:
     Attributes
     ----------
     status : {"failed", "unfinished"}
-        ``unfinished`` where no job of it failed, because the run ended before.
+        ``unfinished`` where the run ended before its jobs, or a job of it could not start.
     problem : str
         What is wrong, in a sentence.
     """
@@ -269,4 +269,4 @@ def _reason(files: DatasetFiles, missing: str | None) -> IncompleteDataset:
     if jobs:
         return IncompleteDataset("failed", jobs[0].sentence)
     what = f"{missing} has not been made" if missing else "not all of its jobs have run"
-    return IncompleteDataset("unfinished", f"{what}: the run ended before; run snakemake again.")
+    return IncompleteDataset("unfinished", f"{what}; run snakemake again.")

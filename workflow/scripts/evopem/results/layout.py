@@ -6,12 +6,13 @@ numpy or pandas: a Snakefile uses this module.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from evopem.config.order_grid import PHASES
-
-FOLDER = "results"
+from evopem.config.dataset_names import RESULTS_FOLDER as FOLDER
+from evopem.config.settings import PHASES
+from evopem.errors import InputError
 
 FIGURES = (
     "record",
@@ -221,3 +222,18 @@ class DatasetFiles:
     def pages(self) -> list[str]:
         """The report and its figures."""
         return [self.report, *self.figures]
+
+
+def check_folders(names: Iterable[str]) -> None:
+    """Refuse files where the folders of results must be.
+
+    Raises
+    ------
+    InputError
+        Naming the file.
+    """
+    for folder in (FOLDER, *(DatasetFiles.of_dataset(name).folder for name in names)):
+        if Path(folder).exists() and not Path(folder).is_dir():
+            raise InputError(
+                folder, "is a file, and the results need a folder of this name", "move the file"
+            )

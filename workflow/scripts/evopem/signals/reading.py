@@ -23,7 +23,7 @@ from evopem.signals.recording import (
     check_measured,
     check_recording,
 )
-from evopem.signals.timestamps import sampling_rate_of
+from evopem.signals.timestamps import is_time, sampling_rate_of
 
 FORMATS = {
     ".csv": "text",
@@ -137,16 +137,31 @@ def read_recording(
     )
     check_recording(recording, source)
     check_measured(recording, source)
+    for role in ("input", "output"):
+        if is_time(getattr(recording, role), rate):
+            raise InputError(
+                source,
+                "the channel increases by the sampling period in every sample, as a time does",
+                "choose another channel",
+                f'{role} "{getattr(recording, f"{role}_name")}"',
+            )
     return recording
 
 
 def sha256(path: str | Path) -> str:
     """SHA-256 of a file's bytes, as hexadecimal digits."""
-    with _local(Path(path)).open("rb") as file:
+    with local_path(Path(path)).open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def format_of(path: Path) -> str:
+    """The format of a file, one of the values of `FORMATS`, by its extension.
+
+    Raises
+    ------
+    InputError
+        When the extension is not known.
+    """
     extension = path.suffix.lower()
     if extension not in FORMATS:
         raise InputError(
@@ -157,7 +172,7 @@ def format_of(path: Path) -> str:
     return FORMATS[extension]
 
 
-def _local(path: Path) -> Path:
+def local_path(path: Path) -> Path:
     """The path as the operating system's calls take it in any locale.
 
     In the C locale without UTF-8 mode Python cannot encode a name such as "Größe.csv". Files are
@@ -190,7 +205,7 @@ def _text_options(
 def _read_channels(
     path: Path, references: list[Reference], options: dict[str, Any]
 ) -> list[Channel]:
-    local = _local(path)
+    local = local_path(path)
     try:
         return _read_local(local, references, options)
     except InputError as refused:
@@ -201,8 +216,13 @@ def _read_channels(
 
 def _read_local(path: Path, references: list[Reference], options: dict[str, Any]) -> list[Channel]:
     format_name = format_of(path)
-    if not path.exists():
-        raise InputError(str(path), "there is no such file", "check the path in the configuration")
+    try:
+        path.stat()
+    except (OSError, ValueError):
+        # Also a name that is too long for the file system, or that holds a zero byte.
+        raise InputError(
+            str(path), "there is no such file", "check the path in the configuration"
+        ) from None
     if not path.is_file():
         raise InputError(str(path), "is not a file", "give the path of one file")
     try:
@@ -293,7 +313,7 @@ def _sampling_rate(
     channels: list[Channel], stated: float | None, time_unit: str | None, source: str
 ) -> float:
     """The rate that is stated, else that of the time stamps, else the file's own."""
-    in_file = {channel.sampling_rate for channel in channels[:2]}
+    in_file = list(dict.fromkeys(channel.sampling_rate for channel in channels[:2]))
     if len(in_file) > 1 and stated is None:
         rates = " and ".join("none" if one is None else f"{one:g} Hz" for one in in_file)
         raise InputError(
@@ -301,7 +321,7 @@ def _sampling_rate(
             f"the file states different sampling rates for input and output ({rates})",
             "choose two channels that were sampled together",
         )
-    own = next(iter(in_file)) if len(in_file) == 1 else None
+    own = in_file[0] if len(in_file) == 1 else None
     if len(channels) == 3:
         time = channels[2]
         if time.values.size != channels[0].values.size:

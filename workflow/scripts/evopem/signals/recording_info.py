@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Literal
 
 from evopem.config.settings import ChannelSettings
-from evopem.signals.reading import format_of, sha256
+from evopem.signals.reading import format_of, local_path, sha256
 from evopem.signals.recording import Recording, saturated_share
 
 
@@ -75,7 +75,7 @@ def describe_recorded_file(
     origin = FileOrigin(
         path=str(path),
         sha256=sha256(path),
-        bytes=path.stat().st_size,
+        bytes=local_path(path).stat().st_size,
         format=format_of(path),
         input_channel=channels.input,
         output_channel=channels.output,

@@ -140,6 +140,17 @@ def seconds_of(unit: str) -> float | None:
     return TIME_UNITS[_UNIT_OF[spelled]] if spelled in _UNIT_OF else None
 
 
+def is_time(signal: NDArray[np.float64], sampling_rate: float) -> bool:
+    """Whether a signal increases by the sampling period, in one of `TIME_UNITS`, throughout."""
+    steps = np.diff(signal)
+    step = float(steps.mean())
+    uniform = step > 0.0 and float(np.abs(steps - step).max()) <= STEP_TOLERANCE * step
+    return uniform and any(
+        abs(step * seconds * sampling_rate - 1.0) < RATE_TOLERANCE
+        for seconds in TIME_UNITS.values()
+    )
+
+
 def _ticks(stamps: NDArray, source: str, place: str) -> NDArray:
     """The stamps as 64-bit numbers, in which differences do not overflow."""
     if stamps.dtype.kind in "Mm":

@@ -9,22 +9,18 @@ from numpy.typing import ArrayLike
 
 
 def error_percent(measured: ArrayLike, computed: ArrayLike) -> float:
-    """Relative error 100 ‖y − ŷ‖ / ‖y‖ in percent; ``nan`` when y is zero throughout."""
+    """Relative error ``100 ||y - yhat|| / ||y - mean(y)||`` in percent; NaN when y is constant.
+
+    0 is perfect, 100 is as good as the mean of y, more is worse than it.
+    """
     y, y_hat = np.asarray(measured, dtype=float), np.asarray(computed, dtype=float)
-    reference = float(np.linalg.norm(y))
+    reference = float(np.linalg.norm(y - y.mean()))
     return 100.0 * float(np.linalg.norm(y - y_hat)) / reference if reference > 0 else math.nan
 
 
 def fit_percent(measured: ArrayLike, computed: ArrayLike) -> float:
-    """NRMSE fit 100 (1 − ‖y − ŷ‖ / ‖y − ȳ‖) in percent; ``nan`` when y is constant.
-
-    100 is perfect, 0 is as good as the mean of y, negative is worse than it.
-    """
-    y, y_hat = np.asarray(measured, dtype=float), np.asarray(computed, dtype=float)
-    reference = float(np.linalg.norm(y - y.mean()))
-    if reference == 0:
-        return math.nan
-    return 100.0 * (1.0 - float(np.linalg.norm(y - y_hat)) / reference)
+    """NRMSE fit, 100 minus :func:`error_percent`, as MATLAB's ``compare`` has it."""
+    return 100.0 - error_percent(measured, computed)
 
 
 def outlier_percent(residuals: ArrayLike) -> float:

@@ -15,6 +15,12 @@ from numpy.typing import NDArray
 
 from evopem.models.initial_state import estimate_initial_state, estimate_noise_state
 from evopem.validation.excitation import excitation_order
+from evopem.validation.recorded_units import (
+    RecordedErrors,
+    RecordedSeries,
+    recorded_errors,
+    recorded_series,
+)
 from evopem.validation.residual_tests import (
     LjungBox,
     cross_correlation,
@@ -68,8 +74,8 @@ class Excitation:
 class Validation:
     """Errors and residual tests of one model; NaN where a number could not be computed.
 
-    Errors are ``100 ||y - yhat|| / ||y||`` and fits ``100 (1 - ||y - yhat|| / ||y - mean(y)||)``,
-    over the scored validation samples.
+    Errors are ``100 ||y - yhat|| / ||y - mean(y)||`` over the scored validation samples, and fits
+    are 100 minus the error, as MATLAB's ``compare`` has them.
 
     Attributes
     ----------
@@ -93,6 +99,8 @@ class Validation:
     residual_outlier_percent : float
         Percentage of residuals beyond five robust standard deviations.
     excitation : Excitation
+    recorded : RecordedErrors
+        The errors in the units of the recording.
     """
 
     prediction_error_percent: float
@@ -109,6 +117,7 @@ class Validation:
     cross_correlation: CrossCorrelationTest
     residual_outlier_percent: float
     excitation: Excitation
+    recorded: RecordedErrors
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,6 +218,9 @@ def validate(
     measured = responses.output[scored]
     if measured.size == 0:
         raise ValueError("no validation sample is left to score; keep more samples for validation")
+    recorded = recorded_series(
+        prepared.transforms, responses.output, responses.predicted, responses.simulated
+    )
     ratio = cross["cross_correlation"].abs() / cross["bound95"]
     validation = Validation(
         prediction_error_percent=error_percent(measured, responses.predicted[scored]),
@@ -244,8 +256,9 @@ def validate(
             order=excitation_order(estimation.input, orders.na + orders.nb),
             needed=orders.na + orders.nb,
         ),
+        recorded=recorded_errors(prepared.transforms, recorded, responses.unscored),
     )
-    simulation = _table(responses, estimation.sampling_rate)
+    simulation = _table(responses, recorded, estimation.sampling_rate)
     return validation, ValidationTables(autocorrelation, cross, simulation)
 
 
@@ -288,11 +301,10 @@ def _simulated(model: ArmaxModel, validation: Recording) -> NDArray[np.float64]:
     return model.simulate(validation.input, state)
 
 
-def _table(responses: _Responses, sampling_rate: float) -> pd.DataFrame:
+def _table(responses: _Responses, recorded: RecordedSeries, sampling_rate: float) -> pd.DataFrame:
     """Validation samples, time from their first; unscored computed values are missing."""
-    predicted, simulated = responses.predicted.copy(), responses.simulated.copy()
-    predicted[: responses.unscored] = np.nan
-    simulated[: responses.unscored] = np.nan
+    predicted = _scored(responses.predicted, responses.unscored)
+    simulated = _scored(responses.simulated, responses.unscored)
     return pd.DataFrame(
         {
             "time_s": np.arange(responses.output.size) / sampling_rate,
@@ -302,5 +314,15 @@ def _table(responses: _Responses, sampling_rate: float) -> pd.DataFrame:
             "predicted": predicted,
             "simulation_error": responses.output - simulated,
             "prediction_error": responses.output - predicted,
+            "recorded_output": recorded.output,
+            "recorded_simulated": _scored(recorded.simulated, responses.unscored),
+            "recorded_predicted": _scored(recorded.predicted, responses.unscored),
         }
     )
+
+
+def _scored(series: NDArray[np.float64], unscored: int) -> NDArray[np.float64]:
+    """The series without its unscored samples, which are NaN."""
+    kept = series.copy()
+    kept[:unscored] = np.nan
+    return kept

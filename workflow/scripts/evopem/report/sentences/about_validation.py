@@ -55,7 +55,7 @@ def simulation(results: DatasetResults) -> list[str]:
     validation = results.validation
     sentences = [
         "The simulation uses the input alone. Its error is"
-        f" {percent(validation.simulation_error_percent)} of the norm of the measured output"
+        f" {percent(validation.simulation_error_percent)} of the deviation of the measured output"
         f" ({percent(validation.simulation_fit_percent)} NRMSE fit) over"
         f" {plural(validation.samples, 'validation sample')}. It starts from the initial state that"
         " fits these samples best, as in MATLAB's compare; their output is not used otherwise."
@@ -67,9 +67,34 @@ def simulation(results: DatasetResults) -> list[str]:
             f" {percent(validation.continued_simulation_error_percent)}. It is affected by the"
             " noise that has changed the state in between."
         )
+    sentences += _recorded(results)
     if validation.unscored_samples:
         sentences.append(
             f"The first {plural(validation.unscored_samples, 'sample')} have no complete past and"
             " are not scored."
         )
     return [" ".join(sentences)]
+
+
+def _recorded(results: DatasetResults) -> list[str]:
+    """The simulation in recorded units, where transforms make that another quantity."""
+    recorded, transforms = results.validation.recorded, results.model.transforms
+    if transforms.box_cox is None and not transforms.difference:
+        return []
+    text = (
+        "In the units of the recording the one-step error is"
+        f" {percent(recorded.prediction_error_percent)} and the error of the simulation"
+        f" {percent(recorded.simulation_error_percent)}."
+    )
+    if recorded.integrations:
+        times = {1: "once", 2: "twice"}.get(recorded.integrations, f"{recorded.integrations} times")
+        text += (
+            f" The inverse of the differences sums up the error of the simulation {times}: it"
+            " drifts, and depends more on the length of the record than on the model."
+        )
+    if recorded.undefined_samples:
+        text += (
+            f" {plural(recorded.undefined_samples, 'simulated sample')} lie outside the range of"
+            " the Box-Cox transform and have no recorded value."
+        )
+    return [text]

@@ -1,4 +1,4 @@
-"""numpy's own files, .npz and .npy; nothing in them is ever unpickled."""
+"""numpy's own files, .npz and .npy, read without loading pickled objects."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def _members(content: Any) -> dict[str, NDArray[Any]]:
             except ValueError as refusal:
                 if "allow_pickle" not in str(refusal):
                     raise
-                # An array of Python objects: listed as no channel, and never loaded.
+                # An array of Python objects is not loaded and is no channel.
                 arrays[name] = np.empty((), dtype=object)
     return arrays
 

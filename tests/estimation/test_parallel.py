@@ -1,0 +1,40 @@
+"""A pool of processes of which one is killed."""
+
+import os
+import signal
+
+import numpy as np
+import pytest
+
+from evopem.config.settings import ScoringWindow, SearchSettings
+from evopem.errors import InputError
+from evopem.estimation import parallel
+from evopem.models.armax import Orders
+from evopem.signals.recording import Recording
+
+
+def test_a_killed_process_is_named_in_one_sentence(monkeypatch):
+    """As the system's out-of-memory killer ends one."""
+    rows = np.random.default_rng(0).standard_normal((300, 2))
+    recording = Recording(
+        input=rows[:, 0].copy(),
+        output=rows[:, 1].copy(),
+        sampling_rate=100.0,
+        input_name="u",
+        output_name="y",
+        input_unit="",
+        output_unit="",
+    )
+    main = os.getpid()
+
+    def killed(*arguments):
+        if os.getpid() != main:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return []
+
+    monkeypatch.setattr(parallel, "estimate_candidates", killed)
+    orders = [Orders(order, order, order, 1) for order in (1, 2, 3, 4)]
+    with pytest.raises(InputError, match=r"^the candidates of phase joint: .+ was killed"):
+        parallel.estimate_in_parallel(
+            recording, orders, "joint", SearchSettings(), ScoringWindow(5, 25), cores=2
+        )

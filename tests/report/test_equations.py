@@ -1,0 +1,107 @@
+"""The model as an equation and as statements of other programs."""
+
+import json
+
+import numpy as np
+import pytest
+
+from evopem.models.armax import ArmaxModel
+from evopem.models.parameter_covariance import ParameterCovariance
+from evopem.report import equations
+
+MODEL = ArmaxModel(
+    a=np.array([1.0, -1.5, 0.7]),
+    b=np.array([0.5, -0.25]),
+    c=np.array([1.0, 0.3]),
+    nk=3,
+    sampling_rate=100.0,
+    noise_variance=0.01,
+    covariance=ParameterCovariance.from_matrix(np.diag([0.1, 0.2, 0.3, 0.4, 0.5]) ** 2),
+)
+
+
+def plain(markup):
+    return " ".join(markup.striptags().split())
+
+
+def test_polynomials_start_b_at_its_delay():
+    shown = {letter: plain(polynomial) for letter, polynomial in equations.polynomials(MODEL)}
+    assert shown == {
+        "A": "1 − 1.5 q−1 + 0.7 q−2",
+        "B": "0.5 q−3 − 0.25 q−4",
+        "C": "1 + 0.3 q−1",
+    }
+
+
+def test_the_smallest_model_has_an_equation():
+    smallest = ArmaxModel(np.ones(1), np.array([-2.0]), np.ones(1), 0)
+    shown = {letter: plain(polynomial) for letter, polynomial in equations.polynomials(smallest)}
+    assert shown == {"A": "1", "B": "−2", "C": "1"}
+    assert plain(equations.difference_equation(smallest)) == "−2 u(t) + e(t)"
+
+
+def test_difference_equation_moves_a_to_the_right():
+    assert plain(equations.difference_equation(MODEL)) == (
+        "1.5 y(t − 1) − 0.7 y(t − 2) + 0.5 u(t − 3) − 0.25 u(t − 4) + e(t) + 0.3 e(t − 1)"
+    )
+
+
+def test_python_statement_makes_the_transfer_function():
+    pytest.importorskip("control", reason="python-control is not installed")
+    scope = {}
+    exec(equations.python(MODEL), scope)
+    z = np.exp(0.3j)
+    expected = (0.5 * z**-3 - 0.25 * z**-4) / (1 - 1.5 * z**-1 + 0.7 * z**-2)
+    assert scope["G"](z) == pytest.approx(expected)
+    assert scope["G"].dt == 0.01
+
+
+def test_matlab_statement_has_the_delay_as_leading_zeros():
+    lines = [line.strip() for line in equations.matlab(MODEL).split("...\n")]
+    assert lines == [
+        "model = idpoly([1 -1.5 0.69999999999999996],",
+        "[0 0 0 0.5 -0.25],",
+        "[1 0.29999999999999999],",
+        "1, 1, 0.01, 0.01);",
+    ]
+
+
+def test_coefficients_with_their_lags_and_errors():
+    table = equations.coefficient_table(MODEL)
+    assert [row[:3] for row in table] == [
+        ("A", 1, -1.5),
+        ("A", 2, 0.7),
+        ("B", 3, 0.5),
+        ("B", 4, -0.25),
+        ("C", 1, 0.3),
+    ]
+    assert [error for *_, error in table] == pytest.approx([0.1, 0.2, 0.3, 0.4, 0.5])
+    undelayed = ArmaxModel(np.ones(1), np.array([2.0, 1.0]), np.ones(1), 0)
+    assert equations.coefficient_table(undelayed) == [("B", 0, 2.0, None), ("B", 1, 1.0, None)]
+
+
+def test_plain_text_and_json_give_the_model_back():
+    model = ArmaxModel(
+        np.array([1.0, -0.123456789012]),
+        np.array([0.5, -2e-7]),
+        np.array([1.0, 0.25]),
+        3,
+        100.0,
+        0.01,
+    )
+    assert equations.text(model).splitlines() == [
+        "A(q) y(t) = B(q) u(t) + C(q) e(t)",
+        "A(q) = 1 - 0.123456789 q^-1",
+        "B(q) = 0.5 q^-3 - 2e-07 q^-4",
+        "C(q) = 1 + 0.25 q^-1",
+        "variance of e = 0.01",
+        "sampling rate = 100 Hz",
+    ]
+    assert json.loads(equations.as_json(model)) == {
+        "orders": {"na": 1, "nb": 2, "nc": 1, "nk": 3},
+        "a": [1.0, -0.123456789012],
+        "b": [0.5, -2e-7],
+        "c": [1.0, 0.25],
+        "noise_variance": 0.01,
+        "sampling_rate": 100.0,
+    }

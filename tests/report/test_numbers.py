@@ -1,0 +1,83 @@
+"""Numbers as a reader expects them."""
+
+import math
+
+import pytest
+
+from evopem.report import numbers
+
+THIN = numbers.THIN
+
+
+@pytest.mark.parametrize(
+    ("value", "error", "text"),
+    [
+        (5.36123, 0.0042, "5.3612 ± 0.0042"),
+        (17.5, 1.96, "17.5 ± 2.0"),
+        (1234.5, 25.0, "1234 ± 25"),
+        (-0.5, 0.031, "−0.500 ± 0.031"),
+        (5.36123, 0.0, "5.361 ± 0"),
+        (5.36123, None, "5.361 ± not known"),
+        (5.36123, math.nan, "5.361 ± not known"),
+        (5.36123, math.inf, "5.361 ± not known"),
+        (None, 0.1, "–"),
+        (math.nan, 0.1, "–"),
+    ],
+)
+def test_values_with_errors(value, error, text):
+    assert numbers.with_error(value, error) == text
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (0.0004, "0.0004"),
+        (-1.5, "−1.5"),
+        (3.2e-9, "3.2\u00a0·\u00a010⁻⁹"),
+        (None, "–"),
+        (math.nan, "–"),
+        (-math.inf, "–"),
+        (True, "–"),
+    ],
+)
+def test_numbers(value, text):
+    assert numbers.number(value) == text
+
+
+@pytest.mark.parametrize("missing", [None, math.nan, math.inf])
+def test_what_is_missing_is_no_number(missing):
+    for shown in (numbers.fixed, numbers.percent, numbers.count):
+        assert shown(missing) == "–"
+    assert numbers.raw(missing) == ""
+    assert numbers.standard_error(missing) == "not known"
+    assert numbers.p_value(missing) == "p not known"
+
+
+def test_percentages_and_counts():
+    assert numbers.percent(3.5312) == f"3.53{THIN}%"
+    assert numbers.percent(97.124) == f"97.1{THIN}%"
+    assert numbers.percent(0.0123456) == f"0.0123{THIN}%"
+    assert numbers.percent(3.54e-6) == f"3.54\u00a0·\u00a010⁻⁶{THIN}%"
+    assert numbers.percent(0) == f"0{THIN}%"
+    assert numbers.count(1234567) == f"1{THIN}234{THIN}567"
+    assert numbers.fixed(-0.001, 2) == "0.00"
+    assert numbers.standard_error(0.01234) == "0.012"
+    assert numbers.root(-0.5 + 0.25j, 2) == "−0.50 ± 0.25i"
+    assert numbers.root(-0.5 + 1e-9j, 2) == "−0.50"
+    assert numbers.p_value(0.423) == "p = 0.42"
+    assert numbers.p_value(1e-9) == "p < 0.0001"
+
+
+def test_amounts_in_words():
+    assert numbers.enumeration([]) == ""
+    assert numbers.enumeration(["a", "b"]) == "a and b"
+    assert numbers.enumeration(["a", "b", "c"]) == "a, b and c"
+    assert numbers.plural(1, "optimum", "optima") == "1 optimum"
+    assert numbers.plural(2, "optimum", "optima") == "2 optima"
+    assert numbers.plural(0, "zero") == "0 zeros"
+    assert [numbers.times(count) for count in range(4)] == [
+        "not at all",
+        "once",
+        "twice",
+        "3 times",
+    ]

@@ -1,0 +1,385 @@
+"""Sentences of the report: computed from the results, and changed with them."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from evopem.models.armax import ArmaxModel
+from evopem.models.modes import Mode
+from evopem.models.parameter_covariance import ParameterCovariance
+from evopem.report import chapter
+from evopem.report.mode_table import mode_rows
+from evopem.report.numbers import THIN, count, number, percent
+from evopem.report.sentences import (
+    about_model,
+    about_orders,
+    about_recording,
+    about_search,
+    about_spectrum,
+    about_validation,
+)
+from evopem.signals.spectral.peaks import SpectralPeak
+from evopem.synthesis.truth import true_mode
+
+
+def mode(frequency, damping=0.01, frequency_error=0.1, damping_error=0.005):
+    return Mode(frequency, damping, 0j, frequency_error, damping_error)
+
+
+def with_model(results, **changes):
+    return replace(results, model=replace(results.model, **changes))
+
+
+def with_transforms(results, **changes):
+    neutral = {"box_cox": None, "difference": 0, "difference_input": 0}
+    transforms = replace(results.model.transforms, **(neutral | changes))
+    return with_model(results, transforms=transforms)
+
+
+def test_modes_are_paired_and_the_missed_ones_listed():
+    truth = [mode(2.0), mode(5.36), mode(37.0)]
+    rows = mode_rows([mode(5.4), mode(16.0), mode(36.9), mode(45.0)], truth, chapter.MODES)
+    shown = [
+        tuple(part and part.frequency_hz for part in (row.estimate, row.truth, row.chapter))
+        for row in rows
+    ]
+    assert shown == [
+        (None, 2.0, None),
+        (5.4, 5.36, 5.36),
+        (16.0, None, 16.65),
+        (36.9, 37.0, 37.0),
+        (45.0, None, None),
+    ]
+    assert rows[1].frequency_deviation == pytest.approx(0.4)
+    assert rows[1].damping_deviation == pytest.approx(0.0)
+    assert math.isnan(rows[0].frequency_deviation)
+    assert math.isnan(rows[2].damping_deviation)
+
+
+def test_missed_modes_of_truth_and_chapter_share_a_row():
+    rows = mode_rows([], [mode(5.4)], chapter.MODES[:1])
+    assert len(rows) == 1
+    assert (rows[0].truth.frequency_hz, rows[0].chapter.frequency_hz) == (5.4, 5.36)
+
+
+def test_recording_and_division(results):
+    (text,) = about_recording.recording(results)
+    assert text.startswith(
+        f"The recording has {count(1500)} samples of one input and one output at 100{THIN}Hz,"
+        f" 15{THIN}s in total."
+    )
+    assert "The output was Box-Cox transformed with λ = 1.1 and differenced twice." in text
+    assert f"The first 100 samples are discarded. The next {count(1000)} samples" in text
+    assert "398 samples, those that follow without a gap, are used for validation" in text
+
+
+def test_recording_with_names_units_and_a_validation_recording(results):
+    changed = with_transforms(
+        results, validation_source="file", discard=0, difference_input=1, resampled_from=200.0
+    )
+    named = replace(results.recording_info, input_name="torque", output_name="tip")
+    (text,) = about_recording.recording(replace(changed, recording_info=named))
+    assert "samples of torque (input) and tip (output)" in text
+    assert f"resampled from 200{THIN}Hz to 100{THIN}Hz" in text
+    assert "The output was not transformed. The input was differenced once." in text
+    assert f"The first {count(1000)} samples are used for estimation" in text
+    assert "those of an independent recording" in text
+    shifted = with_transforms(results, box_cox=0.5, shift=2.5)
+    (text,) = about_recording.recording(shifted)
+    assert "shifted by 2.5 to be positive and Box-Cox transformed with λ = 0.5." in text
+
+
+def effects(results, **changes):
+    return about_recording.transform_effects(with_transforms(results, **changes).model.transforms)
+
+
+def test_differencing_the_output_alone_is_explained(results):
+    (paragraph,) = effects(results, difference=2)
+    assert (
+        "differenced twice, the input not at all. B therefore contains the factor (1 − q⁻¹)²"
+        in (paragraph)
+    )
+    # |2 sin(π · 2/100)|² = 0.0158
+    assert f"0.016 at 2{THIN}Hz and 4 at 50{THIN}Hz" in paragraph
+    assert "high-pass" in paragraph
+
+
+def test_differencing_the_input_alone_is_explained(results):
+    (paragraph,) = effects(results, difference_input=1)
+    assert "The input was differenced once, the output not at all." in paragraph
+    assert "it has an integrator more" in paragraph
+
+
+def test_differencing_both_needs_no_explanation(results):
+    assert effects(results, difference=2, difference_input=2) == []
+
+
+def test_box_cox_is_explained_unless_it_is_linear(results):
+    assert "not linear" in effects(results, box_cox=1.1)[0]
+    assert effects(results, box_cox=1.0) == []
+
+
+def with_peaks(results, *frequencies):
+    peaks = tuple(SpectralPeak(frequency, 1.0, 20.0, 0.5, 2.0) for frequency in frequencies)
+    return replace(results, spectrum_summary=replace(results.spectrum_summary, peaks=peaks))
+
+
+def test_spectrum_counts_the_peaks(results):
+    (text,) = about_spectrum.spectrum(with_peaks(results, 2.0, 5.0, 36.0))
+    assert f"3 significant peaks, at 2{THIN}Hz, 5{THIN}Hz and 36{THIN}Hz, with" in text
+    assert f"prominences of 20{THIN}dB, 20{THIN}dB and 20{THIN}dB" in text
+    assert "na is at least 6" in text
+    (text,) = about_spectrum.spectrum(with_peaks(results, 2.0))
+    assert f"1 significant peak, at 2{THIN}Hz, with a prominence of 20{THIN}dB. It requires" in text
+    (text,) = about_spectrum.spectrum(with_peaks(results))
+    assert text.endswith("It has no significant peak.")
+    (text,) = about_spectrum.spectrum(with_peaks(results, *range(1, 100)))
+    assert f"Its 99 significant peaks are about 1{THIN}Hz apart" in text
+    assert "at least" not in text
+
+
+def test_delay_compares_the_variation_of_bic_over_the_orders(results):
+    (text,) = about_orders.delay(results)
+    tried = results.candidates[results.candidates["phase"] == "delay"]
+    spread = {nk: np.ptp(rows["bic"]) for nk, rows in tried.groupby("nk")}
+    assert text.startswith(results.phases["delay"].reason.replace("-", "−")[:40])
+    assert f"Over the orders 6 to 7 the BIC of nk = 3 varies by {number(spread[3], 2)}" in text
+    assert f"that of the other delays by {number(spread[2], 2)}" in text
+    assert text.endswith("The true delay is 3 samples, which was found.")
+    missed = replace(results, truth=replace(results.truth, delay_samples=1))
+    assert about_orders.delay(missed)[0].endswith("The true delay is 1 sample, 2 off.")
+
+
+def test_minus_signs_of_reasons_are_true_ones(results):
+    phase = replace(results.phases["delay"], reason="It is best (-3.1), ARMAX-like.")
+    changed = replace(results, phases=results.phases | {"delay": phase})
+    assert about_orders.delay(changed)[0].startswith("It is best (−3.1), ARMAX-like.")
+
+
+def test_phases_give_the_smallest_rss_beside_the_selection(results):
+    joint, nc, nb, last = about_orders.phases(results)
+    selected = results.phases["nc"].selected
+    tried = results.candidates[results.candidates["phase"] == "nc"]
+    least = tried.loc[tried["rss"].idxmin()]
+    assert least["nc"] != selected.orders.nc
+    assert nc.startswith(
+        f"Order of C, nc, searched from 5 to 8: {selected.orders.nc} is selected, with an RSS of"
+        f" {percent(selected.criteria.rss, 4)}; the smallest RSS, {percent(least['rss'], 4)}, is at"
+        f" {least['nc']}. ARMAX"
+    )
+    assert joint.startswith("Joint order k = na = nb = nc, searched from 6 to 8")
+    assert nb.startswith("Number of B coefficients, nb, searched from 5 to 7")
+    assert "BIC decides" in last
+    only = replace(results.phases["nc"], candidates=(selected,), reason="It is the only candidate.")
+    _, alone, *_ = about_orders.phases(replace(results, phases=results.phases | {"nc": only}))
+    assert alone.endswith(f"{percent(selected.criteria.rss, 4)}. It is the only candidate.")
+
+
+def test_stabilization_lists_the_modes_that_persist(results):
+    (text,) = about_orders.stabilization(results)
+    # 37 Hz is within 1 % and 10 % at the orders 6, 7 and 8; the broad mode at 17 Hz is not.
+    assert text.startswith(f"Over the orders 6 to 8, poles at 37{THIN}Hz are stable")
+    assert "16." not in text
+    two = replace(results.phases["joint"], candidates=results.phases["joint"].candidates[:2])
+    (text,) = about_orders.stabilization(replace(results, phases=results.phases | {"joint": two}))
+    assert text == "Over the orders 6 to 7, no pole is stable over 3 successive orders."
+
+
+def test_missed_and_spurious_modes_get_a_sentence(results):
+    truth = [mode(2.0)]
+    rows = mode_rows([mode(10.0), mode(30.0, damping=0.84), mode(53.0)], truth, [])
+    (text,) = about_model.modes(with_transforms(results, difference=2), rows)
+    assert "Mode 3 has a damping ratio above 50 %" in text
+    assert "Mode 4 has a natural frequency above half the sampling rate" in text
+    assert f"The true mode at 2{THIN}Hz was not found." in text
+    assert "multiplies the gain by 0.016" in text
+    (text,) = about_model.modes(with_transforms(results), mode_rows([], truth, []))
+    assert text == f"The true mode at 2{THIN}Hz was not found."
+    assert about_model.modes(results, mode_rows([mode(10.0)], [], [])) == []
+
+
+def test_a_mode_that_outlasts_the_recording_gets_a_sentence(results):
+    slow, quick = mode(5.36, damping=0.0091), mode(20.0, damping=0.05)
+    short = with_transforms(results, estimation_samples=500)
+    (text,) = about_model.modes(short, mode_rows([slow, quick], [], []))
+    # 2π · 5.36 Hz · 0.0091 · 5 s = 1.53
+    assert "last only 1.5 time constants of mode 1" in text
+    assert "mode 2" not in text
+
+
+def with_coefficients(results, a, b, c, covariance=None):
+    if covariance is not None:
+        covariance = ParameterCovariance.from_matrix(covariance)
+    model = ArmaxModel(np.array(a), np.array(b), np.array(c), 1, 100.0, 1.0, covariance)
+    return with_model(
+        results, a=model.a, b=model.b, c=model.c, orders=model.orders, covariance=covariance
+    )
+
+
+@pytest.mark.parametrize(
+    ("b", "trend"), [([1.0, -1.0], "high-pass"), ([1.0, 1.0], "low-pass"), ([1.0], "no marked")]
+)
+def test_trend_of_the_frequency_response(results, b, trend):
+    (text,) = about_model.frequency_response(with_coefficients(results, [1.0], b, [1.0]))
+    assert trend in text
+
+
+def test_the_largest_gain_is_at_a_resonance(results):
+    pole = true_mode(20.0, 0.01, 100.0).pole
+    a = np.real(np.poly([pole, pole.conjugate()]))
+    (text,) = about_model.frequency_response(with_coefficients(results, a, [1.0], [1.0]))
+    # 1 / |A| at the resonance, 1 / |(1 − r)(1 − r exp(−2iω))| to first order.
+    gain = 1 / abs((1 - abs(pole)) * (1 - abs(pole) * np.exp(-2j * np.angle(pole))))
+    assert text.startswith("The gain is largest at 20")
+    assert float(text.split("where it is ")[1].split(".  ")[0].split(". ")[0]) == pytest.approx(
+        gain, rel=0.01
+    )
+
+
+def test_poles_and_zeros(results):
+    given = with_coefficients(
+        results, np.poly([0.5, 0.9j, -0.9j]), np.poly([2.0, -0.1]), np.poly([0.3]), 1e-6 * np.eye(7)
+    )
+    (text,) = about_model.poles(given)
+    assert "The slowest pole has radius 0.90000" in text
+    # 0.9^n = 1/e after 9.49 samples of 10 ms.
+    assert f"decays to 37 % within 0.0949{THIN}s" in text
+    assert "Of 3 poles, 2 form 1 oscillating mode and 1 is real." in text
+    assert "1 zero of B lies outside the unit circle, so the inverse of G is unstable." in text
+    assert "The largest root of C has radius 0.30000." in text
+    # |dr/db_i| = |r^(n-i) / p'(r)| with p' = 2.1: √(4² + 2² + 1) / 2.1 · 1.96e-3.
+    assert "for the zero 2.0000" in text
+    assert number(1.96e-3 * math.sqrt(21) / 2.1, 2) in text
+    (text,) = about_model.poles(replace(given, model=replace(given.model, covariance=None)))
+    assert "so no ellipse is drawn" in text
+
+
+def test_a_model_without_roots_has_no_sentence_on_poles(results):
+    assert about_model.poles(with_coefficients(results, [1.0], [1.0], [1.0])) == [""]
+
+
+def test_residual_tests(results):
+    validation = results.validation
+    (text,) = about_validation.residuals(results)
+    assert (
+        f"{percent(100 * validation.autocorrelation_share_inside95)} of {validation.lags}" in text
+    )
+    assert f"N = {validation.residual_samples} residuals" in text
+    assert f"with {validation.ljung_box.degrees_of_freedom} degrees of freedom: p = 0.00" in text
+    assert f"at lags −{validation.cross_correlation.lags} to" in text
+
+
+def test_residual_tests_that_were_not_possible(results):
+    unknown = replace(
+        results.validation,
+        autocorrelation_share_inside95=math.nan,
+        ljung_box=replace(results.validation.ljung_box, p_value=math.nan),
+        cross_correlation=replace(results.validation.cross_correlation, share_inside95=math.nan),
+    )
+    assert about_validation.residuals(replace(results, validation=unknown)) == [
+        "The autocorrelation of the residuals is not known. The Ljung-Box test was not possible."
+        " The cross-correlation of residuals and input is not known."
+    ]
+
+
+def test_simulation_says_where_it_starts(results):
+    validation = results.validation
+    (text,) = about_validation.simulation(results)
+    assert f"Its error is {percent(validation.simulation_error_percent)} of the norm" in text
+    assert "over 398 validation samples" in text
+    assert "the initial state that fits these samples best" in text
+    continued = percent(validation.continued_simulation_error_percent)
+    assert f"without their output has an error of {continued}" in text
+    independent = replace(validation, continued_simulation_error_percent=None, unscored_samples=8)
+    (text,) = about_validation.simulation(replace(results, validation=independent))
+    assert "continues" not in text
+    assert "The first 8 samples have no complete past" in text
+
+
+def with_search(results, at_stability_bound=False, **changes):
+    record = results.model.search
+    diagnostics = replace(record.diagnostics, **changes)
+    return with_model(
+        results,
+        search=replace(record, diagnostics=diagnostics, at_stability_bound=at_stability_bound),
+    )
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        (
+            {"generations": 9, "restart_minima": (3.0, 3.0, 3.0, 4.0), "n_confirming": 2},
+            "The search had 9 generations in 4 independent restarts; 2 of the 3 beside the best",
+        ),
+        (
+            {"generations": 1, "restart_minima": (3.0,), "n_confirming": 0},
+            "The search had 1 generation in a single restart, so no other restart confirms",
+        ),
+        ({"n_local_optima": 5}, "ended at 5 distinct local optima"),
+        ({"n_local_optima": 1}, "ended at 1 local optimum."),
+        (
+            {"n_multistart": 64, "undiscovered_probability": 0.0015},
+            "descended from 64 random points: the estimated probability that a further descent"
+            " leads to an undiscovered local optimum is 0.15 %",
+        ),
+        (
+            {"n_multistart": 0, "undiscovered_probability": 1.0},
+            "There was no multistart check",
+        ),
+        (
+            {"convergence": ((100, 5.0), (250, 3.002), (900, 3.0))},
+            "within 0.1 % of its final objective after 250 of 900 evaluations",
+        ),
+        ({"at_stability_bound": True}, "the bound determines it, and not the data"),
+    ],
+)
+def test_diagnostics_of_the_search_in_words(results, changes, sentence):
+    (text,) = about_search.search(with_search(results, **changes))
+    assert sentence in text
+    (unchanged,) = about_search.search(results)
+    assert sentence not in unchanged
+
+
+def test_the_search_of_all_candidates_in_words(results):
+    (text,) = about_search.search(results)
+    table = results.candidates
+    assert text.startswith(
+        f"The search of 14 candidates took {count(int(table['evaluations'].sum()))} evaluations"
+    )
+    assert f"The noise state before the first residual ({results.model.orders.nc} values)" in text
+    assert f"is {percent(results.model.criteria.objective, 4)}, and the fit" in text
+    confirmed, bound = table["n_confirming"].gt(0), table["at_stability_bound"]
+    assert bound.dtype == bool
+    assert (
+        f"Of all 14 candidates, {confirmed.sum()} were confirmed by another restart, and"
+        f" {bound.sum()} have a root at the stability bound."
+    ) in text.replace("1 has", "1 have")
+    one = table.assign(n_confirming=[1] + 13 * [0], at_stability_bound=[True] + 13 * [False])
+    (text,) = about_search.search(replace(results, candidates=one))
+    assert "1 was confirmed by another restart, and 1 has a root" in text
+
+
+def test_the_results_beside_those_of_the_chapter(results):
+    orders = results.model.orders
+    assert chapter.compare_with_chapter(results) == [
+        ("Spectral peaks (Hz)", "5.47, 37", "near 2, 5 and 36, a broad one near 17"),
+        ("Delay nk", "3", "3"),
+        ("Joint order", "7", "7"),
+        ("Order of C, nc", "6", "7"),
+        ("Coefficients of B, nb", "6", "6"),
+        ("Model", str(orders), "ARMAX(7,6,7,3)"),
+    ]
+    assert not chapter.stands_in_for_the_chapter(results.settings)
+    *_, last = about_orders.phases(
+        replace(
+            results,
+            settings=replace(
+                results.settings,
+                source=replace(results.settings.source, synthesis="flexible_arm"),
+            ),
+        )
+    )
+    assert last.endswith("selected the joint order 7, then nc = 7, then nb = 6.")

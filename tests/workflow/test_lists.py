@@ -1,0 +1,162 @@
+"""The lists of all data sets after every kind of end of a run."""
+
+import csv
+import os
+import shutil
+import signal
+import time
+
+import numpy as np
+import psutil
+import pytest
+
+from .conftest import TINY, Folder
+
+SENTENCE = 'b.csv, line 51, column 2: "oops" is not a finite number; repair or remove that sample.'
+
+
+def configure(folder, *names, **changes):
+    """Name recordings in the configuration."""
+    datasets = {name: {"file": f"{name}.csv", "sampling_rate": 100} for name in names}
+    folder.configure(TINY | {"report": "none", "datasets": datasets} | changes)
+
+
+def table(folder):
+    """Status, problem and orders of each data set in the table of all of them."""
+    with (folder.results / "fleet.csv").open(encoding="utf-8") as stream:
+        rows = list(csv.DictReader(stream))
+    return {row["dataset"]: (row["status"], row["problem"], row["na"]) for row in rows}
+
+
+def damage(path):
+    lines = path.read_text().splitlines(keepends=True)
+    lines[50] = "1,oops\n"
+    path.write_text("".join(lines))
+
+
+@pytest.fixture(scope="module")
+def two(finished, tmp_path_factory):
+    """A finished run with two recordings; nobody changes it."""
+    folder = Folder(tmp_path_factory.mktemp("two"))
+    with np.load(finished.results / "truth" / "recording.npz") as stored:
+        record = np.column_stack([stored["input"], stored["output"]])
+    for start, name in enumerate("ab"):
+        np.savetxt(folder.path / f"{name}.csv", record[start:], delimiter=",")
+    configure(folder, "a", "b")
+    folder.finish("--cores", "2")
+    return folder
+
+
+@pytest.fixture
+def copy_of_two(two, tmp_path):
+    path = tmp_path / "copy"
+    shutil.copytree(two.path, path, copy_function=shutil.copy2)
+    return Folder(path)
+
+
+def test_results_that_went_bad_are_not_listed_as_complete(copy_of_two, two):
+    """A recording and a summary are damaged, then mended, then one of the data sets is removed."""
+    folder, before = copy_of_two, table(two)
+    assert {status for status, *_ in before.values()} == {"complete"}
+    recording, summary = folder.path / "b.csv", folder.results / "a" / "summary.json"
+    damage(recording)
+    text = summary.read_text()
+    summary.write_text(text[: len(text) // 2])
+    run = folder.run("--cores", "2")
+    assert run.returncode == 1
+    assert "Traceback" not in run.stdout
+    listed = table(folder)
+    assert listed["b"] == ("failed", SENTENCE, "")
+    assert listed["a"][0] == "failed"
+    assert listed["a"][1].startswith("results/a/summary.json: was changed or damaged")
+    html = (folder.results / "index.html").read_text()
+    assert "b.csv, line 51, column 2" in html
+    assert "results/a/summary.json: was changed or damaged" in html
+
+    shutil.copy2(two.path / "b.csv", recording)
+    summary.unlink()
+    folder.finish("--cores", "2")
+    assert table(folder) == before
+    assert folder.planned() == {}
+
+    configure(folder, "a")
+    folder.finish("--cores", "1")
+    assert table(folder) == {"a": before["a"]}
+    assert ">b</a>" not in (folder.results / "index.html").read_text()
+
+
+def test_a_result_that_alone_could_not_be_made_is_listed_until_it_is(copy_of_two, two):
+    """Of these the summary is no part: the lists are made again though it stays as it was."""
+    folder = copy_of_two
+    table_of_candidates = folder.results / "b" / "candidates.csv"
+    table_of_candidates.unlink()
+    phase = folder.results / "b" / "phases" / "nb.json"
+    text = phase.read_text()
+    phase.write_text(text.replace('"reason": "', '"reason": "x'))
+    times = (phase.stat().st_atime, (two.results / "b/phases/nb.json").stat().st_mtime)
+    os.utime(phase, times)
+    assert folder.run("--cores", "1").returncode == 1
+    status, problem, _ = table(folder)["b"]
+    assert status == "failed"
+    assert problem.startswith("results/b/phases/nb.json: was changed or damaged")
+    phase.write_text(text)
+    os.utime(phase, times)
+    folder.finish("--cores", "1")
+    assert table(folder) == table(two)
+
+
+def test_a_first_run_on_one_core_lists_what_each_data_set_said(two, folder):
+    """In the sentence of the job that failed, whatever other jobs said before and after it."""
+    for name in "ab":
+        shutil.copy(two.path / f"{name}.csv", folder.path)
+    damage(folder.path / "b.csv")
+    good = {"file": "a.csv", "sampling_rate": 100}
+    datasets = {
+        "b": {"file": "b.csv", "sampling_rate": 100},
+        "missing": {"file": "none.csv", "sampling_rate": 100},
+        "formula": {"file": "=cmd|' C calc'!A0.csv", "sampling_rate": 100},
+        "box_cox": good | {"transforms": {"box_cox": -80}},
+        "rate": {"file": "a.csv"},
+        "discard": good | {"split": {"discard": 5000}},
+    }
+    folder.configure(TINY | {"report": "none", "datasets": datasets})
+    run = folder.run("--cores", "1")
+    assert run.returncode == 1
+    assert "Traceback" not in run.stdout
+    listed = table(folder)
+    assert listed["b"] == ("failed", SENTENCE, "")
+    problems = {name: problem for name, (_, problem, _) in listed.items()}
+    assert {status for status, *_ in listed.values()} == {"failed"}
+    assert problems["missing"].startswith("none.csv: there is no such file")
+    assert problems["formula"].startswith("'=cmd|' C calc'!A0.csv: there is no such file")
+    assert problems["box_cox"].startswith("datasets.box_cox.transforms.box_cox: the parameter -80")
+    assert problems["rate"].startswith("a.csv: the sampling rate is not known")
+    assert problems["discard"].startswith("datasets.discard.split.discard: 5000 samples")
+
+
+def test_a_job_that_is_killed_is_not_quoted(two, folder):
+    """Not with the last line of its log, which is about progress."""
+    for name in "ab":
+        shutil.copy(two.path / f"{name}.csv", folder.path)
+    configure(folder, "a", "b", one_job_per="recording")
+    run = psutil.Popen(folder.command("--cores", "1"), cwd=folder.path)
+    assert kill_job(run, folder.results / "b" / "logs" / "identification.log") == -signal.SIGKILL
+    assert run.wait() == 1
+    status, problem, _ = table(folder)["b"]
+    assert status == "failed"
+    assert problem.startswith("the job identification ended without a message")
+    assert table(folder)["a"][0] == "complete"
+
+
+def kill_job(run, log):
+    """Kill the process that has a log file open, once it has one; its return code."""
+    while run.poll() is None:
+        for process in run.children(recursive=True):
+            try:
+                if str(log) in [file.path for file in process.open_files()]:
+                    process.kill()
+                    return -signal.SIGKILL
+            except psutil.Error:
+                continue
+        time.sleep(0.005)
+    return None

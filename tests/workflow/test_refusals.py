@@ -1,0 +1,69 @@
+"""What stops a whole run: one sentence on the terminal, no traceback, nothing written."""
+
+import os
+import re
+import subprocess
+
+import pytest
+
+CONFIG = "datasets: {a: {synthesis: armax, samples: 700}}\n"
+
+
+def refusal(folder, config=CONFIG, prefix=(), **environment):
+    (folder.path / "config.yaml").write_text(config)
+    run = subprocess.run(
+        [*prefix, *folder.command("--cores", "1")],
+        cwd=folder.path,
+        env=os.environ | environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        check=False,
+        timeout=120,
+    )
+    assert run.returncode != 0
+    assert "Traceback" not in run.stdout
+    assert 'File "' not in run.stdout
+    lines = [line for line in run.stdout.splitlines() if re.fullmatch(r".+: .+; .+\.", line)]
+    assert len(lines) == 1, run.stdout
+    return lines[0]
+
+
+@pytest.mark.parametrize(
+    ("config", "said"),
+    [
+        ("datasets: {a: {file: 2024-13-45}}\n", "config.yaml, line 1: YAML reads 2024-13-45"),
+        ("datasets: &a {b: *a}\n", "leads back"),
+        ("datasets: {a: {file: x, sampling_rate: 0100}}\n", "begins with a zero"),
+        (f"datasets: {'[' * 3000}\n", "nested too deeply"),
+        (f"datasets: {{a: {{file: x, sampling_rate: 1{'0' * 400}}}}}\n", "401 digits"),
+        ('datasets: {a: {file: x, input_unit: "\\ud800"}}\n', "U+D800"),
+        ("datasets: {a: {file: !!int x}}\n", "the tag !!int"),
+        ("datasets: {a: {file: results/a/simulation.csv}}\n", "is a result of this workflow"),
+        ("datasets: {fleet.csv: {synthesis: armax}}\n", "the name of something else"),
+    ],
+)
+def test_a_hostile_configuration(folder, config, said):
+    assert said in refusal(folder, config)
+    assert not folder.results.exists()
+
+
+def test_results_that_are_a_file(folder):
+    folder.results.write_text("mine")
+    assert refusal(folder).startswith("results: is a file")
+    assert folder.results.read_text() == "mine"
+
+
+def test_an_environment_in_which_no_search_can_run(folder):
+    assert refusal(folder, NUMBA_DISABLE_JIT="1").startswith("NUMBA_DISABLE_JIT: ")
+    limited = ("bash", "-c", 'ulimit -v 700000; exec "$@"', "bash")
+    assert refusal(folder, prefix=limited).startswith("ulimit -v: ")
+    assert not folder.results.exists()
+
+
+def test_a_pipe_as_the_configuration(folder):
+    os.mkfifo(folder.path / "config.yaml")
+    run = subprocess.run(
+        folder.command("--dry-run"), cwd=folder.path, capture_output=True, text=True, timeout=60
+    )
+    assert "config.yaml: is not a regular file; " in run.stderr + run.stdout

@@ -1,0 +1,72 @@
+"""The environment that all jobs of a run inherit: variables and limits."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+from evopem.config.blas import blas_code
+from evopem.errors import InputError
+
+MIN_ADDRESS_SPACE = 1_000_000_000
+"""Fewest bytes of address space in which a job's libraries can be loaded."""
+
+CACHE_FOLDER = Path(".snakemake") / "evopem" / "cache"
+"""Where libraries keep files for later runs when there is no home folder."""
+
+
+def job_environment(environment: Mapping[str, str], folder: Path) -> dict[str, str]:
+    """Variables to set, of those that are not set yet.
+
+    Machine code of BLAS is fixed (:func:`evopem.config.blas.blas_code`). Without a home folder that
+    can be written to, as in many containers, matplotlib, fontconfig and numba keep their caches
+    below the working directory, where they would create a home folder or fail.
+
+    Parameters
+    ----------
+    environment : mapping
+        The variables that are set.
+    folder : Path
+        The working directory.
+    """
+    wanted = blas_code()
+    home = Path(environment.get("HOME") or "~").expanduser()
+    if not (home.is_dir() and os.access(home, os.W_OK)):
+        cache = folder / CACHE_FOLDER
+        wanted |= {"XDG_CACHE_HOME": str(cache), "MPLCONFIGDIR": str(cache / "matplotlib")}
+    return {name: value for name, value in wanted.items() if name not in environment}
+
+
+def check_environment(environment: Mapping[str, str]) -> None:
+    """Refuse an environment in which no job can run.
+
+    Raises
+    ------
+    InputError
+        When compilation is disabled, or the address space is limited so far that the libraries
+        of a job end it without a message.
+    """
+    if environment.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
+        raise InputError(
+            "NUMBA_DISABLE_JIT",
+            "it is set, and the searches need compiled functions",
+            "unset it and run again",
+        )
+    limit = _address_space()
+    if limit is not None and limit < MIN_ADDRESS_SPACE:
+        raise InputError(
+            "ulimit -v",
+            f"a process may have {limit // 1024} kB of address space",
+            f"allow at least {MIN_ADDRESS_SPACE // 1024} kB, or as many as there are",
+        )
+
+
+def _address_space() -> int | None:
+    """The limit of the address space in bytes; None where there is none."""
+    try:
+        import resource
+    except ImportError:  # Windows
+        return None
+    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+    return None if limit == resource.RLIM_INFINITY else limit
