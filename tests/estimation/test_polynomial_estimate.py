@@ -160,6 +160,28 @@ def test_the_armax_structure_is_estimated_as_without_naming_it():
     )
 
 
+@pytest.mark.parametrize("objective", ["absolute", "quadratic"])
+def test_a_record_without_noise_gives_its_model(objective):
+    u = np.random.default_rng(1).standard_normal(60)
+    y = lfilter([0.0, 1.0, 0.5], [1.0, -1.2, 0.7], u)
+    found = estimate(u, y, (2, 2, 1), structure="oe", settings=SearchSettings(objective=objective))
+    np.testing.assert_allclose(found.model.parameters, [1.0, 0.5, -1.2, 0.7], atol=1e-6)
+
+
+@pytest.mark.parametrize(("orders", "expected"), [({"nc": 1}, 0.5), ({"na": 1}, -0.5)])
+def test_a_noise_model_may_have_one_polynomial(orders, expected):
+    e = np.random.default_rng(1).standard_normal(2000)
+    y = lfilter([1.0, 0.5], [1.0], e) if "nc" in orders else lfilter([1.0], [1.0, -0.5], e)
+    found = estimate(None, y, orders, structure="arma", settings=QUADRATIC)
+    assert found.model.parameters == pytest.approx([expected], abs=0.07)
+
+
+def test_an_input_of_zeros_has_no_effect():
+    y = np.random.default_rng(1).standard_normal(300)
+    found = estimate(np.zeros(300), y, (2, 1, 1), structure="oe", settings=QUADRATIC)
+    np.testing.assert_array_equal(found.model.b, 0.0)
+
+
 def test_the_record_is_not_modified():
     u, y, _ = record("bj", 400, 2)
     before = u.copy(), y.copy()

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomial_intervals import response_standard_errors
 
@@ -10,6 +11,8 @@ ONE = np.ones(1)
 
 
 def model(covariance):
+    if covariance is not None:
+        covariance = ParameterCovariance.from_matrix(covariance)
     return PolynomialModel(
         ONE, np.array([2.0, 1.0]), ONE, ONE, np.array([1.0, -0.8]), 1, covariance=covariance
     )

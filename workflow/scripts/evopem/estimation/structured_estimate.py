@@ -94,6 +94,25 @@ def estimate(
     ------
     ValueError
         When the record is too short for the orders, or a setting is outside its range.
+
+    Examples
+    --------
+    A resonant plant whose output is measured with white noise:
+
+    >>> import numpy as np
+    >>> from evopem import PolynomialModel, SearchSettings
+    >>> generator = np.random.default_rng(1)
+    >>> plant = PolynomialModel(
+    ...     a=np.ones(1), b=np.array([1.0, 0.5]), c=np.ones(1), d=np.ones(1),
+    ...     f=np.array([1.0, -1.5, 0.8]), nk=1,
+    ... )
+    >>> u = generator.standard_normal(1000)
+    >>> y = plant.simulate(u) + 0.5 * generator.standard_normal(1000)
+    >>> settings = SearchSettings(objective="quadratic")
+    >>> orders = {"nb": 2, "nf": 2, "nk": 1}
+    >>> found = estimate(u, y, orders, structure="oe", settings=settings)
+    >>> bool(np.allclose(found.model.f, plant.f, atol=0.02))
+    True
     """
     if structure == "armax":
         if level:

@@ -33,7 +33,8 @@ def response_standard_errors(
     Returns
     -------
     array
-        Of the shape of the response.
+        Of the shape of the response; infinite where it depends on a direction of the coefficients
+        that the data do not determine.
 
     Raises
     ------
@@ -44,15 +45,17 @@ def response_standard_errors(
         raise ValueError("the model has no covariance of its coefficients")
     point = model.parameters
     slopes = []
-    for index, deviation in enumerate(np.sqrt(np.diag(model.covariance))):
+    deviations = model.covariance.standard_errors(np.eye(len(point)))
+    for index, deviation in enumerate(deviations):
         step = np.zeros(len(point))
-        step[index] = STEP * deviation or STEP
+        # Of a coefficient without a finite standard error, a step of its own size.
+        size = deviation if 0.0 < deviation < np.inf else max(abs(point[index]), 1.0)
+        step[index] = STEP * size
         up, down = (response(_with_parameters(model, point + sign * step)) for sign in (1, -1))
         slopes.append((up - down) / (2.0 * step[index]))
     jacobian = np.array(slopes)
-    variances = np.einsum("i...,ij,j...->...", jacobian, model.covariance, jacobian)
-    errors: Array = np.sqrt(np.maximum(variances, 0.0))
-    return errors
+    errors = model.covariance.standard_errors(jacobian.reshape(len(point), -1).T)
+    return errors.reshape(jacobian.shape[1:])
 
 
 def _with_parameters(model: PolynomialModel, parameters: Array) -> PolynomialModel:

@@ -101,6 +101,13 @@ def orders_of(
     ------
     ValueError
         When the structure is not known, or does not have an order that is given.
+
+    Examples
+    --------
+    >>> orders_of("oe", (4, 3, 1)) == orders_of("oe", {"nb": 4, "nf": 3, "nk": 1})
+    True
+    >>> orders_of("bj", {"nb": 2, "nf": 2, "nd": 1}).structure
+    'bj'
     """
     if structure not in STRUCTURES:
         raise ValueError(f"structure must be one of {', '.join(STRUCTURES)}, not {structure!r}")

@@ -34,6 +34,20 @@ def horizon_fits(
     input, output : (N,) arrays
     horizons : sequence of int
         Samples, each at least 1.
+
+    Examples
+    --------
+    White noise at the output is as unpredictable over one sample as over ten:
+
+    >>> model = PolynomialModel(
+    ...     a=np.ones(1), b=np.ones(1), c=np.ones(1), d=np.ones(1), f=np.array([1.0, -0.9])
+    ... )
+    >>> generator = np.random.default_rng(1)
+    >>> u = generator.standard_normal(500)
+    >>> y = model.simulate(u) + 0.1 * generator.standard_normal(500)
+    >>> one, ten = horizon_fits(model, u, y, (1, 10))
+    >>> bool(one == ten)
+    True
     """
     states = estimate_prediction_states(model, input, output)
     fits = []

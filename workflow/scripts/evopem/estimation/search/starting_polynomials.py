@@ -131,7 +131,9 @@ def noise_model(v: Array, nc: int, nd: int) -> tuple[Array, Array]:
 
 
 def _arx(u: Array, y: Array, na: int, nb: int, nk: int) -> Array:
-    """``[a, b]`` of least squares; zeros where the record is too short."""
+    """``[a, b]`` of the ARX model of least squares, (na + nb,)."""
+    if na + nb == 0:
+        return np.empty(0)
     first = max(na, nk + nb - 1, 0)
     regressors = np.column_stack(
         [-y[first - i : len(y) - i] for i in range(1, na + 1)]
