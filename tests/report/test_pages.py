@@ -217,7 +217,7 @@ def unknown(results):
         replace(first, frequency_se_hz=math.inf, damping_se=math.inf),
         *(replace(mode, frequency_se_hz=math.nan, damping_se=math.nan) for mode in others),
     )
-    model = replace(results.model, covariance=None, parameter_standard_errors=None, modes=modes)
+    model = replace(results.model, covariance=None, covariance_factor=None, modes=modes)
     return replace(results, validation=validation, model=model)
 
 

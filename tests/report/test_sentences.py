@@ -213,7 +213,7 @@ def with_coefficients(results, a, b, c, covariance=None):
         covariance = ParameterCovariance.from_matrix(covariance)
     model = ArmaxModel(np.array(a), np.array(b), np.array(c), 1, 100.0, 1.0, covariance)
     return with_model(
-        results, a=model.a, b=model.b, c=model.c, orders=model.orders, covariance=covariance
+        results, a=model.a, b=model.b, c=model.c, orders=model.orders, covariance_factor=covariance
     )
 
 
@@ -251,7 +251,7 @@ def test_poles_and_zeros(results):
     # |dr/db_i| = |r^(n-i) / p'(r)| with p' = 2.1: √(4² + 2² + 1) / 2.1 · 1.96e-3.
     assert "for the zero 2.0000" in text
     assert number(1.96e-3 * math.sqrt(21) / 2.1, 2) in text
-    (text,) = about_model.poles(replace(given, model=replace(given.model, covariance=None)))
+    (text,) = about_model.poles(replace(given, model=replace(given.model, covariance_factor=None)))
     assert "so no ellipse is drawn" in text
 
 
