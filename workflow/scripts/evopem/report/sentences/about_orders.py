@@ -86,8 +86,8 @@ def stabilization(results: DatasetResults) -> list[str]:
         return [f"{lead} no pole is stable over {PERSISTENT_ORDERS} successive orders."]
     return [
         f"{lead} poles at {enumeration([hertz(frequency) for frequency in persistent])} are stable,"
-        f" within 1{THIN}% in frequency and 10{THIN}% in damping, over {PERSISTENT_ORDERS} orders or"
-        " more."
+        f" within 1{THIN}% in frequency and 10{THIN}% in damping, over {PERSISTENT_ORDERS}"
+        " orders or more."
     ]
 
 
