@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from evopem.report.numbers import count, is_number, number, p_value, percent, plural
+from evopem.report.numbers import count, is_number, number, p_value, percent, plural, times
 from evopem.results.dataset import DatasetResults
+from evopem.signals.preparation import Transforms
 from evopem.validation.residual_tests import WhitenessTest
 from evopem.validation.validation import CrossCorrelationTest, Validation
 
@@ -77,10 +78,15 @@ def simulation(results: DatasetResults) -> list[str]:
     return [" ".join(sentences)]
 
 
+def output_transformed(transforms: Transforms) -> bool:
+    """Whether the prepared output differs from the recorded one by more than its mean."""
+    return transforms.box_cox is not None or transforms.difference > 0
+
+
 def _recorded(results: DatasetResults) -> list[str]:
     """The simulation in recorded units, where transforms make that another quantity."""
-    recorded, transforms = results.validation.recorded, results.model.transforms
-    if transforms.box_cox is None and not transforms.difference:
+    recorded = results.validation.recorded
+    if not output_transformed(results.model.transforms):
         return []
     text = (
         "In the units of the recording the one-step error is"
@@ -88,14 +94,14 @@ def _recorded(results: DatasetResults) -> list[str]:
         f" {percent(recorded.simulation_error_percent)}."
     )
     if recorded.integrations:
-        times = {1: "once", 2: "twice"}.get(recorded.integrations, f"{recorded.integrations} times")
         text += (
-            f" The inverse of the differences sums up the error of the simulation {times}: it"
-            " drifts, and depends more on the length of the record than on the model."
+            " The inverse of differencing integrates the error of the simulation"
+            f" {times(recorded.integrations)}. This error drifts, and depends more on the length of"
+            " the recording than on the model."
         )
     if recorded.undefined_samples:
         text += (
-            f" {plural(recorded.undefined_samples, 'simulated sample')} lie outside the range of"
-            " the Box-Cox transform and have no recorded value."
+            f" {plural(recorded.undefined_samples, 'simulated sample')} outside the range of the"
+            " Box-Cox transform have no recorded value."
         )
     return [text]
