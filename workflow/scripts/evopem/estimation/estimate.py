@@ -65,7 +65,7 @@ class Estimate:
     Attributes
     ----------
     model : ArmaxModel
-        With the covariance of its parameters.
+        With the covariance of its parameters, where it is known.
     criteria : Criteria
     residuals : (N,) array
         NaN before ``window.residual_start``.

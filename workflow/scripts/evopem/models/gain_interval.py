@@ -18,7 +18,8 @@ def gain_band(model: ArmaxModel, frequencies: ArrayLike) -> tuple[Array, Array]:
 
     The parameter covariance is carried to ``ln |G|`` to first order (Ljung 1999, section 9.4),
     so the band is of constant width in decibels and never below zero. NaN where the gain is
-    zero or the covariance is not known.
+    zero or the covariance is not known; the upper end is infinite where it leaves the range of
+    numbers.
 
     Parameters
     ----------
@@ -37,7 +38,7 @@ def gain_band(model: ArmaxModel, frequencies: ArrayLike) -> tuple[Array, Array]:
     delay = np.exp(-2j * np.pi * frequencies / model.sampling_rate)[:, None]
     denominator = np.polynomial.polynomial.polyval(delay, model.a)
     numerator = np.polynomial.polynomial.polyval(delay, model.delayed_b)
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         # d ln G / da_i = -q^-i / A and d ln G / db_j = q^-(nk+j) / B.
         by_a = -(delay ** np.arange(1, orders.na + 1)) / denominator
         by_b = delay ** np.arange(orders.nk, orders.nk + orders.nb) / numerator

@@ -66,8 +66,11 @@ def _jacobian_blocks(
 
 def parameter_covariance(
     triangle: Array, residuals: Array, parameters: int, objective: str
-) -> Array:
+) -> Array | None:
     """Asymptotic covariance of the parameters, (n, n), the noise state being estimated as well.
+
+    None where the density of the residuals at zero, which that of the absolute objective needs,
+    cannot be estimated.
 
     ``sigma^2 (J'J)^-1`` for the quadratic objective (Ljung 1999, eq. 9.17), and
     ``(J'J)^-1 / (2 f(0))^2`` for the absolute one, f the density of the residuals (Bassett &
@@ -92,7 +95,10 @@ def parameter_covariance(
     if objective == "quadratic":
         spread = innovation_variance(residuals, estimated)
     else:
-        spread = 1.0 / (2.0 * _density_at_zero(residuals, estimated)) ** 2
+        squared = (2.0 * _density_at_zero(residuals, estimated)) ** 2
+        if squared == 0.0:
+            return None
+        spread = 1.0 / squared
     covariance: Array = spread * information_inverse
     return covariance
 
@@ -113,4 +119,6 @@ def _density_at_zero(residuals: Array, estimated: int) -> float:
     q25, q75 = np.quantile(others, [0.25, 0.75])
     spread = min(float(np.std(others)), float(q75 - q25) / 1.349)
     width = 0.9 * spread * len(others) ** -0.2
+    if width == 0.0:
+        return 0.0
     return float(np.mean(np.exp(-0.5 * (others / width) ** 2)) / (width * np.sqrt(2.0 * np.pi)))
