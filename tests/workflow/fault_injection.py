@@ -2,11 +2,11 @@
 
     python -m tests.workflow.fault_injection --seconds 600 --seed 1
 
-Each sequence has a seed of its own, which draws its faults and their moments: seed 1 the first,
-seed 2 the next one. A sequence changes files between runs and disturbs runs: it kills a job or all
-of them, interrupts Snakemake, fills the disk, replaces a recording, or starts a second run. After
-each run the lists must be true, and after the last one an undisturbed run must give the results of
-a run that was never disturbed, byte for byte.
+Each sequence has a seed of its own, which draws its faults and their moments: the first has the
+given one, each following one the next number. A sequence changes files between runs, and disturbs
+one or two runs: it kills a job or all of them, interrupts Snakemake, fills the disk, changes an
+input, or starts a second run. After each run the lists must be true. After the last one, an
+undisturbed run must give the results of a run that was never disturbed, byte for byte.
 """
 
 import argparse
@@ -14,27 +14,23 @@ import html
 import os
 import random
 import re
-import resource
 import shutil
 import signal
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import cache
 from pathlib import Path
 
-import numpy as np
 import psutil
-from scipy.signal import lfilter
 
-from .conftest import TINY, Folder
+from .conftest import Folder
+from .disturbed_runs import fill, is_mounted, members, process, small_disk, wait_for_jobs
 from .interruption import listed, results_of, wrong_checksums
+from .undisturbed import ARGUMENTS, References, State
 
-ARGUMENTS = ("--cores", "2")
 LONGEST_RUN = 300.0  # seconds
 SENTENCE = 'bad.csv, line 51, column 2: "oops" is not a finite number; repair or remove that sample'
 DAMAGED = re.compile(r"(results/\S+): was changed or damaged after it was written; delete it")
@@ -65,63 +61,6 @@ CHANGES = (
 )
 
 
-@dataclass(frozen=True)
-class State:
-    """The inputs of a run: which of two recordings and values, which data sets, which jobs."""
-
-    recording: int = 0
-    nfft: int = 512
-    names: tuple[str, ...] = ("good", "bad")
-    one_job_per: str = "stage"
-
-    def write(self, folder: Folder, modified: float | None = None) -> None:
-        """Write the configuration and the recordings, optionally with a time of modification."""
-        for name in ("good", "bad"):
-            write_recording(folder.path / f"{name}.csv", self.recording, name == "bad", modified)
-        defaults = TINY["defaults"] | {"spectrum": {"nfft": self.nfft}}
-        datasets = {name: {"file": f"{name}.csv", "sampling_rate": 100} for name in self.names}
-        folder.configure(
-            TINY
-            | {"report": "none", "one_job_per": self.one_job_per}
-            | {"defaults": defaults, "datasets": datasets}
-        )
-
-
-def write_recording(path: Path, seed: int, is_bad: bool, modified: float | None) -> None:
-    """Write a simulated recording, unless the file has this content."""
-    noise = np.random.default_rng(seed).standard_normal((2, 700))
-    output = lfilter([0.0, 1.0, 0.5], [1.0, -1.5, 0.8], noise[0]) + 0.1 * noise[1]
-    lines = [f"{u:.9g},{y:.9g}" for u, y in zip(noise[0], output, strict=True)]
-    if is_bad:
-        lines[50] = "1,oops"
-    text = "\n".join(lines) + "\n"
-    if not path.exists() or path.read_text() != text:
-        path.write_text(text)
-        if modified is not None:
-            os.utime(path, (modified, modified))
-
-
-class References:
-    """Results of runs that nothing disturbed, one folder for each recording and value."""
-
-    def __init__(self, root: Path) -> None:
-        self.root = root
-        self.of = cache(self._make)
-
-    def folder(self, state: State) -> Folder:
-        return self.of(State(state.recording, state.nfft))
-
-    def _make(self, state: State) -> Folder:
-        path = self.root / f"undisturbed-{state.recording}-{state.nfft}"
-        path.mkdir()
-        folder = Folder(path)
-        state.write(folder)
-        run = folder.run(*ARGUMENTS)
-        assert run.returncode == 1, run.stdout  # one recording is bad
-        assert listed(folder)["good"] == ("complete", ""), run.stdout
-        return folder
-
-
 @dataclass
 class Sequence:
     """One sequence of faults: what was done, and what was wrong."""
@@ -129,23 +68,24 @@ class Sequence:
     seed: int
     folder: Folder
     references: References
-    state: State = State()
+    state: State = field(init=False)
     story: list[str] = field(default_factory=list)
     wrong: list[str] = field(default_factory=list)
     unread: int = 0
 
     def __post_init__(self) -> None:
         self.random = random.Random(self.seed)
+        self.state = State(one_job_per=self.random.choice(["stage", "recording"]))
         self.spoiled: set[Path] = set()
 
     def run(self) -> None:
-        """Disturb one to three runs; then let one end and compare its results."""
+        """Disturb one or two runs; then let one end and compare its results."""
         if self.random.random() < 0.75:
             reference = self.references.folder(self.state).path
             shutil.copytree(reference, self.folder.path, dirs_exist_ok=True, symlinks=True)
             self.story.append("begin with the results of a run")
         self.state.write(self.folder)
-        for _ in range(self.random.randint(1, 3)):
+        for _ in range(self.random.randint(1, 2)):
             for change in self.random.sample(CHANGES, self.random.randint(0, 2)):
                 self.change(change)
             self.disturb(self.random.choice(FAULTS))
@@ -215,13 +155,12 @@ class Sequence:
 
     def disturb(self, fault: str) -> None:
         """Start a run, disturb it at a random moment, and check what it leaves."""
-        jobs, delay = self.random.randint(0, 12), self.random.uniform(0.0, 3.0)
+        most = 12 if self.state.one_job_per == "stage" else 2
+        jobs, delay = self.random.randint(0, most), self.random.uniform(0.0, 5.0)
         before, started = self.state, time.time()
         previous = self.contents()
-        with process(self.folder, limited=fault == "fill the disk" and not is_mounted(self.folder)) as (
-            run,
-            output,
-        ):
+        limited = fault == "fill the disk" and not is_mounted(self.folder)
+        with process(self.folder, limited) as (run, output):
             if not wait_for_jobs(run, self.folder, started, jobs, delay):
                 fault = f"none ({fault} came too late)"
             self.inject(fault, run)
@@ -288,7 +227,7 @@ class Sequence:
         previous: dict[str, bytes],
     ) -> None:
         """Check the lists after a run, which may describe one of several states of the inputs."""
-        if 'scripts/evopem' in output and "Traceback" in output:
+        if "scripts/evopem" in output and "Traceback" in output:
             self.wrong.append(f"traceback after {fault}:\n{output[-3000:]}")
         rows = listed(self.folder)
         if rows is None:
@@ -368,91 +307,13 @@ class Sequence:
         if names == ("good", "bad"):
             for name in ("index.html", "fleet.csv"):
                 file = self.folder.results / name
-                if not file.exists() or file.read_bytes() != (reference.results / name).read_bytes():
+                if (
+                    not file.exists()
+                    or file.read_bytes() != (reference.results / name).read_bytes()
+                ):
                     self.wrong.append(f"{name} differs after the last run")
         if unfinished := list(self.folder.results.rglob(".writing-*/*")):
             self.wrong.append(f"unfinished files are left: {unfinished}")
-
-
-# Processes and disks
-
-
-@contextmanager
-def process(folder: Folder, limited: bool):
-    """Start a run in a session of its own; with limited size of files where the disk cannot fill."""
-    limit: Callable[[], None] | None = None
-    if limited:
-        limit = lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))  # noqa: E731
-    with tempfile.TemporaryFile("w+") as stream:
-        run = subprocess.Popen(
-            folder.command(*ARGUMENTS),
-            cwd=folder.path,
-            stdout=stream,
-            stderr=subprocess.STDOUT,
-            start_new_session=True,
-            preexec_fn=limit,
-        )
-
-        def output() -> str:
-            stream.seek(0)
-            return stream.read()
-
-        yield run, output
-
-
-def wait_for_jobs(
-    run: subprocess.Popen, folder: Folder, started: float, jobs: int, delay: float
-) -> bool:
-    """Wait until a number of jobs have begun, and a time more; whether the run is still there."""
-
-    def n_begun() -> int:
-        logs = [*folder.results.glob("*/logs/**/*.log"), *folder.results.glob("logs/*.log")]
-        count = 0
-        for log in logs:
-            with suppress(FileNotFoundError):
-                count += log.stat().st_mtime >= started
-        return count
-
-    while run.poll() is None and n_begun() < jobs:
-        time.sleep(0.02)
-    with suppress(subprocess.TimeoutExpired):
-        run.wait(delay)
-    return run.poll() is None
-
-
-def members(session: int) -> list[int]:
-    """The living processes of a session."""
-    found = []
-    for each in psutil.process_iter():
-        with suppress(psutil.Error, ProcessLookupError):
-            if os.getsid(each.pid) == session and each.status() != psutil.STATUS_ZOMBIE:
-                found.append(each.pid)
-    return found
-
-
-def is_mounted(folder: Folder) -> bool:
-    return os.path.ismount(folder.path)  # noqa: PTH112
-
-
-def fill(folder: Folder, free: int) -> None:
-    """Leave so many bytes of a small disk free."""
-    size = max(0, shutil.disk_usage(folder.path).free - free)
-    with suppress(OSError), (folder.path / "filler").open("wb") as stream:
-        os.posix_fallocate(stream.fileno(), 0, size)
-
-
-@contextmanager
-def small_disk(path: Path):
-    """Mount a disk of 64 MB in memory, where the user may do that."""
-    path.mkdir()
-    mount = ["mount", "-t", "tmpfs", "-o", "size=64m", "tmpfs", str(path)]
-    tool = shutil.which("mount") if sys.platform == "linux" and os.geteuid() == 0 else None
-    mounted = tool is not None and subprocess.run(mount, check=False, capture_output=True).returncode == 0
-    try:
-        yield
-    finally:
-        if mounted:
-            subprocess.run(["umount", "--lazy", str(path)], check=True)
 
 
 def inject_faults(root: Path, seconds: float, seed: int) -> list[Sequence]:

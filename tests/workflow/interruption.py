@@ -5,8 +5,9 @@ Nothing here starts a run. `tests.workflow.fault_injection` disturbs runs, and b
 """
 
 import csv
-import hashlib
 from pathlib import Path
+
+from evopem.files.checksums import sha256_of_file
 
 from .conftest import Folder
 
@@ -47,9 +48,8 @@ def wrong_checksums(folder: Folder) -> list[Path]:
         for line in checksums.read_text(errors="replace").splitlines():
             checksum, _, name = line.partition("  ")
             file = root / name
-            if name and file.is_file():
-                if hashlib.sha256(file.read_bytes()).hexdigest() != checksum:
-                    wrong.add(file)
+            if name and file.is_file() and sha256_of_file(file) != checksum:
+                wrong.add(file)
     return sorted(wrong)
 
 

@@ -72,7 +72,10 @@ def test_a_full_disk_is_said_and_leaves_nothing_half_written(copy, finished):
     )
     assert run.returncode != 0
     assert "Traceback" not in run.stdout
-    assert "cannot be written (File too large); free disk space or change the permissions" in run.stdout
+    assert (
+        "cannot be written (File too large); free disk space or change the permissions"
+        in run.stdout
+    )
     assert not list(figures.glob("**/*"))
     copy.finish("--cores", "1")
     assert_same_results(copy, finished)

@@ -152,7 +152,9 @@ def test_a_killed_run_does_not_leave_outdated_results_listed_as_complete(copy_of
     """Of a run that is killed nothing remains to correct the lists."""
     folder = copy_of_two
     configure(folder, "a", "b", defaults=TINY["defaults"] | {"spectrum": {"nfft": 1024}})
-    run = psutil.Popen(folder.command("--cores", "1", "--until", "estimate_spectrum"), cwd=folder.path)
+    run = psutil.Popen(
+        folder.command("--cores", "1", "--until", "estimate_spectrum"), cwd=folder.path
+    )
     log = folder.results / "a" / "logs" / "spectrum.log"
     assert kill_job(run, log, run) == -signal.SIGKILL
     run.wait()
