@@ -228,7 +228,8 @@ class Sequence:
     ) -> None:
         """Check the lists after a run, which may describe one of several states of the inputs."""
         if "scripts/evopem" in output and "Traceback" in output:
-            self.wrong.append(f"traceback after {fault}:\n{output[-3000:]}")
+            begin = max(0, output.index("Traceback") - 500)
+            self.wrong.append(f"traceback after {fault}:\n{output[begin : begin + 3000]}")
         rows = listed(self.folder)
         if rows is None:
             return
