@@ -18,6 +18,14 @@ rule all:
         provider.lists,
 
 
+onstart:
+    mark_unfinished()
+
+
+onsuccess:
+    list_other_targets()
+
+
 onerror:
     collect_unfinished()
 

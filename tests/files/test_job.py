@@ -42,6 +42,19 @@ def test_bad_input_is_one_sentence_in_the_log_and_on_standard_error(log, capsys)
     assert "Traceback" not in log.read_text()
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full")
+def test_on_a_full_disk_the_error_is_one_sentence_though_the_log_cannot_be_written(log):
+    log.parent.mkdir(parents=True)
+    log.symlink_to("/dev/full")
+    body = """
+    from evopem.errors import InputError
+    log.info("progress")
+    raise InputError("x.csv", "it is empty", "record something")
+"""
+    run = run_job(log, body)
+    assert (run.returncode, run.stderr) == (1, "x.csv: it is empty; record something.\n")
+
+
 def test_a_lack_of_memory_is_one_sentence(log, capsys):
     with pytest.raises(SystemExit) as stop, job(log):
         np.empty(2**60, dtype=np.uint8)

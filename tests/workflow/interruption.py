@@ -1,59 +1,24 @@
-"""Runs that are killed at random moments, and what is left of them.
+"""What is left of an interrupted run: result files, checksums, and rows of the lists.
 
-    python -m tests.workflow.interruption [kills] [seed]
-
-kills runs of a small configuration twenty times at random moments, lets the last one end, and
-compares its results with those of an undisturbed run.
+Nothing here starts a run. `tests.workflow.fault_injection` disturbs runs, and both it and
+`test_interruption.py` compare what is left with the results of a run that was not disturbed.
 """
 
-import os
-import random
-import shutil
-import signal
-import sys
-import tempfile
-import time
+import csv
 from pathlib import Path
 
-from .conftest import TINY, Folder
+from evopem.files.checksums import sha256_of_file
 
-MAX_SECONDS = 12.0  # that a run is given, at most, before it is killed
-ARGUMENTS = ("--cores", "2")
-
-
-def run_with_kills(folder: Folder, expected: Folder, kills: int, seed: int) -> list[str]:
-    """Kill runs with all their jobs at random moments, then let one end; describe each kill.
-
-    A run that ends before it can be killed is compared as well, and a new one begins.
-    """
-    moments = random.Random(seed)
-    story = []
-    while len(story) < kills:
-        run = folder.start(*ARGUMENTS)
-        moment = moments.uniform(0.5, MAX_SECONDS)
-        deadline = time.monotonic() + moment
-        while time.monotonic() < deadline and run.poll() is None:
-            time.sleep(0.02)
-        if run.poll() is not None:
-            assert run.returncode == 0
-            assert differences(folder, expected) == []
-            shutil.rmtree(folder.results)
-            continue
-        os.killpg(run.pid, signal.SIGKILL)
-        run.wait()
-        story.append(f"killed after {moment:.1f} s, with {len(final_files(folder))} files made")
-        folder.finish("--unlock")
-    folder.finish(*ARGUMENTS)
-    return story
+from .conftest import Folder
 
 
 def final_files(folder: Folder) -> dict[str, bytes]:
-    """Every result by its name; logs, times and the report that shows these are left out."""
-    passing = {"logs", "benchmarks", "report.html", "report.sha256"}
+    """Every result by its name, without logs, times and the report, which shows them."""
+    left_out = {"logs", "benchmarks", "report.html", "report.html.sha256"}
     return {
         path.relative_to(folder.results).as_posix(): path.read_bytes()
         for path in sorted(folder.results.rglob("*"))
-        if path.is_file() and not passing & set(path.relative_to(folder.results).parts)
+        if path.is_file() and not left_out & set(path.relative_to(folder.results).parts)
     }
 
 
@@ -63,22 +28,36 @@ def differences(folder: Folder, other: Folder) -> list[str]:
     return sorted(name for name in one | two if one.get(name) != two.get(name))
 
 
-def main(kills: int = 20, seed: int = 1) -> None:
-    with tempfile.TemporaryDirectory() as root:
-        folders = []
-        for name in ("undisturbed", "killed"):
-            path = Path(root) / name
-            path.mkdir()
-            folders.append(Folder(path))
-            folders[-1].configure(TINY)
-        undisturbed, killed = folders
-        undisturbed.finish(*ARGUMENTS)
-        for line in run_with_kills(killed, undisturbed, kills, seed):
-            print(line)
-        different = differences(killed, undisturbed)
-        print(f"{len(final_files(undisturbed))} results, {len(different)} different: {different}")
-        sys.exit(bool(different))
+def results_of(folder: Folder, dataset: str) -> dict[str, bytes]:
+    """The results of a data set that do not depend on how its stages are divided into jobs.
+
+    Candidates of one part of a phase and checksums, which lie in a file for each job, do depend.
+    """
+    return {
+        name: content
+        for name, content in final_files(folder).items()
+        if name.startswith(f"{dataset}/") and "/part-" not in name and "/checksums/" not in name
+    }
 
 
-if __name__ == "__main__":
-    main(*map(int, sys.argv[1:]))
+def wrong_checksums(folder: Folder) -> list[Path]:
+    """Result files that exist and differ from one of the checksums about them."""
+    wrong = set()
+    for checksums in folder.results.glob("**/checksums/**/*.sha256"):
+        root = next(up.parent for up in checksums.parents if up.name == "checksums")
+        for line in checksums.read_text(errors="replace").splitlines():
+            checksum, _, name = line.partition("  ")
+            file = root / name
+            if name and file.is_file() and sha256_of_file(file) != checksum:
+                wrong.add(file)
+    return sorted(wrong)
+
+
+def listed(folder: Folder) -> dict[str, tuple[str, str]] | None:
+    """Status and problem of each data set in the table of all; None where there is no table."""
+    try:
+        with (folder.results / "fleet.csv").open(encoding="utf-8") as stream:
+            rows = list(csv.DictReader(stream))
+    except FileNotFoundError:
+        return None
+    return {row["dataset"]: (row["status"], row["problem"]) for row in rows}

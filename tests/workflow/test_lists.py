@@ -148,13 +148,39 @@ def test_a_job_that_is_killed_is_not_quoted(two, folder):
     assert table(folder)["a"][0] == "complete"
 
 
-def kill_job(run, log):
-    """Kill the process that has a log file open, once it has one; its return code."""
+def test_a_killed_run_does_not_leave_outdated_results_listed_as_complete(copy_of_two, two):
+    """Of a run that is killed nothing remains to correct the lists."""
+    folder = copy_of_two
+    configure(folder, "a", "b", defaults=TINY["defaults"] | {"spectrum": {"nfft": 1024}})
+    run = psutil.Popen(
+        folder.command("--cores", "1", "--until", "estimate_spectrum"), cwd=folder.path
+    )
+    log = folder.results / "a" / "logs" / "spectrum.log"
+    assert kill_job(run, log, run) == -signal.SIGKILL
+    run.wait()
+    assert {status for status, *_ in table(folder).values()} == {"unfinished"}
+    folder.finish("--unlock")
+    configure(folder, "a", "b")
+    folder.finish("--cores", "1")
+    assert table(folder) == table(two)
+    assert folder.planned() == {}
+
+
+def test_a_result_beside_the_summary_that_is_made_again_is_listed_at_once(copy_of_two, two):
+    (copy_of_two.results / "a" / "candidates.csv").unlink()
+    copy_of_two.finish("--cores", "1", "results/a/candidates.csv")
+    assert table(copy_of_two) == table(two)
+    copy_of_two.finish("--cores", "1")
+    assert copy_of_two.planned() == {}
+
+
+def kill_job(run, log, victim=None):
+    """Kill the process that has a log file open, or another one then; its return code."""
     while run.poll() is None:
         for process in run.children(recursive=True):
             try:
                 if str(log) in [file.path for file in process.open_files()]:
-                    process.kill()
+                    (victim or process).kill()
                     return -signal.SIGKILL
             except psutil.Error:
                 continue

@@ -93,15 +93,36 @@ def code(script, *templates):
     return code_version(SCRIPTS / f"{script}.py", templates)
 
 
+def mark_unfinished():
+    """Before the first job, list the data sets with jobs to run as unfinished.
+
+    A run that is killed cannot correct the lists any more.
+    """
+    exist = any(map(os.path.exists, provider.lists))
+    if exist and datasets_of(workflow.dag.needrun_jobs()):
+        collect_unfinished()
+
+
+def list_other_targets():
+    """List the data sets again after a run that had jobs of them but did not make the lists."""
+    jobs = list(workflow.dag.needrun_jobs(exclude_finished=False))
+    if datasets_of(jobs) and not any(OVERVIEW[0] in job.output for job in jobs):
+        collect_unfinished()
+
+
+def datasets_of(jobs):
+    """The names of the data sets that jobs belong to."""
+    names = {getattr(job.wildcards, "dataset", None) for job in jobs}
+    return names & provider.config.datasets.keys()
+
+
 def collect_unfinished():
-    """List all data sets after a run that failed; the next run makes the lists again."""
+    """List all data sets while results are missing; the next run makes the lists again."""
     from evopem.pipeline import fleet
 
-    if not provider.lists:
+    if workflow.touch or not provider.lists:
         return
-    left = {
-        getattr(job.wildcards, "dataset", None) for job in workflow.dag.needrun_jobs()
-    }
+    left = datasets_of(workflow.dag.needrun_jobs())
     required = {name: provider.results(name) for name in provider.config.datasets}
     fleet.collect_unfinished(
         required, WORKFLOW / "templates", provider.page, pending=left

@@ -9,9 +9,9 @@ from evopem.pipeline.fleet import collect_fleet
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
 
-with job(snakemake.log[0], snakemake.input, snakemake.output):
+with job(snakemake.log[0], snakemake.input.summaries, snakemake.output):
     collect_fleet(
-        [Path(file).parent.name for file in snakemake.input],
+        [Path(file).parent.name for file in snakemake.input.summaries],
         Path(snakemake.scriptdir).parent / "templates",
         snakemake.params.page,
         snakemake.output.index,

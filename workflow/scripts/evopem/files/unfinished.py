@@ -40,7 +40,7 @@ class UnfinishedJob:
         """What is known of why it has not succeeded."""
         return self.message or (
             f"the job {self.job} ended without a message, as a job that is killed does; run"
-            " snakemake again"
+            " snakemake again."
         )
 
 

@@ -95,6 +95,20 @@ class Provider:
         truth = [own.truth] if dataset in self.synthetic else []
         return [*own.results, *(own.pages if self.with_report else []), *truth]
 
+    @property
+    def last_results(self) -> list[str]:
+        """The results that no other job of a data set needs, apart from its summary.
+
+        None where one job makes all results of a data set.
+        """
+        if self.config.run.one_job_per == "recording":
+            return []
+        return [
+            result
+            for own in map(DatasetFiles.of_dataset, self.config.datasets)
+            for result in (own.config, own.candidates, *([own.report] if self.with_report else []))
+        ]
+
     def one_of(self, names: frozenset[str]) -> str:
         """A wildcard constraint that matches these names and no other data set's.
 
