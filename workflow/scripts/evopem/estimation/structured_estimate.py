@@ -94,6 +94,21 @@ def estimate(
     ------
     ValueError
         When the record is too short for the orders, or a setting is outside its range.
+
+    Examples
+    --------
+    >>> import evopem
+    >>> from evopem.synthesis.armax import armax
+    >>> recording, truth = armax(seed=1, samples=1000)
+    >>> found = evopem.estimate(
+    ...     recording.input,
+    ...     recording.output,
+    ...     orders=(7, 6, 7, 3),
+    ...     sampling_rate=100.0,
+    ...     settings=evopem.SearchSettings(objective="quadratic", seed=1),
+    ... )
+    >>> [round(mode.frequency_hz) for mode in found.model.modes()]
+    [5, 17, 37]
     """
     if structure == "armax":
         if level:
