@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 
 from evopem.config.defaults import complete
 from evopem.config.order_grid import (
-    PHASES,
     candidate_orders,
     check_samples,
     grid_of_phase,
@@ -22,6 +21,7 @@ from evopem.config.order_grid import (
     scoring_window,
 )
 from evopem.config.settings import (
+    PHASES,
     DatasetSettings,
     DelaySettings,
     OrderGrid,

@@ -1,6 +1,7 @@
 """The digest of a script's code: what changes it, and what does not."""
 
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -98,6 +99,41 @@ def test_scripts_reach_their_part_of_the_package_and_no_more():
     for module in ("multitaper", "peaks"):
         assert f"evopem/signals/spectral/{module}.py" not in reached["estimate_candidates"]
     assert "evopem/config/defaults.py" not in reached["estimate_candidates"]
+
+
+@pytest.mark.parametrize(
+    ("module", "users", "others"),
+    [
+        (
+            "signals/spectral/multitaper.py",
+            {"estimate_spectrum"},
+            {"prepare_signals", "estimate_candidates", "complete_model"},
+        ),
+        ("figures/style.py", {"draw_figures"}, {"estimate_spectrum", "validate_model"}),
+        ("validation/scores.py", {"validate_model"}, {"estimate_candidates", "complete_model"}),
+        (
+            "estimation/pem/kernels/gradient.py",
+            {"estimate_candidates", "select_candidate"},
+            {"prepare_signals", "estimate_spectrum"},
+        ),
+        ("config/order_grid.py", {"estimate_candidates"}, {"estimate_spectrum", "read_recording"}),
+        ("signals/readers/matlab.py", {"read_recording"}, {"prepare_signals", "validate_model"}),
+    ],
+)
+def test_changed_code_changes_the_digests_of_the_scripts_that_use_it(
+    tmp_path, module, users, others
+):
+    scripts = tmp_path / "scripts"
+    shutil.copytree(SCRIPTS, scripts, ignore=shutil.ignore_patterns("__pycache__"))
+    file = scripts / "evopem" / module
+    file.write_text(file.read_text(encoding="utf-8") + "\n# changed\n", encoding="utf-8")
+    changed = {
+        script.stem
+        for script in SCRIPTS.glob("*.py")
+        if code_version(script) != code_version(scripts / script.name)
+    }
+    assert users | {"identify_recording"} <= changed
+    assert not others & changed
 
 
 def test_scripts_name_submodules_and_not_the_package():

@@ -9,6 +9,7 @@ import yaml
 
 from evopem.config.defaults import complete
 from evopem.config.settings import (
+    PHASES,
     ChannelSettings,
     DatasetSettings,
     DelaySettings,
@@ -79,8 +80,6 @@ def test_the_words_a_key_takes_are_those_of_its_field(properties, kind):
 
 
 def test_the_phases_are_the_grids_of_the_order_search():
-    from evopem.config.order_grid import PHASES
-
     assert ("delay", *(field.name for field in fields(OrderSettings))) == PHASES
 
 

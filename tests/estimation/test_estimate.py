@@ -7,6 +7,7 @@ from scipy.signal import lfilter
 
 from evopem import Orders, ScoringWindow, SearchSettings, estimate
 from evopem.estimation.pem.arx import fit_arx
+from evopem.estimation.pem.covariance import parameter_covariance
 from evopem.synthesis.armax import armax
 
 QUADRATIC = SearchSettings(objective="quadratic")
@@ -133,6 +134,14 @@ def test_over_parameterised_models_are_stable_and_invertible(objective):
     assert np.abs(found.model.noise_zeros()).max() < 0.98 * (1 + 1e-6)
 
 
+@pytest.mark.parametrize("residuals", [np.full(200, 3.0), np.linspace(3.0, 3.01, 200)])
+def test_without_residuals_about_zero_the_absolute_estimate_has_no_covariance(residuals):
+    """Its covariance needs their density at zero; the quadratic one needs their variance alone."""
+    triangle = np.eye(4)
+    assert parameter_covariance(triangle, residuals, 3, "absolute") is None
+    assert np.isfinite(parameter_covariance(triangle, residuals, 3, "quadratic")).all()
+
+
 def test_outliers_move_the_absolute_estimate_less():
     u, y = small_record(samples=2000, noise=0.2)
     rng = np.random.default_rng(9)
@@ -168,7 +177,9 @@ def test_units_do_not_matter(exponent):
     other = estimate(u / scale, y * scale, (2, 2, 1, 1)).model
     np.testing.assert_array_equal(one.a, other.a)
     np.testing.assert_array_equal(one.b, other.b / scale**2)
-    np.testing.assert_allclose(other.covariance[:2, :2], one.covariance[:2, :2], rtol=1e-9)
+    np.testing.assert_allclose(
+        other.covariance.matrix[:2, :2], one.covariance.matrix[:2, :2], rtol=1e-9
+    )
 
 
 @pytest.mark.parametrize(

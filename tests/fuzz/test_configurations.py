@@ -11,7 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from evopem.config.defaults import complete
-from evopem.config.order_grid import PHASES, part_count, sample_requirements, scoring_window
+from evopem.config.order_grid import part_count, sample_requirements, scoring_window
+from evopem.config.settings import PHASES
 from evopem.config.yaml_form import keys_of
 from evopem.errors import InputError
 from evopem.files.json_form import to_json

@@ -11,15 +11,16 @@ import evopem
 from evopem.errors import InputError
 from evopem.files.json_form import save
 from evopem.models.matlab import save_model_mat
+from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.synthesis.armax import true_model
 
 
 @pytest.fixture
 def model():
     truth = true_model()
-    return evopem.ArmaxModel(
-        truth.a, truth.b, truth.c, truth.nk, 100.0, 0.25, 1e-4 * np.eye(truth.orders.parameters)
-    )
+    n = truth.orders.parameters
+    covariance = ParameterCovariance(1e-2 * np.eye(n)[:, 1:], np.eye(n)[:, :1])
+    return evopem.ArmaxModel(truth.a, truth.b, truth.c, truth.nk, 100.0, 0.25, covariance)
 
 
 def test_mat_holds_the_arguments_of_idpoly(model, tmp_path):

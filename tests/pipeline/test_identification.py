@@ -37,7 +37,7 @@ STAGES = (
 
 
 @pytest.fixture(scope="module")
-def identified(tmp_path_factory):
+def arm(tmp_path_factory):
     """The files of a data set that was taken through all stages in one process."""
     files = DatasetFiles(str(tmp_path_factory.mktemp("identified") / "arm"))
     identify_recording(files, SETTINGS, with_report=True)
@@ -48,29 +48,27 @@ def contents(files):
     return {path: path.read_bytes() for path in Path(files.folder).rglob("*") if path.is_file()}
 
 
-def test_it_makes_every_result_and_leaves_no_parts(identified):
-    made = set(map(str, contents(identified)))
-    steps = {identified.recording, identified.prepared, *identified.phases, identified.truth}
-    assert made == steps | set(identified.results) | set(identified.pages)
+def test_it_makes_every_result_and_leaves_no_parts(arm):
+    made = set(map(str, contents(arm)))
+    steps = {arm.recording, arm.prepared, *arm.phases, arm.truth}
+    assert made == steps | set(arm.results) | set(arm.pages)
 
 
-def test_the_stages_are_listed_in_their_order(identified):
-    assert tuple(stages(identified, SETTINGS)) == STAGES
+def test_the_stages_are_listed_in_their_order(arm):
+    assert tuple(stages(arm, SETTINGS)) == STAGES
 
 
 @pytest.fixture(scope="module")
-def repeated(identified):
+def repeated(arm):
     """The contents of the files that each stage, run alone, writes again; the first contents."""
-    first = contents(identified)
+    first = contents(arm)
     written = {}
     for stage in STAGES:
         for path in first:
             os.utime(path, (1, 1))
-        run_stage(stage, identified.folder, log=None)
+        run_stage(stage, arm.folder, log=None)
         written[stage] = {
-            path: content
-            for path, content in contents(identified).items()
-            if path.stat().st_mtime > 1
+            path: content for path, content in contents(arm).items() if path.stat().st_mtime > 1
         }
     return written, first
 
@@ -87,10 +85,10 @@ def test_every_file_is_written_by_one_stage(repeated):
     assert Counter(path for files in written.values() for path in files) == Counter(list(first))
 
 
-def test_progress_reaches_the_log(identified):
+def test_progress_reaches_the_log(arm):
     lines = []
-    run_stage("nc", identified.folder, log=lines.append)
-    assert "nc: ARMAX(3,3,2,3), candidate 1 of 2" in lines
+    run_stage("nc", arm.folder, log=lines.append)
+    assert "nc: ARMAX(4,4,2,3), candidate 1 of 2" in lines
     assert "has the smallest BIC" in lines[-1]
 
 
@@ -99,7 +97,7 @@ def test_a_folder_without_a_configuration_is_refused(tmp_path):
         run_stage("model", tmp_path)
 
 
-def test_a_recorded_file_without_a_report(tmp_path, identified, monkeypatch):
+def test_a_recorded_file_without_a_report(tmp_path, arm, monkeypatch):
     """From files instead of a simulation, an independent one for validation among them."""
     import numpy as np
 
@@ -109,7 +107,7 @@ def test_a_recorded_file_without_a_report(tmp_path, identified, monkeypatch):
     from evopem.signals.recording import load_recording
 
     monkeypatch.chdir(tmp_path)
-    recording = load_recording(identified.recording)
+    recording = load_recording(arm.recording)
     table = np.column_stack([recording.input, recording.output])
     for name, rows in (("a.csv", table[:500]), ("b.csv", table[500:])):
         np.savetxt(name, rows, delimiter=",", fmt="%.17g")

@@ -9,6 +9,7 @@ import pytest
 from evopem.estimation.model_record import ModelRecord
 from evopem.models.armax import ArmaxModel, Orders
 from evopem.models.modes import Mode
+from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomials import root_gradient
 from evopem.models.root_covariance import root_covariance
 from evopem.signals.recording_info import RecordingInfo
@@ -45,6 +46,8 @@ class Evidence:
 
 def with_polynomials(record, a, b, c, covariance):
     """A model record of other polynomials, with all that follows from them."""
+    if covariance is not None:
+        covariance = ParameterCovariance.from_matrix(covariance)
     model = ArmaxModel(a, b, c, nk=1, sampling_rate=1.0, noise_variance=1.0, covariance=covariance)
     return replace(
         record,
@@ -160,7 +163,11 @@ def test_checks_of_an_identified_model_say_what_is_in_its_results(real):
     [
         ("model", {"covariance": None}, "Poles"),
         ("model", {"covariance": None}, "Response"),
-        ("model", {"covariance": np.full((5, 5), math.nan)}, "Response"),
+        (
+            "model",
+            {"covariance": ParameterCovariance.from_matrix(np.full((5, 5), math.nan))},
+            "Response",
+        ),
         ("model", {"poles": np.full(2, math.nan, dtype=complex)}, "Stable"),
         ("validation", {"autocorrelation_share_inside95": math.nan}, "White"),
         ("validation", {"residual_outlier_percent": math.nan}, "Few"),

@@ -1,9 +1,9 @@
-"""Runs killed again and again, as a power cut would, and what is left of them.
+"""Runs that are killed at random moments, and what is left of them.
 
     python -m tests.workflow.interruption [kills] [seed]
 
 kills runs of a small configuration twenty times at random moments, lets the last one end, and
-compares results with those of a run that nobody disturbed.
+compares its results with those of an undisturbed run.
 """
 
 import os
@@ -17,12 +17,12 @@ from pathlib import Path
 
 from .conftest import TINY, Folder
 
-LONGEST = 12.0  # seconds that a run is left alone, at most
+MAX_SECONDS = 12.0  # that a run is given, at most, before it is killed
 ARGUMENTS = ("--cores", "2")
 
 
 def run_with_kills(folder: Folder, expected: Folder, kills: int, seed: int) -> list[str]:
-    """Kill so many runs with all their jobs at random moments, then let one end; say what lived.
+    """Kill runs with all their jobs at random moments, then let one end; describe each kill.
 
     A run that ends before it can be killed is compared as well, and a new one begins.
     """
@@ -30,7 +30,7 @@ def run_with_kills(folder: Folder, expected: Folder, kills: int, seed: int) -> l
     story = []
     while len(story) < kills:
         run = folder.start(*ARGUMENTS)
-        moment = moments.uniform(0.5, LONGEST)
+        moment = moments.uniform(0.5, MAX_SECONDS)
         deadline = time.monotonic() + moment
         while time.monotonic() < deadline and run.poll() is None:
             time.sleep(0.02)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 
 from evopem.config.settings import (
+    PHASES,
     DatasetSettings,
     OrderGrid,
     Range,
@@ -16,9 +17,6 @@ from evopem.config.settings import (
     ScoringWindow,
 )
 from evopem.errors import InputError
-
-PHASES = ("delay", "joint", "nc", "nb")
-"""The phases of the order search, in their order: each takes its predecessor's selection."""
 
 AUTO_JOINT_UPPER = 14
 """Upper end of ``orders.joint: auto``, the chapter's own."""

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from evopem.config.order_grid import PHASES, max_candidates_per_part, sample_requirements
-from evopem.config.settings import DatasetSettings, RecordedSource
+from evopem.config.order_grid import max_candidates_per_part, sample_requirements
+from evopem.config.settings import PHASES, DatasetSettings, RecordedSource
 
 
 def recording_bytes(settings: DatasetSettings) -> int:

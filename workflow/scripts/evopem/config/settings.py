@@ -11,6 +11,9 @@ from typing import Literal
 Range = tuple[int, int]
 """Lower and upper end of a range of orders, both included."""
 
+PHASES = ("delay", "joint", "nc", "nb")
+"""The phases of the order search, in their order: each takes its predecessor's selection."""
+
 Objective = Literal["absolute", "quadratic"]
 Initialization = Literal["arx", "incremental_order"]
 Refine = Literal["worst", "all", "best", "random"]

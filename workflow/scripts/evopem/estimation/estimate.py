@@ -19,11 +19,12 @@ from evopem.estimation.criteria import (
     power_of_two_scale,
 )
 from evopem.estimation.pem.covariance import (
+    estimate_covariance,
     innovation_variance,
     jacobian_triangle,
-    parameter_covariance,
 )
 from evopem.estimation.pem.kernels import MIN_NC
+from evopem.estimation.pem.minimum_norm import minimum_norm_point
 from evopem.estimation.pem.objective import OBJECTIVES, PredictionErrorProblem
 from evopem.estimation.search.armax_problem import INITIALIZATIONS, ArmaxProblem
 from evopem.estimation.search.memetic import REFINE, memetic_search
@@ -45,7 +46,7 @@ class Estimate:
     Attributes
     ----------
     model : ArmaxModel
-        With the covariance of its parameters.
+        With the covariance of its parameters, where it is known.
     criteria : Criteria
     residuals : (N,) array
         NaN before ``window.residual_start``.
@@ -228,24 +229,25 @@ def describe(
     errors: PredictionErrorProblem, result: SearchResult, sampling_rate: float
 ) -> Estimate:
     """The model at a search's best point, with its criteria, residuals and covariance."""
-    point, orders, start = result.point, errors.orders, errors.scoring_start
-    a = np.concatenate([[1.0], point[: orders.na]])
-    b = point[orders.na : orders.na + orders.nb].copy()
-    c = np.concatenate([[1.0], point[orders.na + orders.nb : orders.parameters]])
-    residuals = errors.residuals(point)
+    orders, start = errors.orders, errors.scoring_start
+    point, residuals, triangle = _identifiable(errors, result.point)
+    a, b, c = _coefficients(point, orders)
     scored, scored_output = residuals[start:], errors.output[start:]
-    model = ArmaxModel(a, b, c, orders.nk, sampling_rate)
-    triangle = jacobian_triangle(
-        model, errors.input, errors.output, residuals, errors.recursion_start, start
+    model = ArmaxModel(
+        a,
+        b,
+        c,
+        orders.nk,
+        sampling_rate,
+        noise_variance=innovation_variance(scored, triangle.shape[1]),
+        covariance=estimate_covariance(
+            triangle, scored, scored_output, orders.parameters, orders.nc, errors.objective
+        ),
     )
     residuals[: errors.recursion_start] = np.nan
     radius = max(largest_radius(a[1:]), largest_radius(c[1:]))
     return Estimate(
-        model=replace(
-            model,
-            noise_variance=innovation_variance(scored, triangle.shape[1]),
-            covariance=parameter_covariance(triangle, scored, orders.parameters, errors.objective),
-        ),
+        model=model,
         criteria=criteria_of(scored, scored_output, errors.objective, orders.parameters),
         residuals=residuals,
         noise_state=point[orders.parameters :].copy(),
@@ -253,6 +255,30 @@ def describe(
         at_stability_bound=lies_at_bound(radius, errors.max_root_radius),
         search=result,
     )
+
+
+def _identifiable(errors: PredictionErrorProblem, point: Array) -> tuple[Array, Array, Array]:
+    """The point with the shortest B of equal residuals, its residuals and Jacobian triangle."""
+    residuals, triangle = _residuals_and_triangle(errors, point)
+    shortest = minimum_norm_point(point, triangle, errors.orders)
+    if np.array_equal(shortest, point):
+        return point, residuals, triangle
+    return shortest, *_residuals_and_triangle(errors, shortest)
+
+
+def _residuals_and_triangle(errors: PredictionErrorProblem, point: Array) -> tuple[Array, Array]:
+    residuals = errors.residuals(point)
+    bare = ArmaxModel(*_coefficients(point, errors.orders), errors.orders.nk)
+    triangle = jacobian_triangle(
+        bare, errors.input, errors.output, residuals, errors.recursion_start, errors.scoring_start
+    )
+    return residuals, triangle
+
+
+def _coefficients(point: Array, orders: Orders) -> tuple[Array, Array, Array]:
+    """A, B and C of a point."""
+    a, b, c = np.split(point[: orders.parameters], [orders.na, orders.na + orders.nb])
+    return np.concatenate([[1.0], a]), b.copy(), np.concatenate([[1.0], c])
 
 
 def _scaled_problem(

@@ -18,6 +18,7 @@ from evopem.estimation.search.problem import SearchDiagnostics
 from evopem.files.json_form import load
 from evopem.models.armax import ArmaxModel, Orders
 from evopem.models.modes import Mode
+from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
 from evopem.signals.preparation import Transforms
 from evopem.version import __version__
@@ -58,7 +59,9 @@ class ModelRecord:
         Hz.
     noise_variance : float
     covariance : (n, n) array, optional
-        Of ``[a_1.., b_0.., c_1..]``.
+        Of ``[a_1.., b_0.., c_1..]``; NaN for parameters that the data do not determine.
+    covariance_factor : ParameterCovariance, optional
+        The same in factored form, from which all standard errors are computed.
     parameter_standard_errors : (n,) array, optional
     modes : tuple of Mode
     poles, zeros, noise_zeros : complex array
@@ -81,6 +84,7 @@ class ModelRecord:
     sampling_rate: float
     noise_variance: float
     covariance: Array | None
+    covariance_factor: ParameterCovariance | None
     parameter_standard_errors: Array | None
     modes: tuple[Mode, ...]
     poles: Roots
@@ -107,7 +111,8 @@ class ModelRecord:
             c=model.c,
             sampling_rate=model.sampling_rate,
             noise_variance=model.noise_variance,
-            covariance=model.covariance,
+            covariance=None if model.covariance is None else model.covariance.matrix,
+            covariance_factor=model.covariance,
             parameter_standard_errors=model.parameter_standard_errors(),
             modes=tuple(model.modes()),
             poles=model.poles(),
@@ -133,7 +138,7 @@ class ModelRecord:
             nk=self.orders.nk,
             sampling_rate=self.sampling_rate,
             noise_variance=self.noise_variance,
-            covariance=self.covariance,
+            covariance=self.covariance_factor,
         )
 
 

@@ -16,7 +16,7 @@ from evopem.estimation.criteria import (
     lies_at_bound,
     power_of_two_scale,
 )
-from evopem.estimation.pem.covariance import innovation_variance, parameter_covariance
+from evopem.estimation.pem.covariance import estimate_covariance, innovation_variance
 from evopem.estimation.pem.objective import OBJECTIVES
 from evopem.estimation.pem.polynomial_objective import PolynomialErrors
 from evopem.estimation.search.memetic import memetic_search
@@ -205,7 +205,9 @@ def _described(
         sampling_rate,
         level=float(point[parts["level"]].sum()),
         noise_variance=innovation_variance(counted, errors.dimension),
-        covariance=parameter_covariance(triangle, counted, coefficients, errors.objective),
+        covariance=estimate_covariance(
+            triangle, counted, counted_output, coefficients, 0, errors.objective
+        ),
         structure=structure,
     )
     residuals[: errors.residual_start] = np.nan

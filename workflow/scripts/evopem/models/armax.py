@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from evopem.models.modes import Mode, modes_of
+from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomials import powers_of_z, roots
 
 Array = NDArray[np.float64]
@@ -79,7 +80,7 @@ class ArmaxModel:
         Hz.
     noise_variance : float
         Variance of the innovations, in the square of the output's unit.
-    covariance : (n, n) array, optional
+    covariance : ParameterCovariance, optional
         Covariance of ``[a_1.., b_0.., c_1..]``.
 
     Examples
@@ -109,7 +110,7 @@ class ArmaxModel:
     nk: int
     sampling_rate: float = 1.0
     noise_variance: float = float("nan")
-    covariance: Array | None = None
+    covariance: ParameterCovariance | None = None
 
     @property
     def orders(self) -> Orders:
@@ -122,11 +123,13 @@ class ArmaxModel:
         return np.concatenate([self.a[1:], self.b, self.c[1:]])
 
     def parameter_standard_errors(self) -> Array | None:
-        """Standard errors of :attr:`parameters`, (n,); None where the covariance is not known."""
+        """Standard errors of :attr:`parameters`, (n,); None where the covariance is not known.
+
+        Infinite for a parameter that the data do not determine.
+        """
         if self.covariance is None:
             return None
-        errors: Array = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
-        return errors
+        return self.covariance.standard_errors(np.eye(len(self.parameters)))
 
     @property
     def delayed_b(self) -> Array:
@@ -291,7 +294,7 @@ class ArmaxModel:
         (6.71, 0.132)
         """
         na = len(self.a) - 1
-        covariance = None if self.covariance is None else self.covariance[:na, :na]
+        covariance = None if self.covariance is None else self.covariance.part(slice(na))
         return modes_of(self.a[1:], self.sampling_rate, covariance)
 
     def to_control(self):  # type: ignore[no-untyped-def]

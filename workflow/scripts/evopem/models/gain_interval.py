@@ -1,4 +1,4 @@
-"""How well a model knows its own frequency response."""
+"""Confidence interval of a model's gain over frequency."""
 
 from __future__ import annotations
 
@@ -14,11 +14,14 @@ NORMAL_95 = 1.959963984540054
 
 
 def gain_band(model: ArmaxModel, frequencies: ArrayLike) -> tuple[Array, Array]:
-    """Lower and upper end of the 95 % band of the gain ``|G|`` at frequencies in Hz.
+    """Lower and upper end of the 95 % confidence interval of ``|G|`` at frequencies in Hz.
 
-    The parameter covariance is carried to ``ln |G|`` to first order (Ljung 1999, section 9.4),
-    so the band is of constant width in decibels and never below zero. NaN where the gain is
-    zero or the covariance is not known.
+    The parameter covariance is propagated to ``ln |G|`` to first order (Ljung 1999, section 9.4),
+    so the interval has the same width in decibels above and below, and is never negative.
+
+    Both ends are NaN where the gain is zero, where the covariance is not known, and where the gain
+    depends on a direction of the parameters that the data do not determine, as between the lines
+    of a periodic input. The upper end is infinite where it leaves the range of numbers.
 
     Parameters
     ----------
@@ -47,14 +50,14 @@ def gain_band(model: ArmaxModel, frequencies: ArrayLike) -> tuple[Array, Array]:
     delay = np.exp(-2j * np.pi * frequencies / model.sampling_rate)[:, None]
     denominator = np.polynomial.polynomial.polyval(delay, model.a)
     numerator = np.polynomial.polynomial.polyval(delay, model.delayed_b)
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         # d ln G / da_i = -q^-i / A and d ln G / db_j = q^-(nk+j) / B.
         by_a = -(delay ** np.arange(1, orders.na + 1)) / denominator
         by_b = delay ** np.arange(orders.nk, orders.nk + orders.nb) / numerator
-        jacobian = np.hstack([by_a, by_b]).real
-        count = orders.na + orders.nb
-        covariance = model.covariance[:count, :count]
-        variance = np.einsum("fi,ij,fj->f", jacobian, covariance, jacobian)
-        spread = np.exp(NORMAL_95 * np.sqrt(np.maximum(variance, 0.0)))
+        errors = model.covariance.part(slice(orders.na + orders.nb)).standard_errors(
+            np.hstack([by_a, by_b]).real
+        )
+        errors[~np.isfinite(errors)] = np.nan
+        spread = np.exp(NORMAL_95 * errors)
         gain = np.abs(numerator / denominator)[:, 0]
         return gain / spread, gain * spread

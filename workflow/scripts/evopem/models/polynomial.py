@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from evopem.models.modes import Mode, modes_of
+from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomials import powers_of_z, roots
 from evopem.models.structures import PolynomialOrders
 
@@ -32,7 +33,7 @@ class PolynomialModel:
         Constant of the equation, in the unit of the output.
     noise_variance : float
         Variance of the innovations, in the square of the output's unit.
-    covariance : (n, n) array, optional
+    covariance : ParameterCovariance, optional
         Covariance of ``[a_1.., b_0.., c_1.., d_1.., f_1..]``.
     structure : str
         A key of :data:`evopem.models.structures.STRUCTURES`.
@@ -47,7 +48,7 @@ class PolynomialModel:
     sampling_rate: float = 1.0
     level: float = 0.0
     noise_variance: float = float("nan")
-    covariance: Array | None = None
+    covariance: ParameterCovariance | None = None
     structure: str = "general"
 
     @property
@@ -234,7 +235,7 @@ class PolynomialModel:
         for name in names:
             coefficients = getattr(self, name)[1:]
             part = slice(first[name], first[name] + len(coefficients))
-            covariance = None if self.covariance is None else self.covariance[part, part]
+            covariance = None if self.covariance is None else self.covariance.part(part)
             modes += modes_of(coefficients, self.sampling_rate, covariance)
         return sorted(modes, key=lambda mode: mode.frequency_hz)
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from evopem.config.dataset_names import RESULTS_FOLDER as FOLDER
-from evopem.config.order_grid import PHASES
+from evopem.config.settings import PHASES
 from evopem.errors import InputError
 
 FIGURES = (

@@ -99,10 +99,17 @@ def adaptive_weights(eigenspectra: Floats, layout: Tapering, flat_density: float
     tapers of one frequency, is left out: it cancels in every use, and would make the weights
     vanish where there is no power at all.
     """
-    kept = layout.concentrations[:, np.newaxis]
-    leaked = (1.0 - kept) * flat_density
     if layout.tapers == 1:
         return np.ones_like(eigenspectra)
+    # In units of about the flat density: a square of the density itself may leave the range of
+    # numbers. A power of two changes no other bit.
+    _, exponent = np.frexp(flat_density)
+    eigenspectra, flat_density = (
+        np.ldexp(eigenspectra, -exponent),
+        np.ldexp(flat_density, -exponent),
+    )
+    kept = layout.concentrations[:, np.newaxis]
+    leaked = (1.0 - kept) * flat_density
     density = eigenspectra[:2].mean(axis=0)
     for _ in range(MAX_WEIGHT_ITERATIONS):
         weights = kept / (kept * density + leaked) ** 2
