@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomials import root_gradient
@@ -37,15 +37,3 @@ def root_covariance(
         covariance = ParameterCovariance.from_matrix(covariance)
     gradient = root_gradient(coefficients, root)[-len(covariance) :]
     return covariance.of(np.vstack([gradient.real, gradient.imag]))
-
-
-def parameter_covariance(given: ArrayLike | None, parameters: int) -> NDArray[np.float64] | None:
-    """Leading block of a parameter covariance, or None when it is missing or not usable."""
-    if given is None:
-        return None
-    covariance = np.asarray(given, dtype=float)
-    if covariance.ndim != 2 or min(covariance.shape) < parameters:
-        return None
-    covariance = covariance[:parameters, :parameters]
-    usable = np.all(np.isfinite(covariance)) and np.all(np.diag(covariance) > 0)
-    return covariance if usable else None

@@ -112,7 +112,7 @@ def _search_phase(
 ) -> None:
     window, search, grid = scoring_window(settings), settings.search, settings.order_grid
     estimate_candidates(files, phase, 1, 1, grid, search, window, log, cores)
-    select_candidate(files, phase, 1, search, window, log)
+    select_candidate(files, phase, 1, grid, search, window, log)
     Path(files.part(phase, 1)).unlink()  # the file of the phase holds all of it
 
 

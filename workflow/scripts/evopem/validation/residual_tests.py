@@ -23,19 +23,6 @@ LEAST_EXPECTED = 0.5
 
 
 @dataclass(frozen=True)
-class LjungBox:
-    """The Ljung-Box test of joint whiteness.
-
-    ``p_value`` is ``nan`` when no degree of freedom is left.
-    """
-
-    statistic: float
-    degrees_of_freedom: int
-    p_value: float
-    lags: int
-
-
-@dataclass(frozen=True)
 class WhitenessTest:
     """Joint test that the residuals of a fitted model are white.
 
@@ -191,36 +178,6 @@ def share_inside(correlation: ArrayLike, bound: ArrayLike) -> float:
     if values.size == 0 or not np.all(np.isfinite(values)):
         return math.nan
     return float(np.mean(values <= np.asarray(bound, dtype=float)))
-
-
-def ljung_box(autocorrelation: ArrayLike, samples: int, parameters: int, lags: int) -> LjungBox:
-    """Ljung-Box statistic ``N (N + 2) Σ ρ_k² / (N - k)`` over lags 1 to ``lags``.
-
-    Parameters
-    ----------
-    autocorrelation : array_like
-        ρ at lags 0, 1, …, at least to ``lags``.
-    samples : int
-        N, the number of residuals behind ρ.
-    parameters : int
-        Fitted parameters the degrees of freedom are reduced by: na + nc for ARMAX.
-    lags : int
-        Number of lags tested jointly.
-
-    Notes
-    -----
-    Ljung and Box (1978), Biometrika 65:297.
-    """
-    from scipy.special import chdtrc  # the chi-square survival function without scipy.stats
-
-    rho = np.asarray(autocorrelation, dtype=float)[1 : lags + 1]
-    if rho.size < lags:
-        raise ValueError(f"{lags} lags asked for, autocorrelation given to lag {rho.size}")
-    k = np.arange(1, lags + 1)
-    statistic = float(samples * (samples + 2) * np.sum(rho**2 / (samples - k)))
-    freedom = lags - parameters
-    p_value = float(chdtrc(freedom, statistic)) if freedom > 0 else math.nan
-    return LjungBox(statistic, freedom, p_value, lags)
 
 
 def ljung_box_lags(samples: int, parameters: int, largest: int) -> int:

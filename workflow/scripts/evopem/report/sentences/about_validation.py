@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from evopem.report.numbers import count, is_number, number, p_value, percent, plural
 from evopem.results.dataset import DatasetResults
-from evopem.validation.residual_tests import LjungBox
+from evopem.validation.residual_tests import WhitenessTest
 from evopem.validation.validation import CrossCorrelationTest, Validation
 
 
@@ -30,12 +30,13 @@ def _autocorrelation(validation: Validation) -> str:
     )
 
 
-def _ljung_box(test: LjungBox) -> str:
+def _ljung_box(test: WhitenessTest) -> str:
     if not is_number(test.p_value):
         return "The Ljung-Box test was not possible."
     return (
-        f"The Ljung-Box statistic over {count(test.lags)} lags is {number(test.statistic, 4)} with"
-        f" {count(test.degrees_of_freedom)} degrees of freedom: {p_value(test.p_value)}."
+        f"The Ljung-Box statistic over {count(test.lags)} lags is {number(test.statistic, 4)};"
+        f" {number(test.expected, 4)} is expected of white innovations after this fit:"
+        f" {p_value(test.p_value)}."
     )
 
 
