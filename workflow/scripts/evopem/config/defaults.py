@@ -14,15 +14,14 @@ from evopem.config.sample_sheet import Origin, expand, shard_of
 from evopem.config.schema import check_schema
 from evopem.config.settings import Configuration, PreparationSettings, RunSettings
 from evopem.config.source_keys import check_paths, complete_source
+from evopem.config.strict_yaml import Keys
 from evopem.config.values import ALL_SAMPLES, normalized
 from evopem.config.yaml_form import analysis_keys, settings_of
 from evopem.errors import InputError
 from evopem.files.json_form import from_json
 
 
-def complete(
-    config: Mapping[str, Any], schema_path: str | Path, source: str = "config.yaml"
-) -> Configuration:
+def complete(config: Keys, schema_path: str | Path, source: str = "config.yaml") -> Configuration:
     """Check a configuration and fill in every value the user left out.
 
     Parameters
@@ -55,7 +54,7 @@ def complete(
         raise _placed(error, datasets, origin) from None
 
 
-def _completed(config: Mapping[str, Any], origin: Origin, source: str) -> Configuration:
+def _completed(config: Keys, origin: Origin, source: str) -> Configuration:
     """Fill in every value of a configuration that the schema accepts."""
     check_names(config["datasets"], origin)
     built_in = analysis_keys(PreparationSettings())
@@ -92,7 +91,7 @@ def _placed(error: InputError, datasets: Any, origin: Origin) -> InputError:
     return error
 
 
-def _merged(lower: Mapping[str, Any], upper: Mapping[str, Any]) -> dict[str, Any]:
+def _merged(lower: Keys, upper: Keys) -> dict[str, Any]:
     """Lay one mapping over another, key by key, in the lower one's order."""
     return {
         key: _merged(value, upper.get(key, {}))
@@ -102,15 +101,13 @@ def _merged(lower: Mapping[str, Any], upper: Mapping[str, Any]) -> dict[str, Any
     }
 
 
-def _ranges(analysis: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
+def _ranges(analysis: Keys) -> Iterator[tuple[str, Any]]:
     for group in ("delay", "orders"):
         for key, value in analysis[group].items():
             yield f"{group}.{key}", value
 
 
-def _check_analysis(
-    written: Mapping[str, Any], merged: Mapping[str, Any], source: str, place: str
-) -> None:
+def _check_analysis(written: Keys, merged: Keys, source: str, place: str) -> None:
     """Check what no schema can say, of values laid over the defaults.
 
     `written` decides which of the two keys in a conflict an error names: the one that stands
@@ -148,9 +145,7 @@ def _check_analysis(
             )
 
 
-def _check_something_left(
-    written: Mapping[str, Any], analysis: Mapping[str, Any], source: str, place: str
-) -> None:
+def _check_something_left(written: Keys, analysis: Keys, source: str, place: str) -> None:
     """Refuse to estimate on all samples of a recording that is also to be validated on."""
     chosen = analysis["split"]["estimation"]
     if isinstance(chosen, float) and chosen == ALL_SAMPLES and "validation_file" not in written:

@@ -10,11 +10,12 @@ from typing import Any
 import jsonschema
 import yaml
 
+from evopem.config.strict_yaml import Keys
 from evopem.errors import InputError
 
 
 def _full_pattern(
-    _validator: Any, pattern: str, instance: object, _: Mapping[str, Any]
+    _validator: Any, pattern: str, instance: object, _: Keys
 ) -> Iterator[jsonschema.ValidationError]:
     """Compare a whole text with a pattern, where ``$`` would accept a line break at its end."""
     whole = pattern.replace("$", r"\Z")
@@ -27,9 +28,7 @@ _Validator = jsonschema.validators.extend(
 )
 
 
-def check_schema(
-    config: Mapping[str, Any], schema: Mapping[str, Any], source: str = "config.yaml"
-) -> None:
+def check_schema(config: Keys, schema: Keys, source: str = "config.yaml") -> None:
     """Refuse a configuration with a key or a value the schema does not know.
 
     Parameters

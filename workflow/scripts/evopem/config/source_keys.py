@@ -9,6 +9,7 @@ from typing import Any
 
 from evopem.config.dataset_names import RESERVED_NAMES, RESULTS_FOLDER
 from evopem.config.settings import SyntheticSource
+from evopem.config.strict_yaml import Keys
 from evopem.config.table import check_locale
 from evopem.config.yaml_form import ANALYSIS_KEYS, FILE_KEYS, SYNTHESIS_KEYS
 from evopem.errors import InputError
@@ -17,7 +18,7 @@ from evopem.files.json_form import to_json
 _CHANNEL_DEFAULTS = {"input": 1, "output": 2, "input_unit": "", "output_unit": ""}
 
 
-def complete_source(written: Mapping[str, Any], source: str, place: str) -> dict[str, Any]:
+def complete_source(written: Keys, source: str, place: str) -> dict[str, Any]:
     """Check and complete the keys of a recorded file or of a synthetic recording.
 
     Parameters
@@ -61,7 +62,7 @@ def complete_source(written: Mapping[str, Any], source: str, place: str) -> dict
     return completed | {key: written[key] for key in own_keys}
 
 
-def check_paths(datasets: Mapping[str, Mapping[str, Any]], source: str) -> None:
+def check_paths(datasets: Mapping[str, Keys], source: str) -> None:
     """Refuse a recorded file that lies among the results, or is its own validation file.
 
     A result of any data set is refused, not of the same one alone: Snakemake deletes the outputs
@@ -138,9 +139,7 @@ def _known_keys(kind: str) -> set[str]:
     return set(SYNTHESIS_KEYS) - ({"noise"} if kind == "flexible_arm" else set())
 
 
-def _completed_file(
-    written: Mapping[str, Any], own_keys: list[str], source: str, place: str
-) -> dict[str, Any]:
+def _completed_file(written: Keys, own_keys: list[str], source: str, place: str) -> dict[str, Any]:
     if "time" in written and "sampling_rate" in written:
         raise InputError(
             source, "both sampling_rate and time are given", "give one of the two", place

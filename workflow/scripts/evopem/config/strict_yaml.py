@@ -7,7 +7,7 @@ text are checked before any value is built from them.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,9 @@ from typing import Any
 import yaml
 
 from evopem.errors import InputError
+
+Keys = Mapping[str, Any]
+"""Keys and values of a mapping in YAML, before they become settings."""
 
 MAX_DEPTH = 20
 """Deepest nesting of lists and mappings; a configuration needs 6."""

@@ -19,6 +19,7 @@ from evopem.config.settings import (
     SpectrumSettings,
     SyntheticSource,
 )
+from evopem.config.strict_yaml import Keys
 from evopem.errors import InputError
 from evopem.files.json_form import from_json, to_json
 
@@ -30,7 +31,7 @@ ANALYSIS_KEYS = ("resample", "transforms", "split", "spectrum", "delay", "orders
 NO_RESAMPLING = "none"
 
 
-def settings_of(name: str, keys: Mapping[str, Any]) -> DatasetSettings:
+def settings_of(name: str, keys: Keys) -> DatasetSettings:
     """Build the settings of a data set from its complete, checked keys."""
     source: dict[str, Any]
     if "file" in keys:
