@@ -23,6 +23,7 @@ from evopem.estimation.model_record import ModelRecord
 from evopem.files.json_form import from_json, load, save, to_json
 from evopem.files.unfinished import UnfinishedJob
 from evopem.models.armax import Orders
+from evopem.models.polynomial import PolynomialModel
 from evopem.results.fleet import DatasetSummary
 from evopem.signals.preparation import Transforms
 from evopem.signals.recording_info import RecordingInfo
@@ -35,7 +36,9 @@ RESULTS = [
     Candidate,
     DatasetSummary,
     ModelRecord,
+    Orders,
     PhaseSelection,
+    PolynomialModel,
     RecordingInfo,
     SpectrumSummary,
     Transforms,

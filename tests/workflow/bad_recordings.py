@@ -388,7 +388,8 @@ BAD = {
     ),
 }
 
-VALIDATION_FILES = {"brief.csv": text(GOOD[:12]), "flat.csv": text(GOOD * [1, 0])}
+OTHER = GENERATOR.standard_normal((900, 2))
+VALIDATION_FILES = {"brief.csv": text(OTHER[:12]), "flat.csv": text(OTHER * [1, 0])}
 
 
 def write(folder, name, bad):

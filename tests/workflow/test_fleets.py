@@ -38,7 +38,7 @@ def test_a_fleet_in_shards_with_a_bad_recording_is_listed_and_later_complete(fol
     (folder.path / "data").mkdir()
     for number in (1, 2):
         np.savetxt(folder.path / "data" / f"{number}.csv", recorded[number:], delimiter=",")
-    (folder.path / "data" / "3.csv").write_text("1,2\n3,oops\n" * 300)
+    (folder.path / "data" / "3.csv").write_text("1.5,2.5\n3.5,oops\n" * 300)
     recordings = folder.path / "recordings.csv"
     rows = "name,file,sampling_rate\n" + "".join(f"r{n},data/{n}.csv,100\n" for n in (1, 2, 3))
     recordings.write_text(rows)

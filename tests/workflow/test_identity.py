@@ -6,6 +6,8 @@ import shutil
 import numpy as np
 import pytest
 
+from .conftest import Folder, jobs_of_each_rule
+
 ANALYSIS = {
     "transforms": {"box_cox": "none", "difference": 0},
     "split": {"discard": 0},
@@ -25,9 +27,10 @@ def configure(folder, **datasets):
     folder.configure({"defaults": ANALYSIS, "datasets": datasets})
 
 
-@pytest.fixture
-def prepared(folder):
-    """Two data sets of which one has a recording of its own for validation."""
+@pytest.fixture(scope="module")
+def once_prepared(tmp_path_factory):
+    """Two data sets of which one has a recording of its own for validation; nobody changes them."""
+    folder = Folder(tmp_path_factory.mktemp("prepared"))
     for seed, name in enumerate(["x.csv", "v.csv", "other.csv"]):
         (folder.path / name).write_text(samples(seed))
     configure(
@@ -39,6 +42,13 @@ def prepared(folder):
     return folder
 
 
+@pytest.fixture
+def prepared(once_prepared, tmp_path):
+    path = tmp_path / "copy"
+    shutil.copytree(once_prepared.path, path, copy_function=shutil.copy2)
+    return Folder(path)
+
+
 def older_file(folder, text):
     path = folder.path / "older"
     path.write_text(text)
@@ -46,23 +56,18 @@ def older_file(folder, text):
     return path
 
 
-def test_nothing_runs_again_where_nothing_changed(prepared):
-    assert prepared.planned(*FIRST_STAGES) == {}
-
-
-@pytest.mark.parametrize(
-    ("path", "rule"), [("x.csv", "read_recording"), ("v.csv", "read_validation_recording")]
-)
-def test_a_recording_replaced_by_an_older_file_runs_again_once(prepared, path, rule):
-    shutil.move(older_file(prepared, samples(7)), prepared.path / path)
+def test_a_recording_replaced_by_an_older_file_runs_again_once(prepared):
+    shutil.move(older_file(prepared, samples(7)), prepared.path / "x.csv")
     plan = prepared.planned(*FIRST_STAGES)
-    assert plan == {rule: 1, "prepare_signals": 1}
-    assert prepared.planned(*FIRST_STAGES) == plan
-    prepared.finish(*FIRST_STAGES)
+    assert plan == {"read_recording": 1, "prepare_signals": 1}
+    shutil.move(older_file(prepared, samples(8)), prepared.path / "v.csv")
+    printed = prepared.finish(*FIRST_STAGES)
+    assert jobs_of_each_rule(printed) == plan | {"read_validation_recording": 1}
     assert prepared.planned(*FIRST_STAGES) == {}
 
 
-def test_a_copy_of_equal_content_runs_nothing(prepared):
+def test_equal_content_runs_nothing(prepared):
+    """Neither of a copy that is older nor of a file that was touched."""
     shutil.move(older_file(prepared, samples(0)), prepared.path / "x.csv")
     (prepared.path / "other.csv").touch()
     assert prepared.planned(*FIRST_STAGES) == {}
@@ -85,15 +90,19 @@ def test_another_file_that_is_missing_is_named_and_stops_no_other_data_set(prepa
     assert (prepared.results / "c" / "prepared.npz").exists()
 
 
-@pytest.mark.parametrize("rows", [slice(None), slice(200, None)])
-def test_a_copy_of_the_estimation_recording_or_of_a_part_of_it_does_not_validate(folder, rows):
+def test_a_copy_of_the_estimation_recording_or_of_a_part_of_it_does_not_validate(folder):
     lines = samples(0).splitlines()
-    (folder.path / "x.csv").write_text("\n".join(lines))
-    (folder.path / "copy.csv").write_text("\n".join(lines[rows]))
-    configure(folder, a={"file": "x.csv", "validation_file": "copy.csv", **RATE})
+    for name, rows in (("x", lines), ("whole", lines), ("part", lines[200:])):
+        (folder.path / f"{name}.csv").write_text("\n".join(rows))
+    names = ("whole", "part")
+    datasets = {n: {"file": "x.csv", "validation_file": f"{n}.csv", **RATE} for n in names}
+    configure(folder, **datasets)
     run = folder.run(*FIRST_STAGES)
     assert run.returncode != 0
-    assert "datasets.a.validation_file: " in run.stdout
-    assert "estimation recording" in run.stdout
     assert 'File "' not in run.stdout
-    assert not (folder.results / "a" / "prepared.npz").exists()
+    for name in names:
+        (said,) = {
+            line for line in run.stdout.splitlines() if line.startswith(f"datasets.{name}.valid")
+        }
+        assert "estimation recording" in said
+        assert not (folder.results / name / "prepared.npz").exists()

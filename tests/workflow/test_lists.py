@@ -18,7 +18,8 @@ SENTENCE = 'b.csv, line 51, column 2: "oops" is not a finite number; repair or r
 def configure(folder, *names, **changes):
     """Name recordings in the configuration."""
     datasets = {name: {"file": f"{name}.csv", "sampling_rate": 100} for name in names}
-    folder.configure(TINY | {"report": "none", "datasets": datasets} | changes)
+    keys = {"report": "none", "candidates_per_job": "auto", "datasets": datasets}
+    folder.configure(TINY | keys | changes)
 
 
 def table(folder):
@@ -35,13 +36,11 @@ def damage(path):
 
 
 @pytest.fixture(scope="module")
-def two(finished, tmp_path_factory):
+def two(recorded, tmp_path_factory):
     """A finished run with two recordings; nobody changes it."""
     folder = Folder(tmp_path_factory.mktemp("two"))
-    with np.load(finished.results / "truth" / "recording.npz") as stored:
-        record = np.column_stack([stored["input"], stored["output"]])
     for start, name in enumerate("ab"):
-        np.savetxt(folder.path / f"{name}.csv", record[start:], delimiter=",")
+        np.savetxt(folder.path / f"{name}.csv", recorded[start:], delimiter=",")
     configure(folder, "a", "b")
     folder.finish("--cores", "2")
     return folder

@@ -3,9 +3,18 @@
 import os
 import re
 import subprocess
+from pathlib import Path
 
 import pytest
+import yaml
 
+from evopem.config.defaults import complete
+from evopem.config.strict_yaml import check_yaml_files
+from evopem.errors import InputError
+
+from .conftest import ROOT
+
+SCHEMA = ROOT / "workflow" / "schemas" / "config.schema.yaml"
 CONFIG = "datasets: {a: {synthesis: armax, samples: 700}}\n"
 
 
@@ -29,21 +38,38 @@ def refusal(folder, config=CONFIG, prefix=(), **environment):
     return lines[0]
 
 
-@pytest.mark.parametrize(
-    ("config", "said"),
-    [
-        ("datasets: {a: {file: 2024-13-45}}\n", "config.yaml, line 1: YAML reads 2024-13-45"),
-        ("datasets: &a {b: *a}\n", "leads back"),
-        ("datasets: {a: {file: x, sampling_rate: 0100}}\n", "begins with a zero"),
-        (f"datasets: {'[' * 3000}\n", "nested too deeply"),
-        (f"datasets: {{a: {{file: x, sampling_rate: 1{'0' * 400}}}}}\n", "401 digits"),
-        ('datasets: {a: {file: x, input_unit: "\\ud800"}}\n', "U+D800"),
-        ("datasets: {a: {file: !!int x}}\n", "the tag !!int"),
-        ("datasets: {a: {file: results/a/simulation.csv}}\n", "is a result of this workflow"),
-        ("datasets: {fleet.csv: {synthesis: armax}}\n", "the name of something else"),
-    ],
-)
-def test_a_hostile_configuration(folder, config, said):
+HOSTILE = [
+    ("datasets: {a: {file: 2024-13-45}}\n", "config.yaml, line 1: YAML reads 2024-13-45"),
+    ("datasets: &a {b: *a}\n", "leads back"),
+    ("datasets: {a: {file: x, sampling_rate: 0100}}\n", "begins with a zero"),
+    (f"datasets: {'[' * 3000}\n", "nested too deeply"),
+    (f"datasets: {{a: {{file: x, sampling_rate: 1{'0' * 400}}}}}\n", "401 digits"),
+    ('datasets: {a: {file: x, input_unit: "\\ud800"}}\n', "U+D800"),
+    ("datasets: {a: {file: !!int x}}\n", "the tag !!int"),
+    ("datasets: {a: {file: results/a/simulation.csv}}\n", "is a result of this workflow"),
+    ("datasets: {fleet.csv: {synthesis: armax}}\n", "the name of something else"),
+]
+
+
+@pytest.mark.parametrize(("config", "said"), HOSTILE)
+def test_a_hostile_configuration_is_refused_in_a_sentence(tmp_path, monkeypatch, config, said):
+    monkeypatch.chdir(tmp_path)
+    path = Path("config.yaml")
+    path.write_text(config)
+
+    def read():
+        check_yaml_files([path])
+        complete(yaml.safe_load(config), SCHEMA)
+
+    with pytest.raises(InputError) as refused:
+        read()
+    assert said in str(refused.value)
+    assert re.fullmatch(r"config\.yaml.*: .+; .+\.", str(refused.value))
+
+
+# One that YAML itself hides, one that exhausts a reader, and one that the completion refuses.
+@pytest.mark.parametrize(("config", "said"), [HOSTILE[0], HOSTILE[3], HOSTILE[7]])
+def test_a_run_says_that_sentence_and_writes_nothing(folder, config, said):
     assert said in refusal(folder, config)
     assert not folder.results.exists()
 

@@ -200,7 +200,7 @@ def test_an_array_job_takes_a_fleet_in_shards(runs, recorded):
     (folder.path / "data").mkdir(parents=True)
     for number in range(1, 4):
         np.savetxt(folder.path / "data" / f"{number}.csv", recorded[number:], delimiter=",")
-    (folder.path / "data" / "4.csv").write_text("1,2\n3,oops\n" * 300)
+    (folder.path / "data" / "4.csv").write_text("1.5,2.5\n3.5,oops\n" * 300)
     config = ONE_JOB | {"datasets": {"r*": {"file": "data/*.csv", "sampling_rate": 100}}}
     array_job = [str(ROOT / "profiles" / "slurm" / "array_job.sh"), "2", "--time=5", "--mem=1000"]
     runs.folders["fleet"] = folder

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from numbers import Integral
 from types import MappingProxyType
 
 # The orders that each structure has, in the order of MATLAB's tuples (Ljung 1999, chapter 4).
@@ -128,6 +129,6 @@ def orders_of(
             f"structure {structure!r} has the orders {', '.join(names)}, not {', '.join(unknown)}"
         )
     for name, order in given.items():
-        if isinstance(order, bool) or int(order) != order:
+        if isinstance(order, bool) or not isinstance(order, Integral):
             raise ValueError(f"order {name} must be a whole number, not {order!r}")
     return PolynomialOrders(**{name: int(order) for name, order in given.items()})

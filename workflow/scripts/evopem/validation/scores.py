@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 
 def error_percent(measured: ArrayLike, computed: ArrayLike) -> float:
@@ -14,8 +14,8 @@ def error_percent(measured: ArrayLike, computed: ArrayLike) -> float:
     0 is perfect, 100 is as good as the mean of y, more is worse than it.
     """
     y, y_hat = np.asarray(measured, dtype=float), np.asarray(computed, dtype=float)
-    reference = float(np.linalg.norm(y - y.mean()))
-    return 100.0 * float(np.linalg.norm(y - y_hat)) / reference if reference > 0 else math.nan
+    reference = _norm(y - y.mean())
+    return 100.0 * _norm(y - y_hat) / reference if reference > 0 else math.nan
 
 
 def fit_percent(measured: ArrayLike, computed: ArrayLike) -> float:
@@ -32,3 +32,13 @@ def outlier_percent(residuals: ArrayLike) -> float:
     e = np.asarray(residuals, dtype=float)
     distance = np.abs(e - np.median(e))
     return float(100.0 * np.mean(distance > 5.0 * 1.4826 * np.median(distance)))
+
+
+def _norm(values: NDArray[np.float64]) -> float:
+    """Euclidean norm, also of numbers whose squares leave the range of floats.
+
+    An unstable response that is transformed back to recorded units may reach these.
+    """
+    _, exponent = np.frexp(np.max(np.abs(values), initial=0.0))
+    scaled = np.linalg.norm(np.ldexp(values, -exponent))  # a power of two keeps every bit
+    return float(np.ldexp(scaled, exponent))
