@@ -220,7 +220,9 @@ def test_a_sampling_rate_that_is_none_is_refused(rate):
 @pytest.mark.parametrize("orders", [(1.0, 1, 1, 1), (1, 1, 1), ("1", 1, 1, 1), (1, 1, 1, None)])
 def test_orders_that_are_no_whole_numbers_are_refused(orders):
     u = np.random.default_rng(0).standard_normal((2, 300))
-    with pytest.raises(ValueError, match=r"must be a whole number|takes the orders \(na, nb, nc, nk\)"):
+    with pytest.raises(
+        ValueError, match=r"must be a whole number|takes the orders \(na, nb, nc, nk\)"
+    ):
         estimate(*u, orders)
 
 
