@@ -4,7 +4,8 @@ VENV := .venv
 BIN := $(VENV)/bin
 CORES ?= all
 FUZZ_SECONDS ?= 600
-EXTRAS := --extra formats --extra workflow --extra slurm --extra control
+EXTRAS := --extra workflow --extra slurm --extra control
+UPGRADE ?=
 COMPILE := $(BIN)/uv pip compile pyproject.toml $(EXTRAS) --universal --python-version 3.11 \
 	--generate-hashes --no-emit-index-url --no-emit-find-links --no-header --quiet
 
@@ -15,8 +16,9 @@ report: $(VENV)/installed  ## run config.yaml from data to report
 	$(BIN)/snakemake --cores $(CORES)
 	@echo "Reports:"; ls -1 "$(CURDIR)"/results/*/report.html
 
-test: $(VENV)/installed-dev  ## run every test
+test: $(VENV)/installed-dev  ## run every test, and the examples of the docstrings
 	$(BIN)/pytest --numprocesses auto --dist loadfile
+	$(BIN)/pytest --quiet --doctest-modules workflow/scripts/evopem
 
 test-slurm: $(VENV)/installed-dev  ## run the tests on SLURM, started for them where that can be done
 	EVOPEM_TEST_SLURM=1 PATH="$(CURDIR)/$(BIN):$$PATH" tests/workflow/with_slurm.sh $(BIN)/pytest tests/workflow/test_slurm.py
@@ -33,9 +35,9 @@ format: $(VENV)/installed-dev  ## bring every file into the style
 	$(BIN)/ruff format
 	$(BIN)/snakefmt Snakefile workflow/rules benchmarks/fletcher_powell/Snakefile benchmarks/fletcher_powell/common.smk
 
-lock: $(VENV)/installed-dev  ## pin today's newest versions, with hashes
-	$(COMPILE) --upgrade --output-file requirements.lock
-	$(COMPILE) benchmarks/fletcher_powell/requirements.txt --upgrade --group dev --constraint requirements.lock --output-file requirements-dev.lock
+lock: $(VENV)/installed-dev  ## bring the lock files in line with pyproject.toml; UPGRADE=--upgrade takes the newest versions
+	$(COMPILE) $(UPGRADE) --output-file requirements.lock
+	$(COMPILE) benchmarks/fletcher_powell/requirements.txt $(UPGRADE) --group dev --constraint requirements.lock --output-file requirements-dev.lock
 
 audit: $(VENV)/installed-dev  ## ask the advisory database about every pinned version (online)
 	$(BIN)/uv tool run pip-audit --disable-pip --require-hashes --requirement requirements.lock

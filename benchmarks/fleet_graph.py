@@ -1,4 +1,4 @@
-"""Time and memory of planning many recordings, for both ways of cutting the work into jobs.
+"""Time and memory of planning many recordings, one job per recording or one per stage.
 
     python benchmarks/fleet_graph.py FOLDER [RECORDINGS ...]
 

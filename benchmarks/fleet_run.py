@@ -1,4 +1,4 @@
-"""What a fleet costs beyond its estimates: the check of docs/planning.md.
+"""The processor time of a fleet beyond its estimates: the check of docs/planning.md.
 
     python benchmarks/fleet_run.py FOLDER RECORDINGS [CORES]
 
@@ -6,7 +6,6 @@ identifies so many synthetic recordings with small grids, one job a recording, t
 estimate again in one process, and prints the processor time of both, the wall clock and the bytes.
 """
 
-import json
 import os
 import subprocess
 import sys
@@ -16,22 +15,24 @@ from pathlib import Path
 import numpy as np
 import yaml
 
+from evopem.estimation.candidate import PhaseSelection
+from evopem.estimation.model_record import ModelRecord
 from evopem.estimation.order_selection import estimate_candidates
-from evopem.models.armax import Orders
+from evopem.files.json_form import load
+from evopem.results.layout import PHASES, DatasetFiles
 from evopem.signals.preparation import load_prepared
-from evopem.synthesis import synthesize
+from evopem.synthesis.armax import armax
 
 ROOT = Path(__file__).parents[1]
 SAMPLES = 2_000
-RECORD = {"samples": SAMPLES, "sampling_rate": 100, "noise": 0.1, "box_cox": None, "difference": 0}
 CONFIG = {
     "one_job_per": "recording",
     "report": "none",
     "defaults": {
-        "stationarity": {"box_cox": "none", "difference": 0},
+        "transforms": {"box_cox": "none", "difference": 0},
         "split": {"discard": 0},
-        "delay": {"orders": [5, 6], "delays": [2, 4]},
-        "orders": {"common": [4, 8], "c": [2, 8], "b": [2, 8]},
+        "delay": {"orders": [5, 6], "nk": [2, 4]},
+        "orders": {"joint": [4, 8], "nc": [2, 8], "nb": [2, 8]},
     },
     "datasets": {"r*": {"file": "data/*.csv", "sampling_rate": 100}},
 }
@@ -39,16 +40,13 @@ CONFIG = {
 
 def estimation_seconds(results: Path) -> float:
     """Processor time of the estimates of one data set, once the kernels are loaded."""
-    data = load_prepared(results / "prepared.npz", results / "transforms.json").estimation
-    model = json.loads((results / "model.json").read_text())
-    search = model["search"]["settings"]
+    files = DatasetFiles(str(results))
+    data = load_prepared(files.prepared, files.transforms).estimation
+    record = load(ModelRecord, files.model)
     began = time.process_time()
-    for file in sorted((results / "phases").glob("*.json")):
-        phase = json.loads(file.read_text())
-        orders = [
-            Orders(*(each[key] for key in ("na", "nb", "nc", "nk"))) for each in phase["candidates"]
-        ]
-        estimate_candidates(data, orders, phase["phase"], search, model["scoring_start"])
+    for phase in PHASES:
+        orders = [each.orders for each in load(PhaseSelection, files.phase(phase)).candidates]
+        estimate_candidates(data, orders, phase, record.search.settings, record.window)
     return time.process_time() - began
 
 
@@ -57,7 +55,7 @@ def main() -> None:
     cores = sys.argv[3] if len(sys.argv) > 3 else "2"
     (folder / "data").mkdir(parents=True, exist_ok=True)
     for number in range(count):
-        record, _ = synthesize("armax", seed=number, **RECORD)
+        record, _ = armax(seed=number, samples=SAMPLES)
         columns = np.column_stack([record.input, record.output])
         np.savetxt(folder / "data" / f"{number:05d}.csv", columns, delimiter=",")
     (folder / "config.yaml").write_text(yaml.safe_dump(CONFIG))

@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import sys
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -21,8 +22,7 @@ from scipy.signal import lfilter
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
 
-from evopem import estimate  # noqa: E402
-from evopem.estimation.search.memetic import SearchSettings  # noqa: E402
+from evopem import SearchSettings, estimate  # noqa: E402
 from evopem.models.gain_interval import NORMAL_95, gain_band  # noqa: E402
 from evopem.synthesis.armax import true_model  # noqa: E402
 
@@ -55,9 +55,8 @@ def covered(seed: int, samples: int, noise: str, objective: str) -> NDArray[np.f
     clean = truth.simulate(u)
     e = NOISE_RATIO * np.std(clean[WARM_UP:]) * innovations(noise, generator, total)
     y = clean + lfilter(truth.c, truth.a, e)
-    found = estimate(
-        u[WARM_UP:], y[WARM_UP:], truth.orders, 100.0, objective=objective, search=SEARCH[samples]
-    ).model
+    settings = replace(SEARCH[samples], objective=objective)
+    found = estimate(u[WARM_UP:], y[WARM_UP:], truth.orders, 100.0, settings=settings).model
     assert found.covariance is not None
     errors = np.abs(found.parameters - truth.parameters)
     parameters = np.mean(errors < NORMAL_95 * np.sqrt(np.diag(found.covariance)))

@@ -1,4 +1,4 @@
-"""Memory and time of every stage against the length of the record: what jobs ask a cluster for.
+"""Memory and time of every stage against the length of the record.
 
     python benchmarks/job_needs.py FOLDER [SAMPLES ...]
 
@@ -22,8 +22,8 @@ def configuration(samples: int) -> dict[str, object]:
     return {
         "candidates_per_job": "auto",
         "defaults": {
-            "delay": {"orders": [14, 14], "delays": [1, 3]},
-            "orders": {"common": [12, 14], "c": [14, 16], "b": [14, 16]},
+            "delay": {"orders": [14, 14], "nk": [1, 3]},
+            "orders": {"joint": [12, 14], "nc": [14, 16], "nb": [14, 16]},
             "search": {"mu": 3, "lambda": 8, "nu": 8, "evaluations": 200},
         },
         "datasets": {"record": {"synthesis": "armax", "samples": samples}},

@@ -19,9 +19,9 @@ from scipy.signal import lfilter
 ROOT = Path(__file__).resolve().parent.parent
 CONFIG = {
     "defaults": {
-        "stationarity": {"box_cox": "none", "difference": 0},
-        "delay": {"orders": [2, 2], "delays": [1, 1]},
-        "orders": {"common": [2, 2], "c": [2, 2], "b": [2, 2]},
+        "transforms": {"box_cox": "none", "difference": 0},
+        "delay": {"orders": [2, 2], "nk": [1, 1]},
+        "orders": {"joint": [2, 2], "nc": [2, 2], "nb": [2, 2]},
         "search": {"mu": 2, "lambda": 4, "nu": 2, "evaluations": 100},
     },
     "datasets": {"long": {"file": "long.npz", "input": "u", "output": "y", "sampling_rate": 1000}},

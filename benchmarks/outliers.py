@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import sys
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -24,8 +25,7 @@ from scipy.signal import lfilter
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
 
-from evopem import estimate  # noqa: E402
-from evopem.estimation.search.memetic import SearchSettings  # noqa: E402
+from evopem import SearchSettings, estimate  # noqa: E402
 from evopem.synthesis.armax import true_model  # noqa: E402
 
 Array = NDArray[np.float64]
@@ -56,9 +56,8 @@ def errors_of(seed: int, place: str, share: float) -> Array:
     y += outliers * (place != PLACES[0])
     rows = []
     for objective in OBJECTIVES:
-        model = estimate(
-            u[WARM_UP:], y[WARM_UP:], truth.orders, 100.0, objective=objective, search=SEARCH
-        ).model
+        settings = replace(SEARCH, objective=objective)
+        model = estimate(u[WARM_UP:], y[WARM_UP:], truth.orders, 100.0, settings=settings).model
         simulated = model.simulate(u)[WARM_UP:]
         true = clean[WARM_UP:]
         pairs = [

@@ -35,11 +35,11 @@ MODES = (5.36, 16.65, 37.0)  # Hz: those of the records; others come and go with
 def search() -> list[dict]:
     """Objective, BIC and modes of a few orders on known records, with the built-in settings."""
     from evopem import estimate
-    from evopem.synthesis import synthesize
+    from evopem.synthesis.armax import armax
 
     found = []
     for seed in RECORDS:
-        record, _ = synthesize("armax", seed=seed, samples=3000, sampling_rate=100.0, noise=0.1)
+        record, _ = armax(seed, samples=3000)
         for orders in ORDERS:
             fit = estimate(record.input, record.output, orders, 100.0)
             modes = [
@@ -50,7 +50,7 @@ def search() -> list[dict]:
                 for true in MODES
             ]
             found.append(
-                {"objective": fit.objective_value, "bic": fit.bic, "modes": modes}
+                {"objective": fit.criteria.objective, "bic": fit.criteria.bic, "modes": modes}
                 | {"orders": orders, "bits": [float(x).hex() for x in fit.model.a]}
             )
     return found

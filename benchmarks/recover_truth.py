@@ -3,7 +3,7 @@
     python benchmarks/recover_truth.py [--arms 20] [--records 50] [--processes 2]
 
 The chapter's case: the flexible arm, default configuration, seeds 1 to 20: is the delay found,
-and how far are the modes from the truth?  A known ARMAX(7,6,7,3): 4500 estimation samples, seeds
+and how large are the errors of the modes?  A known ARMAX(7,6,7,3): 4500 estimation samples, seeds
 1 to 50: are the exact orders found, or orders of smaller BIC?  Each record goes through delay and
 all three phases with the built-in configuration.
 """
@@ -13,9 +13,9 @@ from __future__ import annotations
 import argparse
 import sys
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import astuple, dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -23,127 +23,153 @@ ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
 
 from evopem.config.defaults import complete  # noqa: E402
-from evopem.config.order_grid import PHASES, candidate_orders, scoring_start  # noqa: E402
+from evopem.config.order_grid import candidate_orders, scoring_window  # noqa: E402
+from evopem.config.settings import PHASES, DatasetSettings  # noqa: E402
+from evopem.estimation.candidate import Candidate, PhaseSelection  # noqa: E402
 from evopem.estimation.order_selection import (  # noqa: E402
-    continue_from,
+    complete_estimate,
     estimate_candidates,
-    recall,
-    search_again,
-    select,
+    select_candidate,
 )
+from evopem.models.armax import Orders  # noqa: E402
+from evopem.models.modes import Mode  # noqa: E402
 from evopem.signals.preparation import prepare  # noqa: E402
 from evopem.signals.recording import Recording  # noqa: E402
 from evopem.synthesis import synthesize  # noqa: E402
+from evopem.synthesis.armax import armax  # noqa: E402
 
 SCHEMA = ROOT / "workflow" / "schemas" / "config.schema.yaml"
 
 
-def builtin_dataset(kind: str, objective: str) -> dict[str, Any]:
-    config = {"datasets": {"x": {"synthesis": kind, "search": {"objective": objective}}}}
-    dataset: dict[str, Any] = complete(config, SCHEMA)["datasets"]["x"]
-    return dataset
+# A mode counts as found within this share of the true frequency, and below this damping ratio.
+FOUND_WITHIN, FOUND_DAMPING = 0.05, 0.5
 
 
-def three_phases(data: Recording, dataset: dict[str, Any]) -> tuple[dict[str, int], dict[str, Any]]:
-    start = scoring_start(dataset)
-    selected: dict[str, int] | None = None
-    candidates: list[dict[str, Any]] = []
+@dataclass(frozen=True)
+class RecoveredMode:
+    """A true mode, and the mode of the model nearest to it."""
+
+    truth: Mode
+    nearest: Mode
+
+    @property
+    def found(self) -> bool:
+        """Whether the nearest mode is an estimate of the true one."""
+        ratio = self.nearest.frequency_hz / self.truth.frequency_hz
+        return abs(ratio - 1.0) < FOUND_WITHIN and self.nearest.damping_ratio < FOUND_DAMPING
+
+
+@dataclass(frozen=True)
+class RecoveredArm:
+    """What the order search found in a record of the flexible arm."""
+
+    seed: int
+    orders: Orders
+    delay: int
+    modes: tuple[RecoveredMode, ...]
+
+
+@dataclass(frozen=True)
+class RecoveredArmax:
+    """What the order search found in a record of the ARMAX model."""
+
+    seed: int
+    orders: Orders
+    exact: bool
+    bic: float
+    bic_of_truth: float
+
+
+def built_in_settings(kind: str, objective: str, seed: int, samples: int) -> DatasetSettings:
+    source = {"synthesis": kind, "seed": seed, "samples": samples}
+    config = {"datasets": {"x": source | {"search": {"objective": objective}}}}
+    return complete(config, SCHEMA).datasets["x"]
+
+
+def order_search(data: Recording, settings: DatasetSettings) -> Candidate:
+    """The candidate that the delay search and the three phases select."""
+    window, search = scoring_window(settings), settings.search
+    selection: PhaseSelection | None = None
     for phase in PHASES:
-        orders = candidate_orders(phase, dataset, selected)
-        settings = {"data": data, "search": dataset["search"], "scoring_start": start}
-        candidates = estimate_candidates(orders=orders, phase=phase, **settings)
-        selected, _, candidates = select(
-            candidates,
-            phase,
-            partial(search_again, **settings),
-            partial(continue_from, **settings),
+        previous = astuple(selection.orders) if selection else None
+        listed = candidate_orders(phase, settings.order_grid, previous)
+        orders = [Orders(*each) for each in listed]
+        candidates = estimate_candidates(data, orders, phase, search, window)
+        selection = select_candidate(candidates, phase, data, search, window)
+    assert selection is not None
+    return selection.selected
+
+
+def recover_arm(seed: int, objective: str) -> RecoveredArm:
+    settings = built_in_settings("flexible_arm", objective, seed, samples=5000)
+    recording, truth = synthesize(settings.source, settings.preparation.transforms)
+    data = prepare(recording, settings.preparation).estimation
+    selected = order_search(data, settings)
+    window = scoring_window(settings)
+    model = complete_estimate(selected, data, settings.search, window).model
+    modes = tuple(
+        RecoveredMode(
+            true,
+            min(
+                model.modes(),
+                key=lambda mode: abs(np.log(mode.frequency_hz / true.frequency_hz)),
+            ),
         )
-    assert selected is not None
-    chosen = next(c for c in candidates if all(c[key] == selected[key] for key in selected))
-    return selected, chosen
-
-
-def recover_arm(seed: int, objective: str) -> dict[str, Any]:
-    dataset = builtin_dataset("flexible_arm", objective)
-    recording, truth = synthesize("flexible_arm", seed=seed, samples=5000)
-    data = prepare(recording, dataset["stationarity"], dataset["split"]).estimation
-    selected, chosen = three_phases(data, dataset)
-    estimate = recall(chosen, data, dataset["search"], scoring_start(dataset))
-    modes = []
-    for true in truth["modes"]:
-        near = min(
-            estimate.model.modes(),
-            key=lambda mode: abs(np.log(mode.frequency_hz / true["frequency_hz"])),
-        )
-        found = abs(near.frequency_hz / true["frequency_hz"] - 1.0) < 0.05
-        modes.append(
-            {
-                "truth": true,
-                "found": found and near.damping_ratio < 0.5,
-                "frequency_hz": near.frequency_hz,
-                "damping_percent": 100.0 * near.damping_ratio,
-            }
-        )
-    return {
-        "seed": seed,
-        "selected": selected,
-        "delay": truth["delay_samples"],
-        "modes": modes,
-        "evaluations": chosen["evaluations"],
-    }
-
-
-def recover_armax(seed: int, objective: str) -> dict[str, Any]:
-    dataset = builtin_dataset("armax", objective)
-    recording, truth = synthesize("armax", seed=seed, samples=4500)
-    selected, chosen = three_phases(recording, dataset)
-    true = tuple(truth["orders"].values())
-    (at_truth,) = estimate_candidates(
-        recording, [true], "truth", dataset["search"], scoring_start(dataset)
+        for true in truth.modes
     )
-    return {
-        "seed": seed,
-        "selected": selected,
-        "exact": selected == truth["orders"],
-        "bic": chosen["bic"],
-        "bic_of_truth": at_truth["bic"],
-    }
+    return RecoveredArm(seed, selected.orders, truth.delay_samples, modes)
 
 
-def arm_table(results: list[dict[str, Any]], objective: str) -> list[str]:
-    delays = sum(r["selected"]["nk"] == r["delay"] for r in results)
+def recover_armax(seed: int, objective: str) -> RecoveredArmax:
+    settings = built_in_settings("armax", objective, seed, samples=4500)
+    recording, truth = armax(seed, samples=4500)
+    selected = order_search(recording, settings)
+    (at_truth,) = estimate_candidates(
+        recording, [truth.orders], "truth", settings.search, scoring_window(settings)
+    )
+    return RecoveredArmax(
+        seed=seed,
+        orders=selected.orders,
+        exact=selected.orders == truth.orders,
+        bic=selected.criteria.bic,
+        bic_of_truth=at_truth.criteria.bic,
+    )
+
+
+def arm_table(results: list[RecoveredArm], objective: str) -> list[str]:
+    delays = sum(result.orders.nk == result.delay for result in results)
     lines = [
         f"### Flexible arm, {objective} objective",
         "",
-        f"{len(results)} records (seeds {results[0]['seed']} to {results[-1]['seed']}); the delay "
-        f"of {results[0]['delay']} samples was chosen in {delays}.",
+        f"{len(results)} records (seeds {results[0].seed} to {results[-1].seed}); the delay "
+        f"of {results[0].delay} samples was selected in {delays}.",
         "",
         "| true mode | found in | frequency error, median (largest) | damping error, median "
         "(largest) |",
         "|---|---|---|---|",
     ]
-    for index, mode in enumerate(results[0]["modes"]):
-        f, d = mode["truth"]["frequency_hz"], mode["truth"]["damping_percent"]
-        found = [r["modes"][index] for r in results if r["modes"][index]["found"]]
-        row = f"| {f:g} Hz, {d:.2f} % | {len(found)} of {len(results)} | "
+    for index, mode in enumerate(results[0].modes):
+        f, d = mode.truth.frequency_hz, mode.truth.damping_ratio
+        found = [each.modes[index].nearest for each in results if each.modes[index].found]
+        row = f"| {f:g} Hz, {100 * d:.2f} % | {len(found)} of {len(results)} | "
         if found:
-            ef = [100.0 * abs(m["frequency_hz"] / f - 1.0) for m in found]
-            ed = [100.0 * abs(m["damping_percent"] / d - 1.0) for m in found]
+            ef = [100.0 * abs(nearest.frequency_hz / f - 1.0) for nearest in found]
+            ed = [100.0 * abs(nearest.damping_ratio / d - 1.0) for nearest in found]
             row += (
                 f"{np.median(ef):.2f} % ({max(ef):.2f} %) | {np.median(ed):.1f} % ({max(ed):.1f} %)"
             )
         else:
             row += "– | –"
         lines.append(row + " |")
-    orders = sorted({tuple(r["selected"].values()) for r in results})
-    lines += ["", "Orders chosen: " + ", ".join(f"({','.join(map(str, o))})" for o in orders) + "."]
-    return [*lines, ""]
+    orders = ", ".join(map(str, sorted({result.orders for result in results})))
+    return [*lines, "", f"Orders selected: {orders}.", ""]
 
 
-def armax_table(results: list[dict[str, Any]], objective: str) -> list[str]:
-    exact = sum(r["exact"] for r in results)
-    smaller = [r for r in results if not r["exact"] and r["bic"] < r["bic_of_truth"]]
-    neither = [r for r in results if not r["exact"] and r["bic"] >= r["bic_of_truth"]]
+def armax_table(results: list[RecoveredArmax], objective: str) -> list[str]:
+    exact = sum(result.exact for result in results)
+    others = [result for result in results if not result.exact]
+    smaller = [result for result in others if result.bic < result.bic_of_truth]
+    neither = [result for result in others if result.bic >= result.bic_of_truth]
     lines = [
         f"### ARMAX(7,6,7,3), {objective} objective",
         "",
@@ -151,12 +177,11 @@ def armax_table(results: list[dict[str, Any]], objective: str) -> list[str]:
         f"smaller BIC in {len(smaller)}, neither in {len(neither)}.",
         "",
     ]
-    for r in smaller + neither:
-        orders = ",".join(str(value) for value in r["selected"].values())
-        lines.append(
-            f"- seed {r['seed']}: ARMAX({orders}), BIC {r['bic']:.5f} against "
-            f"{r['bic_of_truth']:.5f} of the true orders"
-        )
+    lines += [
+        f"- seed {result.seed}: {result.orders}, BIC {result.bic:.5f} against "
+        f"{result.bic_of_truth:.5f} of the true orders"
+        for result in smaller + neither
+    ]
     return [*lines, ""]
 
 

@@ -3,7 +3,7 @@
     python benchmarks/speed.py        (make bench)
 
 Each row compares two things on the same record, one after the other and in turns, so that what
-else the machine does falls on both.  The processor time of this process is what counts.
+else the machine does affects both.  The processor time of this process is what counts.
 """
 
 from __future__ import annotations
@@ -30,11 +30,12 @@ sys.path.insert(0, str(SCRIPTS))
 
 from filtered_residuals import FilteredResiduals  # noqa: E402
 
+from evopem.config.settings import SearchSettings  # noqa: E402
 from evopem.estimation.estimate import estimate  # noqa: E402
 from evopem.estimation.pem.kernels import LANES  # noqa: E402
 from evopem.estimation.pem.objective import PredictionErrorProblem  # noqa: E402
 from evopem.estimation.search.armax_problem import ArmaxProblem  # noqa: E402
-from evopem.estimation.search.memetic import SearchSettings, hybrid_search  # noqa: E402
+from evopem.estimation.search.memetic import memetic_search  # noqa: E402
 from evopem.models.armax import Orders  # noqa: E402
 from evopem.synthesis.armax import armax  # noqa: E402
 
@@ -59,10 +60,10 @@ SAMPLE = (
 def chapter_candidates() -> list[Orders]:
     """The delay sweep and the three phases of the chapter, section 5."""
     delay = [Orders(k, k, k, nk) for k in range(6, 10) for nk in range(4)]
-    common = [Orders(k, k, k, 3) for k in range(6, 15)]
-    c = [Orders(7, 7, k, 3) for k in range(2, 17)]
-    b = [Orders(7, k, 7, 3) for k in range(2, 17)]
-    return list(dict.fromkeys([*delay, *common, *c, *b]))
+    joint = [Orders(k, k, k, 3) for k in range(6, 15)]
+    nc = [Orders(7, 7, k, 3) for k in range(2, 17)]
+    nb = [Orders(7, k, 7, 3) for k in range(2, 17)]
+    return list(dict.fromkeys([*delay, *joint, *nc, *nb]))
 
 
 def problem(seed: int, orders: Orders, samples: int = SAMPLES) -> PredictionErrorProblem:
@@ -120,7 +121,7 @@ def search(seed: int, orders: Orders) -> tuple[float, float]:
     """Objective and seconds of one whole global search, default settings."""
     errors = problem(seed, orders)
     began = time.process_time()
-    result = hybrid_search(ArmaxProblem(errors), SearchSettings(), np.random.default_rng(1))
+    result = memetic_search(ArmaxProblem(errors), SearchSettings(), np.random.default_rng(1))
     seconds = time.process_time() - began
     return of_point(errors, result.point), seconds
 
@@ -258,19 +259,19 @@ SCALING = """
 import sys, time, tracemalloc
 sys.path.insert(0, {scripts!r})
 import numpy as np
-from evopem.estimation.estimate import estimate
-from evopem.estimation.search.memetic import SearchSettings
+from evopem import SearchSettings, estimate
 from evopem.synthesis.armax import armax
 record = armax(1, {samples})[0]
-settings = SearchSettings(mu=8, lambda_=8, nu=8, evaluations=1)
+settings = SearchSettings(objective="quadratic", mu=8, lambda_=8, nu=8, evaluations=1)
 u, y = record.input, record.output
-estimate(u[:1000], y[:1000], {orders}, 100.0, objective="quadratic", search=settings)
+estimate(u[:1000], y[:1000], {orders}, 100.0, settings=settings)
 began = time.process_time()
-found = estimate(u, y, {orders}, 100.0, objective="quadratic", search=settings)
+found = estimate(u, y, {orders}, 100.0, settings=settings)
 taken = time.process_time() - began
 tracemalloc.start()
-estimate(u, y, {orders}, 100.0, objective="quadratic", search=settings)
-print(taken / found.search.evaluations * 1e6, tracemalloc.get_traced_memory()[1] / 2**20)
+estimate(u, y, {orders}, 100.0, settings=settings)
+evaluations = found.search.diagnostics.evaluations
+print(taken / evaluations * 1e6, tracemalloc.get_traced_memory()[1] / 2**20)
 """
 
 
@@ -297,12 +298,11 @@ def start_up() -> list[str]:
     code = (
         f"import sys; sys.path.insert(0, {str(SCRIPTS)!r})\n"
         "import numpy as np\n"
-        "from evopem.estimation.estimate import estimate\n"
+        "from evopem import SearchSettings, estimate\n"
         "u, y = np.random.default_rng(1).standard_normal((2, 300))\n"
-        "from evopem.estimation.search.memetic import SearchSettings\n"
         "for objective in ('absolute', 'quadratic'):\n"
-        "    estimate(u, y, (2, 2, 2, 1), 1.0, objective=objective,\n"
-        "             search=SearchSettings(mu=4, lambda_=4, nu=4, evaluations=1))\n"
+        "    settings = SearchSettings(objective, mu=4, lambda_=4, nu=4, evaluations=1)\n"
+        "    estimate(u, y, (2, 2, 2, 1), 1.0, settings=settings)\n"
     )
     rows = []
     with tempfile.TemporaryDirectory() as folder:

@@ -141,18 +141,3 @@ def test_scripts_name_submodules_and_not_the_package():
     for script in SCRIPTS.rglob("*.py"):
         for line in script.read_text(encoding="utf-8").splitlines():
             assert not line.strip().startswith("from evopem import load"), script
-
-
-def test_a_snakefile_can_import_the_configuration_without_numpy():
-    command = (
-        "import sys; import evopem.config.rule_digest, evopem.config.defaults,"
-        " evopem.config.order_grid; print('numpy' in sys.modules)"
-    )
-    run = subprocess.run(
-        [sys.executable, "-c", command],
-        env=os.environ | {"PYTHONPATH": str(SCRIPTS)},
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    assert run.stdout.strip() == "False"

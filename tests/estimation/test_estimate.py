@@ -177,7 +177,9 @@ def test_units_do_not_matter(exponent):
     other = estimate(u / scale, y * scale, (2, 2, 1, 1)).model
     np.testing.assert_array_equal(one.a, other.a)
     np.testing.assert_array_equal(one.b, other.b / scale**2)
-    np.testing.assert_allclose(other.covariance[:2, :2], one.covariance[:2, :2], rtol=1e-9)
+    np.testing.assert_allclose(
+        other.covariance.matrix[:2, :2], one.covariance.matrix[:2, :2], rtol=1e-9
+    )
 
 
 @pytest.mark.parametrize(

@@ -41,12 +41,12 @@ def package(tmp_path):
     return folder
 
 
-def run(package, **environment):
+def run(package, code=RUN, **environment):
     """Result, cache hits and cache misses of a new process, and what it wrote on stderr."""
     paths = os.pathsep.join([str(package.parent), str(SCRIPTS)])
     inherited = {key: value for key, value in os.environ.items() if key != "NUMBA_CACHE_DIR"}
     ended = subprocess.run(
-        [sys.executable, "-B", "-c", RUN],
+        [sys.executable, "-B", "-c", code],
         env={**inherited, "PYTHONPATH": paths, **environment},
         capture_output=True,
         text=True,
@@ -63,6 +63,17 @@ def test_a_change_in_one_file_invalidates_what_other_files_compiled(package):
     (package / "inner.py").write_text(INNER.format(number=2))
     assert run(package)[0] == (30, 0, 1)
     assert run(package)[0] == (30, 1, 0)
+
+
+def test_a_job_says_in_its_log_that_it_compiles(package, tmp_path):
+    log = tmp_path / "dataset" / "logs" / "search.log"
+    in_job = "from evopem.files.job import job\nwith job({log!r}):\n    {run}\n"
+    code = in_job.format(log=str(log), run=RUN.strip().replace("\n", "\n    "))
+    _, message = run(package, code)
+    assert message.count("compiling the numerical kernels") == 1
+    assert log.read_text().count("compiling the numerical kernels") == 1
+    assert run(package, code) == ((20, 1, 0), "")
+    assert "compiling" not in log.read_text()
 
 
 def test_a_touched_file_does_not_invalidate_the_cache(package):

@@ -60,8 +60,9 @@ def test_roots_modes_and_standard_errors_are_those_of_the_model(estimated, path)
     np.testing.assert_allclose(np.real(np.poly(record.poles)), model.a, rtol=1e-12)
     np.testing.assert_allclose(np.real(np.poly(record.noise_zeros)), model.c, rtol=1e-12)
     np.testing.assert_allclose(np.real(np.poly(record.zeros)) * model.b[0], model.b, rtol=1e-12)
-    errors = np.sqrt(np.diag(model.covariance))
-    np.testing.assert_array_equal(record.parameter_standard_errors, errors)
+    np.testing.assert_array_equal(
+        record.parameter_standard_errors, model.parameter_standard_errors()
+    )
 
 
 def test_other_programs_read_plain_json(path):

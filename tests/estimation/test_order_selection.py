@@ -111,7 +111,7 @@ def test_a_completed_candidate_is_the_estimate(short):
     assert complete.search.value == candidate.minimum
     assert complete.at_stability_bound == candidate.at_stability_bound
     assert candidate.model.covariance is None
-    assert np.isfinite(complete.model.covariance).all()
+    assert np.isfinite(complete.model.covariance.matrix).all()
 
 
 def test_radii_of_a_candidate_are_those_of_its_model(short):

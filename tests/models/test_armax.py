@@ -55,6 +55,34 @@ def test_prediction_and_residual_add_up_to_the_output(model):
     np.testing.assert_allclose(total[known], y[known], rtol=1e-12)
 
 
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    ("b", "nk"),
+    [([0.5, -0.3, 0.1], 0), ([0.5], 1), ([0.5, -0.3], 5), ([0.0, 0.5], 2)],
+)
+def test_transfer_functions_of_other_libraries_keep_the_dynamics_and_the_delay(b, nk):
+    import control
+
+    model = ArmaxModel(
+        a=np.array([1.0, -1.2, 0.8]),
+        b=np.array(b),
+        c=np.ones(1),
+        nk=nk,
+        sampling_rate=50.0,
+    )
+    frequencies = np.array([0.0, 3.0, 11.0, 25.0])
+    z = np.exp(2j * np.pi * frequencies / 50.0)
+    expected = model.frequency_response(frequencies)
+    by_scipy = model.to_scipy()
+    assert by_scipy.dt == 1 / 50.0
+    ours = np.polyval(by_scipy.num, z) / np.polyval(by_scipy.den, z)
+    np.testing.assert_allclose(ours, expected, rtol=1e-12)
+    by_control = model.to_control()
+    assert by_control.dt == 1 / 50.0
+    assert isinstance(by_control, control.TransferFunction)
+    np.testing.assert_allclose(by_control(z), expected, rtol=1e-12)
+
+
 def test_innovations_come_back_as_residuals():
     from scipy.signal import lfilter
 
@@ -94,13 +122,11 @@ def test_simulation_and_response_agree_with_control(model):
 
 
 def test_scipy_system_has_the_same_impulse_response(model):
-    from scipy.signal import BadCoefficients, dlsim
+    from scipy.signal import dlsim
 
     impulse = np.zeros(30)
     impulse[0] = 1.0
-    # SciPy warns of the leading zeros, which are the delay.
-    with pytest.warns(BadCoefficients):
-        theirs = dlsim(model.to_scipy(), impulse)[1]
+    theirs = dlsim(model.to_scipy(), impulse)[1]
     np.testing.assert_allclose(model.simulate(impulse), theirs[:, 0], atol=1e-12)
 
 

@@ -5,6 +5,7 @@ import pytest
 
 from evopem.models.armax import ArmaxModel
 from evopem.models.gain_interval import NORMAL_95, gain_band
+from evopem.models.parameter_covariance import ParameterCovariance
 
 FREQUENCIES = np.linspace(0.5, 45.0, 12)
 
@@ -16,13 +17,21 @@ def model(covariance):
         c=np.array([1.0, 0.4]),
         nk=2,
         sampling_rate=100.0,
-        covariance=covariance,
+        covariance=None if covariance is None else ParameterCovariance.from_matrix(covariance),
     )
 
 
 def test_a_pure_gain_has_the_band_of_its_coefficient():
     covariance = np.diag([0.01, 0.5])
-    pure = ArmaxModel(np.ones(1), np.array([-2.0]), np.array([1.0, 0.1]), 3, 100.0, 1.0, covariance)
+    pure = ArmaxModel(
+        np.ones(1),
+        np.array([-2.0]),
+        np.array([1.0, 0.1]),
+        3,
+        100.0,
+        1.0,
+        ParameterCovariance.from_matrix(covariance),
+    )
     lower, upper = gain_band(pure, FREQUENCIES)
     spread = np.exp(NORMAL_95 * 0.1 / 2.0)
     assert lower == pytest.approx(np.full(12, 2.0 / spread), rel=1e-12)

@@ -8,16 +8,19 @@ import pytest
 from scipy.io import loadmat
 
 import evopem
+from evopem.errors import InputError
+from evopem.files.json_form import save
 from evopem.models.matlab import save_model_mat
+from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.synthesis.armax import true_model
 
 
 @pytest.fixture
 def model():
     truth = true_model()
-    return evopem.ArmaxModel(
-        truth.a, truth.b, truth.c, truth.nk, 100.0, 0.25, 1e-4 * np.eye(truth.orders.parameters)
-    )
+    n = truth.orders.parameters
+    covariance = ParameterCovariance(1e-2 * np.eye(n)[:, 1:], np.eye(n)[:, :1])
+    return evopem.ArmaxModel(truth.a, truth.b, truth.c, truth.nk, 100.0, 0.25, covariance)
 
 
 def test_mat_holds_the_arguments_of_idpoly(model, tmp_path):
@@ -60,3 +63,37 @@ def test_octave_simulates_the_same(model, tmp_path):
     ).stdout.split()
     np.testing.assert_allclose(np.array(printed[:-1], float), model.simulate(u), rtol=1e-9)
     assert float(printed[-1]) == 0.01
+
+
+def test_a_polynomial_model_leaves_and_comes_back(tmp_path):
+    model = evopem.PolynomialModel(
+        a=np.ones(1),
+        b=np.array([1.0, 0.5]),
+        c=np.array([1.0, 0.3]),
+        d=np.array([1.0, -0.7]),
+        f=np.array([1.0, -1.2, 0.8]),
+        nk=2,
+        sampling_rate=50.0,
+        level=0.25,
+        noise_variance=0.04,
+        covariance=ParameterCovariance.from_matrix(1e-4 * np.eye(6)),
+        structure="bj",
+    )
+    save_model_mat(model, tmp_path / "model.mat")
+    stored = loadmat(tmp_path / "model.mat")
+    for name, expected in (("A", model.a), ("C", model.c), ("D", model.d), ("F", model.f)):
+        np.testing.assert_array_equal(stored[name][0], expected)
+    np.testing.assert_array_equal(stored["B"][0], [0, 0, 1.0, 0.5])
+    assert stored["Level"][0, 0] == 0.25
+    save(model, tmp_path / "model.json")
+    loaded = evopem.load(tmp_path / "model.json")
+    assert loaded.structure == "bj"
+    assert (loaded.nk, loaded.sampling_rate, loaded.level) == (2, 50.0, 0.25)
+    np.testing.assert_array_equal(loaded.parameters, model.parameters)
+    np.testing.assert_array_equal(loaded.covariance, model.covariance)
+
+
+def test_a_file_that_is_no_model_is_refused(tmp_path):
+    (tmp_path / "model.json").write_text('{"structure": "oe"}')
+    with pytest.raises(InputError, match=r"model\.json"):
+        evopem.load(tmp_path / "model.json")

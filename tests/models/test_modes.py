@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from evopem.models.modes import modes_of
+from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.synthesis.armax import true_model
 
 
@@ -28,7 +29,7 @@ def test_standard_errors_are_the_first_order_propagation():
     a = true_model().a[1:]
     covariance = 1e-12 * (np.eye(7) + 0.3)
     root = np.linalg.cholesky(covariance)
-    for index, mode in enumerate(modes_of(a, 100.0, covariance)):
+    for index, mode in enumerate(modes_of(a, 100.0, ParameterCovariance.from_matrix(covariance))):
         change_f, change_d = np.zeros(7), np.zeros(7)
         for k in range(7):
             plus = modes_of(a + root[:, k], 100.0)[index]

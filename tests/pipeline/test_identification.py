@@ -68,9 +68,7 @@ def repeated(arm):
             os.utime(path, (1, 1))
         run_stage(stage, arm.folder, log=None)
         written[stage] = {
-            path: content
-            for path, content in contents(arm).items()
-            if path.stat().st_mtime > 1
+            path: content for path, content in contents(arm).items() if path.stat().st_mtime > 1
         }
     return written, first
 

@@ -70,7 +70,7 @@ def test_figures_and_times_are_read_from_the_folder_of_the_data_set(identified, 
     benchmark = Path(files.benchmark("spectrum"))
     benchmark.parent.mkdir()
     benchmark.write_text("s\n98.76\n")
-    write_report(files, WORKFLOW)
+    write_report(files, WORKFLOW / "templates")
     page = Path(files.report).read_text(encoding="utf-8")
     assert "98.8" in page
     assert page.count("<svg") == len(FIGURES)

@@ -3,11 +3,12 @@
 from pathlib import Path
 
 import pytest
+from browsing import TEMPLATES, browser, hostile, index, report, summary, thousand
 
 from evopem.figures import draw_all
 from evopem.report import build_report
 
-TEMPLATES = Path(__file__).parents[2] / "workflow" / "templates"
+__all__ = ["browser", "hostile", "index", "report", "summary", "thousand"]
 
 
 @pytest.fixture(scope="session")

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from evopem.models.armax import ArmaxModel
+from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.report import equations
 
 MODEL = ArmaxModel(
@@ -15,7 +16,7 @@ MODEL = ArmaxModel(
     nk=3,
     sampling_rate=100.0,
     noise_variance=0.01,
-    covariance=np.diag([0.1, 0.2, 0.3, 0.4, 0.5]) ** 2,
+    covariance=ParameterCovariance.from_matrix(np.diag([0.1, 0.2, 0.3, 0.4, 0.5]) ** 2),
 )
 
 

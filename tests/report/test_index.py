@@ -4,23 +4,11 @@ import math
 import re
 from dataclasses import replace
 
-import pytest
 from test_pages import HOSTILE, TEMPLATES, Page
 
 from evopem.report import build_index
-from evopem.results.fleet import IncompleteDataset, summarize
+from evopem.results.fleet import IncompleteDataset
 from evopem.validation.checks import Check
-
-
-@pytest.fixture(scope="module")
-def summary(results):
-    return summarize(
-        results.model,
-        results.validation,
-        results.spectrum_summary,
-        results.phases,
-        results.recording_info,
-    )
 
 
 def outcomes(*passed):

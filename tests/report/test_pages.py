@@ -7,21 +7,20 @@ import math
 import re
 from dataclasses import replace
 from html.parser import HTMLParser
-from pathlib import Path
 from urllib.parse import unquote
 
 import numpy as np
 import pandas as pd
 import pytest
+from browsing import TEMPLATES
 
 from evopem.config.settings import RecordedSource
 from evopem.report import read_wall_clock
-from evopem.report.numbers import with_error
+from evopem.report.numbers import THIN, percent, with_error
 from evopem.results.layout import FIGURES, PHASES
 from evopem.signals.recording_info import FileOrigin
 from evopem.validation.checks import Check
 
-TEMPLATES = Path(__file__).parents[2] / "workflow" / "templates"
 HIDDEN = ("style", "script")
 HOSTILE = """<script>alert("x")</script>'&"""
 
@@ -140,6 +139,10 @@ def test_the_summary_is_true_to_the_results(results, page):
         shown = with_error(mode.frequency_hz, mode.frequency_se_hz)
         assert f"{shown} {with_error(100 * mode.damping_ratio, 100 * mode.damping_se)}" in page.text
     assert "number of B coefficients" in page.text
+    recorded = validation.recorded
+    assert f"recorded units {percent(recorded.prediction_error_percent, 4)}".replace(THIN, " ") in (
+        page.text
+    )
     passed = sum(check.passed is True for check in results.checks)
     assert f"{passed} of {len(results.checks)} checks passed" in page.text
 
@@ -214,7 +217,7 @@ def unknown(results):
         replace(first, frequency_se_hz=math.inf, damping_se=math.inf),
         *(replace(mode, frequency_se_hz=math.nan, damping_se=math.nan) for mode in others),
     )
-    model = replace(results.model, covariance=None, parameter_standard_errors=None, modes=modes)
+    model = replace(results.model, covariance=None, covariance_factor=None, modes=modes)
     return replace(results, validation=validation, model=model)
 
 

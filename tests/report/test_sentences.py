@@ -8,14 +8,14 @@ import pytest
 
 from evopem.models.armax import ArmaxModel
 from evopem.models.modes import Mode
+from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.report import chapter
 from evopem.report.mode_table import mode_rows
-from evopem.report.numbers import THIN, count, number, percent
+from evopem.report.numbers import THIN, count, enumeration, number, percent
 from evopem.report.sentences import (
     about_model,
     about_orders,
     about_recording,
-    about_search,
     about_spectrum,
     about_validation,
 )
@@ -199,6 +199,22 @@ def test_missed_and_spurious_modes_get_a_sentence(results):
     assert about_model.modes(results, mode_rows([mode(10.0)], [], [])) == []
 
 
+def test_what_drives_each_mode_is_said(results):
+    modes = results.validation.modes
+    rows = mode_rows([each.mode for each in modes], [], [])
+    (text,) = about_model.modes(results, rows)
+    driven = [n for n, each in enumerate(modes, start=1) if each.origin == "input"]
+    assert driven
+    assert f"Of the modes, {enumeration(list(map(str, driven)))} respond to the input" in text
+    noise = tuple(
+        replace(each, reached=False, needed_by_noise=True, stable=False) for each in modes
+    )
+    changed = replace(results, validation=replace(results.validation, modes=noise))
+    (text,) = about_model.modes(changed, rows)
+    assert "do not respond to the input; the noise model needs them" in text
+    assert "not found again at most other orders" in text
+
+
 def test_a_mode_that_outlasts_the_recording_gets_a_sentence(results):
     slow, quick = mode(5.36, damping=0.0091), mode(20.0, damping=0.05)
     short = with_transforms(results, estimation_samples=500)
@@ -209,9 +225,11 @@ def test_a_mode_that_outlasts_the_recording_gets_a_sentence(results):
 
 
 def with_coefficients(results, a, b, c, covariance=None):
+    if covariance is not None:
+        covariance = ParameterCovariance.from_matrix(covariance)
     model = ArmaxModel(np.array(a), np.array(b), np.array(c), 1, 100.0, 1.0, covariance)
     return with_model(
-        results, a=model.a, b=model.b, c=model.c, orders=model.orders, covariance=covariance
+        results, a=model.a, b=model.b, c=model.c, orders=model.orders, covariance_factor=covariance
     )
 
 
@@ -249,7 +267,7 @@ def test_poles_and_zeros(results):
     # |dr/db_i| = |r^(n-i) / p'(r)| with p' = 2.1: √(4² + 2² + 1) / 2.1 · 1.96e-3.
     assert "for the zero 2.0000" in text
     assert number(1.96e-3 * math.sqrt(21) / 2.1, 2) in text
-    (text,) = about_model.poles(replace(given, model=replace(given.model, covariance=None)))
+    (text,) = about_model.poles(replace(given, model=replace(given.model, covariance_factor=None)))
     assert "so no ellipse is drawn" in text
 
 
@@ -264,7 +282,7 @@ def test_residual_tests(results):
         f"{percent(100 * validation.autocorrelation_share_inside95)} of {validation.lags}" in text
     )
     assert f"N = {validation.residual_samples} residuals" in text
-    assert f"with {validation.ljung_box.degrees_of_freedom} degrees of freedom: p = 0.00" in text
+    assert "is expected of white innovations after this fit: p" in text
     assert f"at lags −{validation.cross_correlation.lags} to" in text
 
 
@@ -284,7 +302,8 @@ def test_residual_tests_that_were_not_possible(results):
 def test_simulation_says_where_it_starts(results):
     validation = results.validation
     (text,) = about_validation.simulation(results)
-    assert f"Its error is {percent(validation.simulation_error_percent)} of the norm" in text
+    error = percent(validation.simulation_error_percent)
+    assert f"Its error is {error} of the deviation of the measured output" in text
     assert "over 398 validation samples" in text
     assert "the initial state that fits these samples best" in text
     continued = percent(validation.continued_simulation_error_percent)
@@ -295,68 +314,23 @@ def test_simulation_says_where_it_starts(results):
     assert "The first 8 samples have no complete past" in text
 
 
-def with_search(results, at_stability_bound=False, **changes):
-    record = results.model.search
-    diagnostics = replace(record.diagnostics, **changes)
-    return with_model(
-        results,
-        search=replace(record, diagnostics=diagnostics, at_stability_bound=at_stability_bound),
+def test_simulation_in_recorded_units(results):
+    recorded = replace(
+        results.validation.recorded,
+        prediction_error_percent=0.5,
+        simulation_error_percent=250.0,
+        integrations=2,
+        undefined_samples=3,
     )
-
-
-@pytest.mark.parametrize(
-    ("changes", "sentence"),
-    [
-        (
-            {"generations": 9, "restart_minima": (3.0, 3.0, 3.0, 4.0), "n_confirming": 2},
-            "The search had 9 generations in 4 independent restarts; 2 of the 3 beside the best",
-        ),
-        (
-            {"generations": 1, "restart_minima": (3.0,), "n_confirming": 0},
-            "The search had 1 generation in a single restart, so no other restart confirms",
-        ),
-        ({"n_local_optima": 5}, "ended at 5 distinct local optima"),
-        ({"n_local_optima": 1}, "ended at 1 local optimum."),
-        (
-            {"n_multistart": 64, "undiscovered_probability": 0.0015},
-            "descended from 64 random points: the estimated probability that a further descent"
-            " leads to an undiscovered local optimum is 0.15 %",
-        ),
-        (
-            {"n_multistart": 0, "undiscovered_probability": 1.0},
-            "There was no multistart check",
-        ),
-        (
-            {"convergence": ((100, 5.0), (250, 3.002), (900, 3.0))},
-            "within 0.1 % of its final objective after 250 of 900 evaluations",
-        ),
-        ({"at_stability_bound": True}, "the bound determines it, and not the data"),
-    ],
-)
-def test_diagnostics_of_the_search_in_words(results, changes, sentence):
-    (text,) = about_search.search(with_search(results, **changes))
-    assert sentence in text
-    (unchanged,) = about_search.search(results)
-    assert sentence not in unchanged
-
-
-def test_the_search_of_all_candidates_in_words(results):
-    (text,) = about_search.search(results)
-    table = results.candidates
-    assert text.startswith(
-        f"The search of 14 candidates took {count(int(table['evaluations'].sum()))} evaluations"
-    )
-    assert f"The noise state before the first residual ({results.model.orders.nc} values)" in text
-    assert f"is {percent(results.model.criteria.objective, 4)}, and the fit" in text
-    confirmed, bound = table["n_confirming"].gt(0), table["at_stability_bound"]
-    assert bound.dtype == bool
-    assert (
-        f"Of all 14 candidates, {confirmed.sum()} were confirmed by another restart, and"
-        f" {bound.sum()} have a root at the stability bound."
-    ) in text.replace("1 has", "1 have")
-    one = table.assign(n_confirming=[1] + 13 * [0], at_stability_bound=[True] + 13 * [False])
-    (text,) = about_search.search(replace(results, candidates=one))
-    assert "1 was confirmed by another restart, and 1 has a root" in text
+    changed = replace(results, validation=replace(results.validation, recorded=recorded))
+    (text,) = about_validation.simulation(changed)
+    assert f"one-step error is 0.500{THIN}% and the error of the simulation 250{THIN}%." in text
+    assert "integrates the error of the simulation twice" in text
+    assert "3 simulated samples outside the range of the Box-Cox transform" in text
+    (text,) = about_validation.simulation(with_transforms(changed))
+    assert "In the units of the recording" not in text
+    (text,) = about_validation.simulation(with_transforms(changed, box_cox=0.5))
+    assert "In the units of the recording" in text
 
 
 def test_the_results_beside_those_of_the_chapter(results):

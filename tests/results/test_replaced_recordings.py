@@ -140,3 +140,13 @@ def test_ten_thousand_data_sets_take_seconds():
     before = time.process_time()
     assert mark_replaced_recordings(datasets) == []
     assert time.process_time() - before < 5
+
+
+@pytest.mark.parametrize("seconds", [0, 1, 2, 10**9])
+def test_outputs_become_older_than_the_file_and_have_a_time_that_snakemake_takes(read, seconds):
+    """A time of 0 is none to Snakemake: it would rerun nothing."""
+    Path("older").write_text("9,9\n")
+    os.utime("older", (seconds, seconds))
+    Path("older").replace("x.csv")
+    assert mark_replaced_recordings(settings({"a": BOTH})) == ["x.csv"]
+    assert all(0 != time < seconds for time in times(read))

@@ -67,3 +67,12 @@ def test_a_missing_library_names_the_extra(tmp_path, monkeypatch, form, module):
     message = refusal(path)
     assert f"the package {module}" in message
     assert 'pip install "evopem[formats]"' in message
+
+
+def test_dates_in_a_text_name_the_extra_that_reads_them(tmp_path, monkeypatch):
+    path = tmp_path / "dated.csv"
+    rows = [f"2024-05-31T12:00:{second:02},{second % 7},{second % 5}" for second in range(40)]
+    path.write_text("\n".join(["time,u,y", *rows]))
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(InputError, match=r"the package pandas, .*evopem\[formats\]"):
+        read_recording(path, "u", "y", time="time")

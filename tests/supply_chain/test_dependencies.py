@@ -9,6 +9,7 @@ import tomllib
 from pathlib import Path
 
 import pytest
+import yaml
 
 ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
@@ -25,6 +26,11 @@ LOOKED_AT = {
     "docutils": "public domain; one Emacs file, which is not used, is under the GPL",
     "nptdms": "LGPL-3.0-only, imported to read TDMS files, and only where they are read",
 }
+
+
+def names(requirements):
+    """Names of the distributions, evopem itself left out."""
+    return {re.split(r"[<>=!~ \[]", each)[0] for each in requirements} - {"evopem"}
 
 
 def licence(name):
@@ -63,23 +69,34 @@ def test_the_licence_of_a_dependency_asks_nothing(name):
         assert not re.search(r"\bA?L?GPL|General Public", stated), stated
 
 
-def test_the_package_runs_on_its_own_dependencies_alone():
-    """Estimate, draw and report with everything hidden that an extra or a test brings along."""
-    own = {re.split(r"[<>=!~ ]", each)[0] for each in PROJECT["dependencies"]}
-    extras = PROJECT["optional-dependencies"]
-    hidden = {re.split(r"[<>=!~ ]", each)[0] for extra in extras.values() for each in extra}
-    assert not own & hidden
-    code = (
-        "import sys, importlib, pathlib\n"
-        f"for name in {sorted(hidden)!r}: sys.modules[name] = None\n"
-        "root = pathlib.Path(sys.argv[1])\n"
-        "for file in sorted(root.rglob('*.py')):\n"
-        "    parts = file.relative_to(root.parent).with_suffix('').parts\n"
-        "    importlib.import_module('.'.join(p for p in parts if p != '__init__'))\n"
-    )
+# Parts of the package that need the extra `report`; all others are the numerics.
+OF_THE_EXTRA_REPORT = ("figures", "pipeline", "report", "results", "validation")
+IMPORTS = """
+import importlib, pathlib, sys
+
+for name in HIDDEN:
+    sys.modules[name] = None
+root = pathlib.Path(sys.argv[1])
+for file in sorted(root.rglob("*.py")):
+    parts = file.relative_to(root.parent).with_suffix("").parts
+    if parts[1] not in LEFT_OUT:
+        importlib.import_module(".".join(part for part in parts if part != "__init__"))
+"""
+
+
+@pytest.mark.parametrize(
+    ("extras", "left_out"), [((), OF_THE_EXTRA_REPORT), (("report",), ())], ids=["none", "report"]
+)
+def test_a_part_of_the_package_imports_only_what_it_is_installed_with(extras, left_out):
+    """Import every module with all hidden that another extra brings along."""
+    optional = PROJECT["optional-dependencies"]
+    installed = names(PROJECT["dependencies"]) | {
+        name for extra in extras for name in names(optional[extra])
+    }
+    hidden = {name for extra in optional.values() for name in names(extra)} - installed
     package = ROOT / "workflow" / "scripts" / "evopem"
     run = subprocess.run(
-        [sys.executable, "-c", code, package],
+        [sys.executable, "-c", f"HIDDEN, LEFT_OUT = {hidden!r}, {left_out!r}\n{IMPORTS}", package],
         env=os.environ | {"PYTHONPATH": str(package.parent)},
         capture_output=True,
         text=True,
@@ -88,15 +105,31 @@ def test_the_package_runs_on_its_own_dependencies_alone():
     assert run.returncode == 0, run.stderr
 
 
+def test_the_extra_workflow_has_what_every_stage_and_the_archive_need():
+    workflow = PROJECT["optional-dependencies"]["workflow"]
+    assert {"evopem[report,formats]", "snakemake>=9.11", "pygments>=2.17"} <= set(workflow)
+    assert {"pandas", "matplotlib", "jinja2", "h5py", "pyarrow", "pygments"} <= {
+        name for name, _, _ in PINS
+    }
+
+
+def test_the_conda_environment_of_a_job_has_the_same_packages():
+    """Jobs need what the extras `report` and `formats` bring, and no Snakemake."""
+    listed = yaml.safe_load((ROOT / "workflow" / "envs" / "evopem.yaml").read_text())
+    *conda, pip = listed["dependencies"]
+    optional = PROJECT["optional-dependencies"]
+    needed = [*PROJECT["dependencies"], *optional["report"], *optional["formats"]]
+    # conda-forge has matplotlib without its user interfaces under another name.
+    named = {each.replace(" ", "").replace("matplotlib-base", "matplotlib") for each in conda}
+    named |= {each.replace(" ", "") for each in pip["pip"]}
+    assert named - {"pip", f"python{PROJECT['requires-python']}"} == set(needed)
+
+
 def test_every_import_of_the_package_is_a_named_dependency():
     distributions = metadata.packages_distributions()
-    named = {
-        re.split(r"[<>=!~ \[]", each)[0].lower()
-        for each in [
-            *PROJECT["dependencies"],
-            *[one for extra in PROJECT["optional-dependencies"].values() for one in extra],
-        ]
-    }
+    optional = PROJECT["optional-dependencies"].values()
+    named = names([*PROJECT["dependencies"], *(one for extra in optional for one in extra)])
+    named = {name.lower() for name in named}
     # Parts of numba and jinja2, which pin their versions.
     named |= {"llvmlite", "markupsafe"}
     imported = set()

@@ -9,6 +9,7 @@ import pytest
 from evopem.estimation.model_record import ModelRecord
 from evopem.models.armax import ArmaxModel, Orders
 from evopem.models.modes import Mode
+from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomials import root_gradient
 from evopem.models.root_covariance import root_covariance
 from evopem.signals.recording_info import RecordingInfo
@@ -45,6 +46,8 @@ class Evidence:
 
 def with_polynomials(record, a, b, c, covariance):
     """A model record of other polynomials, with all that follows from them."""
+    if covariance is not None:
+        covariance = ParameterCovariance.from_matrix(covariance)
     model = ArmaxModel(a, b, c, nk=1, sampling_rate=1.0, noise_variance=1.0, covariance=covariance)
     return replace(
         record,
@@ -52,7 +55,8 @@ def with_polynomials(record, a, b, c, covariance):
         a=model.a,
         b=model.b,
         c=model.c,
-        covariance=covariance,
+        covariance=None if covariance is None else covariance.matrix,
+        covariance_factor=covariance,
         modes=tuple(model.modes()),
         poles=model.poles(),
         zeros=model.zeros(),
@@ -138,7 +142,7 @@ def test_the_mode_of_the_poles_is_the_expected_one(good):
 def test_good_evidence_passes_every_check(good):
     results = checks(good.model, good.validation, good.spectrum, good.phases, good.recording)
     assert [(check.name, check.passed) for check in results if check.passed is not True] == []
-    assert len({check.name for check in results}) == len(results) == 13
+    assert len({check.name for check in results}) == len(results) == 14
     assert all(check.statement and not check.advice for check in results)
 
 
@@ -152,15 +156,15 @@ def test_checks_of_an_identified_model_say_what_is_in_its_results(real):
     # The delay's range ends at the true delay.
     assert real.check("Orders").passed is False
     assert "nk = 3 (delay.nk: 2 to 3)" in real.check("Orders").statement
-    assert real.check("Response").statement == "Wald test of B = 0: p < 0.0001."
+    assert real.check("Response").passed is True
+    assert "validation samples: coefficient" in real.check("Response").statement
+    assert real.check("Validation input").passed is True
 
 
 @pytest.mark.parametrize(
     ("part", "change", "name"),
     [
-        ("model", {"covariance": None}, "Poles"),
-        ("model", {"covariance": None}, "Response"),
-        ("model", {"covariance": np.full((5, 5), math.nan)}, "Response"),
+        ("model", {"covariance_factor": None}, "Poles"),
         ("model", {"poles": np.full(2, math.nan, dtype=complex)}, "Stable"),
         ("validation", {"autocorrelation_share_inside95": math.nan}, "White"),
         ("validation", {"residual_outlier_percent": math.nan}, "Few"),
@@ -177,6 +181,7 @@ def test_what_could_not_be_computed_is_not_judged(good, part, change, name):
     ("test", "number", "name"),
     [
         ("ljung_box", "p_value", "White"),
+        ("input_test", "p_value", "Response"),
         ("cross_correlation", "max_in_bounds", "Residuals"),
         ("cross_correlation", "share_inside95", "Residuals"),
     ],
@@ -374,13 +379,24 @@ def test_outliers_are_judged_by_the_objective(good, objective, percent, passed):
     assert ("“absolute”" in check.advice) == (not passed and objective == "quadratic")
 
 
-def test_a_gain_within_its_uncertainty_fails(good):
-    """With independent coefficients the Wald statistic is Σ (b/σ)², exponential at two of them."""
-    b = np.array([0.001, -0.0005])
-    check = good.with_("model", b=b).check("Response")
+@pytest.mark.parametrize(("p_value", "passed"), [(0.009, True), (0.011, False)])
+def test_the_response_to_the_input_is_judged_at_one_percent(good, p_value, passed):
+    test = replace(good.validation.input_test, coefficient=0.3, p_value=p_value)
+    check = good.with_("validation", input_test=test).check("Response")
+    assert check.passed is passed
+    assert f"coefficient 0.3, p = {p_value:.2g}." in check.statement
+
+
+def test_a_validation_input_with_power_elsewhere_fails(good):
+    split = replace(
+        good.validation.split, share_outside=0.62, bands_hz=((20.0, 31.5),), comparable=False
+    )
+    check = good.with_("validation", split=split).check("Validation input")
     assert check.passed is False
-    p_value = math.exp(-0.5 * float(np.sum((b / 1e-3) ** 2)))
-    assert check.statement == f"Wald test of B = 0: p = {p_value:.2g}."
+    assert check.statement.startswith("62 % of the power of the validation input")
+    assert "(20 to 31.5 Hz)" in check.statement
+    unknown = replace(split, comparable=None)
+    assert good.with_("validation", split=unknown).check("Validation input").passed is None
 
 
 def test_a_saturated_channel_is_named(good):

@@ -1,30 +1,31 @@
 """Hard records: each gives a right model or a check that fails, never a wrong one in silence."""
 
-import json
-
 import numpy as np
 import pytest
-from evopem.models.files import model_record
 from scipy.signal import lfilter
 
-from evopem.estimation.order_selection import estimate_candidates, evidence_of, recall
+from evopem.config.settings import (
+    PreparationSettings,
+    ScoringWindow,
+    SearchSettings,
+    SplitSettings,
+    TransformSettings,
+)
+from evopem.estimation.candidate import PhaseSelection
+from evopem.estimation.model_record import ModelRecord
+from evopem.estimation.order_selection import complete_estimate, estimate_candidates
+from evopem.models.armax import Orders
 from evopem.signals.preparation import prepare
-from evopem.signals.recording import Recording, describe_recording
-from evopem.validation import checks, validate
+from evopem.signals.recording import Recording
+from evopem.signals.recording_info import describe_synthetic_recording
+from evopem.signals.spectral.summary import SpectrumSummary
+from evopem.validation.checks import checks
+from evopem.validation.validation import validate
 
-SEARCH = {
-    "objective": "absolute",
-    "mu": 5,
-    "lambda": 20,
-    "nu": 5,
-    "start": "chapter",
-    "mutate": "worst",
-    "evaluations": 3000,
-    "seed": 1,
-    "max_root_radius": 0.9999,
-    "burn_in": 20,
-}
-RATE, SAMPLES, START = 100.0, 2000, 60
+PREPARATION = PreparationSettings(TransformSettings("none", 0, 0), SplitSettings(discard=50))
+NO_PEAKS = SpectrumSummary(4.0, 7, 2048, 1, 0.1, (), 0)
+RATE, SAMPLES = 100.0, 2000
+WINDOW = ScoringWindow(40, 60)
 POLE = 0.95 * np.exp(0.6j)
 A = np.real(np.poly([POLE, np.conj(POLE)]))
 B, C = [0.0, 1.0, 0.5], [1.0, 0.3]
@@ -43,15 +44,22 @@ def response(u=WHITE, a=A, b=B, innovations=None):
 
 def judged(u, y, orders=(2, 2, 1, 1), objective="absolute"):
     """The modes' frequencies, and the names of the checks that fail."""
-    record = Recording(u, y, RATE)
-    prepared = prepare(record, {"box_cox": "none"}, {"discard": 50})
-    search = SEARCH | {"objective": objective}
-    (candidate,) = estimate_candidates(prepared.estimation, [orders], "b", search, START)
-    found = recall(candidate, prepared.estimation, search, START)
-    model = json.loads(json.dumps(model_record(found.model) | evidence_of(found, search)))
-    validation = validate(found.model, prepared, scoring_start=START).scalars()
-    results = checks(model, validation, {"peaks": []}, None, describe_recording(record))
-    frequencies = [mode["frequency_hz"] for mode in model["modes"]]
+    record, orders = Recording(u, y, RATE), Orders(*orders)
+    prepared = prepare(record, PREPARATION)
+    settings = SearchSettings(objective=objective, mu=5, lambda_=20, nu=5, evaluations=3000)
+    data = prepared.estimation
+    (candidate,) = estimate_candidates(data, [orders], "nb", settings, WINDOW)
+    found = complete_estimate(candidate, data, settings, WINDOW)
+    model = ModelRecord.of(found, settings, prepared.transforms)
+    validation, _ = validate(found.model, prepared, WINDOW.loss_start, objective)
+    # Every order is given, so no range was searched.
+    phases = {
+        phase: PhaseSelection(phase, orders, "Given.", (candidate,))
+        for phase in ("delay", "joint", "nc", "nb")
+    }
+    info = describe_synthetic_recording(record)
+    results = checks(model, validation, NO_PEAKS, phases, info)
+    frequencies = [mode.frequency_hz for mode in model.modes]
     return frequencies, {check.name for check in results if check.passed is False}
 
 
@@ -76,15 +84,15 @@ SINE = np.sin(0.3 * STEPS)
 TWO_SINES = SINE + np.sin(0.9 * STEPS)
 CHANGED = np.concatenate([response()[:1000], response(a=np.poly([0.9, 0.2]))[1000:]])
 CAUGHT = {
-    "a pole at one": (WHITE, response(a=INTEGRATED), (3, 2, 1, 1), "Roots off"),
-    "poles on the unit circle": (WHITE, response(a=UNDAMPED), (2, 2, 1, 1), "Roots off"),
+    "a pole at one": (WHITE, response(a=INTEGRATED), (3, 2, 1, 1), "Roots inside"),
+    "poles on the unit circle": (WHITE, response(a=UNDAMPED), (2, 2, 1, 1), "Roots inside"),
     "orders far too large": (WHITE, response(), (8, 8, 8, 1), "Poles and zeros"),
     "a pole that a zero hides": (WHITE, response(**NEARLY_CANCELLED), (3, 3, 1, 1), "Poles and"),
     "an input of one frequency": (SINE, response(SINE), (2, 2, 1, 1), "Excitation"),
     "an input of two frequencies": (TWO_SINES, response(TWO_SINES), (4, 4, 2, 1), "Excitation"),
     "an output that is the input": (WHITE, 2.0 * WHITE, (2, 3, 1, 0), "Residuals"),
     "an output cut off": (WHITE, np.clip(response(), -3, 3), (2, 2, 1, 1), "Record not"),
-    "an output of its own": (WHITE, WHITE[::-1].copy(), (2, 2, 1, 1), "Input felt"),
+    "an output of its own": (WHITE, WHITE[::-1].copy(), (2, 2, 1, 1), "Response to the input"),
     "channels out of step": (WHITE, np.roll(response(), 5), (2, 2, 1, 1), "Residuals independent"),
     "a nonlinear system": (WHITE, response() ** 3, (2, 2, 1, 1), "White residuals"),
     "a system that changed": (WHITE, CHANGED, (2, 2, 1, 1), "White residuals"),

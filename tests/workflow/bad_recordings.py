@@ -1,4 +1,4 @@
-"""Recordings that cannot be used, made by code: each with the sentence it must get.
+"""Recordings that cannot be used, made by code: each with the sentence that it must get.
 
 A maker writes its file into a folder and returns the keys of its data set.
 """
@@ -155,7 +155,7 @@ BAD = {
     "header_only": Bad("header_only.csv, line 1: holds no row of numbers", "input,output\n"),
     "prose": Bad("prose.csv, line 1: holds no row of numbers", "Dear all,\nplease find it here\n"),
     "binary": Bad("binary.csv, line 1: is not a text file", bytes(range(256)) * 9),
-    "nul": Bad("nul.csv, line 5: is not a text file", with_line(5, "0.5\x00,1")),
+    "nul_byte": Bad("nul_byte.csv, line 5: is not a text file", with_line(5, "0.5\x00,1")),
     "folder": Bad("folder.csv: is not a file", {}),
     "program": Bad('program.exe: the extension ".exe" is none', b"MZ\x90", "program.exe"),
     "no_extension": Bad('bench: the extension "" is none', text(GOOD), "bench"),
@@ -252,17 +252,17 @@ BAD = {
         keys={"split": {"estimation": 890}},
     ),
     "differenced_away": Bad(
-        "so there is nothing to identify", text(RAMP), keys={"stationarity": {"difference": 2}}
+        "so there is nothing to identify", text(RAMP), keys={"transforms": {"difference": 2}}
     ),
     "box_cox_flat": Bad(
-        "stationarity.box_cox: the parameter -80 flattens",
+        "transforms.box_cox: the parameter -80 flattens",
         text(GOOD + 40),
-        keys={"stationarity": {"box_cox": -80}},
+        keys={"transforms": {"box_cox": -80}},
     ),
     "box_cox_auto": Bad(
-        "stationarity.box_cox: no parameter between -5 and 5",
+        "transforms.box_cox: no parameter between -5 and 5",
         text(np.column_stack([GOOD[:, 0], np.abs(GOOD[:, 1]) ** 0.05])),
-        keys={"stationarity": {"box_cox": "auto"}},
+        keys={"transforms": {"box_cox": "auto"}},
     ),
     "upsampled": Bad("resample: 250 Hz is above", text(GOOD), keys={"resample": 250}),
     "odd_ratio": Bad(

@@ -138,6 +138,11 @@ def recorded(finished):
 
 def checkout_at(path):
     """Copy what a fresh clone holds and a run needs; times are those of the copying."""
-    ignored = shutil.ignore_patterns(".*", "results", "__pycache__", "tests", "docs")
+    unneeded = shutil.ignore_patterns(".*", "__pycache__", "tests", "docs")
+    beside = {"results"}  # of runs in the checkout itself, and not the package's module
+
+    def ignored(folder, names):
+        return unneeded(folder, names) | (beside if Path(folder) == ROOT else set())
+
     shutil.copytree(ROOT, path, ignore=ignored, copy_function=shutil.copy)
     return path

@@ -1,32 +1,26 @@
 """The archive of all results that `snakemake --report` packs."""
 
 import re
+import shutil
 import zipfile
 
 import pytest
 
-FIGURES = {
-    "record",
-    "spectrum",
-    "delay",
-    "phases",
-    "poles_zeros",
-    "frequency_response",
-    "residuals",
-    "simulation",
-    "stabilization",
-    "convergence",
-}
+from evopem.results.layout import FIGURES
+
+from .conftest import Folder
+
 TABLES = {"candidates.csv", "modes.csv", "spectrum.csv"}
 MODEL = {"model.json", "validation.json"}
 
 
 @pytest.fixture(scope="module")
-def archive(finished):
-    finished.finish("--report", "archive.zip")
-    with zipfile.ZipFile(finished.path / "archive.zip") as packed:
+def archive(finished, tmp_path_factory):
+    folder = Folder(tmp_path_factory.mktemp("archive") / "copy")
+    shutil.copytree(finished.path, folder.path, copy_function=shutil.copy2)
+    folder.finish("--report", "archive.zip")
+    with zipfile.ZipFile(folder.path / "archive.zip") as packed:
         yield packed
-    (finished.path / "archive.zip").unlink()
 
 
 def test_every_figure_table_and_the_report_are_packed(archive):

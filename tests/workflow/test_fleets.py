@@ -1,50 +1,31 @@
-"""Many recordings: one job for each, shares, and the lists of all of them."""
+"""Many recordings: one job for each, shards, and the lists of all of them."""
 
 import csv
-import json
 import re
+from pathlib import Path
 
 import numpy as np
-import pytest
 
-from .conftest import TINY
+from evopem.estimation.model_record import ModelRecord
+from evopem.files.json_form import load
 
-SAME = (
-    *("model.json", "model.mat", "candidates.csv", "modes.csv", "frequency_response.csv"),
-    *("validation.json", "simulation.csv", "spectrum.csv", "summary.json", "phases/b.json"),
-)
+from .conftest import TINY, jobs_of_each_rule
 
 
-@pytest.fixture(scope="session")
-def recordings(finished, tmp_path_factory):
-    """Three recordings of one system and one that is none, and a table of them."""
-    folder = tmp_path_factory.mktemp("recordings")
-    with np.load(finished.results / "truth" / "recording.npz") as stored:
-        record = np.column_stack([stored["input"], stored["output"]])
-    (folder / "data").mkdir()
-    for number in range(1, 4):
-        np.savetxt(folder / "data" / f"{number}.csv", record[number:], delimiter=",")
-    (folder / "data" / "4.csv").write_text("1,2\n3,oops\n" * 300)
-    rows = ["name,file,sampling_rate", *(f"r{n},data/{n}.csv,100" for n in range(1, 5))]
-    (folder / "recordings.csv").write_text("\n".join(rows) + "\n")
-    return folder
-
-
-@pytest.fixture
-def fleet(folder, recordings):
-    """A folder with the table's first three recordings."""
-    (folder.path / "data").symlink_to(recordings / "data")
-    lines = (recordings / "recordings.csv").read_text().splitlines()
-    (folder.path / "recordings.csv").write_text("\n".join(lines[:4]) + "\n")
-    folder.configure(
-        {
-            "datasets": "recordings.csv",
-            "defaults": TINY["defaults"],
-            "one_job_per": "recording",
-            "report": "none",
-        }
-    )
-    return folder
+def test_one_job_makes_what_the_stages_make(finished, folder):
+    folder.configure(TINY | {"one_job_per": "recording", "candidates_per_job": "auto"})
+    printed = folder.finish("--cores", "2")
+    assert jobs_of_each_rule(printed) == {"identify_synthetic_recording": 1}
+    made, staged = (each.files_of("truth") for each in (folder, finished))
+    results = [*staged.results, staged.recording, staged.prepared, staged.truth, *staged.phases]
+    results += staged.figures
+    for path in map(Path, results):
+        same = Path(made.folder) / path.relative_to(staged.folder)
+        assert same.read_bytes() == path.read_bytes(), path
+    assert Path(made.report).stat().st_size > 50_000
+    files = {path.relative_to(made.folder) for path in Path(made.folder).rglob("*.*")}
+    assert not [path for path in files if path.name.startswith("part-")]
+    assert folder.planned() == {}
 
 
 def table(folder):
@@ -52,61 +33,42 @@ def table(folder):
         return list(csv.DictReader(stream))
 
 
-def test_one_job_makes_what_the_stages_make(finished, folder):
-    folder.configure(TINY | {"one_job_per": "recording", "candidates_per_job": "auto"})
-    assert folder.planned() == {"identify_synthetic_recording": 1}
-    folder.finish("--cores", "2")
-    for name in SAME:
-        here, there = (each.results / "truth" / name for each in (folder, finished))
-        assert here.read_bytes() == there.read_bytes(), name
-    made = {path.relative_to(folder.results) for path in folder.results.rglob("*.*")}
-    staged = {path.relative_to(finished.results) for path in finished.results.rglob("*.*")}
-    left_out = {path for path in staged if path.parts[1] in ("logs", "benchmarks")}
-    left_out |= {path for path in staged if path.name.startswith("part-")}
-    assert staged - left_out <= made
-    assert folder.planned() == {}
+def test_a_fleet_in_shards_with_a_bad_recording_is_listed_and_later_complete(folder, recorded):
+    """Shards are done for the whole; the bad one is listed, and made again when it is mended."""
+    (folder.path / "data").mkdir()
+    for number in (1, 2):
+        np.savetxt(folder.path / "data" / f"{number}.csv", recorded[number:], delimiter=",")
+    (folder.path / "data" / "3.csv").write_text("1,2\n3,oops\n" * 300)
+    recordings = folder.path / "recordings.csv"
+    rows = "name,file,sampling_rate\n" + "".join(f"r{n},data/{n}.csv,100\n" for n in (1, 2, 3))
+    recordings.write_text(rows)
+    keys = {"one_job_per": "recording", "report": "none"}
+    folder.configure({"datasets": "recordings.csv", "defaults": TINY["defaults"], **keys})
 
+    assert folder.planned("--config", "shard=1/2") == {"identify_recording": 2}
+    printed = folder.finish("--cores", "1", "--nolock", "--config", "shard=2/2")
+    assert jobs_of_each_rule(printed) == {"identify_recording": 1}
+    assert (folder.results / "r2" / "summary.json").exists()
+    assert not (folder.results / "index.html").exists()
 
-def test_a_fleet_with_a_bad_recording_is_listed_and_later_complete(fleet, recordings):
-    """The bad one is listed with its error; mended, it and the lists are made and nothing else."""
-    text = (recordings / "recordings.csv").read_text()
-    (fleet.path / "recordings.csv").write_text(text)
-    run = fleet.run("--cores", "2")
+    run = folder.run("--cores", "2")
+    assert jobs_of_each_rule(run.stdout) == {"identify_recording": 2, "collect_fleet": 1}
     assert run.returncode != 0
     assert "Traceback" not in run.stdout
-    rows = {row["dataset"]: row for row in table(fleet)}
-    assert [row["status"] for row in rows.values()] == ["complete"] * 3 + ["failed"]
-    assert "4.csv, line 2, column 2" in rows["r4"]["problem"]
-    html = (fleet.results / "index.html").read_text()
-    assert html.index(">r4<") < min(html.index(f">r{n}<") for n in (1, 2, 3))
-    assert re.search(r"<h1>4 data sets", html)
+    listed = {row["dataset"]: row for row in table(folder)}
+    assert [row["status"] for row in listed.values()] == ["complete", "complete", "failed"]
+    assert "3.csv, line 2, column 2" in listed["r3"]["problem"]
+    html = (folder.results / "index.html").read_text(encoding="utf-8")
+    assert html.index(">r3<") < min(html.index(f">r{n}<") for n in (1, 2))
+    assert re.search(r"<h1>3 data sets", html)
 
-    (fleet.path / "recordings.csv").write_text(text.replace("data/4.csv", "data/1.csv"))
-    assert fleet.planned() == {"identify_recording": 1, "collect_fleet": 1}
-    fleet.finish("--cores", "2")
-    rows = {row["dataset"]: row for row in table(fleet)}
-    assert {row["status"] for row in rows.values()} == {"complete"}
-    model = json.loads((fleet.results / "r4" / "model.json").read_text())
-    last = [row for row in table(fleet) if row["dataset"] == "r4"]
-    assert [float(row["frequency_hz"] or 0) for row in last] == [
-        mode["frequency_hz"] for mode in model["modes"]
+    recordings.write_text(rows.replace("data/3.csv", "data/1.csv"))
+    printed = folder.finish("--cores", "2")
+    assert jobs_of_each_rule(printed) == {"identify_recording": 1, "collect_fleet": 1}
+    assert {row["status"] for row in table(folder)} == {"complete"}
+    frequencies = [row["frequency_hz"] for row in table(folder) if row["dataset"] == "r3"]
+    model = load(ModelRecord, folder.files_of("r3").model)
+    assert [float(each) for each in frequencies if each] == [
+        mode.frequency_hz for mode in model.modes
     ]
-    assert fleet.planned() == {}
-
-
-def test_shares_are_parts_of_the_whole(fleet):
-    """What a share makes is done for the whole, and no share makes the lists of all."""
-    for share, count in (("1/2", 2), ("2/2", 1)):
-        assert fleet.planned("--config", f"share={share}") == {"identify_recording": count}
-    fleet.finish("--cores", "1", "--nolock", "--config", "share=2/2")
-    assert not (fleet.results / "index.html").exists()
-    assert fleet.planned() == {"identify_recording": 2, "collect_fleet": 1}
-
-
-def test_other_cores_redo_nothing(finished, folder):
-    folder.configure(TINY | {"candidates_per_job": "auto"})
-    folder.finish("--cores", "3", "results/truth/phases/delay.json")
-    planned = folder.planned("--cores", "1")
-    assert planned["fit_candidates"] == planned["select_candidate"] == 3
-    one, other = (each.results / "truth" / "phases" / "delay.json" for each in (folder, finished))
-    assert one.read_bytes() == other.read_bytes()
+    assert folder.planned() == {}

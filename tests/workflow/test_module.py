@@ -1,12 +1,14 @@
 """The workflow as a module of another project, with that project's configuration and data."""
 
-import json
 import subprocess
 import sys
 
 import numpy as np
 import pytest
 import yaml
+
+from evopem.estimation.model_record import ModelRecord
+from evopem.files.json_form import load
 
 from .conftest import ROOT, TINY
 
@@ -62,21 +64,18 @@ def snakemake(folder, *arguments):
     )
 
 
-def test_another_project_uses_the_workflow_under_a_prefix(project, finished):
+def test_another_project_uses_the_workflow_under_a_prefix(project, finished, recorded):
     folder = project("models", one_job_per="recording", report="none")
-    with np.load(finished.results / "truth" / "recording.npz") as stored:
-        record = np.column_stack([stored["input"], stored["output"]])
-    np.savetxt(folder / "measured" / "bench.csv", record, delimiter=",", fmt="%.17g")
+    np.savetxt(folder / "measured" / "bench.csv", recorded, delimiter=",", fmt="%.17g")
     run = snakemake(folder)
     assert run.returncode == 0, run.stdout
     assert not (folder / "results").exists()
-    made, own = (
-        json.loads((results / "model.json").read_text())
-        for results in (folder / "models" / "results" / "bench", finished.results / "truth")
-    )
-    assert {key: made[key] for key in "abc"} == {key: own[key] for key in "abc"}
+    made = load(ModelRecord, folder / "models" / "results" / "bench" / "model.json")
+    own = load(ModelRecord, finished.files_of("truth").model)
+    for name in "abc":
+        np.testing.assert_array_equal(getattr(made, name), getattr(own, name))
     frequency = float((folder / "first_mode.txt").read_text().split(",")[0])
-    assert frequency == own["modes"][0]["frequency_hz"]
+    assert frequency == own.modes[0].frequency_hz
     assert "Nothing to be done" in snakemake(folder).stdout
 
 
@@ -85,7 +84,7 @@ def test_rules_keep_their_folders_without_a_prefix(project):
     (folder / "measured" / "bench.csv").write_text("1,2\n")
     run = snakemake(folder, "--dry-run", "--quiet", "rules")
     assert run.returncode == 0, run.stdout
-    assert "identification_fit_candidates" in run.stdout
+    assert "identification_estimate_candidates" in run.stdout
 
 
 def test_an_error_names_the_modules_configuration(project):

@@ -1,12 +1,13 @@
 """The whole workflow on recorded data, as a user would run it."""
 
-import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from evopem import load
+from evopem.estimation.model_record import load_model
+from evopem.files.json_form import load
+from evopem.validation.validation import Validation
 
 from .conftest import Folder
 
@@ -19,67 +20,67 @@ def needs(path):
     return pytest.mark.skipif(not path.exists(), reason=f"the recording {path} is missing")
 
 
+DATASETS = {
+    "robot_arm": {
+        "file": str(ROBOT_ARM),
+        "input": 1,
+        "output": 2,
+        "sampling_rate": 125,
+        "transforms": {"box_cox": "none", "difference": 0},
+        "split": {"discard": 0, "estimation": 800},
+    },
+    "bench": {
+        "file": str(MOTOR_BENCH / "MultisineTypeA.mat"),
+        "validation_file": str(MOTOR_BENCH / "MultisineTypeB.mat"),
+        "input": "iq_adx",
+        "output": "omega_may",
+        "sampling_rate": 2500,
+        "transforms": {"box_cox": "none", "difference": 0},
+        "split": {"discard": 2500, "estimation": 5000},
+        "delay": {"orders": [4, 6], "nk": [0, 3]},
+        "orders": {"joint": [4, 8], "nc": [2, 8], "nb": [2, 8]},
+    },
+}
+
+
+@pytest.fixture(scope="module")
+def identified_recordings(tmp_path_factory):
+    """One run over the recordings that are there, one job for each."""
+    folder = Folder(tmp_path_factory.mktemp("recordings"))
+    there = {name: keys for name, keys in DATASETS.items() if Path(keys["file"]).exists()}
+    folder.configure({"one_job_per": "recording", "datasets": there})
+    folder.finish("--cores", "2")
+    return folder
+
+
 def results_of(folder, dataset):
-    directory = folder.results / dataset
-    assert (directory / "report.html").stat().st_size > 50_000
-    return load(directory / "model.json"), json.loads((directory / "validation.json").read_text())
+    files = folder.files_of(dataset)
+    assert Path(files.report).stat().st_size > 50_000
+    return load_model(files.model), load(Validation, files.validation)
 
 
 @needs(ROBOT_ARM)
-def test_daisy_robot_arm_beats_the_published_models(folder: Folder):
+def test_daisy_robot_arm_beats_the_published_models(identified_recordings):
     """De Moor's DaISy 96-009, 800 samples to estimate and 224 to validate.
 
     Published relative simulation errors: N4SID 3.53 %, MOESP 3.95 %, CVA 5.78 %; one-step errors
     from 0.10 % (SLICOT working note 1998-6).
     """
-    folder.configure(
-        {
-            "datasets": {
-                "robot_arm": {
-                    "file": str(ROBOT_ARM),
-                    "input": 1,
-                    "output": 2,
-                    "sampling_rate": 125,
-                    "stationarity": {"box_cox": "none", "difference": 0},
-                    "split": {"discard": 0, "estimation": 800},
-                }
-            }
-        }
-    )
-    folder.finish("--cores", "2")
-    model, validation = results_of(folder, "robot_arm")
+    model, validation = results_of(identified_recordings, "robot_arm")
     assert np.abs(model.poles()).max() < 1.0
     assert np.abs(model.noise_zeros()).max() < 1.0
-    assert validation["samples"] == 224
-    assert validation["simulation_error_percent"] < 3.53
-    assert validation["prediction_error_percent"] < 0.10
+    assert validation.samples == 224
+    assert validation.simulation_error_percent < 3.53
+    assert validation.prediction_error_percent < 0.10
     # The stricter simulation, without a single validation output, is another number.
-    assert validation["continued_simulation_error_percent"] < 8.0
+    assert validation.continued_simulation_error_percent < 8.0
 
 
 @needs(MOTOR_BENCH)
-def test_motor_bench_carries_over_to_another_excitation(folder: Folder):
+def test_motor_bench_carries_over_to_another_excitation(identified_recordings):
     """Estimated on multisine A, validated on multisine B; the coupling's mode is near 76 Hz."""
-    folder.configure(
-        {
-            "datasets": {
-                "bench": {
-                    "file": str(MOTOR_BENCH / "MultisineTypeA.mat"),
-                    "validation_file": str(MOTOR_BENCH / "MultisineTypeB.mat"),
-                    "input": "iq_adx",
-                    "output": "omega_may",
-                    "sampling_rate": 2500,
-                    "stationarity": {"box_cox": "none", "difference": 0},
-                    "split": {"discard": 2500, "estimation": 5000},
-                    "delay": {"orders": [4, 6], "delays": [0, 3]},
-                    "orders": {"common": [4, 8], "c": [2, 8], "b": [2, 8]},
-                }
-            }
-        }
-    )
-    folder.finish("--cores", "2")
-    model, validation = results_of(folder, "bench")
+    model, validation = results_of(identified_recordings, "bench")
     assert min(abs(mode.frequency_hz - 76.0) for mode in model.modes()) < 1.5
-    assert validation["samples"] > 40_000
-    assert validation["prediction_error_percent"] < 2.0
-    assert validation["simulation_error_percent"] < 15.0
+    assert validation.samples > 40_000
+    assert validation.prediction_error_percent < 2.0
+    assert validation.simulation_error_percent < 15.0

@@ -81,7 +81,7 @@ def runs(tmp_path_factory):
 
 
 def threads(count):
-    return ("--set-threads", f"fit_candidates={count}")
+    return ("--set-threads", f"estimate_candidates={count}")
 
 
 def needs(*resources):
@@ -194,22 +194,20 @@ def test_a_job_out_of_memory_gets_more(runs):
     assert states(folder)[-1] == "COMPLETED"
 
 
-def test_pilots_take_a_fleet_in_shares(runs, finished):
+def test_an_array_job_takes_a_fleet_in_shards(runs, recorded):
     """Two tasks of an array identify four recordings, the last job lists them, one of them bad."""
-    with np.load(finished.results / "truth" / "recording.npz") as stored:
-        record = np.column_stack([stored["input"], stored["output"]])
     folder = Folder(runs.base / "fleet")
     (folder.path / "data").mkdir(parents=True)
     for number in range(1, 4):
-        np.savetxt(folder.path / "data" / f"{number}.csv", record[number:], delimiter=",")
+        np.savetxt(folder.path / "data" / f"{number}.csv", recorded[number:], delimiter=",")
     (folder.path / "data" / "4.csv").write_text("1,2\n3,oops\n" * 300)
     config = ONE_JOB | {"datasets": {"r*": {"file": "data/*.csv", "sampling_rate": 100}}}
-    pilots = [str(ROOT / "profiles" / "slurm" / "pilots.sh"), "2", "--time=5", "--mem=1000"]
+    array_job = [str(ROOT / "profiles" / "slurm" / "array_job.sh"), "2", "--time=5", "--mem=1000"]
     runs.folders["fleet"] = folder
-    runs.start("fleet", config, command=pilots)
+    runs.start("fleet", config, command=array_job)
     output, code = runs.end("fleet", seconds=60)
     assert code == 0, output
-    until(lambda: not jobs_of(folder), "the end of the pilots", seconds=240)
+    until(lambda: not jobs_of(folder), "the end of the array job", seconds=240)
     with (folder.results / "fleet.csv").open() as stream:
         rows = {row["dataset"]: row for row in csv.DictReader(stream)}
     assert [row["status"] for row in rows.values()] == ["complete"] * 3 + ["failed"]

@@ -48,6 +48,7 @@ rule select_candidate:
         mem_mb=provider.estimation_memory,
         runtime=provider.estimation_time,
     params:
+        grid=provider.selection_grid,
         parts=provider.part_count,
         window=provider.window,
         search=provider.settings("search"),

@@ -7,6 +7,8 @@ rule validate_model:
         model=files.model,
         prepared=files.prepared,
         transforms=files.transforms,
+        joint=files.phase("joint"),
+        spectrum=files.spectrum_summary,
     output:
         validation=report(
             files.validation,

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from evopem.config.settings import ScoringWindow, SearchSettings
+from evopem.config.settings import OrderGrid, ScoringWindow, SearchSettings
 from evopem.files.job import job
 from evopem.files.json_form import from_json
 from evopem.pipeline.order_search import select_candidate
@@ -16,6 +16,7 @@ with job(snakemake.log[0], snakemake.input, snakemake.output) as logger:
         DatasetFiles.of_log(snakemake.log[0]),
         snakemake.wildcards.phase,
         snakemake.params.parts,
+        from_json(OrderGrid, snakemake.params.grid),
         from_json(SearchSettings, snakemake.params.search),
         from_json(ScoringWindow, snakemake.params.window),
         log=logger.info,

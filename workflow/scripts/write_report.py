@@ -11,4 +11,6 @@ if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
 
 with job(snakemake.log[0], snakemake.input, snakemake.output):
-    write_report(DatasetFiles.of_log(snakemake.log[0]), Path(snakemake.scriptdir).parent)
+    write_report(
+        DatasetFiles.of_log(snakemake.log[0]), Path(snakemake.scriptdir).parent / "templates"
+    )

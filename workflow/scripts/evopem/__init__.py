@@ -14,15 +14,22 @@ from evopem.version import __version__
 if TYPE_CHECKING:
     from evopem.config.settings import ScoringWindow, SearchSettings
     from evopem.errors import InputError
-    from evopem.estimation.estimate import Estimate, estimate
+    from evopem.estimation.estimate import Estimate
     from evopem.estimation.model_record import load_model as load
+    from evopem.estimation.polynomial_estimate import PolynomialEstimate
+    from evopem.estimation.structured_estimate import estimate
     from evopem.models.armax import ArmaxModel, Orders
+    from evopem.models.polynomial import PolynomialModel
+    from evopem.models.structures import PolynomialOrders
 
 __all__ = [
     "ArmaxModel",
     "Estimate",
     "InputError",
     "Orders",
+    "PolynomialEstimate",
+    "PolynomialModel",
+    "PolynomialOrders",
     "ScoringWindow",
     "SearchSettings",
     "__version__",
@@ -35,9 +42,12 @@ _HOMES = {
     "Estimate": "evopem.estimation.estimate",
     "InputError": "evopem.errors",
     "Orders": "evopem.models.armax",
+    "PolynomialEstimate": "evopem.estimation.polynomial_estimate",
+    "PolynomialModel": "evopem.models.polynomial",
+    "PolynomialOrders": "evopem.models.structures",
     "ScoringWindow": "evopem.config.settings",
     "SearchSettings": "evopem.config.settings",
-    "estimate": "evopem.estimation.estimate",
+    "estimate": "evopem.estimation.structured_estimate",
 }
 
 

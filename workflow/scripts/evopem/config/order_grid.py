@@ -26,7 +26,13 @@ Candidate = tuple[int, int, int, int]
 
 
 def previous_phase(phase: str) -> str | None:
-    """Name the phase whose selection `phase` takes; None for the first one."""
+    """Name the phase whose selection `phase` takes; None for the first one.
+
+    Examples
+    --------
+    >>> previous_phase("nc")
+    'joint'
+    """
     position = PHASES.index(phase)
     return PHASES[position - 1] if position else None
 
@@ -42,6 +48,13 @@ def joint_range(joint: Range | str, resonances: int | None) -> Range:
     joint : (lower, upper) or "auto"
     resonances : int or None
         Number of spectral peaks that may be resonances; None gives the widest range.
+
+    Examples
+    --------
+    >>> joint_range("auto", resonances=3)
+    (6, 14)
+    >>> joint_range((2, 9), resonances=3)
+    (2, 9)
     """
     if not isinstance(joint, str):
         return joint
@@ -66,6 +79,13 @@ def candidate_orders(
         Selection of the phase before; not needed for the first.
     resonances : int, optional
         Number of spectral peaks that may be resonances, for ``orders.joint: auto``.
+
+    Examples
+    --------
+    The third phase, with the built-in grid, from the selection of the second one:
+
+    >>> candidate_orders("nc", OrderGrid(), selected=(7, 7, 7, 3))[:2]
+    [(7, 7, 2, 3), (7, 7, 3, 3)]
     """
     if phase == "delay":
         return [
@@ -105,7 +125,13 @@ def grid_of_phase(phase: str, grid: OrderGrid) -> OrderGrid:
 
 
 def max_candidate_count(phase: str, grid: OrderGrid) -> int:
-    """Count the candidates of a phase, at most: the number that the graph is planned for."""
+    """Count the candidates of a phase, at most: the number that the graph is planned for.
+
+    Examples
+    --------
+    >>> max_candidate_count("joint", OrderGrid())  # orders 6 to 14
+    9
+    """
     return len(candidate_orders(phase, grid, (1, 1, 1, 0)))
 
 
@@ -114,6 +140,11 @@ def part_count(phase: str, grid: OrderGrid, candidates_per_job: int | str) -> in
 
     With ``"auto"`` there is one job, which shares its candidates out among its cores: the graph
     does not depend on the number of cores.
+
+    Examples
+    --------
+    >>> part_count("joint", OrderGrid(), candidates_per_job=4)
+    3
     """
     if candidates_per_job == "auto":
         return 1
@@ -131,6 +162,22 @@ def scoring_window(settings: DatasetSettings) -> ScoringWindow:
     Residuals start behind the longest memory of any candidate, max(na, nb + nk - 1, nc). The loss
     starts ``search.n_initial_discard`` samples later: the unknown initial noise fits the first
     residuals.
+
+    Examples
+    --------
+    >>> from evopem.config.settings import (
+    ...     PreparationSettings, SearchSettings, SpectrumSettings, SyntheticSource
+    ... )
+    >>> settings = DatasetSettings(
+    ...     "arm",
+    ...     SyntheticSource("flexible_arm"),
+    ...     PreparationSettings(),
+    ...     SpectrumSettings(),
+    ...     OrderGrid(),
+    ...     SearchSettings(n_initial_discard=50),
+    ... )
+    >>> scoring_window(settings)
+    ScoringWindow(residual_start=18, loss_start=68)
     """
     grid = settings.order_grid
     in_delay, joint = grid.delay.orders[1], joint_range(grid.orders.joint, None)[1]

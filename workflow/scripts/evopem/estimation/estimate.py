@@ -12,12 +12,19 @@ from numpy.typing import ArrayLike, NDArray
 from threadpoolctl import threadpool_limits
 
 from evopem.config.settings import ScoringWindow, SearchSettings
+from evopem.estimation.criteria import (
+    Criteria,
+    criteria_of,
+    lies_at_bound,
+    power_of_two_scale,
+)
 from evopem.estimation.pem.covariance import (
+    estimate_covariance,
     innovation_variance,
     jacobian_triangle,
-    parameter_covariance,
 )
 from evopem.estimation.pem.kernels import MIN_NC
+from evopem.estimation.pem.minimum_norm import minimum_norm_point
 from evopem.estimation.pem.objective import OBJECTIVES, PredictionErrorProblem
 from evopem.estimation.search.armax_problem import INITIALIZATIONS, ArmaxProblem
 from evopem.estimation.search.memetic import REFINE, memetic_search
@@ -28,34 +35,8 @@ from evopem.signals.recording import LARGEST
 
 Array = NDArray[np.float64]
 
-# A root this close to the largest allowed radius, relative to the distance of that radius from the
-# unit circle, counts as lying at the stability bound.
-BOUND_WIDTH = 0.05
 # Mean of the output, in standard deviations, from which on it biases the poles noticeably.
 LEVEL_WARNING = 0.3
-
-
-@dataclass(frozen=True)
-class Criteria:
-    """Criteria of an estimate over the samples of its loss.
-
-    Attributes
-    ----------
-    objective : float
-        Percent (chapter eq. 20 or 22).
-    fit_percent : float
-        One-step NRMSE fit ``100 (1 - ||e|| / ||y - mean(y)||)``, as MATLAB's ``compare`` has it.
-        The chapter's fit (eq. 21) is 100 minus the absolute objective.
-    rss : float
-        ``100 ||e||^2 / ||y||^2`` in percent (chapter eq. 22).
-    bic : float
-        ``ln(||e||^2 / N) + n ln(N) / N`` (chapter eq. 23).
-    """
-
-    objective: float
-    fit_percent: float
-    rss: float
-    bic: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,6 +117,23 @@ def estimate(
     -----
     UserWarning
         When the mean of the output is not small beside its standard deviation.
+
+    Examples
+    --------
+    >>> import evopem
+    >>> from evopem.synthesis.armax import armax
+    >>> recording, truth = armax(seed=1, samples=1000)
+    >>> found = evopem.estimate(
+    ...     recording.input,
+    ...     recording.output,
+    ...     orders=truth.orders,
+    ...     sampling_rate=recording.sampling_rate,
+    ...     settings=evopem.SearchSettings(objective="quadratic", seed=1),
+    ... )
+    >>> [round(mode.frequency_hz) for mode in found.model.modes()]
+    [5, 17, 37]
+    >>> found.search.diagnostics.n_confirming >= 2
+    True
     """
     orders = orders if isinstance(orders, Orders) else Orders(*_whole_numbers(orders))
     settings = settings or SearchSettings()
@@ -160,7 +158,13 @@ def estimate(
 
 
 def default_window(orders: Orders, settings: SearchSettings) -> ScoringWindow:
-    """The window of an estimate that is not compared with models of other orders."""
+    """The window of an estimate that is not compared with models of other orders.
+
+    Examples
+    --------
+    >>> default_window(Orders(7, 6, 7, 3), SearchSettings(n_initial_discard=50))
+    ScoringWindow(residual_start=8, loss_start=58)
+    """
     first = orders.first_residual
     return ScoringWindow(first, first + max(settings.n_initial_discard, orders.nc))
 
@@ -225,41 +229,56 @@ def describe(
     errors: PredictionErrorProblem, result: SearchResult, sampling_rate: float
 ) -> Estimate:
     """The model at a search's best point, with its criteria, residuals and covariance."""
-    point, orders, start = result.point, errors.orders, errors.scoring_start
-    a = np.concatenate([[1.0], point[: orders.na]])
-    b = point[orders.na : orders.na + orders.nb].copy()
-    c = np.concatenate([[1.0], point[orders.na + orders.nb : orders.parameters]])
-    residuals = errors.residuals(point)
+    orders, start = errors.orders, errors.scoring_start
+    point, residuals, triangle = _identifiable(errors, result.point)
+    a, b, c = _coefficients(point, orders)
     scored, scored_output = residuals[start:], errors.output[start:]
-    square_sum, count, n = float(scored @ scored), len(scored), orders.parameters
-    rss = 100.0 * square_sum / float(scored_output @ scored_output)
-    absolute = 100.0 * float(np.sum(np.abs(scored)) / np.sum(np.abs(scored_output)))
-    deviation = float(np.linalg.norm(scored_output - scored_output.mean()))
-    model = ArmaxModel(a, b, c, orders.nk, sampling_rate)
-    triangle = jacobian_triangle(
-        model, errors.input, errors.output, residuals, errors.recursion_start, start
+    model = ArmaxModel(
+        a,
+        b,
+        c,
+        orders.nk,
+        sampling_rate,
+        noise_variance=innovation_variance(scored, triangle.shape[1]),
+        covariance=estimate_covariance(
+            triangle, scored, scored_output, orders.parameters, orders.nc, errors.objective
+        ),
     )
     residuals[: errors.recursion_start] = np.nan
     radius = max(largest_radius(a[1:]), largest_radius(c[1:]))
-    bound = errors.max_root_radius
     return Estimate(
-        model=replace(
-            model,
-            noise_variance=innovation_variance(scored, triangle.shape[1]),
-            covariance=parameter_covariance(triangle, scored, n, errors.objective),
-        ),
-        criteria=Criteria(
-            objective=rss if errors.objective == "quadratic" else absolute,
-            fit_percent=100.0 * (1.0 - np.sqrt(square_sum) / deviation),
-            rss=rss,
-            bic=float(np.log(square_sum / count) + n * np.log(count) / count),
-        ),
+        model=model,
+        criteria=criteria_of(scored, scored_output, errors.objective, orders.parameters),
         residuals=residuals,
         noise_state=point[orders.parameters :].copy(),
         window=ScoringWindow(errors.recursion_start, start),
-        at_stability_bound=bool(1.0 - radius <= (1.0 + BOUND_WIDTH) * (1.0 - bound)),
+        at_stability_bound=lies_at_bound(radius, errors.max_root_radius),
         search=result,
     )
+
+
+def _identifiable(errors: PredictionErrorProblem, point: Array) -> tuple[Array, Array, Array]:
+    """The point with the shortest B of equal residuals, its residuals and Jacobian triangle."""
+    residuals, triangle = _residuals_and_triangle(errors, point)
+    shortest = minimum_norm_point(point, triangle, errors.orders)
+    if np.array_equal(shortest, point):
+        return point, residuals, triangle
+    return shortest, *_residuals_and_triangle(errors, shortest)
+
+
+def _residuals_and_triangle(errors: PredictionErrorProblem, point: Array) -> tuple[Array, Array]:
+    residuals = errors.residuals(point)
+    bare = ArmaxModel(*_coefficients(point, errors.orders), errors.orders.nk)
+    triangle = jacobian_triangle(
+        bare, errors.input, errors.output, residuals, errors.recursion_start, errors.scoring_start
+    )
+    return residuals, triangle
+
+
+def _coefficients(point: Array, orders: Orders) -> tuple[Array, Array, Array]:
+    """A, B and C of a point."""
+    a, b, c = np.split(point[: orders.parameters], [orders.na, orders.na + orders.nb])
+    return np.concatenate([[1.0], a]), b.copy(), np.concatenate([[1.0], c])
 
 
 def _scaled_problem(
@@ -270,7 +289,7 @@ def _scaled_problem(
     Powers of two leave every bit of signals and points unchanged.
     """
     u, y, orders = errors.input, errors.output, errors.orders
-    input_scale, output_scale = _power_of_two(u), _power_of_two(y)
+    input_scale, output_scale = power_of_two_scale(u), power_of_two_scale(y)
     scaled = PredictionErrorProblem(
         u / input_scale,
         y / output_scale,
@@ -284,12 +303,6 @@ def _scaled_problem(
     scales[orders.na : orders.na + orders.nb] = output_scale / input_scale
     scales[orders.parameters :] = output_scale
     return ArmaxProblem(scaled, initialization), scales
-
-
-def _power_of_two(signal: Array) -> float:
-    """The power of two next below a signal's largest magnitude; 1 for a signal of zeros."""
-    largest = float(np.max(np.abs(signal)))
-    return 2.0 ** np.floor(np.log2(largest)) if largest > 0.0 else 1.0
 
 
 def _whole_numbers(orders: Iterable[int]) -> list[int]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -17,6 +18,8 @@ from evopem.estimation.search.problem import SearchDiagnostics
 from evopem.files.json_form import load
 from evopem.models.armax import ArmaxModel, Orders
 from evopem.models.modes import Mode
+from evopem.models.parameter_covariance import ParameterCovariance
+from evopem.models.polynomial import PolynomialModel
 from evopem.signals.preparation import Transforms
 from evopem.version import __version__
 
@@ -56,7 +59,9 @@ class ModelRecord:
         Hz.
     noise_variance : float
     covariance : (n, n) array, optional
-        Of ``[a_1.., b_0.., c_1..]``.
+        Of ``[a_1.., b_0.., c_1..]``; NaN for parameters that the data do not determine.
+    covariance_factor : ParameterCovariance, optional
+        The same in factored form, from which all standard errors are computed.
     parameter_standard_errors : (n,) array, optional
     modes : tuple of Mode
     poles, zeros, noise_zeros : complex array
@@ -79,6 +84,7 @@ class ModelRecord:
     sampling_rate: float
     noise_variance: float
     covariance: Array | None
+    covariance_factor: ParameterCovariance | None
     parameter_standard_errors: Array | None
     modes: tuple[Mode, ...]
     poles: Roots
@@ -105,7 +111,8 @@ class ModelRecord:
             c=model.c,
             sampling_rate=model.sampling_rate,
             noise_variance=model.noise_variance,
-            covariance=model.covariance,
+            covariance=None if model.covariance is None else model.covariance.matrix,
+            covariance_factor=model.covariance,
             parameter_standard_errors=model.parameter_standard_errors(),
             modes=tuple(model.modes()),
             poles=model.poles(),
@@ -131,21 +138,45 @@ class ModelRecord:
             nk=self.orders.nk,
             sampling_rate=self.sampling_rate,
             noise_variance=self.noise_variance,
-            covariance=self.covariance,
+            covariance=self.covariance_factor,
         )
 
 
-def load_model(path: str | Path) -> ArmaxModel:
-    """Read the model of a ``model.json``.
+def load_model(path: str | Path) -> ArmaxModel | PolynomialModel:
+    """Read the model of a ``model.json``, or a polynomial model that :func:`.json_form.save` wrote.
 
     Raises
     ------
     InputError
         When the file is missing or is not a model of evopem.
+
+    Examples
+    --------
+    Save an estimate as the workflow does, and load its model:
+
+    >>> from tempfile import TemporaryDirectory
+    >>> import evopem
+    >>> from evopem.config.settings import PreparationSettings, TransformSettings
+    >>> from evopem.files.json_form import save
+    >>> from evopem.signals.preparation import prepare
+    >>> from evopem.synthesis.armax import armax
+    >>> unchanged = TransformSettings(box_cox="none", difference=0)
+    >>> data = prepare(armax(seed=1, samples=1000)[0], PreparationSettings(unchanged))
+    >>> settings = evopem.SearchSettings(objective="quadratic", evaluations=500)
+    >>> record = data.estimation
+    >>> found = evopem.estimate(record.input, record.output, (2, 2, 2, 3), settings=settings)
+    >>> with TemporaryDirectory() as folder:
+    ...     save(ModelRecord.of(found, settings, data.transforms), f"{folder}/model.json")
+    ...     model = evopem.load(f"{folder}/model.json")
+    >>> bool(np.all(model.parameters == found.model.parameters))
+    True
     """
     try:
         return load(ModelRecord, path).model
     except InputError as error:
+        # Another form of file: only what is no model of either form is refused.
+        with suppress(InputError):
+            return load(PolynomialModel, path)
         raise InputError(
             error.source, error.problem, "give the model.json of a results folder"
         ) from None

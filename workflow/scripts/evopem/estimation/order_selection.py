@@ -12,6 +12,7 @@ from threadpoolctl import threadpool_limits
 from evopem.config.settings import ScoringWindow, SearchSettings
 from evopem.errors import InputError
 from evopem.estimation.candidate import Candidate, PhaseSelection
+from evopem.estimation.delay_refinement import Fit, refine_delay
 from evopem.estimation.estimate import (
     Estimate,
     descend_from,
@@ -137,6 +138,7 @@ def select_candidate(
     data: Recording,
     settings: SearchSettings,
     window: ScoringWindow,
+    min_delay: int | None = None,
     log: Callable[[str], None] | None = None,
 ) -> PhaseSelection:
     """Select a phase's delay or order, after repeating the searches that leave it in doubt.
@@ -152,6 +154,9 @@ def select_candidate(
     phase : str
     data, settings, window, log
         As for :func:`estimate_candidates`.
+    min_delay : int, optional
+        Given in the last phase: its selection is compared with models of one coefficient of B less
+        at either end, and with earlier delays down to this one.
     """
 
     def repeat(candidate: Candidate) -> Candidate:
@@ -161,7 +166,46 @@ def select_candidate(
         return reoptimize_from(nested, candidate, data, settings, window)
 
     ordered = sorted(candidates, key=lambda candidate: candidate.orders)
-    return settle(ordered, phase, repeat, reoptimize)
+    selection = settle(ordered, phase, repeat, reoptimize)
+    if min_delay is None:
+        return selection
+    return _with_refined_delay(selection, min_delay, data, settings, window, log)
+
+
+def _with_refined_delay(
+    selection: PhaseSelection,
+    min_delay: int,
+    data: Recording,
+    settings: SearchSettings,
+    window: ScoringWindow,
+    log: Callable[[str], None] | None,
+) -> PhaseSelection:
+    """Compare the selected model with others of neighbouring lags of B."""
+    found: dict[Orders, Candidate] = {}
+
+    def fit(orders: Orders) -> Fit:
+        (candidate,) = estimate_candidates(data, [orders], selection.phase, settings, window, log)
+        if candidate.diagnostics.n_confirming == 0:
+            candidate = repeat_search(candidate, data, settings, window, log)
+        found[orders] = candidate
+        return with_covariance(candidate)
+
+    def with_covariance(candidate: Candidate) -> Fit:
+        model = complete_estimate(candidate, data, settings, window).model
+        return Fit(model, candidate.criteria.bic)
+
+    samples = len(data.output) - window.loss_start
+    refinement = refine_delay(with_covariance(selection.selected), samples, min_delay, fit)
+    known = {candidate.orders for candidate in selection.candidates}
+    added = [candidate for orders, candidate in found.items() if orders not in known]
+    orders = refinement.fit.model.orders
+    reason = selection.reason
+    if orders != selection.orders:
+        reason += (
+            f" {orders}, with other lags of B, has a BIC {refinement.fit.bic:.4f} below its"
+            f" {selection.selected.criteria.bic:.4f}."
+        )
+    return PhaseSelection(selection.phase, orders, reason, (*selection.candidates, *added))
 
 
 def settle(

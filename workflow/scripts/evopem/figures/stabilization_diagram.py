@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import pandas as pd
 
@@ -24,15 +24,11 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# Status of a pole, label, marker.
-STATUS_STYLES: tuple[tuple[str, str, dict[str, Any]], ...] = (
-    ("new", "new", {"marker": "o", "color": MUTED, "markerfacecolor": PAPER}),
-    (
-        "frequency",
-        "stable in frequency",
-        {"marker": "D", "color": FOURTH, "markerfacecolor": PAPER},
-    ),
-    ("stable", "stable in frequency and damping", {"marker": "o", "color": MODEL}),
+# Status of a pole, label, marker, its colour and that of its inside.
+STATUS_STYLES = (
+    ("new", "new", "o", MUTED, PAPER),
+    ("frequency", "stable in frequency", "D", FOURTH, PAPER),
+    ("stable", "stable in frequency and damping", "o", MODEL, MODEL),
 )
 
 
@@ -67,7 +63,7 @@ def draw_stabilization(
     if spectrum is not None:
         _draw_behind(axes, spectrum)
     mark_truth(axes, truth)
-    for status, label, options in STATUS_STYLES:
+    for status, label, marker, colour, inside in STATUS_STYLES:
         rows = poles[poles["status"] == status]
         axes.plot(
             rows["frequency_hz"],
@@ -75,7 +71,9 @@ def draw_stabilization(
             linestyle="none",
             label=label,
             markersize=5,
-            **options,
+            marker=marker,
+            color=colour,
+            markerfacecolor=inside,
         )
     if selected_order is not None:
         axes.axhline(selected_order, color=ERROR, linewidth=0.9, linestyle=(0, (3, 2)), zorder=1)

@@ -31,7 +31,15 @@ _REMEDY = "delete the file and run snakemake again, which writes it anew"
 
 
 def to_json(value: object) -> Any:
-    """Convert a dataclass, or a sequence or mapping of them, to what JSON can hold."""
+    """Convert a dataclass, or a sequence or mapping of them, to what JSON can hold.
+
+    Examples
+    --------
+    >>> from evopem.models.modes import Mode
+    >>> to_json(Mode(5.36, 0.009, 0.9 + 0.3j))
+    {'frequency_hz': 5.36, 'damping_ratio': 0.009, 'pole': [0.9, 0.3],
+     'frequency_se_hz': None, 'damping_se': None}
+    """
     return _converter().unstructure(value)
 
 
@@ -51,6 +59,16 @@ def from_json(kind: type[T], content: object, source: str = "the content") -> T:
     ------
     InputError
         When the content has another form.
+
+    Examples
+    --------
+    >>> from evopem.models.armax import Orders
+    >>> from_json(Orders, {"na": 2, "nb": 1, "nc": 2, "nk": 3})
+    Orders(na=2, nb=1, nc=2, nk=3)
+    >>> from_json(Orders, {"na": 2.5, "nb": 1, "nc": 2, "nk": 3}, "model.json")
+    Traceback (most recent call last):
+    ...
+    evopem.errors.InputError: model.json, na: 2.5 is not a whole number; delete the file ...
     """
     try:
         return _converter().structure(content, kind)
@@ -72,6 +90,15 @@ def load(kind: type[T], path: str | Path) -> T:
     ------
     InputError
         When the file is missing, is not JSON, or holds something else.
+
+    Examples
+    --------
+    >>> from tempfile import TemporaryDirectory
+    >>> from evopem.models.armax import Orders
+    >>> with TemporaryDirectory() as folder:
+    ...     save(Orders(2, 1, 2, 3), f"{folder}/orders.json")
+    ...     load(Orders, f"{folder}/orders.json")
+    Orders(na=2, nb=1, nc=2, nk=3)
     """
     try:
         content = json.loads(Path(path).read_text(encoding="utf-8"))

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from evopem.models.modes import Mode, modes_of
+from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomials import roots
 
 Array = NDArray[np.float64]
@@ -19,6 +20,14 @@ class Orders:
 
     ``na`` and ``nc`` are degrees of A and C; ``nb`` is the **number** of B coefficients, the
     first of which stands at lag ``nk`` (the convention of Ljung 1999 and of MATLAB's ``armax``).
+
+    Examples
+    --------
+    >>> orders = Orders(na=2, nb=1, nc=2, nk=3)
+    >>> orders.parameters, orders.first_residual
+    (5, 3)
+    >>> Orders(2, 2, 2, 2).contains(orders)
+    True
     """
 
     na: int
@@ -71,8 +80,28 @@ class ArmaxModel:
         Hz.
     noise_variance : float
         Variance of the innovations, in the square of the output's unit.
-    covariance : (n, n) array, optional
+    covariance : ParameterCovariance, optional
         Covariance of ``[a_1.., b_0.., c_1..]``.
+
+    Examples
+    --------
+    A resonance with a delay of two samples:
+
+    >>> import numpy as np
+    >>> from evopem import ArmaxModel
+    >>> model = ArmaxModel(
+    ...     a=np.array([1.0, -1.2, 0.8]),
+    ...     b=np.array([0.5, 0.1]),
+    ...     c=np.array([1.0, 0.4]),
+    ...     nk=2,
+    ...     sampling_rate=50.0,
+    ... )
+    >>> print(model.orders)
+    ARMAX(2,2,1,2)
+    >>> model.poles().round(3)
+    array([0.6+0.663j, 0.6-0.663j])
+    >>> model.zeros(), model.noise_zeros()
+    (array([-0.2+0.j]), array([-0.4+0.j]))
     """
 
     a: Array
@@ -81,7 +110,7 @@ class ArmaxModel:
     nk: int
     sampling_rate: float = 1.0
     noise_variance: float = float("nan")
-    covariance: Array | None = None
+    covariance: ParameterCovariance | None = None
 
     @property
     def orders(self) -> Orders:
@@ -94,11 +123,13 @@ class ArmaxModel:
         return np.concatenate([self.a[1:], self.b, self.c[1:]])
 
     def parameter_standard_errors(self) -> Array | None:
-        """Standard errors of :attr:`parameters`, (n,); None where the covariance is not known."""
+        """Standard errors of :attr:`parameters`, (n,); None where the covariance is not known.
+
+        Infinite for a parameter that the data do not determine.
+        """
         if self.covariance is None:
             return None
-        errors: Array = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
-        return errors
+        return self.covariance.standard_errors(np.eye(len(self.parameters)))
 
     @property
     def delayed_b(self) -> Array:
@@ -137,6 +168,18 @@ class ArmaxModel:
         start : int, optional
             First residual, by default ``orders.first_residual``, the first that has all its
             measured past.  Earlier residuals are NaN, since nothing predicts those samples.
+
+        Examples
+        --------
+        The innovation of a record is recovered:
+
+        >>> import numpy as np
+        >>> from evopem import ArmaxModel
+        >>> model = ArmaxModel(np.array([1, -0.5]), np.array([2.0]), np.array([1.0]), nk=1)
+        >>> output = model.simulate([1.0, 0.0, 1.0, 0.0])
+        >>> output[3] += 0.1
+        >>> model.residuals([1.0, 0.0, 1.0, 0.0], output)
+        array([nan, 0. , 0. , 0.1])
         """
         from scipy.signal import lfilter
 
@@ -161,6 +204,14 @@ class ArmaxModel:
         """One-step-ahead prediction of the output from past measured output and input, (N,).
 
         NaN where the past is not known; ``noise_state`` as in :meth:`residuals`.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from evopem import ArmaxModel
+        >>> model = ArmaxModel(np.array([1, -0.5]), np.array([2.0]), np.array([1.0]), nk=1)
+        >>> model.predict([1.0, 0.0, 1.0], [0.0, 2.2, 1.2])  # 0.5 y(t-1) + 2 u(t-1)
+        array([nan, 2. , 1.1])
         """
         _, y = _signals(input, output)
         predicted: Array = y - self.residuals(input, output, noise_state)
@@ -175,6 +226,16 @@ class ArmaxModel:
         initial : (max(na, nk + nb - 1),) array, optional
             State before the first sample, as
             :func:`evopem.models.initial_state.estimate_initial_state` returns it.  Rest by default.
+
+        Examples
+        --------
+        The impulse response:
+
+        >>> import numpy as np
+        >>> from evopem import ArmaxModel
+        >>> model = ArmaxModel(np.array([1, -0.5]), np.array([2.0]), np.array([1.0]), nk=1)
+        >>> model.simulate([1.0, 0.0, 0.0, 0.0])
+        array([0. , 2. , 1. , 0.5])
         """
         from scipy.signal import lfilter
 
@@ -187,43 +248,93 @@ class ArmaxModel:
         return simulated
 
     def frequency_response(self, frequencies: ArrayLike) -> NDArray[np.complex128]:
-        """``G = B/A`` (chapter eq. 6) at frequencies in Hz; complex, of the same shape."""
+        """``G = B/A`` (chapter eq. 6) at frequencies in Hz; complex, of the same shape.
+
+        Examples
+        --------
+        The gain at zero and at the Nyquist frequency:
+
+        >>> import numpy as np
+        >>> from evopem import ArmaxModel
+        >>> model = ArmaxModel(
+        ...     np.array([1, -0.5]), np.array([2.0]), np.array([1.0]), nk=1, sampling_rate=100.0
+        ... )
+        >>> np.abs(model.frequency_response([0.0, 50.0])).round(3)
+        array([4.   , 1.333])
+        """
         return _ratio(self.delayed_b, self.a, frequencies, self.sampling_rate)
 
     def noise_response(self, frequencies: ArrayLike) -> NDArray[np.complex128]:
-        """``H = C/A`` (chapter eq. 7) at frequencies in Hz."""
+        """``H = C/A`` (chapter eq. 7) at frequencies in Hz.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from evopem import ArmaxModel
+        >>> model = ArmaxModel(np.array([1, -0.5]), np.array([2.0]), np.array([1, 0.4]), nk=1)
+        >>> np.abs(model.noise_response([0.0, 0.5])).round(3)
+        array([2.8, 0.4])
+        """
         return _ratio(self.c, self.a, frequencies, self.sampling_rate)
 
     def modes(self) -> list[Mode]:
         """Natural frequencies and damping ratios of the oscillating poles, by frequency.
 
         With standard errors where the model knows its covariance.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from evopem import ArmaxModel
+        >>> model = ArmaxModel(
+        ...     np.array([1, -1.2, 0.8]), np.array([0.5]), np.array([1.0]), nk=1, sampling_rate=50.0
+        ... )
+        >>> (mode,) = model.modes()
+        >>> round(mode.frequency_hz, 2), round(mode.damping_ratio, 3)
+        (6.71, 0.132)
         """
         na = len(self.a) - 1
-        covariance = None if self.covariance is None else self.covariance[:na, :na]
+        covariance = None if self.covariance is None else self.covariance.part(slice(na))
         return modes_of(self.a[1:], self.sampling_rate, covariance)
 
     def to_control(self):  # type: ignore[no-untyped-def]
         """``G`` as a discrete-time ``control.TransferFunction``; needs python-control."""
         import control
 
-        degree = max(len(self.a), len(self.delayed_b))
-        numerator = np.zeros(degree)
-        denominator = np.zeros(degree)
-        numerator[: len(self.delayed_b)] = self.delayed_b
-        denominator[: len(self.a)] = self.a
-        return control.TransferFunction(numerator, denominator, 1.0 / self.sampling_rate)
+        return control.TransferFunction(*self._polynomials_in_z(), 1.0 / self.sampling_rate)
 
     def to_scipy(self):  # type: ignore[no-untyped-def]
-        """``G`` as a ``scipy.signal.TransferFunction`` with ``dt``."""
+        """``G`` as a discrete-time ``scipy.signal.TransferFunction``.
+
+        SciPy takes leading coefficients of B below 1e-14 for zero, and warns of it.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from evopem import ArmaxModel
+        >>> model = ArmaxModel(np.array([1, -0.5]), np.array([2.0]), np.array([1.0]), nk=2)
+        >>> model.to_scipy()  # G = 2 q^-2 / (1 - 0.5 q^-1) = 2 / (z^2 - 0.5 z)
+        TransferFunctionDiscrete(
+        array([2.]),
+        array([ 1. , -0.5,  0. ]),
+        dt: 1.0
+        )
+        """
         from scipy.signal import TransferFunction
 
-        degree = max(len(self.a), len(self.delayed_b))
-        numerator = np.zeros(degree)
-        denominator = np.zeros(degree)
-        numerator[: len(self.delayed_b)] = self.delayed_b
-        denominator[: len(self.a)] = self.a
-        return TransferFunction(numerator, denominator, dt=1.0 / self.sampling_rate)
+        return TransferFunction(*self._polynomials_in_z(), dt=1.0 / self.sampling_rate)
+
+    def _polynomials_in_z(self) -> tuple[Array, Array]:
+        """Numerator and denominator of ``G`` in descending powers of z, without leading zeros.
+
+        The delay is the difference of their degrees.
+        """
+        degree = max(len(self.a), len(self.delayed_b)) - 1
+        denominator = np.pad(self.a, (0, degree + 1 - len(self.a)))
+        numerator = np.pad(self.delayed_b, (0, degree + 1 - len(self.delayed_b)))
+        nonzero = np.flatnonzero(numerator)
+        first = nonzero[0] if len(nonzero) else degree
+        return numerator[first:], denominator
 
 
 def _signals(input: ArrayLike, output: ArrayLike) -> tuple[Array, Array]:  # noqa: A002

@@ -78,7 +78,7 @@ def uncertain_roots(model: ArmaxModel, polynomial: Polynomial) -> list[Uncertain
     unknown = np.full((2, 2), np.nan)
     if model.covariance is None:
         return [UncertainRoot(complex(root), unknown) for root in roots]
-    own = np.asarray(model.covariance)[rows, rows]
+    own = model.covariance.part(rows)
     found = []
     for root in roots:
         covariance = root_covariance(coefficients, complex(root), own)

@@ -1,4 +1,4 @@
-"""How well a model knows its own frequency response."""
+"""Confidence interval of a model's gain over frequency."""
 
 from __future__ import annotations
 
@@ -14,12 +14,14 @@ NORMAL_95 = 1.959963984540054
 
 
 def gain_band(model: ArmaxModel, frequencies: ArrayLike) -> tuple[Array, Array]:
-    """Lower and upper end of the 95 % band of the gain ``|G|`` at frequencies in Hz.
+    """Lower and upper end of the 95 % confidence interval of ``|G|`` at frequencies in Hz.
 
-    The parameter covariance is carried to ``ln |G|`` to first order (Ljung 1999, section 9.4),
-    so the band is of constant width in decibels and never below zero. NaN where the gain is
-    zero or the covariance is not known; the upper end is infinite where it leaves the range of
-    numbers.
+    The parameter covariance is propagated to ``ln |G|`` to first order (Ljung 1999, section 9.4),
+    so the interval has the same width in decibels above and below, and is never negative.
+
+    Both ends are NaN where the gain is zero, where the covariance is not known, and where the gain
+    depends on a direction of the parameters that the data do not determine, as between the lines
+    of a periodic input. The upper end is infinite where it leaves the range of numbers.
 
     Parameters
     ----------
@@ -30,6 +32,16 @@ def gain_band(model: ArmaxModel, frequencies: ArrayLike) -> tuple[Array, Array]:
     Returns
     -------
     lower, upper : (M,) arrays
+
+    Examples
+    --------
+    >>> from evopem.models.armax import ArmaxModel
+    >>> model = ArmaxModel(
+    ...     np.array([1, -0.5]), np.array([2.0]), np.array([1.0]), nk=1, covariance=1e-4 * np.eye(2)
+    ... )
+    >>> lower, upper = gain_band(model, [0.0])  # around the gain 4
+    >>> lower.round(3), upper.round(3)
+    (array([3.842]), array([4.165]))
     """
     frequencies = np.asarray(frequencies, dtype=float)
     if model.covariance is None:
@@ -42,10 +54,10 @@ def gain_band(model: ArmaxModel, frequencies: ArrayLike) -> tuple[Array, Array]:
         # d ln G / da_i = -q^-i / A and d ln G / db_j = q^-(nk+j) / B.
         by_a = -(delay ** np.arange(1, orders.na + 1)) / denominator
         by_b = delay ** np.arange(orders.nk, orders.nk + orders.nb) / numerator
-        jacobian = np.hstack([by_a, by_b]).real
-        count = orders.na + orders.nb
-        covariance = model.covariance[:count, :count]
-        variance = np.einsum("fi,ij,fj->f", jacobian, covariance, jacobian)
-        spread = np.exp(NORMAL_95 * np.sqrt(np.maximum(variance, 0.0)))
+        errors = model.covariance.part(slice(orders.na + orders.nb)).standard_errors(
+            np.hstack([by_a, by_b]).real
+        )
+        errors[~np.isfinite(errors)] = np.nan
+        spread = np.exp(NORMAL_95 * errors)
         gain = np.abs(numerator / denominator)[:, 0]
         return gain / spread, gain * spread

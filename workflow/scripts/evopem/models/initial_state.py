@@ -11,7 +11,13 @@ Array = NDArray[np.float64]
 
 
 def state_dimension(model: ArmaxModel) -> int:
-    """Length of the state of ``G = B/A``: ``max(na, nk + nb - 1)``."""
+    """Length of the state of ``G = B/A``: ``max(na, nk + nb - 1)``.
+
+    Examples
+    --------
+    >>> state_dimension(ArmaxModel(np.array([1, -0.5]), np.array([2.0]), np.array([1.0]), nk=3))
+    3
+    """
     return max(len(model.a), model.nk + len(model.b)) - 1
 
 
@@ -33,6 +39,15 @@ def estimate_initial_state(model: ArmaxModel, input: Array, output: Array) -> Ar
     -------
     (state_dimension(model),) array
         For :meth:`ArmaxModel.simulate`.
+
+    Examples
+    --------
+    A free decay from 1:
+
+    >>> model = ArmaxModel(np.array([1, -0.5]), np.array([2.0]), np.array([1.0]), nk=1)
+    >>> state = estimate_initial_state(model, np.zeros(4), np.array([1, 0.5, 0.25, 0.125]))
+    >>> model.simulate(np.zeros(4), initial=state).round(6)
+    array([1.   , 0.5  , 0.25 , 0.125])
     """
     remainder = np.asarray(output, dtype=float) - model.simulate(input)
     return _impulses_behind(remainder, model.a, state_dimension(model))

@@ -9,12 +9,21 @@ import numpy as np
 
 from evopem.files.atomic import atomic_write
 from evopem.models.armax import ArmaxModel
+from evopem.models.polynomial import PolynomialModel
 
 
-def save_model_mat(model: ArmaxModel, path: str | os.PathLike[str]) -> None:
-    """Write the arguments of MATLAB's ``idpoly(A,B,C,D,F,NoiseVariance,Ts)`` to a v5 MAT file."""
+def save_model_mat(model: ArmaxModel | PolynomialModel, path: str | os.PathLike[str]) -> None:
+    """Write the arguments of MATLAB's ``idpoly(A,B,C,D,F,NoiseVariance,Ts)`` to a v5 MAT file.
+
+    The level of a polynomial model, which ``idpoly`` does not have, is stored beside them.
+    """
     from scipy.io import savemat
 
+    d = f = np.ones(1)
+    level = {}
+    if isinstance(model, PolynomialModel):
+        d, f = model.d, model.f
+        level = {"Level": model.level} if model.level else {}
     with atomic_write(Path(path)) as temporary, temporary.open("wb") as stream:
         savemat(
             stream,
@@ -22,10 +31,11 @@ def save_model_mat(model: ArmaxModel, path: str | os.PathLike[str]) -> None:
                 "A": model.a[None, :],
                 "B": model.delayed_b[None, :],
                 "C": model.c[None, :],
-                "D": np.ones((1, 1)),
-                "F": np.ones((1, 1)),
+                "D": d[None, :],
+                "F": f[None, :],
                 "NoiseVariance": model.noise_variance,
                 "Ts": 1.0 / model.sampling_rate,
+                **level,
             },
         )
         # SciPy stamps the header with the time of writing; the same model must give the same

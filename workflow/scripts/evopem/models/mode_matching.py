@@ -23,6 +23,12 @@ def match_modes(estimates: Sequence[Mode], references: Sequence[Mode]) -> dict[i
     -------
     dict of int to int
         Index of the reference, by index of the estimate.
+
+    Examples
+    --------
+    >>> found = [Mode(5.4, 0.01, 0j), Mode(21.0, 0.1, 0j), Mode(37.1, 0.01, 0j)]
+    >>> match_modes(found, [Mode(5.36, 0.01, 0j), Mode(37.0, 0.01, 0j)])
+    {0: 0, 2: 1}
     """
     from scipy.optimize import linear_sum_assignment
 

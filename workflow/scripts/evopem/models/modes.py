@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomials import root_gradient, roots
 
 Array = NDArray[np.float64]
@@ -25,7 +26,8 @@ class Mode:
     pole : complex
         Pole in the z plane, upper half.
     frequency_se_hz, damping_se : float
-        Standard errors; NaN when the covariance is not known.
+        Standard errors.  Infinite when the data do not determine the mode, NaN when the
+        covariance is not known.
     """
 
     frequency_hz: float
@@ -36,7 +38,7 @@ class Mode:
 
 
 def modes_of(
-    coefficients: Array, sampling_rate: float, covariance: Array | None = None
+    coefficients: Array, sampling_rate: float, covariance: ParameterCovariance | None = None
 ) -> list[Mode]:
     """Modes of ``A = 1 + a_1 q^-1 + ...`` from ``s = ln(z) fs`` (chapter table 2), by frequency.
 
@@ -46,8 +48,14 @@ def modes_of(
         ``a_1 ... a_na``.
     sampling_rate : float
         Hz.
-    covariance : (na, na) array, optional
-        Covariance of the coefficients, carried to the modes to first order.
+    covariance : ParameterCovariance, optional
+        Of the na coefficients; propagated to the modes to first order.
+
+    Examples
+    --------
+    >>> (mode,) = modes_of(np.array([-1.2, 0.8]), 50.0)
+    >>> round(mode.frequency_hz, 2), round(mode.damping_ratio, 3)
+    (6.71, 0.132)
     """
     modes = []
     for z in roots(coefficients):
@@ -57,8 +65,7 @@ def modes_of(
         frequency_se = damping_se = float("nan")
         if covariance is not None:
             jacobian = _mode_jacobian(coefficients, z, sampling_rate)
-            variances = np.diag(jacobian @ covariance @ jacobian.T)
-            frequency_se, damping_se = (float(s) for s in np.sqrt(np.maximum(variances, 0.0)))
+            frequency_se, damping_se = (float(s) for s in covariance.standard_errors(jacobian))
         modes.append(Mode(frequency, damping, complex(z), frequency_se, damping_se))
     return sorted(modes, key=lambda mode: mode.frequency_hz)
 

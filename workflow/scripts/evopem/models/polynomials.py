@@ -12,14 +12,26 @@ Array = NDArray[np.float64]
 
 
 def roots(coefficients: Array) -> NDArray[np.complex128]:
-    """Roots z of ``z^m + x_1 z^(m-1) + ... + x_m``; (m,) complex."""
+    """Roots z of ``z^m + x_1 z^(m-1) + ... + x_m``; (m,) complex.
+
+    Examples
+    --------
+    >>> roots(np.array([-1.2, 0.8])).round(3)
+    array([0.6+0.663j, 0.6-0.663j])
+    """
     if len(coefficients) == 0:
         return np.empty(0, dtype=complex)
     return np.roots(np.concatenate([[1.0], coefficients])).astype(complex)
 
 
 def max_root_radius(coefficients: Array) -> float:
-    """Largest root radius; 0 for an empty polynomial."""
+    """Largest root radius; 0 for an empty polynomial.
+
+    Examples
+    --------
+    >>> round(max_root_radius(np.array([-1.2, 0.8])), 3)
+    0.894
+    """
     found = roots(coefficients)
     return float(np.max(np.abs(found))) if len(found) else 0.0
 
@@ -39,6 +51,14 @@ def reflect_into_disc(coefficients: Array, radius: float) -> Array:
     Returns
     -------
     (M, m) array
+
+    Examples
+    --------
+    The root 2 is reflected to 0.5, and the root 0.995 is moved to the bound:
+
+    >>> reflect_into_disc(np.array([[-2.0], [-0.995]]), radius=0.99)
+    array([[-0.5 ],
+           [-0.99]])
     """
     count, m = coefficients.shape
     companions = np.zeros((count, m, m))
@@ -62,6 +82,13 @@ def root_gradient(coefficients: Array, root: complex) -> NDArray[np.complex128]:
 
     For p(z) = Σ c_i z^(n−i) and p(r) = 0: dr/dc_i = −r^(n−i) / p'(r). Not finite at a repeated
     root, which has no derivative.
+
+    Examples
+    --------
+    The root 2 of z² - 3z + 2:
+
+    >>> root_gradient(np.array([1.0, -3.0, 2.0]), 2.0)
+    array([-4., -2., -1.])
     """
     degree = coefficients.size - 1
     powers = root ** np.arange(degree, -1, -1)

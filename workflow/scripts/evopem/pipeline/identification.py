@@ -26,9 +26,6 @@ from evopem.results.layout import PHASES, DatasetFiles
 
 Stage = Callable[[], None]
 
-# The folder with the templates, in a checkout of the workflow.
-WORKFLOW = Path(__file__).resolve().parents[3]
-
 
 def stages(
     files: DatasetFiles, settings: DatasetSettings, log: Log | None = None, cores: int = 1
@@ -115,7 +112,7 @@ def _search_phase(
 ) -> None:
     window, search, grid = scoring_window(settings), settings.search, settings.order_grid
     estimate_candidates(files, phase, 1, 1, grid, search, window, log, cores)
-    select_candidate(files, phase, 1, search, window, log)
+    select_candidate(files, phase, 1, grid, search, window, log)
     Path(files.part(phase, 1)).unlink()  # the file of the phase holds all of it
 
 
@@ -128,5 +125,6 @@ def _draw_figures(files: DatasetFiles) -> None:
 
 def _write_report(files: DatasetFiles) -> None:
     from evopem.pipeline.report import write_report
+    from evopem.report.templates import template_folder
 
-    write_report(files, WORKFLOW)
+    write_report(files, template_folder())

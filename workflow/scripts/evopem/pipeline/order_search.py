@@ -12,7 +12,7 @@ from evopem.estimation.order_selection import select_candidate as select
 from evopem.estimation.parallel import estimate_in_parallel
 from evopem.files.json_form import load, save
 from evopem.models.armax import Orders
-from evopem.results.layout import DatasetFiles
+from evopem.results.layout import PHASES, DatasetFiles
 from evopem.signals.preparation import load_prepared
 from evopem.signals.spectral.summary import SpectrumSummary
 
@@ -49,18 +49,23 @@ def select_candidate(
     files: DatasetFiles,
     phase: str,
     parts: int,
+    grid: OrderGrid,
     search: SearchSettings,
     window: ScoringWindow,
     log: Log | None = None,
 ) -> None:
-    """Collect the candidates of a phase, repeat doubtful searches, and select one candidate."""
+    """Collect the candidates of a phase, repeat doubtful searches, and select one candidate.
+
+    The last phase also compares its selection with other lags of B.
+    """
     candidates = [
         candidate
         for part in range(1, parts + 1)
         for candidate in load(tuple[Candidate, ...], files.part(phase, part))
     ]
     data = load_prepared(files.prepared, files.transforms).estimation
-    selection = select(candidates, phase, data, search, window, log)
+    min_delay = grid.delay.nk[0] if phase == PHASES[-1] else None
+    selection = select(candidates, phase, data, search, window, min_delay, log)
     if log is not None:
         log(selection.reason)
     save(selection, files.phase(phase))

@@ -14,7 +14,12 @@ from typing import Any, Protocol
 
 from evopem.config import order_grid, resources
 from evopem.config.dataset_names import RESERVED_NAMES
-from evopem.config.settings import Configuration, DatasetSettings, RecordedSource
+from evopem.config.settings import (
+    Configuration,
+    DatasetSettings,
+    OrderGrid,
+    RecordedSource,
+)
 from evopem.files.json_form import to_json
 from evopem.results.layout import OVERVIEW, DatasetFiles
 from evopem.results.replaced_recordings import was_read_from
@@ -172,6 +177,12 @@ class Provider:
         """The part of the order grid that a phase uses."""
         grid = order_grid.grid_of_phase(wildcards.phase, self._of(wildcards).order_grid)
         return to_json(grid)
+
+    def selection_grid(self, wildcards: Wildcards) -> object:
+        """The part of the order grid that the selection of a phase uses: the delays, at its end."""
+        grid = self._of(wildcards).order_grid
+        last = wildcards.phase == order_grid.PHASES[-1]
+        return to_json(OrderGrid(delay=grid.delay) if last else OrderGrid())
 
     def part_count(self, wildcards: Wildcards) -> int:
         """The number of jobs of a phase."""

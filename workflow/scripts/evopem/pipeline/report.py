@@ -13,14 +13,15 @@ from evopem.results.dataset import read_dataset_results
 from evopem.results.layout import FIGURES, DatasetFiles
 
 
-def write_report(files: DatasetFiles, workflow: Path) -> None:
+def write_report(files: DatasetFiles, templates: Path) -> None:
     """Set the results and figures of one data set into one HTML file.
 
     Parameters
     ----------
     files : DatasetFiles
-    workflow : Path
-        The folder with ``templates/``, whose commit the report names.
+    templates : Path
+        The folder of ``report.html.j2``. The report names the commit of the workflow that it
+        belongs to.
     """
     results = read_dataset_results(files, read_settings(files.config))
     figures = {name: Path(files.figure(name)).read_text(encoding="utf-8") for name in FIGURES}
@@ -29,8 +30,8 @@ def write_report(files: DatasetFiles, workflow: Path) -> None:
         figures,
         read_wall_clock(Path(files.folder) / "benchmarks"),
         Path(files.config).read_text(encoding="utf-8"),
-        workflow / "templates",
-        commit_of(workflow),
+        templates,
+        commit_of(templates.parent),
     )
     write_text(files.report, page)
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from evopem.config.settings import SpectrumSettings
+from evopem.estimation.candidate import PhaseSelection
 from evopem.estimation.model_record import ModelRecord
 from evopem.files.atomic import write_table
 from evopem.files.json_form import load, save
 from evopem.results.layout import DatasetFiles
 from evopem.signals.preparation import load_prepared
+from evopem.signals.spectral.summary import SpectrumSummary
 from evopem.validation.validation import validate
 
 
@@ -14,7 +17,16 @@ def validate_model(files: DatasetFiles) -> None:
     """Validate the model on samples that it was not estimated from."""
     record = load(ModelRecord, files.model)
     prepared = load_prepared(files.prepared, files.transforms)
-    validation, tables = validate(record.model, prepared, record.window.loss_start)
+    joint = load(PhaseSelection, files.phase("joint"))
+    spectrum = load(SpectrumSummary, files.spectrum_summary)
+    validation, tables = validate(
+        record.model,
+        prepared,
+        record.window.loss_start,
+        record.search.settings.objective,
+        [each.model for each in joint.candidates if each.orders != record.orders],
+        SpectrumSettings(spectrum.time_halfbandwidth, spectrum.nfft),
+    )
     save(validation, files.validation)
     write_table(files.residual_autocorrelation, tables.residual_autocorrelation)
     write_table(files.cross_correlation, tables.cross_correlation)

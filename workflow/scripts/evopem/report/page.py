@@ -18,7 +18,11 @@ from evopem.report.sentences.about_orders import delay, phases, stabilization
 from evopem.report.sentences.about_recording import recording, transform_effects
 from evopem.report.sentences.about_search import search
 from evopem.report.sentences.about_spectrum import spectrum
-from evopem.report.sentences.about_validation import residuals, simulation
+from evopem.report.sentences.about_validation import (
+    output_transformed,
+    residuals,
+    simulation,
+)
 from evopem.report.templates import environment
 from evopem.results.dataset import DatasetResults
 
@@ -118,6 +122,7 @@ def build_report(
         passed=[check for check in checks if check.passed is True],
         failed=[check for check in checks if check.passed is False],
         not_judged=[check for check in checks if check.passed is None],
+        output_transformed=output_transformed(results.model.transforms),
         effects=transform_effects(results.model.transforms),
         sections=[_section(figure, results, figures) for figure in REPORT_FIGURES],
         candidates=results.candidates.to_dict("records"),

@@ -7,10 +7,21 @@ from base64 import b64encode
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import evopem
 from evopem.report import numbers
 
 if TYPE_CHECKING:
     from jinja2 import Environment
+
+
+def template_folder() -> Path:
+    """The folder of the templates.
+
+    It is a subpackage of an installed evopem, and ``workflow/templates`` in a checkout.
+    """
+    package = Path(evopem.__file__).resolve().parent
+    installed = package / "templates"
+    return installed if installed.is_dir() else package.parents[1] / "templates"
 
 
 def environment(template_directory: Path) -> Environment:

@@ -26,15 +26,14 @@ def check_independent(estimation: Recording, validation: Recording, source: str)
     start = shared_start(_signals(estimation), _signals(validation))
     if start is None:
         return
+    shorter = min(estimation.samples, validation.samples)
+    part = f"samples {start + 1} to {start + shorter} of"
     if estimation.samples == validation.samples:
         problem = "its samples are those of the estimation recording"
+    elif validation.samples == shorter:
+        problem = f"its samples are {part} the estimation recording"
     else:
-        shorter, longer = sorted((estimation.samples, validation.samples))
-        problem = (
-            f"the {shorter} samples of the shorter one are samples {start + 1} to"
-            f" {start + shorter} of the longer one, of {longer}, among it and the estimation"
-            " recording"
-        )
+        problem = f"{part} it are the estimation recording"
     raise InputError(
         source, problem, "give an independent recording, or leave the key out to cut this one"
     )

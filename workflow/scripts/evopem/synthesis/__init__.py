@@ -15,6 +15,13 @@ def synthesize(source: SyntheticSource, transforms: TransformSettings) -> tuple[
     source : SyntheticSource
     transforms : TransformSettings
         An ARMAX recording is made non-stationary in the way that these transforms undo.
+
+    Examples
+    --------
+    >>> source = SyntheticSource("armax", seed=1, samples=1000)
+    >>> recording, truth = synthesize(source, TransformSettings(box_cox="none", difference=0))
+    >>> recording.output.shape
+    (1000,)
     """
     if source.synthesis == "flexible_arm":
         from evopem.synthesis.flexible_arm import flexible_arm

@@ -32,7 +32,16 @@ WARM_UP = 2000
 
 
 def true_model(sampling_rate: float = 100.0) -> ArmaxModel:
-    """ARMAX(7,6,7,3) with the poles of the chapter's table 2; noise variance not set."""
+    """ARMAX(7,6,7,3) with the poles of the chapter's table 2; noise variance not set.
+
+    Examples
+    --------
+    >>> model = true_model()
+    >>> print(model.orders)
+    ARMAX(7,6,7,3)
+    >>> [round(mode.frequency_hz, 2) for mode in model.modes()]
+    [5.36, 16.65, 37.0]
+    """
     upper = [true_mode(frequency, damping, sampling_rate).pole for frequency, damping in MODES]
     poles = np.concatenate([upper, np.conj(upper), [REAL_POLE]])
     return ArmaxModel(
@@ -70,6 +79,14 @@ def armax(
     Returns
     -------
     Recording, Truth
+
+    Examples
+    --------
+    >>> recording, truth = armax(seed=1, samples=1000)
+    >>> recording.output.shape, recording.sampling_rate
+    ((1000,), 100.0)
+    >>> print(truth.orders)
+    ARMAX(7,6,7,3)
     """
     model = true_model(sampling_rate)
     generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(1,)))

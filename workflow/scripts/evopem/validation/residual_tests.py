@@ -1,29 +1,141 @@
-"""Correlation tests on residuals: are they white, and does the input still explain them?"""
+"""Correlation tests on residuals: whiteness, and independence of the input."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
+from evopem.estimation.pem.covariance import density_at_zero, pseudo_inverse_factor
+from evopem.estimation.pem.least_squares import triangle_of
 from evopem.models.gain_interval import NORMAL_95
 from evopem.signals import correlation as signals
+from evopem.validation.weighted_chi_square import weighted_chi_square_tail
+
+Array = NDArray[np.float64]
+
+# A sum of squares that is expected to be smaller than this has no distribution worth testing.
+LEAST_EXPECTED = 0.5
 
 
 @dataclass(frozen=True)
-class LjungBox:
-    """The Ljung-Box test of joint whiteness.
+class WhitenessTest:
+    """Joint test that the residuals of a fitted model are white.
 
-    ``p_value`` is ``nan`` when no degree of freedom is left.
+    Attributes
+    ----------
+    statistic : float
+        Ljung-Box statistic ``N (N + 2) sum r_k^2 / (N - k)``.
+    expected : float
+        Its expected value under white innovations, the fit taken into account.  It takes the
+        place of the degrees of freedom.
+    p_value : float
+        NaN where no autocorrelation is left free by the fit.
+    lags : int
+        Number of lags tested jointly.
     """
 
     statistic: float
-    degrees_of_freedom: int
+    expected: float
     p_value: float
     lags: int
+
+
+def whiteness_test(
+    residuals: ArrayLike, jacobian: Iterable[Array], lags: int, objective: str
+) -> WhitenessTest:
+    """Ljung-Box test with the null distribution of the residuals of this very fit.
+
+    The usual degrees of freedom, lags - na - nc, hold for a pure noise model only.  Parameters
+    that the input determines take less from the autocorrelation of the residuals, and a test
+    with those degrees of freedom rejects good models.  Here the statistic is compared with the
+    weighted sum of chi-square variables that follows from
+    :func:`residual_autocorrelation_covariance`.
+
+    Parameters
+    ----------
+    residuals : (N,) array_like
+        Prediction errors on the samples that the fit has scored.
+    jacobian : iterable of (M, p) arrays
+        Consecutive rows of the Jacobian of these residuals with respect to everything estimated,
+        N rows in all, as :func:`evopem.estimation.pem.covariance.jacobian_blocks` yields them.
+    lags : int
+        Number of lags tested jointly, less than N.
+    objective : {"absolute", "quadratic"}
+        What the fit minimised.
+
+    Raises
+    ------
+    ValueError
+        When there are not more residuals than lags.
+    """
+    e = np.asarray(residuals, dtype=float)
+    if not 0 < lags < e.size:
+        raise ValueError(f"{lags} lags cannot be tested with {e.size} residuals")
+    if not np.ptp(e) > 0.0:
+        return WhitenessTest(math.nan, math.nan, math.nan, lags)
+    rho = signals.autocorrelation(e, lags).values[1:]
+    k = np.arange(1, lags + 1)
+    statistic = float(e.size * (e.size + 2) * np.sum(rho**2 / (e.size - k)))
+    covariance = residual_autocorrelation_covariance(e, jacobian, lags, objective)
+    weights = np.maximum(np.linalg.eigvalsh(covariance), 0.0)
+    expected = float(weights.sum())
+    p_value = math.nan
+    if expected >= LEAST_EXPECTED:
+        p_value = weighted_chi_square_tail(statistic, weights)
+    return WhitenessTest(statistic, expected, p_value, lags)
+
+
+def residual_autocorrelation_covariance(
+    residuals: ArrayLike, jacobian: Iterable[Array], lags: int, objective: str
+) -> Array:
+    """Covariance of ``sqrt(N) r_k``, k = 1 ... lags, for the residuals of a fitted model.
+
+    ``I - X J^-1 X'`` for the quadratic objective (Box & Pierce 1970; McLeod 1978), where J is the
+    information matrix of all estimates and X the covariance of their score with the
+    autocorrelations.  Both are taken from the Jacobian, so the formula holds for any model
+    structure.  The absolute objective uses the score ``sign(e)``, and ``X J^-1 X'`` is weighed by
+    ``(2 k E|e| - k^2) / var(e)``, with ``k = 1 / (2 f(0))`` and f the density of the residuals.
+
+    Parameters
+    ----------
+    residuals, jacobian, lags, objective
+        As for :func:`whiteness_test`.
+
+    Returns
+    -------
+    (lags, lags) array
+    """
+    e = np.asarray(residuals, dtype=float)
+    scale = float(np.sqrt(np.mean(e**2) * e.size))
+    padded = np.concatenate([np.zeros(lags), e]) / scale
+    lagged = np.lib.stride_tricks.sliding_window_view(padded, lags)[:, ::-1]
+    triangle, products, first = np.zeros((0, 0)), None, 0
+    for block in jacobian:
+        rows = lagged[first : first + len(block)]
+        product = block.T @ rows
+        products = product if products is None else products + product
+        triangle = triangle_of([triangle, block] if triangle.size else [block])
+        first += len(block)
+    if products is None or first != e.size:
+        raise ValueError(f"the Jacobian has {first} rows for {e.size} residuals")
+    factor, _ = pseudo_inverse_factor(triangle)
+    half = factor.T @ products
+    covariance: Array = np.eye(lags) - _score_weight(e, factor.shape[0], objective) * half.T @ half
+    return covariance
+
+
+def _score_weight(residuals: Array, estimated: int, objective: str) -> float:
+    """How much of ``X J^-1 X'`` the fit takes from the autocorrelations; 1 for least squares."""
+    if objective == "quadratic":
+        return 1.0
+    sparsity = 1.0 / (2.0 * density_at_zero(residuals, estimated))
+    mean_absolute = float(np.mean(np.abs(residuals)))
+    return (2.0 * sparsity * mean_absolute - sparsity**2) / float(np.mean(residuals**2))
 
 
 def residual_autocorrelation(residuals: ArrayLike, lags: int = 1200) -> pd.DataFrame:
@@ -66,36 +178,6 @@ def share_inside(correlation: ArrayLike, bound: ArrayLike) -> float:
     if values.size == 0 or not np.all(np.isfinite(values)):
         return math.nan
     return float(np.mean(values <= np.asarray(bound, dtype=float)))
-
-
-def ljung_box(autocorrelation: ArrayLike, samples: int, parameters: int, lags: int) -> LjungBox:
-    """Ljung-Box statistic ``N (N + 2) Σ ρ_k² / (N - k)`` over lags 1 to ``lags``.
-
-    Parameters
-    ----------
-    autocorrelation : array_like
-        ρ at lags 0, 1, …, at least to ``lags``.
-    samples : int
-        N, the number of residuals behind ρ.
-    parameters : int
-        Fitted parameters the degrees of freedom are reduced by: na + nc for ARMAX.
-    lags : int
-        Number of lags tested jointly.
-
-    Notes
-    -----
-    Ljung and Box (1978), Biometrika 65:297.
-    """
-    from scipy.special import chdtrc  # the chi-square survival function without scipy.stats
-
-    rho = np.asarray(autocorrelation, dtype=float)[1 : lags + 1]
-    if rho.size < lags:
-        raise ValueError(f"{lags} lags asked for, autocorrelation given to lag {rho.size}")
-    k = np.arange(1, lags + 1)
-    statistic = float(samples * (samples + 2) * np.sum(rho**2 / (samples - k)))
-    freedom = lags - parameters
-    p_value = float(chdtrc(freedom, statistic)) if freedom > 0 else math.nan
-    return LjungBox(statistic, freedom, p_value, lags)
 
 
 def ljung_box_lags(samples: int, parameters: int, largest: int) -> int:

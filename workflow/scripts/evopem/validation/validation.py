@@ -6,6 +6,8 @@ uses every measured output up to the sample before; the simulation sees the inpu
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -13,23 +15,38 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from evopem.models.initial_state import estimate_initial_state, estimate_noise_state
+from evopem.config.settings import SpectrumSettings
+from evopem.errors import InputError
+from evopem.estimation.pem.covariance import jacobian_blocks
+from evopem.models.initial_state import estimate_noise_state
+from evopem.signals.spectral.frequency_response import (
+    FrequencyResponse,
+    multitaper_frequency_response,
+)
 from evopem.validation.excitation import excitation_order
+from evopem.validation.held_out_tests import HeldOutTest, input_significance
+from evopem.validation.mode_evidence import ModeEvidence, mode_evidence
 from evopem.validation.recorded_units import (
     RecordedErrors,
-    RecordedSeries,
     recorded_errors,
     recorded_series,
 )
 from evopem.validation.residual_tests import (
-    LjungBox,
+    WhitenessTest,
     cross_correlation,
-    ljung_box,
     ljung_box_lags,
     residual_autocorrelation,
     share_inside,
+    whiteness_test,
+)
+from evopem.validation.responses import (
+    continued_responses,
+    held_out_samples,
+    restarted_responses,
+    simulation_table,
 )
 from evopem.validation.scores import error_percent, fit_percent, outlier_percent
+from evopem.validation.split_spectra import SplitSpectra, split_spectra
 
 if TYPE_CHECKING:
     from evopem.models.armax import ArmaxModel
@@ -94,13 +111,20 @@ class Validation:
         Share of the residual autocorrelations inside their 95 % bounds.
     lags : int
         Largest lag of the residual autocorrelation.
-    ljung_box : LjungBox
+    ljung_box : WhitenessTest
     cross_correlation : CrossCorrelationTest
     residual_outlier_percent : float
         Percentage of residuals beyond five robust standard deviations.
     excitation : Excitation
     recorded : RecordedErrors
         The errors in the units of the recording.
+    input_test : HeldOutTest
+        Of the response to the input, on samples that the model was not estimated from.
+    modes : tuple of ModeEvidence
+        For each mode whether the input reaches it, whether it is stable over the orders, and
+        whether the noise model needs it.
+    split : SplitSpectra
+        The input's spectra in the estimation and the validation samples beside each other.
     """
 
     prediction_error_percent: float
@@ -113,11 +137,14 @@ class Validation:
     residual_samples: int
     autocorrelation_share_inside95: float
     lags: int
-    ljung_box: LjungBox
+    ljung_box: WhitenessTest
     cross_correlation: CrossCorrelationTest
     residual_outlier_percent: float
     excitation: Excitation
     recorded: RecordedErrors
+    input_test: HeldOutTest
+    modes: tuple[ModeEvidence, ...]
+    split: SplitSpectra
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,22 +164,13 @@ class ValidationTables:
     simulation: pd.DataFrame
 
 
-@dataclass(frozen=True)
-class _Responses:
-    """Validation samples with the two computed responses; ``nan`` where there is none."""
-
-    input: NDArray[np.float64]
-    output: NDArray[np.float64]
-    predicted: NDArray[np.float64]
-    simulated: NDArray[np.float64]
-    continued: NDArray[np.float64] | None
-    unscored: int
-
-
 def validate(
     model: ArmaxModel,
     prepared: PreparedData,
     loss_start: int | None = None,
+    objective: str = "quadratic",
+    others: Sequence[ArmaxModel] = (),
+    spectrum: SpectrumSettings | None = None,
     lags: int = 1200,
 ) -> tuple[Validation, ValidationTables]:
     """Validate a model on the estimation samples and on samples it was not estimated from.
@@ -165,6 +183,12 @@ def validate(
     loss_start : int, optional
         First estimation sample whose residual is used. By default the nc-th residual: the ones
         before are fitted by the noise state.
+    objective : {"absolute", "quadratic"}
+        What the estimate minimised.
+    others : sequence of ArmaxModel
+        Models of other orders of the same samples, for the stability of the modes.
+    spectrum : SpectrumSettings, optional
+        Of the multitaper estimate of the coherence.
     lags : int
         Largest lag of the residual autocorrelation; cut to the number of residuals less one.
 
@@ -198,7 +222,8 @@ def validate(
     orders = model.orders
     start = orders.first_residual + orders.nc if loss_start is None else loss_start
     noise_state = estimate_noise_state(model, estimation.input, estimation.output)
-    residuals = model.residuals(estimation.input, estimation.output, noise_state)[start:]
+    all_residuals = model.residuals(estimation.input, estimation.output, noise_state)
+    residuals = all_residuals[start:]
     if residuals.size < 2:
         raise ValueError(
             f"{estimation.output.size} estimation samples leave no residuals from sample {start} on"
@@ -208,16 +233,17 @@ def validate(
     cross = cross_correlation(
         residuals, estimation.input[start:], min(lags, CROSS_CORRELATION_LAGS)
     )
-    fitted = orders.na + orders.nc
+    tested_lags = ljung_box_lags(residuals.size, orders.na + orders.nc, largest)
     responses = (
-        _continued(model, prepared, noise_state)
+        continued_responses(model, prepared, noise_state)
         if prepared.contiguous
-        else _restarted(model, prepared)
+        else restarted_responses(model, prepared)
     )
     scored = slice(responses.unscored, None)
     measured = responses.output[scored]
     if measured.size == 0:
         raise ValueError("no validation sample is left to score; keep more samples for validation")
+    held_out = held_out_samples(model, prepared, noise_state)
     recorded = recorded_series(
         prepared.transforms, responses.output, responses.predicted, responses.simulated
     )
@@ -239,11 +265,13 @@ def validate(
             autocorrelation["autocorrelation"].iloc[1:], autocorrelation["bound95"].iloc[1:]
         ),
         lags=largest,
-        ljung_box=ljung_box(
-            autocorrelation["autocorrelation"],
-            residuals.size,
-            fitted,
-            ljung_box_lags(residuals.size, fitted, largest),
+        ljung_box=_whiteness(
+            model,
+            estimation,
+            all_residuals,
+            start,
+            tested_lags,
+            objective,
         ),
         cross_correlation=CrossCorrelationTest(
             share_inside95=share_inside(cross["cross_correlation"], cross["bound95"]),
@@ -257,72 +285,56 @@ def validate(
             needed=orders.na + orders.nb,
         ),
         recorded=recorded_errors(prepared.transforms, recorded, responses.unscored),
+        input_test=input_significance(model, held_out.input, held_out.output, held_out.first),
+        modes=tuple(
+            mode_evidence(
+                model,
+                held_out.input,
+                held_out.output,
+                held_out.first,
+                held_out.noise_state,
+                _coherence(estimation, spectrum or SpectrumSettings()),
+                others,
+            )
+        ),
+        split=split_spectra(estimation.input, prepared.validation.input, estimation.sampling_rate),
     )
-    simulation = _table(responses, recorded, estimation.sampling_rate)
+    simulation = simulation_table(responses, recorded, estimation.sampling_rate)
     return validation, ValidationTables(autocorrelation, cross, simulation)
 
 
-def _continued(
-    model: ArmaxModel, prepared: PreparedData, noise_state: NDArray[np.float64]
-) -> _Responses:
-    """Predict and simulate validation samples that follow the estimation samples directly."""
-    estimation, validation = prepared.estimation, prepared.validation
-    inputs = np.concatenate([estimation.input, validation.input])
-    output = np.concatenate([estimation.output, validation.output])
-    seen = estimation.output.size
-    state = estimate_initial_state(model, estimation.input, estimation.output)
-    return _Responses(
-        input=validation.input,
-        output=validation.output,
-        predicted=model.predict(inputs, output, noise_state)[seen:],
-        simulated=_simulated(model, validation),
-        continued=model.simulate(inputs, state)[seen:],
-        unscored=0,
+def _whiteness(
+    model: ArmaxModel,
+    estimation: Recording,
+    residuals: NDArray[np.float64],
+    start: int,
+    lags: int,
+    objective: str,
+) -> WhitenessTest:
+    """Joint test of the residuals from ``start`` on; NaN where there are too few."""
+    tested = residuals[start:]
+    if not 0 < lags < tested.size:
+        return WhitenessTest(math.nan, math.nan, math.nan, max(lags, 0))
+    blocks = jacobian_blocks(
+        model,
+        estimation.input,
+        estimation.output,
+        np.nan_to_num(residuals),
+        model.orders.first_residual,
+        start,
     )
+    return whiteness_test(tested, blocks, lags, objective)
 
 
-def _restarted(model: ArmaxModel, prepared: PreparedData) -> _Responses:
-    """Predict and simulate an independent recording, whose past is not on record."""
-    validation = prepared.validation
-    noise_state = estimate_noise_state(model, validation.input, validation.output)
-    return _Responses(
-        input=validation.input,
-        output=validation.output,
-        predicted=model.predict(validation.input, validation.output, noise_state),
-        simulated=_simulated(model, validation),
-        continued=None,
-        unscored=model.orders.first_residual + model.orders.nc,
-    )
-
-
-def _simulated(model: ArmaxModel, validation: Recording) -> NDArray[np.float64]:
-    """Response to the validation input from the state that fits the validation output best."""
-    state = estimate_initial_state(model, validation.input, validation.output)
-    return model.simulate(validation.input, state)
-
-
-def _table(responses: _Responses, recorded: RecordedSeries, sampling_rate: float) -> pd.DataFrame:
-    """Validation samples, time from their first; unscored computed values are missing."""
-    predicted = _scored(responses.predicted, responses.unscored)
-    simulated = _scored(responses.simulated, responses.unscored)
-    return pd.DataFrame(
-        {
-            "time_s": np.arange(responses.output.size) / sampling_rate,
-            "input": responses.input,
-            "output": responses.output,
-            "simulated": simulated,
-            "predicted": predicted,
-            "simulation_error": responses.output - simulated,
-            "prediction_error": responses.output - predicted,
-            "recorded_output": recorded.output,
-            "recorded_simulated": _scored(recorded.simulated, responses.unscored),
-            "recorded_predicted": _scored(recorded.predicted, responses.unscored),
-        }
-    )
-
-
-def _scored(series: NDArray[np.float64], unscored: int) -> NDArray[np.float64]:
-    """The series without its unscored samples, which are NaN."""
-    kept = series.copy()
-    kept[:unscored] = np.nan
-    return kept
+def _coherence(estimation: Recording, settings: SpectrumSettings) -> FrequencyResponse | None:
+    """Empirical frequency response with its coherence; None where no spectrum can be estimated."""
+    try:
+        return multitaper_frequency_response(
+            estimation.input,
+            estimation.output,
+            estimation.sampling_rate,
+            settings.time_halfbandwidth,
+            settings.nfft,
+        )
+    except InputError:
+        return None

@@ -10,8 +10,18 @@ from numpy.typing import NDArray
 from evopem.estimation.pem.kernels.filtering import filter_rows
 from evopem.estimation.pem.least_squares import chunks, triangle_of
 from evopem.models.armax import ArmaxModel
+from evopem.models.parameter_covariance import ParameterCovariance
 
 Array = NDArray[np.float64]
+
+# Singular values of the Jacobian, its columns scaled to unit length, below this share of the
+# largest one count as zero: they come from rounding, and their directions are unidentifiable.
+RANK_TOLERANCE = 1e-10
+# Components of a null vector below this share of its length are rounding.
+COMPONENT_TOLERANCE = 1e-8
+# Residuals smaller than this share of the output are rounding errors: they carry no information
+# about the noise model.
+RESIDUAL_ROUNDING = 1e-12
 
 
 def jacobian_triangle(
@@ -24,31 +34,39 @@ def jacobian_triangle(
 ) -> Array:
     """R of the QR decomposition of the scored residuals' Jacobian, (n + nc, n + nc) or fewer rows.
 
-    With respect to ``[a, b, c]`` and the noise state: ``d e/d a_i = y_F(t-i)``,
-    ``d e/d b_j = -u_F(t-nk-j)``, ``d e/d c_k = -e_F(t-k)`` with signals filtered through 1/C from
-    rest at ``recursion_start`` (Ljung 1999, section 10.3), and impulses
-    there for the noise state.
+    Parameters
+    ----------
+    model : ArmaxModel
+    input, output, residuals : (N,) arrays
+    recursion_start, scoring_start : int
+        First residual, and first one that counts in the loss.
     """
-    blocks = _jacobian_blocks(model, input, output, residuals, recursion_start)
-    return triangle_of(
-        block[max(scoring_start - first, 0) :]
-        for first, block in blocks
-        if first + len(block) > scoring_start
-    )
+    blocks = jacobian_blocks(model, input, output, residuals, recursion_start, scoring_start)
+    return triangle_of(blocks)
 
 
-def _jacobian_blocks(
+def jacobian_blocks(
     model: ArmaxModel,
     input: Array,  # noqa: A002
     output: Array,
     residuals: Array,
     recursion_start: int,
-) -> Iterator[tuple[int, Array]]:
-    """First sample and rows of the Jacobian, chunk by chunk."""
+    scoring_start: int,
+) -> Iterator[Array]:
+    """Jacobian of the scored residuals with respect to parameters and noise state, row by row.
+
+    Yields consecutive blocks of rows, (M, n + nc) arrays.
+
+    For ``[a, b, c]`` and the noise state: ``d e/d a_i = y_F(t-i)``,
+    ``d e/d b_j = -u_F(t-nk-j)``, ``d e/d c_k = -e_F(t-k)`` with signals filtered through 1/C from
+    rest at ``recursion_start`` (Ljung 1999, section 10.3), and impulse responses of 1/C for the
+    noise state.
+    """
     o = model.orders
     samples = len(output)
     impulse = np.zeros(samples)
     impulse[recursion_start] = 1.0
+    residuals = np.where(np.arange(samples) < recursion_start, 0.0, residuals)
     columns = (
         [(output, i, 1.0) for i in range(1, o.na + 1)]
         + [(input, o.nk + j, -1.0) for j in range(o.nb)]
@@ -61,54 +79,85 @@ def _jacobian_blocks(
         for row, (signal, lag, sign) in enumerate(columns):
             filtered[row] = sign * signal[first - lag : stop - lag]
         filter_rows(filtered, model.c, states)
-        yield first, filtered.T
+        if stop > scoring_start:
+            yield filtered.T[max(scoring_start - first, 0) :]
 
 
-def parameter_covariance(
-    triangle: Array, residuals: Array, parameters: int, objective: str
-) -> Array | None:
-    """Asymptotic covariance of the parameters, (n, n), the noise state being estimated as well.
+def estimate_covariance(
+    triangle: Array, residuals: Array, output: Array, parameters: int, nc: int, objective: str
+) -> ParameterCovariance | None:
+    """Asymptotic covariance of the n parameters, the noise state being estimated as well.
 
     None where the density of the residuals at zero, which that of the absolute objective needs,
     cannot be estimated.
 
     ``sigma^2 (J'J)^-1`` for the quadratic objective (Ljung 1999, eq. 9.17), and
     ``(J'J)^-1 / (2 f(0))^2`` for the absolute one, f the density of the residuals (Bassett &
-    Koenker 1978).  What is estimated, noise state included, is taken from the number of residuals.
+    Koenker 1978).  The number of estimates, noise state included, is subtracted from the number
+    of residuals.  Null vectors of J are unidentifiable directions.
 
     Parameters
     ----------
     triangle : (n + nc, n + nc) array
         Of :func:`jacobian_triangle`.
-    residuals : (N,) array
+    residuals, output : (N,) arrays
         The scored ones.
     parameters : int
         n.
+    nc : int
+        Number of C coefficients, the last of the parameters.  Where the residuals are rounding
+        errors of the output, these are not identifiable.
     objective : {"absolute", "quadratic"}
     """
     n, estimated = parameters, triangle.shape[1]
+    inverse, null_space = pseudo_inverse_factor(triangle)
+    if np.linalg.norm(residuals) <= RESIDUAL_ROUNDING * np.linalg.norm(output):
+        unknown = np.zeros((estimated, nc))
+        unknown[n - nc : n] = np.eye(nc)
+        null_space = np.hstack([null_space, unknown])
+    null_space = null_space[:n]
+    null_space = null_space[:, np.any(null_space != 0.0, axis=0)]
+    if objective == "quadratic":
+        deviation = np.sqrt(innovation_variance(residuals, estimated))
+    else:
+        density = density_at_zero(residuals, estimated)
+        if not density > 0.0:
+            return None
+        deviation = 1.0 / (2.0 * density)
+    return ParameterCovariance(deviation * inverse[:n], null_space)
+
+
+def pseudo_inverse_factor(triangle: Array) -> tuple[Array, Array]:
+    """A factor F of the pseudo-inverse ``F F'`` of ``R'R``, and a basis of R's null space.
+
+    Columns of R are scaled to unit length first.
+
+    Parameters
+    ----------
+    triangle : (m, n) array
+        R.
+
+    Returns
+    -------
+    factor : (n, r) array
+        r is the rank of R.
+    null_space : (n, n - r) array
+    """
     scale = np.linalg.norm(triangle, axis=0)
     scale[scale == 0.0] = 1.0
-    # A noise state that has died out before the first scored sample leaves no trace there.
-    inverse = np.linalg.pinv(triangle / scale, rcond=1e-10)
-    information_inverse = ((inverse @ inverse.T) / np.outer(scale, scale))[:n, :n]
-    if objective == "quadratic":
-        spread = innovation_variance(residuals, estimated)
-    else:
-        squared = (2.0 * _density_at_zero(residuals, estimated)) ** 2
-        if squared == 0.0:
-            return None
-        spread = 1.0 / squared
-    covariance: Array = spread * information_inverse
-    return covariance
+    _, singular_values, vectors = np.linalg.svd(triangle / scale)
+    rank = int(np.count_nonzero(singular_values > RANK_TOLERANCE * singular_values[0]))
+    factor = vectors[:rank].T / singular_values[:rank] / scale[:, None]
+    null_vectors = np.where(np.abs(vectors[rank:]) > COMPONENT_TOLERANCE, vectors[rank:], 0.0)
+    return factor, null_vectors.T / scale[:, None]
 
 
 def innovation_variance(residuals: Array, estimated: int) -> float:
-    """Mean square of residuals, less one of them for each number that was estimated."""
+    """Mean square of residuals, their number reduced by one for each estimated number."""
     return float(residuals @ residuals) / max(len(residuals) - estimated, 1)
 
 
-def _density_at_zero(residuals: Array, estimated: int) -> float:
+def density_at_zero(residuals: Array, estimated: int) -> float:
     """Density of the innovations at zero, by a Gaussian kernel of Silverman's width.
 
     A least absolute fit of p numbers makes p residuals vanish (Koenker 2005, section 2.2): they

@@ -2,55 +2,35 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cached_property
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evopem.estimation.pem.arx import fit_arx
-from evopem.estimation.pem.batch_bfgs import Descent, descend
+from evopem.estimation.pem.batch_bfgs import Descent
 from evopem.estimation.pem.objective import PredictionErrorProblem
 from evopem.estimation.search.incremental_order import random_pairs, smaller_orders, with_factor
+from evopem.estimation.search.staged_descent import (
+    DESCENT_STAGES,
+    damped_inverses,
+    polish,
+    stage_weights,
+    staged_descent,
+)
 
 Array = NDArray[np.float64]
 
 # How the individuals of a first population are made.
 INITIALIZATIONS = ("arx", "incremental_order")
 
-MAX_ITERATIONS = 200
-# A pass over the record costs the same for one model as for eight.  Once half of the descents have
-# ended, the others get as many trials again, and keep the point they have reached then.
-WAIT = 1.0
-
-
-class Stage(NamedTuple):
-    """One BFGS run of a descent.
-
-    The smoothing of the absolute value is in units of mean |e|, the weight of the stability barrier
-    in units of the objective, and the tolerance is the relative decrease that ends the run.
-    """
-
-    smoothing: float
-    barrier: float
-    tolerance: float
-
-
-DESCENT_STAGES = (Stage(0.1, 1e-4, 1e-5), Stage(0.01, 1e-7, 1e-9))
-POLISH_STAGES = (Stage(1e-2, 1e-7, 1e-10), Stage(1e-3, 1e-8, 1e-10), Stage(1e-4, 1e-9, 1e-11))
 # Random points of a multistart check times samples, at least.
 MIN_MULTISTART = 2**17
 # Pairs of roots tried for each individual and increment of the order, and those of them that a
 # descent starts from.
 TRIED_PAIRS = 16
 DESCENDED_PAIRS = 2
-# Added to the unit diagonal of a scaled Gauss-Newton matrix, times its size: directions that the
-# data say less about are left to BFGS.
-DAMPING = 1e-12
-# Smallest ratio of a diagonal entry to the largest one at which a coordinate is sensitive.
-SENSITIVE = 1e-60
 
 
 class ArmaxProblem:
@@ -129,9 +109,11 @@ class ArmaxProblem:
 
     def _promise(self, points: Array, value: float) -> Array:
         """Objective that one Gauss-Newton step from each point predicts; inf where infeasible."""
-        smoothing, barriers = self._smoothing(DESCENT_STAGES[0], np.full(len(points), value))
+        smoothing, barriers = stage_weights(
+            self.errors, DESCENT_STAGES[0], np.full(len(points), value), self._scale
+        )
         values, gradients = self.errors.values_and_gradients(points, smoothing, barriers)
-        inverses = _damped_inverses(self.errors.curvatures(points, smoothing, barriers))
+        inverses = damped_inverses(self.errors.curvatures(points, smoothing, barriers))
         return values - 0.5 * np.einsum("ij,ijk,ik->i", gradients, inverses, gradients)
 
     def repair(self, points: Array) -> Array:
@@ -144,45 +126,11 @@ class ArmaxProblem:
 
     def descend(self, points: Array) -> Descent:
         """BFGS from each point, preconditioned by its Gauss-Newton matrix."""
-        return self._stages(points, DESCENT_STAGES)
+        return staged_descent(self.errors, points, DESCENT_STAGES, self._scale)
 
     def polish(self, points: Array) -> Descent:
         """BFGS with ever less smoothing; never worse than the starting points."""
-        polished = self._stages(points, POLISH_STAGES)
-        before = self.values(points)
-        worse = ~(polished.values <= before)
-        polished.points[worse], polished.values[worse] = points[worse], before[worse]
-        return replace(polished, evaluations=polished.evaluations + len(points))
-
-    def _stages(self, points: Array, stages: tuple[Stage, ...]) -> Descent:
-        values = self.values(points)
-        evaluations = len(points)
-        for stage in stages:
-            smoothing, barriers = self._smoothing(stage, values)
-            result = self._bfgs(points, smoothing, barriers, stage.tolerance)
-            points = result.points
-            values = self.values(points)
-            evaluations += 2 * result.evaluations + len(points)
-        return Descent(points, values, result.converged, evaluations)
-
-    def _smoothing(self, stage: Stage, values: Array) -> tuple[Array, Array]:
-        """Smoothing and weight of the barrier for points that start a stage at these values."""
-        smoothing = stage.smoothing * self._mean_absolute(values)
-        return smoothing, stage.barrier * np.minimum(values, self._scale)
-
-    def _bfgs(self, points: Array, smoothing: Array, barriers: Array, tolerance: float) -> Descent:
-        def evaluate(trial: Array, rows: NDArray[np.intp]) -> tuple[Array, Array]:
-            return self.errors.values_and_gradients(trial, smoothing[rows], barriers[rows])
-
-        def inverse_hessians(at: Array, rows: NDArray[np.intp]) -> Array:
-            return _damped_inverses(self.errors.curvatures(at, smoothing[rows], barriers[rows]))
-
-        return descend(evaluate, points, inverse_hessians, MAX_ITERATIONS, tolerance, wait=WAIT)
-
-    def _mean_absolute(self, values: Array) -> Array:
-        """Mean |e| of points from their objective; 1 where they are infeasible or exact."""
-        mean = self.errors.mean_absolute_residuals(values)
-        return np.where(np.isfinite(mean) & (mean > 0.0), mean, 1.0)
+        return polish(self.errors, points, self._scale)
 
 
 def _best_of_each(descents: Descent, count: int) -> tuple[Array, Array]:
@@ -190,20 +138,3 @@ def _best_of_each(descents: Descent, count: int) -> tuple[Array, Array]:
     groups = descents.values.reshape(count, -1)
     best = np.argmin(groups, axis=1) + groups.shape[1] * np.arange(count)
     return descents.points[best], descents.values[best]
-
-
-def _damped_inverses(matrices: Array) -> Array:
-    """Inverses of positive semidefinite matrices, scaled to a unit diagonal and damped."""
-    count = matrices.shape[1]
-    diagonal = np.einsum("ijj->ij", matrices)
-    # Coordinates without any effect, such as a noise state that has decayed, are not changed.
-    sensitive = diagonal > SENSITIVE * diagonal.max(axis=1, keepdims=True)
-    scale = np.where(sensitive, 1.0 / np.sqrt(np.where(sensitive, diagonal, 1.0)), 0.0)
-    scaled = matrices * scale[:, :, None] * scale[:, None, :]
-    finite = np.isfinite(scaled).all(axis=(1, 2))
-    scaled[~finite] = np.eye(count)
-    scale[~finite] = 1.0
-    np.einsum("ijj->ij", scaled)[:] = 1.0 + DAMPING * count
-    inverses = np.linalg.inv(scaled)
-    damped: Array = np.asarray(inverses + np.swapaxes(inverses, 1, 2), dtype=float)
-    return 0.5 * damped * scale[:, :, None] * scale[:, None, :]

@@ -31,6 +31,8 @@ from evopem.estimation.search.problem import (
 
 Array = NDArray[np.float64]
 
+Recombination = Callable[[Array, int, np.random.Generator], tuple[Array, int]]
+
 REFINE = ("worst", "all", "best", "random")
 
 # Restarts that must end at the lowest value, and be at least half of all, before the check.
@@ -44,6 +46,7 @@ def memetic_search(
     log: Callable[[str], None] | None = None,
     known_minimum: float = np.inf,
     agreeing_restarts: int = AGREEING_RESTARTS,
+    recombine: Recombination | None = None,
 ) -> SearchResult:
     """Minimise an objective globally.
 
@@ -61,6 +64,9 @@ def memetic_search(
         search.
     agreeing_restarts : int
         Restarts that must end at the lowest value before the search stops early.
+    recombine : callable, optional
+        ``recombine(parents, count, generator)``: offspring, (count, n), of parents, (mu, n), and
+        the evaluations that they took.  :func:`discrete_recombination` by default.
 
     Raises
     ------
@@ -85,7 +91,7 @@ def memetic_search(
         spent += used + len(parents)
         while True:
             parents, values, used, descents = _generation(
-                problem, settings, parents, values, generator
+                problem, settings, parents, values, generator, recombine
             )
             spent += used
             generations += 1
@@ -150,9 +156,12 @@ def _generation(
     parents: Array,
     values: Array,
     generator: np.random.Generator,
+    recombine: Recombination | None,
 ) -> tuple[Array, Array, int, list[float]]:
     """Recombine, evaluate, refine by BFGS, and select."""
-    offspring = problem.repair(_recombine(parents, settings.lambda_, generator))
+    recombine = recombine or discrete_recombination
+    recombined, used = recombine(parents, settings.lambda_, generator)
+    offspring = problem.repair(recombined)
     offspring_values = problem.values(offspring)
     chosen = _chosen(offspring_values, settings, generator)
     refined = problem.descend(offspring[chosen])
@@ -163,16 +172,18 @@ def _generation(
     return (
         pool[selected],
         pool_values[selected],
-        len(offspring) + refined.evaluations,
+        used + len(offspring) + refined.evaluations,
         converged_values(refined),
     )
 
 
-def _recombine(parents: Array, count: int, generator: np.random.Generator) -> Array:
-    """Discrete recombination: each coordinate from one of two parents drawn at random."""
+def discrete_recombination(
+    parents: Array, count: int, generator: np.random.Generator
+) -> tuple[Array, int]:
+    """Offspring with each coordinate from one of two random parents; no evaluations."""
     pairs = generator.integers(len(parents), size=(2, count))
     from_first = generator.random((count, parents.shape[1])) < 0.5
-    return np.where(from_first, parents[pairs[0]], parents[pairs[1]])
+    return np.where(from_first, parents[pairs[0]], parents[pairs[1]]), 0
 
 
 def _chosen(

@@ -35,10 +35,35 @@ def modes(results: DatasetResults, rows: Sequence[ModeRow]) -> list[str]:
     for place, row in enumerate(rows, start=1):
         if row.estimate is not None:
             sentences += _remarks(row.estimate, place, transforms.estimation_samples / rate, rate)
+    sentences += _origins(results, rows)
     missed = [row.truth for row in rows if row.estimate is None and row.truth is not None]
     if missed:
         sentences += _missed(missed, transforms)
     return [" ".join(sentences)] if sentences else []
+
+
+def _origins(results: DatasetResults, rows: Sequence[ModeRow]) -> list[str]:
+    """Which modes the input drives, which belong to the noise, and which recur at other orders."""
+    numbers = {row.estimate.pole: n for n, row in enumerate(rows, start=1) if row.estimate}
+    tested = results.validation.modes
+    judged = [(numbers[each.mode.pole], each) for each in tested if each.mode.pole in numbers]
+    sentences = []
+    for origin, words in (
+        ("input", "respond to the input on the validation samples"),
+        ("noise", "do not respond to the input; the noise model needs them"),
+        ("neither", "neither respond to the input nor does the noise model need them"),
+        ("not judged", "could not be tested for a response to the input"),
+    ):
+        places = [str(place) for place, each in judged if each.origin == origin]
+        if places:
+            sentences.append(f"Of the modes, {enumeration(places)} {words}.")
+    unstable = [str(place) for place, each in judged if each.stable is False]
+    if unstable:
+        verb = "is" if len(unstable) == 1 else "are"
+        sentences.append(
+            f"Of the modes, {enumeration(unstable)} {verb} not found again at most other orders."
+        )
+    return sentences
 
 
 def _remarks(mode: Mode, place: int, duration: float, sampling_rate: float) -> list[str]:

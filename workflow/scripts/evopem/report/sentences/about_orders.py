@@ -13,7 +13,7 @@ from evopem.report.chapter import (
     ORDER_OF_C,
     stands_in_for_the_chapter,
 )
-from evopem.report.numbers import enumeration, hertz, number, percent, plural
+from evopem.report.numbers import THIN, enumeration, hertz, number, percent, plural
 from evopem.results.dataset import DatasetResults
 
 Order = Literal["na", "nb", "nc"]
@@ -86,7 +86,8 @@ def stabilization(results: DatasetResults) -> list[str]:
         return [f"{lead} no pole is stable over {PERSISTENT_ORDERS} successive orders."]
     return [
         f"{lead} poles at {enumeration([hertz(frequency) for frequency in persistent])} are stable,"
-        f" within 1 % in frequency and 10 % in damping, over {PERSISTENT_ORDERS} orders or more."
+        f" within 1{THIN}% in frequency and 10{THIN}% in damping, over {PERSISTENT_ORDERS}"
+        " orders or more."
     ]
 
 

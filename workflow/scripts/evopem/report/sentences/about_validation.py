@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from evopem.report.numbers import count, is_number, number, p_value, percent, plural
+from evopem.report.numbers import count, is_number, number, p_value, percent, plural, times
 from evopem.results.dataset import DatasetResults
-from evopem.validation.residual_tests import LjungBox
+from evopem.signals.preparation import Transforms
+from evopem.validation.residual_tests import WhitenessTest
 from evopem.validation.validation import CrossCorrelationTest, Validation
 
 
@@ -30,12 +31,13 @@ def _autocorrelation(validation: Validation) -> str:
     )
 
 
-def _ljung_box(test: LjungBox) -> str:
+def _ljung_box(test: WhitenessTest) -> str:
     if not is_number(test.p_value):
         return "The Ljung-Box test was not possible."
     return (
-        f"The Ljung-Box statistic over {count(test.lags)} lags is {number(test.statistic, 4)} with"
-        f" {count(test.degrees_of_freedom)} degrees of freedom: {p_value(test.p_value)}."
+        f"The Ljung-Box statistic over {count(test.lags)} lags is {number(test.statistic, 4)};"
+        f" {number(test.expected, 4)} is expected of white innovations after this fit:"
+        f" {p_value(test.p_value)}."
     )
 
 
@@ -55,7 +57,7 @@ def simulation(results: DatasetResults) -> list[str]:
     validation = results.validation
     sentences = [
         "The simulation uses the input alone. Its error is"
-        f" {percent(validation.simulation_error_percent)} of the norm of the measured output"
+        f" {percent(validation.simulation_error_percent)} of the deviation of the measured output"
         f" ({percent(validation.simulation_fit_percent)} NRMSE fit) over"
         f" {plural(validation.samples, 'validation sample')}. It starts from the initial state that"
         " fits these samples best, as in MATLAB's compare; their output is not used otherwise."
@@ -67,9 +69,39 @@ def simulation(results: DatasetResults) -> list[str]:
             f" {percent(validation.continued_simulation_error_percent)}. It is affected by the"
             " noise that has changed the state in between."
         )
+    sentences += _recorded(results)
     if validation.unscored_samples:
         sentences.append(
             f"The first {plural(validation.unscored_samples, 'sample')} have no complete past and"
             " are not scored."
         )
     return [" ".join(sentences)]
+
+
+def output_transformed(transforms: Transforms) -> bool:
+    """Whether the prepared output differs from the recorded one by more than its mean."""
+    return transforms.box_cox is not None or transforms.difference > 0
+
+
+def _recorded(results: DatasetResults) -> list[str]:
+    """The simulation in recorded units, where transforms make that another quantity."""
+    recorded = results.validation.recorded
+    if not output_transformed(results.model.transforms):
+        return []
+    text = (
+        "In the units of the recording the one-step error is"
+        f" {percent(recorded.prediction_error_percent)} and the error of the simulation"
+        f" {percent(recorded.simulation_error_percent)}."
+    )
+    if recorded.integrations:
+        text += (
+            " The inverse of differencing integrates the error of the simulation"
+            f" {times(recorded.integrations)}. This error drifts, and depends more on the length of"
+            " the recording than on the model."
+        )
+    if recorded.undefined_samples:
+        text += (
+            f" {plural(recorded.undefined_samples, 'simulated sample')} outside the range of the"
+            " Box-Cox transform have no recorded value."
+        )
+    return [text]

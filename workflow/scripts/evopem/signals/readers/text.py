@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.errors import InputError
-from evopem.signals.readers.channels import Channel, Reference, find_channel
+from evopem.signals.readers.channels import Channel, Reference, find_channel, library
 from evopem.signals.readers.text_dialect import (
     Dialect,
     choose_dialect,
@@ -240,7 +240,7 @@ def _refuse_field(path: Path, text: str, dialect: Dialect, line: int, column: in
 
 
 def _dates(path: Path, fields: list[str], rows: Sequence[Row], column: int) -> NDArray:
-    import pandas as pd
+    pandas = library("pandas", path)
 
     for index, text in enumerate(fields):
         if not is_date(text):
@@ -252,7 +252,7 @@ def _dates(path: Path, fields: list[str], rows: Sequence[Row], column: int) -> N
                 f"line {rows[index][0]}, column {column + 1}",
             )
     try:
-        stamps = pd.to_datetime(
+        stamps = pandas.to_datetime(
             [text.strip().replace(",", ".") for text in fields], format="ISO8601", utc=True
         )
     except ValueError as error:

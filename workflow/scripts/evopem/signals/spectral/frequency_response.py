@@ -86,6 +86,16 @@ def multitaper_frequency_response(
     ------
     InputError
         When the settings do not fit each other or the signals, or a signal is constant.
+
+    Examples
+    --------
+    >>> from evopem.synthesis.armax import armax, true_model
+    >>> recording, _ = armax(seed=1, samples=4000)
+    >>> found = multitaper_frequency_response(recording.input, recording.output, 100.0, nfft=512)
+    >>> frequency = found.frequencies[100]
+    >>> gain = abs(true_model().frequency_response(frequency))
+    >>> bool(found.gain_lower[100] < gain < found.gain_upper[100])
+    True
     """
     from scipy.stats import t as student
 

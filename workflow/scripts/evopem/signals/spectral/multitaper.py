@@ -99,6 +99,17 @@ def multitaper_spectrum(
     ------
     InputError
         When the settings do not fit each other or the signal, or the signal is constant.
+
+    Examples
+    --------
+    >>> from evopem.synthesis.armax import armax
+    >>> recording, _ = armax(seed=1, samples=1000)
+    >>> spectrum = multitaper_spectrum(recording.output, 100.0, nfft=1024)
+    >>> spectrum.tapers, spectrum.resolution_hz
+    (7, 0.8)
+    >>> integral = spectrum.density.sum() * spectrum.frequencies[1]
+    >>> bool(np.isclose(integral, np.var(recording.output)))
+    True
     """
     layout = Tapering.of(signal.size, sampling_rate, time_halfbandwidth, nfft)
     centred = signal - signal.mean()

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from evopem.validation.checks.check import SIGNIFICANCE, Check, p_text
-from evopem.validation.checks.excitation import excitation, response_to_input
+from evopem.validation.checks.excitation import comparable_split, excitation, response_to_input
 from evopem.validation.checks.recording import saturation
 from evopem.validation.checks.residuals import input_independence, outliers, whiteness
 from evopem.validation.checks.roots import (
@@ -67,7 +67,8 @@ def checks(
         stability_bound(model),
         repeatability(model.search.diagnostics),
         excitation(validation),
-        response_to_input(model),
+        response_to_input(validation),
+        comparable_split(validation),
         outliers(model, validation),
         saturation(recording),
     ]

@@ -4,14 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-from scipy.special import chdtrc
-
-from evopem.models.root_covariance import parameter_covariance
 from evopem.validation.checks.check import SIGNIFICANCE, Check, p_text
 
 if TYPE_CHECKING:
-    from evopem.estimation.model_record import ModelRecord
     from evopem.validation.validation import Validation
 
 
@@ -31,27 +26,55 @@ def excitation(validation: Validation) -> Check:
     )
 
 
-def response_to_input(model: ModelRecord) -> Check:
-    """Wald test of the hypothesis B = 0."""
+def response_to_input(validation: Validation) -> Check:
+    """The response to the input significant on samples that were not used for estimation."""
     name = "Response to the input significant"
-    poles, b = model.orders.na, model.b
-    covariance = parameter_covariance(model.covariance, poles + b.size)
-    if covariance is None:
+    test = validation.input_test
+    passed = test.significant(SIGNIFICANCE)
+    if passed is None:
         return Check(
             name,
             None,
-            "There is no Wald test of B = 0: the covariance of the parameters is not known.",
-            "Lower the orders, or use a longer record.",
+            f"The response to the input could not be tested on {test.samples} validation samples.",
+            "Leave at least 50 samples to validation.",
         )
-    of_b = covariance[poles:, poles:]
-    p_value = float(chdtrc(b.size, b @ np.linalg.pinv(of_b, hermitian=True) @ b))
-    passed = p_value < SIGNIFICANCE
     return Check(
         name,
         passed,
-        f"Wald test of B = 0: {p_text(p_value)}.",
+        "Regression of the measured on the simulated output over"
+        f" {test.samples} validation samples: coefficient {test.coefficient:.3g},"
+        f" {p_text(test.p_value)}.",
         ""
         if passed
         else "The model does not describe a response to this input. Check that the channels belong"
         " to the same system and have the same time axis, and search longer delays (“delay.nk”).",
+    )
+
+
+def comparable_split(validation: Validation) -> Check:
+    """The validation input has power only where the estimation input has power as well."""
+    name = "Validation input comparable"
+    split = validation.split
+    if split.comparable is None:
+        return Check(
+            name,
+            None,
+            "The spectra of the input in the two parts could not be compared: a part is too short"
+            " or constant.",
+            "Leave more samples to validation.",
+        )
+    bands = ", ".join(f"{low:.3g} to {high:.3g} Hz" for low, high in split.bands_hz[:4])
+    statement = (
+        f"{100 * split.share_outside:.2g} % of the power of the validation input lies where the"
+        " estimation input has none"
+    )
+    return Check(
+        name,
+        split.comparable,
+        f"{statement}{f' ({bands})' if bands else ''}.",
+        ""
+        if split.comparable
+        else "The validation errors measure extrapolation. Divide the recording differently"
+        " (“split”), or give an independent recording with the same kind of input"
+        " (“validation_file”).",
     )

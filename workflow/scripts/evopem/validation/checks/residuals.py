@@ -32,8 +32,8 @@ def whiteness(validation: Validation) -> Check:
             name,
             None,
             "The residual autocorrelation or its Ljung-Box test could not be computed: there are"
-            f" {validation.residual_samples} residuals, and {test.degrees_of_freedom} degrees of"
-            " freedom are left.",
+            f" {validation.residual_samples} residuals, and their fit leaves an expected statistic"
+            f" of {test.expected:.3g}.",
             "Use a longer record or fewer parameters.",
         )
     # The autocorrelations of white noise are nearly independent, so the share is binomial; three

@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.models.polynomials import root_gradient
-from evopem.models.root_covariance import CHI_SQUARE_95, parameter_covariance
+from evopem.models.root_covariance import CHI_SQUARE_95
 from evopem.validation.checks.check import Check
 
 if TYPE_CHECKING:
     from evopem.estimation.model_record import ModelRecord
+    from evopem.models.parameter_covariance import ParameterCovariance
 
 Array = NDArray[np.float64]
 Roots = NDArray[np.complex128]
@@ -95,7 +96,8 @@ def cancellation(model: ModelRecord) -> Check:
         "The pair hardly affects the frequency response: lower na and nb by one (a real pair) or"
         " two (a complex pair) and compare the BIC."
     )
-    covariance = parameter_covariance(model.covariance, poles.size + model.b.size)
+    known = model.covariance_factor
+    covariance = None if known is None else known.part(slice(poles.size + model.b.size))
     if covariance is None:
         if distance < COINCIDENT_DISTANCE:
             return Check(name, False, f"{nearest} only {distance:.2g} apart.", advice)
@@ -129,7 +131,9 @@ def cancellation(model: ModelRecord) -> Check:
     )
 
 
-def _indistinguishable(pole: complex, zero: complex, a: Array, b: Array, covariance: Array) -> bool:
+def _indistinguishable(
+    pole: complex, zero: complex, a: Array, b: Array, covariance: ParameterCovariance
+) -> bool:
     """Whether the 95 % confidence region of pole minus zero contains 0."""
     with np.errstate(divide="ignore", invalid="ignore"):
         gradient = np.concatenate([root_gradient(a, pole)[1:], -root_gradient(b, zero)])
@@ -142,7 +146,9 @@ def _indistinguishable(pole: complex, zero: complex, a: Array, b: Array, covaria
     else:
         jacobian = np.vstack([gradient.real, gradient.imag])
         offset = np.array([difference.real, difference.imag])
-    spread = jacobian @ covariance @ jacobian.T
+    spread = covariance.of(jacobian)
+    if not np.all(np.isfinite(spread)):
+        return True  # the data do not determine their distance
     statistic = float(offset @ np.linalg.pinv(spread, hermitian=True) @ offset)
     return statistic < CHI_SQUARE_95[offset.size]
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 import hashlib
 import logging
 import os
+import sys
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -111,4 +112,7 @@ class _FolderCache(caching.FunctionCache):
 
 @cache
 def _announce(process: int) -> None:  # noqa: ARG001 - once a process
-    LOGGER.warning("compiling the numerical kernels, once after an installation: about 10 seconds")
+    """Say on standard error, and in the log of a job, why the first search takes longer."""
+    message = "compiling the numerical kernels (about 10 s, once after an installation)"
+    sys.stderr.write(f"evopem: {message}\n")
+    LOGGER.info(message)

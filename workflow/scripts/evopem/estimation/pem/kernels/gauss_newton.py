@@ -126,7 +126,7 @@ def _keep_ends(workspace, segment, history, at, ends):
 
 
 @njit
-def _forget_decayed(table, row, size):
+def forget_decayed(table, row, size):
     """Zero the lanes of a stretch that died out: denormal numbers are a hundred times slower."""
     for lane in range(LANES):
         largest = 0.0
@@ -181,7 +181,7 @@ def _gauss_newton(record, workspace, lag_sums):
         for signal in range(4):
             for row in range(signal * segment, signal * segment + history):
                 store(table, row, load(table, row + end - begin))
-        _forget_decayed(table, 3 * segment, history)
+        forget_decayed(table, 3 * segment, history)
     minus = constant(-1.0)
     for one in range(4):
         for other in range(one, 4):

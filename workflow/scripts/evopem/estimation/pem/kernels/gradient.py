@@ -56,19 +56,20 @@ def _slopes(record, workspace, absolute, slope, begin, end, s):
 
 
 @njit
-def _filter_block_back(parameters, c, nc, slope, row):
+def filter_block_back(parameters, c, nc, slope, row):
     """Filter rows ``row ... row - 3`` backwards through 1/C in place, and return them."""
     s0, s1 = load(slope, row), load(slope, row - 1)
     s2, s3 = load(slope, row - 2), load(slope, row - 3)
+    q = row + nc
+    w0, w1, w2 = load(slope, q), load(slope, q - 1), load(slope, q - 2)
     for k in range(nc - 1, MIN_NC - 1, -1):
-        p, q = load(parameters, c + k), row + 1 + k
-        s0, s1 = fma(p, load(slope, q), s0), fma(p, load(slope, q - 1), s1)
-        s2, s3 = fma(p, load(slope, q - 2), s2), fma(p, load(slope, q - 3), s3)
+        p, w3 = load(parameters, c + k), load(slope, row - 2 + k)
+        s0, s1, s2, s3 = fma(p, w0, s0), fma(p, w1, s1), fma(p, w2, s2), fma(p, w3, s3)
+        w0, w1, w2 = w1, w2, w3
     c1, c2, c3 = load(parameters, c), load(parameters, c + 1), load(parameters, c + 2)
-    n1, n2, n3 = load(slope, row + 1), load(slope, row + 2), load(slope, row + 3)
-    s0 = fma(c1, n1, fma(c2, n2, fma(c3, n3, s0)))
-    s1 = fma(c1, s0, fma(c2, n1, fma(c3, n2, s1)))
-    s2 = fma(c1, s1, fma(c2, s0, fma(c3, n1, s2)))
+    s0 = fma(c1, w2, fma(c2, w1, fma(c3, w0, s0)))
+    s1 = fma(c1, s0, fma(c2, w2, fma(c3, w1, s1)))
+    s2 = fma(c1, s1, fma(c2, s0, fma(c3, w2, s2)))
     s3 = fma(c1, s2, fma(c2, s1, fma(c3, s0, s3)))
     store(slope, row, s0)
     store(slope, row - 1, s1)
@@ -88,8 +89,8 @@ def _sweep_back(record, parameters, e, slope, begin, end, gradient):
     zero = constant(0.0)
     c = na + nb
     for t in range(end - 1, begin, -2 * BLOCK):
-        s0, s1, s2, s3 = _filter_block_back(parameters, c, nc, slope, t - begin)
-        s4, s5, s6, s7 = _filter_block_back(parameters, c, nc, slope, t - begin - BLOCK)
+        s0, s1, s2, s3 = filter_block_back(parameters, c, nc, slope, t - begin)
+        s4, s5, s6, s7 = filter_block_back(parameters, c, nc, slope, t - begin - BLOCK)
         for i in range(na):
             q = t - 1 - i
             even = fma(s2, sample(y, q - 2), fma(s0, sample(y, q), load(gradient, i)))

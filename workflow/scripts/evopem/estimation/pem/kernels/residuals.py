@@ -30,15 +30,16 @@ from evopem.estimation.pem.kernels.stability import feasible_rows
 @njit
 def filter_block(parameters, c, nc, s0, s1, s2, s3, filtered, row):
     """Filter four samples through 1/C into rows ``row ... row + 3``; the nc before are known."""
+    q = row - nc
+    w0, w1, w2 = load(filtered, q), load(filtered, q + 1), load(filtered, q + 2)
     for k in range(nc - 1, MIN_NC - 1, -1):
-        p, q = load(parameters, c + k), row - 1 - k
-        s0, s1 = fma(p, load(filtered, q), s0), fma(p, load(filtered, q + 1), s1)
-        s2, s3 = fma(p, load(filtered, q + 2), s2), fma(p, load(filtered, q + 3), s3)
+        p, w3 = load(parameters, c + k), load(filtered, row + 2 - k)
+        s0, s1, s2, s3 = fma(p, w0, s0), fma(p, w1, s1), fma(p, w2, s2), fma(p, w3, s3)
+        w0, w1, w2 = w1, w2, w3
     c1, c2, c3 = load(parameters, c), load(parameters, c + 1), load(parameters, c + 2)
-    e1, e2, e3 = load(filtered, row - 1), load(filtered, row - 2), load(filtered, row - 3)
-    s0 = fma(c1, e1, fma(c2, e2, fma(c3, e3, s0)))
-    s1 = fma(c1, s0, fma(c2, e1, fma(c3, e2, s1)))
-    s2 = fma(c1, s1, fma(c2, s0, fma(c3, e1, s2)))
+    s0 = fma(c1, w2, fma(c2, w1, fma(c3, w0, s0)))
+    s1 = fma(c1, s0, fma(c2, w2, fma(c3, w1, s1)))
+    s2 = fma(c1, s1, fma(c2, s0, fma(c3, w2, s2)))
     s3 = fma(c1, s2, fma(c2, s1, fma(c3, s0, s3)))
     store(filtered, row, s0)
     store(filtered, row + 1, s1)

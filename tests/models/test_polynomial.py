@@ -1,0 +1,163 @@
+"""Polynomial models against difference equations and SciPy."""
+
+import numpy as np
+import pytest
+from scipy import signal
+
+from evopem.models.polynomial import PolynomialModel
+from evopem.models.polynomial_states import (
+    estimate_prediction_states,
+    estimate_simulation_state,
+)
+from evopem.models.structures import STRUCTURES, PolynomialOrders, orders_of
+
+ONE = np.ones(1)
+MODEL = PolynomialModel(
+    a=np.array([1.0, -0.6]),
+    b=np.array([1.0, 0.4, -0.2]),
+    c=np.array([1.0, 0.5, 0.3]),
+    d=np.array([1.0, -0.7]),
+    f=np.poly([0.9 * np.exp(0.7j), 0.9 * np.exp(-0.7j)]).real,
+    nk=2,
+    sampling_rate=50.0,
+    level=0.3,
+)
+
+
+def record(model, samples=300, noise=0.2, seed=1):
+    u, e = np.random.default_rng(seed).standard_normal((2, samples))
+    y = model.simulate(u) + signal.lfilter(model.c, model.noise_denominator, noise * e)
+    return u, y, noise * e
+
+
+def test_residuals_are_the_innovations_that_made_the_output():
+    u, y, e = record(MODEL, 2000)
+    plant, noise = estimate_prediction_states(MODEL, u, y)
+    residuals = MODEL.residuals(u, y, plant, noise)
+    assert np.isnan(residuals[:4]).all()
+    np.testing.assert_allclose(residuals[200:], e[200:], atol=1e-9)
+
+
+@pytest.mark.parametrize("horizon", [1, 2, 5, 12])
+def test_a_prediction_is_the_mean_of_the_future_given_the_past(horizon):
+    """Run the model on from the sample ``horizon`` before, without further innovations."""
+    u, y, e = record(MODEL, 120)
+    predicted = MODEL.predict(u, y, horizon)
+    # The same past as the predictor's: nothing before the first residual.
+    first = MODEL.orders.first_residual
+    e = np.nan_to_num(MODEL.residuals(u, y))
+    x = np.zeros(len(u))
+    x[first:] = signal.lfilter(ONE, MODEL.f, signal.lfilter(MODEL.delayed_b, ONE, u)[first:])
+    for t in (60, 90, 119):
+        known = t - horizon
+        innovations = np.where(np.arange(len(u)) <= known, e, 0.0)
+        noise = np.zeros(len(u))
+        noise[first:] = signal.lfilter(MODEL.c, MODEL.d, innovations[first:])
+        future = y.copy()
+        for s in range(known + 1, t + 1):
+            future[s] = x[s] + noise[s] + MODEL.level - MODEL.a[1] * future[s - 1]
+        assert predicted[t] == pytest.approx(future[t], abs=1e-9)
+
+
+def test_one_step_prediction_leaves_the_residuals():
+    u, y, _ = record(MODEL)
+    predicted = MODEL.predict(u, y)
+    np.testing.assert_allclose((y - predicted)[4:], MODEL.residuals(u, y)[4:], atol=1e-12)
+
+
+def test_a_prediction_over_a_long_horizon_is_the_simulation():
+    u, y, _ = record(MODEL, 600)
+    plant, noise = estimate_prediction_states(MODEL, u, y)
+    far = MODEL.predict(u, y, 500, plant, noise)
+    np.testing.assert_allclose(far[-50:], MODEL.simulate(u)[-50:], atol=1e-6)
+
+
+def test_simulation_follows_the_difference_equations():
+    u, _, _ = record(MODEL, 200)
+    x, y = np.zeros((2, 200))
+    for t in range(200):
+        x[t] = sum(MODEL.b[j] * u[t - 2 - j] for j in range(3) if t - 2 - j >= 0)
+        x[t] -= sum(MODEL.f[k] * x[t - k] for k in (1, 2) if t >= k)
+        y[t] = x[t] - (MODEL.a[1] * y[t - 1] if t else 0.0)
+    np.testing.assert_allclose(MODEL.simulate(u), y + 0.3 / 0.4, atol=1e-9)
+
+
+def test_the_initial_state_is_found_from_a_stretch():
+    u, _, _ = record(MODEL, 400)
+    whole = MODEL.simulate(u)
+    state = estimate_simulation_state(MODEL, u[100:], whole[100:])
+    np.testing.assert_allclose(MODEL.simulate(u[100:], state), whole[100:], atol=1e-8)
+
+
+def test_responses_are_scipys():
+    plant = MODEL.to_scipy()
+    frequencies = np.linspace(0.1, 24.0, 20)
+    _, expected = signal.freqz(MODEL.delayed_b, MODEL.plant_denominator, worN=frequencies, fs=50.0)
+    np.testing.assert_allclose(MODEL.frequency_response(frequencies), expected, rtol=1e-9)
+    _, expected = signal.freqz(MODEL.c, MODEL.noise_denominator, worN=frequencies, fs=50.0)
+    np.testing.assert_allclose(MODEL.noise_response(frequencies), expected, rtol=1e-9)
+    _, (impulse,) = signal.dimpulse(plant, n=40)
+    _, (step,) = signal.dstep(plant, n=40)
+    np.testing.assert_allclose(MODEL.impulse_response(40), impulse[:, 0], atol=1e-9)
+    np.testing.assert_allclose(MODEL.step_response(40), step[:, 0], atol=1e-9)
+
+
+def test_poles_and_zeros_of_plant_and_noise():
+    np.testing.assert_allclose(
+        np.sort_complex(MODEL.poles()),
+        np.sort_complex([0.6, 0.9 * np.exp(0.7j), 0.9 * np.exp(-0.7j)]),
+        atol=1e-12,
+    )
+    np.testing.assert_allclose(np.sort(MODEL.noise_poles().real), [0.6, 0.7], atol=1e-12)
+    np.testing.assert_allclose(np.poly(MODEL.zeros()).real, [1.0, 0.4, -0.2], atol=1e-12)
+    np.testing.assert_allclose(np.poly(MODEL.noise_zeros()).real, MODEL.c, atol=1e-12)
+    (mode,) = MODEL.modes()
+    assert mode.pole == pytest.approx(0.9 * np.exp(0.7j))
+    assert MODEL.noise_modes() == []
+
+
+@pytest.mark.parametrize(
+    ("structure", "tuple_of_orders", "expected"),
+    [
+        ("fir", (5, 1), {"nb": 5, "nk": 1}),
+        ("arx", (2, 3, 1), {"na": 2, "nb": 3, "nk": 1}),
+        ("arma", (2, 1), {"na": 2, "nc": 1}),
+        ("armax", (2, 3, 1, 0), {"na": 2, "nb": 3, "nc": 1, "nk": 0}),
+        ("ararx", (2, 3, 4, 1), {"na": 2, "nb": 3, "nd": 4, "nk": 1}),
+        ("ararmax", (2, 3, 1, 4, 1), {"na": 2, "nb": 3, "nc": 1, "nd": 4, "nk": 1}),
+        ("oe", (4, 3, 1), {"nb": 4, "nf": 3, "nk": 1}),
+        ("bj", (4, 2, 1, 3, 1), {"nb": 4, "nc": 2, "nd": 1, "nf": 3, "nk": 1}),
+        ("general", (1, 2, 3, 4, 5, 6), dict(zip(STRUCTURES["general"], range(1, 7), strict=True))),
+    ],
+)
+def test_orders_come_as_matlabs_tuples_or_as_mappings(structure, tuple_of_orders, expected):
+    orders = orders_of(structure, tuple_of_orders)
+    assert orders == orders_of(structure, expected) == PolynomialOrders(**expected)
+    assert orders_of(structure, orders) == orders
+
+
+@pytest.mark.parametrize(
+    ("structure", "orders", "message"),
+    [
+        ("tf", (1, 1), "structure must be one of"),
+        ("oe", (1, 1), r"takes the orders \(nb, nf, nk\)"),
+        ("oe", {"nb": 1, "nc": 2}, "has the orders nb, nf, nk, not nc"),
+        ("oe", {"nb": 0, "nf": 2}, "nb = 0"),
+        ("arx", {"na": -1, "nb": 1}, "negative order"),
+        ("arx", {"na": 1.5, "nb": 1}, "na must be a whole number"),
+        ("fir", {}, "no parameter"),
+    ],
+)
+def test_orders_that_make_no_sense_are_refused(structure, orders, message):
+    with pytest.raises(ValueError, match=message):
+        orders_of(structure, orders)
+
+
+def test_orders_name_their_structure_and_contain_smaller_ones():
+    assert PolynomialOrders(nb=2, nf=2).structure == "oe"
+    assert PolynomialOrders(na=2, nb=2, nc=1, nk=1).structure == "armax"
+    assert PolynomialOrders(na=2, nb=2, nf=1).structure == "general"
+    larger = PolynomialOrders(nb=4, nc=1, nd=1, nf=3, nk=1)
+    assert larger.contains(PolynomialOrders(nb=2, nf=3, nk=2))
+    assert not larger.contains(PolynomialOrders(nb=4, nf=3, nk=2))
+    assert not larger.contains(PolynomialOrders(na=1, nb=1, nk=1))

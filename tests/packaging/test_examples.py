@@ -1,0 +1,49 @@
+"""Public functions have examples, which `make test` runs as doctests."""
+
+import inspect
+
+import pytest
+
+import evopem
+from evopem.config import order_grid
+from evopem.files import json_form
+from evopem.models import armax as armax_models
+from evopem.signals import transforms
+from evopem.signals.spectral import frequency_response, multitaper
+from evopem.synthesis import armax, flexible_arm, synthesize
+
+METHODS = (
+    "simulate",
+    "predict",
+    "residuals",
+    "frequency_response",
+    "noise_response",
+    "modes",
+    "to_scipy",
+)
+FUNCTIONS = [
+    evopem.estimate,
+    evopem.load,
+    armax_models.Orders,
+    armax_models.ArmaxModel,
+    *(getattr(armax_models.ArmaxModel, name) for name in METHODS),
+    *(value for _, value in inspect.getmembers(transforms, inspect.isfunction)),
+    multitaper.multitaper_spectrum,
+    frequency_response.multitaper_frequency_response,
+    order_grid.candidate_orders,
+    order_grid.scoring_window,
+    json_form.to_json,
+    json_form.from_json,
+    json_form.load,
+    synthesize,
+    armax.armax,
+    flexible_arm.flexible_arm,
+]
+
+
+@pytest.mark.parametrize("function", FUNCTIONS, ids=lambda each: each.__qualname__)
+def test_a_public_function_has_an_example(function):
+    sections = inspect.getdoc(function).partition("\nExamples\n--------\n")
+    assert ">>> " in sections[2]
+    # An example that is skipped proves nothing.
+    assert "+SKIP" not in sections[2]

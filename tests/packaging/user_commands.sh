@@ -1,0 +1,64 @@
+#!/usr/bin/env bash
+# What a user runs, as the README prints it: in a fresh copy of the checkout and in the environment
+# that `make report` makes from requirements.lock, which has nothing of the development.
+set -euo pipefail
+trap 'echo "user_commands.sh: line $LINENO failed" >&2' ERR
+cd "$(dirname "$0")/../.."
+
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+checkout=$work/checkout
+mkdir "$checkout" "$work/own"
+git ls-files -z | tar --create --null --files-from - | tar --extract --directory "$checkout"
+
+cat >"$work/own/config.yaml" <<'YAML'
+defaults:
+  split: {discard: 20}
+  spectrum: {nfft: 512}
+  delay: {orders: [3, 3], nk: [2, 3]}
+  orders: {joint: [3, 4], nc: [2, 3], nb: [3, 3]}
+  search: {evaluations: 500}
+datasets:
+  truth: {synthesis: armax, samples: 700}
+YAML
+cp "$work/own/config.yaml" "$checkout/config.yaml"
+
+say() { printf '\n== %s\n' "$*"; }
+
+say "make report"
+make -C "$checkout" report 2>&1 | tee "$work/first.log"
+# The first search after an installation says once that it compiles.
+[[ $(grep -c "evopem: compiling" "$work/first.log") -eq 1 ]]
+[[ -s $checkout/results/truth/report.html ]]
+# The lock file and not a developer's environment.
+[[ ! -e $checkout/.venv/bin/pytest ]]
+"$checkout/.venv/bin/python" -m pip check
+
+cd "$work/own"
+. "$checkout/.venv/bin/activate"
+say "snakemake --snakefile PATH/Snakefile --directory ."
+snakemake --snakefile "$checkout/Snakefile" --directory . 2>&1 | tee "$work/second.log"
+[[ -s results/truth/report.html ]]
+# The compiled code is kept.
+[[ $(grep -c "evopem: compiling" "$work/second.log") -eq 0 ]]
+# The same configuration gives the same bytes, in whatever folder.
+cmp results/truth/model.json "$checkout/results/truth/model.json"
+
+for archive in report.zip report.html; do
+    say "snakemake --report $archive"
+    snakemake --snakefile "$checkout/Snakefile" --directory . --report $archive
+    [[ -s $archive ]]
+done
+python -c "import zipfile; assert zipfile.ZipFile('report.zip').testzip() is None"
+
+say "snakemake (in the checkout)"
+cd "$checkout"
+snakemake 2>&1 | tee "$work/third.log"
+grep --quiet "Nothing to be done" "$work/third.log"
+
+say "pip install PATH"
+# With the lock file's versions of what it needs, it installs nothing else than itself.
+python -m pip install --quiet --no-deps "$checkout"
+cd "$work"
+python -c "import evopem; print(evopem.load('own/results/truth/model.json').orders)"
+say "Every command succeeded."

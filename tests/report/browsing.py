@@ -1,0 +1,112 @@
+"""Chromium, and the pages that are tested in it."""
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from evopem.report import build_index
+from evopem.results.fleet import IncompleteDataset, summarize
+
+TEMPLATES = Path(__file__).parents[2] / "workflow" / "templates"
+HOSTILE = """<script>document.title="harmed"</script>"'&"""
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+DRIVER = shutil.which("chromedriver")
+needs_chromium = pytest.mark.skipif(
+    not (CHROMIUM and DRIVER),
+    reason="Chromium is not installed (Debian packages chromium and chromium-driver)",
+)
+
+
+@pytest.fixture(scope="session")
+def browser():
+    from selenium import webdriver
+
+    options = webdriver.ChromeOptions()
+    options.binary_location = CHROMIUM
+    for argument in (
+        "--headless=new",
+        "--no-sandbox",
+        "--disable-gpu",
+        "--disable-dev-shm-usage",
+        "--disable-background-networking",
+        "--disable-component-update",
+        "--disable-extensions",
+        "--disable-sync",
+        "--no-first-run",
+        "--hide-scrollbars",
+    ):
+        options.add_argument(argument)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
+    driver = webdriver.Chrome(options=options, service=webdriver.ChromeService(DRIVER))
+    driver.set_script_timeout(180)  # accessibility rules on a busy machine
+    yield driver
+    driver.quit()
+
+
+@pytest.fixture(scope="session")
+def report(html, tmp_path_factory):
+    file = tmp_path_factory.mktemp("pages") / "report.html"
+    file.write_text(html, encoding="utf-8")
+    return file
+
+
+@pytest.fixture(scope="session")
+def hostile(results, build, draw, tmp_path_factory):
+    """A report in which the data set, its channels and their units are named by a script."""
+    renamed = replace(
+        results,
+        settings=replace(results.settings, name=HOSTILE),
+        recording=replace(results.recording, output_name=HOSTILE, input_unit=HOSTILE),
+        recording_info=replace(results.recording_info, output_name=HOSTILE, input_name=HOSTILE),
+    )
+    file = tmp_path_factory.mktemp("pages") / "hostile.html"
+    file.write_text(build(renamed, draw(renamed)), encoding="utf-8")
+    return file
+
+
+@pytest.fixture(scope="session")
+def summary(results):
+    return summarize(
+        results.model,
+        results.validation,
+        results.spectrum_summary,
+        results.phases,
+        results.recording_info,
+    )
+
+
+@pytest.fixture(scope="session")
+def index(summary, tmp_path_factory):
+    file = tmp_path_factory.mktemp("pages") / "index.html"
+    gone = IncompleteDataset("failed", HOSTILE)
+    entries = {"bench": summary, HOSTILE: summary, "gone": gone}
+    file.write_text(build_index(entries, TEMPLATES), encoding="utf-8")
+    return file
+
+
+@pytest.fixture(scope="session")
+def thousand(summary, tmp_path_factory):
+    """A list of a thousand data sets, the errors of their models in no order."""
+    entries = {
+        f"bench-{number}": replace(summary, simulation_error_percent=(number * 617) % 1000 / 10)
+        for number in range(999)
+    }
+    problem = 'bench.csv, line 7: "x" is not a number; correct it.'
+    entries["bench-999"] = IncompleteDataset("failed", problem)
+    file = tmp_path_factory.mktemp("pages") / "thousand.html"
+    file.write_text(build_index(entries, TEMPLATES), encoding="utf-8")
+    return file
+
+
+def visit(browser, file, width=1440, scheme="light"):
+    browser.execute_cdp_cmd(
+        "Emulation.setDeviceMetricsOverride",
+        {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": False},
+    )
+    browser.execute_cdp_cmd(
+        "Emulation.setEmulatedMedia",
+        {"features": [{"name": "prefers-color-scheme", "value": scheme}]},
+    )
+    browser.get(file.as_uri())

@@ -1,0 +1,170 @@
+"""The controls of the pages in a real browser: copying, sorting, searching and saving."""
+
+import json
+from pathlib import Path
+
+import pytest
+from browsing import needs_chromium, visit
+
+pytest.importorskip("selenium", reason="selenium is not installed")
+pytestmark = needs_chromium
+
+
+def copied(browser):
+    """Text on the clipboard."""
+    browser.execute_cdp_cmd(
+        "Browser.grantPermissions",
+        {"permissions": ["clipboardReadWrite", "clipboardSanitizedWrite"]},
+    )
+    return browser.execute_async_script(
+        """const done = arguments[arguments.length - 1];
+        (window.clipboard ?? navigator.clipboard).readText().then(done, e => done(String(e)))"""
+    )
+
+
+def press(browser, label):
+    """Press the button of that name by keyboard and wait until it has said what it did."""
+    from selenium.webdriver.common.keys import Keys
+    from selenium.webdriver.support.ui import WebDriverWait
+
+    button = browser.find_element("css selector", f'button[aria-label="{label}"]')
+    button.send_keys(Keys.ENTER)
+    WebDriverWait(browser, 5).until(lambda _: button.text == "Copied")
+    assert "copied" in browser.find_element("id", "status").get_attribute("textContent")
+
+
+@pytest.mark.parametrize("clipboard", ["granted", "absent", "refused"])
+def test_the_model_is_copied_in_every_notation(browser, report, identified, clipboard):
+    visit(browser, report)
+    if clipboard != "granted":
+        value = {
+            "absent": "undefined",
+            "refused": "{writeText: () => Promise.reject(new Error('no'))}",
+        }[clipboard]
+        browser.execute_script(
+            "window.clipboard = navigator.clipboard;"
+            f"Object.defineProperty(navigator, 'clipboard', {{value: {value}}})"
+        )
+    model = json.loads(Path(identified.files.model).read_text())
+    press(browser, "Copy JSON")
+    taken = json.loads(copied(browser))
+    assert model | taken == model
+    assert set(taken) == {"orders", "a", "b", "c", "noise_variance", "sampling_rate"}
+    assert {"orders", "a", "b", "c", "noise_variance", "sampling_rate"} == set(taken)
+    press(browser, "Copy Plain text")
+    assert copied(browser).startswith("A(q) y(t) = B(q) u(t) + C(q) e(t)\nA(q) = 1 ")
+    press(browser, "Copy MATLAB")
+    assert copied(browser).startswith("model = idpoly([1 ")
+    press(browser, "Copy Python")
+    assert "control.tf(" in copied(browser)
+
+
+def test_a_table_is_copied_with_numbers_at_full_precision(browser, report, results):
+    visit(browser, report)
+    press(browser, "Copy table: Modes")
+    header, *rows = [line.split("\t") for line in copied(browser).split("\n")]
+    assert header[:5] == [
+        "Mode",
+        "fn (Hz)",
+        "fn (Hz) standard error",
+        "zeta (%)",
+        "zeta (%) standard error",
+    ]
+    assert {len(row) for row in rows} == {len(header)}
+    for row, mode in zip(rows, results.model.modes, strict=True):
+        assert float(row[1]) == pytest.approx(mode.frequency_hz, rel=1e-11)
+        assert float(row[4]) == pytest.approx(100 * mode.damping_se, rel=1e-11)
+    press(browser, "Copy table: Time of each stage")
+    assert "\u202f" not in copied(browser)
+
+
+def column(browser, table, index):
+    return browser.execute_script(
+        """return Array.from(document.querySelector(`table[data-name="${arguments[0]}"]`)
+            .tBodies[0].rows).map(row => row.cells[arguments[1]].dataset.value ??
+                row.cells[arguments[1]].textContent)""",
+        table,
+        index,
+    )
+
+
+def test_tables_sort_by_keyboard(browser, report):
+    from selenium.webdriver.common.keys import Keys
+
+    visit(browser, report)
+    browser.execute_script("document.querySelectorAll('details').forEach(d => d.open = true)")
+    heads = browser.find_elements("css selector", 'table[data-name="Candidates"] thead th')
+    bic = next(i for i, head in enumerate(heads) if head.text.startswith("BIC"))
+    button = heads[bic].find_element("tag name", "button")
+    before = [float(value) for value in column(browser, "Candidates", bic)]
+    button.send_keys(Keys.ENTER)
+    assert [float(v) for v in column(browser, "Candidates", bic)] == sorted(before)
+    assert heads[bic].get_attribute("aria-sort") == "ascending"
+    button.send_keys(Keys.SPACE)
+    assert [float(v) for v in column(browser, "Candidates", bic)] == sorted(before, reverse=True)
+    assert heads[bic].get_attribute("aria-sort") == "descending"
+    assert "descending" in browser.find_element("id", "status").get_attribute("textContent")
+    heads[0].find_element("tag name", "button").send_keys(Keys.ENTER)
+    assert heads[bic].get_attribute("aria-sort") is None
+    words = column(browser, "Candidates", 0)
+    assert words == sorted(words)
+
+
+def test_what_has_no_number_stays_at_the_end(browser, report):
+    visit(browser, report)
+    button = browser.find_element(
+        "xpath", '//table[@data-name="Time of each stage"]//button[text()="Evaluations"]'
+    )
+    for reverse in (False, True):
+        button.click()
+        values = column(browser, "Time of each stage", 2)
+        numbers = [float(value) for value in values if value]
+        assert numbers == sorted(numbers, reverse=reverse)
+        assert values == [v for v in values if v] + [""] * (len(values) - len(numbers))
+
+
+def test_a_thousand_data_sets_are_searched_and_sorted(browser, thousand):
+    """The worst stand first; a search leaves the rows that hold all its words."""
+    visit(browser, thousand)
+    names = column(browser, "Data sets", 0)
+    errors = [float(value) for value in column(browser, "Data sets", 3) if value]
+    assert names[0] == "bench-999"
+    assert errors == sorted(errors, reverse=True)
+    assert len(errors) == 999
+
+    def shown(words):
+        return browser.execute_script(
+            """const field = document.querySelector('input[type=search]');
+            field.value = arguments[0];
+            field.dispatchEvent(new Event('input'));
+            const rows = [...document.querySelector('tbody').rows].filter(row => !row.hidden);
+            return rows.map(row => row.cells[0].textContent);""",
+            words,
+        )
+
+    assert set(shown("BENCH-99 passed")) == {
+        "bench-99",
+        *(f"bench-99{digit}" for digit in range(9)),
+    }
+    assert shown("not complete") == ["bench-999"]
+    assert "1 of 1000 rows" in browser.find_element("id", "status").get_attribute("textContent")
+    assert len(shown("")) == 1000
+
+    browser.find_element("css selector", "thead th button").click()
+    assert column(browser, "Data sets", 0) == [f"bench-{number}" for number in range(1000)]
+
+
+def test_a_figures_numbers_are_saved_from_the_page(browser, report, tmp_path):
+    import pandas as pd
+    from selenium.webdriver.support.ui import WebDriverWait
+
+    visit(browser, report)
+    browser.execute_cdp_cmd(
+        "Browser.setDownloadBehavior", {"behavior": "allow", "downloadPath": str(tmp_path)}
+    )
+    link = browser.find_element("css selector", "#delay a[download]")
+    browser.execute_script("arguments[0].click()", link)
+    saved = tmp_path / "bench-delay.csv"
+    WebDriverWait(browser, 10).until(lambda _: saved.is_file())
+    assert list(pd.read_csv(saved))[:4] == ["na", "nb", "nc", "nk"]
+    assert browser.current_url == report.as_uri()

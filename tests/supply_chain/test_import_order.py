@@ -1,0 +1,64 @@
+"""Imports between the parts of the package run one way."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+SCRIPTS = Path(__file__).parents[2] / "workflow" / "scripts"
+PACKAGE = SCRIPTS / "evopem"
+# Each part may import those before it.
+PARTS = (
+    *("errors", "version", "files", "config", "signals", "models", "synthesis", "estimation"),
+    *("validation", "results", "figures", "report", "pipeline"),
+)
+
+
+def imports(file):
+    """The parts that a module imports anywhere, its functions and type checks included."""
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        names = []
+        if isinstance(node, ast.ImportFrom):
+            names = [f"{node.module}.{alias.name}" for alias in node.names]
+        elif isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        for name in names:
+            if name.startswith("evopem."):
+                yield name.split(".")[1]
+
+
+def test_every_part_of_the_package_has_its_place():
+    found = {path.stem for path in PACKAGE.iterdir() if not path.name.startswith("_")}
+    assert found == set(PARTS)
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_a_part_imports_only_those_before_it(part):
+    path = PACKAGE / part
+    files = list(path.rglob("*.py")) if path.is_dir() else [PACKAGE / f"{part}.py"]
+    allowed = set(PARTS[: PARTS.index(part) + 1]) | {"__version__"}
+    upward = {
+        (file.relative_to(PACKAGE).as_posix(), imported)
+        for file in files
+        for imported in imports(file)
+        if imported not in allowed
+    }
+    assert upward == set()
+
+
+def test_what_the_snakefile_imports_needs_neither_numpy_nor_pandas():
+    rules = (SCRIPTS.parent / "rules" / "common.smk").read_text(encoding="utf-8")
+    imported = [line for line in rules.splitlines() if line.startswith("from evopem.")]
+    assert len(imported) > 5
+    code = "\n".join(
+        [
+            "import sys",
+            f"sys.path.insert(0, {str(SCRIPTS)!r})",
+            *imported,
+            "print({'numpy', 'pandas'} & set(sys.modules))",
+        ]
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout.strip() == "set()"

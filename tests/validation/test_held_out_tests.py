@@ -1,0 +1,102 @@
+"""Level and power of tests on held-out samples."""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from evopem import SearchSettings, estimate
+from evopem.models.armax import ArmaxModel
+from evopem.validation.held_out_tests import (
+    contribution_test,
+    free_responses,
+    improvement_test,
+    input_significance,
+    whitening_filter,
+)
+
+SEARCH = SearchSettings(objective="quadratic", mu=4, lambda_=4, nu=4, evaluations=1)
+
+
+def channels(seed, samples, gain):
+    """Coloured noise with poles of its own, and a response to the input of relative size gain."""
+    u, e = np.random.default_rng([1, seed]).standard_normal((2, samples))
+    disturbance = lfilter([1.0, 0.5], [1.0, -1.5, 0.8], e)
+    response = lfilter([0.0, 1.0, 0.5], [1.0, -1.2, 0.7], u)
+    return u, disturbance + gain * np.std(disturbance) / np.std(response) * response
+
+
+@pytest.mark.parametrize("orders", [(6, 6, 6, 1), (6, 2, 2, 1)])
+def test_unrelated_channels_pass_as_often_as_the_level_says(orders):
+    p_values = []
+    for seed in range(60):
+        u, y = channels(seed, 800, 0.0)
+        model = estimate(u[:400], y[:400], orders, settings=SEARCH).model
+        p_values.append(input_significance(model, u, y, 400).p_value)
+    # Three binomial standard errors above the level.
+    for level in (0.01, 0.1):
+        assert np.mean(np.array(p_values) < level) <= level + 3 * np.sqrt(level / 60)
+
+
+def test_a_weak_response_is_found():
+    passed = []
+    for seed in range(20):
+        u, y = channels(seed, 2000, 0.3)
+        model = estimate(u[:1400], y[:1400], (4, 4, 3, 1), settings=SEARCH)
+        passed.append(input_significance(model.model, u, y, 1400).significant(0.01))
+    assert np.mean(passed) > 0.9
+
+
+def test_the_level_holds_for_errors_that_are_not_white():
+    p_values = []
+    for seed in range(300):
+        x, e = np.random.default_rng([2, seed]).standard_normal((2, 400))
+        x, e = lfilter([1.0], [1.0, -0.95], x), lfilter([1.0], [1.0, -0.95], e)
+        p_values.append(contribution_test(e, x).p_value)
+    error = np.sqrt(0.05 * 0.95 / 300)
+    assert np.mean(np.array(p_values) < 0.05) == pytest.approx(0.05, abs=4 * error)
+
+
+def test_the_coefficient_is_that_of_the_regression():
+    x, e = np.random.default_rng(3).standard_normal((2, 20_000))
+    test = contribution_test(0.5 * x + e + 7.0, x)
+    assert test.coefficient == pytest.approx(0.5, abs=4 / np.sqrt(20_000))
+    assert test.statistic == pytest.approx(0.5 * np.sqrt(20_000), rel=0.05)
+    assert contribution_test(-0.5 * x + e, x).p_value > 0.999
+
+
+def test_a_transient_of_the_model_is_no_contribution():
+    """Both series ring with the model's own slow pole, from unknown initial states."""
+    model = ArmaxModel(np.array([1.0, -1.9, 0.998]), np.ones(1), np.ones(1), 1)
+    free = free_responses(model.a, 400)
+    e = np.random.default_rng(4).standard_normal(400)
+    ringing = free @ [30.0, -28.0]
+    x = np.random.default_rng(5).standard_normal(400) + ringing
+    assert contribution_test(e + ringing, x).p_value < 0.01
+    assert contribution_test(e + ringing, x, free).p_value > 0.05
+
+
+def test_without_a_contribution_or_samples_nothing_is_judged():
+    e = np.random.default_rng(6).standard_normal(100)
+    for test in (
+        contribution_test(e, np.zeros(100)),
+        contribution_test(e, np.ones(100)),
+        contribution_test(e[:30], e[:30]),
+        contribution_test(e, np.where(np.arange(100) == 5, np.nan, e)),
+        improvement_test(e, e),
+    ):
+        assert np.isnan(test.p_value)
+        assert test.significant(0.01) is None
+
+
+def test_improvement_is_one_sided():
+    e, x = np.random.default_rng(7).standard_normal((2, 1000))
+    assert improvement_test(e + 0.5 * x, e).p_value < 1e-4
+    assert improvement_test(e, e + 0.5 * x).p_value > 0.999
+    assert improvement_test(e + 0.5 * x, e).coefficient == pytest.approx(0.2, abs=0.05)
+
+
+def test_whitening_finds_the_autoregression():
+    x = lfilter([1.0], [1.0, -1.5, 0.8], np.random.default_rng(8).standard_normal(20_000))
+    assert whitening_filter(x, 30) == pytest.approx([1.0, -1.5, 0.8], abs=0.02)
+    white = np.random.default_rng(9).standard_normal(5000)
+    assert whitening_filter(white, 30).tolist() == [1.0]

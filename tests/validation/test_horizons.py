@@ -1,0 +1,45 @@
+"""Fits against the horizon: theory for a known noise model, and recorded signals."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from evopem import PolynomialModel, SearchSettings, estimate
+from evopem.synthesis.polynomial import polynomial_record
+from evopem.validation.horizons import horizon_fits, simulation_fit
+
+DATA = Path(__file__).parents[2].parent / "shared" / "data" / "daisy"
+QUADRATIC = SearchSettings(objective="quadratic")
+ONE = np.ones(1)
+
+
+def test_the_error_grows_with_the_variance_of_the_noise_not_yet_seen():
+    """Var(y - predicted) = variance times the sum of the first k squares of H's response."""
+    model = PolynomialModel(ONE, np.array([1.0]), ONE, np.array([1.0, -0.8]), ONE, 1)
+    u, y, variance = polynomial_record(model, 40000, 60.0, np.random.default_rng(1))
+    horizons = (1, 2, 5, 20)
+    expected = [variance * np.sum(0.64 ** np.arange(k)) for k in horizons]
+    found = (1.0 - horizon_fits(model, u, y, horizons) / 100.0) ** 2 * np.var(y)
+    np.testing.assert_allclose(found, expected, rtol=0.05)
+    in_simulation = (1.0 - simulation_fit(model, u, y) / 100.0) ** 2 * np.var(y)
+    assert in_simulation == pytest.approx(variance / 0.36, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("file", "split", "structure", "orders", "level", "error"),
+    [
+        ("robot_arm.dat", 800, "oe", {"nb": 10, "nf": 10}, False, 2.8),
+        ("dryer.dat", 750, "bj", {"nb": 2, "nc": 2, "nd": 2, "nf": 2, "nk": 3}, True, 8.0),
+    ],
+)
+def test_output_error_and_box_jenkins_models_simulate_recordings(
+    file, split, structure, orders, level, error
+):
+    if not (DATA / file).is_file():
+        pytest.skip(f"{file} is not at hand")
+    u, y = np.loadtxt(DATA / file).T
+    found = estimate(
+        u[:split], y[:split], orders, structure=structure, level=level, settings=QUADRATIC
+    )
+    assert 100.0 - simulation_fit(found.model, u[split:], y[split:]) <= error

@@ -1,0 +1,120 @@
+"""Last step of the order search: leading and trailing coefficients of B, and the delay.
+
+With one coefficient of B too many, delays nk and nk + 1 both contain the true model, and the choice
+between them is left to chance.  Once the orders are chosen, the models with one coefficient less
+at either end and with an earlier start are compared by the same criterion.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from evopem.models.armax import ArmaxModel, Orders
+
+# BIC removes a coefficient about where its squared t ratio is below ln N.  Up to this many times
+# that value the smaller model is estimated, since the t ratio is approximate.
+SCREENING = 3.0
+
+
+class Fit(NamedTuple):
+    """An estimated model and its BIC on the samples that all models are compared on."""
+
+    model: ArmaxModel
+    bic: float
+
+
+@dataclass(frozen=True)
+class DelayRefinement:
+    """The model chosen in the end, and what it was compared with.
+
+    Attributes
+    ----------
+    fit : Fit
+        The chosen model.
+    tried : tuple of (Orders, float)
+        Orders estimated on the way and their BIC, in this order.
+    leading_t, trailing_t : float
+        t ratios of the first and the last coefficient of B of the chosen model; 0 where they are
+        not identifiable, NaN where no covariance is known.
+    """
+
+    fit: Fit
+    tried: tuple[tuple[Orders, float], ...]
+    leading_t: float
+    trailing_t: float
+
+
+def refine_delay(
+    start: Fit, samples: int, shortest_delay: int, estimate: Callable[[Orders], Fit]
+) -> DelayRefinement:
+    """Follow the smallest BIC from a model to its neighbours, as long as it falls.
+
+    Parameters
+    ----------
+    start : Fit
+        The model of the last phase.
+    samples : int
+        N, the number of scored samples.
+    shortest_delay : int
+        Lower end of the range of delays.  A longer delay with the same last lag is a special case
+        of the model and is compared whatever the range.
+    estimate : callable
+        Estimates a model of given orders on the same scored samples.
+    """
+    best = start
+    tried: dict[Orders, float] = {}
+    while True:
+        fits = []
+        for orders in delay_alternatives(best.model, samples, shortest_delay):
+            if orders != start.model.orders and orders not in tried:
+                fits.append(estimate(orders))
+                tried[orders] = fits[-1].bic
+        better = min(fits, key=lambda fit: (fit.bic, fit.model.orders), default=best)
+        if not better.bic < best.bic:
+            leading, trailing = t_ratios_of_ends(best.model)
+            return DelayRefinement(best, tuple(tried.items()), leading, trailing)
+        best = better
+
+
+def delay_alternatives(model: ArmaxModel, samples: int, shortest_delay: int) -> list[Orders]:
+    """Orders to compare a model with: B without its first or its last lag, or with an earlier one.
+
+    A lag is kept without comparison where its coefficient is clearly significant.
+
+    Parameters
+    ----------
+    model : ArmaxModel
+    samples : int
+        N, the number of scored samples.
+    shortest_delay : int
+    """
+    na, nb, nc, nk = model.orders.na, model.orders.nb, model.orders.nc, model.orders.nk
+    limit = math.sqrt(SCREENING * math.log(samples))
+    # A t ratio that is not known (NaN) is no reason to keep a coefficient.
+    keeps_first, keeps_last = (t > limit for t in t_ratios_of_ends(model))
+    alternatives = []
+    if nb > 1 and not keeps_first:
+        alternatives.append(Orders(na, nb - 1, nc, nk + 1))
+    if nb > 1 and not keeps_last:
+        alternatives.append(Orders(na, nb - 1, nc, nk))
+    if nk > shortest_delay:
+        alternatives.append(Orders(na, nb + 1, nc, nk - 1))
+    return alternatives
+
+
+def t_ratios_of_ends(model: ArmaxModel) -> tuple[float, float]:
+    """Absolute t ratios of the first and the last coefficient of B; NaN without a covariance."""
+    if model.covariance is None:
+        return math.nan, math.nan
+    ends = np.zeros((2, model.orders.parameters))
+    first, last = model.orders.na, model.orders.na + model.orders.nb - 1
+    ends[0, first] = ends[1, last] = 1.0
+    errors = model.covariance.standard_errors(ends)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        leading, trailing = np.abs(model.b[[0, -1]]) / errors
+    return float(leading), float(trailing)

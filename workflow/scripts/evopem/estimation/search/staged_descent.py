@@ -1,0 +1,130 @@
+"""Descents in stages: BFGS with ever less smoothing and an ever weaker stability barrier."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evopem.estimation.pem.batch_bfgs import Descent, descend
+
+Array = NDArray[np.float64]
+
+MAX_ITERATIONS = 200
+# A pass over the record costs the same for one model as for eight.  Once half of the descents have
+# ended, the others get as many trials again, and keep the point they have reached then.
+WAIT = 1.0
+# Added to the unit diagonal of a scaled Gauss-Newton matrix, times its size: directions that the
+# data say less about are left to BFGS.
+DAMPING = 1e-12
+# Smallest ratio of a diagonal entry to the largest one at which a coordinate is sensitive.
+SENSITIVE = 1e-60
+
+
+class Stage(NamedTuple):
+    """One BFGS run of a descent.
+
+    The smoothing of the absolute value is in units of mean |e|, the weight of the stability barrier
+    in units of the objective, and the tolerance is the relative decrease that ends the run.
+    """
+
+    smoothing: float
+    barrier: float
+    tolerance: float
+
+
+DESCENT_STAGES = (Stage(0.1, 1e-4, 1e-5), Stage(0.01, 1e-7, 1e-9))
+POLISH_STAGES = (Stage(1e-2, 1e-7, 1e-10), Stage(1e-3, 1e-8, 1e-10), Stage(1e-4, 1e-9, 1e-11))
+
+
+class PredictionErrors(Protocol):
+    """What a descent needs to know of a prediction-error problem."""
+
+    def values(self, points: Array) -> Array:
+        """Objective of each row, (M,)."""
+
+    def values_and_gradients(
+        self, points: Array, smoothing: Array, barriers: Array
+    ) -> tuple[Array, Array]:
+        """Smoothed objective with a barrier, and its gradient."""
+
+    def curvatures(self, points: Array, smoothing: Array, barriers: Array) -> Array:
+        """Gauss-Newton matrices, (M, n, n)."""
+
+    def mean_absolute_residuals(self, values: Array) -> Array:
+        """Size of the residuals that belong to values of the objective."""
+
+
+def staged_descent(
+    errors: PredictionErrors, points: Array, stages: tuple[Stage, ...], largest_value: float
+) -> Descent:
+    """BFGS from each point, preconditioned by its Gauss-Newton matrix, stage after stage.
+
+    Parameters
+    ----------
+    errors : PredictionErrors
+    points : (M, n) array
+        Feasible.
+    stages : tuple of Stage
+    largest_value : float
+        Values of the objective that weigh the barrier are cut off here.
+    """
+    values = errors.values(points)
+    evaluations = len(points)
+    for stage in stages:
+        smoothing, barriers = stage_weights(errors, stage, values, largest_value)
+        result = _bfgs(errors, points, smoothing, barriers, stage.tolerance)
+        points = result.points
+        values = errors.values(points)
+        evaluations += 2 * result.evaluations + len(points)
+    return Descent(points, values, result.converged, evaluations)
+
+
+def polish(errors: PredictionErrors, points: Array, largest_value: float) -> Descent:
+    """Descents with ever less smoothing; never worse than where they began."""
+    polished = staged_descent(errors, points, POLISH_STAGES, largest_value)
+    before = errors.values(points)
+    worse = ~(polished.values <= before)
+    polished.points[worse], polished.values[worse] = points[worse], before[worse]
+    return replace(polished, evaluations=polished.evaluations + len(points))
+
+
+def stage_weights(
+    errors: PredictionErrors, stage: Stage, values: Array, largest_value: float
+) -> tuple[Array, Array]:
+    """Smoothing and weight of the barrier for points that start a stage at these values."""
+    mean = errors.mean_absolute_residuals(values)
+    mean = np.where(np.isfinite(mean) & (mean > 0.0), mean, 1.0)
+    return stage.smoothing * mean, stage.barrier * np.minimum(values, largest_value)
+
+
+def _bfgs(
+    errors: PredictionErrors, points: Array, smoothing: Array, barriers: Array, tolerance: float
+) -> Descent:
+    return descend(
+        lambda trial, rows: errors.values_and_gradients(trial, smoothing[rows], barriers[rows]),
+        points,
+        lambda at, rows: damped_inverses(errors.curvatures(at, smoothing[rows], barriers[rows])),
+        MAX_ITERATIONS,
+        tolerance,
+        wait=WAIT,
+    )
+
+
+def damped_inverses(matrices: Array) -> Array:
+    """Inverses of positive semidefinite matrices, scaled to a unit diagonal and damped."""
+    count = matrices.shape[1]
+    diagonal = np.einsum("ijj->ij", matrices)
+    # Coordinates without any effect, such as a noise state that has decayed, are not changed.
+    sensitive = diagonal > SENSITIVE * diagonal.max(axis=1, keepdims=True)
+    scale = np.where(sensitive, 1.0 / np.sqrt(np.where(sensitive, diagonal, 1.0)), 0.0)
+    scaled = matrices * scale[:, :, None] * scale[:, None, :]
+    finite = np.isfinite(scaled).all(axis=(1, 2))
+    scaled[~finite] = np.eye(count)
+    scale[~finite] = 1.0
+    np.einsum("ijj->ij", scaled)[:] = 1.0 + DAMPING * count
+    inverses = np.linalg.inv(scaled)
+    damped: Array = np.asarray(inverses + np.swapaxes(inverses, 1, 2), dtype=float)
+    return 0.5 * damped * scale[:, :, None] * scale[:, None, :]

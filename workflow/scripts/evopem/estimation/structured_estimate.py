@@ -1,0 +1,152 @@
+"""Estimate a model of any structure: the function behind ``evopem.estimate``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Literal, overload
+
+from numpy.typing import ArrayLike
+
+from evopem.config.settings import ScoringWindow, SearchSettings
+from evopem.estimation import estimate as armax
+from evopem.estimation.estimate import Estimate
+from evopem.estimation.polynomial_estimate import PolynomialEstimate, estimate_polynomial
+from evopem.estimation.search.problem import SearchResult
+from evopem.models.armax import Orders
+from evopem.models.structures import PolynomialOrders, orders_of
+
+# Every structure but "armax", which has an estimate and a search of its own.
+PolynomialStructure = Literal["fir", "arx", "arma", "ararx", "ararmax", "oe", "bj", "general"]
+
+
+@overload
+def estimate(
+    input: ArrayLike,
+    output: ArrayLike,
+    orders: Orders | Mapping[str, int] | Sequence[int],
+    sampling_rate: float = 1.0,
+    *,
+    structure: Literal["armax"] = "armax",
+    settings: SearchSettings | None = None,
+    window: ScoringWindow | None = None,
+    earlier: SearchResult | None = None,
+    log: Callable[[str], None] | None = None,
+) -> Estimate: ...
+
+
+@overload
+def estimate(
+    input: ArrayLike | None,
+    output: ArrayLike,
+    orders: PolynomialOrders | Mapping[str, int] | Sequence[int],
+    sampling_rate: float = 1.0,
+    *,
+    structure: PolynomialStructure,
+    settings: SearchSettings | None = None,
+    window: ScoringWindow | None = None,
+    level: bool = False,
+    log: Callable[[str], None] | None = None,
+) -> PolynomialEstimate: ...
+
+
+def estimate(
+    input: ArrayLike | None,  # noqa: A002 - the field's word
+    output: ArrayLike,
+    orders: Orders | PolynomialOrders | Mapping[str, int] | Sequence[int],
+    sampling_rate: float = 1.0,
+    *,
+    structure: str = "armax",
+    settings: SearchSettings | None = None,
+    window: ScoringWindow | None = None,
+    level: bool = False,
+    earlier: SearchResult | None = None,
+    log: Callable[[str], None] | None = None,
+) -> Estimate | PolynomialEstimate:
+    """Find the model of a structure and orders with the smallest prediction errors, globally.
+
+    Parameters
+    ----------
+    input, output : (N,) array_like
+        The record; not modified.  ``input`` is None for ``structure="arma"``.
+    orders : Orders, PolynomialOrders, mapping or sequence
+        ``{"na": 2, "nb": 2, "nc": 2, "nk": 1}``, or MATLAB's tuple for the structure.
+    sampling_rate : float
+        Hz.
+    structure : str
+        A key of :data:`evopem.models.structures.STRUCTURES`: ``fir``, ``arx``, ``arma``,
+        ``armax``, ``ararx``, ``ararmax``, ``oe``, ``bj`` or ``general``.
+    settings : SearchSettings, optional
+    window : ScoringWindow, optional
+    level : bool
+        Whether a constant is estimated along; for all structures but ``armax``.
+    earlier : SearchResult, optional
+        Result of an earlier search of the same problem; for ``armax`` alone.
+    log : callable, optional
+        Receives one line a generation.
+
+    Returns
+    -------
+    Estimate or PolynomialEstimate
+        For ``armax``, of :func:`evopem.estimation.estimate.estimate`; for the other structures, of
+        :func:`evopem.estimation.polynomial_estimate.estimate_polynomial`.
+
+    Raises
+    ------
+    ValueError
+        When the record is too short for the orders, or a setting is outside its range.
+
+    Examples
+    --------
+    A resonant plant whose output is measured with white noise:
+
+    >>> import numpy as np
+    >>> from evopem import PolynomialModel, SearchSettings
+    >>> generator = np.random.default_rng(1)
+    >>> plant = PolynomialModel(
+    ...     a=np.ones(1), b=np.array([1.0, 0.5]), c=np.ones(1), d=np.ones(1),
+    ...     f=np.array([1.0, -1.5, 0.8]), nk=1,
+    ... )
+    >>> u = generator.standard_normal(1000)
+    >>> y = plant.simulate(u) + 0.5 * generator.standard_normal(1000)
+    >>> settings = SearchSettings(objective="quadratic")
+    >>> orders = {"nb": 2, "nf": 2, "nk": 1}
+    >>> found = estimate(u, y, orders, structure="oe", settings=settings)
+    >>> bool(np.allclose(found.model.f, plant.f, atol=0.02))
+    True
+    """
+    if structure == "armax":
+        if level:
+            raise ValueError(
+                "structure 'armax' is estimated without a level; use structure 'general' with the "
+                "same orders, or remove the mean of the signals"
+            )
+        if input is None:
+            raise ValueError("structure 'armax' needs an input; without one, use 'arma'")
+        if not isinstance(orders, Orders):
+            o = orders_of(structure, orders)
+            orders = Orders(o.na, o.nb, o.nc, o.nk)
+        return armax.estimate(
+            input,
+            output,
+            orders,
+            sampling_rate,
+            settings=settings,
+            window=window,
+            earlier=earlier,
+            log=log,
+        )
+    if earlier is not None:
+        raise ValueError(f"an earlier search is continued for 'armax' alone, not for {structure!r}")
+    if isinstance(orders, Orders):
+        orders = PolynomialOrders(na=orders.na, nb=orders.nb, nc=orders.nc, nk=orders.nk)
+    return estimate_polynomial(
+        input,
+        output,
+        structure,
+        orders,
+        sampling_rate,
+        settings=settings,
+        window=window,
+        level=level,
+        log=log,
+    )

@@ -1,0 +1,167 @@
+"""Covariance of estimated parameters in factored form, with the directions the data do not show.
+
+A covariance matrix alone has two weaknesses.  Propagated through a Jacobian in floating point it
+can give negative variances where the parameters are almost linearly dependent, and it has no
+honest entry for a direction of infinite variance.  The factored form has neither weakness.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, DTypeLike, NDArray
+
+Array = NDArray[np.float64]
+
+# A gradient depends on an unidentifiable direction where the terms of their scalar product cancel
+# to no less than this share of their sum of magnitudes.
+CANCELLATION = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class ParameterCovariance:
+    """Covariance ``factor @ factor.T`` of parameters, infinite along unidentifiable directions.
+
+    NumPy functions see it as its :attr:`matrix`.
+
+    Attributes
+    ----------
+    factor : (n, r) array
+        A square root of the covariance in the identifiable directions.
+    null_space : (n, k) array
+        Basis of the unidentifiable directions, the null space of the information matrix;
+        k = 0 where the data determine every parameter.
+    """
+
+    factor: Array
+    null_space: Array
+
+    @classmethod
+    def from_matrix(cls, matrix: ArrayLike) -> ParameterCovariance:
+        """The factored form of a covariance matrix, (n, n).
+
+        A parameter whose variance is not finite is unidentifiable.  Eigenvalues of the correlation
+        matrix below its rounding error, negative ones among them, are raised to that error: the
+        variance of what depends on them is then an upper bound.
+
+        Raises
+        ------
+        ValueError
+            When the matrix is not square.
+        """
+        covariance = np.asarray(matrix, dtype=float)
+        if covariance.ndim != 2 or covariance.shape[0] != covariance.shape[1]:
+            raise ValueError(f"a covariance must be a square matrix, not {covariance.shape}")
+        variances = np.diag(covariance)
+        known = np.isfinite(variances) & (variances >= 0.0)
+        known[known] = np.isfinite(covariance[np.ix_(known, known)]).all(axis=1)
+        scale = np.sqrt(variances[known])
+        divisor = np.where(scale > 0.0, scale, 1.0)
+        correlation = covariance[np.ix_(known, known)] / np.outer(divisor, divisor)
+        eigenvalues, vectors = np.linalg.eigh(0.5 * (correlation + correlation.T))
+        if eigenvalues.size:
+            rounding = eigenvalues.size * np.finfo(float).eps * max(eigenvalues[-1], 0.0)
+            eigenvalues = np.maximum(eigenvalues, rounding)
+        factor = np.zeros((len(covariance), len(scale)))
+        factor[known] = scale[:, None] * vectors * np.sqrt(eigenvalues)
+        return cls(factor, np.eye(len(covariance))[:, ~known])
+
+    @property
+    def matrix(self) -> Array:
+        """The covariance matrix, (n, n).
+
+        Infinite variance for a parameter with a component in the null space, and NaN for its
+        covariances with others.
+        """
+        return self.of(np.eye(len(self.factor)))
+
+    def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> NDArray:
+        return np.asarray(self.matrix, dtype=dtype)
+
+    def __len__(self) -> int:
+        return len(self.factor)
+
+    def part(self, rows: slice) -> ParameterCovariance:
+        """The covariance of some of the parameters."""
+        return ParameterCovariance(self.factor[rows], self.null_space[rows])
+
+    def identifiable(self, jacobian: ArrayLike) -> NDArray[np.bool_]:
+        """Whether each function of the parameters is free of unidentifiable directions, (m,).
+
+        Parameters
+        ----------
+        jacobian : (m, n) array_like
+            Gradients of m functions.
+        """
+        terms = np.asarray(jacobian, dtype=float)[:, :, None] * self.null_space
+        magnitude = np.abs(terms).sum(axis=1)
+        return np.all(np.abs(terms.sum(axis=1)) <= CANCELLATION * magnitude, axis=1)
+
+    def standard_errors(self, jacobian: ArrayLike) -> Array:
+        """Standard errors of functions of the parameters to first order, (m,).
+
+        Infinite for functions that depend on an unidentifiable direction, NaN where the gradient
+        is not finite.  Computed as the norm of a row of ``jacobian @ factor``: never negative.
+
+        Parameters
+        ----------
+        jacobian : (m, n) array_like
+            Gradients of m functions.
+        """
+        gradients = np.asarray(jacobian, dtype=float)
+        defined = np.isfinite(gradients).all(axis=1)
+        errors = np.full(len(gradients), np.nan)
+        errors[defined] = np.linalg.norm(gradients[defined] @ self.factor, axis=1)
+        errors[defined] = np.where(self.identifiable(gradients[defined]), errors[defined], np.inf)
+        return errors
+
+    def of(self, jacobian: ArrayLike) -> Array:
+        """Covariance of functions of the parameters to first order, (m, m).
+
+        Rows and columns of functions that depend on an unidentifiable direction are NaN, and
+        infinite on the diagonal; those of functions without a finite gradient are NaN.
+
+        Parameters
+        ----------
+        jacobian : (m, n) array_like
+            Gradients of m functions.
+        """
+        gradients = np.asarray(jacobian, dtype=float)
+        defined = np.isfinite(gradients).all(axis=1)
+        half = np.where(defined[:, None], gradients, 0.0) @ self.factor
+        covariance: Array = half @ half.T
+        infinite = defined & ~self.identifiable(np.where(defined[:, None], gradients, 0.0))
+        unknown = infinite | ~defined
+        covariance[unknown] = np.nan
+        covariance[:, unknown] = np.nan
+        covariance[infinite, infinite] = np.inf
+        return covariance
+
+
+def wald_p_value(value: ArrayLike, covariance: ArrayLike) -> float:
+    """p-value of the Wald test that a vector is zero, from its covariance.
+
+    The statistic is compared with the chi-square distribution of as many degrees of freedom as
+    the covariance has rank.  NaN where the covariance is not finite or zero: the test is then
+    not possible.
+
+    Parameters
+    ----------
+    value : (m,) array_like
+    covariance : (m, m) array_like
+    """
+    from scipy.special import chdtrc
+
+    estimate, spread = np.asarray(value, dtype=float), np.asarray(covariance, dtype=float)
+    if not (np.isfinite(estimate).all() and np.isfinite(spread).all()):
+        return float("nan")
+    scale = np.sqrt(np.diag(spread))
+    scale[scale == 0.0] = 1.0
+    correlation = spread / np.outer(scale, scale)
+    rank = int(np.linalg.matrix_rank(correlation, hermitian=True))
+    if rank == 0:
+        return float("nan")
+    scaled = estimate / scale
+    statistic = float(scaled @ np.linalg.pinv(correlation, hermitian=True) @ scaled)
+    return float(chdtrc(rank, max(statistic, 0.0)))

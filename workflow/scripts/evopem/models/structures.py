@@ -1,0 +1,133 @@
+"""Orders of the general polynomial model ``A y = (B/F) u q^-nk + (C/D) e``, and its structures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+
+# The orders that each structure has, in the order of MATLAB's tuples (Ljung 1999, chapter 4).
+STRUCTURES: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "fir": ("nb", "nk"),
+        "arx": ("na", "nb", "nk"),
+        "arma": ("na", "nc"),
+        "armax": ("na", "nb", "nc", "nk"),
+        "ararx": ("na", "nb", "nd", "nk"),
+        "ararmax": ("na", "nb", "nc", "nd", "nk"),
+        "oe": ("nb", "nf", "nk"),
+        "bj": ("nb", "nc", "nd", "nf", "nk"),
+        "general": ("na", "nb", "nc", "nd", "nf", "nk"),
+    }
+)
+
+
+@dataclass(frozen=True, order=True)
+class PolynomialOrders:
+    """Orders of a general polynomial model, named as by Ljung (1999).
+
+    ``na``, ``nc``, ``nd`` and ``nf`` are the degrees of A, C, D and F; ``nb`` is the number of
+    coefficients of B, the first of which stands at lag ``nk``.  A model without input has
+    ``nb = 0``.
+    """
+
+    na: int = 0
+    nb: int = 0
+    nc: int = 0
+    nd: int = 0
+    nf: int = 0
+    nk: int = 0
+
+    def __post_init__(self) -> None:
+        if min(self.na, self.nb, self.nc, self.nd, self.nf, self.nk) < 0:
+            raise ValueError(f"{self} has a negative order")
+        if self.nb == 0 and (self.nf or self.nk):
+            raise ValueError(f"{self} has nb = 0: without an input nf and nk must be 0")
+        if self.parameters == 0:
+            raise ValueError(f"{self} has no parameter")
+
+    @property
+    def parameters(self) -> int:
+        """Number of coefficients, na + nb + nc + nd + nf."""
+        return self.na + self.nb + self.nc + self.nd + self.nf
+
+    @property
+    def noise_states(self) -> int:
+        """Length of the noise state, the larger of nc and nd."""
+        return max(self.nc, self.nd)
+
+    @property
+    def first_residual(self) -> int:
+        """Index of the first residual whose past inputs and outputs are measured."""
+        return max(self.na, self.nk + self.nb - 1, 0)
+
+    @property
+    def structure(self) -> str:
+        """Name of the smallest structure that has these orders."""
+        return next(
+            name
+            for name, names in STRUCTURES.items()
+            if all(getattr(self, order) == 0 for order in _ALL if order not in names)
+        )
+
+    def contains(self, other: PolynomialOrders) -> bool:
+        """Whether every model of other orders is one of these, with zeros added."""
+        return (
+            all(getattr(other, name) <= getattr(self, name) for name in ("na", "nc", "nd", "nf"))
+            and (other.nb == 0 or other.nk >= self.nk)
+            and (other.nb == 0 or other.nk + other.nb <= self.nk + self.nb)
+        )
+
+    def __str__(self) -> str:
+        return ", ".join(f"{name}={getattr(self, name)}" for name in _ALL)
+
+
+_ALL = STRUCTURES["general"]
+
+
+def orders_of(
+    structure: str, orders: PolynomialOrders | Mapping[str, int] | Sequence[int]
+) -> PolynomialOrders:
+    """Orders of a structure from a mapping of names, or from MATLAB's tuple for that structure.
+
+    Parameters
+    ----------
+    structure : str
+        A key of :data:`STRUCTURES`.
+    orders : PolynomialOrders, mapping or sequence of int
+        A mapping may leave out orders that are 0.
+
+    Raises
+    ------
+    ValueError
+        When the structure is not known, or does not have an order that is given.
+
+    Examples
+    --------
+    >>> orders_of("oe", (4, 3, 1)) == orders_of("oe", {"nb": 4, "nf": 3, "nk": 1})
+    True
+    >>> orders_of("bj", {"nb": 2, "nf": 2, "nd": 1}).structure
+    'bj'
+    """
+    if structure not in STRUCTURES:
+        raise ValueError(f"structure must be one of {', '.join(STRUCTURES)}, not {structure!r}")
+    names = STRUCTURES[structure]
+    if isinstance(orders, PolynomialOrders):
+        given = {name: getattr(orders, name) for name in _ALL if getattr(orders, name)}
+    elif isinstance(orders, Mapping):
+        given = dict(orders)
+    else:
+        if len(orders) != len(names):
+            raise ValueError(
+                f"structure {structure!r} takes the orders ({', '.join(names)}), not {orders!r}"
+            )
+        given = dict(zip(names, orders, strict=True))
+    unknown = sorted(set(given) - set(names))
+    if unknown:
+        raise ValueError(
+            f"structure {structure!r} has the orders {', '.join(names)}, not {', '.join(unknown)}"
+        )
+    for name, order in given.items():
+        if isinstance(order, bool) or int(order) != order:
+            raise ValueError(f"order {name} must be a whole number, not {order!r}")
+    return PolynomialOrders(**{name: int(order) for name, order in given.items()})

@@ -1,0 +1,206 @@
+"""Tests of parts of a model on samples that took no part in its estimation.
+
+Whether the input matters cannot be judged on the estimation samples: the choice of delay and
+orders, and nearly common factors of A and C, make Wald and likelihood-ratio tests reject far too
+often.  On held-out samples neither has any influence on the level of a test.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from evopem.models.armax import ArmaxModel
+
+Array = NDArray[np.float64]
+
+# Fewest samples from which a test is made.
+FEWEST_SAMPLES = 50
+# Largest order of the autoregression that whitens the errors before they are compared.
+MOST_WHITENING = 30
+
+
+@dataclass(frozen=True)
+class HeldOutTest:
+    """One-sided test that a part of a model improves predictions of held-out samples.
+
+    Attributes
+    ----------
+    coefficient : float
+        Regression coefficient of the prediction error without the part on what the part
+        contributes: about 1 for a part that is right, about 0 for one that is made of noise.
+    statistic : float
+        Student's t of the coefficient.
+    p_value : float
+        Of the statistic, for coefficients above 0.  NaN where no test is possible: fewer than
+        :data:`FEWEST_SAMPLES` samples, or a part that contributes nothing.
+    samples : int
+        Number of held-out samples.
+    """
+
+    coefficient: float
+    statistic: float
+    p_value: float
+    samples: int
+
+    def significant(self, level: float) -> bool | None:
+        """Whether the part is significant at a level; None where no test is possible."""
+        return None if math.isnan(self.p_value) else self.p_value < level
+
+
+def input_significance(
+    model: ArmaxModel,
+    input: ArrayLike,  # noqa: A002
+    output: ArrayLike,
+    first: int = 0,
+) -> HeldOutTest:
+    """Test on held-out samples that the model's response to the input is in the output.
+
+    The measured output is regressed on the simulated one, ``(B/A) u``, and on the free responses
+    of 1/A, which depend on signals before the held-out samples.  Where input and output are
+    unrelated the two are independent there, whatever B, the orders and their selection.
+
+    The noise model of the fit is not used: where A and C have nearly common factors, the
+    predictor's errors without the input have a narrow peak just where ``(B/C) u`` has one.
+
+    Parameters
+    ----------
+    model : ArmaxModel
+        Stable.
+    input, output : (N,) array_like
+        Signals that end with the held-out samples; they may begin with the estimation samples.
+    first : int
+        First held-out sample.
+    """
+    simulated = model.simulate(input)[first:]
+    held_out = np.asarray(output, dtype=float)[first:]
+    return contribution_test(held_out, simulated, free_responses(model.a, len(held_out)))
+
+
+def free_responses(denominator: Array, samples: int) -> Array:
+    """Basis of the responses of ``1/denominator`` to its initial state alone, (samples, m)."""
+    from scipy.signal import lfilter
+
+    degree = len(denominator) - 1
+    responses = np.zeros((samples, degree))
+    for k in range(min(degree, samples)):
+        responses[k, k] = 1.0
+        responses[:, k] = lfilter([1.0], denominator, responses[:, k])
+    return responses
+
+
+def contribution_test(
+    errors_without: ArrayLike, contribution: ArrayLike, nuisance: ArrayLike | None = None
+) -> HeldOutTest:
+    """Test that a contribution explains prediction errors made without it.
+
+    Ordinary regression of the errors on the contribution and on what else may be in them.  An
+    autoregression of the remaining errors, its order chosen by BIC, whitens both sides first
+    (Cochrane & Orcutt 1949), so that the test holds where the noise model is imperfect.
+
+    Parameters
+    ----------
+    errors_without, contribution : (N,) array_like
+        Over held-out samples.
+    nuisance : (N, k) array_like, optional
+        Further regressors; a constant is always one.
+    """
+    from scipy.special import stdtr
+
+    e, x = np.asarray(errors_without, dtype=float), np.asarray(contribution, dtype=float)
+    samples = e.size
+    not_possible = HeldOutTest(math.nan, math.nan, math.nan, samples)
+    if samples < FEWEST_SAMPLES or not (np.isfinite(e).all() and np.isfinite(x).all()):
+        return not_possible
+    others = np.ones((samples, 1))
+    if nuisance is not None:
+        others = np.hstack([others, np.asarray(nuisance, dtype=float)])
+    remainder, unexplained = _without(e, others), _without(x, others)
+    if _vanishes(unexplained, x) or _vanishes(remainder, e):
+        return not_possible
+    coefficient = float(unexplained @ remainder) / float(unexplained @ unexplained)
+    whitening = whitening_filter(remainder - coefficient * unexplained, MOST_WHITENING)
+    e, x, *columns = (np.convolve(signal, whitening, mode="valid") for signal in (e, x, *others.T))
+    others = np.column_stack(columns)
+    remainder, unexplained = _without(e, others), _without(x, others)
+    power = float(unexplained @ unexplained)
+    coefficient = float(unexplained @ remainder) / power
+    rest = remainder - coefficient * unexplained
+    freedom = e.size - others.shape[1] - len(whitening)
+    if freedom < 1 or _vanishes(unexplained, x):
+        return not_possible
+    error = math.sqrt(float(rest @ rest) / freedom / power)
+    # A part that explains the errors without remainder is as significant as can be.
+    statistic = coefficient / error if error > 0.0 else math.inf
+    p_value = float(stdtr(freedom, -statistic)) if math.isfinite(statistic) else 0.0
+    return HeldOutTest(coefficient, statistic, p_value, samples)
+
+
+def _without(signal: Array, regressors: Array) -> Array:
+    """A signal less its least-squares fit by regressors, which are scaled to unit length."""
+    length = np.linalg.norm(regressors, axis=0)
+    basis = regressors[:, length > 0.0] / length[length > 0.0]
+    fitted: Array = basis @ np.linalg.lstsq(basis, signal, rcond=1e-12)[0]
+    return signal - fitted
+
+
+def _vanishes(remainder: Array, signal: Array) -> bool:
+    """Whether what is left of a signal is rounding error."""
+    return bool(np.linalg.norm(remainder) <= 1e-10 * np.linalg.norm(signal))
+
+
+def improvement_test(errors_without: ArrayLike, errors_with: ArrayLike) -> HeldOutTest:
+    """Test that errors with a part of a model are smaller in mean square than without it.
+
+    Student's t of the mean difference of squared errors (Diebold & Mariano 1995), whitened as in
+    :func:`contribution_test`.  The coefficient is the relative decrease of the mean square.
+
+    Parameters
+    ----------
+    errors_without, errors_with : (N,) array_like
+        Over held-out samples.
+    """
+    from scipy.special import stdtr
+
+    before = np.asarray(errors_without, dtype=float) ** 2
+    difference = before - np.asarray(errors_with, dtype=float) ** 2
+    samples = difference.size
+    if samples < FEWEST_SAMPLES or not np.isfinite(difference).all() or not np.ptp(difference) > 0:
+        return HeldOutTest(math.nan, math.nan, math.nan, samples)
+    mean = float(difference.mean())
+    whitening = whitening_filter(difference - mean, MOST_WHITENING)
+    white = np.convolve(difference - mean, whitening, mode="valid")
+    freedom = white.size - len(whitening)
+    error = math.sqrt(float(white @ white) / freedom / samples) / abs(float(whitening.sum()))
+    statistic = mean / error
+    p_value = float(stdtr(freedom, -statistic))
+    return HeldOutTest(mean / float(before.mean()), statistic, p_value, samples)
+
+
+def whitening_filter(signal: ArrayLike, most: int) -> Array:
+    """Coefficients ``1, a_1, ...`` of the autoregression of smallest BIC, of order 0 to ``most``.
+
+    Ordinary least squares on one set of samples for all orders.
+
+    Parameters
+    ----------
+    signal : (N,) array_like
+        With zero mean.
+    most : int
+        Largest order; cut to a tenth of the samples.
+    """
+    x = np.asarray(signal, dtype=float)
+    most = min(most, x.size // 10)
+    past = np.lib.stride_tricks.sliding_window_view(x, most + 1)[:, ::-1]
+    # With the lags in rising order, the leading blocks of one triangle serve all orders.
+    triangle = np.asarray(np.linalg.qr(np.roll(past, -1, axis=1), mode="r"))
+    remaining = np.cumsum(triangle[::-1, -1] ** 2)[::-1]
+    samples = len(past)
+    with np.errstate(divide="ignore"):
+        criteria = np.log(remaining) + np.arange(most + 1) * math.log(samples) / samples
+    order = int(np.argmin(criteria))
+    solution = np.linalg.lstsq(triangle[:order, :order], triangle[:order, -1], rcond=None)[0]
+    return np.concatenate([[1.0], -solution])
