@@ -9,6 +9,7 @@ from evopem.models.initial_state import (
     estimate_noise_state,
     state_dimension,
 )
+from evopem.models.polynomial import PolynomialModel
 from evopem.synthesis.armax import true_model
 
 
@@ -81,6 +82,13 @@ def test_transfer_functions_of_other_libraries_keep_the_dynamics_and_the_delay(b
     assert by_control.dt == 1 / 50.0
     assert isinstance(by_control, control.TransferFunction)
     np.testing.assert_allclose(by_control(z), expected, rtol=1e-12)
+    # The same model as a polynomial model with A in the place of F.
+    unit = np.ones(1)
+    general = PolynomialModel(unit, model.b, unit, unit, model.a, nk, sampling_rate=50.0)
+    theirs = general.to_scipy()
+    np.testing.assert_allclose(
+        np.polyval(theirs.num, z) / np.polyval(theirs.den, z), expected, rtol=1e-12
+    )
 
 
 def test_innovations_come_back_as_residuals():

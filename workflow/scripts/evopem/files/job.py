@@ -118,7 +118,7 @@ def _attached(handler: logging.Handler) -> Iterator[logging.Logger]:
     finally:
         for each in (logger, warnings):
             each.removeHandler(handler)
-        # On a full disk the last messages cannot be written. The job's own error is shown.
+        # On a full disk the last messages cannot be written; the job's own error is shown.
         with suppress(OSError):
             handler.close()
         logging.captureWarnings(False)

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from evopem.models.modes import Mode, modes_of
 from evopem.models.parameter_covariance import ParameterCovariance
-from evopem.models.polynomials import roots
+from evopem.models.polynomials import powers_of_z, roots
 
 Array = NDArray[np.float64]
 
@@ -301,7 +301,9 @@ class ArmaxModel:
         """``G`` as a discrete-time ``control.TransferFunction``; needs python-control."""
         import control
 
-        return control.TransferFunction(*self._polynomials_in_z(), 1.0 / self.sampling_rate)
+        return control.TransferFunction(
+            *powers_of_z(self.delayed_b, self.a), 1.0 / self.sampling_rate
+        )
 
     def to_scipy(self):  # type: ignore[no-untyped-def]
         """``G`` as a discrete-time ``scipy.signal.TransferFunction``.
@@ -322,19 +324,7 @@ class ArmaxModel:
         """
         from scipy.signal import TransferFunction
 
-        return TransferFunction(*self._polynomials_in_z(), dt=1.0 / self.sampling_rate)
-
-    def _polynomials_in_z(self) -> tuple[Array, Array]:
-        """Numerator and denominator of ``G`` in descending powers of z, without leading zeros.
-
-        The delay is the difference of their degrees.
-        """
-        degree = max(len(self.a), len(self.delayed_b)) - 1
-        denominator = np.pad(self.a, (0, degree + 1 - len(self.a)))
-        numerator = np.pad(self.delayed_b, (0, degree + 1 - len(self.delayed_b)))
-        nonzero = np.flatnonzero(numerator)
-        first = nonzero[0] if len(nonzero) else degree
-        return numerator[first:], denominator
+        return TransferFunction(*powers_of_z(self.delayed_b, self.a), dt=1.0 / self.sampling_rate)
 
 
 def _signals(input: ArrayLike, output: ArrayLike) -> tuple[Array, Array]:  # noqa: A002

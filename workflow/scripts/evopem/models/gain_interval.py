@@ -36,8 +36,10 @@ def gain_band(model: ArmaxModel, frequencies: ArrayLike) -> tuple[Array, Array]:
     Examples
     --------
     >>> from evopem.models.armax import ArmaxModel
+    >>> from evopem.models.parameter_covariance import ParameterCovariance
+    >>> covariance = ParameterCovariance.from_matrix(1e-4 * np.eye(2))
     >>> model = ArmaxModel(
-    ...     np.array([1, -0.5]), np.array([2.0]), np.array([1.0]), nk=1, covariance=1e-4 * np.eye(2)
+    ...     np.array([1, -0.5]), np.array([2.0]), np.array([1.0]), nk=1, covariance=covariance
     ... )
     >>> lower, upper = gain_band(model, [0.0])  # around the gain 4
     >>> lower.round(3), upper.round(3)

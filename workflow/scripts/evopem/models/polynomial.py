@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from evopem.models.modes import Mode, modes_of
 from evopem.models.parameter_covariance import ParameterCovariance
-from evopem.models.polynomials import roots
+from evopem.models.polynomials import powers_of_z, roots
 from evopem.models.structures import PolynomialOrders
 
 Array = NDArray[np.float64]
@@ -250,21 +250,19 @@ class PolynomialModel:
         """``G`` as a discrete-time ``control.TransferFunction``; needs python-control."""
         import control
 
-        return control.TransferFunction(*self._of_equal_length(), 1.0 / self.sampling_rate)
+        return control.TransferFunction(
+            *powers_of_z(self.delayed_b, self.plant_denominator), 1.0 / self.sampling_rate
+        )
 
     def to_scipy(self):  # type: ignore[no-untyped-def]
-        """``G`` as a ``scipy.signal.TransferFunction`` with ``dt``."""
+        """``G`` as a discrete-time ``scipy.signal.TransferFunction``.
+
+        SciPy takes leading coefficients of B below 1e-14 for zero, and warns of it.
+        """
         from scipy.signal import TransferFunction
 
-        return TransferFunction(*self._of_equal_length(), dt=1.0 / self.sampling_rate)
-
-    def _of_equal_length(self) -> tuple[Array, Array]:
-        """Numerator and denominator of G with equally many coefficients."""
-        numerator, denominator = self.delayed_b, self.plant_denominator
-        length = max(len(numerator), len(denominator))
-        return (
-            np.pad(numerator, (0, length - len(numerator))),
-            np.pad(denominator, (0, length - len(denominator))),
+        return TransferFunction(
+            *powers_of_z(self.delayed_b, self.plant_denominator), dt=1.0 / self.sampling_rate
         )
 
 

@@ -36,6 +36,30 @@ def max_root_radius(coefficients: Array) -> float:
     return float(np.max(np.abs(found))) if len(found) else 0.0
 
 
+def powers_of_z(numerator: Array, denominator: Array) -> tuple[Array, Array]:
+    """Write a ratio of polynomials in q^-1 in descending powers of z, without leading zeros.
+
+    The delay is then the difference of the degrees.
+
+    Parameters
+    ----------
+    numerator, denominator : (m,) and (n,) arrays
+        Coefficients from lag 0 on; the denominator begins with 1.
+
+    Examples
+    --------
+    2 q^-2 / (1 - 0.5 q^-1) = 2 / (z² - 0.5 z):
+
+    >>> powers_of_z(np.array([0.0, 0.0, 2.0]), np.array([1.0, -0.5]))
+    (array([2.]), array([ 1. , -0.5,  0. ]))
+    """
+    length = max(len(numerator), len(denominator))
+    above = np.pad(numerator, (0, length - len(numerator)))
+    below = np.pad(denominator, (0, length - len(denominator)))
+    nonzero = np.flatnonzero(above)
+    return above[nonzero[0] if len(nonzero) else length - 1 :], below
+
+
 def reflect_into_disc(coefficients: Array, radius: float) -> Array:
     """Coefficients whose roots lie within ``radius``, of many polynomials at once.
 
