@@ -17,7 +17,7 @@ report: $(VENV)/installed  ## run config.yaml from data to report
 	@echo "Reports:"; ls -1 "$(CURDIR)"/results/*/report.html
 
 test: $(VENV)/installed-dev  ## run every test, and the examples of the docstrings
-	$(BIN)/pytest --numprocesses auto --dist loadfile
+	$(BIN)/pytest --numprocesses auto --dist loadfile --no-loadscope-reorder tests/workflow tests
 	$(BIN)/pytest --quiet --doctest-modules workflow/scripts/evopem
 
 test-slurm: $(VENV)/installed-dev  ## run the tests on SLURM, started for them where that can be done

@@ -185,7 +185,7 @@ WORDS = {True: "Passed", False: "Failed", None: "Not judged"}
 def test_every_check_is_in_the_page(results, page):
     """Verdict, name, statement and advice of each, the failed ones first."""
     checks = results.checks
-    assert len(checks) == 13
+    assert len(checks) == 14
     assert [check.name for check in checks if check.passed is False] != []
     for check in checks:
         words = [f"{WORDS[check.passed]} {check.name}.", check.statement, check.advice]
@@ -282,7 +282,7 @@ def test_checks_that_all_passed_are_said(build, results, monkeypatch):
     passed = [Check(check.name, True, check.statement) for check in results.checks]
     monkeypatch.setattr(type(results), "checks", property(lambda _: passed))
     text = Page(build(results)).text
-    assert "13 of 13 checks passed All checks were judged and passed." in text
+    assert "14 of 14 checks passed All checks were judged and passed." in text
 
 
 def test_hostile_names_do_no_harm(build, draw, results):

@@ -48,12 +48,9 @@ def test_a_run_makes_every_promised_file(finished):
     columns = ["na", "nb", "nc", "nk"]
     assert selected.loc["nb", columns].tolist() == [orders.na, orders.nb, orders.nc, orders.nk]
     assert record.window == ScoringWindow(4 + 3 - 1, 4 + 3 - 1 + 20)
-    assert candidates.groupby("phase").size().to_dict() == {
-        "delay": 3,
-        "joint": 2,
-        "nc": 2,
-        "nb": 1,
-    }
+    counts = candidates.groupby("phase").size()
+    assert counts[["delay", "joint", "nc"]].tolist() == [3, 2, 2]
+    assert counts["nb"] >= 1  # and those with which the delay is refined
 
 
 def test_a_run_leaves_no_unfinished_files(finished):
@@ -89,7 +86,13 @@ def test_changed_code_repeats_what_uses_it(copy, tmp_path):
     assert not untouched & planned
 
 
-FROM_SPECTRUM = {"estimate_spectrum", "summarize_dataset", "draw_figures", "write_report"}
+FROM_SPECTRUM = {
+    "estimate_spectrum",
+    "validate_model",
+    "summarize_dataset",
+    "draw_figures",
+    "write_report",
+}
 FROM_MODEL = {
     "complete_model",
     "validate_model",

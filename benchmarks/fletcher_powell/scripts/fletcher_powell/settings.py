@@ -104,6 +104,13 @@ def _completed(schema: Mapping[str, Any], written: Mapping[str, Any]) -> dict[st
     return {
         key: _completed(child, written.get(key, {}))
         if "properties" in child
-        else written.get(key, child["default"])
+        else _with_integers(written.get(key, child["default"]))
         for key, child in schema["properties"].items()
     }
+
+
+def _with_integers(value: Any) -> Any:
+    """A value with 3.0 written as 3: all numbers of these settings are whole ones."""
+    if isinstance(value, list):
+        return [_with_integers(each) for each in value]
+    return int(value) if isinstance(value, float) else value
