@@ -55,6 +55,7 @@ def with_polynomials(record, a, b, c, covariance):
         a=model.a,
         b=model.b,
         c=model.c,
+        sampling_rate=model.sampling_rate,
         covariance=None if covariance is None else covariance.matrix,
         covariance_factor=covariance,
         modes=tuple(model.modes()),

@@ -117,13 +117,15 @@ def _unexplained(model: ModelRecord, peaks: list[SpectralPeak]) -> list[float]:
 def _heights_at(index: int, gain: NDArray[np.float64]) -> dict[int, float]:
     """For each maximum of a gain in dB, its prominence less its height above the gain at an index.
 
-    The ends of the frequency axis may be maxima.
+    The ends of the frequency axis may be maxima: nothing but their one side counts there.
     """
-    from scipy.signal import find_peaks
+    from scipy.signal import find_peaks, peak_prominences
 
-    padded = np.concatenate([[gain.min() - 1.0], gain, [gain.min() - 1.0]])
-    tops, found = find_peaks(padded, prominence=0.0)
-    return {
-        int(top): float(height - (padded[top] - padded[index + 1]))
-        for top, height in zip(tops, found["prominences"], strict=True)
-    }
+    tops, found = find_peaks(gain, prominence=0.0)
+    prominences = dict(zip(tops.tolist(), found["prominences"].tolist(), strict=True))
+    ends = [top for top, beside in ((0, 1), (-1, -2)) if gain[top] > gain[beside]]
+    below = gain.min() - 1.0
+    padded = np.concatenate([[below], gain, [below]])
+    for top in (end % gain.size for end in ends):
+        prominences[top] = float(peak_prominences(padded, [top + 1])[0][0])
+    return {top: height - float(gain[top] - gain[index]) for top, height in prominences.items()}
