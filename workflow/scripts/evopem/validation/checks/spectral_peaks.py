@@ -51,8 +51,8 @@ def spectral_peaks(model: ModelRecord, spectrum: SpectrumSummary) -> Check:
             name,
             True,
             f"Each of the {len(frequencies)} spectral peaks has a mode within the resolution of the"
-            f" spectrum ({resolution:.2g} Hz) or within the mode's own bandwidth and uncertainty, or"
-            " is no higher than a maximum of the model's gain and chance make it.",
+            f" spectrum ({resolution:.2g} Hz) or within the mode's own bandwidth and uncertainty,"
+            " or is no higher than a maximum of the model's gain and chance make it.",
         )
     listed = ", ".join(f"{frequency:.4g} Hz" for frequency in missed[:MAX_LISTED])
     if len(missed) > MAX_LISTED:
