@@ -87,8 +87,9 @@ def _unexplained(model: ModelRecord, peaks: list[SpectralPeak]) -> list[float]:
     A heavily damped mode and the zeros beside it make a broad maximum, away from the mode's own
     frequency, and chance moves the peak of the estimate about on it. So the maximum of ``|G|²`` or
     ``|H|²`` that a peak lies on is looked for: its prominence, less how far the gain has fallen
-    from it at the peak's frequency, is what the model accounts for. Each maximum accounts for one
-    peak, the higher ones first.
+    from it at the peak's frequency, is what the model accounts for. The gain may have fallen by no
+    more than the 95 % band of the estimate is wide. Each maximum accounts for one peak, the higher
+    ones first.
     """
     grid = np.linspace(0.0, 0.5 * model.sampling_rate, GRID)
     gains = [
@@ -103,7 +104,7 @@ def _unexplained(model: ModelRecord, peaks: list[SpectralPeak]) -> list[float]:
             (which, top): height
             for which, gain in enumerate(gains)
             for top, height in _heights_at(index, gain).items()
-            if (which, top) not in used
+            if (which, top) not in used and gain[top] - gain[index] <= _band_db(peak)
         }
         best = max(explained, key=lambda each: explained[each], default=None)
         height = max(0.0, explained[best]) if best is not None else 0.0
@@ -112,6 +113,11 @@ def _unexplained(model: ModelRecord, peaks: list[SpectralPeak]) -> list[float]:
         if peak.prominence_db - height > peak.chance_db:
             unexplained.append(peak.frequency_hz)
     return sorted(unexplained)
+
+
+def _band_db(peak: SpectralPeak) -> float:
+    """Width of the 95 % band of a density, in dB."""
+    return 10.0 * math.log10(peak.upper / peak.lower)
 
 
 def _heights_at(index: int, gain: NDArray[np.float64]) -> dict[int, float]:
