@@ -82,7 +82,7 @@ def _triangle(u: Array, y: Array, lags: int) -> Array:
         columns += [u[first - k : stop - k] for k in range(lags + 1)]
         columns += [np.ones(stop - first), y[first:stop]]
         rows = np.vstack([triangle, np.column_stack(columns)])
-        triangle = np.linalg.qr(rows, mode="r")
+        triangle = np.asarray(np.linalg.qr(rows, mode="r"))
     return triangle
 
 
