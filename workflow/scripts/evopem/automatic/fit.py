@@ -12,7 +12,7 @@ from evopem.automatic.stretch_errors import StretchErrors
 from evopem.automatic.stretches import Stretch
 from evopem.estimation.pem.batch_bfgs import Descent
 from evopem.estimation.search.polynomial_problem import DESCENDED, PAIRS, PolynomialProblem
-from evopem.estimation.search.staged_descent import staged_descent, Stage
+from evopem.estimation.search.staged_descent import Stage, staged_descent
 from evopem.estimation.search.starting_polynomials import random_denominators
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.structures import PolynomialOrders
@@ -103,9 +103,11 @@ class StretchProblem(PolynomialProblem):
         """Feasible points to descend from, (M, n)."""
         found = []
         if self._own_starts:
-            for denominator in self._denominators():
-                if np.isfinite(denominator).all():
-                    found.append(self._from_denominators(denominator)[0])
+            found.extend(
+                self._from_denominators(denominator)[0]
+                for denominator in self._denominators()
+                if np.isfinite(denominator).all()
+            )
         for model in self._models:
             found.append(self.completed(self._adapted(model))[0])
             found.append(self._with_further_poles(model))

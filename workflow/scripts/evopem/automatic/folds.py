@@ -77,7 +77,9 @@ def decide_folds(stretches: Sequence[Stretch]) -> FoldPlan:
     """
     samples = total_samples(stretches)
     possible = [d for d in DESIGNS if samples >= d[0] * d[1] * SHORTEST_BLOCK] or [(2, 1)]
-    overlaps = {d: _overlap(folds_of(stretches, *d, 1)) for d in dict.fromkeys([*DESIGNS, *possible])}
+    overlaps = {
+        d: _overlap(folds_of(stretches, *d, 1)) for d in dict.fromkeys([*DESIGNS, *possible])
+    }
     kept = [d for d in possible if overlaps[d] >= LEAST_OVERLAP]
     alternatives = tuple(Alternative(_name(d), 1.0 - overlaps[d]) for d in overlaps)
     if kept:
@@ -128,10 +130,16 @@ def held_out_scores(
         if not (counts > 0).all():
             return HeldOutScores.none()
         logarithms.append(_logarithms(sums, counts, scale))
-        of_folds += [_logarithms(*errors, scale) for errors in of_design]
-    scores = [float(score) for score in 100.0 * np.exp(np.mean(logarithms, axis=0))]
+        of_folds += [_logarithms(errors[0], errors[1], scale) for errors in of_design]
+    simulation, free_level, prediction = 100.0 * np.exp(np.mean(logarithms, axis=0))
     by_kind = np.transpose(of_folds)
-    return HeldOutScores(*scores, tuple(map(float, by_kind[0])), tuple(map(float, by_kind[1])))
+    return HeldOutScores(
+        float(simulation),
+        float(free_level),
+        float(prediction),
+        tuple(map(float, by_kind[0])),
+        tuple(map(float, by_kind[1])),
+    )
 
 
 def _logarithms(sums: Array, counts: Array, scale: float) -> Array:

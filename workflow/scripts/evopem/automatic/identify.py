@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,8 +12,14 @@ from threadpoolctl import threadpool_limits
 
 from evopem.automatic.decision import Decision
 from evopem.automatic.folds import decide_folds
-from evopem.automatic.orders import NESTED, Candidate, Scorer, StructureSearch, decide_delay
-from evopem.automatic.orders import search_structure
+from evopem.automatic.orders import (
+    NESTED,
+    Candidate,
+    Scorer,
+    StructureSearch,
+    decide_delay,
+    search_structure,
+)
 from evopem.automatic.preparation import (
     PreparationPlan,
     PreparedRecord,
@@ -23,11 +30,13 @@ from evopem.automatic.preparation import (
 from evopem.automatic.remedies import Trial, act_on_checks
 from evopem.automatic.simulation import prediction_errors, simulated
 from evopem.automatic.stretches import Stretch
-from evopem.automatic.structures import Choice, Level, Purpose, compare_structures
+from evopem.automatic.structures import Choice, Purpose, compare_structures
 from evopem.models.polynomial import PolynomialModel
 from evopem.signals.recording import Recording
 
 Array = NDArray[np.float64]
+
+PURPOSES = get_args(Purpose)
 
 
 @dataclass(frozen=True)
@@ -128,6 +137,8 @@ def identify(
     ------
     InputError
         When the recordings do not fit together or are too short.
+    ValueError
+        When the purpose is not known.
 
     Examples
     --------
@@ -140,6 +151,8 @@ def identify(
     >>> round(found.model.modes()[0].frequency_hz, 2)
     0.78
     """
+    if purpose not in PURPOSES:
+        raise ValueError(f"purpose must be one of {', '.join(PURPOSES)}, not {purpose!r}")
     inputs, outputs = _signals(input), _signals(output)
     recordings = tuple(
         Recording(u, y, float(sampling_rate)) for u, y in zip(inputs, outputs, strict=True)

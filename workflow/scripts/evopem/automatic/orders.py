@@ -10,6 +10,7 @@ import numpy as np
 from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.fit import Fit, FitSettings, fit
 from evopem.automatic.folds import FoldPlan, HeldOutScores, held_out_scores
+from evopem.automatic.simulation import simulated
 from evopem.automatic.stretches import Stretch, total_samples
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.structures import PolynomialOrders
@@ -48,7 +49,10 @@ class Candidate:
     parameters : int
         Coefficients and levels.
     bic : float
-        On the residuals from a common sample on.
+        On the one-step residuals from a common sample on.
+    simulation_bic : float
+        The same formula with the errors of a simulation of the estimation part, whose initial
+        states and levels are fitted.
     scores : HeldOutScores
     model : PolynomialModel
         Fitted to the whole estimation part.
@@ -58,6 +62,7 @@ class Candidate:
     orders: PolynomialOrders
     parameters: int
     bic: float
+    simulation_bic: float
     scores: HeldOutScores
     model: PolynomialModel
 
@@ -88,9 +93,13 @@ def decide_delay(stretches: Sequence[Stretch]) -> tuple[int, Decision]:
     longest = min(LONGEST_DELAY, max(each.samples for each in stretches) // 8)
     top = min(FIRST_DELAYS, longest)
     while True:
+        first = top + max(DELAY_ORDERS)
         criteria = np.array(
             [
-                [_arx_bic(stretches, order, delay, top + max(DELAY_ORDERS)) for delay in range(top + 1)]
+                [
+                    _arx_bic(stretches, order, delay, first)
+                    for delay in range(top + 1)
+                ]
                 for order in DELAY_ORDERS
             ]
         )
@@ -99,7 +108,10 @@ def decide_delay(stretches: Sequence[Stretch]) -> tuple[int, Decision]:
             break
         top = min(2 * top, longest)
     alternatives = tuple(Alternative(str(k), float(criteria[:, k].min())) for k in range(top + 1))
-    sentence = f"ARX models of up to order {DELAY_ORDERS[-1]} have the smallest BIC with a delay of {delay}."
+    sentence = (
+        f"ARX models of up to order {DELAY_ORDERS[-1]} have the smallest BIC with a delay of "
+        f"{delay}."
+    )
     return delay, Decision("delay", str(delay), alternatives, "BIC of the best ARX model", sentence)
 
 
@@ -136,9 +148,7 @@ class Scorer:
     settings : FitSettings
     """
 
-    def __init__(
-        self, stretches: Sequence[Stretch], plan: FoldPlan, settings: FitSettings
-    ) -> None:
+    def __init__(self, stretches: Sequence[Stretch], plan: FoldPlan, settings: FitSettings) -> None:
         self.stretches, self.plan, self.settings = tuple(stretches), plan, settings
         self.samples = total_samples(stretches)
         self.window = min(4 * max(PATH), min(each.samples for each in stretches) // 4)
@@ -150,15 +160,28 @@ class Scorer:
         return max(4, self.samples // SAMPLES_PER_PARAMETER)
 
     def candidate(
-        self, structure: str, orders: PolynomialOrders, models: Sequence[PolynomialModel] = ()
+        self,
+        structure: str,
+        orders: PolynomialOrders,
+        models: Sequence[PolynomialModel] = (),
+        own_starts: bool = True,
     ) -> Candidate | None:
-        """The candidate of these orders; None where the record does not carry them."""
+        """The candidate of these orders; None where the record does not carry them.
+
+        Parameters
+        ----------
+        structure : str
+        orders : PolynomialOrders
+        models : sequence of PolynomialModel
+            Descents start from them, and with ``own_starts`` from estimates by linear algebra.
+        own_starts : bool
+        """
         key = (structure, orders)
         if key not in self._known:
             if orders.parameters + orders.nf + orders.noise_states > self.most_parameters:
                 return None
             try:
-                found = fit(self.stretches, orders, self.settings, models, structure=structure)
+                found = fit(self.stretches, orders, self.settings, models, own_starts, structure)
             except (ValueError, np.linalg.LinAlgError):
                 return None
             scores = held_out_scores(self.stretches, self.plan, found.model, self.settings)
@@ -167,15 +190,24 @@ class Scorer:
 
     def _described(self, structure: str, found: Fit, scores: HeldOutScores) -> Candidate:
         count = self.samples - self.window * len(self.stretches)
-        mean_square = max(found.mean_square(self.window), np.finfo(float).tiny)
+        penalty = found.parameters * np.log(count) / count
+        simulation_errors = np.concatenate(
+            [simulated(found.model, each, free_level=True) - each.output for each in self.stretches]
+        )
         return Candidate(
             structure,
             found.orders,
             found.parameters,
-            float(np.log(mean_square) + found.parameters * np.log(count) / count),
+            _logarithm(found.mean_square(self.window)) + penalty,
+            _logarithm(float(np.mean(simulation_errors**2))) + penalty,
             scores,
             found.model,
         )
+
+
+def _logarithm(mean_square: float) -> float:
+    finite = mean_square if np.isfinite(mean_square) else np.finfo(float).max
+    return float(np.log(max(finite, np.finfo(float).tiny)))
 
 
 def search_structure(
@@ -267,7 +299,7 @@ def _same_plant(
 
 
 def refine_orders(
-    scorer: Scorer, start: Candidate, score: Callable[[Candidate], float], rounds: int = 3
+    scorer: Scorer, start: Candidate, score: Callable[[Candidate], float], rounds: int = 2
 ) -> list[Candidate]:
     """Change one order after the other as long as a score falls; all that was tried, best last.
 
@@ -285,7 +317,7 @@ def refine_orders(
         for orders in _neighbours(best.orders):
             if orders.structure != best.orders.structure:
                 continue
-            candidate = scorer.candidate(best.structure, orders, [best.model])
+            candidate = scorer.candidate(best.structure, orders, [best.model], own_starts=False)
             if candidate is not None:
                 found.append(candidate)
         tried.extend(found)

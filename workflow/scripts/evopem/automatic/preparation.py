@@ -26,6 +26,7 @@ SHORTEST_STRETCH = 20
 # Decimation is tried where this share of the output's power lies below 1 / OVERSAMPLED of the
 # sampling rate, by factors that leave LEAST_SAMPLES samples.
 POWER_SHARE, OVERSAMPLED = 0.999, 8.0
+BANDS = 20
 FACTORS = (2, 4, 5, 8, 10, 16, 20)
 LEAST_SAMPLES = 200
 # Decimation must pay: relative gain of the simulation error.
@@ -211,8 +212,9 @@ def _decide_starts(recordings: Sequence[Recording]) -> tuple[tuple[int, ...], De
         still |= ~(np.isfinite(u) & np.isfinite(y))
         leading = int(np.argmin(still)) if not still.all() else 0
         starts.append(max(leading - 1, 0) if np.isfinite(y[max(leading - 1, 0)]) else leading)
-    alternatives = (Alternative("0", 0.0),) + tuple(
-        Alternative(str(start), float(start)) for start in sorted(set(starts)) if start
+    alternatives = (
+        Alternative("0", 0.0),
+        *(Alternative(str(start), float(start)) for start in sorted(set(starts)) if start),
     )
     sentence = (
         "Samples before the first change of either signal are left out."
@@ -284,12 +286,17 @@ def _decide_decimation(stretches: Sequence[Stretch]) -> tuple[int, Decision]:
 
 
 def _power_edge(stretches: Sequence[Stretch]) -> float:
-    """Frequency below which nearly all power of the output lies, as a share of the rate."""
+    """Frequency below which nearly all power of the output lies, as a share of the rate.
+
+    The lowest of ``BANDS`` bands is taken for a floor of white noise, and left out of all.
+    """
     longest = max(stretches, key=lambda each: each.samples)
     y = longest.output - longest.output.mean()
     power = np.abs(np.fft.rfft(y * np.hanning(len(y)))) ** 2
-    share = np.cumsum(power) / max(float(power.sum()), np.finfo(float).tiny)
-    return float(np.searchsorted(share, POWER_SHARE) / len(y))
+    floor = min(float(np.mean(band)) for band in np.array_split(power, BANDS))
+    above = np.cumsum(power - floor)
+    reached = np.flatnonzero(above >= POWER_SHARE * above[-1])
+    return float(reached[0] / len(y)) if len(reached) else 0.5
 
 
 def _decimated_error(stretches: Sequence[Stretch], factor: int) -> float:

@@ -7,8 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from evopem.automatic.fit import FitSettings, fit
 from evopem.automatic.orders import Candidate, Scorer
 from evopem.automatic.residuals import input_correlation, whiteness_probability
+from evopem.automatic.simulation import simulated
+from evopem.automatic.stretches import Stretch, total_samples
 from evopem.automatic.structures import Choice, Level
 from evopem.models.structures import PolynomialOrders
 
@@ -74,7 +77,7 @@ def act_on_checks(scorer: Scorer, choice: Choice) -> Remedied:
     """
     trials: list[Trial] = []
     current = choice.candidate
-    first_score = _score(current, choice)
+    first, first_score = current, _score(current, choice)
     budget = MOST_TRIALS
     for check, is_failed, remedies in (
         ("cancelling roots", _cancels, _fewer_roots),
@@ -93,13 +96,27 @@ def act_on_checks(scorer: Scorer, choice: Choice) -> Remedied:
                 continue
             holds = not is_failed(scorer, candidate)
             allowed = _score(candidate, choice) <= (1.0 + TOLERATED) * first_score
+            if choice.purpose == "simulation":
+                allowed &= candidate.simulation_bic <= first.simulation_bic + TOLERATED
             better = _better(scorer, candidate, best, check)
             taken = allowed and (holds or better)
-            trials.append(_trial(scorer, choice, check, remedy, candidate, taken))
+            trials.append(
+                Trial(
+                    check,
+                    remedy,
+                    candidate.name,
+                    _score(candidate, choice),
+                    whiteness_probability(candidate.model, scorer.stretches),
+                    input_correlation(candidate.model, scorer.stretches),
+                    taken,
+                )
+            )
             if taken:
                 best = candidate
             if taken and holds:
                 break
+        if check == "white residuals" and is_failed(scorer, best) and first.orders.nf:
+            best = _with_own_noise_model(scorer, best, trials)
         current = best
     failed = tuple(
         check
@@ -111,6 +128,65 @@ def act_on_checks(scorer: Scorer, choice: Choice) -> Remedied:
         if is_failed(scorer, current)
     )
     return Remedied(replace(choice, candidate=current), tuple(trials), failed)
+
+
+def _with_own_noise_model(scorer: Scorer, candidate: Candidate, trials: list[Trial]) -> Candidate:
+    """The same plant with a noise model that is fitted to its errors of simulation.
+
+    Simulations stay as they are, predictions gain.  The best of several orders by BIC.
+    """
+    level = candidate.model.level
+    errors = [
+        Stretch(
+            np.zeros(each.samples), each.output - simulated(candidate.model, each), each.recording
+        )
+        for each in scorer.stretches
+    ]
+    best, count = candidate, total_samples(errors)
+    for n in NOISE_ORDERS:
+        orders = PolynomialOrders(na=n, nc=n)
+        if candidate.parameters + orders.parameters > scorer.most_parameters:
+            break
+        try:
+            noise = fit(errors, orders, FitSettings(scorer.settings.objective, level=False))
+        except (ValueError, np.linalg.LinAlgError):
+            continue
+        parameters = candidate.orders.nb + candidate.orders.nf + orders.parameters + 1
+        mean_square = max(noise.mean_square(), np.finfo(float).tiny)
+        model = replace(
+            candidate.model,
+            c=noise.model.c,
+            d=noise.model.a,
+            level=level,
+            noise_variance=noise.model.noise_variance,
+            structure="bj",
+        )
+        found = replace(
+            candidate,
+            structure="bj",
+            orders=model.orders,
+            parameters=parameters,
+            bic=float(np.log(mean_square) + parameters * np.log(count) / count),
+            model=model,
+        )
+        white = whiteness_probability(model, scorer.stretches)
+        taken = found.bic < best.bic
+        trials.append(
+            Trial(
+                "white residuals",
+                f"noise model of order {n} for the errors of simulation, plant kept",
+                found.name,
+                candidate.scores.simulation,
+                white,
+                input_correlation(model, scorer.stretches),
+                taken,
+            )
+        )
+        if taken:
+            best = found
+        if white >= NOT_WHITE:
+            break
+    return best
 
 
 def _score(candidate: Candidate, choice: Choice) -> float:
@@ -129,23 +205,6 @@ def _better(scorer: Scorer, candidate: Candidate, best: Candidate, check: str) -
     return new < 0.9 * input_correlation(best.model, scorer.stretches)
 
 
-def _trial(
-    *args: object,
-) -> Trial:
-    scorer, choice, check, remedy, candidate, taken = args
-    assert isinstance(scorer, Scorer) and isinstance(choice, Choice)
-    assert isinstance(candidate, Candidate)
-    return Trial(
-        str(check),
-        str(remedy),
-        candidate.name,
-        _score(candidate, choice),
-        whiteness_probability(candidate.model, scorer.stretches),
-        input_correlation(candidate.model, scorer.stretches),
-        bool(taken),
-    )
-
-
 def _is_coloured(scorer: Scorer, candidate: Candidate) -> bool:
     return whiteness_probability(candidate.model, scorer.stretches) < NOT_WHITE
 
@@ -154,7 +213,7 @@ def _depends_on_input(scorer: Scorer, candidate: Candidate) -> bool:
     return input_correlation(candidate.model, scorer.stretches) > CORRELATED
 
 
-def _cancels(scorer: Scorer, candidate: Candidate) -> bool:
+def _cancels(_: Scorer, candidate: Candidate) -> bool:
     poles, zeros = candidate.model.poles(), candidate.model.zeros()
     if not len(poles) or not len(zeros):
         return False

@@ -64,8 +64,15 @@ class StretchErrors:
         self.input, self.output, self.samples = longest.input, longest.output, longest.samples
         self._errors = [
             PolynomialErrors(
-                *(np.ascontiguousarray(each.input), np.ascontiguousarray(each.output)),
-                *(orders, objective, first, first, plant_radius, noise_radius, level),
+                np.ascontiguousarray(each.input),
+                np.ascontiguousarray(each.output),
+                orders,
+                objective,
+                first,
+                first,
+                plant_radius,
+                noise_radius,
+                level,
             )
             for each in self.stretches
         ]

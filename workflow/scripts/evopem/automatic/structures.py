@@ -18,13 +18,13 @@ Level = Literal["constant", "state"]
 # Structures without a model of the noise: their BIC says little about the plant.
 WITHOUT_NOISE_MODEL = ("fir", "oe")
 # Models whose simulation errors are within one standard error of the lowest, and within this share,
-# are as good; of these the one with the lowest BIC is taken.
-AS_GOOD = 0.05
+# are as good.
+AS_GOOD = 0.1
 # Folds that are independent of each other, of those in all designs.
 INDEPENDENT_FOLDS = 4
 # Under feedback an output-error model is biased and simulates the feedback's part of the noise.
 SIGNIFICANT_FEEDBACK, WHITE, MOST_UNDER_FEEDBACK = 1e-3, 0.05, 1.35
-FINALISTS = 3
+FINALISTS = 2
 
 
 @dataclass(frozen=True)
@@ -63,8 +63,9 @@ def compare_structures(scorer: Scorer, searches: Sequence[StructureSearch]) -> C
     """Choose a model for each purpose among the candidates of all structures.
 
     Simulation: the lowest error of simulations of held-out samples; of the models that are as good,
-    the lowest BIC.  Prediction: the lowest one-step error on held-out samples.  Modes: the lowest
-    BIC of models with poles.
+    the lowest BIC, of one-step errors where these are white, else of simulation errors.
+    Prediction: the lowest one-step error on held-out samples.  Modes: the lowest BIC of models with
+    poles.
 
     Parameters
     ----------
@@ -144,11 +145,16 @@ def _for_simulation(
     best = min(candidates, key=score)
     equal = [each for each in candidates if _as_good(each, best, level)]
     chosen = min(equal, key=lambda each: each.bic)
+    reason = "has the lowest BIC of these, and white residuals"
+    if whiteness_probability(chosen.model, scorer.stretches) < WHITE:
+        # No model of these describes the noise, so that one-step errors say little of the plant.
+        chosen = min(equal, key=lambda each: each.simulation_bic)
+        reason = "has the lowest BIC of simulation errors of these, whose residuals are not white"
     sentence = f"{best.name} simulates held-out samples with the lowest error."
     if chosen is not best:
         sentence = (
             f"{chosen.name} simulates held-out samples as well as {best.name}, within a standard "
-            "error, and has the lower BIC."
+            f"error, and {reason}."
         )
     likeliest = min(candidates, key=lambda each: each.bic)
     if chosen.structure in WITHOUT_NOISE_MODEL or chosen.bic > likeliest.bic:
