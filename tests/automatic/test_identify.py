@@ -10,6 +10,7 @@ from evopem.automatic.decision import Decision
 from evopem.automatic.folds import decide_folds
 from evopem.automatic.orders import decide_delay
 from evopem.automatic.stretches import Stretch
+from evopem.automatic.structures import Choice
 from evopem.files.json_form import from_json, to_json
 from evopem.signals.recording import Recording
 
@@ -32,6 +33,13 @@ def test_decisions_have_a_json_form(resonance):
     assert from_json(tuple[Decision, ...], to_json(decisions))[0] == decisions[0]
     assert len({each.subject for each in decisions}) == len(decisions)
     assert all(each.sentence.endswith(".") for each in decisions)
+
+
+def test_a_choice_has_a_json_form(resonance):
+    choice = resonance[0].choice
+    again = from_json(Choice, to_json(choice))
+    assert again.candidate.orders == choice.candidate.orders
+    assert np.array_equal(again.candidate.model.parameters, choice.candidate.model.parameters)
 
 
 def test_the_same_record_gives_the_same_bits(resonance):

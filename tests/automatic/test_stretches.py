@@ -6,10 +6,11 @@ from records import error_percent, output_error_record
 from scipy.optimize import approx_fprime
 
 from evopem.automatic.fit import FitSettings, fit
-from evopem.automatic.simulation import simulated
+from evopem.automatic.simulation import simulated, with_level_as_state
 from evopem.automatic.stretch_errors import StretchErrors
 from evopem.automatic.stretches import Stretch, folds_of, total_samples
 from evopem.estimation.pem.polynomial_objective import PolynomialErrors
+from evopem.models.polynomial_states import estimate_simulation_state
 from evopem.models.structures import PolynomialOrders
 
 
@@ -79,3 +80,13 @@ def test_an_integrator_is_fitted_and_simulated():
     held = Stretch(u[300:], y[300:])
     assert abs(found.model.poles()[0]) > 0.99
     assert error_percent(held.output, simulated(found.model, held, free_level=True)) < 20.0
+
+
+@pytest.mark.parametrize("orders", [(0, 2, 0, 0, 2, 1), (2, 2, 1, 0, 0, 1)])
+def test_a_level_state_is_the_free_level_of_a_simulation(orders):
+    u, y, _ = output_error_record(300)
+    model = fit([Stretch(u, y)], PolynomialOrders(*orders), FitSettings()).model
+    shifted = Stretch(u, y + 5.0)
+    state = estimate_simulation_state(with_level_as_state(model), u, y + 5.0)
+    by_state = with_level_as_state(model).simulate(u, state)
+    assert by_state == pytest.approx(simulated(model, shifted, free_level=True), abs=1e-6)

@@ -62,6 +62,12 @@ class HeldOutScores:
     simulation_folds: tuple[float, ...]
     free_level_folds: tuple[float, ...]
 
+    def __post_init__(self) -> None:
+        # JSON has no infinity: what could not be computed comes back as NaN, which has no order.
+        for name in ("simulation", "free_level", "prediction"):
+            if np.isnan(getattr(self, name)):
+                object.__setattr__(self, name, np.inf)
+
     @staticmethod
     def none() -> HeldOutScores:
         """Scores of a model that could not be fitted."""

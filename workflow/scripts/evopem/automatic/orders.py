@@ -96,10 +96,7 @@ def decide_delay(stretches: Sequence[Stretch]) -> tuple[int, Decision]:
         first = top + max(DELAY_ORDERS)
         criteria = np.array(
             [
-                [
-                    _arx_bic(stretches, order, delay, first)
-                    for delay in range(top + 1)
-                ]
+                [_arx_bic(stretches, order, delay, first) for delay in range(top + 1)]
                 for order in DELAY_ORDERS
             ]
         )
@@ -187,6 +184,11 @@ class Scorer:
             scores = held_out_scores(self.stretches, self.plan, found.model, self.settings)
             self._known[key] = self._described(structure, found, scores)
         return self._known[key]
+
+    def remember(self, candidates: Sequence[Candidate]) -> None:
+        """Take candidates as known that were scored before, with the same settings."""
+        for each in candidates:
+            self._known.setdefault((each.structure, each.orders), each)
 
     def _described(self, structure: str, found: Fit, scores: HeldOutScores) -> Candidate:
         count = self.samples - self.window * len(self.stretches)

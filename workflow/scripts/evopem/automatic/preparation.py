@@ -125,6 +125,13 @@ def decide_preparation(recordings: Sequence[Recording]) -> PreparationPlan:
         )
     u = np.concatenate([each.input for each in stretches])
     y = np.concatenate([each.output for each in stretches])
+    for name, signal in (("input", u), ("output", y)):
+        if np.ptp(signal) == 0.0:
+            raise InputError(
+                name,
+                f"every sample is {signal[0]:g}, so there is nothing to identify",
+                "choose a channel that varies",
+            )
     plan = replace(
         plan,
         input_offset=float(u.mean()),

@@ -77,6 +77,7 @@ def act_on_checks(scorer: Scorer, choice: Choice) -> Remedied:
     """
     trials: list[Trial] = []
     current = choice.candidate
+    scorer.remember([current])
     first, first_score = current, _score(current, choice)
     budget = MOST_TRIALS
     for check, is_failed, remedies in (

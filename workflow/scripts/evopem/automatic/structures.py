@@ -80,6 +80,7 @@ def compare_structures(scorer: Scorer, searches: Sequence[StructureSearch]) -> C
     candidates = [each for search in searches for each in search.candidates]
     if not candidates:
         raise ValueError("the record is too short for a model of any structure")
+    scorer.remember(candidates)
     level, about_level = _decide_level(candidates)
     score = _score_of(level)
     finalists = _best_of_structures(candidates, score)[:FINALISTS]
