@@ -1,5 +1,7 @@
 """Each decision of the preparation on a record that calls for it, and on one that does not."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from records import noisy, output_error_record
@@ -49,14 +51,25 @@ def test_clipped_samples_are_breaks():
     assert plan.clipped == (-np.inf, limit)
 
 
-def test_an_oversampled_record_is_decimated():
+def test_decimation_of_an_oversampled_record_is_scored():
     generator = np.random.default_rng(2)
-    u = lfilter([0.02], [1.0, -0.98], generator.standard_normal(3000))
+    u = lfilter([0.02], [1.0, -0.98], generator.standard_normal(1000))
     y = lfilter([0.0, 0.001], np.poly([0.985 * np.exp(0.05j), 0.985 * np.exp(-0.05j)]).real, u)
-    y = noisy(y, generator.standard_normal(3000), 3.0)
-    plan = decide_preparation([Recording(u, y, 500.0)])
-    assert plan.factor > 1
-    assert prepare([Recording(u, y, 500.0)], plan).sampling_rate == 500.0 / plan.factor
+    y = noisy(y, generator.standard_normal(1000), 3.0)
+    decision = decide_preparation([Recording(u, y, 500.0)]).decisions[2]
+    assert decision.subject == "decimation"
+    scores = {each.name: each.score for each in decision.alternatives}
+    assert len(scores) > 1
+    assert scores[decision.choice] <= 1.05 * min(scores.values())
+
+
+def test_a_plan_is_applied_at_the_lower_rate():
+    u, y, _ = output_error_record(400)
+    record = Recording(u, y, 500.0)
+    plan = replace(decide_preparation([record]), factor=4)
+    prepared = prepare([record], plan)
+    assert prepared.sampling_rate == 125.0
+    assert prepared.stretches[0].samples == 100
 
 
 def test_outliers_call_for_the_absolute_objective():

@@ -17,7 +17,6 @@ from evopem.errors import InputError
 from evopem.estimation.criteria import power_of_two_scale
 from evopem.models.structures import PolynomialOrders
 from evopem.signals.recording import MAX_DESIGNED_LEVELS, Recording
-from evopem.validation.scores import outlier_percent
 
 Array = NDArray[np.float64]
 
@@ -31,12 +30,12 @@ FACTORS = (2, 4, 5, 8, 10, 16, 20)
 LEAST_SAMPLES = 200
 # Decimation must pay: relative gain of the simulation error.
 LEAST_GAIN = 0.05
-PROBES = (2, 4, 6, 8)
+PROBES, MOST_FACTORS = (2, 4, 6), 3
 # Samples at a limit of the output, against those at the levels beside it.
 CLIPPED_RATIO, CLIPPED_RUN, MOST_CLIPPED = 10.0, 5, 0.3
-# Percentage of residuals beyond five robust standard deviations from which the absolute objective
-# is used, and their largest ratio to the standard deviation without them.
-OUTLIER_PERCENT, MOST_OUTLIERS = 0.2, 5.0
+# The absolute objective is used where outliers dominate: the standard deviation of the residuals
+# is this many times their robust standard deviation, 1.4826 times the median distance.
+OUTLIER_RATIO = 2.0
 PROBE_ORDER = 8
 
 
@@ -275,6 +274,7 @@ def _decide_decimation(stretches: Sequence[Stretch]) -> tuple[int, Decision]:
     samples = total_samples(stretches)
     largest = 1.0 / (OVERSAMPLED / 2.0 * max(edge, 1e-9))
     factors = [f for f in FACTORS if f <= largest and samples / f >= LEAST_SAMPLES]
+    factors = factors[-MOST_FACTORS:]
     if not factors:
         sentence = (
             f"{100 * POWER_SHARE:g} % of the output's power reach up to {edge:.3g} of the sampling "
@@ -351,20 +351,24 @@ def _decide_objective(stretches: Sequence[Stretch]) -> tuple[str, Decision]:
     order = min(PROBE_ORDER, max(total_samples(stretches) // 30, 1))
     try:
         found = fit(stretches, PolynomialOrders(na=order, nb=order), FitSettings())
-        percent = outlier_percent(np.concatenate(found.residuals))
+        ratio = _spread_ratio(np.concatenate(found.residuals))
     except (ValueError, np.linalg.LinAlgError):
-        percent = 0.0
-    objective = "absolute" if OUTLIER_PERCENT < percent < MOST_OUTLIERS else "quadratic"
+        ratio = 1.0
+    objective = "absolute" if ratio > OUTLIER_RATIO else "quadratic"
     sentence = (
-        f"{percent:.2g} % of the residuals of an ARX model of order {order} lie beyond five robust "
-        "standard deviations"
+        f"The residuals of an ARX model of order {order} have a standard deviation {ratio:.2g} "
+        "times their robust one"
         + (
-            ": the absolute objective is used."
+            ": outliers dominate, and the absolute objective is used."
             if objective == "absolute"
             else "; outliers do not call for the absolute objective."
         )
     )
-    alternatives = (Alternative("quadratic", percent), Alternative("absolute", percent))
-    return objective, Decision(
-        "objective", objective, alternatives, "percentage of outlying residuals", sentence
-    )
+    alternatives = (Alternative("quadratic", ratio), Alternative("absolute", ratio))
+    criterion = "standard deviation of residuals over their robust one"
+    return objective, Decision("objective", objective, alternatives, criterion, sentence)
+
+
+def _spread_ratio(residuals: Array) -> float:
+    robust = 1.4826 * float(np.median(np.abs(residuals - np.median(residuals))))
+    return float(np.std(residuals)) / robust if robust > 0.0 else 1.0
