@@ -101,7 +101,7 @@ class StretchProblem(PolynomialProblem):
 
     def starts(self) -> Array:
         """Feasible points to descend from, (M, n)."""
-        found = []
+        found: list[Array] = []
         if self._own_starts:
             found.extend(
                 self._from_denominators(denominator)[0]

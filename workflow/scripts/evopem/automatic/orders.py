@@ -26,6 +26,9 @@ PATIENCE = 3
 GAIN, BIC_GAIN = 0.005, 0.002
 # Samples for each parameter.
 SAMPLES_PER_PARAMETER = 8
+# Samples times parameters of all candidates of a structure, and of a refinement: the cost of a fit
+# with its folds is about proportional to it.  Long records stop at lower orders.
+MOST_WORK = 1_100_000
 # Structures whose optima serve as starts of others.
 NESTED: Mapping[str, tuple[str, ...]] = {
     "fir": (),
@@ -228,7 +231,7 @@ def search_structure(
         The searches of ``NESTED[structure]``, whose models are starts.
     """
     candidates: list[Candidate] = []
-    without_gain, best, best_bic = 0, np.inf, np.inf
+    without_gain, work, best, best_bic = 0, 0, np.inf, np.inf
     previous: list[PolynomialModel] = []
     for orders_of_step in _path(structure, delay):
         found: list[Candidate] = []
@@ -240,13 +243,14 @@ def search_structure(
         if not found:
             break
         candidates.extend(found)
+        work += scorer.samples * sum(each.parameters for each in found)
         previous = [min(found, key=lambda each: each.bic).model]
         score = min(min(each.scores.simulation, each.scores.free_level) for each in found)
         bic = min(each.bic for each in found)
         gained = score < (1.0 - GAIN) * best or bic < best_bic - BIC_GAIN
         best, best_bic = min(best, score), min(best_bic, bic)
         without_gain = 0 if gained else without_gain + 1
-        if without_gain >= PATIENCE:
+        if without_gain >= PATIENCE or work >= MOST_WORK:
             break
     return StructureSearch(structure, tuple(candidates), _decision(structure, candidates))
 
@@ -313,12 +317,13 @@ def refine_orders(
         Smaller is better.
     rounds : int
     """
-    best, tried = start, [start]
+    best, tried, work = start, [start], 0
     for _ in range(rounds):
-        found = []
+        found: list[Candidate] = []
         for orders in _neighbours(best.orders):
-            if orders.structure != best.orders.structure:
+            if orders.structure != best.orders.structure or work >= MOST_WORK:
                 continue
+            work += scorer.samples * orders.parameters
             candidate = scorer.candidate(best.structure, orders, [best.model], own_starts=False)
             if candidate is not None:
                 found.append(candidate)
