@@ -263,7 +263,7 @@ def _decision(structure: str, candidates: Sequence[Candidate]) -> Decision:
     best = min(candidates, key=lambda each: each.bic)
     at_edge = best is candidates[-1]
     sentence = f"{best.name} has the smallest BIC of {len(candidates)} orders" + (
-        ", the largest that the record carries." if at_edge else "; larger ones bring nothing."
+        ", the largest that was tried." if at_edge else "; larger ones bring nothing."
     )
     return Decision(f"orders of {structure}", best.name, alternatives, "BIC", sentence)
 
