@@ -28,6 +28,7 @@ from evopem.estimation.pem.kernels.record import (
     load_smoothing,
     marked_rows,
 )
+from evopem.estimation.pem.kernels.residuals import load_block, store_block
 from evopem.estimation.pem.kernels.simd import (
     LANES,
     add,
@@ -35,7 +36,7 @@ from evopem.estimation.pem.kernels.simd import (
     divide,
     fma,
     load,
-    sample,
+    load_either,
     square_root,
     store,
 )
@@ -48,22 +49,32 @@ def _slopes(record, workspace, absolute, slope, begin, end, s):
 
     The absolute value is smoothed: ``sqrt(e**2 + smoothing**2)``.
     """
-    zero, two = constant(0.0), constant(2.0)
+    zero = constant(0.0)
     e, before = workspace.e, record.residual_start - record.history
     smoothing_squared = fma(load(workspace.smoothing, 0), load(workspace.smoothing, 0), zero)
-    for t in range(begin, end):
-        if t < record.loss_start or t >= record.loss_stop:
-            store(slope, t - begin, zero)
-        elif absolute:
+    low, high = max(begin, record.loss_start), max(begin, min(end, record.loss_stop))
+    fill(slope, 0, low - begin, 0.0)
+    fill(slope, high - begin, end - begin, 0.0)
+    if absolute:
+        for t in range(low, high):
             value = load(e, t - before)
             r = square_root(fma(value, value, smoothing_squared))
             s = add(s, r)
             store(slope, t - begin, divide(value, r))
-        else:
-            value = load(e, t - before)
-            s = fma(value, value, s)
-            store(slope, t - begin, fma(two, value, zero))
-    return s
+        return s
+    s1, s2, s3 = zero, zero, zero
+    whole = low + (high - low) // BLOCK * BLOCK
+    for t in range(low, whole, BLOCK):
+        row, k = t - before, t - begin
+        e0, e1, e2, e3 = load_block(e, row)
+        s, s1, s2, s3 = fma(e0, e0, s), fma(e1, e1, s1), fma(e2, e2, s2), fma(e3, e3, s3)
+        e0, e1, e2, e3 = add(e0, e0), add(e1, e1), add(e2, e2), add(e3, e3)
+        store_block(slope, k, e0, e1, e2, e3)
+    for t in range(whole, high):
+        value = load(e, t - before)
+        s = fma(value, value, s)
+        store(slope, t - begin, add(value, value))
+    return add(add(s, s1), add(s2, s3))
 
 
 @njit
@@ -75,64 +86,72 @@ def _filter_back(parameters, at, rows, slope, size):
 
 @njit
 def _times_d_back(parameters, at, nd, slope, filtered, size):
-    """Filter ``size`` rows backwards through D."""
-    for row in range(0, size, BLOCK):
-        s0, s1 = load(slope, row), load(slope, row + 1)
-        s2, s3 = load(slope, row + 2), load(slope, row + 3)
+    """Filter ``size`` rows backwards through D, eight at a time."""
+    for row in range(0, size, 2 * BLOCK):
+        s0, s1, s2, s3 = load_block(slope, row)
+        s4, s5, s6, s7 = load_block(slope, row + BLOCK)
+        w0, w1, w2, w3, w4, w5, w6 = s1, s2, s3, s4, s5, s6, s7
         for k in range(nd):
-            p, q = load(parameters, at + k), row + 1 + k
-            s0, s1 = fma(p, load(slope, q), s0), fma(p, load(slope, q + 1), s1)
-            s2, s3 = fma(p, load(slope, q + 2), s2), fma(p, load(slope, q + 3), s3)
-        store(filtered, row, s0)
-        store(filtered, row + 1, s1)
-        store(filtered, row + 2, s2)
-        store(filtered, row + 3, s3)
+            p, w7 = load(parameters, at + k), load(slope, row + 2 * BLOCK + k)
+            s0, s1, s2, s3 = fma(p, w0, s0), fma(p, w1, s1), fma(p, w2, s2), fma(p, w3, s3)
+            s4, s5, s6, s7 = fma(p, w4, s4), fma(p, w5, s5), fma(p, w6, s6), fma(p, w7, s7)
+            w0, w1, w2, w3, w4, w5, w6 = w1, w2, w3, w4, w5, w6, w7
+        store_block(filtered, row, s0, s1, s2, s3)
+        store_block(filtered, row + BLOCK, s4, s5, s6, s7)
 
 
 @njit
-def _add_to_gradient(gradient, at, count, j, s0, s1, s2, s3):
-    """Add up to four neighbouring sums."""
-    store(gradient, at + j, add(load(gradient, at + j), s0))
-    if j + 1 < count:
-        store(gradient, at + j + 1, add(load(gradient, at + j + 1), s1))
-    if j + 2 < count:
-        store(gradient, at + j + 2, add(load(gradient, at + j + 2), s2))
-    if j + 3 < count:
-        store(gradient, at + j + 3, add(load(gradient, at + j + 3), s3))
-
-
-@njit
-def _correlate_signal(slope, size, signal, first, count, gradient, at):
-    """``gradient[at + j] += sum_i slope[i] signal[first + i - j]``; up to three lags more read."""
+def _four_lags(slope, size, signal, k):
+    """``sum_i slope[i] signal[k + i - j]`` for ``j = 0 ... 3``; ``size`` is a multiple of four."""
     zero = constant(0.0)
-    for j in range(0, count, 4):
-        p0, p1, p2, p3 = zero, zero, zero, zero
-        q0, q1, q2, q3 = zero, zero, zero, zero
-        for i in range(0, size, 2):
-            one, two, k = load(slope, i), load(slope, i + 1), first + i - j
-            z0, z1, z2 = sample(signal, k), sample(signal, k - 1), sample(signal, k - 2)
-            p0, p1, p2 = fma(one, z0, p0), fma(one, z1, p1), fma(one, z2, p2)
-            p3 = fma(one, sample(signal, k - 3), p3)
-            q0, q1 = fma(two, sample(signal, k + 1), q0), fma(two, z0, q1)
-            q2, q3 = fma(two, z1, q2), fma(two, z2, q3)
-        _add_to_gradient(gradient, at, count, j, add(p0, q0), add(p1, q1), add(p2, q2), add(p3, q3))
+    p0, p1, p2, p3 = zero, zero, zero, zero
+    q0, q1, q2, q3 = zero, zero, zero, zero
+    z1, z2, z3 = load_either(signal, k - 1), load_either(signal, k - 2), load_either(signal, k - 3)
+    for i in range(0, size, BLOCK):
+        one, two, row = load(slope, i), load(slope, i + 1), k + i
+        y0, y1 = load_either(signal, row), load_either(signal, row + 1)
+        p0, p1, p2, p3 = fma(one, y0, p0), fma(one, z1, p1), fma(one, z2, p2), fma(one, z3, p3)
+        q0, q1, q2, q3 = fma(two, y1, q0), fma(two, y0, q1), fma(two, z1, q2), fma(two, z2, q3)
+        one, two = load(slope, i + 2), load(slope, i + 3)
+        y2, y3 = load_either(signal, row + 2), load_either(signal, row + 3)
+        p0, p1, p2, p3 = fma(one, y2, p0), fma(one, y1, p1), fma(one, y0, p2), fma(one, z1, p3)
+        q0, q1, q2, q3 = fma(two, y3, q0), fma(two, y2, q1), fma(two, y1, q2), fma(two, y0, q3)
+        z1, z2, z3 = y3, y2, y1
+    return add(p0, q0), add(p1, q1), add(p2, q2), add(p3, q3)
 
 
 @njit
-def _correlate_table(slope, size, table, first, count, gradient, at):
-    """``gradient[at + j] += sum_i slope[i] table[first + i - j]``; up to three lags more read."""
+def _two_lags(slope, size, signal, k):
+    """``sum_i slope[i] signal[k + i - j]`` for ``j = 0, 1``; ``size`` is a multiple of four."""
     zero = constant(0.0)
+    p0, p1, q0, q1 = zero, zero, zero, zero
+    r0, r1, s0, s1 = zero, zero, zero, zero
+    z1 = load_either(signal, k - 1)
+    for i in range(0, size, BLOCK):
+        one, two, row = load(slope, i), load(slope, i + 1), k + i
+        y0, y1 = load_either(signal, row), load_either(signal, row + 1)
+        p0, p1, q0, q1 = fma(one, y0, p0), fma(one, z1, p1), fma(two, y1, q0), fma(two, y0, q1)
+        one, two = load(slope, i + 2), load(slope, i + 3)
+        y2, y3 = load_either(signal, row + 2), load_either(signal, row + 3)
+        r0, r1, s0, s1 = fma(one, y2, r0), fma(one, y1, r1), fma(two, y3, s0), fma(two, y2, s1)
+        z1 = y3
+    return add(add(p0, r0), add(q0, s0)), add(add(p1, r1), add(q1, s1))
+
+
+@njit
+def _correlate(slope, size, signal, first, count, gradient, at):
+    """``gradient[at + j] += sum_i slope[i] signal[first + i - j]``, of a signal or of a table."""
     for j in range(0, count, 4):
-        p0, p1, p2, p3 = zero, zero, zero, zero
-        q0, q1, q2, q3 = zero, zero, zero, zero
-        for i in range(0, size, 2):
-            one, two, k = load(slope, i), load(slope, i + 1), first + i - j
-            z0, z1, z2 = load(table, k), load(table, k - 1), load(table, k - 2)
-            p0, p1, p2 = fma(one, z0, p0), fma(one, z1, p1), fma(one, z2, p2)
-            p3 = fma(one, load(table, k - 3), p3)
-            q0, q1 = fma(two, load(table, k + 1), q0), fma(two, z0, q1)
-            q2, q3 = fma(two, z1, q2), fma(two, z2, q3)
-        _add_to_gradient(gradient, at, count, j, add(p0, q0), add(p1, q1), add(p2, q2), add(p3, q3))
+        if count - j > 2:
+            s0, s1, s2, s3 = _four_lags(slope, size, signal, first - j)
+            store(gradient, at + j + 2, add(load(gradient, at + j + 2), s2))
+            if count - j > 3:
+                store(gradient, at + j + 3, add(load(gradient, at + j + 3), s3))
+        else:
+            s0, s1 = _two_lags(slope, size, signal, first - j)
+        store(gradient, at + j, add(load(gradient, at + j), s0))
+        if count - j > 1:
+            store(gradient, at + j + 1, add(load(gradient, at + j + 1), s1))
 
 
 @njit
@@ -172,19 +191,19 @@ def _loss_and_gradient(record, workspace, absolute):
         s = _slopes(record, workspace, absolute, lam, begin, end, s)
         if record.nc > 0:
             _filter_back(parameters, record.at_c, record.rows_c, lam, size)
-            _correlate_table(lam, size, workspace.e, row - 1, record.nc, gradient, record.at_c)
+            _correlate(lam, size, workspace.e, row - 1, record.nc, gradient, record.at_c)
         if record.nd > 0:
-            _correlate_table(lam, size, workspace.v, row - 1, record.nd, gradient, record.at_d)
+            _correlate(lam, size, workspace.v, row - 1, record.nd, gradient, record.at_d)
             _times_d_back(parameters, record.at_d, record.nd, lam, mu, size)
-        _correlate_signal(mu, size, record.y, begin - 1, record.na, gradient, 0)
+        _correlate(mu, size, record.y, begin - 1, record.na, gradient, 0)
         if record.level:
             _add_sum(mu, size, gradient, record.at_level)
         if record.nf > 0:
             for i in range(size):
                 store(xi, i, load(mu, i))
             _filter_back(parameters, record.at_f, record.rows_f, xi, size)
-            _correlate_table(xi, size, workspace.x, row - 1, record.nf, gradient, record.at_f)
-        _correlate_signal(xi, size, record.u, begin - record.nk, record.nb, gradient, record.na)
+            _correlate(xi, size, workspace.x, row - 1, record.nf, gradient, record.at_f)
+        _correlate(xi, size, record.u, begin - record.nk, record.nb, gradient, record.na)
         if begin == start:
             break
         following = min(CHUNK, begin - start)
