@@ -143,7 +143,7 @@ def evopem(structure: str, o: PolynomialOrders, u: Array, y: Array) -> Coefficie
 
 
 def objective(filtered: FilteredPolynomials, coefficients: Coefficients) -> float:
-    """The objective with the states that fit the coefficients best; residuals are linear in them."""
+    """The objective with the states that fit best; the residuals are linear in them."""
     a, b, c, d, f = coefficients
     known = len(np.concatenate(coefficients))
     point = np.zeros(filtered.dimension)
@@ -169,7 +169,7 @@ def timed(
     try:
         with silence():
             found = method(*arguments)
-    except Exception as error:  # noqa: BLE001 - whatever another package raises
+    except Exception as error:
         print(f"{method.__name__} {arguments[0]}: {error!r}", flush=True)
         return None, time.process_time() - began
     return found, time.process_time() - began
@@ -180,12 +180,10 @@ def main() -> None:
     parser.add_argument("--records", type=int, default=5)
     chosen = parser.parse_args()
     lines = [
-        f"{chosen.records} records of {SAMPLES} samples a structure at the true orders, noise "
-        f"{NOISE:g} %;",
-        "evopem's whole global search against one local run of the other, processor time in one run",
-        "(`benchmarks/polynomial_peers.py`). Objective of evopem relative to theirs, less 1, states",
-        "fitted to each model: negative where evopem's is lower. Octave without its packages has",
-        "none of the structures.",
+        f"{chosen.records} records of {SAMPLES} samples a structure at the true orders, noise",
+        f"{NOISE:g} %; evopem's whole global search against one local run of the other, processor",
+        "time in one run (`benchmarks/polynomial_peers.py`). Objective of evopem relative to",
+        "theirs, less 1, states fitted to each model: negative where evopem's is lower.",
         "",
         "| structure | compared with | evopem, s | theirs, s | time ratio | objective, smallest "
         "and largest |",

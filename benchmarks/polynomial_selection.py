@@ -127,11 +127,11 @@ def main() -> None:
     parser.add_argument("--processes", type=int, default=2)
     chosen = parser.parse_args()
     lines = [
-        f"{chosen.records} records of {SAMPLES} samples a structure, noise {NOISE:g} % of the output's",
-        "standard deviation. BIC chose among the true orders and one less and one more of the",
-        "plant's and of the noise's (`benchmarks/polynomial_selection.py`). Coverage of nominal",
-        f"95 % intervals in percent, of {len(FREQUENCIES)} frequencies of the response, ± its Monte",
-        "Carlo standard error; a mode that was not found counts as not covered.",
+        f"{chosen.records} records of {SAMPLES} samples a structure, noise {NOISE:g} % of the",
+        "output's standard deviation. BIC chose among the true orders and one less and one more",
+        "of the plant's and of the noise's (`benchmarks/polynomial_selection.py`). Coverage of",
+        f"nominal 95 % intervals in percent, of {len(FREQUENCIES)} frequencies of the",
+        "response, ± its Monte Carlo standard error; a mode that was not found counts as not covered.",
         "",
         "| structure | true orders chosen | frequency | damping | gain | phase |",
         "|---|---|---|---|---|---|",

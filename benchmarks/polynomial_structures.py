@@ -155,10 +155,10 @@ def optima(pool: ProcessPoolExecutor, starts: int) -> list[str]:
     above = [case for case in found if case[1] > 1e-6]
     below = sum(case[1] < -1e-6 for case in found)
     lines = [
-        f"Of {len(found)} cases (ararx, ararmax, oe, bj and arma at the true orders and with two",
-        "more of each, N = 300, 600, 1000, 2000 and 4000, noise 5 and 50 %) the search ended more",
-        f"than 1e-6 above the best of {starts} local solutions by SciPy's least squares from random",
-        f"starts in {len(above)}, more than 1e-6 below it in {below}. Processor time:",
+        f"Of {len(found)} cases (ararx, ararmax, oe, bj and arma at the true orders and with",
+        "two more of each, N = 300, 600, 1000, 2000 and 4000, noise 5 and 50 %) the search ended",
+        f"more than 1e-6 above the best of {starts} local solutions by SciPy's least squares from",
+        f"random starts in {len(above)}, more than 1e-6 below it in {below}. Processor time:",
         f"{sum(case[2] for case in found):.0f} s for all searches, "
         f"{sum(case[3] for case in found):.0f} s for all local solutions.",
         "",
@@ -310,9 +310,9 @@ def main() -> None:
     with ProcessPoolExecutor(chosen.processes) as pool, threadpool_limits(1, "blas"):
         if "speed" in chosen.only:
             lines = [
-                "Value and gradient of one candidate, eight at a time, against the value alone by",
-                "`scipy.signal.lfilter`; 4500 samples, microseconds of processor time in one run on",
-                f"{platform.machine()}.",
+                "Value and gradient of one candidate, eight at a time, against the value alone",
+                "by `scipy.signal.lfilter`; 4500 samples, microseconds of processor time in one",
+                f"run on {platform.machine()}.",
                 "",
                 "| structure | evopem | lfilter | ratio |",
                 "|---|---|---|---|",
@@ -321,9 +321,9 @@ def main() -> None:
             replace_section(target, "Speed", lines)
         if "errors" in chosen.only:
             lines = [
-                f"{chosen.records} records of 1000 samples a structure, noise 20 % of the output's",
-                "standard deviation. Root mean square error over the Cramér-Rao bound, and coverage",
-                "of nominal 95 % intervals: mean over the coefficients, and their range.",
+                f"{chosen.records} records of 1000 samples a structure, noise 20 % of the",
+                "output's standard deviation. Root mean square error over the Cramér-Rao bound,",
+                "and coverage of nominal 95 % intervals: mean over the coefficients, and range.",
                 "",
                 "| structure | error / bound | range | coverage | range |",
                 "|---|---|---|---|---|",
@@ -334,10 +334,10 @@ def main() -> None:
             replace_section(target, "Optima", optima(pool, chosen.starts))
         if "recordings" in chosen.only and chosen.recordings:
             lines = [
-                "Simulation error in percent on the validation samples, from the initial state that",
-                "fits them: of the model with the smallest simulation error on the estimation",
-                "samples, and of the best model seen afterwards. Orders 2 to 4 (dryer) and 4 to 12;",
-                "no preprocessing other than the bench's decimation by four.",
+                "Simulation error in percent on the validation samples, from the initial state",
+                "that fits them: of the model with the smallest simulation error on the estimation",
+                "samples, and of the best model seen afterwards. Orders 2 to 4 (dryer) and 4 to",
+                "12; no preprocessing other than the bench's decimation by four.",
                 "",
                 "| recording | chosen on the estimation samples | best seen afterwards |",
                 "|---|---|---|",

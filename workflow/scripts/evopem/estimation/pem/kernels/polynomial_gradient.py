@@ -11,15 +11,23 @@ with the signal that the parameter multiplies.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from evopem.estimation.pem.kernels.cache import cached_njit, njit
 from evopem.estimation.pem.kernels.gradient import filter_block_back
 from evopem.estimation.pem.kernels.polynomial_record import (
+    ANY_OBJECTIVE,
+    PolynomialObjective,
+    PolynomialRecord,
+    PolynomialWorkspace,
     load_polynomials,
     point_index,
     weighted_states,
 )
-from evopem.estimation.pem.kernels.polynomial_residuals import all_polynomial_residuals
+from evopem.estimation.pem.kernels.polynomial_residuals import (
+    all_polynomial_residuals,
+    feasible_polynomials,
+)
 from evopem.estimation.pem.kernels.record import (
     BLOCK,
     CHUNK,
@@ -28,7 +36,7 @@ from evopem.estimation.pem.kernels.record import (
     load_smoothing,
     marked_rows,
 )
-from evopem.estimation.pem.kernels.residuals import load_block, store_block
+from evopem.estimation.pem.kernels.residuals import load_block, store_block, sum_of_losses
 from evopem.estimation.pem.kernels.simd import (
     LANES,
     add,
@@ -41,6 +49,11 @@ from evopem.estimation.pem.kernels.simd import (
     store,
 )
 from evopem.estimation.pem.kernels.stability import barrier
+
+Array = NDArray[np.float64]
+
+# What a pass is for.
+_RESIDUALS, _VALUES, _GRADIENTS = 0, 1, 2
 
 
 @njit
@@ -171,8 +184,10 @@ def _move(table, following, history):
 
 @njit
 def _loss_and_gradient(record, workspace, absolute):
-    """Loss of the loaded models, and by one backward pass its gradient, whatever their size."""
-    all_polynomial_residuals(record, workspace)
+    """Loss of the models whose residuals stand in the table, and by one backward pass its gradient.
+
+    The pass takes the same time whatever the number of parameters.
+    """
     parameters, gradient = workspace.parameters, workspace.gradient
     fill(gradient, 0, gradient.shape[0], 0.0)
     lam, mu, xi = workspace.windows
@@ -221,48 +236,74 @@ def _loss_and_gradient(record, workspace, absolute):
 
 
 @cached_njit
-def polynomial_values_and_gradients(record, objective, workspace, points, smoothing, barriers):
-    """Smoothed objective of each row with a barrier added, and its gradient.
+def _pass(record, objective, workspace, task, points, smoothing, barriers):
+    """Residuals, values, or values and gradients: one function, compiled and loaded once.
 
-    The absolute value is smoothed, ``sqrt(e**2 + smoothing**2)``.  The barriers of A, C, D and F,
-    times ``barriers``, are added.  Infeasible rows are inf and 0.
+    Residuals, of up to eight rows whether feasible or not, are left in ``workspace.e``.
     """
-    found = np.empty(points.shape[0])
-    gradients = np.zeros(points.shape)
+    count, n = points.shape
+    found = np.full(count, np.inf)
+    gradients = np.zeros((count if task == _GRADIENTS else 0, n))
+    if task == _GRADIENTS:
+        of_roots = _barriers(record, objective, points, gradients)
+        allowed = marked_rows(of_roots < np.inf)
+    elif task == _VALUES:
+        of_roots = found
+        allowed = marked_rows(feasible_polynomials(record, objective, points))
+    else:
+        of_roots = found
+        allowed = np.arange(count)
+    first = record.loss_start - record.residual_start + record.history
+    last = record.loss_stop - record.residual_start + record.history
+    for i in range(0, allowed.size, LANES):
+        rows = allowed[i : i + LANES]
+        load_polynomials(record, points, rows, workspace.parameters)
+        all_polynomial_residuals(record, workspace)
+        if task == _GRADIENTS:
+            load_smoothing(smoothing, rows, workspace)
+            store(workspace.total, 0, _loss_and_gradient(record, workspace, objective.absolute))
+        elif task == _VALUES:
+            s = sum_of_losses(workspace.e, objective.absolute, first, last, constant(0.0))
+            store(workspace.total, 0, s)
+        else:
+            break
+        for lane, r in enumerate(rows):
+            value = objective.factor * workspace.total[0, lane]
+            finite = True
+            if task == _GRADIENTS:
+                slope = gradients[r]
+                for k in range(n):
+                    slope[k] *= barriers[r]
+                _unload_gradient(record, objective, workspace.gradient, lane, points[r], slope)
+                value += barriers[r] * of_roots[r]
+                finite = all_finite(slope)
+            value += weighted_states(record, objective, points[r])
+            if np.isfinite(value) and finite:
+                found[r] = value
+    for r in range(gradients.shape[0]):
+        if not np.isfinite(found[r]):
+            for k in range(n):
+                gradients[r, k] = 0.0
+    return found, gradients
+
+
+@njit
+def _barriers(record, objective, points, gradients):
+    """Barriers of A, C, D and F of each row, inf where a root lies outside, and their gradients."""
     c = record.na + record.nb
     d = c + record.nc
     f = d + record.nd
-    g = f + record.nf
+    parts = ((0, record.na), (c, d), (d, f), (f, f + record.nf))
     plant, noise = objective.plant_radius, objective.noise_radius
-    of_roots = np.empty(found.size)
+    radii = (plant, noise, noise, plant)
     order = max(record.na, record.nc, record.nd, record.nf)
     work = np.empty((order + 1, order))
+    found = np.zeros(points.shape[0])
     for r in range(found.size):
-        found[r] = np.inf
-        x, slope = points[r], gradients[r]
-        of_roots[r] = barrier(x[: record.na], plant, work, slope[: record.na])
-        of_roots[r] += barrier(x[c:d], noise, work, slope[c:d])
-        of_roots[r] += barrier(x[d:f], noise, work, slope[d:f])
-        of_roots[r] += barrier(x[f:g], plant, work, slope[f:g])
-    feasible = marked_rows(of_roots < np.inf)
-    for i in range(0, feasible.size, LANES):
-        rows = feasible[i : i + LANES]
-        load_polynomials(record, points, rows, workspace.parameters)
-        load_smoothing(smoothing, rows, workspace)
-        store(workspace.total, 0, _loss_and_gradient(record, workspace, objective.absolute))
-        for lane, r in enumerate(rows):
-            for k in range(points.shape[1]):
-                gradients[r, k] *= barriers[r]
-            _unload_gradient(record, objective, workspace.gradient, lane, points[r], gradients[r])
-            value = objective.factor * workspace.total[0, lane] + barriers[r] * of_roots[r]
-            value += weighted_states(record, objective, points[r])
-            if np.isfinite(value) and all_finite(gradients[r]):
-                found[r] = value
-    for r in range(found.size):
-        if not np.isfinite(found[r]):
-            for k in range(points.shape[1]):
-                gradients[r, k] = 0.0
-    return found, gradients
+        for part in range(4):
+            low, high = parts[part]
+            found[r] += barrier(points[r, low:high], radii[part], work, gradients[r, low:high])
+    return found
 
 
 @njit
@@ -277,3 +318,48 @@ def _unload_gradient(record, objective, table, lane, point, gradient):
         gradient[k] += 2.0 * objective.plant_state_weight * point[k]
     for k in range(at_s, point.size):
         gradient[k] += 2.0 * objective.noise_state_weight * point[k]
+
+
+def polynomial_residuals(
+    record: PolynomialRecord, workspace: PolynomialWorkspace, points: Array, rows: NDArray[np.intp]
+) -> Array:
+    """Residuals of up to eight rows of a population from the first on, (rows, samples).
+
+    As many samples as the padded record has; those beyond the record have no meaning.
+    """
+    none = np.zeros(len(rows))
+    _pass(
+        record, ANY_OBJECTIVE, workspace, _RESIDUALS, np.ascontiguousarray(points[rows]), none, none
+    )
+    return workspace.e[record.history :, : len(rows)].T.copy()
+
+
+def polynomial_values(
+    record: PolynomialRecord,
+    objective: PolynomialObjective,
+    workspace: PolynomialWorkspace,
+    points: Array,
+) -> Array:
+    """Objective of each row of a population, (M,); infeasible rows are inf."""
+    none = np.zeros(len(points))
+    values: Array = _pass(record, objective, workspace, _VALUES, points, none, none)[0]
+    return values
+
+
+def polynomial_values_and_gradients(
+    record: PolynomialRecord,
+    objective: PolynomialObjective,
+    workspace: PolynomialWorkspace,
+    points: Array,
+    smoothing: Array,
+    barriers: Array,
+) -> tuple[Array, Array]:
+    """Smoothed objective of each row with a barrier added, and its gradient.
+
+    The absolute value is smoothed, ``sqrt(e**2 + smoothing**2)``.  The barriers of A, C, D and F,
+    times ``barriers``, are added.  Infeasible rows are inf and 0.
+    """
+    found: tuple[Array, Array] = _pass(
+        record, objective, workspace, _GRADIENTS, points, smoothing, barriers
+    )
+    return found

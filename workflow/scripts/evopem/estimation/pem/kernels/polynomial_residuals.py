@@ -1,22 +1,19 @@
-"""Residuals of eight general polynomial models in one pass, and the values of the objective."""
+"""Residuals of eight general polynomial models in one pass, and which models are allowed."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from evopem.estimation.pem.kernels.cache import cached_njit, njit
-from evopem.estimation.pem.kernels.polynomial_record import load_polynomials, weighted_states
-from evopem.estimation.pem.kernels.record import BLOCK, CHUNK, all_finite, fill, marked_rows
-from evopem.estimation.pem.kernels.residuals import filter_block, store_block, sum_of_losses
+from evopem.estimation.pem.kernels.record import BLOCK, all_finite, fill
+from evopem.estimation.pem.kernels.residuals import filter_block, store_block
 from evopem.estimation.pem.kernels.simd import (
-    LANES,
     add,
     constant,
     fma,
     load,
     load_either,
     sample,
-    store,
 )
 from evopem.estimation.pem.kernels.stability import step_down
 
@@ -123,21 +120,6 @@ def all_polynomial_residuals(record, workspace):
 
 
 @cached_njit
-def polynomial_residuals(record, workspace, points, rows):
-    """Residuals of up to eight rows of a population from the first on, (rows, samples).
-
-    As many samples as the padded record has; those beyond the record have no meaning.
-    """
-    load_polynomials(record, points, rows, workspace.parameters)
-    all_polynomial_residuals(record, workspace)
-    e = np.empty((rows.size, record.y.size - record.residual_start))
-    for lane in range(rows.size):
-        for t in range(e.shape[1]):
-            e[lane, t] = workspace.e[record.history + t, lane]
-    return e
-
-
-@cached_njit
 def feasible_polynomials(record, objective, points):
     """Whether all roots of each row lie where the objective allows them, and all is finite."""
     c = record.na + record.nb
@@ -156,42 +138,3 @@ def feasible_polynomials(record, objective, points):
             and all_finite(points[r])
         )
     return feasible
-
-
-@cached_njit
-def polynomial_values(record, objective, workspace, points):
-    """Objective of each row of a population, (M,); infeasible rows are inf.
-
-    Only as much of x, v and e is kept as the recursions look back on.
-    """
-    found = np.empty(points.shape[0])
-    for r in range(found.size):
-        found[r] = np.inf
-    feasible = marked_rows(feasible_polynomials(record, objective, points))
-    x, v, e = workspace.windows
-    history = record.history
-    for i in range(0, feasible.size, LANES):
-        rows = feasible[i : i + LANES]
-        load_polynomials(record, points, rows, workspace.parameters)
-        fill(x, 0, history, 0.0)
-        fill(v, 0, history, 0.0)
-        fill(e, 0, history, 0.0)
-        s = constant(0.0)
-        for begin in range(record.residual_start, record.y.size, CHUNK):
-            end = min(begin + CHUNK, record.y.size)
-            before = begin - history
-            _residuals(record, workspace.parameters, x, v, e, before, begin, end)
-            first = max(begin, record.loss_start) - before
-            last = min(end, record.loss_stop) - before
-            s = sum_of_losses(e, objective.absolute, first, last, s)
-            for k in range(history):
-                store(x, k, load(x, end - begin + k))
-                store(v, k, load(v, end - begin + k))
-                store(e, k, load(e, end - begin + k))
-        store(workspace.total, 0, s)
-        for lane, r in enumerate(rows):
-            value = objective.factor * workspace.total[0, lane]
-            value += weighted_states(record, objective, points[r])
-            if np.isfinite(value):
-                found[r] = value
-    return found
