@@ -3,9 +3,9 @@
     python benchmarks/motor_bench.py FOLDER
 
 FOLDER holds MultisineTypeA.mat and MultisineTypeB.mat.  Models of the last five periods of A,
-decimated by four and its means removed, simulate those of B.  Where the error lies is read off B's spectrum: below the
-lowest excited line, in the band, and in the stretch of the resonance.  The response that A's own
-spectra give at each line is the limit of all models of A that fit it everywhere.
+decimated by four and its means removed, simulate those of B.  Where the error lies is read off its
+spectrum: below the lowest excited line, in the band, and in the stretch of the resonance.  The
+response that A's own spectra give at each line says how far the two differ.
 """
 
 from __future__ import annotations
@@ -153,10 +153,10 @@ def main() -> None:
         "",
         "Neither multisine excites the lines below 11 Hz: what B has there no linear model of the",
         "input gives. The resonance depends on the amplitude, and B has most of its power in the",
-        "one line on it. Fitted to A by least squares, models follow A's resonance; least absolute",
-        "deviations weigh its largest amplitudes less and come nearer to B's. A level in the",
-        "equation of ARX and ARMAX models instead of the means removed costs 2 % here: A(1) is small,",
-        "and the level in the output, their ratio, uncertain.",
+        "one line on it. Fitted to A by least squares, models follow A's resonance; least",
+        "absolute deviations weigh its largest amplitudes less and come nearer to B's. A level in",
+        "the equation of ARX and ARMAX models instead of the means removed costs 2 % here: A(1) is",
+        "small, and the level in the output, their ratio, uncertain.",
     ]
     replace_section(ROOT / "docs" / "evidence" / "structures.md", "Motor bench", lines)
 

@@ -40,7 +40,7 @@ def steiglitz_mcbride(
     for _ in range(STEIGLITZ_MCBRIDE_STEPS):
         filtered = np.stack([u, y])
         filter_rows(filtered, np.concatenate([[1.0], denominator]), np.zeros((2, order)))
-        found = _arx(*filtered, order, nb, nk)[:order]
+        found = _arx(filtered[0], filtered[1], order, nb, nk)[:order]
         if not np.isfinite(found).all():
             return
         denominator = reflect_into_disc(found[None, :], radius)[0]
