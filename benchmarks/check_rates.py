@@ -27,7 +27,7 @@ sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
 
 from scipy.special import chdtrc  # noqa: E402
 
-from evopem import Orders, SearchSettings, estimate  # noqa: E402
+from evopem import PolynomialOrders, SearchSettings, estimate  # noqa: E402
 from evopem.config.settings import ScoringWindow  # noqa: E402
 from evopem.estimation.delay_refinement import Fit, refine_delay  # noqa: E402
 from evopem.estimation.pem.covariance import jacobian_blocks  # noqa: E402
@@ -164,10 +164,10 @@ def input_record(
 
 def selected(u: Array, y: Array) -> Fit:
     """The model of a search over delay, common order, nc and nb by BIC, as the workflow's."""
-    fits: dict[Orders, Fit] = {}
+    fits: dict[PolynomialOrders, Fit] = {}
 
     def fit(*numbers: int) -> Fit:
-        orders = Orders(*numbers)
+        orders = armax_orders(*numbers)
         if orders not in fits:
             found = estimate(
                 u,
@@ -345,7 +345,7 @@ def splits(pool: Executor, records: int) -> Iterator[str]:
 def delay_record(seed: int) -> tuple[tuple[int, ...], tuple[int, ...]]:
     recording, _ = armax(seed=seed, samples=4500)
 
-    def fit(orders: Orders) -> Fit:
+    def fit(orders: PolynomialOrders) -> Fit:
         found = estimate(
             recording.input,
             recording.output,
@@ -355,7 +355,7 @@ def delay_record(seed: int) -> tuple[tuple[int, ...], tuple[int, ...]]:
         )
         return Fit(found.model, found.criteria.bic)
 
-    start = min((fit(Orders(7, 7, 7, nk)) for nk in (2, 3, 4)), key=lambda found: found.bic)
+    start = min((fit(armax_orders(7, 7, 7, nk)) for nk in (2, 3, 4)), key=lambda found: found.bic)
     end = refine_delay(start, 4380, 2, fit).fit
     both = (start.model.orders, end.model.orders)
     return both[0].nk, tuple(vars(both[1]).values())  # type: ignore[return-value]

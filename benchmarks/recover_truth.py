@@ -31,7 +31,7 @@ from evopem.estimation.order_selection import (  # noqa: E402
     estimate_candidates,
     select_candidate,
 )
-from evopem.models.armax import Orders  # noqa: E402
+
 from evopem.models.modes import Mode  # noqa: E402
 from evopem.signals.preparation import prepare  # noqa: E402
 from evopem.signals.recording import Recording  # noqa: E402
@@ -64,7 +64,7 @@ class RecoveredArm:
     """What the order search found in a record of the flexible arm."""
 
     seed: int
-    orders: Orders
+    orders: PolynomialOrders
     delay: int
     modes: tuple[RecoveredMode, ...]
 
@@ -74,7 +74,7 @@ class RecoveredArmax:
     """What the order search found in a record of the ARMAX model."""
 
     seed: int
-    orders: Orders
+    orders: PolynomialOrders
     exact: bool
     bic: float
     bic_of_truth: float
@@ -93,7 +93,7 @@ def order_search(data: Recording, settings: DatasetSettings) -> Candidate:
     for phase in PHASES:
         previous = astuple(selection.orders) if selection else None
         listed = candidate_orders(phase, settings.order_grid, previous)
-        orders = [Orders(*each) for each in listed]
+        orders = [armax_orders(*each) for each in listed]
         candidates = estimate_candidates(data, orders, phase, search, window)
         selection = select_candidate(candidates, phase, data, search, window)
     assert selection is not None
@@ -162,7 +162,7 @@ def arm_table(results: list[RecoveredArm], objective: str) -> list[str]:
             row += "– | –"
         lines.append(row + " |")
     orders = ", ".join(map(str, sorted({result.orders for result in results})))
-    return [*lines, "", f"Orders selected: {orders}.", ""]
+    return [*lines, "", f"PolynomialOrders selected: {orders}.", ""]
 
 
 def armax_table(results: list[RecoveredArmax], objective: str) -> list[str]:

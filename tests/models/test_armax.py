@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from evopem.models.armax import ArmaxModel, Orders
+from evopem.models.polynomial import PolynomialModel
+from evopem.models.structures import armax_orders
 from evopem.models.initial_state import (
     estimate_initial_state,
     estimate_noise_state,
@@ -15,7 +16,7 @@ from evopem.synthesis.armax import true_model
 
 @pytest.fixture
 def model():
-    return ArmaxModel(
+    return PolynomialModel(
         a=np.array([1.0, -1.2, 0.8]),
         b=np.array([0.5, -0.3, 0.1]),
         c=np.array([1.0, 0.4]),
@@ -64,7 +65,7 @@ def test_prediction_and_residual_add_up_to_the_output(model):
 def test_transfer_functions_of_other_libraries_keep_the_dynamics_and_the_delay(b, nk):
     import control
 
-    model = ArmaxModel(
+    model = PolynomialModel(
         a=np.array([1.0, -1.2, 0.8]),
         b=np.array(b),
         c=np.ones(1),
@@ -106,7 +107,7 @@ def test_an_estimated_noise_state_leaves_no_transient():
     """A stretch cut from a record: its residuals are the innovations from the first one on."""
     from scipy.signal import lfilter
 
-    slow = ArmaxModel(a=np.array([1.0, -0.9]), b=np.array([1.0]), c=np.poly([0.995, 0.99]), nk=1)
+    slow = PolynomialModel(a=np.array([1.0, -0.9]), b=np.array([1.0]), c=np.poly([0.995, 0.99]), nk=1)
     rng = np.random.default_rng(8)
     u, e = rng.standard_normal((2, 3000))
     y = slow.simulate(u) + lfilter(slow.c, slow.a, e)
@@ -161,9 +162,9 @@ def test_arguments_stay_as_they_were(model):
 def test_zeros_do_not_count_the_delay():
     model = true_model()
     assert sorted(np.round(model.zeros().real, 6)) == [-0.2, -0.2, 0.7, 0.7, 0.99]
-    assert model.orders == Orders(7, 6, 7, 3)
+    assert model.orders == armax_orders(7, 6, 7, 3)
 
 
 def test_orders_refuse_what_no_model_has():
     with pytest.raises(ValueError, match="nb of at least 1"):
-        Orders(2, 0, 1, 0)
+        armax_orders(2, 0, 1, 0)

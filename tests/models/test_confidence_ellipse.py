@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from evopem.models.armax import ArmaxModel
+from evopem.models.polynomial import PolynomialModel
 from evopem.models.confidence_ellipse import uncertain_roots
 from evopem.models.parameter_covariance import ParameterCovariance
 
@@ -16,7 +16,7 @@ DEVIATION = 1e-4
 
 def model(covariance):
     known = None if covariance is None else ParameterCovariance.from_matrix(covariance)
-    return ArmaxModel(A, B, C, 1, 50.0, 1.0, known)
+    return PolynomialModel(A, B, C, 1, 50.0, 1.0, known)
 
 
 @pytest.mark.parametrize(("polynomial", "coefficients", "free"), [("A", A, 1), ("B", B, 0)])

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from evopem.estimation.model_record import ModelRecord
-from evopem.models.armax import ArmaxModel, Orders
+from evopem.models.polynomial import PolynomialModel
+from evopem.models.structures import PolynomialOrders, armax_orders
 from evopem.models.modes import Mode
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomials import root_gradient
@@ -48,7 +49,7 @@ def with_polynomials(record, a, b, c, covariance):
     """A model record of other polynomials, with all that follows from them."""
     if covariance is not None:
         covariance = ParameterCovariance.from_matrix(covariance)
-    model = ArmaxModel(a, b, c, nk=1, sampling_rate=1.0, noise_variance=1.0, covariance=covariance)
+    model = PolynomialModel(a, b, c, nk=1, sampling_rate=1.0, noise_variance=1.0, covariance=covariance)
     return replace(
         record,
         orders=model.orders,
@@ -127,10 +128,10 @@ def good(real):
         n_multistart=256,
         undiscovered_probability=0.001,
     )
-    found = with_phase(found, "delay", [Orders(3, 3, 3, k) for k in range(4)], Orders(3, 3, 3, 1))
+    found = with_phase(found, "delay", [armax_orders(3, 3, 3, k) for k in range(4)], armax_orders(3, 3, 3, 1))
     for phase, order in (("joint", "na"), ("nc", "nc"), ("nb", "nb")):
-        tried = [replace(Orders(3, 3, 3, 1), **{order: k}) for k in range(2, 6)]
-        found = with_phase(found, phase, tried, Orders(3, 3, 3, 1))
+        tried = [replace(armax_orders(3, 3, 3, 1), **{order: k}) for k in range(2, 6)]
+        found = with_phase(found, phase, tried, armax_orders(3, 3, 3, 1))
     return found
 
 
@@ -154,8 +155,8 @@ def test_checks_of_an_identified_model_say_what_is_in_its_results(real):
     assert real.check("Stable").passed is (largest < 1)
     assert f"{largest:.5f}" in real.check("Stable").statement
     # The delay's range ends at the true delay.
-    assert real.check("Orders").passed is False
-    assert "nk = 3 (delay.nk: 2 to 3)" in real.check("Orders").statement
+    assert real.check("PolynomialOrders").passed is False
+    assert "nk = 3 (delay.nk: 2 to 3)" in real.check("PolynomialOrders").statement
     assert real.check("Response").passed is True
     assert "validation samples: coefficient" in real.check("Response").statement
     assert real.check("Validation input").passed is True
@@ -317,15 +318,15 @@ def test_ends_of_the_ranges(good, phase, order, value, passed):
     selection = good.phases[phase]
     tried = [candidate.orders for candidate in selection.candidates]
     selected = replace(selection.orders, **{order: value})
-    check = with_phase(good, phase, tried, selected).check("Orders")
+    check = with_phase(good, phase, tried, selected).check("PolynomialOrders")
     assert check.passed is passed
     assert f"{order} = {value}" in check.statement
 
 
 def test_orders_that_are_all_fixed_are_not_judged(good):
     for phase in good.phases:
-        good = with_phase(good, phase, [Orders(3, 3, 3, 1)], Orders(3, 3, 3, 1))
-    assert good.check("Orders").passed is None
+        good = with_phase(good, phase, [armax_orders(3, 3, 3, 1)], armax_orders(3, 3, 3, 1))
+    assert good.check("PolynomialOrders").passed is None
 
 
 def test_a_root_at_the_stability_bound_fails(good):

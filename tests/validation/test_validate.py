@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from evopem.models.armax import ArmaxModel
+from evopem.models.polynomial import PolynomialModel
 from evopem.models.initial_state import estimate_initial_state, estimate_noise_state
 from evopem.signals.preparation import PreparedData, Transforms
 from evopem.signals.recording import Recording
@@ -24,7 +24,7 @@ def lightly_damped(count=3, sampling_rate=RATE):
         poles += [pole, pole.conjugate()]
     b = np.random.default_rng(0).normal(size=4)
     c = np.real(np.poly([0.5, -0.3 + 0.4j, -0.3 - 0.4j]))
-    return ArmaxModel(np.real(np.poly(poles)), b, c, 2, sampling_rate, 1.0)
+    return PolynomialModel(np.real(np.poly(poles)), b, c, 2, sampling_rate, 1.0)
 
 
 def response(model, samples, noise, seed=0, warm_up=500):
@@ -61,7 +61,7 @@ def prepared(u, y, cut, contiguous=True):
 
 
 def test_static_gain_by_hand():
-    model = ArmaxModel(np.ones(1), np.array([2.0]), np.ones(1), 0, RATE, 1.0)
+    model = PolynomialModel(np.ones(1), np.array([2.0]), np.ones(1), 0, RATE, 1.0)
     u = np.array([1.0, -1.0] * 20)
     y = 2 * u + np.tile([0.0, 0.0, 1.0, 0.0], 10)
     result, _ = validate(model, prepared(u, y, 36))

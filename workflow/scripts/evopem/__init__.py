@@ -14,19 +14,14 @@ from evopem.version import __version__
 if TYPE_CHECKING:
     from evopem.config.settings import ScoringWindow, SearchSettings
     from evopem.errors import InputError
-    from evopem.estimation.estimate import Estimate
     from evopem.estimation.model_record import load_model as load
     from evopem.estimation.polynomial_estimate import PolynomialEstimate
     from evopem.estimation.structured_estimate import estimate
-    from evopem.models.armax import ArmaxModel, Orders
     from evopem.models.polynomial import PolynomialModel
     from evopem.models.structures import PolynomialOrders
 
 __all__ = [
-    "ArmaxModel",
-    "Estimate",
     "InputError",
-    "Orders",
     "PolynomialEstimate",
     "PolynomialModel",
     "PolynomialOrders",
@@ -38,10 +33,7 @@ __all__ = [
 ]
 
 _HOMES = {
-    "ArmaxModel": "evopem.models.armax",
-    "Estimate": "evopem.estimation.estimate",
     "InputError": "evopem.errors",
-    "Orders": "evopem.models.armax",
     "PolynomialEstimate": "evopem.estimation.polynomial_estimate",
     "PolynomialModel": "evopem.models.polynomial",
     "PolynomialOrders": "evopem.models.structures",

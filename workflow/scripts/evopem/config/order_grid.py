@@ -22,7 +22,7 @@ AUTO_JOINT_UPPER = 14
 """Upper end of ``orders.joint: auto``, the chapter's own."""
 
 Candidate = tuple[int, int, int, int]
-"""Orders (na, nb, nc, nk)."""
+"""PolynomialOrders (na, nb, nc, nk)."""
 
 
 def previous_phase(phase: str) -> str | None:

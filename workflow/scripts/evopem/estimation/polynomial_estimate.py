@@ -21,7 +21,7 @@ from evopem.estimation.pem.objective import OBJECTIVES
 from evopem.estimation.pem.polynomial_objective import PolynomialErrors
 from evopem.estimation.search.memetic import memetic_search
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
-from evopem.estimation.search.problem import SearchResult
+from evopem.estimation.search.problem import SearchResult, descended, pooled
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomials import max_root_radius
 from evopem.models.structures import PolynomialOrders, orders_of
@@ -60,6 +60,12 @@ class PolynomialEstimate:
     at_stability_bound: bool
     search: SearchResult = field(repr=False)
 
+    @property
+    def with_level(self) -> bool:
+        """Whether a constant was estimated along."""
+        states = len(self.plant_state) + len(self.noise_state)
+        return len(self.search.point) > self.model.orders.parameters + states
+
 
 def estimate_polynomial(
     input: ArrayLike | None,  # noqa: A002 - the field's word
@@ -71,6 +77,7 @@ def estimate_polynomial(
     settings: SearchSettings | None = None,
     window: ScoringWindow | None = None,
     level: bool = False,
+    earlier: SearchResult | None = None,
     log: Callable[[str], None] | None = None,
 ) -> PolynomialEstimate:
     """Find the polynomial model of given orders with the smallest prediction errors, globally.
@@ -88,7 +95,8 @@ def estimate_polynomial(
         Hz.
     settings : SearchSettings, optional
         Objective, seed, bounds and size of the search.  Its draws come from
-        ``SeedSequence(seed, spawn_key=(na, nb, nc, nd, nf, nk, level))``.  ``initialization`` and
+        ``SeedSequence(seed, spawn_key=(na, nb, nc, nd, nf, nk, level))``, with a 1 appended to the
+        key when the search continues an earlier one.  ``initialization`` and
         ``n_initial_discard`` are not used: the first population holds estimates of several kinds,
         and the initial states of all filters are estimated.
     window : ScoringWindow, optional
@@ -96,6 +104,8 @@ def estimate_polynomial(
         all residuals count.
     level : bool
         Whether a constant is estimated: ``A y = (B/F) u + (C/D) e + level``.
+    earlier : SearchResult, optional
+        Result of an earlier search of the same problem, to be combined with this one.
     log : callable, optional
         Receives one line a generation.
 
@@ -114,25 +124,60 @@ def estimate_polynomial(
     _check(u, y, o, settings, window)
     # The bits of a result must not depend on how many threads the machine's BLAS would take.
     with threadpool_limits(limits=1, user_api="blas"):
-        radius = settings.max_root_radius
-        errors = PolynomialErrors(
-            u,
-            y,
-            o,
-            settings.objective,
-            window.residual_start,
-            window.loss_start,
-            radius,
-            radius,
-            level,
-        )
+        errors = polynomial_errors(u, y, o, settings, window, level)
         problem, scales = _scaled_problem(errors)
-        key = (o.na, o.nb, o.nc, o.nd, o.nf, o.nk, int(level))
+        key = (o.na, o.nb, o.nc, o.nd, o.nf, o.nk, int(level), *((1,) if earlier else ()))
         sequence = np.random.SeedSequence(settings.seed, spawn_key=key)
         generator = np.random.default_rng(sequence)
-        found = memetic_search(problem, settings, generator, log, recombine=problem.recombine)
+        known = np.inf if earlier is None else earlier.value
+        found = memetic_search(problem, settings, generator, log, known, recombine=problem.recombine)
         found = replace(found, point=found.point * scales)
-        return _described(errors, found, structure, sampling_rate)
+        if earlier is not None:
+            found = pooled(earlier, found)
+        return describe(errors, found, sampling_rate)
+
+
+def polynomial_errors(
+    input: Array,  # noqa: A002
+    output: Array,
+    orders: PolynomialOrders,
+    settings: SearchSettings,
+    window: ScoringWindow,
+    level: bool,
+) -> PolynomialErrors:
+    """The prediction-error problem of a record, orders and settings."""
+    radius = settings.max_root_radius
+    return PolynomialErrors(
+        input,
+        output,
+        orders,
+        settings.objective,
+        window.residual_start,
+        window.loss_start,
+        radius,
+        radius,
+        level,
+    )
+
+
+def descend_from(
+    point: ArrayLike, errors: PolynomialErrors, sampling_rate: float, earlier: SearchResult
+) -> PolynomialEstimate:
+    """Descend once from a point, and combine the result with an earlier search of the problem.
+
+    Parameters
+    ----------
+    point : (n,) array_like
+        In the problem's own units.
+    errors : PolynomialErrors
+    sampling_rate : float
+        Hz.
+    earlier : SearchResult
+    """
+    problem, scales = _scaled_problem(errors)
+    ended = descended(problem, np.asarray(point) / scales)
+    ended = replace(ended, point=ended.point * scales)
+    return describe(errors, pooled(earlier, ended), sampling_rate)
 
 
 def _scaled_problem(errors: PolynomialErrors) -> tuple[PolynomialProblem, Array]:
@@ -185,8 +230,8 @@ def _check(
         raise ValueError("the output is zero throughout")
 
 
-def _described(
-    errors: PolynomialErrors, result: SearchResult, structure: str, sampling_rate: float
+def describe(
+    errors: PolynomialErrors, result: SearchResult, sampling_rate: float
 ) -> PolynomialEstimate:
     """The model at a search's best point, with its criteria, residuals and covariance."""
     point, parts = result.point, errors.parts()
@@ -208,7 +253,7 @@ def _described(
         covariance=estimate_covariance(
             triangle, counted, counted_output, coefficients, 0, errors.objective
         ),
-        structure=structure,
+        structure=errors.orders.structure,
     )
     residuals[: errors.residual_start] = np.nan
     at_bound = (

@@ -21,7 +21,7 @@ from evopem.figures.style import (
     say_nothing_to_draw,
     styled,
 )
-from evopem.models.armax import ArmaxModel
+from evopem.models.polynomial import PolynomialModel
 from evopem.models.confidence_ellipse import UncertainRoot, uncertain_roots
 from evopem.models.modes import Mode
 from evopem.synthesis.truth import Truth
@@ -37,12 +37,12 @@ NORMAL_95 = 1.96
 
 
 @styled
-def draw_poles_zeros(model: ArmaxModel, truth: Truth | None = None) -> Figure:
+def draw_poles_zeros(model: PolynomialModel, truth: Truth | None = None) -> Figure:
     """Poles and zeros in the unit circle with 95 % ellipses, and the modes with 95 % intervals.
 
     Parameters
     ----------
-    model : ArmaxModel
+    model : PolynomialModel
     truth : Truth, optional
         Its poles and modes are drawn as well.
     """

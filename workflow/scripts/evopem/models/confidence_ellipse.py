@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.models.armax import ArmaxModel
+from evopem.models.polynomial import PolynomialModel
 from evopem.models.root_covariance import CHI_SQUARE_95, root_covariance
 
 Array = NDArray[np.float64]
@@ -59,14 +59,14 @@ class UncertainRoot:
         return outline
 
 
-def uncertain_roots(model: ArmaxModel, polynomial: Polynomial) -> list[UncertainRoot]:
+def uncertain_roots(model: PolynomialModel, polynomial: Polynomial) -> list[UncertainRoot]:
     """Roots in the z plane of one polynomial of a model, with their covariances.
 
     The covariance of the coefficients is propagated to the roots to first order.
 
     Parameters
     ----------
-    model : ArmaxModel
+    model : PolynomialModel
     polynomial : {"A", "B", "C"}
     """
     orders = model.orders

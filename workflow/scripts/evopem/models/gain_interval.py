@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from evopem.models.armax import ArmaxModel
+from evopem.models.polynomial import PolynomialModel
 
 Array = NDArray[np.float64]
 
@@ -13,7 +13,7 @@ NORMAL_95 = 1.959963984540054
 """97.5 % point of the standard normal distribution."""
 
 
-def gain_band(model: ArmaxModel, frequencies: ArrayLike) -> tuple[Array, Array]:
+def gain_band(model: PolynomialModel, frequencies: ArrayLike) -> tuple[Array, Array]:
     """Lower and upper end of the 95 % confidence interval of ``|G|`` at frequencies in Hz.
 
     The parameter covariance is propagated to ``ln |G|`` to first order (Ljung 1999, section 9.4),
@@ -25,7 +25,7 @@ def gain_band(model: ArmaxModel, frequencies: ArrayLike) -> tuple[Array, Array]:
 
     Parameters
     ----------
-    model : ArmaxModel
+    model : PolynomialModel
     frequencies : (M,) array_like
         Hz.
 
@@ -35,10 +35,10 @@ def gain_band(model: ArmaxModel, frequencies: ArrayLike) -> tuple[Array, Array]:
 
     Examples
     --------
-    >>> from evopem.models.armax import ArmaxModel
+    >>> from evopem.models.polynomial import PolynomialModel
     >>> from evopem.models.parameter_covariance import ParameterCovariance
     >>> covariance = ParameterCovariance.from_matrix(1e-4 * np.eye(2))
-    >>> model = ArmaxModel(
+    >>> model = PolynomialModel(
     ...     np.array([1, -0.5]), np.array([2.0]), np.array([1.0]), nk=1, covariance=covariance
     ... )
     >>> lower, upper = gain_band(model, [0.0])  # around the gain 4

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from evopem.files.atomic import atomic_write
-from evopem.models.armax import ArmaxModel
+from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomial import PolynomialModel
 
 
-def save_model_mat(model: ArmaxModel | PolynomialModel, path: str | os.PathLike[str]) -> None:
+def save_model_mat(model: PolynomialModel | PolynomialModel, path: str | os.PathLike[str]) -> None:
     """Write the arguments of MATLAB's ``idpoly(A,B,C,D,F,NoiseVariance,Ts)`` to a v5 MAT file.
 
     The level of a polynomial model, which ``idpoly`` does not have, is stored beside them.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -36,24 +36,45 @@ class PolynomialModel:
     covariance : ParameterCovariance, optional
         Covariance of ``[a_1.., b_0.., c_1.., d_1.., f_1..]``.
     structure : str
-        A key of :data:`evopem.models.structures.STRUCTURES`.
+        A key of :data:`evopem.config.structures.STRUCTURES`; by default the smallest one that has
+        the model's orders.
+
+    Examples
+    --------
+    An ARMAX model, a resonance with a delay of two samples:
+
+    >>> import numpy as np
+    >>> from evopem import PolynomialModel
+    >>> model = PolynomialModel(
+    ...     a=np.array([1.0, -1.2, 0.8]),
+    ...     b=np.array([0.5, 0.1]),
+    ...     c=np.array([1.0, 0.4]),
+    ...     nk=2,
+    ...     sampling_rate=50.0,
+    ... )
+    >>> print(model.orders)
+    ARMAX(2,2,1,2)
+    >>> model.poles().round(3)
+    array([0.6+0.663j, 0.6-0.663j])
+    >>> model.zeros(), model.noise_zeros()
+    (array([-0.2+0.j]), array([-0.4+0.j]))
     """
 
     a: Array
     b: Array
     c: Array
-    d: Array
-    f: Array
+    d: Array = field(default_factory=lambda: np.ones(1))
+    f: Array = field(default_factory=lambda: np.ones(1))
     nk: int = 0
     sampling_rate: float = 1.0
     level: float = 0.0
     noise_variance: float = float("nan")
     covariance: ParameterCovariance | None = None
-    structure: str = "general"
+    structure: str = ""
 
     @property
     def orders(self) -> PolynomialOrders:
-        """Orders na, nb, nc, nd, nf and nk."""
+        """PolynomialOrders na, nb, nc, nd, nf and nk."""
         return PolynomialOrders(
             na=len(self.a) - 1,
             nb=len(self.b),
@@ -61,12 +82,33 @@ class PolynomialModel:
             nd=len(self.d) - 1,
             nf=len(self.f) - 1,
             nk=self.nk,
+            structure=self.structure,
         )
 
     @property
     def parameters(self) -> Array:
         """Parameter vector ``[a_1.., b_0.., c_1.., d_1.., f_1..]``, (n,)."""
         return np.concatenate([self.a[1:], self.b, self.c[1:], self.d[1:], self.f[1:]])
+
+    def parameter_standard_errors(self) -> Array | None:
+        """Standard errors of :attr:`parameters`, (n,); None where the covariance is not known.
+
+        Infinite for a parameter that the data do not determine.
+        """
+        if self.covariance is None:
+            return None
+        return self.covariance.standard_errors(np.eye(len(self.parameters)))
+
+    def part(self, letter: str) -> slice:
+        """Where the coefficients of one of a, b, c, d, f stand in :attr:`parameters`."""
+        o = self.orders
+        first = dict(zip("abcdf", np.cumsum([0, o.na, o.nb, o.nc, o.nd]).tolist(), strict=True))
+        return slice(first[letter], first[letter] + getattr(o, f"n{letter}"))
+
+    @property
+    def has_input(self) -> bool:
+        """Whether the model has an input."""
+        return len(self.b) > 0
 
     @property
     def delayed_b(self) -> Array:
@@ -229,13 +271,11 @@ class PolynomialModel:
 
     def _modes_of(self, *names: str) -> list[Mode]:
         """Modes of some of the polynomials, with standard errors where the covariance is known."""
-        o = self.orders
-        first = dict(zip("abcdf", np.cumsum([0, o.na, o.nb, o.nc, o.nd]), strict=True))
         modes: list[Mode] = []
         for name in names:
             coefficients = getattr(self, name)[1:]
-            part = slice(first[name], first[name] + len(coefficients))
-            covariance = None if self.covariance is None else self.covariance.part(part)
+            known = self.covariance
+            covariance = None if known is None else known.part(self.part(name))
             modes += modes_of(coefficients, self.sampling_rate, covariance)
         return sorted(modes, key=lambda mode: mode.frequency_hz)
 

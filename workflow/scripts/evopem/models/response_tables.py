@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.models.armax import ArmaxModel
+from evopem.models.polynomial import PolynomialModel
 from evopem.models.gain_interval import gain_band
 
 Array = NDArray[np.float64]
@@ -13,7 +13,7 @@ Array = NDArray[np.float64]
 FREQUENCIES = 2049
 
 
-def modes_table(model: ArmaxModel) -> dict[str, list[float]]:
+def modes_table(model: PolynomialModel) -> dict[str, list[float]]:
     """Modes by frequency: Hz and percent with standard errors, and the pole of each."""
     modes = model.modes()
     return {
@@ -27,7 +27,7 @@ def modes_table(model: ArmaxModel) -> dict[str, list[float]]:
     }
 
 
-def frequency_response_table(model: ArmaxModel) -> dict[str, Array]:
+def frequency_response_table(model: PolynomialModel) -> dict[str, Array]:
     """Gain of G with its 95 % band, and unwrapped phase in degrees, from 0 to half the rate."""
     frequencies = np.linspace(0.0, model.sampling_rate / 2.0, FREQUENCIES)
     response = model.frequency_response(frequencies)

@@ -11,7 +11,7 @@ from evopem.estimation.candidate import Candidate, PhaseSelection
 from evopem.estimation.order_selection import select_candidate as select
 from evopem.estimation.parallel import estimate_in_parallel
 from evopem.files.json_form import load, save
-from evopem.models.armax import Orders
+from evopem.models.structures import armax_orders
 from evopem.results.layout import PHASES, DatasetFiles
 from evopem.signals.preparation import load_prepared
 from evopem.signals.spectral.summary import SpectrumSummary
@@ -39,7 +39,7 @@ def estimate_candidates(
         else None
     )
     orders = candidate_orders(phase, grid, astuple(selected) if selected else None, resonances)
-    own = [Orders(*each) for each in orders[part - 1 :: parts]]
+    own = [armax_orders(*each) for each in orders[part - 1 :: parts]]
     data = load_prepared(files.prepared, files.transforms).estimation
     candidates = estimate_in_parallel(data, own, phase, search, window, log, cores)
     save(candidates, files.part(phase, part))

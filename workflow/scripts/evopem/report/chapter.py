@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from evopem.config.settings import DatasetSettings, SyntheticSource
-from evopem.models.armax import Orders
+from evopem.models.structures import armax_orders
 from evopem.report.numbers import number
 from evopem.results.dataset import DatasetResults
 from evopem.synthesis.truth import true_mode
@@ -15,7 +15,7 @@ MODES = tuple(
     for frequency, damping in ((5.36, 0.0091), (16.65, 0.1750), (37.00, 0.0107))
 )
 # Sections 5.1 to 5.4.
-ORDERS = Orders(7, 6, 7, 3)
+ORDERS = armax_orders(7, 6, 7, 3)
 SPECTRAL_PEAKS = "near 2, 5 and 36, a broad one near 17"
 JOINT_ORDER, ORDER_OF_C, COEFFICIENTS_OF_B = 7, 7, 6
 

@@ -9,11 +9,11 @@ from itertools import repeat
 
 from markupsafe import Markup
 
-from evopem.models.armax import ArmaxModel
+from evopem.models.polynomial import PolynomialModel
 from evopem.report.numbers import number
 
 
-def polynomials(model: ArmaxModel) -> list[tuple[str, Markup]]:
+def polynomials(model: PolynomialModel) -> list[tuple[str, Markup]]:
     """A, B and C in the backshift operator, each with its letter."""
     rows = []
     for letter, coefficients, first in _polynomials(model):
@@ -26,7 +26,7 @@ def polynomials(model: ArmaxModel) -> list[tuple[str, Markup]]:
     return rows
 
 
-def difference_equation(model: ArmaxModel) -> Markup:
+def difference_equation(model: PolynomialModel) -> Markup:
     """``y(t) = −a1 y(t−1) … + b0 u(t−nk) … + e(t) + c1 e(t−1) …``."""
     terms = [(-value, _at("y", lag)) for lag, value in enumerate(model.a) if lag]
     terms += [(value, _at("u", lag)) for lag, value in enumerate(model.b, start=model.nk)]
@@ -38,7 +38,7 @@ def difference_equation(model: ArmaxModel) -> Markup:
     )
 
 
-def text(model: ArmaxModel) -> str:
+def text(model: PolynomialModel) -> str:
     """The equation and its polynomials in plain characters, ten significant digits."""
     lines = ["A(q) y(t) = B(q) u(t) + C(q) e(t)"]
     for letter, coefficients, first in _polynomials(model):
@@ -55,8 +55,8 @@ def text(model: ArmaxModel) -> str:
     return "\n".join(lines)
 
 
-def as_json(model: ArmaxModel) -> str:
-    """Orders, coefficients, noise variance and sampling rate as a JSON object."""
+def as_json(model: PolynomialModel) -> str:
+    """PolynomialOrders, coefficients, noise variance and sampling rate as a JSON object."""
     entries = {
         "orders": asdict(model.orders),
         "a": model.a.tolist(),
@@ -69,7 +69,7 @@ def as_json(model: ArmaxModel) -> str:
     return "{\n" + ",\n".join(lines) + "\n}"
 
 
-def matlab(model: ArmaxModel) -> str:
+def matlab(model: PolynomialModel) -> str:
     """MATLAB statement that makes the model an ``idpoly``."""
     a, b, c = (
         " ".join(f"{value:.17g}" for value in coefficients)
@@ -81,7 +81,7 @@ def matlab(model: ArmaxModel) -> str:
     )
 
 
-def python(model: ArmaxModel) -> str:
+def python(model: PolynomialModel) -> str:
     """Python statements that make the transfer function G with python-control."""
     length = max(len(model.delayed_b), len(model.a))
     b, a = (
@@ -96,7 +96,7 @@ def python(model: ArmaxModel) -> str:
     )
 
 
-def coefficient_table(model: ArmaxModel) -> list[tuple[str, int, float, float | None]]:
+def coefficient_table(model: PolynomialModel) -> list[tuple[str, int, float, float | None]]:
     """Every estimated coefficient: letter, lag, value, standard error (None where unknown)."""
     named = [
         (letter, lag, float(value))
@@ -109,7 +109,7 @@ def coefficient_table(model: ArmaxModel) -> list[tuple[str, int, float, float | 
     return [(*name, error) for name, error in zip(named, errors, strict=True)]
 
 
-def _polynomials(model: ArmaxModel) -> tuple[tuple[str, Sequence[float], int], ...]:
+def _polynomials(model: PolynomialModel) -> tuple[tuple[str, Sequence[float], int], ...]:
     """Letter, coefficients and first lag of each polynomial."""
     return (
         ("A", model.a.tolist(), 0),

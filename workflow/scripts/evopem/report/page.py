@@ -31,7 +31,7 @@ SECTIONS: dict[str, tuple[str, Callable[[DatasetResults], list[str]]]] = {
     "record": ("Recording", recording),
     "spectrum": ("Spectrum of the output", spectrum),
     "delay": ("Delay", delay),
-    "phases": ("Orders, in three phases", phases),
+    "phases": ("PolynomialOrders, in three phases", phases),
     "poles_zeros": ("Poles and zeros", poles),
     "frequency_response": ("Frequency response", frequency_response),
     "residuals": ("Residuals", residuals),

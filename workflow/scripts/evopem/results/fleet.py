@@ -12,7 +12,7 @@ from evopem.errors import InputError
 from evopem.files.checksums import sha256_of_file, verify_checksums
 from evopem.files.json_form import load
 from evopem.files.unfinished import unfinished_jobs
-from evopem.models.armax import Orders
+from evopem.models.structures import PolynomialOrders
 from evopem.models.modes import Mode
 from evopem.results.layout import DatasetFiles
 from evopem.validation.checks import Check, checks
@@ -42,7 +42,7 @@ class DatasetSummary:
     sampling_rate : float
         Hz, after all transforms.
     estimation_samples, validation_samples : int
-    orders : Orders
+    orders : PolynomialOrders
     bic : float
     prediction_error_percent, simulation_error_percent : float
     continued_simulation_error_percent : float, optional
@@ -57,7 +57,7 @@ class DatasetSummary:
     sampling_rate: float
     estimation_samples: int
     validation_samples: int
-    orders: Orders
+    orders: PolynomialOrders
     bic: float
     prediction_error_percent: float
     simulation_error_percent: float
@@ -226,7 +226,7 @@ _COLUMN_TYPES = (
     dict.fromkeys(("dataset", "status", "problem", "file", "sha256"), "string")
     | {"sampling_rate": "float64"}
     | dict.fromkeys(("estimation_samples", "validation_samples"), "Int64")
-    | dict.fromkeys((field.name for field in fields(Orders)), "Int64")
+    | dict.fromkeys((field.name for field in fields(PolynomialOrders)), "Int64")
     | dict.fromkeys(("bic", *_ERRORS), "float64")
     | dict.fromkeys(("failed_checks", "mode"), "Int64")
     | dict.fromkeys(_MODE, "float64")
@@ -244,7 +244,7 @@ def _rows(name: str, entry: Entry) -> list[dict[str, object]]:
         "sampling_rate": entry.sampling_rate,
         "estimation_samples": entry.estimation_samples,
         "validation_samples": entry.validation_samples,
-        **{field.name: getattr(entry.orders, field.name) for field in fields(Orders)},
+        **{field.name: getattr(entry.orders, field.name) for field in fields(PolynomialOrders)},
         "bic": entry.bic,
         **{error: getattr(entry, error) for error in _ERRORS},
         "failed_checks": entry.n_checks(passed=False),

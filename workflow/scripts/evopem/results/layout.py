@@ -172,7 +172,7 @@ class DatasetFiles:
 
     @property
     def summary(self) -> str:
-        """Orders, errors, modes and checks."""
+        """PolynomialOrders, errors, modes and checks."""
         return f"{self.folder}/summary.json"
 
     @property

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from evopem.models.armax import ArmaxModel
+from evopem.models.polynomial import PolynomialModel
 
 Array = NDArray[np.float64]
 
@@ -52,7 +52,7 @@ class HeldOutTest:
 
 
 def input_significance(
-    model: ArmaxModel,
+    model: PolynomialModel,
     input: ArrayLike,  # noqa: A002
     output: ArrayLike,
     first: int = 0,
@@ -68,7 +68,7 @@ def input_significance(
 
     Parameters
     ----------
-    model : ArmaxModel
+    model : PolynomialModel
         Stable.
     input, output : (N,) array_like
         Signals that end with the held-out samples; they may begin with the estimation samples.

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from evopem.models.armax import ArmaxModel
+from evopem.models.polynomial import PolynomialModel
 from evopem.models.modes import Mode
 from evopem.models.polynomials import roots
 from evopem.signals.spectral.frequency_response import FrequencyResponse
@@ -99,29 +99,29 @@ class ModeEvidence:
 
 
 def mode_evidence(
-    model: ArmaxModel,
+    model: PolynomialModel,
     input: ArrayLike,  # noqa: A002
     output: ArrayLike,
     first: int = 0,
     noise_state: ArrayLike | None = None,
     response: FrequencyResponse | None = None,
-    others: Sequence[ArmaxModel] = (),
+    others: Sequence[PolynomialModel] = (),
 ) -> list[ModeEvidence]:
     """Evidence for each mode of a model, by frequency.
 
     Parameters
     ----------
-    model : ArmaxModel
+    model : PolynomialModel
         Stable and invertible.
     input, output : (N,) array_like
         Signals that end with the held-out samples; they may begin with the estimation samples.
     first : int
         First held-out sample.
     noise_state : (nc,) array_like, optional
-        As for :meth:`ArmaxModel.residuals`.
+        As for :meth:`PolynomialModel.residuals`.
     response : FrequencyResponse, optional
         Multitaper estimate from the same recording, for the coherence.
-    others : sequence of ArmaxModel
+    others : sequence of PolynomialModel
         Models of other orders of the same recording.
     """
     u, y = np.asarray(input, dtype=float), np.asarray(output, dtype=float)
@@ -159,7 +159,7 @@ def mode_evidence(
     return found
 
 
-def modal_residue(model: ArmaxModel, pole: complex) -> tuple[complex, float]:
+def modal_residue(model: PolynomialModel, pole: complex) -> tuple[complex, float]:
     """Residue of a pole of G, delay aside, and the standard error of its modulus.
 
     With w = q^-1 and w_0 = 1/p: ``r = -B(w_0) / (w_0 A'(w_0))``, differentiated with respect to
@@ -167,7 +167,7 @@ def modal_residue(model: ArmaxModel, pole: complex) -> tuple[complex, float]:
 
     Parameters
     ----------
-    model : ArmaxModel
+    model : PolynomialModel
     pole : complex
         A simple root of A.
     """
@@ -194,14 +194,14 @@ def modal_residue(model: ArmaxModel, pole: complex) -> tuple[complex, float]:
     )
 
 
-def modal_response(model: ArmaxModel, pole: complex, input: ArrayLike) -> Array:  # noqa: A002
+def modal_response(model: PolynomialModel, pole: complex, input: ArrayLike) -> Array:  # noqa: A002
     """What a pair of complex poles contributes to the simulated output, (N,).
 
     Its term in the partial fractions of B/A, from rest, delayed by nk.
 
     Parameters
     ----------
-    model : ArmaxModel
+    model : PolynomialModel
     pole : complex
         A simple root of A.
     input : (N,) array_like
@@ -217,7 +217,7 @@ def modal_response(model: ArmaxModel, pole: complex, input: ArrayLike) -> Array:
     return response
 
 
-def mode_recurrence(mode: Mode, others: Sequence[ArmaxModel]) -> float:
+def mode_recurrence(mode: Mode, others: Sequence[PolynomialModel]) -> float:
     """Share of other models that have a mode of about this frequency and damping; NaN for none.
 
     Models with fewer poles than a pair are not counted.
@@ -246,7 +246,7 @@ def _reach(relative: float, standard_error: float) -> float:
     return max(relative, 2.0 * standard_error) if math.isfinite(standard_error) else relative
 
 
-def _noise_test(model: ArmaxModel, pole: complex, residuals: Array, first: int) -> HeldOutTest:
+def _noise_test(model: PolynomialModel, pole: complex, residuals: Array, first: int) -> HeldOutTest:
     """Compare one-step errors with those of a noise model without a pair of poles.
 
     The pair is removed from H = C/A together with the zeros of C nearest to it, a pair where C has

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from evopem.models.armax import ArmaxModel
+from evopem.models.polynomial import PolynomialModel
 from evopem.models.initial_state import estimate_initial_state, estimate_noise_state
 from evopem.signals.preparation import PreparedData
 from evopem.signals.recording import Recording
@@ -38,7 +38,7 @@ class HeldOutSamples:
 
 
 def held_out_samples(
-    model: ArmaxModel, prepared: PreparedData, noise_state: NDArray[np.float64]
+    model: PolynomialModel, prepared: PreparedData, noise_state: NDArray[np.float64]
 ) -> HeldOutSamples:
     estimation, validation = prepared.estimation, prepared.validation
     if prepared.contiguous:
@@ -54,7 +54,7 @@ def held_out_samples(
 
 
 def continued_responses(
-    model: ArmaxModel, prepared: PreparedData, noise_state: NDArray[np.float64]
+    model: PolynomialModel, prepared: PreparedData, noise_state: NDArray[np.float64]
 ) -> Responses:
     """Predict and simulate validation samples that follow the estimation samples directly."""
     estimation, validation = prepared.estimation, prepared.validation
@@ -72,7 +72,7 @@ def continued_responses(
     )
 
 
-def restarted_responses(model: ArmaxModel, prepared: PreparedData) -> Responses:
+def restarted_responses(model: PolynomialModel, prepared: PreparedData) -> Responses:
     """Predict and simulate an independent recording, whose past is not on record."""
     validation = prepared.validation
     noise_state = estimate_noise_state(model, validation.input, validation.output)
@@ -86,7 +86,7 @@ def restarted_responses(model: ArmaxModel, prepared: PreparedData) -> Responses:
     )
 
 
-def _simulated(model: ArmaxModel, validation: Recording) -> NDArray[np.float64]:
+def _simulated(model: PolynomialModel, validation: Recording) -> NDArray[np.float64]:
     """Response to the validation input from the state that fits the validation output best."""
     state = estimate_initial_state(model, validation.input, validation.output)
     return model.simulate(validation.input, state)

@@ -49,7 +49,7 @@ from evopem.validation.scores import error_percent, fit_percent, outlier_percent
 from evopem.validation.split_spectra import SplitSpectra, split_spectra
 
 if TYPE_CHECKING:
-    from evopem.models.armax import ArmaxModel
+    from evopem.models.polynomial import PolynomialModel
     from evopem.signals.preparation import PreparedData
     from evopem.signals.recording import Recording
 
@@ -165,11 +165,11 @@ class ValidationTables:
 
 
 def validate(
-    model: ArmaxModel,
+    model: PolynomialModel,
     prepared: PreparedData,
     loss_start: int | None = None,
     objective: str = "quadratic",
-    others: Sequence[ArmaxModel] = (),
+    others: Sequence[PolynomialModel] = (),
     spectrum: SpectrumSettings | None = None,
     lags: int = 1200,
 ) -> tuple[Validation, ValidationTables]:
@@ -177,7 +177,7 @@ def validate(
 
     Parameters
     ----------
-    model : ArmaxModel
+    model : PolynomialModel
     prepared : PreparedData
         Estimation and validation samples, transformed alike.
     loss_start : int, optional
@@ -185,7 +185,7 @@ def validate(
         before are fitted by the noise state.
     objective : {"absolute", "quadratic"}
         What the estimate minimised.
-    others : sequence of ArmaxModel
+    others : sequence of PolynomialModel
         Models of other orders of the same samples, for the stability of the modes.
     spectrum : SpectrumSettings, optional
         Of the multitaper estimate of the coherence.
@@ -304,7 +304,7 @@ def validate(
 
 
 def _whiteness(
-    model: ArmaxModel,
+    model: PolynomialModel,
     estimation: Recording,
     residuals: NDArray[np.float64],
     start: int,

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from evopem.estimation.pem.kernels.filtering import filter_rows
 from evopem.estimation.pem.least_squares import chunks, triangle_of
-from evopem.models.armax import ArmaxModel
+from evopem.models.polynomial import PolynomialModel
 from evopem.models.parameter_covariance import ParameterCovariance
 
 Array = NDArray[np.float64]
@@ -25,7 +25,7 @@ RESIDUAL_ROUNDING = 1e-12
 
 
 def jacobian_triangle(
-    model: ArmaxModel,
+    model: PolynomialModel,
     input: Array,  # noqa: A002
     output: Array,
     residuals: Array,
@@ -36,7 +36,7 @@ def jacobian_triangle(
 
     Parameters
     ----------
-    model : ArmaxModel
+    model : PolynomialModel
     input, output, residuals : (N,) arrays
     recursion_start, scoring_start : int
         First residual, and first one that counts in the loss.
@@ -46,7 +46,7 @@ def jacobian_triangle(
 
 
 def jacobian_blocks(
-    model: ArmaxModel,
+    model: PolynomialModel,
     input: Array,  # noqa: A002
     output: Array,
     residuals: Array,

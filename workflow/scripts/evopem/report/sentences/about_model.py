@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from evopem.models.armax import ArmaxModel
+from evopem.models.polynomial import PolynomialModel
 from evopem.models.confidence_ellipse import uncertain_roots
 from evopem.models.modes import Mode
 from evopem.report.mode_table import ModeRow
@@ -132,7 +132,7 @@ def poles(results: DatasetResults) -> list[str]:
     return [" ".join(sentence for sentence in sentences if sentence)]
 
 
-def _largest_ellipses(model: ArmaxModel) -> str:
+def _largest_ellipses(model: PolynomialModel) -> str:
     """The pole and the zero with the largest confidence ellipse, and the roots without one."""
     poles, zeros = uncertain_roots(model, "A"), uncertain_roots(model, "B")
     largest, unknown = [], 0

@@ -25,7 +25,7 @@ MAX_UNDISCOVERED_PROBABILITY = 0.01
 
 def search_ranges(phases: Mapping[str, PhaseSelection]) -> Check:
     """No selected order at an end of its range, unless the order cannot go beyond that end."""
-    name = "Orders inside their search ranges"
+    name = "PolynomialOrders inside their search ranges"
     at_end, inside, fixed = [], [], []
     for phase, order, key, least in RANGES:
         tried = [getattr(candidate.orders, order) for candidate in phases[phase].candidates]
