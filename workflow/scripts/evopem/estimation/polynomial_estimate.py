@@ -19,14 +19,19 @@ from evopem.estimation.criteria import (
 from evopem.estimation.pem.covariance import estimate_covariance, innovation_variance
 from evopem.estimation.pem.objective import OBJECTIVES
 from evopem.estimation.pem.polynomial_objective import PolynomialErrors
+from evopem.estimation.pem.robust_covariance import coloured_covariance
 from evopem.estimation.search.memetic import memetic_search
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
 from evopem.estimation.search.problem import SearchResult, descended, pooled
+from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomials import max_root_radius
 from evopem.models.structures import PolynomialOrders, orders_of
 
 Array = NDArray[np.float64]
+
+# Structures that claim nothing of the noise, or whose noise model may be chosen too small.
+WITHOUT_NOISE_MODEL = ("fir", "oe", "general")
 
 
 @dataclass(frozen=True, eq=False)
@@ -238,8 +243,6 @@ def describe(
     a, c, d, f = (np.concatenate([[1.0], point[parts[name]]]) for name in "acdf")
     residuals = errors.residuals(point)
     counted, counted_output = residuals[errors.loss_start :], errors.output[errors.loss_start :]
-    triangle = np.asarray(np.linalg.qr(errors.jacobian(point), mode="r"))
-    coefficients = errors.orders.parameters
     model = PolynomialModel(
         a,
         point[parts["b"]].copy(),
@@ -250,9 +253,7 @@ def describe(
         sampling_rate,
         level=float(point[parts["level"]].sum()),
         noise_variance=innovation_variance(counted, errors.dimension),
-        covariance=estimate_covariance(
-            triangle, counted, counted_output, coefficients, 0, errors.objective
-        ),
+        covariance=_covariance(errors, point, counted, counted_output),
         structure=errors.orders.structure,
     )
     residuals[: errors.residual_start] = np.nan
@@ -269,4 +270,23 @@ def describe(
         window=ScoringWindow(errors.residual_start, errors.loss_start),
         at_stability_bound=any(at_bound),
         search=result,
+    )
+
+
+def _covariance(
+    errors: PolynomialErrors, point: Array, residuals: Array, output: Array
+) -> ParameterCovariance | None:
+    """Covariance of the coefficients, for residuals of any colour where nothing whitens them."""
+    orders, jacobian = errors.orders, errors.jacobian(point)
+    if orders.structure in WITHOUT_NOISE_MODEL:
+        return coloured_covariance(
+            jacobian,
+            residuals,
+            orders.parameters,
+            errors.objective,
+            input_alone=orders.na + orders.nc + orders.nd == 0,
+        )
+    triangle = np.asarray(np.linalg.qr(jacobian, mode="r"))
+    return estimate_covariance(
+        triangle, residuals, output, orders.parameters, 0, errors.objective
     )

@@ -261,23 +261,43 @@ class PolynomialModel:
         """Response of the plant to a unit step at sample 0, (samples,)."""
         return np.cumsum(self.impulse_response(samples))
 
+    def noise_impulse_response(self, samples: int) -> Array:
+        """Response of the noise filter to a unit impulse at sample 0, (samples,)."""
+        from scipy.signal import lfilter
+
+        impulse = np.zeros(samples)
+        impulse[:1] = 1.0
+        response: Array = lfilter(self.c, self.noise_denominator, impulse)
+        return response
+
     def modes(self) -> list[Mode]:
-        """Natural frequencies and damping ratios of the plant's oscillating poles, by frequency."""
-        return self._modes_of("a", "f")
+        """Natural frequencies and damping ratios of the plant's oscillating poles, by frequency.
+
+        With standard errors where the model knows its covariance.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from evopem import PolynomialModel
+        >>> one = np.ones(1)
+        >>> model = PolynomialModel(
+        ...     a=one, b=one, c=one, f=np.array([1, -1.2, 0.8]), nk=1, sampling_rate=50.0
+        ... )
+        >>> (mode,) = model.modes()
+        >>> round(mode.frequency_hz, 2), round(mode.damping_ratio, 3)
+        (6.71, 0.132)
+        """
+        return _by_frequency([*self.modes_of_polynomial("a"), *self.modes_of_polynomial("f")])
 
     def noise_modes(self) -> list[Mode]:
         """Natural frequencies and damping ratios of the noise filter's oscillating poles."""
-        return self._modes_of("a", "d")
+        return _by_frequency([*self.modes_of_polynomial("a"), *self.modes_of_polynomial("d")])
 
-    def _modes_of(self, *names: str) -> list[Mode]:
-        """Modes of some of the polynomials, with standard errors where the covariance is known."""
-        modes: list[Mode] = []
-        for name in names:
-            coefficients = getattr(self, name)[1:]
-            known = self.covariance
-            covariance = None if known is None else known.part(self.part(name))
-            modes += modes_of(coefficients, self.sampling_rate, covariance)
-        return sorted(modes, key=lambda mode: mode.frequency_hz)
+    def modes_of_polynomial(self, letter: str) -> list[Mode]:
+        """Modes of one of the polynomials a, d and f, by frequency."""
+        known = self.covariance
+        covariance = None if known is None else known.part(self.part(letter))
+        return modes_of(getattr(self, letter)[1:], self.sampling_rate, covariance)
 
     def _ratio(
         self, numerator: Array, denominator: Array, frequencies: ArrayLike
@@ -287,23 +307,46 @@ class PolynomialModel:
         return np.asarray(polyval(z, numerator) / polyval(z, denominator), dtype=complex)
 
     def to_control(self):  # type: ignore[no-untyped-def]
-        """``G`` as a discrete-time ``control.TransferFunction``; needs python-control."""
+        """``G`` as a discrete-time ``control.TransferFunction``; needs python-control.
+
+        Of a model without input, the noise filter ``H``.
+        """
         import control
 
-        return control.TransferFunction(
-            *powers_of_z(self.delayed_b, self.plant_denominator), 1.0 / self.sampling_rate
-        )
+        return control.TransferFunction(*self.transfer_function, 1.0 / self.sampling_rate)
 
     def to_scipy(self):  # type: ignore[no-untyped-def]
         """``G`` as a discrete-time ``scipy.signal.TransferFunction``.
 
-        SciPy takes leading coefficients of B below 1e-14 for zero, and warns of it.
+        Of a model without input, the noise filter ``H``.  SciPy takes leading coefficients of B
+        below 1e-14 for zero, and warns of it.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from evopem import PolynomialModel
+        >>> model = PolynomialModel(np.array([1, -0.5]), np.array([2.0]), np.array([1.0]), nk=2)
+        >>> model.to_scipy()  # G = 2 q^-2 / (1 - 0.5 q^-1) = 2 / (z^2 - 0.5 z)
+        TransferFunctionDiscrete(
+        array([2.]),
+        array([ 1. , -0.5,  0. ]),
+        dt: 1.0
+        )
         """
         from scipy.signal import TransferFunction
 
-        return TransferFunction(
-            *powers_of_z(self.delayed_b, self.plant_denominator), dt=1.0 / self.sampling_rate
-        )
+        return TransferFunction(*self.transfer_function, dt=1.0 / self.sampling_rate)
+
+    @property
+    def transfer_function(self) -> tuple[Array, Array]:
+        """Numerator and denominator of G, or of H without an input, in descending powers of z."""
+        if self.has_input:
+            return powers_of_z(self.delayed_b, self.plant_denominator)
+        return powers_of_z(self.c, self.noise_denominator)
+
+
+def _by_frequency(modes: list[Mode]) -> list[Mode]:
+    return sorted(modes, key=lambda mode: mode.frequency_hz)
 
 
 def _signals(input: ArrayLike, output: ArrayLike) -> tuple[Array, Array]:  # noqa: A002
