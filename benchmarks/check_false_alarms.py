@@ -41,7 +41,7 @@ from evopem.validation.validation import validate
 ORDERS, WINDOW, SAMPLES = armax_orders(4, 4, 3, 1), ScoringWindow(10, 30), 2000
 PREPARATION = PreparationSettings(TransformSettings("none", 0, 0), SplitSettings(0, 0.8))
 NOISE = (0.05, 1.0, 20.0)
-OF_THE_ORDER_SEARCH = ("PolynomialOrders inside their search ranges",)
+OF_THE_ORDER_SEARCH = ("Orders inside their search ranges",)
 
 
 def random_polynomial(generator: np.random.Generator, degree: int, radius: float) -> np.ndarray:

@@ -80,7 +80,7 @@ def _completed(config: Keys, origin: Origin, source: str) -> Configuration:
         own_source = complete_source(written, source, place, has_input(own_structure))
         lowest = analysis_keys(PreparationSettings(), structure=own_structure)
         if "validation_file" in written:
-            lowest = _merged(built_in, {"split": {"estimation": ALL_SAMPLES}})
+            lowest = _merged(lowest, {"split": {"estimation": ALL_SAMPLES}})
         analysis = _merged(_merged(lowest, defaults), written)
         _check_analysis(written, analysis, source, place)
         check_transforms(analysis, own_structure, source, place)

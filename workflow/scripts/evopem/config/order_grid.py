@@ -205,8 +205,8 @@ def scoring_window(settings: DatasetSettings) -> ScoringWindow:
     """Find the samples on which every candidate of every phase is compared.
 
     Residuals start behind the longest memory of any candidate: the largest of its degrees and of
-    nb + nk - 1. The loss starts ``search.n_initial_discard`` samples later: the unknown initial noise fits the first
-    residuals.
+    nb + nk - 1. The loss starts ``search.n_initial_discard`` samples later: the unknown initial
+    noise fits the first residuals.
 
     Examples
     --------

@@ -11,8 +11,8 @@ from evopem.estimation.criteria import Criteria
 from evopem.estimation.polynomial_estimate import PolynomialEstimate
 from evopem.estimation.search.problem import SearchDiagnostics, SearchResult
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.structures import PolynomialOrders
 from evopem.models.polynomials import max_root_radius
+from evopem.models.structures import PolynomialOrders
 
 Array = NDArray[np.float64]
 
@@ -73,9 +73,7 @@ class Candidate:
     def search(self) -> SearchResult:
         """The result of the search, its point being parameters, level and states."""
         level = [self.model.level] if self.with_level else []
-        point = np.concatenate(
-            [self.model.parameters, level, self.plant_state, self.noise_state]
-        )
+        point = np.concatenate([self.model.parameters, level, self.plant_state, self.noise_state])
         return SearchResult(point, self.minimum, self.diagnostics)
 
     @property

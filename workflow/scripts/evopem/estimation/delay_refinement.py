@@ -38,7 +38,7 @@ class DelayRefinement:
     fit : Fit
         The chosen model.
     tried : tuple of (PolynomialOrders, float)
-        PolynomialOrders estimated on the way and their BIC, in this order.
+        Orders estimated on the way and their BIC, in this order.
     leading_t, trailing_t : float
         t ratios of the first and the last coefficient of B of the chosen model; 0 where they are
         not identifiable, NaN where no covariance is known.
@@ -82,8 +82,10 @@ def refine_delay(
         best = better
 
 
-def delay_alternatives(model: PolynomialModel, samples: int, shortest_delay: int) -> list[PolynomialOrders]:
-    """PolynomialOrders to compare a model with: B without its first or its last lag, or with an earlier one.
+def delay_alternatives(
+    model: PolynomialModel, samples: int, shortest_delay: int
+) -> list[PolynomialOrders]:
+    """Orders to compare a model with: B without its first or its last lag, or with an earlier one.
 
     A lag is kept without comparison where its coefficient is clearly significant.
 

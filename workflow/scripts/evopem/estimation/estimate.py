@@ -26,8 +26,8 @@ from evopem.estimation.search.armax_problem import INITIALIZATIONS, ArmaxProblem
 from evopem.estimation.search.memetic import REFINE, memetic_search
 from evopem.estimation.search.problem import SearchResult, descended, pooled
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.structures import PolynomialOrders, armax_orders
 from evopem.models.polynomials import max_root_radius as largest_radius
+from evopem.models.structures import PolynomialOrders, armax_orders
 from evopem.signals.recording import LARGEST
 
 Array = NDArray[np.float64]
@@ -103,7 +103,9 @@ def estimate(
     >>> found.search.diagnostics.n_confirming >= 2
     True
     """
-    orders = orders if isinstance(orders, PolynomialOrders) else armax_orders(*_whole_numbers(orders))
+    orders = (
+        orders if isinstance(orders, PolynomialOrders) else armax_orders(*_whole_numbers(orders))
+    )
     settings = settings or SearchSettings()
     u, y = _real_signal(input, "input"), _real_signal(output, "output")
     if not (np.isfinite(sampling_rate) and sampling_rate > 0.0):
@@ -262,7 +264,7 @@ def _scaled_problem(
 
 
 def _whole_numbers(orders: Iterable[int]) -> list[int]:
-    """PolynomialOrders as whole numbers, NumPy's among them."""
+    """Orders as whole numbers, NumPy's among them."""
     orders = tuple(orders)
     try:
         na, nb, nc, nk = (operator.index(order) for order in orders)

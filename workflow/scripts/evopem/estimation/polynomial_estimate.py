@@ -16,10 +16,11 @@ from evopem.estimation.criteria import (
     lies_at_bound,
     power_of_two_scale,
 )
+from evopem.estimation.pem.autoregression import autoregression
 from evopem.estimation.pem.covariance import estimate_covariance, innovation_variance
 from evopem.estimation.pem.objective import OBJECTIVES
 from evopem.estimation.pem.polynomial_objective import PolynomialErrors
-from evopem.estimation.pem.robust_covariance import coloured_covariance
+from evopem.estimation.pem.robust_covariance import MOST_COLOURING, coloured_covariance
 from evopem.estimation.search.memetic import memetic_search
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
 from evopem.estimation.search.problem import SearchResult, descended, pooled
@@ -135,7 +136,9 @@ def estimate_polynomial(
         sequence = np.random.SeedSequence(settings.seed, spawn_key=key)
         generator = np.random.default_rng(sequence)
         known = np.inf if earlier is None else earlier.value
-        found = memetic_search(problem, settings, generator, log, known, recombine=problem.recombine)
+        found = memetic_search(
+            problem, settings, generator, log, known, recombine=problem.recombine
+        )
         found = replace(found, point=found.point * scales)
         if earlier is not None:
             found = pooled(earlier, found)
@@ -278,7 +281,8 @@ def _covariance(
 ) -> ParameterCovariance | None:
     """Covariance of the coefficients, for residuals of any colour where nothing whitens them."""
     orders, jacobian = errors.orders, errors.jacobian(point)
-    if orders.structure in WITHOUT_NOISE_MODEL:
+    coloured = len(autoregression(residuals - residuals.mean(), MOST_COLOURING)) > 1
+    if coloured and orders.structure in WITHOUT_NOISE_MODEL:
         return coloured_covariance(
             jacobian,
             residuals,
@@ -287,6 +291,4 @@ def _covariance(
             input_alone=orders.na + orders.nc + orders.nd == 0,
         )
     triangle = np.asarray(np.linalg.qr(jacobian, mode="r"))
-    return estimate_covariance(
-        triangle, residuals, output, orders.parameters, 0, errors.objective
-    )
+    return estimate_covariance(triangle, residuals, output, orders.parameters, 0, errors.objective)

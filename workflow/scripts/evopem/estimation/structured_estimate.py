@@ -22,6 +22,7 @@ from evopem.signals.recording import Recording
 
 Array = NDArray[np.float64]
 
+
 def estimate(
     input: ArrayLike | None,  # noqa: A002 - the field's word
     output: ArrayLike,

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from evopem.figures.style import (
     ERROR,
+    FIFTH,
     FOURTH,
     INK,
     MODEL,
@@ -21,9 +22,10 @@ from evopem.figures.style import (
     say_nothing_to_draw,
     styled,
 )
-from evopem.models.polynomial import PolynomialModel
 from evopem.models.confidence_ellipse import UncertainRoot, uncertain_roots
 from evopem.models.modes import Mode
+from evopem.models.polynomial import PolynomialModel
+from evopem.models.polynomials import roots
 from evopem.synthesis.truth import Truth
 
 if TYPE_CHECKING:
@@ -49,12 +51,15 @@ def draw_poles_zeros(model: PolynomialModel, truth: Truth | None = None) -> Figu
     figure = new_figure(3.9)
     circle, damping = figure.subplots(1, 2, width_ratios=(1.25, 1.0))
     _unit_circle(circle, model.sampling_rate)
-    poles, zeros = uncertain_roots(model, "A"), uncertain_roots(model, "B")
+    poles = [*uncertain_roots(model, "A"), *uncertain_roots(model, "F")]
+    zeros = uncertain_roots(model, "B")
     inside = [zero for zero in zeros if _in_frame(zero.value)]
-    for roots, colour in ((inside, ERROR), (poles, MODEL)):
-        for root in roots:
+    for group, colour in ((inside, ERROR), (poles, MODEL)):
+        for root in group:
             _ellipse(circle, root, colour)
     _scatter(circle, model.noise_zeros(), "D", FOURTH, "roots of C", 3.5)
+    if model.orders.nd:
+        _scatter(circle, roots(model.d[1:]), "*", FIFTH, "roots of D", 6.0)
     _scatter(circle, _values(inside), "o", ERROR, "zeros of B", 5.0)
     found = _values(poles)
     circle.plot(

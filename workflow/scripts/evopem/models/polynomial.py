@@ -15,6 +15,10 @@ from evopem.models.structures import PolynomialOrders
 Array = NDArray[np.float64]
 
 
+# Samples from which on a prediction is computed by Fourier transforms.
+LONG_HORIZON = 64
+
+
 @dataclass(frozen=True, eq=False)
 class PolynomialModel:
     """A single-input single-output polynomial model (Ljung 1999, section 4.2).
@@ -74,7 +78,7 @@ class PolynomialModel:
 
     @property
     def orders(self) -> PolynomialOrders:
-        """PolynomialOrders na, nb, nc, nd, nf and nk."""
+        """Orders na, nb, nc, nd, nf and nk."""
         return PolynomialOrders(
             na=len(self.a) - 1,
             nb=len(self.b),
@@ -201,7 +205,7 @@ class PolynomialModel:
             Samples, at least 1.
         plant_state, noise_state : arrays, optional
         """
-        from scipy.signal import lfilter
+        from scipy.signal import lfilter, oaconvolve
 
         if horizon < 1:
             raise ValueError(f"horizon must be at least 1 sample, not {horizon}")
@@ -212,7 +216,13 @@ class PolynomialModel:
         impulse[0] = 1.0
         response = lfilter(self.c, self.noise_denominator, impulse)
         predicted = np.full(len(y), np.nan)
-        predicted[first:] = y[first:] - lfilter(response, [1.0], e[first:])
+        # Of long responses the product of spectra is faster than the sum.
+        unknown = (
+            lfilter(response, [1.0], e[first:])
+            if horizon <= LONG_HORIZON
+            else oaconvolve(e[first:], response)[: len(y) - first]
+        )
+        predicted[first:] = y[first:] - unknown
         return predicted
 
     def simulate(self, input: ArrayLike, initial: ArrayLike | None = None) -> Array:  # noqa: A002

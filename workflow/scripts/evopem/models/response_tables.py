@@ -26,7 +26,9 @@ def modes_table(model: PolynomialModel) -> dict[str, list[float] | list[str]]:
     Poles of F are those of the plant, poles of D those of the noise filter, and poles of A belong
     to both.
     """
-    modes = [(letter.upper(), mode) for letter in "afd" for mode in model.modes_of_polynomial(letter)]
+    modes = [
+        (letter.upper(), mode) for letter in "afd" for mode in model.modes_of_polynomial(letter)
+    ]
     return {
         "polynomial": [letter for letter, _ in modes],
         "frequency_hz": [mode.frequency_hz for _, mode in modes],

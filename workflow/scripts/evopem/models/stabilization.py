@@ -12,8 +12,8 @@ from itertools import pairwise
 from statistics import median
 from typing import Literal
 
-from evopem.models.polynomial import PolynomialModel
 from evopem.models.modes import Mode
+from evopem.models.polynomial import PolynomialModel
 
 # A pole is stable from one order to the next when its natural frequency changes by less than 1 %
 # and its damping ratio by less than 10 %, the usual thresholds of modal analysis (Ewins 2000).

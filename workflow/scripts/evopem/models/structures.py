@@ -1,4 +1,4 @@
-"""PolynomialOrders of the general polynomial model ``A y = (B/F) u q^-nk + (C/D) e``, and its structures."""
+"""Orders of the general polynomial model ``A y = (B/F) u q^-nk + (C/D) e``, and its structures."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ from numbers import Integral
 
 from evopem.config.structures import ORDER_NAMES, STRUCTURES, structure_name
 
+
 @dataclass(frozen=True, order=True)
 class PolynomialOrders:
-    """PolynomialOrders of a general polynomial model, named as by Ljung (1999).
+    """Orders of a general polynomial model, named as by Ljung (1999).
 
     ``na``, ``nc``, ``nd`` and ``nf`` are the degrees of A, C, D and F; ``nb`` is the number of
     coefficients of B, the first of which stands at lag ``nk``.  A model without input has
@@ -24,8 +25,10 @@ class PolynomialOrders:
     --------
     >>> print(PolynomialOrders(na=7, nb=6, nc=7, nk=3))
     ARMAX(7,6,7,3)
-    >>> print(PolynomialOrders(nb=4, nf=4, nk=1), PolynomialOrders(nb=4, nf=4, nk=1, structure="bj"))
-    OE(4,4,1) BJ(4,0,0,4,1)
+    >>> print(PolynomialOrders(nb=4, nf=4, nk=1))
+    OE(4,4,1)
+    >>> print(PolynomialOrders(nb=4, nf=4, nk=1, structure="bj"))
+    BJ(4,0,0,4,1)
     """
 
     na: int = 0
@@ -81,14 +84,14 @@ class PolynomialOrders:
 
 
 def armax_orders(na: int, nb: int, nc: int, nk: int) -> PolynomialOrders:
-    """PolynomialOrders of an ARMAX model, as MATLAB's ``armax`` has them."""
+    """Orders of an ARMAX model, as MATLAB's ``armax`` has them."""
     return PolynomialOrders(na=na, nb=nb, nc=nc, nk=nk, structure="armax")
 
 
 def orders_of(
     structure: str, orders: PolynomialOrders | Mapping[str, int] | Sequence[int]
 ) -> PolynomialOrders:
-    """PolynomialOrders of a structure from a mapping of names, or from MATLAB's tuple for that structure.
+    """Orders of a structure from a mapping of names, or from MATLAB's tuple for that structure.
 
     Parameters
     ----------

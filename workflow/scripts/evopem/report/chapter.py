@@ -21,9 +21,10 @@ JOINT_ORDER, ORDER_OF_C, COEFFICIENTS_OF_B = 7, 7, 6
 
 
 def stands_in_for_the_chapter(settings: DatasetSettings) -> bool:
-    """Whether a data set is the simulated flexible arm, in place of the chapter's recording."""
+    """Whether a data set is an ARMAX model of the simulated arm, as the chapter's recording."""
     source = settings.source
-    return isinstance(source, SyntheticSource) and source.synthesis == "flexible_arm"
+    of_arm = isinstance(source, SyntheticSource) and source.synthesis == "flexible_arm"
+    return of_arm and settings.order_grid.structure == "armax"
 
 
 def compare_with_chapter(results: DatasetResults) -> list[tuple[str, str, str]]:

@@ -183,7 +183,7 @@ class DatasetFiles:
 
     @property
     def summary(self) -> str:
-        """PolynomialOrders, errors, modes and checks."""
+        """Orders, errors, modes and checks."""
         return f"{self.folder}/summary.json"
 
     @property

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.models.structures import PolynomialOrders
 from evopem.models.modes import Mode
+from evopem.models.structures import PolynomialOrders
 
 Array = NDArray[np.float64]
 

@@ -60,8 +60,8 @@ def input_significance(
 ) -> HeldOutTest:
     """Test on held-out samples that the model's response to the input is in the output.
 
-    The measured output is regressed on the simulated one, ``(B/A) u``, and on the free responses
-    of 1/A, which depend on signals before the held-out samples.  Where input and output are
+    The measured output is regressed on the simulated one, ``G u``, and on the free responses of
+    1/(A F), which depend on signals before the held-out samples.  Where input and output are
     unrelated the two are independent there, whatever B, the orders and their selection.
 
     The noise model of the fit is not used: where A and C have nearly common factors, the
@@ -78,7 +78,9 @@ def input_significance(
     """
     simulated = model.simulate(input)[first:]
     held_out = np.asarray(output, dtype=float)[first:]
-    return contribution_test(held_out, simulated, free_responses(model.a, len(held_out)))
+    return contribution_test(
+        held_out, simulated, free_responses(model.plant_denominator, len(held_out))
+    )
 
 
 def free_responses(denominator: Array, samples: int) -> Array:

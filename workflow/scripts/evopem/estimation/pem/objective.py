@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.estimation.pem import kernels
-from evopem.models.structures import PolynomialOrders
 from evopem.models.polynomials import reflect_into_disc
+from evopem.models.structures import PolynomialOrders
 
 Array = NDArray[np.float64]
 
