@@ -28,7 +28,7 @@ from evopem.config.settings import (
 from evopem.estimation.candidate import PhaseSelection
 from evopem.estimation.model_record import ModelRecord
 from evopem.estimation.order_selection import complete_estimate, estimate_candidates
-from evopem.models.structures import PolynomialOrders, armax_orders
+from evopem.models.structures import armax_orders
 from evopem.signals.preparation import prepare
 from evopem.signals.recording import Recording
 from evopem.signals.recording_info import describe_synthetic_recording

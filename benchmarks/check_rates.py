@@ -31,8 +31,8 @@ from evopem import PolynomialOrders, SearchSettings, estimate  # noqa: E402
 from evopem.config.settings import ScoringWindow  # noqa: E402
 from evopem.estimation.delay_refinement import Fit, refine_delay  # noqa: E402
 from evopem.estimation.pem.covariance import jacobian_blocks  # noqa: E402
-from evopem.models.initial_state import estimate_noise_state  # noqa: E402
 from evopem.models.parameter_covariance import wald_p_value  # noqa: E402
+from evopem.models.polynomial_states import estimate_prediction_states
 from evopem.signals.preparation import prepare  # noqa: E402
 from evopem.synthesis.armax import armax  # noqa: E402
 from evopem.synthesis.flexible_arm import flexible_arm  # noqa: E402
@@ -254,7 +254,7 @@ def mode_record(seed: int, samples: int, noise: float, order: int) -> list[tuple
     u = u[2 * WARM_UP :]
     cut = int(ESTIMATION_SHARE * samples)
     model = estimate(u[:cut], y[:cut], (order,) * 3 + (1,), 100.0, settings=SEARCH).model
-    state = estimate_noise_state(model, u[:cut], y[:cut])
+    state = estimate_prediction_states(model, u[:cut], y[:cut])[1]
     found = []
     for evidence in mode_evidence(model, u, y, cut, state):
         near = np.abs(true - evidence.mode.frequency_hz) < 1.0

@@ -35,7 +35,6 @@ from evopem.config.settings import SearchSettings  # noqa: E402
 from evopem.estimation.pem.objective import PredictionErrorProblem  # noqa: E402
 from evopem.estimation.search.armax_problem import ArmaxProblem  # noqa: E402
 from evopem.estimation.search.memetic import memetic_search  # noqa: E402
-
 from evopem.signals.recording import Recording  # noqa: E402
 from evopem.synthesis.armax import armax  # noqa: E402
 
@@ -52,7 +51,9 @@ N_INITIAL_DISCARD = 20
 DEFAULT, MORE = SearchSettings(), SearchSettings(evaluations=100_000)
 
 
-def prediction_errors(record: Recording, orders: PolynomialOrders, objective: str) -> PredictionErrorProblem:
+def prediction_errors(
+    record: Recording, orders: PolynomialOrders, objective: str
+) -> PredictionErrorProblem:
     first = max(orders.first_residual, 3)
     y, u = record.output - record.output.mean(), record.input - record.input.mean()
     scored = first + max(N_INITIAL_DISCARD, orders.nc)
@@ -213,7 +214,9 @@ METHODS = (
 )
 
 
-def large_orders(record: Recording, orders: PolynomialOrders, objective: str) -> tuple[list[float], float]:
+def large_orders(
+    record: Recording, orders: PolynomialOrders, objective: str
+) -> tuple[list[float], float]:
     """Best value of each of :data:`METHODS`, and the seconds that the search took."""
     with threadpool_limits(limits=1):
         errors = prediction_errors(record, orders, objective)
@@ -240,7 +243,9 @@ def recordings(folder: Path) -> list[tuple[str, Recording, PolynomialOrders]]:
     arm = folder / "daisy" / "robot_arm.dat"
     if arm.exists():
         data = np.loadtxt(arm)[:800]
-        found.append(("robot arm", Recording(data[:, 0], data[:, 1], 125.0), armax_orders(6, 6, 6, 0)))
+        found.append(
+            ("robot arm", Recording(data[:, 0], data[:, 1], 125.0), armax_orders(6, 6, 6, 0))
+        )
     bench = folder / "motor_bench" / "MultisineTypeA.mat"
     if bench.exists():
         mat = loadmat(bench)

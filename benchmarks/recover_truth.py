@@ -24,19 +24,21 @@ sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
 
 from evopem.config.defaults import complete  # noqa: E402
 from evopem.config.order_grid import candidate_orders, scoring_window  # noqa: E402
-from evopem.config.settings import PHASES, DatasetSettings  # noqa: E402
+from evopem.config.settings import DatasetSettings  # noqa: E402
+from evopem.config.structures import phases_of
 from evopem.estimation.candidate import Candidate, PhaseSelection  # noqa: E402
 from evopem.estimation.order_selection import (  # noqa: E402
     complete_estimate,
     estimate_candidates,
     select_candidate,
 )
-
 from evopem.models.modes import Mode  # noqa: E402
 from evopem.signals.preparation import prepare  # noqa: E402
 from evopem.signals.recording import Recording  # noqa: E402
 from evopem.synthesis import synthesize  # noqa: E402
 from evopem.synthesis.armax import armax  # noqa: E402
+
+PHASES = phases_of("armax")
 
 SCHEMA = ROOT / "workflow" / "schemas" / "config.schema.yaml"
 

@@ -36,7 +36,6 @@ from evopem.estimation.pem.kernels import LANES  # noqa: E402
 from evopem.estimation.pem.objective import PredictionErrorProblem  # noqa: E402
 from evopem.estimation.search.armax_problem import ArmaxProblem  # noqa: E402
 from evopem.estimation.search.memetic import memetic_search  # noqa: E402
-
 from evopem.synthesis.armax import armax  # noqa: E402
 
 Array = NDArray[np.float64]

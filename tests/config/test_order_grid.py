@@ -21,7 +21,6 @@ from evopem.config.order_grid import (
     scoring_window,
 )
 from evopem.config.settings import (
-    PHASES,
     DatasetSettings,
     DelaySettings,
     OrderGrid,
@@ -33,7 +32,10 @@ from evopem.config.settings import (
     SpectrumSettings,
     SyntheticSource,
 )
+from evopem.config.structures import phases_of
 from evopem.errors import InputError
+
+PHASES = phases_of("armax")
 
 SCHEMA = Path(__file__).parents[2] / "workflow" / "schemas" / "config.schema.yaml"
 SELECTED = (7, 7, 7, 3)

@@ -9,7 +9,6 @@ import yaml
 
 from evopem.config.defaults import complete
 from evopem.config.settings import (
-    PHASES,
     ChannelSettings,
     DatasetSettings,
     DelaySettings,
@@ -22,7 +21,10 @@ from evopem.config.settings import (
     SyntheticSource,
     TransformSettings,
 )
+from evopem.config.structures import phases_of
 from evopem.config.yaml_form import ANALYSIS_KEYS
+
+PHASES = phases_of("armax")
 
 SCHEMA = Path(__file__).parents[2] / "workflow" / "schemas" / "config.schema.yaml"
 KEYS = yaml.safe_load(SCHEMA.read_text(encoding="utf-8"))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from evopem import PolynomialOrders, SearchSettings, estimate
+from evopem import SearchSettings, estimate
 from evopem.config.settings import ScoringWindow
 from evopem.estimation.delay_refinement import (
     Fit,
@@ -12,8 +12,8 @@ from evopem.estimation.delay_refinement import (
     refine_delay,
     t_ratios_of_ends,
 )
-from evopem.models.polynomial import PolynomialModel
 from evopem.models.parameter_covariance import ParameterCovariance
+from evopem.models.polynomial import PolynomialModel
 
 SEARCH = SearchSettings(objective="quadratic", mu=4, lambda_=4, nu=4, evaluations=1)
 
@@ -42,7 +42,9 @@ def test_ends_that_are_not_known_are_compared():
     unknown = PolynomialModel(np.array([1.0, 0.5]), np.ones(2), np.ones(1), 1)
     assert len(delay_alternatives(unknown, 1000, 1)) == 2
     infinite = ParameterCovariance(0.01 * np.eye(4), np.eye(4)[:, 1:2])
-    unidentified = PolynomialModel(np.array([1.0, 0.5]), np.ones(2), np.ones(2), 1, 1.0, 1.0, infinite)
+    unidentified = PolynomialModel(
+        np.array([1.0, 0.5]), np.ones(2), np.ones(2), 1, 1.0, 1.0, infinite
+    )
     assert t_ratios_of_ends(unidentified) == pytest.approx((0.0, 100.0))
     assert delay_alternatives(unidentified, 1000, 1) == [armax_orders(1, 1, 1, 2)]
 
@@ -76,7 +78,9 @@ def test_without_a_better_neighbour_the_model_stays():
     assert refine_delay(start, 1000, 2, fit).fit is start
 
 
-@pytest.mark.parametrize("start", [armax_orders(2, 3, 1, 1), armax_orders(2, 3, 1, 2), armax_orders(2, 1, 1, 3)])
+@pytest.mark.parametrize(
+    "start", [armax_orders(2, 3, 1, 1), armax_orders(2, 3, 1, 2), armax_orders(2, 1, 1, 3)]
+)
 def test_the_true_delay_is_found_from_either_side(start):
     """b has two coefficients from lag 2 on."""
     for seed in range(4):

@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
-from evopem import PolynomialOrders, ScoringWindow, SearchSettings, estimate
+from evopem import ScoringWindow, SearchSettings, estimate
 from evopem.estimation.pem.arx import fit_arx
 from evopem.estimation.pem.covariance import estimate_covariance
 from evopem.synthesis.armax import armax

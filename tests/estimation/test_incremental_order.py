@@ -22,7 +22,9 @@ def problem(orders, samples=800):
     return PredictionErrorProblem(record.input, record.output, orders, "quadratic", 20, 45, 0.9999)
 
 
-@pytest.mark.parametrize("orders", [armax_orders(2, 3, 1, 0), armax_orders(5, 4, 6, 3), armax_orders(1, 1, 3, 2)])
+@pytest.mark.parametrize(
+    "orders", [armax_orders(2, 3, 1, 0), armax_orders(5, 4, 6, 3), armax_orders(1, 1, 3, 2)]
+)
 def test_a_common_factor_leaves_every_residual_as_it_was(orders):
     errors = problem(orders)
     generator = np.random.default_rng(1)
@@ -56,7 +58,10 @@ def test_zeros_added_to_a_nested_model_leave_every_residual_as_it_was(small, lar
 
 
 def test_the_orders_on_the_way_come_in_steps_of_a_pair():
-    assert smaller_orders(armax_orders(7, 6, 7, 3)) == [armax_orders(3, 2, 3, 3), armax_orders(5, 4, 5, 3)]
+    assert smaller_orders(armax_orders(7, 6, 7, 3)) == [
+        armax_orders(3, 2, 3, 3),
+        armax_orders(5, 4, 5, 3),
+    ]
     assert smaller_orders(armax_orders(4, 2, 4, 1)) == []
 
 

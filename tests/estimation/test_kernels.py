@@ -9,7 +9,12 @@ from evopem.estimation.pem.kernels.filtering import filter_rows
 from evopem.estimation.pem.objective import PredictionErrorProblem
 from evopem.models.structures import armax_orders
 
-CASES = [armax_orders(2, 3, 1, 0), armax_orders(7, 6, 7, 3), armax_orders(1, 1, 4, 2), armax_orders(3, 2, 0, 1)]
+CASES = [
+    armax_orders(2, 3, 1, 0),
+    armax_orders(7, 6, 7, 3),
+    armax_orders(1, 1, 4, 2),
+    armax_orders(3, 2, 0, 1),
+]
 
 
 def population(orders, count, seed=0):

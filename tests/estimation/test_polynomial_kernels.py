@@ -157,7 +157,9 @@ def test_the_armax_structure_has_the_objective_of_the_armax_kernels():
     from evopem.models.structures import PolynomialOrders, armax_orders
 
     errors, u, y = problem(PolynomialOrders(na=2, nb=3, nc=4, nk=3), False)
-    armax = PredictionErrorProblem(u, y, armax_orders(2, 3, 4, 3), "quadratic", START, LOSS_START, 0.995)
+    armax = PredictionErrorProblem(
+        u, y, armax_orders(2, 3, 4, 3), "quadratic", START, LOSS_START, 0.995
+    )
     points = population(errors, 9)
     np.testing.assert_allclose(errors.values(points), armax.values(points), rtol=1e-12)
 

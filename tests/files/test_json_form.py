@@ -22,8 +22,8 @@ from evopem.estimation.candidate import Candidate, PhaseSelection
 from evopem.estimation.model_record import ModelRecord
 from evopem.files.json_form import from_json, load, save, to_json
 from evopem.files.unfinished import UnfinishedJob
-from evopem.models.structures import PolynomialOrders, armax_orders
 from evopem.models.polynomial import PolynomialModel
+from evopem.models.structures import PolynomialOrders, armax_orders
 from evopem.results.fleet import DatasetSummary
 from evopem.signals.preparation import Transforms
 from evopem.signals.recording_info import RecordingInfo
@@ -181,7 +181,12 @@ ORDERS = {"na": 2, "nb": 1, "nc": 1, "nk": 0}
         (OrderSettings, {"nc": [1, 2, 3]}, "nc", "[1, 2, 3] has not 2 entries"),
         (OrderSettings, {"nc": "ab"}, "nc", "'ab' is not a list"),
         (OrderSettings, {"joint": "aut"}, "joint", "'aut' cannot be used here"),
-        (tuple[PolynomialOrders, ...], [ORDERS, ORDERS | {"nk": 0.5}], "[1].nk", "0.5 is not a whole"),
+        (
+            tuple[PolynomialOrders, ...],
+            [ORDERS, ORDERS | {"nk": 0.5}],
+            "[1].nk",
+            "0.5 is not a whole",
+        ),
         (tuple[PolynomialOrders, ...], {}, "", "{} is not a list"),
     ],
 )
@@ -204,7 +209,10 @@ def test_a_field_deep_inside_is_named():
 def test_a_file_holds_what_was_saved(tmp_path):
     path = tmp_path / "orders.json"
     save((armax_orders(1, 2, 3, 4), armax_orders(4, 3, 2, 1)), path)
-    assert load(tuple[PolynomialOrders, ...], path) == (armax_orders(1, 2, 3, 4), armax_orders(4, 3, 2, 1))
+    assert load(tuple[PolynomialOrders, ...], path) == (
+        armax_orders(1, 2, 3, 4),
+        armax_orders(4, 3, 2, 1),
+    )
 
 
 @pytest.mark.parametrize(

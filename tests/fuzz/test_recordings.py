@@ -24,8 +24,8 @@ from evopem.errors import InputError
 from evopem.estimation.model_record import ModelRecord
 from evopem.estimation.order_selection import complete_estimate, estimate_candidates
 from evopem.files.json_form import to_json
-from evopem.models.structures import armax_orders
 from evopem.models.response_tables import frequency_response_table, modes_table
+from evopem.models.structures import armax_orders
 from evopem.signals.preparation import prepare
 from evopem.signals.recording import Recording, check_recording
 from evopem.signals.spectral.multitaper import multitaper_spectrum

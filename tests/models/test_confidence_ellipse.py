@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from evopem.models.polynomial import PolynomialModel
 from evopem.models.confidence_ellipse import uncertain_roots
 from evopem.models.parameter_covariance import ParameterCovariance
+from evopem.models.polynomial import PolynomialModel
 
 # Poles 0.95 exp(±0.6i) and 0.3, zeros 0.5 ± 0.5i, root of C 0.2.
 A = np.real(np.poly([0.95 * np.exp(0.6j), 0.95 * np.exp(-0.6j), 0.3]))

@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from evopem.models.polynomial import PolynomialModel
 from evopem.models.parameter_covariance import ParameterCovariance
+from evopem.models.polynomial import PolynomialModel
 from evopem.report import equations
 
 MODEL = PolynomialModel(

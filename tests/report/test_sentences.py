@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from evopem.models.polynomial import PolynomialModel
 from evopem.models.modes import Mode
 from evopem.models.parameter_covariance import ParameterCovariance
+from evopem.models.polynomial import PolynomialModel
 from evopem.report import chapter
 from evopem.report.mode_table import mode_rows
 from evopem.report.numbers import THIN, count, enumeration, number, percent

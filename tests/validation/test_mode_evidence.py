@@ -5,10 +5,10 @@ import pytest
 from scipy.signal import lfilter, residuez
 
 from evopem import SearchSettings, estimate
-from evopem.models.polynomial import PolynomialModel
-from evopem.models.initial_state import estimate_noise_state
 from evopem.models.modes import Mode
 from evopem.models.parameter_covariance import ParameterCovariance
+from evopem.models.polynomial import PolynomialModel
+from evopem.models.polynomial_states import estimate_prediction_states
 from evopem.signals.spectral.frequency_response import multitaper_frequency_response
 from evopem.validation.mode_evidence import (
     modal_residue,
@@ -46,7 +46,7 @@ def evidence(seed, order):
     cut = 2000
     model = estimate(u[:cut], y[:cut], (order,) * 3 + (1,), RATE, settings=SEARCH).model
     response = multitaper_frequency_response(u[:cut], y[:cut], RATE)
-    state = estimate_noise_state(model, u[:cut], y[:cut])
+    state = estimate_prediction_states(model, u[:cut], y[:cut])[1]
     return mode_evidence(model, u, y, cut, state, response)
 
 

@@ -53,8 +53,8 @@ def whiteness(model: ModelRecord, validation: Validation) -> Check:
             True,
             f"The residuals are {'white' if passed else 'coloured'}: Ljung-Box test over"
             f" {test.lags} lags, {p_text(test.p_value)}. {structure.upper()} models claim nothing"
-            " of the noise, so coloured residuals are no fault of the plant model; its intervals take"
-            " the colour into account. The cross-correlation with the input is the test that"
+            " of the noise, so coloured residuals are no fault of the plant model; its intervals"
+            " take the colour into account. The cross-correlation with the input is the test that"
             " counts.",
         )
     return Check(
