@@ -32,7 +32,8 @@ from evopem.config.settings import ScoringWindow  # noqa: E402
 from evopem.estimation.delay_refinement import Fit, refine_delay  # noqa: E402
 from evopem.estimation.pem.covariance import jacobian_blocks  # noqa: E402
 from evopem.models.parameter_covariance import wald_p_value  # noqa: E402
-from evopem.models.polynomial_states import estimate_prediction_states
+from evopem.models.polynomial_states import estimate_prediction_states  # noqa: E402
+from evopem.models.structures import armax_orders  # noqa: E402
 from evopem.signals.preparation import prepare  # noqa: E402
 from evopem.synthesis.armax import armax  # noqa: E402
 from evopem.synthesis.flexible_arm import flexible_arm  # noqa: E402

@@ -35,6 +35,7 @@ from evopem.config.settings import SearchSettings  # noqa: E402
 from evopem.estimation.pem.objective import PredictionErrorProblem  # noqa: E402
 from evopem.estimation.search.armax_problem import ArmaxProblem  # noqa: E402
 from evopem.estimation.search.memetic import memetic_search  # noqa: E402
+from evopem.models.structures import PolynomialOrders, armax_orders  # noqa: E402
 from evopem.signals.recording import Recording  # noqa: E402
 from evopem.synthesis.armax import armax  # noqa: E402
 

@@ -338,7 +338,7 @@ def main() -> None:
             "",
             "Simulation error in percent on the validation samples, from the initial state that",
             "fits them: of the model with the smallest simulation error on the estimation samples,",
-            "and of the best model seen afterwards. PolynomialOrders 2 to 4 (dryer) and 4 to 12; no",
+            "and of the best model seen afterwards. Orders 2 to 4 (dryer) and 4 to 12; no",
             "preprocessing other than the bench's decimation by four.",
             "",
             "| recording | chosen on the estimation samples | best seen afterwards |",

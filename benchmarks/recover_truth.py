@@ -25,7 +25,7 @@ sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
 from evopem.config.defaults import complete  # noqa: E402
 from evopem.config.order_grid import candidate_orders, scoring_window  # noqa: E402
 from evopem.config.settings import DatasetSettings  # noqa: E402
-from evopem.config.structures import phases_of
+from evopem.config.structures import phases_of  # noqa: E402
 from evopem.estimation.candidate import Candidate, PhaseSelection  # noqa: E402
 from evopem.estimation.order_selection import (  # noqa: E402
     complete_estimate,
@@ -33,6 +33,7 @@ from evopem.estimation.order_selection import (  # noqa: E402
     select_candidate,
 )
 from evopem.models.modes import Mode  # noqa: E402
+from evopem.models.structures import PolynomialOrders, armax_orders  # noqa: E402
 from evopem.signals.preparation import prepare  # noqa: E402
 from evopem.signals.recording import Recording  # noqa: E402
 from evopem.synthesis import synthesize  # noqa: E402
@@ -164,7 +165,7 @@ def arm_table(results: list[RecoveredArm], objective: str) -> list[str]:
             row += "– | –"
         lines.append(row + " |")
     orders = ", ".join(map(str, sorted({result.orders for result in results})))
-    return [*lines, "", f"PolynomialOrders selected: {orders}.", ""]
+    return [*lines, "", f"Orders selected: {orders}.", ""]
 
 
 def armax_table(results: list[RecoveredArmax], objective: str) -> list[str]:

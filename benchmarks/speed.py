@@ -36,6 +36,7 @@ from evopem.estimation.pem.kernels import LANES  # noqa: E402
 from evopem.estimation.pem.objective import PredictionErrorProblem  # noqa: E402
 from evopem.estimation.search.armax_problem import ArmaxProblem  # noqa: E402
 from evopem.estimation.search.memetic import memetic_search  # noqa: E402
+from evopem.models.structures import PolynomialOrders, armax_orders  # noqa: E402
 from evopem.synthesis.armax import armax  # noqa: E402
 
 Array = NDArray[np.float64]
@@ -259,7 +260,7 @@ import sys, time, tracemalloc
 sys.path.insert(0, {scripts!r})
 import numpy as np
 from evopem import SearchSettings, estimate
-from evopem.synthesis.armax import armax
+from evopem.synthesis.armax import armax  # noqa: E402
 record = armax(1, {samples})[0]
 settings = SearchSettings(objective="quadratic", mu=8, lambda_=8, nu=8, evaluations=1)
 u, y = record.input, record.output

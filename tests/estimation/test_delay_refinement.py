@@ -14,6 +14,7 @@ from evopem.estimation.delay_refinement import (
 )
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
+from evopem.models.structures import armax_orders
 
 SEARCH = SearchSettings(objective="quadratic", mu=4, lambda_=4, nu=4, evaluations=1)
 

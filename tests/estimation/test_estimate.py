@@ -8,6 +8,7 @@ from scipy.signal import lfilter
 from evopem import ScoringWindow, SearchSettings, estimate
 from evopem.estimation.pem.arx import fit_arx
 from evopem.estimation.pem.covariance import estimate_covariance
+from evopem.models.structures import armax_orders
 from evopem.synthesis.armax import armax
 
 QUADRATIC = SearchSettings(objective="quadratic")

@@ -13,7 +13,7 @@ from evopem.config.settings import (
 )
 from evopem.errors import InputError
 from evopem.estimation.candidate import Candidate
-from evopem.estimation.estimate import Criteria
+from evopem.estimation.criteria import Criteria
 from evopem.estimation.order_selection import (
     REPEAT_FACTOR,
     complete_estimate,
@@ -140,6 +140,8 @@ def candidate(orders, bic, minimum=1.0, n_confirming=1):
             orders.nk,
         ),
         criteria=Criteria(objective=minimum, fit_percent=100 - minimum, rss=1.0, bic=bic),
+        with_level=False,
+        plant_state=np.zeros(0),
         noise_state=np.zeros(orders.nc),
         minimum=minimum,
         at_stability_bound=False,

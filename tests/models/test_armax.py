@@ -160,8 +160,3 @@ def test_zeros_do_not_count_the_delay():
     model = true_model()
     assert sorted(np.round(model.zeros().real, 6)) == [-0.2, -0.2, 0.7, 0.7, 0.99]
     assert model.orders == armax_orders(7, 6, 7, 3)
-
-
-def test_orders_refuse_what_no_model_has():
-    with pytest.raises(ValueError, match="nb of at least 1"):
-        armax_orders(2, 0, 1, 0)

@@ -16,7 +16,7 @@ DEVIATION = 1e-4
 
 def model(covariance):
     known = None if covariance is None else ParameterCovariance.from_matrix(covariance)
-    return PolynomialModel(A, B, C, 1, 50.0, 1.0, known)
+    return PolynomialModel(A, B, C, nk=1, sampling_rate=50.0, noise_variance=1.0, covariance=known)
 
 
 @pytest.mark.parametrize(("polynomial", "coefficients", "free"), [("A", A, 1), ("B", B, 0)])

@@ -203,7 +203,7 @@ def test_every_check_is_in_the_page(results, page):
 def test_an_order_at_the_end_of_its_range_is_a_failed_check(results, page):
     assert results.model.orders.nk == 3
     assert results.settings.order_grid.delay.nk == (2, 3)
-    assert "Failed PolynomialOrders inside their search ranges." in page.text
+    assert "Failed Orders inside their search ranges." in page.text
 
 
 @pytest.fixture(scope="session")

@@ -159,8 +159,8 @@ def test_checks_of_an_identified_model_say_what_is_in_its_results(real):
     assert real.check("Stable").passed is (largest < 1)
     assert f"{largest:.5f}" in real.check("Stable").statement
     # The delay's range ends at the true delay.
-    assert real.check("PolynomialOrders").passed is False
-    assert "nk = 3 (delay.nk: 2 to 3)" in real.check("PolynomialOrders").statement
+    assert real.check("Orders").passed is False
+    assert "nk = 3 (delay.nk: 2 to 3)" in real.check("Orders").statement
     assert real.check("Response").passed is True
     assert "validation samples: coefficient" in real.check("Response").statement
     assert real.check("Validation input").passed is True
@@ -322,7 +322,7 @@ def test_ends_of_the_ranges(good, phase, order, value, passed):
     selection = good.phases[phase]
     tried = [candidate.orders for candidate in selection.candidates]
     selected = replace(selection.orders, **{order: value})
-    check = with_phase(good, phase, tried, selected).check("PolynomialOrders")
+    check = with_phase(good, phase, tried, selected).check("Orders")
     assert check.passed is passed
     assert f"{order} = {value}" in check.statement
 
@@ -330,7 +330,7 @@ def test_ends_of_the_ranges(good, phase, order, value, passed):
 def test_orders_that_are_all_fixed_are_not_judged(good):
     for phase in good.phases:
         good = with_phase(good, phase, [armax_orders(3, 3, 3, 1)], armax_orders(3, 3, 3, 1))
-    assert good.check("PolynomialOrders").passed is None
+    assert good.check("Orders").passed is None
 
 
 def test_a_root_at_the_stability_bound_fails(good):

@@ -24,7 +24,9 @@ def lightly_damped(count=3, sampling_rate=RATE):
         poles += [pole, pole.conjugate()]
     b = np.random.default_rng(0).normal(size=4)
     c = np.real(np.poly([0.5, -0.3 + 0.4j, -0.3 - 0.4j]))
-    return PolynomialModel(np.real(np.poly(poles)), b, c, 2, sampling_rate, 1.0)
+    return PolynomialModel(
+        np.real(np.poly(poles)), b, c, nk=2, sampling_rate=sampling_rate, noise_variance=1.0
+    )
 
 
 def response(model, samples, noise, seed=0, warm_up=500):
@@ -61,7 +63,9 @@ def prepared(u, y, cut, contiguous=True):
 
 
 def test_static_gain_by_hand():
-    model = PolynomialModel(np.ones(1), np.array([2.0]), np.ones(1), 0, RATE, 1.0)
+    model = PolynomialModel(
+        np.ones(1), np.array([2.0]), np.ones(1), nk=0, sampling_rate=RATE, noise_variance=1.0
+    )
     u = np.array([1.0, -1.0] * 20)
     y = 2 * u + np.tile([0.0, 0.0, 1.0, 0.0], 10)
     result, _ = validate(model, prepared(u, y, 36))

@@ -97,7 +97,7 @@ def _completed(config: Keys, origin: Origin, source: str) -> Configuration:
 def _every_key(structure: Structure) -> dict[str, Any]:
     """The built-in values of all keys of the analysis, those of every structure's phases too."""
     keys = analysis_keys(PreparationSettings(), structure=structure)
-    grid: dict[str, Any] = to_json(OrderGrid(structure))
+    grid: dict[str, Any] = to_json(OrderGrid(structure=structure))
     return keys | {group: {k: _listed(v) for k, v in grid[group].items()} for group in _GROUPS}
 
 

@@ -153,9 +153,9 @@ class OrderSettings:
 
     joint: Range | Literal["auto"] = (6, 14)
     nc: Range = (2, 16)
+    nb: Range = (2, 16)
     nd: Range = (0, 4)
     na: Range = (0, 2)
-    nb: Range = (2, 16)
 
 
 @dataclass(frozen=True)
@@ -164,18 +164,18 @@ class OrderGrid:
 
     Attributes
     ----------
+    delay : DelaySettings
+    orders : OrderSettings
     structure : str
         A key of :data:`evopem.config.structures.STRUCTURES`.
     level : bool
         Whether a constant is estimated along.
-    delay : DelaySettings
-    orders : OrderSettings
     """
 
-    structure: Structure = "armax"
-    level: bool = False
     delay: DelaySettings = DelaySettings()
     orders: OrderSettings = OrderSettings()
+    structure: Structure = "armax"
+    level: bool = False
 
 
 @dataclass(frozen=True)

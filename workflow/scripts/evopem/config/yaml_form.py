@@ -80,7 +80,7 @@ def analysis_keys(
     structure: Structure = "armax",
 ) -> dict[str, Any]:
     """List the keys of the analysis, by default with their built-in values for a structure."""
-    grid = settings.order_grid if settings else OrderGrid(structure)
+    grid = settings.order_grid if settings else OrderGrid(structure=structure)
     prepared = to_json(preparation)
     return {
         "resample": prepared["resample"] or NO_RESAMPLING,
@@ -97,7 +97,8 @@ def _grid_keys(grid: OrderGrid) -> dict[str, Any]:
     keys: dict[str, Any] = _as_lists(to_json(grid))
     phases = phases_of(grid.structure)
     keys["orders"] = {name: each for name, each in keys["orders"].items() if name in phases}
-    return {name: each for name, each in keys.items() if name != "delay" or "delay" in phases}
+    own = [name for name in GRID_KEYS if name != "delay" or "delay" in phases]
+    return {name: keys[name] for name in own}
 
 
 def _as_lists(value: Any) -> Any:
