@@ -34,6 +34,7 @@ ORDERS = {
     "arma": {"joint": [1, 2], "nc": [0, 1]},
 }
 CONFIG = {
+    "one_job_per": "recording",
     "defaults": {
         "transforms": {"box_cox": "none", "difference": 0},
         "split": {"discard": 20},
@@ -118,3 +119,13 @@ def test_a_model_without_input_has_no_checks_of_one(run):
 
 def test_a_second_run_repeats_nothing(run):
     assert run.planned() == {}
+
+
+def test_phases_that_a_structure_does_not_have_are_no_jobs(run, tmp_path):
+    folder = Folder(tmp_path)
+    for name in TRUTHS:
+        (folder.path / f"{name}.csv").symlink_to(run.path / f"{name}.csv")
+    folder.configure(CONFIG | {"one_job_per": "stage"})
+    planned = folder.planned()
+    searched = sum(map(len, PHASES.values()))
+    assert planned["estimate_candidates"] == planned["select_candidate"] == searched

@@ -159,13 +159,13 @@ def draw_frequency_response(
     figure = new_figure(5.2)
     label = "model G"
     if response["gain"].isna().all():
-        label = "noise filter H"
+        label, spectrum = "noise filter H", None
         columns = {
             f"noise_{name}": name for name in ("gain", "gain_lower", "gain_upper", "phase_deg")
         }
         response = response[["frequency_hz", *columns]].rename(columns=columns)
     gain, phase, coherence = figure.subplots(3, 1, sharex=True, height_ratios=(1.7, 1.1, 0.7))
-    if spectrum is not None and "coherence" in spectrum:
+    if spectrum is not None:
         _draw_nonparametric(gain, phase, coherence, spectrum[spectrum["frequency_hz"] > 0])
     shown = _thinned(response[response["frequency_hz"] > 0], "gain")
     if shown["gain_lower"].notna().any():

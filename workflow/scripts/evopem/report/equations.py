@@ -82,11 +82,11 @@ def difference_equation(model: PolynomialModel) -> Markup:
     output = [(-value, _at("y", lag)) for lag, value in enumerate(model.a) if lag]
     from_input = [(value, _at("u", lag)) for lag, value in enumerate(model.b, start=model.nk)]
     past_noise = [(value, _at("e", lag)) for lag, value in enumerate(model.c) if lag]
-    now = Markup('<span class="term">+ {}</span> ').format(_at("e", 0))
+    now = Markup(' <span class="term">+ {}</span> ').format(_at("e", 0))
     shown = _joined([*output, *([] if own_plant else from_input)])
     if own_plant:
-        shown += Markup('<span class="term">+ {}</span> ').format(_at("w", 0))
-    shown += Markup('<span class="term">+ {}</span> ').format(_at("v", 0)) if own_noise else now
+        shown += Markup(' <span class="term">+ {}</span> ').format(_at("w", 0))
+    shown += Markup(' <span class="term">+ {}</span> ').format(_at("v", 0)) if own_noise else now
     if not own_noise:
         shown += _signed_rest(past_noise)
     if model.level:
