@@ -255,9 +255,9 @@ def mode_record(seed: int, samples: int, noise: float, order: int) -> list[tuple
     u = u[2 * WARM_UP :]
     cut = int(ESTIMATION_SHARE * samples)
     model = estimate(u[:cut], y[:cut], (order,) * 3 + (1,), 100.0, settings=SEARCH).model
-    state = estimate_prediction_states(model, u[:cut], y[:cut])[1]
+    states = estimate_prediction_states(model, u[:cut], y[:cut])
     found = []
-    for evidence in mode_evidence(model, u, y, cut, state):
+    for evidence in mode_evidence(model, u, y, cut, states):
         near = np.abs(true - evidence.mode.frequency_hz) < 1.0
         driven = ("input", "noise")
         kind = driven[int(np.argmax(near))] if near.any() else "neither"

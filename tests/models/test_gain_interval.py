@@ -27,10 +27,9 @@ def test_a_pure_gain_has_the_band_of_its_coefficient():
         np.ones(1),
         np.array([-2.0]),
         np.array([1.0, 0.1]),
-        3,
-        100.0,
-        1.0,
-        ParameterCovariance.from_matrix(covariance),
+        nk=3,
+        sampling_rate=100.0,
+        covariance=ParameterCovariance.from_matrix(covariance),
     )
     lower, upper = gain_band(pure, FREQUENCIES)
     spread = np.exp(NORMAL_95 * 0.1 / 2.0)
@@ -50,7 +49,7 @@ def test_drawn_parameters_lie_inside_the_band_as_often_as_it_says():
         [
             np.abs(
                 PolynomialModel(
-                    np.r_[1.0, p[:2]], p[2:4], np.r_[1.0, p[4:]], 2, 100.0
+                    np.r_[1.0, p[:2]], p[2:4], np.r_[1.0, p[4:]], nk=2, sampling_rate=100.0
                 ).frequency_response(FREQUENCIES)
             )
             for p in drawn

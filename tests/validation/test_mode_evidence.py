@@ -46,8 +46,8 @@ def evidence(seed, order):
     cut = 2000
     model = estimate(u[:cut], y[:cut], (order,) * 3 + (1,), RATE, settings=SEARCH).model
     response = multitaper_frequency_response(u[:cut], y[:cut], RATE)
-    state = estimate_prediction_states(model, u[:cut], y[:cut])[1]
-    return mode_evidence(model, u, y, cut, state, response)
+    states = estimate_prediction_states(model, u[:cut], y[:cut])
+    return mode_evidence(model, u, y, cut, states, response)
 
 
 def test_each_mode_has_its_origin_at_the_true_order():

@@ -154,8 +154,8 @@ def test_an_independent_recording_has_unscored_samples():
     assert result.continued_simulation_error_percent is None
     assert tables.simulation["simulated"].isna().sum() == first
     assert tables.simulation["predicted"].isna().sum() == first
-    state = estimate_prediction_states(model, u[2000:], y[2000:])[1]
-    restarted = model.predict(u[2000:], y[2000:], state)[first:]
+    states = estimate_prediction_states(model, u[2000:], y[2000:])
+    restarted = model.predict(u[2000:], y[2000:], 1, *states)[first:]
     np.testing.assert_array_equal(tables.simulation["predicted"][first:], restarted)
 
 
