@@ -333,7 +333,7 @@ def test_the_figures_are_those_of_the_layout(results, tmp_path):
 def test_the_data_of_every_figure_are_files_of_the_results(identified):
     for figure in REPORT_FIGURES:
         for file in figure.data_files:
-            assert (Path(identified.files.folder) / file).is_file()
+            assert (Path(identified.files.folder) / file).exists()
 
 
 def test_the_archive_of_all_results_has_the_same_captions():

@@ -15,20 +15,15 @@ if TYPE_CHECKING:
     from evopem.automatic.identify import Identification, identify
     from evopem.config.settings import ScoringWindow, SearchSettings
     from evopem.errors import InputError
-    from evopem.estimation.estimate import Estimate
     from evopem.estimation.model_record import load_model as load
     from evopem.estimation.polynomial_estimate import PolynomialEstimate
     from evopem.estimation.structured_estimate import estimate
-    from evopem.models.armax import ArmaxModel, Orders
     from evopem.models.polynomial import PolynomialModel
     from evopem.models.structures import PolynomialOrders
 
 __all__ = [
-    "ArmaxModel",
-    "Estimate",
     "Identification",
     "InputError",
-    "Orders",
     "PolynomialEstimate",
     "PolynomialModel",
     "PolynomialOrders",
@@ -41,11 +36,8 @@ __all__ = [
 ]
 
 _HOMES = {
-    "ArmaxModel": "evopem.models.armax",
-    "Estimate": "evopem.estimation.estimate",
     "Identification": "evopem.automatic.identify",
     "InputError": "evopem.errors",
-    "Orders": "evopem.models.armax",
     "PolynomialEstimate": "evopem.estimation.polynomial_estimate",
     "PolynomialModel": "evopem.models.polynomial",
     "PolynomialOrders": "evopem.models.structures",
