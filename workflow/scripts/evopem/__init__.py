@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from evopem.version import __version__
 
 if TYPE_CHECKING:
+    from evopem.config.constraints import Constraints, FixedPole, Prior
     from evopem.config.settings import ScoringWindow, SearchSettings
     from evopem.errors import InputError
     from evopem.estimation.estimate import Estimate
@@ -24,12 +25,15 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ArmaxModel",
+    "Constraints",
     "Estimate",
+    "FixedPole",
     "InputError",
     "Orders",
     "PolynomialEstimate",
     "PolynomialModel",
     "PolynomialOrders",
+    "Prior",
     "ScoringWindow",
     "SearchSettings",
     "__version__",
@@ -39,12 +43,15 @@ __all__ = [
 
 _HOMES = {
     "ArmaxModel": "evopem.models.armax",
+    "Constraints": "evopem.config.constraints",
     "Estimate": "evopem.estimation.estimate",
+    "FixedPole": "evopem.config.constraints",
     "InputError": "evopem.errors",
     "Orders": "evopem.models.armax",
     "PolynomialEstimate": "evopem.estimation.polynomial_estimate",
     "PolynomialModel": "evopem.models.polynomial",
     "PolynomialOrders": "evopem.models.structures",
+    "Prior": "evopem.config.constraints",
     "ScoringWindow": "evopem.config.settings",
     "SearchSettings": "evopem.config.settings",
     "estimate": "evopem.estimation.structured_estimate",

@@ -7,9 +7,11 @@ from typing import Literal, overload
 
 from numpy.typing import ArrayLike
 
+from evopem.config.constraints import Constraints
 from evopem.config.settings import ScoringWindow, SearchSettings
 from evopem.estimation import estimate as armax
 from evopem.estimation.estimate import Estimate
+from evopem.estimation.focused_estimate import estimate_focused
 from evopem.estimation.polynomial_estimate import PolynomialEstimate, estimate_polynomial
 from evopem.estimation.search.problem import SearchResult
 from evopem.models.armax import Orders
@@ -36,6 +38,23 @@ def estimate(
 
 @overload
 def estimate(
+    input: ArrayLike,
+    output: ArrayLike,
+    orders: Orders | PolynomialOrders | Mapping[str, int] | Sequence[int],
+    sampling_rate: float = 1.0,
+    *,
+    structure: Literal["armax"] = "armax",
+    settings: SearchSettings | None = None,
+    window: ScoringWindow | None = None,
+    level: bool = False,
+    focus: str | int = "prediction",
+    constraints: Constraints | None,
+    log: Callable[[str], None] | None = None,
+) -> PolynomialEstimate: ...
+
+
+@overload
+def estimate(
     input: ArrayLike | None,
     output: ArrayLike,
     orders: PolynomialOrders | Mapping[str, int] | Sequence[int],
@@ -45,6 +64,8 @@ def estimate(
     settings: SearchSettings | None = None,
     window: ScoringWindow | None = None,
     level: bool = False,
+    focus: str | int = "prediction",
+    constraints: Constraints | None = None,
     log: Callable[[str], None] | None = None,
 ) -> PolynomialEstimate: ...
 
@@ -59,6 +80,8 @@ def estimate(
     settings: SearchSettings | None = None,
     window: ScoringWindow | None = None,
     level: bool = False,
+    focus: str | int = "prediction",
+    constraints: Constraints | None = None,
     earlier: SearchResult | None = None,
     log: Callable[[str], None] | None = None,
 ) -> Estimate | PolynomialEstimate:
@@ -79,6 +102,11 @@ def estimate(
     window : ScoringWindow, optional
     level : bool
         Whether a constant is estimated along; for all structures but ``armax``.
+    focus : {"prediction", "simulation"} or int
+        The errors to be small: of one step, of simulation, or of predictions that many samples
+        ahead.
+    constraints : Constraints, optional
+        What the model must meet, and priors.
     earlier : SearchResult, optional
         Result of an earlier search of the same problem; for ``armax`` alone.
     log : callable, optional
@@ -88,10 +116,13 @@ def estimate(
     -------
     Estimate or PolynomialEstimate
         For ``armax``, of :func:`evopem.estimation.estimate.estimate`; for the other structures, of
-        :func:`evopem.estimation.polynomial_estimate.estimate_polynomial`.
+        :func:`evopem.estimation.polynomial_estimate.estimate_polynomial`; with a focus or
+        constraints, of :func:`evopem.estimation.focused_estimate.estimate_focused` for all.
 
     Raises
     ------
+    InputError
+        When constraints contradict each other, the structure or the focus.
     ValueError
         When the record is too short for the orders, or a setting is outside its range.
 
@@ -110,6 +141,22 @@ def estimate(
     >>> [round(mode.frequency_hz) for mode in found.model.modes()]
     [5, 17, 37]
     """
+    if focus != "prediction" or constraints is not None:
+        if earlier is not None:
+            raise ValueError("an earlier search is not continued with a focus or constraints")
+        return estimate_focused(
+            input,
+            output,
+            structure,
+            _of_any_structure(orders),
+            sampling_rate,
+            settings=settings,
+            window=window,
+            level=level,
+            focus=focus,
+            constraints=constraints,
+            log=log,
+        )
     if structure == "armax":
         if level:
             raise ValueError(
@@ -133,16 +180,22 @@ def estimate(
         )
     if earlier is not None:
         raise ValueError(f"an earlier search is continued for 'armax' alone, not for {structure!r}")
-    if isinstance(orders, Orders):
-        orders = PolynomialOrders(na=orders.na, nb=orders.nb, nc=orders.nc, nk=orders.nk)
     return estimate_polynomial(
         input,
         output,
         structure,
-        orders,
+        _of_any_structure(orders),
         sampling_rate,
         settings=settings,
         window=window,
         level=level,
         log=log,
     )
+
+
+def _of_any_structure(
+    orders: Orders | PolynomialOrders | Mapping[str, int] | Sequence[int],
+) -> PolynomialOrders | Mapping[str, int] | Sequence[int]:
+    if isinstance(orders, Orders):
+        return PolynomialOrders(na=orders.na, nb=orders.nb, nc=orders.nc, nk=orders.nk)
+    return orders
