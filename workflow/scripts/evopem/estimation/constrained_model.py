@@ -131,7 +131,8 @@ def _plant_polynomial(
     if constraints.of_free_poles and orders.nb:
         region = _region(constraints, sampling_rate, radius, radius_name)
         return Sections(factor, order - len(factor) + 1, region)
-    return _linear(factor, free, values, radius if bounded else None)
+    limit = None if radius == UNBOUNDED_RADIUS else radius
+    return _linear(factor, free, values, limit, radius_name)
 
 
 def _region(
@@ -202,7 +203,11 @@ def _fixed(
 
 
 def _linear(
-    factor: Array, free: NDArray[np.bool_], values: Array, radius: float | None = None
+    factor: Array,
+    free: NDArray[np.bool_],
+    values: Array,
+    radius: float | None = None,
+    radius_name: str = "stability",
 ) -> Linear:
     """A monic polynomial with a fixed factor and fixed coefficients."""
     order = len(free)
@@ -225,7 +230,7 @@ def _linear(
     inner_basis = null_space(rows) if fixed.any() and inner else np.eye(inner)
     offset, basis = start + columns @ inner_offset, columns @ inner_basis
     offset[fixed], basis[fixed] = values[fixed], 0.0
-    return Linear(offset, basis, radius, inner_offset, inner_basis)
+    return Linear(offset, basis, radius, inner_offset, inner_basis, radius_name)
 
 
 def _gain(

@@ -178,12 +178,26 @@ def _check_gain(constraints: Constraints, orders: PolynomialOrders, sampling_rat
 def _check_coefficients(
     constraints: Constraints, orders: PolynomialOrders, sampling_rate: float
 ) -> None:
-    for name in constraints.fixed_coefficients:
-        if coefficient_index(name, orders) is None:
+    for name, value in constraints.fixed_coefficients.items():
+        found = coefficient_index(name, orders)
+        if found is None:
             raise _refused(
                 f"fixed_coefficients.{name}",
                 f"a model of orders {orders} has no such coefficient",
                 "name one such as a1, b0 or f2; b0 is the first of B",
+            )
+        letter, index = found
+        held = letter in "af" and constraints.fixed_poles
+        if letter == "b" or held or (letter == "a" and constraints.stability == "free"):
+            continue
+        order = getattr(orders, f"n{letter}")
+        # A sum of products of roots, each within the unit circle.
+        if abs(value) >= math.comb(order, index + 1):
+            raise _refused(
+                f"fixed_coefficients.{name}",
+                f"{value} is more than any polynomial of degree {order} with roots inside the unit "
+                "circle has",
+                "check the value",
             )
 
 

@@ -25,7 +25,12 @@ from evopem.estimation.constrained_model import constrained_parameters, equaliti
 from evopem.estimation.constraint_checks import check_constraints
 from evopem.estimation.pem.constrained_errors import ConstrainedErrors
 from evopem.estimation.pem.constrained_parameters import ConstrainedParameters
-from evopem.estimation.pem.focus_covariance import loss_deviation, stacked, tangent_covariance
+from evopem.estimation.pem.focus_covariance import (
+    Fitted,
+    loss_deviation,
+    tangent_covariance,
+    two_stage_covariance,
+)
 from evopem.estimation.pem.k_step_errors import KStepErrors
 from evopem.estimation.pem.pole_region import UNBOUNDED_RADIUS
 from evopem.estimation.pem.polynomial_objective import PolynomialErrors
@@ -82,19 +87,9 @@ class _Task:
 
     def generator(self, purpose: int) -> np.random.Generator:
         o = self.orders
-        key = (o.na, o.nb, o.nc, o.nd, o.nf, o.nk, int(self.errors.level))
+        key: tuple[int, ...] = (o.na, o.nb, o.nc, o.nd, o.nf, o.nk, int(self.errors.level))
         key = (*key, purpose) if purpose else key
         return np.random.default_rng(np.random.SeedSequence(self.settings.seed, spawn_key=key))
-
-
-@dataclass(frozen=True, eq=False)
-class _Fit:
-    """Derivatives of the errors and of the priors, free directions, and scales of a point."""
-
-    jacobian: Array
-    tangent: Array
-    prior_rows: Array
-    scales: Array
 
 
 def estimate_focused(
@@ -127,8 +122,8 @@ def estimate_focused(
         ``criteria`` and ``residuals`` are those of one step; ``focus_objective`` is that of the
         errors in focus.  The covariance is zero across active constraints, counts priors as
         observations, and allows for the colour of k-step and simulation errors by the noise model
-        (:func:`.focus_covariance.tangent_covariance`); after a simulation fit that of C and D is
-        the one given the plant.  It is None for these errors under the absolute objective.
+        (:func:`.focus_covariance.tangent_covariance`, :func:`.focus_covariance.two_stage_covariance`).
+        It is None for these errors under the absolute objective.
         Intervals near a bound that is not active do not know of it.
 
     Raises
@@ -187,7 +182,7 @@ def _horizon(focus: Focus, orders: PolynomialOrders) -> int | None:
     return int(focus) if whole else 1
 
 
-def _prediction(task: _Task, horizon: int) -> tuple[PolynomialEstimate, _Fit]:
+def _prediction(task: _Task, horizon: int) -> tuple[PolynomialEstimate, Fitted]:
     """The estimate for errors of k steps, and what its covariance follows from."""
     problem, scales = scaled_problem(task.errors)
     scaled = problem.errors
@@ -239,7 +234,7 @@ def _prediction(task: _Task, horizon: int) -> tuple[PolynomialEstimate, _Fit]:
         focus_objective=objective,
         constraints=ConstraintEffect(objective, without, (*equalities(task.constraints), *active)),
     )
-    return estimate, _Fit(k_errors.jacobian(found.point), tangent, prior_rows, scales)
+    return estimate, Fitted(k_errors.jacobian(found.point), tangent, prior_rows)
 
 
 def _unconstrained(
@@ -341,7 +336,7 @@ def _with_expected_modes(point: Array, priors: Priors) -> Array:
             gone = [upper[0], upper[0].conjugate()] if upper else real[:2]
             left = list(poles)
             for z in gone:
-                left.remove(min(left, key=lambda other, z=z: abs(other - z)))
+                left.pop(int(np.argmin(np.abs(np.array(left) - z))))
             changed = point.copy()
             changed[part] = np.real(np.poly([*left, pole, pole.conjugate()]))[1:]
             moved.append(changed)
@@ -451,7 +446,7 @@ def _simulation(task: _Task) -> PolynomialEstimate:
     assert best is not None
     unscaled = replace(plant.search, point=best.point * scales, value=plant.search.value)
     result = described(errors, unscaled, task.structure, task.sampling_rate)
-    covariance = _simulation_covariance(task, problem.errors, best.point, fit, *division)
+    covariance = _simulation_covariance(task, problem.errors, best.point, fit, scales, *division)
     effect = plant.constraints
     if effect is not None:
         effect = replace(effect, active=(*effect.active, *equalities(of_noise)))
@@ -608,66 +603,73 @@ def _simulation_covariance(
     task: _Task,
     errors: PolynomialErrors,
     point: Array,
-    fit: _Fit,
+    fit: Fitted,
+    scales: Array,
     a: Array,
     f: Array,
 ) -> ParameterCovariance | None:
-    """Of the plant from coloured simulation errors, and of C and D given the plant."""
+    """Of the plant from coloured simulation errors, and of C and D fitted given the plant."""
     from scipy.linalg import block_diag
 
     o, parts = task.orders, errors.parts()
     if errors.objective == "absolute":
         return None
     of_noise = _divided_constraints(task.constraints, o)[1]
-    noise_parameters = constrained_parameters(
-        of_noise, o, False, task.sampling_rate, UNBOUNDED_RADIUS
+    parameters = constrained_parameters(
+        of_noise, o, errors.level, task.sampling_rate, UNBOUNDED_RADIUS
     )
+    priors = priors_of(of_noise, parameters, o, task.sampling_rate)
     jacobian = errors.jacobian(point)
     innovations = errors.residuals(point)[errors.loss_start :]
     deviation = loss_deviation(innovations, errors.dimension, errors.objective)
     c, d = (np.concatenate([[1.0], point[parts[name]]]) for name in "cd")
-    columns = np.r_[parts["c"], parts["d"], parts["noise"]]
+    columns = np.r_[parts["c"], parts["d"], parts["plant"], parts["noise"]]
+    held = np.r_[parts["a"], parts["b"], parts["f"], parts["level"]]
     # C and D are linear in their coordinates, wherever these are.
-    none = np.zeros(len(noise_parameters.codes))
+    none = np.zeros(len(parameters.codes))
     bases = [
-        noise_parameters.polynomials[name].part(none[noise_parameters.own[name]]).derivatives
-        for name in "cd"
+        parameters.polynomials[name].part(none[parameters.own[name]]).derivatives for name in "cd"
     ]
-    tangent = block_diag(*bases, np.eye(o.noise_states))
-    of_c_and_d = tangent_covariance(
+    second = Fitted(
         jacobian[:, columns],
-        tangent,
-        np.zeros((0, len(columns))),
-        (np.ones(1), np.ones(1)),
-        deviation,
-    ).part(slice(0, o.nc + o.nd))
-    of_plant = _scaled_covariance(
-        tangent_covariance(
-            fit.jacobian, fit.tangent, fit.prior_rows, (c, np.convolve(a, d)), deviation
-        ),
-        fit.scales,
-        o.nb + o.na + o.nf,
+        block_diag(*bases, np.eye(o.nf + o.noise_states)),
+        priors.deviations(point)[1][:, columns],
     )
-    # [b, f] of the output-error model to [a, b, f]: d(A F) = F dA + A dF.
-    factor, null_space = (
-        _to_a_b_f(matrix, o, a, f) for matrix in (of_plant.factor, of_plant.null_space)
+    to_second = _to_held(o, a, f, float(point[parts["level"]].sum()), fit.jacobian.shape[1])
+    covariance = two_stage_covariance(
+        fit, second, (c, np.convolve(a, d)), to_second, jacobian[:, held], deviation
     )
-    together = stacked(ParameterCovariance(factor, null_space), of_c_and_d)
-    order = np.r_[
-        0 : o.na + o.nb,
-        o.na + o.nb + o.nf : o.na + o.nb + o.nf + o.nc + o.nd,
-        o.na + o.nb : o.na + o.nb + o.nf,
-    ]
-    return ParameterCovariance(together.factor[order], together.null_space[order])
+    before_f, level = o.na + o.nb, int(errors.level)
+    of_f = before_f + np.arange(o.nf)
+    of_c_and_d = len(held) + np.arange(o.nc + o.nd)
+    order = np.r_[np.arange(before_f), of_c_and_d, of_f]
+    assert len(held) == before_f + o.nf + level
+    return _scaled_covariance(
+        ParameterCovariance(covariance.factor[order], covariance.null_space[order]),
+        scales,
+        len(order),
+    )
 
 
-def _to_a_b_f(rows: Array, orders: PolynomialOrders, a: Array, f: Array) -> Array:
-    """Rows for [b, A F] as rows for [a, b, f]."""
+def _to_held(orders: PolynomialOrders, a: Array, f: Array, level: float, size: int) -> Array:
+    """Derivatives of [a, b, f, level] by the point [b, A F, level, state] of output error."""
     na, nf, nb = orders.na, orders.nf, orders.nb
     product = np.zeros((na + nf, na + nf))
+    # d(A F) = F dA + A dF.
     for j in range(na):
         product[j : j + nf + 1, j] = f
     for j in range(nf):
         product[j : j + na + 1, na + j] = a
-    divided = np.linalg.solve(product, rows[nb:]) if na + nf else rows[nb:]
-    return np.concatenate([divided[:na], rows[:nb], divided[na:]])
+    divided = np.linalg.pinv(product) if na + nf else product
+    with_level = int(size > nb + 2 * (na + nf))
+    derivatives = np.zeros((na + nb + nf + with_level, size))
+    of_product = slice(nb, nb + na + nf)
+    derivatives[:na, of_product] = divided[:na]
+    derivatives[na : na + nb, :nb] = np.eye(nb)
+    derivatives[na + nb : na + nb + nf, of_product] = divided[na:]
+    if with_level:
+        # The level of the equation is A(1) times that of the output.
+        at_one = float(np.sum(a))
+        derivatives[-1, nb + na + nf] = at_one
+        derivatives[-1] += level / at_one * derivatives[:na].sum(axis=0)
+    return derivatives

@@ -86,8 +86,10 @@ class Sections:
             if index != k:
                 others = np.convolve(others, section)
         size = len(factors[k][0]) - 1
-        columns = [np.concatenate([np.zeros(j), others, np.zeros(size - j)]) for j in (1, 2)]
-        return np.column_stack(columns[:size])[1:]
+        columns = [
+            np.concatenate([np.zeros(j), others, np.zeros(size - j)]) for j in range(1, size + 1)
+        ]
+        return np.column_stack(columns)[1:]
 
     def active(self, bounded: Array) -> tuple[list[str], Array]:
         """Active constraints, and the directions of the coefficients that they leave free."""
@@ -160,6 +162,7 @@ class Linear:
     radius: float | None = None
     inner_offset: Array | None = None
     inner_basis: Array | None = None
+    radius_name: str = "stability"
 
     @property
     def codes(self) -> list[int]:
@@ -180,7 +183,7 @@ class Linear:
                 normals.append((np.conj(root) * gradient).real @ self.inner_basis)
         if not normals:
             return [], self.basis
-        return ["max_pole_radius"], self.basis @ null_space(np.array(normals))
+        return [self.radius_name], self.basis @ null_space(np.array(normals))
 
     def coordinates(self, coefficients: Array) -> Array:
         return np.linalg.lstsq(self.basis, coefficients - self.offset, rcond=None)[0]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -51,31 +53,90 @@ def tangent_covariance(
     noise_filter : (numerator, denominator)
     deviation : float
     """
-    from scipy.signal import lfilter
-
-    along = jacobian @ tangent
-    priors = deviation * (prior_rows @ tangent)
-    triangle = np.asarray(np.linalg.qr(np.concatenate([along, priors]), mode="r"))
-    inverse, null_space = pseudo_inverse_factor(triangle)
-    numerator, denominator = noise_filter
-    if len(numerator) == 1 and len(denominator) == 1:
-        factor = deviation * inverse
-    else:
-        backwards = lfilter(numerator, denominator, along[::-1], axis=0)
-        spread = np.linalg.qr(np.concatenate([backwards, priors]), mode="r")
-        factor = deviation * inverse @ (inverse.T @ np.asarray(spread).T)
-    return ParameterCovariance(tangent @ factor, tangent @ null_space)
+    fitted = Fitted(jacobian, tangent, prior_rows)
+    innovations, priors, null_space = fitted.response(noise_filter, deviation)
+    responses = np.hstack([innovations, priors])
+    factor = np.asarray(np.linalg.qr(responses.T, mode="r")).T
+    return ParameterCovariance(deviation * factor, null_space)
 
 
-def stacked(first: ParameterCovariance, second: ParameterCovariance) -> ParameterCovariance:
-    """Covariance of two independent groups of parameters, one after the other."""
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """Derivatives of errors (N, n), free directions (n, k) and rows of the priors (p, n) of a fit.
 
-    def blocks(one: Array, other: Array) -> Array:
-        together = np.zeros((len(one) + len(other), one.shape[1] + other.shape[1]))
-        together[: len(one), : one.shape[1]] = one
-        together[len(one) :, one.shape[1] :] = other
-        return together
+    The errors are those of the samples that count.
+    """
 
-    return ParameterCovariance(
-        blocks(first.factor, second.factor), blocks(first.null_space, second.null_space)
+    jacobian: Array
+    tangent: Array
+    prior_rows: Array
+
+    def response(
+        self, noise_filter: tuple[Array, Array], deviation: float
+    ) -> tuple[Array, Array, Array]:
+        """Errors of the estimates by unit innovations, (n, N), by unit priors, and a null space."""
+        from scipy.signal import lfilter
+
+        samples, count = len(self.jacobian), len(self.tangent)
+        if self.tangent.shape[1] == 0:
+            return np.zeros((count, samples)), np.zeros((count, 0)), np.zeros((count, 0))
+        along = self.jacobian @ self.tangent
+        priors = deviation * (self.prior_rows @ self.tangent)
+        triangle = np.asarray(np.linalg.qr(np.concatenate([along, priors]), mode="r"))
+        inverse, null_space = pseudo_inverse_factor(triangle)
+        backwards = along
+        if len(noise_filter[0]) > 1 or len(noise_filter[1]) > 1:
+            backwards = lfilter(*noise_filter, along[::-1], axis=0)[::-1]
+        solve = self.tangent @ inverse @ inverse.T
+        return -solve @ backwards.T, -solve @ priors.T, self.tangent @ null_space
+
+
+def two_stage_covariance(
+    first: Fitted,
+    second: Fitted,
+    noise_filter: tuple[Array, Array],
+    to_second: Array,
+    crossed: Array,
+    deviation: float,
+) -> ParameterCovariance:
+    """Joint covariance of a plant fitted to coloured errors, and of C and D fitted given the plant.
+
+    To first order the estimates of the second stage are in error by their own response to the
+    innovations, and by that to what the errors of the first stage add to the residuals.
+
+    Parameters
+    ----------
+    first, second : Fitted
+    noise_filter : (numerator, denominator)
+        From the innovations to the errors of the first stage.
+    to_second : (m, n) array
+        Derivatives of the m parameters of the plant, as the second stage holds them, by the n of
+        the first.
+    crossed : (N, m) array
+        Derivatives of the errors of the second stage by those m parameters.
+    deviation : float
+        Of the innovations.
+
+    Returns
+    -------
+    ParameterCovariance
+        Of the m parameters of the plant, then of those of the second stage.
+    """
+    plant, plant_priors, plant_null = first.response(noise_filter, deviation)
+    noise, noise_priors, noise_null = second.response((np.ones(1), np.ones(1)), deviation)
+    plant, plant_priors, plant_null = (
+        to_second @ part for part in (plant, plant_priors, plant_null)
     )
+    # noise responds to any addition to the residuals; crossed @ plant is such an addition.
+    passed = noise @ crossed
+    innovations = np.concatenate([plant, noise + passed @ plant])
+    priors = np.zeros((len(innovations), plant_priors.shape[1] + noise_priors.shape[1]))
+    priors[: len(plant), : plant_priors.shape[1]] = plant_priors
+    priors[len(plant) :, : plant_priors.shape[1]] = passed @ plant_priors
+    priors[len(plant) :, plant_priors.shape[1] :] = noise_priors
+    null_space = np.zeros((len(innovations), plant_null.shape[1] + noise_null.shape[1]))
+    null_space[: len(plant), : plant_null.shape[1]] = plant_null
+    null_space[len(plant) :, plant_null.shape[1] :] = noise_null
+    responses = np.hstack([innovations, priors])
+    factor = np.asarray(np.linalg.qr(responses.T, mode="r")).T
+    return ParameterCovariance(deviation * factor, null_space)
