@@ -219,7 +219,9 @@ def _linear(
     start[: len(factor) - 1] = factor[1:]
     fixed = ~free
     rows, target = columns[fixed], values[fixed] - start[fixed]
-    inner_offset = np.linalg.lstsq(rows, target, rcond=None)[0] if inner else np.zeros(0)
+    inner_offset = np.zeros(inner)
+    if inner:
+        inner_offset = np.asarray(np.linalg.lstsq(rows, target, rcond=None)[0], dtype=float)
     if np.any(np.abs(rows @ inner_offset - target) > 1e-9 * (1.0 + np.abs(target))):
         raise InputError(
             "constraints",

@@ -20,8 +20,10 @@ def check_constraints(
     InputError
         Naming the key of the constraints.
     """
-    for check in (_check_words, _check_poles, _check_gain, _check_coefficients):
-        check(constraints, orders, sampling_rate)
+    _check_words(constraints, orders)
+    _check_poles(constraints, orders, sampling_rate)
+    _check_gain(constraints, orders)
+    _check_coefficients(constraints, orders)
     for number, pole in enumerate(constraints.fixed_poles):
         _check_fixed_pole(pole, f"fixed_poles[{number}]", constraints, orders, sampling_rate)
     if sum(2 if pole.real is None else 1 for pole in constraints.fixed_poles) > (
@@ -51,7 +53,7 @@ def _refused(key: str, problem: str, remedy: str) -> InputError:
     return InputError("constraints", problem, remedy, key)
 
 
-def _check_words(constraints: Constraints, orders: PolynomialOrders, sampling_rate: float) -> None:
+def _check_words(constraints: Constraints, orders: PolynomialOrders) -> None:
     if constraints.stability not in ("required", "free"):
         raise _refused("stability", f"is {constraints.stability!r}", 'use "required" or "free"')
     if constraints.real_poles not in ("any", "positive", "none"):
@@ -146,7 +148,7 @@ def _check_poles(constraints: Constraints, orders: PolynomialOrders, sampling_ra
                 )
 
 
-def _check_gain(constraints: Constraints, orders: PolynomialOrders, sampling_rate: float) -> None:
+def _check_gain(constraints: Constraints, orders: PolynomialOrders) -> None:
     bounds = constraints.static_gain_bounds
     given = [
         key
@@ -175,9 +177,7 @@ def _check_gain(constraints: Constraints, orders: PolynomialOrders, sampling_rat
         raise _refused(given[0], "all coefficients of B are fixed", "leave one of them free")
 
 
-def _check_coefficients(
-    constraints: Constraints, orders: PolynomialOrders, sampling_rate: float
-) -> None:
+def _check_coefficients(constraints: Constraints, orders: PolynomialOrders) -> None:
     for name, value in constraints.fixed_coefficients.items():
         found = coefficient_index(name, orders)
         if found is None:

@@ -52,6 +52,7 @@ class Sections:
 
     @property
     def codes(self) -> list[int]:
+        """Kinds of the coordinates."""
         return [KIND, SHARE, SHARE] * (self.order // 2) + [SHARE] * (self.order % 2)
 
     def _factors(self, bounded: Array) -> list[tuple[Array, Array]]:
@@ -68,6 +69,7 @@ class Sections:
         return found
 
     def part(self, bounded: Array) -> Part:
+        """Coefficients, and their derivatives by the bounded coordinates."""
         factors = self._factors(bounded)
         whole = self.factor
         for section, _ in factors:
@@ -137,6 +139,7 @@ class Sections:
         return np.array(bounded)
 
     def random(self, generator: np.random.Generator) -> Array:
+        """Bounded coordinates of random poles."""
         bounded = generator.random(len(self.codes))
         for k in range(self.order // 2):
             bounded[3 * k] = generator.integers(self.region.kinds)
@@ -145,6 +148,7 @@ class Sections:
         return bounded
 
     def barrier(self, bounded: Array) -> tuple[float, Array, Array]:
+        """No barrier: the coordinates cannot leave the region."""
         size = len(bounded)
         return 0.0, np.zeros(size), np.zeros((size, size))
 
@@ -170,9 +174,11 @@ class Linear:
         return [FREE] * self.basis.shape[1]
 
     def part(self, bounded: Array) -> Part:
+        """Coefficients, and their derivatives by the bounded coordinates."""
         return Part(self.offset + self.basis @ bounded, self.basis)
 
     def active(self, bounded: Array) -> tuple[list[str], Array]:
+        """Active constraints, and the directions of the coefficients that they leave free."""
         if self.radius is None or self.inner_basis is None or self.inner_offset is None:
             return [], self.basis
         inner = np.concatenate([[1.0], self.inner_offset + self.inner_basis @ bounded])
@@ -186,7 +192,9 @@ class Linear:
         return [self.radius_name], self.basis @ null_space(np.array(normals))
 
     def coordinates(self, coefficients: Array) -> Array:
-        return np.linalg.lstsq(self.basis, coefficients - self.offset, rcond=None)[0]
+        """Bounded coordinates of the nearest allowed value."""
+        found = np.linalg.lstsq(self.basis, coefficients - self.offset, rcond=None)[0]
+        return np.asarray(found, dtype=float)
 
     def barrier(self, bounded: Array) -> tuple[float, Array, Array]:
         """Stability barrier of the inner polynomial, its gradient and curvature."""
@@ -210,6 +218,7 @@ class Gain:
 
     @property
     def codes(self) -> list[int]:
+        """Kinds of the coordinates."""
         if self.lower == self.upper:
             return []
         return [SHARE if self.lower is not None and self.upper is not None else EXCESS]
@@ -228,6 +237,7 @@ class Gain:
         return gain, width
 
     def coordinates(self, gain: float) -> Array:
+        """Bounded coordinates of the nearest allowed value."""
         if not self.codes:
             return np.empty(0)
         if self.lower is None:
@@ -237,6 +247,7 @@ class Gain:
         return np.array([np.clip((gain - self.lower) / (self.upper - self.lower), 0.0, 1.0)])
 
     def active(self, bounded: Array) -> bool:
+        """Whether the gain is given, or lies at a bound."""
         if not self.codes or bounded[0] <= AT_EDGE:
             return True
         return self.codes == [SHARE] and bool(bounded[0] >= 1.0 - AT_EDGE)

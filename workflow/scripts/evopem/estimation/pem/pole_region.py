@@ -147,6 +147,7 @@ class PoleRegion:
         return kind, np.clip(np.array([angle / largest, share]), 0.0, 1.0)
 
     def active_real(self, share: float) -> str | None:
+        """The constraint at whose edge a real pole lies."""
         low, high = self.real or (0.0, 0.0)
         if share >= 1.0 - AT_EDGE:
             return self.radius_name

@@ -9,24 +9,15 @@ from numpy.typing import NDArray
 
 from evopem.estimation.pem.constrained_parameters import ConstrainedParameters
 from evopem.estimation.pem.priors import Priors
+from evopem.estimation.search.staged_descent import PredictionErrors
 
 Array = NDArray[np.float64]
 
 
-class PointErrors(Protocol):
+class PointErrors(PredictionErrors, Protocol):
     """Objective of points: :class:`.polynomial_objective.PolynomialErrors` or k-step errors."""
 
     objective: str
-
-    def values(self, points: Array) -> Array: ...
-
-    def values_and_gradients(
-        self, points: Array, smoothing: Array, barriers: Array
-    ) -> tuple[Array, Array]: ...
-
-    def curvatures(self, points: Array, smoothing: Array, barriers: Array) -> Array: ...
-
-    def mean_absolute_residuals(self, values: Array) -> Array: ...
 
 
 class ConstrainedErrors:
