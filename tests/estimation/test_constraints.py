@@ -259,14 +259,15 @@ def test_an_active_constraint_leaves_no_variance_across_it():
 def test_intervals_under_active_constraints_are_honest(constraints):
     """Bounds at the truth: half of the records are at an inequality, all at an equality."""
     inside = []
-    for seed in range(24):
+    short = SearchSettings(objective="quadratic", evaluations=1000)
+    for seed in range(16):
         u, y = record(seed=100 + seed, samples=400)
-        found = constrained(constraints, u, y)
+        found = constrained(constraints, u, y, settings=short)
         if not found.constraints.active:
             continue
         deviations = np.sqrt(np.diag(found.model.covariance.matrix))
         inside += list(np.abs(found.model.parameters - TRUTH.parameters) <= 1.96 * deviations)
-    # About 50 or more correlated intervals; docs/evidence has the larger experiment.
+    # About 50 or more correlated intervals; benchmarks/constraint_coverage.py is the larger experiment.
     assert len(inside) >= 30
     assert np.mean(inside) > 0.85
 
