@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -145,6 +147,7 @@ def _region(
     bands: list[Band] = [(0.0, np.inf)]
     if whole is not None:
         bands = [(whole[0] * in_radians, whole[1] * in_radians)]
+    whole_band = bands[0]
     for low, high in constraints.forbidden_bands:
         low, high = low * in_radians, high * in_radians
         bands = [
@@ -163,9 +166,15 @@ def _region(
         )
         real = (-min(radius, float(np.exp(-decay * np.pi))) if negative else 0.0, radius)
     region = PoleRegion(
-        radius, min(radius, 1.0) if restricted else radius, decay, tuple(bands), real, radius_name
+        radius=radius,
+        mode_radius=min(radius, 1.0) if restricted else radius,
+        decay_per_radian=decay,
+        bands=tuple(bands),
+        real=real,
+        radius_name=radius_name,
+        whole_band=whole_band,
     )
-    # A band whose lower end no angle below the Nyquist frequency reaches is empty, too.
+    # A band that no pole of an allowed radius reaches is empty.
     open_bands = tuple(band for band in bands if region.largest_angle(band) > 0.0)
     if not open_bands:
         raise InputError(
@@ -174,9 +183,7 @@ def _region(
             "widen the band",
             "frequency_band",
         )
-    return PoleRegion(
-        region.radius, region.mode_radius, decay, open_bands, real, region.radius_name
-    )
+    return replace(region, bands=open_bands)
 
 
 def _monic(pole: FixedPole, sampling_rate: float) -> Array:

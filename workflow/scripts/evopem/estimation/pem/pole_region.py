@@ -42,6 +42,8 @@ class PoleRegion:
         Bounds of real poles; None where there may be none.
     radius_name : str
         The constraint that the largest radius stands for.
+    whole_band : (lower, upper)
+        The band of which forbidden ones leave ``bands``.
     """
 
     radius: float
@@ -50,6 +52,7 @@ class PoleRegion:
     bands: tuple[Band, ...]
     real: Band | None
     radius_name: str
+    whole_band: Band = (0.0, np.inf)
 
     @property
     def kinds(self) -> int:
@@ -75,7 +78,7 @@ class PoleRegion:
             edge = float(np.exp(-self.decay_per_radian * angle))
             edges["min_damping_ratio"] = edge, -self.decay_per_radian * edge
         if lower > angle:
-            edges["frequency_band"] = _circle(lower, angle)
+            edges[self._end_name(lower)] = _circle(lower, angle)
         return edges, _circle(upper, angle) if np.isfinite(upper) else (0.0, 0.0)
 
     def section(self, kind: int, shares: Array) -> tuple[Array, Array]:
@@ -117,10 +120,10 @@ class PoleRegion:
             names = [name for name, (edge, _) in edges.items() if edge <= lowest * (1.0 + AT_EDGE)]
             fixed = [1] if len(names) == 1 else [0, 1]
         elif shares[1] <= AT_EDGE and np.isfinite(band[1]):
-            names, fixed = ["frequency_band"], [1]
+            names, fixed = [self._end_name(band[1])], [1]
         if 0 not in fixed:
             if shares[0] >= 1.0 - AT_EDGE and largest < np.pi:
-                names, fixed = sorted({*names, "frequency_band"}), [0, 1]
+                names, fixed = sorted({*names, self._end_name(band[1])}), [0, 1]
             elif self._real_forbidden_at(shares[0]):
                 names, fixed = [*names, "real_poles"], [0, *fixed]
         return names, fixed
@@ -156,6 +159,10 @@ class PoleRegion:
                 return "real_poles"
             return self.radius_name if low == -high else "min_damping_ratio"
         return None
+
+    def _end_name(self, end: float) -> str:
+        """The constraint that the end of a band stands for."""
+        return "frequency_band" if end in self.whole_band else "forbidden_bands"
 
     def _real_forbidden_at(self, share: float) -> bool:
         """Whether a pair is about to become two real poles that are not allowed."""
