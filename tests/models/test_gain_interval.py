@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from evopem.models.armax import ArmaxModel
 from evopem.models.gain_interval import NORMAL_95, gain_band
 from evopem.models.parameter_covariance import ParameterCovariance
+from evopem.models.polynomial import PolynomialModel
 
 FREQUENCIES = np.linspace(0.5, 45.0, 12)
 
 
 def model(covariance):
-    return ArmaxModel(
+    return PolynomialModel(
         a=np.array([1.0, -1.2, 0.8]),
         b=np.array([0.5, 0.3]),
         c=np.array([1.0, 0.4]),
@@ -23,7 +23,7 @@ def model(covariance):
 
 def test_a_pure_gain_has_the_band_of_its_coefficient():
     covariance = np.diag([0.01, 0.5])
-    pure = ArmaxModel(
+    pure = PolynomialModel(
         np.ones(1),
         np.array([-2.0]),
         np.array([1.0, 0.1]),
@@ -49,7 +49,7 @@ def test_drawn_parameters_lie_inside_the_band_as_often_as_it_says():
     gains = np.array(
         [
             np.abs(
-                ArmaxModel(
+                PolynomialModel(
                     np.r_[1.0, p[:2]], p[2:4], np.r_[1.0, p[4:]], 2, 100.0
                 ).frequency_response(FREQUENCIES)
             )

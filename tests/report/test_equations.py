@@ -5,11 +5,11 @@ import json
 import numpy as np
 import pytest
 
-from evopem.models.armax import ArmaxModel
 from evopem.models.parameter_covariance import ParameterCovariance
+from evopem.models.polynomial import PolynomialModel
 from evopem.report import equations
 
-MODEL = ArmaxModel(
+MODEL = PolynomialModel(
     a=np.array([1.0, -1.5, 0.7]),
     b=np.array([0.5, -0.25]),
     c=np.array([1.0, 0.3]),
@@ -34,7 +34,7 @@ def test_polynomials_start_b_at_its_delay():
 
 
 def test_the_smallest_model_has_an_equation():
-    smallest = ArmaxModel(np.ones(1), np.array([-2.0]), np.ones(1), 0)
+    smallest = PolynomialModel(np.ones(1), np.array([-2.0]), np.ones(1), 0)
     shown = {letter: plain(polynomial) for letter, polynomial in equations.polynomials(smallest)}
     assert shown == {"A": "1", "B": "−2", "C": "1"}
     assert plain(equations.difference_equation(smallest)) == "−2 u(t) + e(t)"
@@ -76,12 +76,12 @@ def test_coefficients_with_their_lags_and_errors():
         ("C", 1, 0.3),
     ]
     assert [error for *_, error in table] == pytest.approx([0.1, 0.2, 0.3, 0.4, 0.5])
-    undelayed = ArmaxModel(np.ones(1), np.array([2.0, 1.0]), np.ones(1), 0)
+    undelayed = PolynomialModel(np.ones(1), np.array([2.0, 1.0]), np.ones(1), 0)
     assert equations.coefficient_table(undelayed) == [("B", 0, 2.0, None), ("B", 1, 1.0, None)]
 
 
 def test_plain_text_and_json_give_the_model_back():
-    model = ArmaxModel(
+    model = PolynomialModel(
         np.array([1.0, -0.123456789012]),
         np.array([0.5, -2e-7]),
         np.array([1.0, 0.25]),

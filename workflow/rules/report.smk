@@ -12,7 +12,7 @@ rule draw_figures:
         transforms=files.transforms,
         spectrum=files.spectrum,
         spectrum_summary=files.spectrum_summary,
-        phases=files.phases,
+        phases=provider.selections,
         candidates=files.candidates,
         model=files.model,
         frequency_response=files.frequency_response,
@@ -20,6 +20,7 @@ rule draw_figures:
         residual_autocorrelation=files.residual_autocorrelation,
         cross_correlation=files.cross_correlation,
         simulation=files.simulation,
+        horizons=files.horizons,
     output:
         [
             report(

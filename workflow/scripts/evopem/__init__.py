@@ -15,21 +15,16 @@ if TYPE_CHECKING:
     from evopem.config.constraints import Constraints, FixedPole, Prior
     from evopem.config.settings import ScoringWindow, SearchSettings
     from evopem.errors import InputError
-    from evopem.estimation.estimate import Estimate
     from evopem.estimation.model_record import load_model as load
     from evopem.estimation.polynomial_estimate import PolynomialEstimate
     from evopem.estimation.structured_estimate import estimate
-    from evopem.models.armax import ArmaxModel, Orders
     from evopem.models.polynomial import PolynomialModel
     from evopem.models.structures import PolynomialOrders
 
 __all__ = [
-    "ArmaxModel",
     "Constraints",
-    "Estimate",
     "FixedPole",
     "InputError",
-    "Orders",
     "PolynomialEstimate",
     "PolynomialModel",
     "PolynomialOrders",
@@ -42,12 +37,9 @@ __all__ = [
 ]
 
 _HOMES = {
-    "ArmaxModel": "evopem.models.armax",
     "Constraints": "evopem.config.constraints",
-    "Estimate": "evopem.estimation.estimate",
     "FixedPole": "evopem.config.constraints",
     "InputError": "evopem.errors",
-    "Orders": "evopem.models.armax",
     "PolynomialEstimate": "evopem.estimation.polynomial_estimate",
     "PolynomialModel": "evopem.models.polynomial",
     "PolynomialOrders": "evopem.models.structures",

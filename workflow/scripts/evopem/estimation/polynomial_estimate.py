@@ -16,17 +16,23 @@ from evopem.estimation.criteria import (
     lies_at_bound,
     power_of_two_scale,
 )
+from evopem.estimation.pem.autoregression import autoregression
 from evopem.estimation.pem.covariance import estimate_covariance, innovation_variance
 from evopem.estimation.pem.objective import OBJECTIVES
 from evopem.estimation.pem.polynomial_objective import PolynomialErrors
+from evopem.estimation.pem.robust_covariance import MOST_COLOURING, coloured_covariance
 from evopem.estimation.search.memetic import memetic_search
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
-from evopem.estimation.search.problem import SearchResult
+from evopem.estimation.search.problem import SearchResult, descended, pooled
+from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomials import max_root_radius
 from evopem.models.structures import PolynomialOrders, orders_of
 
 Array = NDArray[np.float64]
+
+# Structures that claim nothing of the noise, or whose noise model may be chosen too small.
+WITHOUT_NOISE_MODEL = ("fir", "oe", "general")
 
 
 @dataclass(frozen=True)
@@ -88,6 +94,12 @@ class PolynomialEstimate:
     focus_objective: float = float("nan")
     constraints: ConstraintEffect | None = None
 
+    @property
+    def with_level(self) -> bool:
+        """Whether a constant was estimated along."""
+        states = len(self.plant_state) + len(self.noise_state)
+        return len(self.search.point) > self.model.orders.parameters + states
+
 
 def estimate_polynomial(
     input: ArrayLike | None,  # noqa: A002 - the field's word
@@ -99,6 +111,7 @@ def estimate_polynomial(
     settings: SearchSettings | None = None,
     window: ScoringWindow | None = None,
     level: bool = False,
+    earlier: SearchResult | None = None,
     log: Callable[[str], None] | None = None,
 ) -> PolynomialEstimate:
     """Find the polynomial model of given orders with the smallest prediction errors, globally.
@@ -116,7 +129,8 @@ def estimate_polynomial(
         Hz.
     settings : SearchSettings, optional
         Objective, seed, bounds and size of the search.  Its draws come from
-        ``SeedSequence(seed, spawn_key=(na, nb, nc, nd, nf, nk, level))``.  ``initialization`` and
+        ``SeedSequence(seed, spawn_key=(na, nb, nc, nd, nf, nk, level))``, with a 1 appended to the
+        key when the search continues an earlier one.  ``initialization`` and
         ``n_initial_discard`` are not used: the first population holds estimates of several kinds,
         and the initial states of all filters are estimated.
     window : ScoringWindow, optional
@@ -124,6 +138,8 @@ def estimate_polynomial(
         all residuals count.
     level : bool
         Whether a constant is estimated: ``A y = (B/F) u + (C/D) e + level``.
+    earlier : SearchResult, optional
+        Result of an earlier search of the same problem, to be combined with this one.
     log : callable, optional
         Receives one line a generation.
 
@@ -142,25 +158,62 @@ def estimate_polynomial(
     check_record(u, y, o, settings, window)
     # The bits of a result must not depend on how many threads the machine's BLAS would take.
     with threadpool_limits(limits=1, user_api="blas"):
-        radius = settings.max_root_radius
-        errors = PolynomialErrors(
-            u,
-            y,
-            o,
-            settings.objective,
-            window.residual_start,
-            window.loss_start,
-            radius,
-            radius,
-            level,
-        )
+        errors = polynomial_errors(u, y, o, settings, window, level)
         problem, scales = scaled_problem(errors)
-        key = (o.na, o.nb, o.nc, o.nd, o.nf, o.nk, int(level))
+        key = (o.na, o.nb, o.nc, o.nd, o.nf, o.nk, int(level), *((1,) if earlier else ()))
         sequence = np.random.SeedSequence(settings.seed, spawn_key=key)
         generator = np.random.default_rng(sequence)
-        found = memetic_search(problem, settings, generator, log, recombine=problem.recombine)
+        known = np.inf if earlier is None else earlier.value
+        found = memetic_search(
+            problem, settings, generator, log, known, recombine=problem.recombine
+        )
         found = replace(found, point=found.point * scales)
-        return described(errors, found, structure, sampling_rate)
+        if earlier is not None:
+            found = pooled(earlier, found)
+        return describe(errors, found, sampling_rate)
+
+
+def polynomial_errors(
+    input: Array,  # noqa: A002
+    output: Array,
+    orders: PolynomialOrders,
+    settings: SearchSettings,
+    window: ScoringWindow,
+    level: bool,
+) -> PolynomialErrors:
+    """The prediction-error problem of a record, orders and settings."""
+    radius = settings.max_root_radius
+    return PolynomialErrors(
+        input,
+        output,
+        orders,
+        settings.objective,
+        window.residual_start,
+        window.loss_start,
+        radius,
+        radius,
+        level,
+    )
+
+
+def descend_from(
+    point: ArrayLike, errors: PolynomialErrors, sampling_rate: float, earlier: SearchResult
+) -> PolynomialEstimate:
+    """Descend once from a point, and combine the result with an earlier search of the problem.
+
+    Parameters
+    ----------
+    point : (n,) array_like
+        In the problem's own units.
+    errors : PolynomialErrors
+    sampling_rate : float
+        Hz.
+    earlier : SearchResult
+    """
+    problem, scales = scaled_problem(errors)
+    ended = descended(problem, np.asarray(point) / scales)
+    ended = replace(ended, point=ended.point * scales)
+    return describe(errors, pooled(earlier, ended), sampling_rate)
 
 
 def scaled_problem(errors: PolynomialErrors) -> tuple[PolynomialProblem, Array]:
@@ -214,19 +267,14 @@ def check_record(
         raise ValueError("the output is zero throughout")
 
 
-def described(
-    errors: PolynomialErrors,
-    result: SearchResult,
-    structure: str,
-    sampling_rate: float,
+def describe(
+    errors: PolynomialErrors, result: SearchResult, sampling_rate: float
 ) -> PolynomialEstimate:
     """The model at a search's best point, with its criteria, residuals and covariance."""
     point, parts = result.point, errors.parts()
     a, c, d, f = (np.concatenate([[1.0], point[parts[name]]]) for name in "acdf")
     residuals = errors.residuals(point)
     counted, counted_output = residuals[errors.loss_start :], errors.output[errors.loss_start :]
-    triangle = np.asarray(np.linalg.qr(errors.jacobian(point), mode="r"))
-    coefficients = errors.orders.parameters
     model = PolynomialModel(
         a,
         point[parts["b"]].copy(),
@@ -237,10 +285,8 @@ def described(
         sampling_rate,
         level=float(point[parts["level"]].sum()),
         noise_variance=innovation_variance(counted, errors.dimension),
-        covariance=estimate_covariance(
-            triangle, counted, counted_output, coefficients, 0, errors.objective
-        ),
-        structure=structure,
+        covariance=_covariance(errors, point, counted, counted_output),
+        structure=errors.orders.structure,
     )
     residuals[: errors.residual_start] = np.nan
     at_bound = (
@@ -259,3 +305,21 @@ def described(
         search=result,
         focus_objective=criteria.objective,
     )
+
+
+def _covariance(
+    errors: PolynomialErrors, point: Array, residuals: Array, output: Array
+) -> ParameterCovariance | None:
+    """Covariance of the coefficients, for residuals of any colour where nothing whitens them."""
+    orders, jacobian = errors.orders, errors.jacobian(point)
+    coloured = len(autoregression(residuals - residuals.mean(), MOST_COLOURING)) > 1
+    if coloured and orders.structure in WITHOUT_NOISE_MODEL:
+        return coloured_covariance(
+            jacobian,
+            residuals,
+            orders.parameters,
+            errors.objective,
+            input_alone=orders.na + orders.nc + orders.nd == 0,
+        )
+    triangle = np.asarray(np.linalg.qr(jacobian, mode="r"))
+    return estimate_covariance(triangle, residuals, output, orders.parameters, 0, errors.objective)

@@ -37,7 +37,7 @@ from evopem.estimation.pem.priors import Priors
 from evopem.estimation.polynomial_estimate import (
     ConstraintEffect,
     PolynomialEstimate,
-    described,
+    describe,
     scaled_problem,
 )
 from evopem.estimation.search.constrained_errors import ConstrainedErrors
@@ -84,8 +84,10 @@ def prediction_estimate(task: EstimationTask, horizon: int) -> tuple[PolynomialE
     weight = prior_weight_of(scaled, deviation) if priors.terms else 0.0
     bounded = parameters.coordinates(free.point)
     nearest = parameters.point(bounded)[0]
-    if not priors.terms and _meets(parameters, bounded, free.point, nearest):
-        found, (active, tangent) = free, parameters.active(parameters.unbounded(bounded, 0.0))
+    active, tangent = parameters.active(parameters.unbounded(bounded, 0.0))
+    met = not priors.terms and _meets(parameters, bounded, free.point, nearest)
+    if met:
+        found = free
     else:
         wide = with_plant_radius(scaled, UNBOUNDED_RADIUS)
         constrained = ConstrainedErrors(errors_ahead(wide, horizon), parameters, priors, weight)
@@ -103,9 +105,11 @@ def prediction_estimate(task: EstimationTask, horizon: int) -> tuple[PolynomialE
         for point in (found.point, free.point)
     )
     unscaled = replace(found, point=found.point * scales)
-    result = described(task.errors, unscaled, task.structure, task.sampling_rate)
+    result = describe(task.errors, unscaled, task.sampling_rate)
     coefficients = task.orders.parameters
     covariance = covariance and coefficient_covariance(covariance, scales, coefficients)
+    if met and not active and horizon == 1:
+        covariance = result.model.covariance
     estimate = replace(
         result,
         model=replace(result.model, covariance=covariance),

@@ -27,7 +27,7 @@ from evopem.estimation.pem.pole_region import UNBOUNDED_RADIUS
 from evopem.estimation.pem.polynomial_objective import PolynomialErrors
 from evopem.estimation.polynomial_estimate import (
     PolynomialEstimate,
-    described,
+    describe,
     scaled_problem,
 )
 from evopem.estimation.prediction_estimate import prediction_estimate
@@ -81,7 +81,7 @@ def simulation_estimate(task: EstimationTask) -> PolynomialEstimate:
             best, division = found, (a, f)
     assert best is not None
     unscaled = replace(plant.search, point=best.point * scales, value=plant.search.value)
-    result = described(errors, unscaled, task.structure, task.sampling_rate)
+    result = describe(errors, unscaled, task.sampling_rate)
     covariance = _simulation_covariance(task, problem.errors, best.point, fit, scales, *division)
     effect = plant.constraints
     if effect is not None:

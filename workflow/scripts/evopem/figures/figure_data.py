@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
+from evopem.config.structures import ORDER_NAMES, plant_order
 from evopem.figures.style import extremes
 from evopem.models.confidence_ellipse import Polynomial, uncertain_roots
 from evopem.models.stabilization import StabilizationPole, stabilization
@@ -16,8 +17,14 @@ if TYPE_CHECKING:
     from evopem.results.dataset import DatasetResults
     from evopem.signals.recording import Recording
 
-ORDERS = ["na", "nb", "nc", "nk"]
-ROOTS: tuple[tuple[Polynomial, str], ...] = (("A", "pole"), ("B", "zero"), ("C", "root of C"))
+ORDERS = list(ORDER_NAMES)
+ROOTS: tuple[tuple[Polynomial, str], ...] = (
+    ("A", "pole"),
+    ("F", "pole of the plant"),
+    ("B", "zero"),
+    ("C", "root of C"),
+    ("D", "pole of the noise filter"),
+)
 
 
 def record_table(results: DatasetResults) -> pd.DataFrame:
@@ -36,9 +43,10 @@ def record_table(results: DatasetResults) -> pd.DataFrame:
 
 def _signals(stage: str, recording: Recording, begin: float) -> pd.DataFrame:
     time = begin + np.arange(recording.output.size) / recording.sampling_rate
-    return pd.DataFrame(
-        {"stage": stage, "time_s": time, "input": recording.input, "output": recording.output}
-    )
+    columns = {"stage": stage, "time_s": time, "input": recording.input}
+    if not recording.has_input:
+        del columns["input"]
+    return pd.DataFrame(columns | {"output": recording.output})
 
 
 def spectrum_table(results: DatasetResults) -> pd.DataFrame:
@@ -59,7 +67,7 @@ def phases_table(results: DatasetResults) -> pd.DataFrame:
 
 
 def roots_table(results: DatasetResults) -> pd.DataFrame:
-    """Every root of A, B and C with the covariance of its real and imaginary part."""
+    """Every root of the polynomials with the covariance of its real and imaginary part."""
     model = results.model.model
     rows = [
         {
@@ -83,9 +91,14 @@ def frequency_response_table(results: DatasetResults) -> pd.DataFrame:
     prefix = "frequency_response_"
     estimate = results.spectrum.rename(columns=lambda name: name.removeprefix(prefix))
     columns = ["frequency_hz", "gain", "gain_lower", "gain_upper", "phase_deg"]
+    noise = results.frequency_response[["frequency_hz", *(f"noise_{name}" for name in columns[1:])]]
+    noise = noise.set_axis(columns, axis="columns").assign(source="noise filter")
+    if not results.model.model.has_input:
+        return noise[["source", *columns]]
     return pd.concat(
         [
             results.frequency_response[columns].assign(source="model"),
+            noise,
             estimate[[*columns, "coherence"]].assign(source="multitaper"),
         ],
         ignore_index=True,
@@ -108,11 +121,17 @@ def simulation_table(results: DatasetResults) -> pd.DataFrame:
     return results.validation_tables.simulation
 
 
+def horizons_table(results: DatasetResults) -> pd.DataFrame:
+    """Error of k-step predictions by k."""
+    return results.validation_tables.horizons
+
+
 def stabilization_poles(results: DatasetResults) -> list[StabilizationPole]:
     """Poles over the joint orders, each compared with the next lower order."""
+    order = plant_order(results.model.orders.structure)
     return stabilization(
-        (candidate.orders.na, candidate.model, candidate.criteria.bic)
-        for candidate in results.phases["joint"].candidates
+        (getattr(candidate.orders, order), candidate.model, candidate.criteria.bic)
+        for candidate in results.models_of_orders.candidates
     )
 
 

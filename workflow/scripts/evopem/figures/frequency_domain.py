@@ -151,10 +151,21 @@ def draw_frequency_response(
         Unit of the gain, "" when not stated.
     truth : Truth, optional
         Its modes are marked.
+
+    Notes
+    -----
+    Of a model without input the response of the noise filter is drawn.
     """
     figure = new_figure(5.2)
+    label = "model G"
+    if response["gain"].isna().all():
+        label = "noise filter H"
+        columns = {
+            f"noise_{name}": name for name in ("gain", "gain_lower", "gain_upper", "phase_deg")
+        }
+        response = response[["frequency_hz", *columns]].rename(columns=columns)
     gain, phase, coherence = figure.subplots(3, 1, sharex=True, height_ratios=(1.7, 1.1, 0.7))
-    if spectrum is not None:
+    if spectrum is not None and "coherence" in spectrum:
         _draw_nonparametric(gain, phase, coherence, spectrum[spectrum["frequency_hz"] > 0])
     shown = _thinned(response[response["frequency_hz"] > 0], "gain")
     if shown["gain_lower"].notna().any():
@@ -168,7 +179,7 @@ def draw_frequency_response(
             linewidth=0,
             label="95 % band",
         )
-    gain.plot(shown["frequency_hz"], shown["gain"], color=MODEL, linewidth=1.5, label="model G")
+    gain.plot(shown["frequency_hz"], shown["gain"], color=MODEL, linewidth=1.5, label=label)
     phase.plot(*unwrapped_gaps(shown["frequency_hz"], shown["phase_deg"]), color=MODEL)
     for axes in (gain, phase):
         mark_truth(axes, truth)

@@ -7,11 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from evopem.config.structures import plant_order
 from evopem.figures.convergence import draw_convergence
 from evopem.figures.figure_data import (
     convergence_table,
     delay_table,
     frequency_response_table,
+    horizons_table,
     phases_table,
     record_table,
     residuals_table,
@@ -21,6 +23,7 @@ from evopem.figures.figure_data import (
     stabilization_table,
 )
 from evopem.figures.frequency_domain import draw_frequency_response, draw_spectrum
+from evopem.figures.horizons import draw_horizons
 from evopem.figures.order_criteria import draw_delay, draw_phases
 from evopem.figures.pole_zero_map import draw_poles_zeros
 from evopem.figures.residual_correlation import draw_residuals
@@ -103,9 +106,14 @@ def _stabilization(results: DatasetResults) -> Figure:
         stabilization_table(results),
         results.model.sampling_rate,
         results.spectrum,
-        results.phases["joint"].orders.na,
+        getattr(results.models_of_orders.orders, plant_order(results.model.orders.structure)),
         results.truth,
+        plant_order(results.model.orders.structure),
     )
+
+
+def _structure(results: DatasetResults) -> str:
+    return results.settings.order_grid.structure
 
 
 REPORT_FIGURES = (
@@ -128,14 +136,14 @@ REPORT_FIGURES = (
         "delay",
         "RSS and BIC against the order for each delay (chapter figure 5).",
         (_FILES.candidates,),
-        lambda results: draw_delay(results.candidates),
+        lambda results: draw_delay(results.candidates, _structure(results)),
         delay_table,
     ),
     ReportFigure(
         "phases",
-        "RSS and BIC of the three phases, with the selected orders marked.",
+        "RSS and BIC of the phases of the orders, with the selected orders marked.",
         (_FILES.candidates,),
-        lambda results: draw_phases(results.candidates),
+        lambda results: draw_phases(results.candidates, _structure(results)),
         phases_table,
     ),
     ReportFigure(
@@ -169,9 +177,19 @@ REPORT_FIGURES = (
         simulation_table,
     ),
     ReportFigure(
+        "horizons",
+        "Error of the prediction of the validation samples against its horizon, and the error of"
+        " the simulation.",
+        (_FILES.horizons,),
+        lambda results: draw_horizons(
+            results.validation_tables.horizons, results.validation.simulation_error_percent
+        ),
+        horizons_table,
+    ),
+    ReportFigure(
         "stabilization",
         "Stabilization diagram: the poles of every joint order, with the spectrum of the output.",
-        (_FILES.phase("joint"),),
+        (_FILES.phases,),
         _stabilization,
         stabilization_table,
     ),
@@ -179,7 +197,7 @@ REPORT_FIGURES = (
         "convergence",
         "Convergence of the search for the selected model: the lowest objective after each"
         " generation and after each final descent.",
-        (_FILES.phase("nb"),),
+        (_FILES.phases,),
         lambda results: draw_convergence(results.selected.diagnostics.convergence),
         convergence_table,
     ),

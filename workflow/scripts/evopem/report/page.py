@@ -19,6 +19,7 @@ from evopem.report.sentences.about_recording import recording, transform_effects
 from evopem.report.sentences.about_search import search
 from evopem.report.sentences.about_spectrum import spectrum
 from evopem.report.sentences.about_validation import (
+    horizons,
     output_transformed,
     residuals,
     simulation,
@@ -31,11 +32,12 @@ SECTIONS: dict[str, tuple[str, Callable[[DatasetResults], list[str]]]] = {
     "record": ("Recording", recording),
     "spectrum": ("Spectrum of the output", spectrum),
     "delay": ("Delay", delay),
-    "phases": ("Orders, in three phases", phases),
+    "phases": ("Orders, in phases", phases),
     "poles_zeros": ("Poles and zeros", poles),
     "frequency_response": ("Frequency response", frequency_response),
     "residuals": ("Residuals", residuals),
     "simulation": ("Simulation", simulation),
+    "horizons": ("Prediction over longer horizons", horizons),
     "stabilization": ("Stabilization over the orders", stabilization),
     "convergence": ("Search", search),
 }
@@ -109,6 +111,8 @@ def build_report(
         modes=rows,
         mode_remarks=modes(results, rows),
         has_truth=bool(true_modes),
+        equation=equations.equation(model),
+        orders_note=equations.orders_note(model),
         polynomials=equations.polynomials(model),
         difference_equation=equations.difference_equation(model),
         coefficients=equations.coefficient_table(model),
@@ -124,12 +128,22 @@ def build_report(
         not_judged=[check for check in checks if check.passed is None],
         output_transformed=output_transformed(results.model.transforms),
         effects=transform_effects(results.model.transforms),
-        sections=[_section(figure, results, figures) for figure in REPORT_FIGURES],
+        sections=[
+            _section(figure, results, figures)
+            for figure in REPORT_FIGURES
+            if _applies(figure.name, results)
+        ],
         candidates=results.candidates.to_dict("records"),
         provenance=provenance.terms(results, commit),
         stages=provenance.stages(results, wall_clock),
         command=provenance.command(commit),
     )
+
+
+def _applies(name: str, results: DatasetResults) -> bool:
+    """Whether a figure belongs to the structure: there may be no delay and no joint order."""
+    needed = {"delay": "delay", "stabilization": "joint"}.get(name)
+    return needed is None or needed in results.phases
 
 
 def _section(figure: ReportFigure, results: DatasetResults, figures: Mapping[str, str]) -> Section:

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+from evopem.config.structures import ORDER_NAMES
 from evopem.errors import InputError
 from evopem.files.checksums import sha256_of_file, verify_checksums
 from evopem.files.json_form import load
 from evopem.files.unfinished import unfinished_jobs
-from evopem.models.armax import Orders
+from evopem.models.structures import PolynomialOrders
 from evopem.models.modes import Mode
 from evopem.results.layout import DatasetFiles
 from evopem.validation.checks import Check, checks
@@ -42,7 +43,7 @@ class DatasetSummary:
     sampling_rate : float
         Hz, after all transforms.
     estimation_samples, validation_samples : int
-    orders : Orders
+    orders : PolynomialOrders
     bic : float
     prediction_error_percent, simulation_error_percent : float
     continued_simulation_error_percent : float, optional
@@ -57,7 +58,7 @@ class DatasetSummary:
     sampling_rate: float
     estimation_samples: int
     validation_samples: int
-    orders: Orders
+    orders: PolynomialOrders
     bic: float
     prediction_error_percent: float
     simulation_error_percent: float
@@ -226,7 +227,8 @@ _COLUMN_TYPES = (
     dict.fromkeys(("dataset", "status", "problem", "file", "sha256"), "string")
     | {"sampling_rate": "float64"}
     | dict.fromkeys(("estimation_samples", "validation_samples"), "Int64")
-    | dict.fromkeys((field.name for field in fields(Orders)), "Int64")
+    | {"model": "string"}
+    | dict.fromkeys(ORDER_NAMES, "Int64")
     | dict.fromkeys(("bic", *_ERRORS), "float64")
     | dict.fromkeys(("failed_checks", "mode"), "Int64")
     | dict.fromkeys(_MODE, "float64")
@@ -244,7 +246,8 @@ def _rows(name: str, entry: Entry) -> list[dict[str, object]]:
         "sampling_rate": entry.sampling_rate,
         "estimation_samples": entry.estimation_samples,
         "validation_samples": entry.validation_samples,
-        **{field.name: getattr(entry.orders, field.name) for field in fields(Orders)},
+        "model": str(entry.orders),
+        **{name: getattr(entry.orders, name) for name in ORDER_NAMES},
         "bic": entry.bic,
         **{error: getattr(entry, error) for error in _ERRORS},
         "failed_checks": entry.n_checks(passed=False),

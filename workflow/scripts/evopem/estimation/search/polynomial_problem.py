@@ -232,8 +232,9 @@ class PolynomialProblem:
         name, order = ("f", o.nf) if o.nf else ("a", o.na)
         if order <= 2 or o.nb == 0:
             return nothing, 0
-        fewer = {f"n{name}": order - 2, "nb": max(o.nb - 2, 1)}
-        smaller = PolynomialProblem(self._errors_of(replace(o, **fewer)))
+        orders = replace(o, nb=max(o.nb - 2, 1))
+        orders = replace(orders, nf=order - 2) if name == "f" else replace(orders, na=order - 2)
+        smaller = PolynomialProblem(self._errors_of(orders))
         starts, used = smaller._estimates
         descents = smaller.descend(starts)
         best = descents.points[np.argmin(descents.values)]

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from evopem.models.armax import ArmaxModel
 from evopem.models.confidence_ellipse import uncertain_roots
 from evopem.models.modes import Mode
+from evopem.models.polynomial import PolynomialModel
 from evopem.report.mode_table import ModeRow
 from evopem.report.numbers import THIN, count, enumeration, fixed, hertz, number, plural
 from evopem.report.numbers import root as root_text
@@ -36,10 +36,21 @@ def modes(results: DatasetResults, rows: Sequence[ModeRow]) -> list[str]:
         if row.estimate is not None:
             sentences += _remarks(row.estimate, place, transforms.estimation_samples / rate, rate)
     sentences += _origins(results, rows)
+    sentences += _of_noise(results)
     missed = [row.truth for row in rows if row.estimate is None and row.truth is not None]
     if missed:
         sentences += _missed(missed, transforms)
     return [" ".join(sentences)] if sentences else []
+
+
+def _of_noise(results: DatasetResults) -> list[str]:
+    """The modes that the noise filter has beside those of A."""
+    model = results.model.model
+    own = model.modes_of_polynomial("d")
+    if not own:
+        return []
+    listed = enumeration([hertz(mode.frequency_hz) for mode in own])
+    return [f"The noise filter has {plural(len(own), 'mode')} of its own, at {listed}."]
 
 
 def _origins(results: DatasetResults, rows: Sequence[ModeRow]) -> list[str]:
@@ -132,9 +143,10 @@ def poles(results: DatasetResults) -> list[str]:
     return [" ".join(sentence for sentence in sentences if sentence)]
 
 
-def _largest_ellipses(model: ArmaxModel) -> str:
+def _largest_ellipses(model: PolynomialModel) -> str:
     """The pole and the zero with the largest confidence ellipse, and the roots without one."""
-    poles, zeros = uncertain_roots(model, "A"), uncertain_roots(model, "B")
+    poles = [*uncertain_roots(model, "A"), *uncertain_roots(model, "F")]
+    zeros = uncertain_roots(model, "B")
     largest, unknown = [], 0
     for roots, noun in ((poles, "pole"), (zeros, "zero")):
         known = [root for root in roots if root.covariance_known]
@@ -160,10 +172,12 @@ def frequency_response(results: DatasetResults) -> list[str]:
     """Where the gain is largest, and its trend over frequency."""
     model = results.model.model
     frequencies = np.linspace(0, model.sampling_rate / 2, FREQUENCIES + 1)[1:]
-    gain = np.abs(model.frequency_response(frequencies))
+    response = model.frequency_response if model.has_input else model.noise_response
+    gain = np.abs(response(frequencies))
     top = int(np.argmax(gain))
     text = (
-        f"The gain is largest at {hertz(float(frequencies[top]))},"
+        f"The gain{'' if model.has_input else ' of the noise filter'} is largest at"
+        f" {hertz(float(frequencies[top]))},"
         f" where it is {number(float(gain[top]), 3)}."
     )
     tenth = FREQUENCIES // 10

@@ -38,7 +38,10 @@ def spectral_peaks(model: ModelRecord, spectrum: SpectrumSummary) -> Check:
     missed = [
         frequency
         for frequency in frequencies
-        if not any(_accounts_for(mode, frequency, resolution) for mode in model.modes)
+        if not any(
+            _accounts_for(mode, frequency, resolution)
+            for mode in (*model.modes, *model.noise_modes)
+        )
     ]
     if not missed:
         return Check(
