@@ -8,6 +8,7 @@ from evopem.estimation.pem.k_step_errors import KStepErrors
 from evopem.estimation.pem.polynomial_objective import PolynomialErrors
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomial_states import estimate_simulation_state
+from evopem.models.structures import STRUCTURES
 from evopem.synthesis.polynomial import polynomial_record
 
 QUADRATIC = SearchSettings(objective="quadratic")
@@ -89,7 +90,8 @@ def test_each_focus_is_the_best_at_its_own_errors_when_the_order_is_too_low():
 def test_with_the_true_orders_every_focus_finds_the_truth(structure):
     truth = TRUTHS[structure]
     u, y, _ = record(truth, 1000, 5)
-    orders = {name: order for name, order in vars(truth.orders).items() if order}
+    names = STRUCTURES[structure]
+    orders = {name: getattr(truth.orders, name) for name in names}
     for focus in ("prediction", 2, "simulation"):
         found = estimate(u, y, orders, structure=structure, settings=QUADRATIC, focus=focus)
         errors = found.model.parameters - truth.parameters
