@@ -13,6 +13,7 @@ from evopem.version import __version__
 
 if TYPE_CHECKING:
     from evopem.automatic.identify import Identification, identify
+    from evopem.config.constraints import Constraints, FixedPole, Prior
     from evopem.config.settings import ScoringWindow, SearchSettings
     from evopem.errors import InputError
     from evopem.estimation.model_record import load_model as load
@@ -22,11 +23,14 @@ if TYPE_CHECKING:
     from evopem.models.structures import PolynomialOrders
 
 __all__ = [
+    "Constraints",
+    "FixedPole",
     "Identification",
     "InputError",
     "PolynomialEstimate",
     "PolynomialModel",
     "PolynomialOrders",
+    "Prior",
     "ScoringWindow",
     "SearchSettings",
     "__version__",
@@ -37,10 +41,13 @@ __all__ = [
 
 _HOMES = {
     "Identification": "evopem.automatic.identify",
+    "Constraints": "evopem.config.constraints",
+    "FixedPole": "evopem.config.constraints",
     "InputError": "evopem.errors",
     "PolynomialEstimate": "evopem.estimation.polynomial_estimate",
     "PolynomialModel": "evopem.models.polynomial",
     "PolynomialOrders": "evopem.models.structures",
+    "Prior": "evopem.config.constraints",
     "ScoringWindow": "evopem.config.settings",
     "SearchSettings": "evopem.config.settings",
     "estimate": "evopem.estimation.structured_estimate",

@@ -36,6 +36,24 @@ Array = NDArray[np.float64]
 WITHOUT_NOISE_MODEL = ("fir", "oe", "general")
 
 
+@dataclass(frozen=True)
+class ConstraintEffect:
+    """What constraints cost in fit, and which of them bind.
+
+    Attributes
+    ----------
+    objective, objective_without : float
+        Objective of the errors in focus with the constraints and at the optimum without them,
+        percent, priors not included.
+    active : tuple of str
+        Equalities, priors, and the inequalities at whose bound the model lies.
+    """
+
+    objective: float
+    objective_without: float
+    active: tuple[str, ...]
+
+
 @dataclass(frozen=True, eq=False)
 class PolynomialEstimate:
     """An estimated polynomial model, its criteria, and the search that found it.
@@ -56,6 +74,13 @@ class PolynomialEstimate:
         Whether a root of A, C, D or F lies at the largest radius allowed.
     search : SearchResult
         ``search.value`` is the objective plus the priors of the states.
+    focus : str or int
+        The errors that the model was fitted for: ``"prediction"``, ``"simulation"``, or a horizon
+        in samples.
+    focus_objective : float
+        Objective of those errors, percent.
+    constraints : ConstraintEffect, optional
+        What the constraints of the estimate did.
     """
 
     model: PolynomialModel
@@ -66,6 +91,9 @@ class PolynomialEstimate:
     window: ScoringWindow
     at_stability_bound: bool
     search: SearchResult = field(repr=False)
+    focus: str | int = "prediction"
+    focus_objective: float = float("nan")
+    constraints: ConstraintEffect | None = None
 
     @property
     def with_level(self) -> bool:
@@ -128,11 +156,11 @@ def estimate_polynomial(
         raise ValueError(f"structure {structure!r} with nb = {o.nb} needs an input")
     u = np.zeros_like(y) if input is None else np.ascontiguousarray(input, dtype=float)
     window = window or ScoringWindow(o.first_residual, o.first_residual)
-    _check(u, y, o, settings, window)
+    check_record(u, y, o, settings, window)
     # The bits of a result must not depend on how many threads the machine's BLAS would take.
     with threadpool_limits(limits=1, user_api="blas"):
         errors = polynomial_errors(u, y, o, settings, window, level)
-        problem, scales = _scaled_problem(errors)
+        problem, scales = scaled_problem(errors)
         key = (o.na, o.nb, o.nc, o.nd, o.nf, o.nk, int(level), *((1,) if earlier else ()))
         sequence = np.random.SeedSequence(settings.seed, spawn_key=key)
         generator = np.random.default_rng(sequence)
@@ -183,13 +211,13 @@ def descend_from(
         Hz.
     earlier : SearchResult
     """
-    problem, scales = _scaled_problem(errors)
+    problem, scales = scaled_problem(errors)
     ended = descended(problem, np.asarray(point) / scales)
     ended = replace(ended, point=ended.point * scales)
     return describe(errors, pooled(earlier, ended), sampling_rate)
 
 
-def _scaled_problem(errors: PolynomialErrors) -> tuple[PolynomialProblem, Array]:
+def scaled_problem(errors: PolynomialErrors) -> tuple[PolynomialProblem, Array]:
     """The problem with signals scaled to moderate size, and the scales of its parameters."""
     input_scale, output_scale = power_of_two_scale(errors.input), power_of_two_scale(errors.output)
     scaled = PolynomialErrors(
@@ -211,9 +239,10 @@ def _scaled_problem(errors: PolynomialErrors) -> tuple[PolynomialProblem, Array]
     return PolynomialProblem(scaled), scales
 
 
-def _check(
+def check_record(
     u: Array, y: Array, orders: PolynomialOrders, settings: SearchSettings, window: ScoringWindow
 ) -> None:
+    """Refuse a record or settings that :func:`estimate_polynomial` cannot use."""
     if u.ndim != 1 or u.shape != y.shape:
         raise ValueError(f"input and output must be of one length, not {u.shape} and {y.shape}")
     if not (np.isfinite(u).all() and np.isfinite(y).all()):
@@ -271,15 +300,17 @@ def describe(
         lies_at_bound(max(max_root_radius(a[1:]), max_root_radius(f[1:])), errors.plant_radius),
         lies_at_bound(max(max_root_radius(c[1:]), max_root_radius(d[1:])), errors.noise_radius),
     )
+    criteria = criteria_of(counted, counted_output, errors.objective, errors.parameters)
     return PolynomialEstimate(
         model=model,
-        criteria=criteria_of(counted, counted_output, errors.objective, errors.parameters),
+        criteria=criteria,
         residuals=residuals,
         plant_state=point[parts["plant"]].copy(),
         noise_state=point[parts["noise"]].copy(),
         window=ScoringWindow(errors.residual_start, errors.loss_start),
         at_stability_bound=any(at_bound),
         search=result,
+        focus_objective=criteria.objective,
     )
 
 

@@ -8,9 +8,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from threadpoolctl import threadpool_limits
 
+from evopem.config.constraints import Constraints
 from evopem.config.settings import ScoringWindow, SearchSettings
 from evopem.estimation import estimate as armax
 from evopem.estimation import polynomial_estimate
+from evopem.estimation.focused_estimate import estimate_focused
 from evopem.estimation.polynomial_estimate import (
     PolynomialEstimate,
     estimate_polynomial,
@@ -33,6 +35,8 @@ def estimate(
     settings: SearchSettings | None = None,
     window: ScoringWindow | None = None,
     level: bool = False,
+    focus: str | int = "prediction",
+    constraints: Constraints | None = None,
     earlier: SearchResult | None = None,
     log: Callable[[str], None] | None = None,
 ) -> PolynomialEstimate:
@@ -53,6 +57,11 @@ def estimate(
     window : ScoringWindow, optional
     level : bool
         Whether a constant is estimated along.
+    focus : {"prediction", "simulation"} or int
+        The errors to be small: of one step, of simulation, or of predictions that many samples
+        ahead.
+    constraints : Constraints, optional
+        What the model must meet, and priors.
     earlier : SearchResult, optional
         Result of an earlier search of the same problem, to be combined with this one.
     log : callable, optional
@@ -62,10 +71,13 @@ def estimate(
     -------
     PolynomialEstimate
         For ``armax`` without a level, of :func:`evopem.estimation.estimate.estimate`, which is
-        faster; else of :func:`evopem.estimation.polynomial_estimate.estimate_polynomial`.
+        faster; else of :func:`evopem.estimation.polynomial_estimate.estimate_polynomial`; with a
+        focus or constraints, of :func:`evopem.estimation.focused_estimate.estimate_focused`.
 
     Raises
     ------
+    InputError
+        When constraints contradict each other, the structure or the focus.
     ValueError
         When the record is too short for the orders, or a setting is outside its range.
 
@@ -86,6 +98,22 @@ def estimate(
     """
     if structure == "armax" and input is None:
         raise ValueError("structure 'armax' needs an input; without one, use 'arma'")
+    if focus != "prediction" or constraints is not None:
+        if earlier is not None:
+            raise ValueError("an earlier search is not continued with a focus or constraints")
+        return estimate_focused(
+            input,
+            output,
+            structure,
+            orders,
+            sampling_rate,
+            settings=settings,
+            window=window,
+            level=level,
+            focus=focus,
+            constraints=constraints,
+            log=log,
+        )
     orders = orders_of(structure, orders)
     if input is not None and has_own_search(orders, level):
         return armax.estimate(
