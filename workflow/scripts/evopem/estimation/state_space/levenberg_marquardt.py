@@ -60,10 +60,14 @@ def descend(
     if not np.isfinite(point).all():
         return Optimum(point, np.inf, False, 0)
     found = errors.projection(point)
-    criterion = errors.criterion(found.covariance) if errors.stable(found) else np.inf
+    criterion, stable = errors.criterion(found.covariance), errors.stable(found)
     evaluations = 1
     if not np.isfinite(criterion):
         return Optimum(point, np.inf, False, evaluations)
+
+    def ended(converged: bool) -> Optimum:
+        return Optimum(point, criterion if stable else np.inf, converged, evaluations)
+
     damping, growth, small_gains = FIRST_DAMPING, 2.0, 0
     for _ in range(max_iterations):
         equations = errors.normal_equations(found)
@@ -77,31 +81,34 @@ def descend(
             if step is None:
                 damping, growth = damping * growth, growth * 2.0
                 if damping > LARGEST_DAMPING:
-                    return Optimum(point, criterion, True, evaluations)
+                    return ended(True)
                 continue
             promised = -(gradient @ step) - 0.5 * step @ hessian @ step
             if promised < 0.1 * tolerance and damping <= FIRST_DAMPING:
-                return Optimum(point, criterion, True, evaluations)
+                return ended(True)
             trial = inside(layout, moved(layout, point, step / scale), limit)
             new_found = errors.projection(trial) if np.isfinite(trial).all() else None
             evaluations += 1
-            new = np.inf
-            if new_found is not None and errors.stable(new_found):
-                new = errors.criterion(new_found.covariance)
+            new, new_stable = np.inf, False
+            if new_found is not None:
+                new_stable = errors.stable(new_found)
+                # A descent may begin with an unstable A, but never goes back to one.
+                if new_stable or not stable:
+                    new = errors.criterion(new_found.covariance)
             if new < criterion and new_found is not None:
                 break
             damping, growth = damping * growth, growth * 2.0
             if damping > LARGEST_DAMPING:
-                return Optimum(point, criterion, True, evaluations)
+                return ended(True)
         gain = criterion - new
         ratio = gain / promised if promised > 0.0 else 0.0
         damping = max(damping * max(1.0 / 3.0, 1.0 - (2.0 * ratio - 1.0) ** 3), 1e-15)
         growth = 2.0
-        point, found, criterion = trial, new_found, new
+        point, found, criterion, stable = trial, new_found, new, new_stable
         small_gains = small_gains + 1 if gain < tolerance else 0
         if small_gains >= 2:
-            return Optimum(point, criterion, True, evaluations)
-    return Optimum(point, criterion, False, evaluations)
+            return ended(True)
+    return ended(False)
 
 
 def _step(hessian: Array, gradient: Array, damping: float) -> Array | None:
