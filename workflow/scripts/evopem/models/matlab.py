@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from evopem.files.atomic import atomic_write
 from evopem.models.armax import ArmaxModel
 from evopem.models.polynomial import PolynomialModel
+
+if TYPE_CHECKING:
+    from evopem.models.state_space import StateSpaceModel
 
 
 def save_model_mat(model: ArmaxModel | PolynomialModel, path: str | os.PathLike[str]) -> None:
@@ -17,27 +23,36 @@ def save_model_mat(model: ArmaxModel | PolynomialModel, path: str | os.PathLike[
 
     The level of a polynomial model, which ``idpoly`` does not have, is stored beside them.
     """
-    from scipy.io import savemat
-
     d = f = np.ones(1)
     level = {}
     if isinstance(model, PolynomialModel):
         d, f = model.d, model.f
         level = {"Level": model.level} if model.level else {}
+    _save(
+        {
+            "A": model.a[None, :],
+            "B": model.delayed_b[None, :],
+            "C": model.c[None, :],
+            "D": d[None, :],
+            "F": f[None, :],
+            "NoiseVariance": model.noise_variance,
+            "Ts": 1.0 / model.sampling_rate,
+            **level,
+        },
+        path,
+    )
+
+
+def save_state_space_mat(model: StateSpaceModel, path: str | os.PathLike[str]) -> None:
+    """Write :meth:`StateSpaceModel.idss_arguments` to a v5 MAT file."""
+    _save(model.idss_arguments(), path)
+
+
+def _save(contents: Mapping[str, ArrayLike], path: str | os.PathLike[str]) -> None:
+    from scipy.io import savemat
+
     with atomic_write(Path(path)) as temporary, temporary.open("wb") as stream:
-        savemat(
-            stream,
-            {
-                "A": model.a[None, :],
-                "B": model.delayed_b[None, :],
-                "C": model.c[None, :],
-                "D": d[None, :],
-                "F": f[None, :],
-                "NoiseVariance": model.noise_variance,
-                "Ts": 1.0 / model.sampling_rate,
-                **level,
-            },
-        )
+        savemat(stream, dict(contents))
         # SciPy stamps the header with the time of writing; the same model must give the same
         # bytes.  The first 116 bytes are free text (MATLAB Level 5 MAT-file format).
         stream.seek(0)
