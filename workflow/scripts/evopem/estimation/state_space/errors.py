@@ -36,8 +36,9 @@ WEIGHTINGS = ("determinant", "noise", "power")
 # Singular values of the regressors, their columns scaled to unit length, below this share of the
 # largest one are rounding.
 REGRESSOR_RANK = 1e-9
-# Residuals smaller than this share of the outputs are rounding.
-ROUNDING = 1e-26
+# Added to the variances of the errors, relative to the power of the outputs: errors of less than a
+# ten-millionth of an output carry no information, and a determinant would seek them out.
+ROUNDING = 1e-14
 
 
 @dataclass(frozen=True, eq=False)

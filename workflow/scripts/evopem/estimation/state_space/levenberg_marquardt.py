@@ -72,7 +72,7 @@ def descend(
     for _ in range(max_iterations):
         equations = errors.normal_equations(found)
         evaluations += 1
-        scale = np.sqrt(np.diag(equations.hessian))
+        scale = np.sqrt(np.maximum(np.diag(equations.hessian), 0.0))
         scale = np.where(scale > 1e-12 * scale.max(initial=1e-300), scale, 1.0)
         gradient = equations.gradient / scale
         hessian = equations.hessian / np.outer(scale, scale)
