@@ -93,9 +93,7 @@ def _errors(A, B, C, K, level, x, u, y):  # type: ignore[no-untyped-def]
     return e
 
 
-def independent_optimum(
-    u: np.ndarray, y: np.ndarray, start: StateSpaceModel, gain: bool
-) -> float:
+def independent_optimum(u: np.ndarray, y: np.ndarray, start: StateSpaceModel, gain: bool) -> float:
     """Percent of the power that SciPy's least squares reaches from a start, entries free."""
     n, nu, ny = start.order, u.shape[1], y.shape[1]
     scale = y.std(axis=0)
@@ -153,7 +151,10 @@ def optimum(starts: int) -> None:
                 radius = np.abs(start.poles()).max()
                 start = start.with_parameters(
                     np.concatenate(
-                        [(start.A * min(1.0, 0.98 / radius)).ravel(), start.parameters[start.A.size :]]
+                        [
+                            (start.A * min(1.0, 0.98 / radius)).ravel(),
+                            start.parameters[start.A.size :],
+                        ]
                     )
                 )
                 values.append(independent_optimum(u, y, start, form == "innovations"))
@@ -161,7 +162,8 @@ def optimum(starts: int) -> None:
             print(
                 f"| {nu} × {ny} | {true.order} | {form} | {found.objective:.7f} | {best:.7f} | "
                 f"{(found.objective - best) / best:+.1e} | "
-                f"{sum(value < best * (1 + 1e-4) for value in values)} of {starts} | {spent:.0f} s |",
+                f"{sum(value < best * (1 + 1e-4) for value in values)} of {starts} | "
+                f"{spent:.0f} s |",
                 flush=True,
             )
 
@@ -175,9 +177,7 @@ def coverage(records: int) -> None:
             lost = 0
             for seed in range(records):
                 u, y = recorded(true, 1000, 0.2, 100 + seed)
-                scores = sweep_state_space_orders(
-                    u, y, [true.order], RATE, form=form, folds=False
-                )
+                scores = sweep_state_space_orders(u, y, [true.order], RATE, form=form, folds=False)
                 modes_found = scores.estimates[0].model.modes()
                 for each in true_modes:
                     if not modes_found:

@@ -1,5 +1,7 @@
 """State-space estimates against finite differences, closed forms and another optimiser."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_are
@@ -104,7 +106,9 @@ def test_the_gradient_agrees_with_finite_differences(form, order, weighting):
     step, numeric = 1e-6, np.empty(errors.dimension)
     for k, unit in enumerate(np.eye(errors.dimension)):
         values = [
-            errors.criterion(errors.projection(moved(errors.layout, point, sign * step * unit)).covariance)
+            errors.criterion(
+                errors.projection(moved(errors.layout, point, sign * step * unit)).covariance
+            )
             for sign in (1, -1)
         ]
         numeric[k] = (values[0] - values[1]) / (2.0 * step)
@@ -253,7 +257,10 @@ def test_the_covariance_is_that_of_a_numerical_jacobian(form):
     def slopes(function):
         step = 1e-6
         return np.array(
-            [(function(p0 + step * k) - function(p0 - step * k)) / (2 * step) for k in np.eye(len(p0))]
+            [
+                (function(p0 + step * k) - function(p0 - step * k)) / (2 * step)
+                for k in np.eye(len(p0))
+            ]
         ).T
 
     J, G = slopes(residuals), slopes(response)
@@ -302,7 +309,13 @@ def test_delays_by_input_are_taken_out_and_put_back():
     y = truth.simulate(delayed)
     y += 0.01 * np.random.default_rng(1).standard_normal(y.shape)
     found = estimate_state_space(
-        u, y, 4, RATE, form="output_error", delays=(1, 4), settings=StateSpaceSettings(evaluations=0)
+        u,
+        y,
+        4,
+        RATE,
+        form="output_error",
+        delays=(1, 4),
+        settings=StateSpaceSettings(evaluations=0),
     )
     assert found.model.input_delays == (0, 3)
     assert np.isnan(found.residuals[0][:3]).all()
@@ -324,7 +337,7 @@ def test_a_sweep_never_rises_with_the_order_by_much_and_finds_the_true_one():
     scores = sweep_state_space_orders(u, y, range(2, 6), RATE)
     assert scores.best("bic").model.order == 4
     objectives = [estimate.objective for estimate in scores.estimates]
-    assert all(later <= earlier * 1.001 for earlier, later in zip(objectives, objectives[1:], strict=False))
+    assert all(later <= earlier * 1.001 for earlier, later in pairwise(objectives))
     assert np.isfinite(scores.simulation_error).all()
 
 

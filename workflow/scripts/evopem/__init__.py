@@ -17,9 +17,16 @@ if TYPE_CHECKING:
     from evopem.estimation.estimate import Estimate
     from evopem.estimation.model_record import load_model as load
     from evopem.estimation.polynomial_estimate import PolynomialEstimate
+    from evopem.estimation.state_space.estimate import (
+        StateSpaceEstimate,
+        StateSpaceSettings,
+        estimate_state_space,
+        sweep_state_space_orders,
+    )
     from evopem.estimation.structured_estimate import estimate
     from evopem.models.armax import ArmaxModel, Orders
     from evopem.models.polynomial import PolynomialModel
+    from evopem.models.state_space import StateSpaceModel
     from evopem.models.structures import PolynomialOrders
 
 __all__ = [
@@ -32,9 +39,14 @@ __all__ = [
     "PolynomialOrders",
     "ScoringWindow",
     "SearchSettings",
+    "StateSpaceEstimate",
+    "StateSpaceModel",
+    "StateSpaceSettings",
     "__version__",
     "estimate",
+    "estimate_state_space",
     "load",
+    "sweep_state_space_orders",
 ]
 
 _HOMES = {
@@ -47,7 +59,12 @@ _HOMES = {
     "PolynomialOrders": "evopem.models.structures",
     "ScoringWindow": "evopem.config.settings",
     "SearchSettings": "evopem.config.settings",
+    "StateSpaceEstimate": "evopem.estimation.state_space.estimate",
+    "StateSpaceModel": "evopem.models.state_space",
+    "StateSpaceSettings": "evopem.estimation.state_space.estimate",
     "estimate": "evopem.estimation.structured_estimate",
+    "estimate_state_space": "evopem.estimation.state_space.estimate",
+    "sweep_state_space_orders": "evopem.estimation.state_space.estimate",
 }
 
 

@@ -348,8 +348,8 @@ class StateSpaceModel:
             free[sample] = response
             response = response @ dynamics
         weighted = (free * weights[:, None]).reshape(-1, self.order)
-        state: Array = np.linalg.lstsq(weighted, (remainder * weights).ravel(), STATE_RANK)[0]
-        return state
+        state = np.linalg.lstsq(weighted, (remainder * weights).ravel(), STATE_RANK)[0]
+        return np.asarray(state, dtype=float)
 
     def _unit_circle(self, frequencies: ArrayLike) -> NDArray[np.complex128]:
         f = np.asarray(frequencies, dtype=float)

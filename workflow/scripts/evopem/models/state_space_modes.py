@@ -90,15 +90,18 @@ def shaped_modes(
     """
     poles, right = np.linalg.eig(A)
     left = np.linalg.pinv(right).conj().T  # left[:, k]^H right[:, k] = 1
-    energies = _energies(poles, C @ right, left.conj().T @ (B if B.shape[1] else K))
+    adjoint = np.asarray(left.conj().T, dtype=complex)
+    shapes: Complex = (C @ right).astype(complex)
+    energies = _energies(poles, shapes, adjoint @ (B if B.shape[1] else K))
     total = energies.sum(axis=1)
     modes = []
-    for k in np.flatnonzero(poles.imag > 0.0):
-        shape = C @ right[:, k]
+    for k in map(int, np.flatnonzero(poles.imag > 0.0)):
+        shape = shapes[:, k]
         largest = int(np.argmax(np.abs(shape)))
         scale = shape[largest] if shape[largest] != 0.0 else 1.0
-        errors = _standard_errors(poles, right, left, k, C, scale, largest, covariance, levels)
-        frequency_se, damping_se, real_se, imag_se = errors(sampling_rate)
+        frequency_se, damping_se, real_se, imag_se = _standard_errors(
+            poles, right, left, k, C, scale, largest, covariance, levels, sampling_rate
+        )
         shape = shape / scale
         phase, deviation = mean_phase(shape)
         s = np.log(poles[k]) * sampling_rate
@@ -110,8 +113,8 @@ def shaped_modes(
                 damping_ratio=float(-s.real / abs(s)),
                 pole=complex(poles[k]),
                 shape=shape,
-                input_participation=scale * (left[:, k].conj() @ B),
-                noise_participation=scale * (left[:, k].conj() @ K),
+                input_participation=scale * (adjoint[k] @ B),
+                noise_participation=scale * (adjoint[k] @ K),
                 output_shares=share,
                 phase_collinearity=phase_collinearity(shape),
                 mean_phase_deg=phase,
@@ -187,15 +190,12 @@ def _standard_errors(
     largest: int,
     covariance: ParameterCovariance | None,
     levels: int,
-):  # type: ignore[no-untyped-def]
-    """A function of the sampling rate: standard errors of frequency, damping and shape."""
+    sampling_rate: float,
+) -> tuple[float, float, Array, Array]:
+    """Standard errors of frequency, damping, and the real and imaginary parts of the shape."""
     n, ny = len(poles), len(C)
-
-    def unknown(_: float) -> tuple[float, float, Array, Array]:
-        return float("nan"), float("nan"), np.full(ny, np.nan), np.full(ny, np.nan)
-
     if covariance is None:
-        return unknown
+        return float("nan"), float("nan"), np.full(ny, np.nan), np.full(ny, np.nan)
     entries = len(covariance)
     nu = (entries - levels - n * n - 2 * n * ny) // (n + ny)
     # d pole = w' dA v; d v = sum over the other poles of v_j (w_j' dA v) / (pole - pole_j).
@@ -211,14 +211,12 @@ def _standard_errors(
         d_shape[row, first + row * n : first + (row + 1) * n] += right[:, k]
     shape = C @ right[:, k] / scale
     d_shape = (d_shape - np.outer(shape, d_shape[largest])) / scale
-
-    def errors(sampling_rate: float) -> tuple[float, float, Array, Array]:
-        s = np.log(poles[k]) * sampling_rate
-        ds = sampling_rate * d_pole / poles[k]
-        d_modulus = (np.conj(s) * ds).real / abs(s)
-        d_damping = -ds.real / abs(s) + s.real * d_modulus / abs(s) ** 2
-        gradients = np.vstack([d_modulus / (2.0 * np.pi), d_damping, d_shape.real, d_shape.imag])
-        found = covariance.standard_errors(gradients)
-        return float(found[0]), float(found[1]), found[2 : 2 + ny], found[2 + ny :]
-
-    return errors
+    s = np.log(poles[k]) * sampling_rate
+    ds = sampling_rate * d_pole / poles[k]
+    d_modulus = (np.conj(s) * ds).real / abs(s)
+    d_damping = -ds.real / abs(s) + s.real * d_modulus / abs(s) ** 2
+    # The largest entry is 1 by definition, whatever the data determine.
+    d_shape[largest] = 0.0
+    gradients = np.vstack([d_modulus / (2.0 * np.pi), d_damping, d_shape.real, d_shape.imag])
+    found = covariance.standard_errors(gradients)
+    return float(found[0]), float(found[1]), found[2 : 2 + ny], found[2 + ny :]

@@ -341,8 +341,8 @@ class StateSpaceErrors:
         """Derivative of the criterion by the covariance: weights of the outputs, (ny, ny)."""
         floor = ROUNDING * np.eye(len(covariance))
         if self.weighting == "determinant":
-            weights: Array = np.linalg.inv(covariance + floor)
-            return 0.5 * (weights + weights.T)
+            weights = np.linalg.inv(covariance + floor)
+            return np.asarray(0.5 * (weights + weights.T), dtype=float)
         if self.weighting == "noise":
             return np.diag(1.0 / np.diag(covariance + floor))
         return np.eye(len(covariance))

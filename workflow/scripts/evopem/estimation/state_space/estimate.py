@@ -236,10 +236,10 @@ def sweep_state_space_orders(
         Whether the two-fold simulation errors are computed; else they are NaN.
     """
     settings = settings or StateSpaceSettings()
-    steps = set(np.diff(orders)) or {1}
+    steps = {int(step) for step in np.diff(orders)} or {1}
     if len(steps) > 1 or not steps <= {1, 2}:
         raise ValueError(f"orders must ascend in steps of one or of two, not {tuple(orders)}")
-    span = range(min(orders), max(orders) + 1, int(steps.pop()))
+    span = range(min(orders), max(orders) + 1, steps.pop())
     with threadpool_limits(limits=1, user_api="blas"):
         prepared = _prepared(inputs, outputs, delays, level)
         errors = _errors(prepared, span[-1], form, settings)
@@ -286,6 +286,9 @@ def _relative(errors: Array, outputs: Array) -> Array:
     spread = np.linalg.norm(outputs - outputs.mean(axis=0), axis=0)
     relative = 100.0 * np.linalg.norm(errors, axis=0) / np.where(spread > 0.0, spread, np.nan)
     return np.where(np.isfinite(relative), relative, np.inf)
+
+
+_Half = tuple[tuple[Array, ...], tuple[Array, ...]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -376,7 +379,7 @@ def _errors(
 def _generator(
     settings: StateSpaceSettings, order: int, form: str, prepared: _Prepared, fold: int = 0
 ) -> np.random.Generator:
-    key = (order, FORMS.index(form), int(prepared.level), *prepared.delays, fold)  # type: ignore[arg-type]
+    key = (order, FORMS.index(form), int(prepared.level), *prepared.delays, fold)
     return np.random.default_rng(np.random.SeedSequence(settings.seed, spawn_key=key))
 
 
@@ -437,9 +440,7 @@ def _searched(
     budget = _evaluations(errors, settings)
     if budget == 0 and points:
         values = search.values(np.array(points))
-        best = descend(
-            errors, points[int(np.argmin(values))], POLISH_STEPS, POLISH_TOLERANCE
-        )
+        best = descend(errors, points[int(np.argmin(values))], POLISH_STEPS, POLISH_TOLERANCE)
         value = errors.percent(best.criterion)
         diagnostics = SearchDiagnostics(
             evaluations=spent + best.evaluations,
@@ -527,7 +528,7 @@ def _two_fold_errors(
     return np.where(seen == 2, relative, np.inf)
 
 
-def _halves(prepared: _Prepared) -> tuple:  # type: ignore[type-arg]
+def _halves(prepared: _Prepared) -> tuple[_Half, _Half]:
     """Two parts of the samples: half of the records, or both halves of a single one."""
     us, ys = prepared.inputs, prepared.outputs
     if len(ys) > 1:

@@ -162,9 +162,7 @@ def with_initial_states(errors: StateSpaceErrors, point: Array) -> Array:
             into_first = np.outer(p[:length, m], c[2 * m]) + ratio[m] * np.outer(
                 r[:length, m], c[2 * m + 1]
             )
-            into_second = np.outer(r[:length, m], c[2 * m]) + np.outer(
-                p[:length, m], c[2 * m + 1]
-            )
+            into_second = np.outer(r[:length, m], c[2 * m]) + np.outer(p[:length, m], c[2 * m + 1])
             columns += [into_first.ravel(), into_second.ravel()]
         if layout.single:
             columns.append(np.outer(p[:length, -1], c[-1]).ravel())

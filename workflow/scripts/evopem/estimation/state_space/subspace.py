@@ -38,9 +38,7 @@ def largest_lag(record: StateSpaceRecord) -> int:
     """Lags of a vector ARX model that the record supports."""
     signals = record.inputs.shape[1] + record.outputs.shape[1]
     shortest = int(np.min(np.diff(record.bounds)))
-    return max(
-        1, min(record.samples // (SAMPLES_PER_REGRESSOR * signals) - 1, shortest // 4)
-    )
+    return max(1, min(record.samples // (SAMPLES_PER_REGRESSOR * signals) - 1, shortest // 4))
 
 
 def long_arx(record: StateSpaceRecord, lags: int) -> LongArx:
@@ -158,9 +156,7 @@ def realised_poles(record: StateSpaceRecord, arx: LongArx, largest_order: int) -
     return poles
 
 
-def instrumental_poles(
-    record: StateSpaceRecord, horizon: int, largest_order: int
-) -> list[Complex]:
+def instrumental_poles(record: StateSpaceRecord, horizon: int, largest_order: int) -> list[Complex]:
     """Poles of orders 1 ... largest_order by MOESP with past inputs and outputs as instruments.
 
     The observability matrix is the part of the future outputs that past signals explain beyond
