@@ -1,4 +1,4 @@
-"""Measure state-space estimates, and write docs/evidence/state_space.json for each part.
+"""Measure state-space estimates; docs/evidence/state_space.md holds the tables it prints.
 
     python benchmarks/state_space.py PART [--records 60] [--starts 30] [--recordings FOLDER]
 
@@ -22,6 +22,7 @@ import numba
 import numpy as np
 from scipy.linalg import solve_discrete_are
 from scipy.optimize import least_squares
+from scipy.signal import lfilter
 from threadpoolctl import threadpool_limits
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -69,13 +70,18 @@ def truth(nu: int, ny: int, modes: int, form: str, seed: int = 0) -> StateSpaceM
 
 
 def recorded(
-    model: StateSpaceModel, samples: int, noise: float, seed: int
+    model: StateSpaceModel, samples: int, noise: float, seed: int, colour: float = 0.0
 ) -> tuple[np.ndarray, np.ndarray]:
-    """White inputs, and outputs with innovations of a share of the output's deviation."""
+    """White inputs, and outputs with innovations of a share of the output's deviation.
+
+    ``colour`` is the pole of a first-order filter that the innovations of an output-error model
+    go through.
+    """
     generator = np.random.default_rng([seed, model.order, model.outputs, samples])
     u = generator.standard_normal((samples + 500, model.inputs))
     scale = noise * model.simulate(u).std(axis=0)
     e = scale * generator.standard_normal((samples + 500, model.outputs))
+    e = lfilter([np.sqrt(1.0 - colour**2)], [1.0, -colour], e, axis=0)
     y = np.empty_like(e)
     x = np.zeros(model.order)
     for t in range(len(u)):
@@ -170,13 +176,13 @@ def optimum(starts: int) -> None:
 
 def coverage(records: int) -> None:
     for nu, ny, modes in TRUTHS:
-        for form in ("innovations", "output_error"):
+        for form, colour in (("innovations", 0.0), ("output_error", 0.0), ("output_error", 0.8)):
             true = truth(nu, ny, modes, form)
             true_modes = true.modes()
             hits: dict[str, list[bool]] = {"frequency": [], "damping": [], "shape": []}
             lost = 0
             for seed in range(records):
-                u, y = recorded(true, 1000, 0.2, 100 + seed)
+                u, y = recorded(true, 1000, 0.2, 100 + seed, colour)
                 scores = sweep_state_space_orders(u, y, [true.order], RATE, form=form, folds=False)
                 modes_found = scores.estimates[0].model.modes()
                 for each in true_modes:
@@ -203,7 +209,7 @@ def coverage(records: int) -> None:
                             ]
             share = {name: 100.0 * np.mean(values) for name, values in hits.items()}
             print(
-                f"| {nu} × {ny} | {true.order} | {form} | {records} | {share['frequency']:.1f} % | "
+                f"| {nu} × {ny} | {true.order} | {form}{', coloured' if colour else ''} | {records} | {share['frequency']:.1f} % | "
                 f"{share['damping']:.1f} % | {share['shape']:.1f} % | {lost} |",
                 flush=True,
             )

@@ -90,9 +90,9 @@ def shaped_modes(
     """
     poles, right = np.linalg.eig(A)
     left = np.linalg.pinv(right).conj().T  # left[:, k]^H right[:, k] = 1
-    adjoint = np.asarray(left.conj().T, dtype=complex)
+    adjoint: Complex = left.conj().T.astype(complex)
     shapes: Complex = (C @ right).astype(complex)
-    energies = _energies(poles, shapes, adjoint @ (B if B.shape[1] else K))
+    energies = _energies(poles, shapes, (adjoint @ (B if B.shape[1] else K)).astype(complex))
     total = energies.sum(axis=1)
     modes = []
     for k in map(int, np.flatnonzero(poles.imag > 0.0)):

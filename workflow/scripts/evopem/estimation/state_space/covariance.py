@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.estimation.state_space.errors import Projection, StateSpaceErrors
+from evopem.estimation.state_space.noise_colour import coloured_autocovariances
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.state_space import StateSpaceModel
 
@@ -49,17 +50,14 @@ def model_of(
 def parameter_covariance(errors: StateSpaceErrors, found: Projection) -> ParameterCovariance:
     """Covariance of the entries of ``[A, B, C, D, K, level]``, initial states estimated along.
 
-    ``H^-1 S H^-1``, where H is the Gauss-Newton Hessian and S the covariance of the gradient: the
-    same for white errors and the weights of maximum likelihood (Ljung 1999, section 9.4).  The
-    free choice of the states, n directions of H, is left out.
+    ``H^-1 S H^-1``, where H is the Gauss-Newton Hessian and S the covariance of the gradient.  In
+    innovations form the errors are white.  Those of an output-error form need not be: S then
+    takes their autocovariances, independent of the inputs (Ljung 1999, eq. 9.42).  The free
+    choice of the states, n directions of H, is left out.
     """
     weights = errors.weights(found.covariance)
-    degrees = _degrees_of_freedom(errors)
-    spread = weights @ (found.covariance * errors.record.samples / degrees) @ weights
     hessian = _information(errors, found, weights)
-    score = hessian if errors.weighting == "determinant" else _information(errors, found, spread)
-    if errors.weighting == "determinant":
-        score = score * errors.record.samples / degrees
+    score = _score_covariance(errors, found, weights)
     scale = np.sqrt(np.diag(hessian))
     scale[scale == 0.0] = 1.0
     values, vectors = np.linalg.eigh(hessian / np.outer(scale, scale))
@@ -85,11 +83,53 @@ def _degrees_of_freedom(errors: StateSpaceErrors) -> float:
 def _information(errors: StateSpaceErrors, found: Projection, weights: Array) -> Array:
     """``J' W J`` over coordinates and, output by output, linear coefficients."""
     signals = errors.derivative_signals(found)
+    return _products(
+        errors, found, (signals, found.regressors), (signals, found.regressors), weights
+    )
+
+
+def _score_covariance(errors: StateSpaceErrors, found: Projection, weights: Array) -> Array:
+    """Covariance of ``J' W e``, over the same."""
+    record = errors.record
+    inflation = record.samples / _degrees_of_freedom(errors)
+    if errors.innovations:
+        autocovariances = found.covariance[None]
+    else:
+        autocovariances = coloured_autocovariances(found.errors, record.bounds)
+    signals, regressors = errors.derivative_signals(found), found.regressors
+    total = np.zeros(2 * (errors.dimension + weights.shape[0] * regressors.shape[1],))
+    for lag, gamma in enumerate(autocovariances):
+        between = weights @ gamma @ weights
+        products = np.zeros_like(total)
+        for first, stop in zip(record.bounds[:-1], record.bounds[1:], strict=True):
+            later, earlier = slice(first + lag, stop), slice(first, max(stop - lag, first))
+            if first + lag >= stop:
+                continue
+            products += _products(
+                errors,
+                found,
+                (signals[later], regressors[later]),
+                (signals[earlier], regressors[earlier]),
+                between,
+            )
+        total += products if lag == 0 else products + products.T
+    return inflation * total
+
+
+def _products(
+    errors: StateSpaceErrors,
+    found: Projection,
+    left: tuple[Array, Array],
+    right: tuple[Array, Array],
+    between: Array,
+) -> Array:
+    """``J_left' between J_right`` from the (signals, regressors) that both consist of."""
     c = found.linear[: errors.order].T
-    top = errors.contracted(found, signals.T @ signals, c.T @ weights @ c)
-    side = errors.by_linear(found, signals.T @ found.regressors, c.T @ weights)
-    bottom = np.kron(weights, found.regressors.T @ found.regressors)
-    return np.block([[top, side], [side.T, bottom]])
+    top = errors.contracted(found, left[0].T @ right[0], c.T @ between @ c)
+    upper = errors.by_linear(found, left[0].T @ right[1], c.T @ between)
+    lower = errors.by_linear(found, right[0].T @ left[1], c.T @ between.T)
+    bottom = np.kron(between, left[1].T @ right[1])
+    return np.block([[top, upper], [lower.T, bottom]])
 
 
 def _matrices(errors: StateSpaceErrors, found: Projection) -> tuple[Array, ...]:

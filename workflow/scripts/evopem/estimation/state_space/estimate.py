@@ -405,10 +405,10 @@ def _searched(
     log: Callable[[str], None] | None,
 ) -> SearchResult:
     """Descents from estimates and from smaller orders, then the memetic search among them."""
-    heavy = _cost(errors) > HEAVY
-    models = StartingModels(errors, errors.order, not heavy)
+    models = StartingModels(errors, errors.order, _cost(errors) <= HEAVY)
     spent, points = 0, []
     for problem in (errors, *_other_form(errors)):
+        heavy = _cost(problem) > HEAVY
         first = 1 + (problem.order + 1) % 2
         width = 1 if heavy else WIDTH
         last = problem.order if heavy else problem.order - 1
@@ -462,9 +462,11 @@ def _searched(
 
 
 def _other_form(errors: StateSpaceErrors) -> tuple[StateSpaceErrors, ...]:
+    """The problem of the other form, whose optima are starts, where it is not too large."""
     if errors.record.inputs.shape[1] == 0:
         return ()
-    return (errors.of_form("output_error" if errors.innovations else "innovations"),)
+    other = errors.of_form("output_error" if errors.innovations else "innovations")
+    return () if _cost(other) > HEAVY else (other,)
 
 
 def _swept(
