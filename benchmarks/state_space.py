@@ -208,8 +208,10 @@ def coverage(records: int) -> None:
                                 abs(difference[k].imag) < 1.96 * found.shape_se_imag[k],
                             ]
             share = {name: 100.0 * np.mean(values) for name, values in hits.items()}
+            noise = "coloured" if colour else "white"
             print(
-                f"| {nu} × {ny} | {true.order} | {form}{', coloured' if colour else ''} | {records} | {share['frequency']:.1f} % | "
+                f"| {nu} × {ny} | {true.order} | {form} | {noise} | {records} | "
+                f"{share['frequency']:.1f} % | "
                 f"{share['damping']:.1f} % | {share['shape']:.1f} % | {lost} |",
                 flush=True,
             )
