@@ -7,7 +7,11 @@ import pytest
 from scipy.linalg import solve_discrete_are
 from scipy.optimize import least_squares
 
-from evopem.estimation.state_space.covariance import model_of, parameter_covariance
+from evopem.estimation.state_space.covariance import (
+    initial_states,
+    model_of,
+    parameter_covariance,
+)
 from evopem.estimation.state_space.errors import (
     WEIGHTINGS,
     StateSpaceErrors,
@@ -123,9 +127,7 @@ def test_the_model_of_a_point_has_the_errors_of_the_point(form):
     model = model_of(errors, found, RATE, (0, 0), (), ())
     y = record.outputs * record.output_scales + record.output_offsets
     u = record.inputs * record.input_scales
-    from evopem.estimation.state_space.estimate import _initial_states
-
-    states, levels = _initial_states(errors, found, model)
+    states, levels = initial_states(errors, found, model)
     for k, (first, stop) in enumerate(zip(record.bounds[:-1], record.bounds[1:], strict=True)):
         part = slice(first, stop)
         own = model.with_parameters(np.concatenate([model.parameters[: -model.outputs], levels[k]]))
@@ -236,9 +238,7 @@ def test_the_covariance_is_that_of_a_numerical_jacobian(form):
             noise_covariance=np.eye(2), form=form,
         ), p[-2:]  # fmt: skip
 
-    from evopem.estimation.state_space.estimate import _initial_states
-
-    state = _initial_states(errors, found, model)[0][0]
+    state = initial_states(errors, found, model)[0][0]
     gain = [model.K.ravel()] if form == "innovations" else [np.empty(0)]
     p0 = np.concatenate(
         [model.A.ravel(), model.B.ravel(), np.empty(2), *gain, model.C.ravel(), model.level, state]

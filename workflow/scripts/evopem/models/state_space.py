@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -115,8 +115,6 @@ class StateSpaceModel:
 
     def with_parameters(self, parameters: Array) -> StateSpaceModel:
         """The model with other entries of ``[A, B, C, D, K, level]``."""
-        from dataclasses import replace
-
         parts = (self.A, self.B, self.C, self.D, self.K, self.level)
         ends = np.cumsum([part.size for part in parts])[:-1]
         A, B, C, D, K, level = (
@@ -264,8 +262,6 @@ class StateSpaceModel:
 
     def without_delays(self) -> StateSpaceModel:
         """The same plant with delays as further states; without covariance."""
-        from dataclasses import replace
-
         delays = self.input_delays or (0,) * self.inputs
         n, extra = self.order, sum(delays)
         A = np.zeros((n + extra, n + extra))

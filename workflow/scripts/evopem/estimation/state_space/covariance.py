@@ -1,4 +1,4 @@
-"""From a point to the model, and the covariance of all its entries."""
+"""From a point to the model, its initial states, and the covariance of all its entries."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from evopem.estimation.state_space.errors import Projection, StateSpaceErrors
 from evopem.estimation.state_space.noise_colour import coloured_autocovariances
+from evopem.estimation.state_space.sections import state_matrix
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.state_space import StateSpaceModel
 
@@ -45,6 +46,24 @@ def model_of(
         input_names=input_names,
         output_names=output_names,
     )
+
+
+def initial_states(
+    errors: StateSpaceErrors, found: Projection, model: StateSpaceModel
+) -> tuple[Array, Array]:
+    """Initial states and levels of the records, of the model whose level is that of the record.
+
+    A constant of the predictor's states belongs to the level: ``y - level`` drives the model.
+    """
+    record = errors.record
+    levels = record_levels(errors, found)
+    drives = errors.drive_matrix(found)[:, errors.driving :]
+    offset = (levels - record.output_offsets) / record.output_scales
+    P = model.predictor
+    steady = np.linalg.lstsq(
+        np.eye(len(P)) - P, model.K @ (offset * record.output_scales).T, rcond=None
+    )[0]
+    return drives.T - steady.T, levels
 
 
 def parameter_covariance(errors: StateSpaceErrors, found: Projection) -> ParameterCovariance:
@@ -183,8 +202,6 @@ def _feedback(errors: StateSpaceErrors, found: Projection) -> Array:
 
 
 def _predictor(errors: StateSpaceErrors, found: Projection) -> Array:
-    from evopem.estimation.state_space.sections import state_matrix
-
     return state_matrix(found.sections, errors.layout)
 
 

@@ -25,6 +25,7 @@ from evopem.estimation.state_space.kernels import section_responses
 from evopem.estimation.state_space.sections import (
     Layout,
     Sections,
+    input_matrix,
     largest_radius,
     sections_of,
     state_matrix,
@@ -79,18 +80,6 @@ class StateSpaceRecord:
     def samples(self) -> int:
         """Samples N of all records."""
         return len(self.outputs)
-
-    def part(self, first: int, stop: int) -> StateSpaceRecord:
-        """Some samples, with the records that they belong to."""
-        from dataclasses import replace
-
-        cuts = np.clip(self.bounds, first, stop) - first
-        return replace(
-            self,
-            inputs=self.inputs[first:stop],
-            outputs=self.outputs[first:stop],
-            bounds=np.unique(cuts),
-        )
 
 
 def state_space_record(
@@ -212,12 +201,12 @@ class StateSpaceErrors:
         self.layout = Layout(order, self.driving + record.records)
         # The last column, of zeros, drives the responses to initial states.
         self._signals = np.column_stack([signals, np.zeros(record.samples)])
-        self._direct = [record.inputs[:, record.feedthrough]]
+        self.direct = [record.inputs[:, record.feedthrough]]
         if record.levels:
             constants = np.zeros((record.samples, record.records))
             for k in range(record.records):
                 constants[record.bounds[k] : record.bounds[k + 1], k] = 1.0
-            self._direct.append(constants)
+            self.direct.append(constants)
 
     @property
     def dimension(self) -> int:
@@ -245,7 +234,7 @@ class StateSpaceErrors:
         """Errors with the best C, D and constants."""
         layout = self.layout
         sections = sections_of(layout, point)
-        responses = self._responses(sections)
+        responses = self.responses(sections)
         count = layout.sections * layout.drives
         shape = (self.record.samples, layout.sections, layout.drives)
         p, r = responses[:, :count].reshape(shape), responses[:, count:].reshape(shape)
@@ -259,7 +248,7 @@ class StateSpaceErrors:
         )[:, : layout.pairs]
         if layout.single:
             states[:, -1] = first[:, -1]
-        regressors = np.column_stack([states, *self._direct])
+        regressors = np.column_stack([states, *self.direct])
         sizes = np.linalg.norm(regressors, axis=0)
         sizes[sizes == 0.0] = 1.0
         q, triangle = np.linalg.qr(regressors / sizes)
@@ -333,8 +322,6 @@ class StateSpaceErrors:
 
     def drive_matrix(self, found: Projection) -> Array:
         """Columns by which the drives enter the states, (n, drives)."""
-        from evopem.estimation.state_space.sections import input_matrix
-
         return input_matrix(found.sections, self.layout)
 
     def weights(self, covariance: Array) -> Array:
@@ -462,7 +449,7 @@ class StateSpaceErrors:
             ratio_of[at:] = -2
         return tuple(first), tuple(second), ratio_of
 
-    def _responses(self, sections: Sections) -> Array:
+    def responses(self, sections: Sections) -> Array:
         """Responses of each section to each drive, (N, 2 sections drives)."""
         layout, record = self.layout, self.record
         drives = layout.drives

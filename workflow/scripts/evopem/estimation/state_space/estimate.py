@@ -14,14 +14,18 @@ from evopem.config.settings import SearchSettings
 from evopem.estimation.criteria import lies_at_bound
 from evopem.estimation.search.memetic import memetic_search
 from evopem.estimation.search.problem import SearchDiagnostics, SearchResult
-from evopem.estimation.state_space.covariance import model_of, parameter_covariance
+from evopem.estimation.state_space.covariance import (
+    initial_states,
+    model_of,
+    parameter_covariance,
+)
 from evopem.estimation.state_space.errors import (
     WEIGHTINGS,
     StateSpaceErrors,
     StateSpaceRecord,
     state_space_record,
 )
-from evopem.estimation.state_space.levenberg_marquardt import descend
+from evopem.estimation.state_space.levenberg_marquardt import Optimum, descend
 from evopem.estimation.state_space.problem import (
     POLISH_STEPS,
     POLISH_TOLERANCE,
@@ -46,6 +50,8 @@ LEAST_EVALUATIONS, MOST_EVALUATIONS = 500, 8000
 # Estimates of each order that are descended from on the way to a larger order, and for the order
 # itself.
 WIDTH, FINAL_WIDTH = 3, 8
+# Optima of the other form that are descended from.
+CROSSED = 2
 
 
 @dataclass(frozen=True)
@@ -406,59 +412,68 @@ def _searched(
 ) -> SearchResult:
     """Descents from estimates and from smaller orders, then the memetic search among them."""
     models = StartingModels(errors, errors.order, _cost(errors) <= HEAVY)
-    spent, points = 0, []
+    points, spent = [], 0
     for problem in (errors, *_other_form(errors)):
-        heavy = _cost(problem) > HEAVY
-        first = 1 + (problem.order + 1) % 2
-        width = 1 if heavy else WIDTH
-        last = problem.order if heavy else problem.order - 1
-        previous: list[tuple[StateSpaceErrors, Array]] = []
-        ladder = range(problem.order, problem.order + 1) if heavy else range(first, last + 1, 2)
-        for smaller, optima in rungs(problem, models, generator, width, ladder):
-            spent += sum(optimum.evaluations for optimum in optima)
-            if optima:
-                previous.append((smaller, optima[0].point))
-        starts = list(models.points(problem))
-        if previous and previous[-1][0].order < problem.order:
-            starts += extensions(problem, *previous[-1], generator)
-        if not heavy:
-            optima = descended(problem, starts, FINAL_WIDTH)
-            spent += sum(optimum.evaluations for optimum in optima)
-            found = [optimum.point for optimum in optima]
-        else:
-            found = [point for smaller, point in previous if smaller.order == problem.order]
+        optima = _optima_from_estimates(problem, models, generator)
         if problem is not errors:
-            crossed = descended(
-                errors, [converted(errors, problem, point) for point in found[:2]], 2
-            )
-            spent += sum(optimum.evaluations for optimum in crossed)
-            found = [optimum.point for optimum in crossed]
-        points += found
+            spent += sum(optimum.evaluations for optimum in optima)
+            crossing = [converted(errors, problem, optimum.point) for optimum in optima[:CROSSED]]
+            optima = descended(errors, crossing, CROSSED)
+        points += [optimum.point for optimum in optima]
+        spent += sum(optimum.evaluations for optimum in optima)
         if log is not None:
-            log(f"{problem.form}: {len(found)} optima from estimates, {spent} evaluations")
-    search = StateSpaceProblem(errors, np.array(points).reshape(-1, errors.dimension))
+            log(f"starts of {problem.form} form: {len(optima)} optima, {spent} evaluations")
     budget = _evaluations(errors, settings)
     if budget == 0 and points:
-        values = search.values(np.array(points))
-        best = descend(errors, points[int(np.argmin(values))], POLISH_STEPS, POLISH_TOLERANCE)
-        value = errors.percent(best.criterion)
-        diagnostics = SearchDiagnostics(
-            evaluations=spent + best.evaluations,
-            generations=0,
-            restart_minima=(value,),
-            n_confirming=0,
-            n_local_optima=len(values),
-            n_multistart=0,
-            undiscovered_probability=1.0,
-            convergence=((spent, float(values.min())), (spent + best.evaluations, value)),
-        )
-        return SearchResult(best.point, value, diagnostics)
+        return _polished(errors, points, spent)
+    search = StateSpaceProblem(errors, np.array(points).reshape(-1, errors.dimension))
     sizes = SearchSettings(
         mu=8, lambda_=16, nu=6, refine="random", seed=settings.seed, evaluations=max(budget, 1)
     )
     result = memetic_search(search, sizes, generator, log, recombine=search.recombine)
     diagnostics = replace(result.diagnostics, evaluations=result.diagnostics.evaluations + spent)
     return replace(result, diagnostics=diagnostics)
+
+
+def _optima_from_estimates(
+    problem: StateSpaceErrors, models: StartingModels, generator: np.random.Generator
+) -> list[Optimum]:
+    """Optima from estimates of the order itself, and from the optimum of two states fewer."""
+    if _cost(problem) > HEAVY:
+        ((_, optima),) = rungs(
+            problem, models, generator, 1, range(problem.order, problem.order + 1)
+        )
+        return optima
+    starts = list(models.points(problem))
+    smaller = range(1 + (problem.order + 1) % 2, problem.order, 2)
+    for below, optima in rungs(problem, models, generator, WIDTH, smaller):
+        if optima and below.order == problem.order - 2:
+            starts += extensions(problem, below, optima[0].point, generator)
+    return descended(problem, starts, FINAL_WIDTH)
+
+
+def _polished(errors: StateSpaceErrors, points: list[Array], spent: int) -> SearchResult:
+    """The lowest of some points, descended from to the last digits."""
+    values = np.array([errors.percent(errors.value(point)) for point in points])
+    best = descend(errors, points[int(np.argmin(values))], POLISH_STEPS, POLISH_TOLERANCE)
+    value = errors.percent(best.criterion)
+    spent += best.evaluations
+    diagnostics = _without_generations(value, spent, len(points))
+    return SearchResult(best.point, value, diagnostics)
+
+
+def _without_generations(value: float, spent: int, optima: int) -> SearchDiagnostics:
+    """Diagnostics of descents from estimates alone: nothing was confirmed."""
+    return SearchDiagnostics(
+        evaluations=spent,
+        generations=0,
+        restart_minima=(value,),
+        n_confirming=0,
+        n_local_optima=optima,
+        n_multistart=0,
+        undiscovered_probability=1.0,
+        convergence=((spent, value),),
+    )
 
 
 def _other_form(errors: StateSpaceErrors) -> tuple[StateSpaceErrors, ...]:
@@ -488,16 +503,7 @@ def _swept(
         spent = sum(optimum.evaluations for optimum in optima)
         if log is not None:
             log(f"order {problem.order}: {value:.9g} %, {spent} evaluations")
-        diagnostics = SearchDiagnostics(
-            evaluations=spent,
-            generations=0,
-            restart_minima=(value,),
-            n_confirming=0,
-            n_local_optima=len(optima),
-            n_multistart=0,
-            undiscovered_probability=1.0,
-            convergence=((spent, value),),
-        )
+        diagnostics = _without_generations(value, spent, len(optima))
         yield problem, SearchResult(best.point, value, diagnostics)
 
 
@@ -567,7 +573,7 @@ def _described(
     for first, stop in zip(record.bounds[:-1], record.bounds[1:], strict=True):
         unknown = np.full((lost, e.shape[1]), np.nan)
         residuals.append(np.vstack([unknown, e[first:stop]]))
-    states, levels = _initial_states(errors, found, model)
+    states, levels = initial_states(errors, found, model)
     radius = max(largest_radius(errors.layout, result.point), float(np.abs(model.poles()).max()))
     return StateSpaceEstimate(
         model=model,
@@ -580,23 +586,3 @@ def _described(
         at_stability_bound=lies_at_bound(radius, errors.radius),
         search=result,
     )
-
-
-def _initial_states(
-    errors: StateSpaceErrors, found: object, model: StateSpaceModel
-) -> tuple[Array, Array]:
-    """Initial states and levels of the records, of the model whose level is that of the record.
-
-    A constant of the predictor's states belongs to the level: ``y - level`` drives the model.
-    """
-    from evopem.estimation.state_space.covariance import record_levels
-
-    record = errors.record
-    levels = record_levels(errors, found)  # type: ignore[arg-type]
-    drives = errors.drive_matrix(found)[:, errors.driving :]  # type: ignore[arg-type]
-    offset = (levels - record.output_offsets) / record.output_scales
-    P = model.predictor
-    steady = np.linalg.lstsq(
-        np.eye(len(P)) - P, model.K @ (offset * record.output_scales).T, rcond=None
-    )[0]
-    return drives.T - steady.T, levels

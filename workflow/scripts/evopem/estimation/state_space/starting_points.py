@@ -9,6 +9,7 @@ from evopem.estimation.state_space.errors import StateSpaceErrors
 from evopem.estimation.state_space.sections import (
     inside,
     normalised,
+    point_of,
     poles_only,
     sections_of,
 )
@@ -64,8 +65,8 @@ def _residues(errors: StateSpaceErrors, point: Array, outputs: Array) -> tuple[A
     """Coefficients of the responses p and r, (sections, drives, ny) each."""
     layout, record = errors.layout, errors.record
     sections = sections_of(layout, point)
-    responses = errors._responses(sections)
-    direct = [part for part in errors._direct if part.shape[1]]
+    responses = errors.responses(sections)
+    direct = [part for part in errors.direct if part.shape[1]]
     x = np.column_stack([responses, *direct])
     sizes = np.linalg.norm(x, axis=0)
     sizes[sizes == 0.0] = 1.0
@@ -125,8 +126,6 @@ def _leading(residues: NDArray, weight: Array) -> NDArray:
 
 def from_matrices(errors: StateSpaceErrors, A: Array, B: Array) -> Array:
     """Point of a predictor's A, (n, n), and the columns of its signals, (n, driving); at rest."""
-    from evopem.estimation.state_space.sections import point_of
-
     pulses = np.zeros((errors.order, errors.record.records))
     point = point_of(errors.layout, A, np.column_stack([B, pulses]))
     point = inside(errors.layout, point, errors.radius * (1.0 - 1e-6))
