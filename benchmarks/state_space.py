@@ -28,6 +28,7 @@ from threadpoolctl import threadpool_limits
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
 
+from evopem.estimation.state_space.delays import estimate_delays  # noqa: E402
 from evopem.estimation.state_space.estimate import (  # noqa: E402
     StateSpaceSettings,
     estimate_state_space,
@@ -244,13 +245,16 @@ def recordings(folder: Path) -> None:
         ("evaporator", evaporator, 3, 3300, 10),
     ):
         u, y = data[:first, :nu], data[:first, nu:]
+        delays = estimate_delays(u, y)
+        print(f"{name}: delays {delays}")
         later, measured = data[first:, :nu], data[first:, nu:]
-        for form, weighting in (("output_error", "noise"), ("innovations", "determinant")):
+        for form, weighting in (("output_error", "noise"), ("innovations", "noise")):
             scores = sweep_state_space_orders(
                 u,
                 y,
                 range(1, top + 1),
                 form=form,
+                delays=delays,
                 settings=StateSpaceSettings(weighting=weighting),
             )
             for by in ("bic", "simulation"):

@@ -12,6 +12,7 @@ from evopem.estimation.state_space.covariance import (
     model_of,
     parameter_covariance,
 )
+from evopem.estimation.state_space.delays import estimate_delays
 from evopem.estimation.state_space.errors import (
     WEIGHTINGS,
     StateSpaceErrors,
@@ -360,3 +361,11 @@ def test_input_that_cannot_be_used_is_refused():
         estimate_state_space(u, np.where(y > 1.0, np.nan, y), 2)
     with pytest.raises(ValueError, match="2 inputs need 2 delays"):
         estimate_state_space(u, y, 2, delays=(1,))
+
+
+def test_delays_are_those_of_the_truth():
+    truth = structure(form="output_error")
+    u, _, _ = recorded(truth, 600, 0.0, 1)
+    delayed = np.column_stack([u[:, 0], np.concatenate([np.zeros(4), u[:-4, 1]])])
+    y = truth.simulate(delayed) + 0.1 * np.random.default_rng(1).standard_normal((600, 3))
+    assert estimate_delays(u, y) == (1, 5)

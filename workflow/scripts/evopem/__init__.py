@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from evopem.estimation.estimate import Estimate
     from evopem.estimation.model_record import load_model as load
     from evopem.estimation.polynomial_estimate import PolynomialEstimate
+    from evopem.estimation.state_space.delays import estimate_delays
     from evopem.estimation.state_space.estimate import (
         StateSpaceEstimate,
         StateSpaceSettings,
@@ -44,6 +45,7 @@ __all__ = [
     "StateSpaceSettings",
     "__version__",
     "estimate",
+    "estimate_delays",
     "estimate_state_space",
     "load",
     "sweep_state_space_orders",
@@ -63,6 +65,7 @@ _HOMES = {
     "StateSpaceModel": "evopem.models.state_space",
     "StateSpaceSettings": "evopem.estimation.state_space.estimate",
     "estimate": "evopem.estimation.structured_estimate",
+    "estimate_delays": "evopem.estimation.state_space.delays",
     "estimate_state_space": "evopem.estimation.state_space.estimate",
     "sweep_state_space_orders": "evopem.estimation.state_space.estimate",
 }
