@@ -17,7 +17,13 @@ def test_one_job_makes_what_the_stages_make(finished, folder):
     printed = folder.finish("--cores", "2")
     assert jobs_of_each_rule(printed) == {"identify_synthetic_armax": 1}
     made, staged = (each.files_of("truth") for each in (folder, finished))
-    results = [*staged.results, staged.recording, staged.prepared, staged.truth, *staged.phases("armax")]
+    results = [
+        *staged.results,
+        staged.recording,
+        staged.prepared,
+        staged.truth,
+        *staged.phases("armax"),
+    ]
     results += staged.figures
     for path in map(Path, results):
         same = Path(made.folder) / path.relative_to(staged.folder)
