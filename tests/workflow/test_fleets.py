@@ -32,6 +32,8 @@ def test_one_job_makes_what_the_stages_make(finished, folder):
     files = {path.relative_to(made.folder) for path in Path(made.folder).rglob("*.*")}
     assert not [path for path in files if path.name.startswith("part-")]
     assert folder.planned() == {}
+    Path(made.phase("nc")).unlink()  # no other job of the run needs it
+    assert folder.planned() == {"identify_synthetic_armax": 1}
 
 
 def table(folder):
