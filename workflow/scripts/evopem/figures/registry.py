@@ -189,7 +189,7 @@ REPORT_FIGURES = (
     ReportFigure(
         "stabilization",
         "Stabilization diagram: the poles of every joint order, with the spectrum of the output.",
-        (_FILES.phases,),
+        (_FILES.phase_folder,),
         _stabilization,
         stabilization_table,
     ),
@@ -197,7 +197,7 @@ REPORT_FIGURES = (
         "convergence",
         "Convergence of the search for the selected model: the lowest objective after each"
         " generation and after each final descent.",
-        (_FILES.phases,),
+        (_FILES.phase_folder,),
         lambda results: draw_convergence(results.selected.diagnostics.convergence),
         convergence_table,
     ),
