@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.automatic.decision import Alternative, Decision, lowest
-from evopem.automatic.fit import FitSettings, fit
+from evopem.automatic.fit import FitSettings, fit, log_loss
 from evopem.automatic.folds import SHORTEST_BLOCK
 from evopem.automatic.simulation import simulated
 from evopem.automatic.stretches import Stretch, folds_of, total_samples
@@ -33,10 +33,11 @@ LEAST_GAIN = 0.05
 PROBES, MOST_FACTORS = (2, 4, 6), 3
 # Samples at a limit of the output, against those at the levels beside it.
 CLIPPED_RATIO, CLIPPED_RUN, MOST_CLIPPED = 10.0, 5, 0.3
-# The absolute objective is used where outliers dominate: the standard deviation of the residuals
-# is this many times their robust standard deviation, 1.4826 times the median distance.
-OUTLIER_RATIO = 2.0
-PROBE_ORDER = 8
+# Orders of the ARX models whose residuals decide between the objectives, as far as there are
+# SAMPLES_PER_ORDER samples for each, and how much likelier Laplace's distribution must be than the
+# normal one for the absolute objective, as a logarithm.
+OBJECTIVE_ORDERS, SAMPLES_PER_ORDER = (2, 4, 8, 12, 16), 25
+LEAST_EVIDENCE = 3.0
 
 
 @dataclass(frozen=True)
@@ -347,28 +348,44 @@ def _smoothed(signal: Array, factor: int) -> Array:
 
 
 def _decide_objective(stretches: Sequence[Stretch]) -> tuple[str, Decision]:
-    """The absolute objective where a few residuals of an ARX model stand out."""
-    order = min(PROBE_ORDER, max(total_samples(stretches) // 30, 1))
-    try:
-        found = fit(stretches, PolynomialOrders(na=order, nb=order), FitSettings())
-        ratio = _spread_ratio(np.concatenate(found.residuals))
-    except (ValueError, np.linalg.LinAlgError):
-        ratio = 1.0
-    objective = "absolute" if ratio > OUTLIER_RATIO else "quadratic"
+    """The objective whose distribution of residuals is the likelier one.
+
+    Least squares is the maximum-likelihood estimate for normal residuals, least absolute deviations
+    that for residuals of Laplace's distribution.  Both are fitted to ARX models, which whiten the
+    residuals; each objective is represented by the order at which it is likeliest.
+    """
+    criterion = "negative log-likelihood of a residual by its BIC"
+    likelihoods = {
+        objective: _arx_likelihood(stretches, objective) for objective in ("quadratic", "absolute")
+    }
+    alternatives = tuple(Alternative(name, value) for name, value in likelihoods.items())
+    samples = total_samples(stretches)
+    evidence = samples * (likelihoods["quadratic"] - likelihoods["absolute"])
+    objective = "absolute" if evidence > LEAST_EVIDENCE else "quadratic"
     sentence = (
-        f"The residuals of an ARX model of order {order} have a standard deviation {ratio:.2g} "
-        "times their robust one"
-        + (
-            ": outliers dominate, and the absolute objective is used."
-            if objective == "absolute"
-            else "; outliers do not call for the absolute objective."
-        )
+        "The residuals of ARX models are likelier to have Laplace's distribution than a normal one:"
+        " a few large ones stand out, and the absolute objective is used."
+        if objective == "absolute"
+        else "The residuals of ARX models are not likelier to have Laplace's distribution than a"
+        " normal one: outliers do not call for the absolute objective."
     )
-    alternatives = (Alternative("quadratic", ratio), Alternative("absolute", ratio))
-    criterion = "standard deviation of residuals over their robust one"
     return objective, Decision("objective", objective, alternatives, criterion, sentence)
 
 
-def _spread_ratio(residuals: Array) -> float:
-    robust = 1.4826 * float(np.median(np.abs(residuals - np.median(residuals))))
-    return float(np.std(residuals)) / robust if robust > 0.0 else 1.0
+def _arx_likelihood(stretches: Sequence[Stretch], objective: str) -> float:
+    """Lowest negative log-likelihood of a residual over ARX orders, with the penalty of BIC."""
+    samples = total_samples(stretches)
+    orders = [n for n in OBJECTIVE_ORDERS if n * SAMPLES_PER_ORDER <= samples] or [1]
+    settings, lowest_value = FitSettings(objective), np.inf
+    for n in orders:
+        try:
+            found = fit(stretches, PolynomialOrders(na=n, nb=n + 1), settings)
+        except (ValueError, np.linalg.LinAlgError):
+            continue
+        residuals = np.concatenate(found.residuals)
+        count = len(residuals)
+        value = 0.5 * (
+            log_loss(residuals, objective) + found.parameters * np.log(count) / max(count, 1)
+        )
+        lowest_value = min(lowest_value, value)
+    return lowest_value

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from evopem.automatic.fit import log_loss
 from evopem.automatic.simulation import prediction_errors
 from evopem.automatic.stretches import Stretch
 from evopem.models.polynomial import PolynomialModel
@@ -32,6 +33,15 @@ def whiteness_probability(model: PolynomialModel, stretches: Sequence[Stretch]) 
     n = len(e)
     statistic = n * (n + 2) * float(np.sum(rho**2 / (n - np.arange(1, lags + 1))))
     return float(chi2.sf(statistic, lags))
+
+
+def heaviness(model: PolynomialModel, stretches: Sequence[Stretch]) -> float:
+    """How much likelier a residual is under Laplace's distribution than under a normal one.
+
+    The mean logarithm of the ratio, each distribution at its likeliest scale.
+    """
+    e = _residuals(model, stretches)
+    return 0.5 * (log_loss(e, "quadratic") - log_loss(e, "absolute"))
 
 
 def feedback_probability(model: PolynomialModel, stretches: Sequence[Stretch]) -> float:

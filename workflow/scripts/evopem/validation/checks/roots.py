@@ -113,7 +113,7 @@ def cancellation(model: ModelRecord) -> Check:
         f"{_root_text(pole)} and {_root_text(zero)}"
         for distance, pole, zero in pairs
         if distance < MAX_CANCELLATION_DISTANCE
-        and _indistinguishable(pole, zero, model.a, model.b, covariance)
+        and indistinguishable(pole, zero, model.a, model.b, covariance)
     ]
     if indistinct:
         return Check(
@@ -131,10 +131,22 @@ def cancellation(model: ModelRecord) -> Check:
     )
 
 
-def _indistinguishable(
+def indistinguishable(
     pole: complex, zero: complex, a: Array, b: Array, covariance: ParameterCovariance
 ) -> bool:
-    """Whether the 95 % confidence region of pole minus zero contains 0."""
+    """Whether the 95 % confidence region of pole minus zero contains 0.
+
+    Parameters
+    ----------
+    pole, zero : complex
+        Both real, or both with positive imaginary parts.
+    a : (na + 1,) array
+        Denominator, leading 1 included.
+    b : (nb,) array
+        Numerator.
+    covariance : ParameterCovariance
+        Of ``[a_1.., b_0..]``.
+    """
     with np.errstate(divide="ignore", invalid="ignore"):
         gradient = np.concatenate([root_gradient(a, pole)[1:], -root_gradient(b, zero)])
     if not np.all(np.isfinite(gradient)):
