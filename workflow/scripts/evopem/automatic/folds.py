@@ -126,10 +126,11 @@ def held_out_scores(
     absolute = settings.objective == "absolute"
     output = np.concatenate([each.output for each in stretches])
     scale = float(np.mean(np.abs(output - output.mean())) if absolute else np.std(output)) or 1.0
+    shortest = min(SHORTEST_BLOCK, total_samples(stretches) // 4)
     logarithms, of_folds = [], []
     for folds, blocks in plan.designs:
         of_design = []
-        for fold in folds_of(stretches, folds, blocks, SHORTEST_BLOCK):
+        for fold in folds_of(stretches, folds, blocks, shortest):
             try:
                 found = fit(
                     *(fold.training, model.orders, settings, [model]),
@@ -175,7 +176,7 @@ def _errors_on(model: PolynomialModel, stretch: Stretch, absolute: bool) -> Arra
     for kind, free_level in enumerate((False, True)):
         remaining = n - states - int(free_level)
         if remaining > n // 4:
-            errors = simulated(model, stretch, free_level) - stretch.output
+            errors = simulated(model, stretch, free_level, absolute) - stretch.output
             sums[kind], counts[kind] = total(errors), remaining
     errors = prediction_errors(model, stretch)
     remaining = len(errors) - model.orders.nf - model.orders.noise_states

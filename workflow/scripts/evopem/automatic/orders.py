@@ -230,10 +230,11 @@ class Scorer:
     def _described(self, structure: str, found: Fit) -> Candidate:
         count = self.samples - self.window * len(self.stretches)
         penalty = found.parameters * np.log(count) / count
-        simulation_errors = np.concatenate(
-            [simulated(found.model, each, free_level=True) - each.output for each in self.stretches]
-        )
         objective = self.settings.objective
+        robust = objective == "absolute"
+        simulation_errors = np.concatenate(
+            [simulated(found.model, s, True, robust) - s.output for s in self.stretches]
+        )
         return Candidate(
             structure,
             found.orders,

@@ -79,7 +79,10 @@ def input_correlation(model: PolynomialModel, stretches: Sequence[Stretch]) -> f
 
     stretch = max(stretches, key=lambda each: each.samples)
     e = prediction_errors(model, stretch)
-    table = cross_correlation(e, stretch.input[len(stretch.input) - len(e) :], LAGS)
+    u = stretch.input[len(stretch.input) - len(e) :]
+    if len(e) < 3 or not (np.ptp(e) > 0.0 and np.ptp(u) > 0.0):
+        return 0.0
+    table = cross_correlation(e, u, min(LAGS, len(e) // 5))
     past = table[table["lag"] >= 0]
     ratio = np.abs(past["cross_correlation"]) / past["bound95"]
     return float(np.max(ratio))
