@@ -107,9 +107,19 @@
     return place;
   };
 
+  // The name of its column on every cell, for phones, where a row becomes a list.
+  const label = (table, head) => {
+    const names = head.map((cell) => cell.dataset.head ?? plain(cell));
+    for (const row of table.tBodies[0].rows) {
+      columns(row).forEach((cell, index) => { cell.dataset.label ??= names[index]; });
+    }
+    table.classList.add("stacked");
+  };
+
   for (const table of document.querySelectorAll("table")) {
     const head = columns(table.tHead.rows[table.tHead.rows.length - 1]);
     const caption = table.dataset.name;
+    label(table, head);
     head.forEach((cell, index) => {
       if (cell.tagName !== "TH") return;
       const sort = document.createElement("button");
@@ -141,5 +151,42 @@
     tools.firstChild.setAttribute("aria-label", `Copy table: ${caption}`);
     table.closest(".scroll").after(tools);
     if (table.dataset.search !== undefined) table.closest(".scroll").before(searchField(table));
+  }
+
+  // What is wider than its place says that it scrolls.
+  const cue = (place) => {
+    const told = place.previousElementSibling?.classList.contains("cue");
+    const scrolls = place.clientWidth > 0 && place.scrollWidth > place.clientWidth + 1;
+    if (scrolls && !told) {
+      const words = document.createElement("p");
+      words.className = "cue";
+      words.textContent = "Scroll sideways for more →";
+      place.before(words);
+    } else if (told) {
+      place.previousElementSibling.hidden = !scrolls;
+    }
+  };
+  const sizes = new ResizeObserver((entries) => entries.forEach((entry) => cue(entry.target)));
+  document.querySelectorAll(".scroll").forEach((place) => sizes.observe(place));
+
+  // The contents mark the part that is being read: the last one that begins above a third of the screen.
+  const links = [...document.querySelectorAll(".contents a")];
+  const parts = links.map((link) => document.querySelector(link.hash));
+  const mark = () => {
+    let current = parts.findLastIndex((part) => part.getBoundingClientRect().top < innerHeight / 3);
+    if (innerHeight + scrollY >= document.documentElement.scrollHeight - 2) current = parts.length - 1;
+    links.forEach((link, index) => {
+      if (index === Math.max(current, 0)) link.setAttribute("aria-current", "true");
+      else link.removeAttribute("aria-current");
+    });
+  };
+  if (links.length) {
+    let waiting = false;
+    addEventListener("scroll", () => {
+      if (waiting) return;
+      waiting = true;
+      requestAnimationFrame(() => { waiting = false; mark(); });
+    }, { passive: true });
+    mark();
   }
 })();
