@@ -26,23 +26,11 @@
   };
   const toNumber = (cell) => (cell === undefined || cell === "" ? null : Number(cell));
 
-  const wrap = (xs, ys) => {
-    const [x, y] = [[], []];
-    ys.forEach((value, at) => {
-      const angle = value === null ? null : ((((value + 180) % 360) + 360) % 360) - 180;
-      const before = y.at(-1);
-      if (angle !== null && typeof before === "number" && Math.abs(angle - before) > 180) {
-        x.push((x.at(-1) + xs[at]) / 2);
-        y.push(null); // a gap where the angle jumps
-      }
-      x.push(xs[at]);
-      y.push(angle);
-    });
-    return [x, y];
-  };
+  const wrapped = (angle) => (angle === null ? null : ((((angle + 180) % 360) + 360) % 360) - 180);
 
   // One table [x, y, lower, upper] of a curve, by ascending x.
-  const series = (table, panel, curve) => {
+  const series = (own, panel, curve) => {
+    const table = curve.source ? read(document.querySelector(`#${curve.source} a[download]`).href) : own;
     const [column, value] = curve.where;
     let rows = table[panel.x].map((_, at) => at);
     if (value === "not 0") rows = rows.filter((at) => Number(table[column][at]) !== 0);
@@ -50,12 +38,14 @@
     const positive = (number) => (panel.logarithmic && !(number > 0) ? null : number);
     const take = (name) => rows.map((at) => {
       const number = toNumber(table[name][at]);
-      return number === null ? null : positive(curve.factor * number);
+      if (number === null) return null;
+      return panel.wrapped ? wrapped(number) : positive(curve.factor * number);
     });
     const x = rows.map((at) => toNumber(table[panel.x][at]));
-    if (panel.wrapped) return wrap(x, take(curve.column));
-    const order = x.map((_, at) => at).filter((at) => x[at] !== null).sort((a, b) => x[a] - x[b]);
-    const sorted = [x, take(curve.column), ...curve.band.map(take)]
+    const y = take(curve.column);
+    const known = (at) => x[at] !== null && !Number.isNaN(x[at]) && table[curve.column][rows[at]] !== "";
+    const order = x.map((_, at) => at).filter(known).sort((a, b) => x[a] - x[b]);
+    const sorted = [x, y, ...curve.band.map(take)]
       .map((values) => order.map((at) => values[at]));
     return apart(sorted);
   };
@@ -114,7 +104,7 @@
     const paint = colours();
     const heading = document.createElement("p");
     heading.className = "panel-title";
-    heading.textContent = panel.title ? `${panel.title}: ${panel.y_label}` : panel.y_label;
+    heading.textContent = [panel.title, panel.y_label].filter(Boolean).join(": ");
     const legend = document.createElement("p");
     legend.className = "legend";
     const room = document.createElement("div");
@@ -127,15 +117,17 @@
     const owners = []; // for each curve the numbers of its series
     panel.curves.forEach((curve) => {
       const colour = paint[curve.colour];
+      const dots = curve.kind === "points";
       const first = plotted.length;
       plotted.push({
         label: curve.label,
+        scale: curve.source ? "behind" : "y",
         stroke: colour,
-        width: curve.kind === "points" ? 0 : curve.colour === "muted" ? 1 : 1.6,
+        width: dots ? 0 : curve.colour === "muted" ? 1 : 1.6,
         dash: curve.dashed ? [6, 4] : undefined,
         fill: curve.kind === "stems" ? colour : undefined,
         paths: PATHS[curve.kind](),
-        points: { show: curve.kind === "points", size: 7, fill: colour, stroke: colour },
+        points: { show: dots, size: panel.wrapped ? 3 : 7, width: 0, fill: colour, stroke: colour },
       });
       curve.band.forEach(() => plotted.push({ label: "", points: { show: false } }));
       if (curve.band.length) {
@@ -157,9 +149,21 @@
         ctx.lineTo(x, bbox.top + bbox.height);
         ctx.stroke();
       }
+      ctx.strokeStyle = paint.error;
+      for (const level of panel.levels) {
+        const y = Math.round(plot.valToPos(level, "y", true));
+        ctx.beginPath();
+        ctx.moveTo(bbox.left, y);
+        ctx.lineTo(bbox.left + bbox.width, y);
+        ctx.stroke();
+      }
       ctx.restore();
     };
 
+    const decades = (_, splits) => splits.map((value) => {
+      const power = Math.log10(value);
+      return Math.abs(power - Math.round(power)) < 1e-9 ? value : null;
+    });
     const axis = (size, label) => ({
       ...(label ? { label, labelSize: 20, labelFont: "12px system-ui, sans-serif" } : {}),
       font: "12px system-ui, sans-serif",
@@ -179,16 +183,23 @@
       });
     };
     const fixed = panel.limits.length === 2;
+    const yAxis = axis(58);
+    if (panel.logarithmic) {
+      yAxis.filter = decades;
+      yAxis.grid.filter = decades;
+      yAxis.ticks.filter = decades;
+    }
+    if (panel.wrapped) yAxis.splits = () => [-180, -90, 0, 90, 180];
     const yScale = panel.logarithmic ? { distr: 3 } : {};
     if (fixed) yScale.range = panel.limits;
     const options = {
       width: Math.max(place.clientWidth, 200),
       height: panel.height,
-      padding: [8, 12, 0, 0],
+      padding: [8, 18, 0, 0],
       legend: { show: false },
       cursor: { drag: { x: true, y: false }, sync: panel.linked ? { key: panel.linked, scales: ["x", null] } : undefined },
-      scales: { x: { time: false }, y: yScale },
-      axes: [axis(30, panel.x_label), axis(58)],
+      scales: { x: { time: false }, y: yScale, behind: { distr: 3 } },
+      axes: [axis(30, panel.x_label), yAxis],
       series: plotted,
       bands,
       hooks: { draw: [marks], setCursor: [cursor], setScale: [follow] },

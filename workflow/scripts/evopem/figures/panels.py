@@ -39,9 +39,13 @@ class Curve:
     band : tuple of str
         Columns of the lower and upper limit of its band; empty for none.
     where : tuple of str
-        A column and the value of the rows that belong to the curve; empty for all rows.
+        A column and the value of the rows that belong to the curve, or ``"not 0"``; empty for all
+        rows.
     factor : float
         Factor on the ordinate.
+    source : str
+        Figure that has the column in its table, on a logarithmic scale of its own without an axis;
+        empty for the figure's own table and the common scale.
     """
 
     label: str
@@ -52,6 +56,7 @@ class Curve:
     band: tuple[str, ...] = ()
     where: tuple[str, ...] = ()
     factor: float = 1.0
+    source: str = ""
 
 
 @dataclass(frozen=True)
@@ -74,6 +79,8 @@ class Panel:
         Pixels.
     marks : tuple of float
         Places on the abscissa that are marked by a vertical line.
+    levels : tuple of float
+        Places on the ordinate that are marked by a horizontal line.
     linked : str
         Panels of the page with the same word show the same part of their abscissa.
     """
@@ -88,6 +95,7 @@ class Panel:
     limits: tuple[float, ...] = ()
     height: int = 220
     marks: tuple[float, ...] = ()
+    levels: tuple[float, ...] = ()
     linked: str = ""
 
 
@@ -173,8 +181,8 @@ def gain_limits(results: DatasetResults) -> tuple[float, ...]:
 def frequency_response(results: DatasetResults) -> list[Panel]:
     """Gain, phase and coherence."""
     phase = (
-        Curve("multitaper", "phase_deg", "muted", where=("source", "multitaper")),
-        Curve("model G", "phase_deg", "model", where=("source", "model")),
+        Curve("multitaper", "phase_deg", "muted", "points", where=("source", "multitaper")),
+        Curve("model G", "phase_deg", "model", "points", where=("source", "model")),
     )
     coherence = (Curve("coherence", "coherence", "muted", where=("source", "multitaper")),)
     x = "frequency_hz"
@@ -260,36 +268,42 @@ def simulation_as_recorded(results: DatasetResults) -> list[Panel]:
 
 def step_and_impulse(results: DatasetResults) -> list[Panel]:
     """Responses to a unit step and a unit impulse."""
-    label = with_unit("Response", gain_unit(results))
     return [
         Panel(
-            title,
+            with_unit(title, gain_unit(results)),
             "time_s",
             "Time (s)",
-            label,
-            (Curve(title.lower(), column, "model"),),
+            "",
+            (Curve("response", column, "model"),),
             linked="response",
         )
-        for title, column in (("Step", "step_response"), ("Impulse", "impulse_response"))
+        for title, column in (
+            ("Step response", "step_response"),
+            ("Impulse response", "impulse_response"),
+        )
     ]
 
 
 def residuals(results: DatasetResults) -> list[Panel]:
     """Autocorrelation and cross-correlation with their bounds."""
 
-    def correlation(title: str, x_label: str, column: str) -> Panel:
+    def correlation(title: str, x_label: str, column: str, where: tuple[str, ...] = ()) -> Panel:
         bound = f"bound95_of_{column}"
         curves = (
-            Curve("correlation", column, "ink", "stems", where=("lag", "not 0"))
-            if column == "autocorrelation"
-            else Curve("correlation", column, "ink", "stems"),
-            Curve("95 % bounds", bound, "model", dashed=True),
-            Curve("", bound, "model", dashed=True, factor=-1.0),
+            Curve("correlation", column, "ink", "stems", where=where),
+            Curve("95 % bounds", bound, "model", dashed=True, where=where),
+            Curve("", bound, "model", dashed=True, where=where, factor=-1.0),
         )
-        return Panel(title, "lag", x_label, "Correlation", curves)
+        return Panel(title, "lag", x_label, "", curves)
 
+    # At lag 0 the autocorrelation is 1 by definition.
     return [
-        correlation("Autocorrelation of the residuals", "Lag (samples)", "autocorrelation"),
+        correlation(
+            "Autocorrelation of the residuals",
+            "Lag (samples)",
+            "autocorrelation",
+            ("lag", "not 0"),
+        ),
         correlation(
             "Cross-correlation of residuals and input",
             "Lag (samples); at positive lags the residual follows the input",
@@ -299,10 +313,13 @@ def residuals(results: DatasetResults) -> list[Panel]:
 
 
 def stabilization(results: DatasetResults) -> list[Panel]:
-    """Poles over the order, by their status."""
-    curves = tuple(
-        Curve(label, "order", colour, "points", where=("status", status))
-        for status, label, colour in _STATUSES
+    """Poles over the order, by their status; the line marks the selected order."""
+    curves = (
+        Curve("spectrum of the output", "density", "muted", source="spectrum"),
+        *(
+            Curve(label, "order", colour, "points", where=("status", status))
+            for status, label, colour in _STATUSES
+        ),
     )
     return [
         Panel(
@@ -312,6 +329,7 @@ def stabilization(results: DatasetResults) -> list[Panel]:
             "Order na",
             curves,
             height=280,
+            levels=(float(results.phases["joint"].orders.na),),
             linked="frequency",
         )
     ]

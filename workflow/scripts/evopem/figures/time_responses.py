@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,7 +15,7 @@ if TYPE_CHECKING:
     from evopem.estimation.model_record import ModelRecord
 
 FEWEST_SAMPLES, MOST_SAMPLES = 50, 1000
-# The slowest pole has decayed to 1 % at the end, unless the limit comes first.
+# Share of its largest value below which the impulse response has settled.
 REMAINDER = 0.01
 
 
@@ -34,26 +33,20 @@ def time_response_table(record: ModelRecord) -> pd.DataFrame:
         for one unit of the prepared input.
     """
     model = record.model
-    impulse = np.zeros(_samples(record))
+    impulse = np.zeros(MOST_SAMPLES)
     impulse[0] = 1.0
     response = np.asarray(model.simulate(impulse))
+    size = np.abs(response)
+    # Both responses have settled where the impulse response stays small.
+    settled = int(np.flatnonzero(size > REMAINDER * size.max()).max(initial=0))
+    response = response[: max(round(1.2 * settled), FEWEST_SAMPLES)]
     return pd.DataFrame(
         {
-            "time_s": np.arange(impulse.size) / record.sampling_rate,
+            "time_s": np.arange(response.size) / record.sampling_rate,
             "impulse_response": response,
             "step_response": np.cumsum(response),
         }
     )
-
-
-def _samples(record: ModelRecord) -> int:
-    slowest = float(np.abs(record.model.poles()).max(initial=0.0))
-    if slowest <= 0.0:
-        return FEWEST_SAMPLES
-    if slowest >= 1.0:
-        return MOST_SAMPLES
-    decayed = math.ceil(math.log(REMAINDER) / math.log(slowest))
-    return min(max(decayed, FEWEST_SAMPLES), MOST_SAMPLES)
 
 
 @styled
