@@ -251,7 +251,7 @@ def simulation(results: DatasetResults) -> list[Panel]:
     label = output_label(results)
     return [
         Panel("", "time_s", VALIDATION_TIME, label, signals, height=260, linked="validation"),
-        Panel("Errors", "time_s", VALIDATION_TIME, "Error", errors, linked="validation"),
+        Panel("Errors", "time_s", VALIDATION_TIME, "", errors, linked="validation"),
     ]
 
 

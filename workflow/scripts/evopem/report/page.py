@@ -30,6 +30,7 @@ from evopem.report.sentences.about_verdict import verdict
 from evopem.report.templates import environment
 from evopem.results.dataset import DatasetResults
 
+
 def nothing(_: DatasetResults) -> list[str]:
     """No sentences, where the figure and its caption say all."""
     return []
@@ -138,9 +139,7 @@ def build_report(
     rows = mode_rows(results.model.modes, true_modes, chapter.MODES if stand_in else ())
     return page.render(
         results=results,
-        contents=[
-            (id, title) for id, title in CONTENTS if stand_in or id != "chapter"
-        ],
+        contents=[(id, title) for id, title in CONTENTS if stand_in or id != "chapter"],
         config_text=config_text,
         chapter_orders=chapter.ORDERS if stand_in else None,
         chapter_comparison=chapter.compare_with_chapter(results) if stand_in else [],

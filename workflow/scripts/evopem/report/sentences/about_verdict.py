@@ -101,8 +101,7 @@ _ORDER: tuple[Answer, ...] = ("good", "care", "no")
 
 def _sentence(uses: Sequence[Use]) -> str:
     named = {
-        answer: enumeration([use.name for use in uses if use.answer == answer])
-        for answer in _ORDER
+        answer: enumeration([use.name for use in uses if use.answer == answer]) for answer in _ORDER
     }
     if not named["good"] and not named["care"]:
         return "This model is good for nothing that was tested."
@@ -170,7 +169,13 @@ def _simulation_as_recorded(results: DatasetResults, outcome: Mapping[str, Check
     reason = f"off by {percent(error)}" if is_number(error) else "the error is not known"
     if recorded.integrations and _by_error(error) != "good":
         reason += ", because undoing the differences sums up the error"
-    return [Use("simulation of the output as recorded", _worse(answer, _by_error(error)), _joined(reason, against))]
+    return [
+        Use(
+            "simulation of the output as recorded",
+            _worse(answer, _by_error(error)),
+            _joined(reason, against),
+        )
+    ]
 
 
 def _prediction(results: DatasetResults, outcome: Mapping[str, Check]) -> Use:
@@ -200,9 +205,7 @@ def _modes(results: DatasetResults) -> Use:
     trusted = results.trusted_modes
     if not trusted:
         reason = (
-            "none passes every test"
-            if results.model.modes
-            else "the model has no oscillating mode"
+            "none passes every test" if results.model.modes else "the model has no oscillating mode"
         )
         return Use("modes", "no", reason)
     places = enumeration([number(each.mode.frequency_hz, 3) for each in trusted]) + f"{THIN}Hz"
