@@ -140,7 +140,7 @@ def measured_and_simulated(results: DatasetResults) -> list[Panel]:
     return [Panel("", "time_s", VALIDATION_TIME, label, curves, height=210)]
 
 
-def _gain(results: DatasetResults) -> tuple[Curve, ...]:
+def _gain() -> tuple[Curve, ...]:
     return (
         Curve("multitaper", "gain", "muted", where=("source", "multitaper")),
         Curve(
@@ -161,7 +161,7 @@ def gain(results: DatasetResults, marks: Sequence[float]) -> list[Panel]:
             "frequency_hz",
             FREQUENCY,
             with_unit("Gain", gain_unit(results)),
-            _gain(results),
+            _gain(),
             logarithmic=True,
             limits=gain_limits(results),
             height=210,
@@ -284,7 +284,7 @@ def step_and_impulse(results: DatasetResults) -> list[Panel]:
     ]
 
 
-def residuals(results: DatasetResults) -> list[Panel]:
+def residuals(_: DatasetResults) -> list[Panel]:
     """Autocorrelation and cross-correlation with their bounds."""
 
     def correlation(title: str, x_label: str, column: str, where: tuple[str, ...] = ()) -> Panel:
@@ -374,7 +374,7 @@ def record(results: DatasetResults) -> list[Panel]:
     return shown
 
 
-def convergence(results: DatasetResults) -> list[Panel]:
+def convergence(_: DatasetResults) -> list[Panel]:
     """Lowest objective over the evaluations."""
     curve = Curve("lowest objective", "lowest_objective", "model", "steps")
     label = "Objective evaluations"

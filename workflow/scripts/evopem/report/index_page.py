@@ -14,7 +14,6 @@ from evopem.report.numbers import number
 from evopem.report.templates import environment
 from evopem.results.fleet import DatasetSummary, Entry
 
-
 # Size of a row's plot of the gain, and the decibels that it shows at most.
 WIDTH, HEIGHT = 120, 30
 DEEPEST = 80.0

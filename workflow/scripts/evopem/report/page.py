@@ -139,7 +139,7 @@ def build_report(
     rows = mode_rows(results.model.modes, true_modes, chapter.MODES if stand_in else ())
     return page.render(
         results=results,
-        contents=[(id, title) for id, title in CONTENTS if stand_in or id != "chapter"],
+        contents=[part for part in CONTENTS if stand_in or part[0] != "chapter"],
         config_text=config_text,
         chapter_orders=chapter.ORDERS if stand_in else None,
         chapter_comparison=chapter.compare_with_chapter(results) if stand_in else [],

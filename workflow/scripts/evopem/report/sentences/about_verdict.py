@@ -15,8 +15,8 @@ from evopem.validation.checks import Check
 Answer = Literal["good", "care", "no"]
 
 # Simulation errors, in percent of the output's standard deviation, up to which a simulation is good
-# and up to which it is of use at all. They divide what has no natural limit, so the report shows the
-# error beside the word.
+# and up to which it is of use at all. The error has no natural limit, so the report shows it beside
+# the word.
 GOOD_SIMULATION, USABLE_SIMULATION = 30.0, 60.0
 
 # The checks that a use rests on: without the first it is not given, without the second with care.
@@ -96,20 +96,17 @@ def verdict(results: DatasetResults) -> Verdict:
     return Verdict(_sentence(uses), sorted(uses, key=lambda use: _ORDER.index(use.answer)))
 
 
+_WORDS: dict[Answer, str] = {"good": "good for", "care": "with care for", "no": "not for"}
 _ORDER: tuple[Answer, ...] = ("good", "care", "no")
 
 
 def _sentence(uses: Sequence[Use]) -> str:
-    named = {
+    named: dict[Answer, str] = {
         answer: enumeration([use.name for use in uses if use.answer == answer]) for answer in _ORDER
     }
     if not named["good"] and not named["care"]:
         return "This model is good for nothing that was tested."
-    parts = [
-        f"{words} {named[answer]}"
-        for answer, words in (("good", "good for"), ("care", "with care for"), ("no", "not for"))
-        if named[answer]
-    ]
+    parts = [f"{_WORDS[answer]} {named[answer]}" for answer in _ORDER if named[answer]]
     text = "; ".join(parts)
     return f"{text[0].upper()}{text[1:]}."
 
