@@ -144,7 +144,7 @@ def test_the_summary_is_true_to_the_results(results, page):
     assert str(results.model.orders) in page.text
     assert f"{validation.prediction_error_percent:.1f} %" in page.text
     assert f"{validation.simulation_error_percent:.1f} %" in page.text
-    assert page.text.index("Good for") < page.text.index("Model")
+    assert page.text.index("Good for") < page.text.index("White residuals")
     for mode in results.model.modes:
         shown = with_error(mode.frequency_hz, mode.frequency_se_hz)
         assert f"{shown} {with_error(100 * mode.damping_ratio, 100 * mode.damping_se)}" in page.text
@@ -161,7 +161,7 @@ def test_truth_and_chapter_are_beside_the_estimate(build, stand_in):
     text = Page(build(stand_in)).text
     for words in ("Truth", "Chapter", "37.00", "17.50", "The true delay is 3 samples"):
         assert words in text
-    assert "Model ARMAX(7,6,7,3) ARMAX(7,6,7,3)" in text
+    assert "Model ARMAX(7,6,6,3) ARMAX(7,6,7,3)" in text
     assert text.count("Frontiers in Evolutionary Robotics") == 1
     assert "Joint order 7 7" in text
 
