@@ -124,5 +124,5 @@ def test_reasons_to_doubt_a_mode(results):
     ]
     assert of(reached=False, needed_by_noise=True) == []
     assert of(reached=None, needed_by_noise=None) == ["could not be tested on validation samples"]
-    assert of(stable=False) == ["is missing at most other orders"]
+    assert of(stable=False, recurrence=0.5) == ["was found at only 50 % of the other orders"]
     assert of(stable=None) == []

@@ -16,8 +16,8 @@ def doubts(evidence: ModeEvidence, sampling_rate: float) -> list[str]:
     """Reasons to doubt a mode, each a predicate such as "decays too fast to be a resonance".
 
     A mode is trusted when there is none: it is an underdamped resonance below half the sampling
-    rate, the input drives it or the noise model needs it on held-out samples, most models of other
-    orders have it, and its frequency is known to within 10 %.
+    rate, the input drives it or the noise model needs it on held-out samples, three quarters of the models of
+    other orders have it, and its frequency is known to within 10 %.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ def doubts(evidence: ModeEvidence, sampling_rate: float) -> list[str]:
     elif evidence.origin == "not judged":
         found.append("could not be tested on validation samples")
     if evidence.stable is False:
-        found.append("is missing at most other orders")
+        found.append(f"was found at only {100 * evidence.recurrence:.0f} % of the other orders")
     half_width = 1.96 * mode.frequency_se_hz
     if not math.isfinite(half_width):
         found.append("has no known standard error")
