@@ -319,3 +319,17 @@ def test_prints_without_blank_pages_and_cut_figures(browser, report, paper):
         telling = {word for word in words if len(word) > 3}
         assert telling
         assert any(all(word in text for word in telling) for text in texts), name
+
+
+def test_no_table_is_wider_than_the_printed_page(browser, report):
+    visit(browser, report, width=673)  # A4 without its margins, at 96 pixels an inch
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
+    try:
+        cut = browser.execute_script(
+            """return [...document.querySelectorAll('table')]
+                .filter(table => table.getBoundingClientRect().right > innerWidth + 1)
+                .map(table => table.dataset.name)"""
+        )
+    finally:
+        browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
+    assert cut == []
