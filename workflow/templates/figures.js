@@ -43,7 +43,8 @@
     });
     const x = rows.map((at) => toNumber(table[panel.x][at]));
     const y = take(curve.column);
-    const known = (at) => x[at] !== null && !Number.isNaN(x[at]) && table[curve.column][rows[at]] !== "";
+    const inside = (at) => !panel.highest || x[at] <= panel.highest;
+    const known = (at) => inside(at) && x[at] !== null && !Number.isNaN(x[at]) && table[curve.column][rows[at]] !== "";
     const order = x.map((_, at) => at).filter(known).sort((a, b) => x[a] - x[b]);
     const sorted = [x, y, ...curve.band.map(take)]
       .map((values) => order.map((at) => values[at]));

@@ -183,6 +183,7 @@
   const cue = (place) => {
     const told = place.previousElementSibling?.classList.contains("cue");
     const scrolls = place.clientWidth > 0 && place.scrollWidth > place.clientWidth + 1;
+    place.classList.toggle("wider", scrolls);
     if (scrolls && !told) {
       const words = document.createElement("p");
       words.className = "cue";

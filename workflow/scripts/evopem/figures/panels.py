@@ -75,6 +75,8 @@ class Panel:
         Whether the ordinate is an angle in degrees, drawn from −180 to 180.
     limits : tuple of float
         Fixed limits of the ordinate; empty where the data set them.
+    highest : float
+        Largest abscissa that is drawn; 0 where the data set it.
     height : int
         Pixels.
     marks : tuple of float
@@ -93,6 +95,7 @@ class Panel:
     logarithmic: bool = False
     wrapped: bool = False
     limits: tuple[float, ...] = ()
+    highest: float = 0.0
     height: int = 220
     marks: tuple[float, ...] = ()
     levels: tuple[float, ...] = ()
@@ -329,6 +332,7 @@ def stabilization(results: DatasetResults) -> list[Panel]:
             "Order na",
             curves,
             height=280,
+            highest=results.model.sampling_rate / 2,
             levels=(float(results.phases["joint"].orders.na),),
             linked="frequency",
         )

@@ -39,7 +39,7 @@ def nothing(_: DatasetResults) -> list[str]:
 # Heading and sentences of each figure.
 SECTIONS: dict[str, tuple[str, Callable[[DatasetResults], list[str]]]] = {
     "measured_and_simulated": ("Measured and simulated", nothing),
-    "gain": ("Frequency response over the data", nothing),
+    "gain": ("Gain over the data", nothing),
     "poles_zeros": ("Poles and zeros", poles),
     "stabilization": ("Stabilization over the orders", stabilization),
     "frequency_response": ("Frequency response", frequency_response),

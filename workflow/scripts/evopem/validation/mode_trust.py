@@ -16,8 +16,8 @@ def doubts(evidence: ModeEvidence, sampling_rate: float) -> list[str]:
     """Reasons to doubt a mode, each a predicate such as "decays too fast to be a resonance".
 
     A mode is trusted when there is none: it is an underdamped resonance below half the sampling
-    rate, the input drives it or the noise model needs it on held-out samples, three quarters of the models of
-    other orders have it, and its frequency is known to within 10 %.
+    rate, the input drives it or the noise model needs it on held-out samples, three quarters of the
+    models of other orders have it, and its frequency is known to within 10 %.
 
     Parameters
     ----------
