@@ -28,7 +28,7 @@ from evopem.config.settings import (
 from evopem.estimation.candidate import PhaseSelection
 from evopem.estimation.model_record import ModelRecord
 from evopem.estimation.order_selection import complete_estimate, estimate_candidates
-from evopem.models.armax import Orders
+from evopem.models.structures import armax_orders
 from evopem.signals.preparation import prepare
 from evopem.signals.recording import Recording
 from evopem.signals.recording_info import describe_synthetic_recording
@@ -38,7 +38,7 @@ from evopem.signals.spectral.summary import SpectrumSummary
 from evopem.validation.checks import Check, checks
 from evopem.validation.validation import validate
 
-ORDERS, WINDOW, SAMPLES = Orders(4, 4, 3, 1), ScoringWindow(10, 30), 2000
+ORDERS, WINDOW, SAMPLES = armax_orders(4, 4, 3, 1), ScoringWindow(10, 30), 2000
 PREPARATION = PreparationSettings(TransformSettings("none", 0, 0), SplitSettings(0, 0.8))
 NOISE = (0.05, 1.0, 20.0)
 OF_THE_ORDER_SEARCH = ("Orders inside their search ranges",)

@@ -27,12 +27,13 @@ sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
 
 from scipy.special import chdtrc  # noqa: E402
 
-from evopem import Orders, SearchSettings, estimate  # noqa: E402
+from evopem import PolynomialOrders, SearchSettings, estimate  # noqa: E402
 from evopem.config.settings import ScoringWindow  # noqa: E402
 from evopem.estimation.delay_refinement import Fit, refine_delay  # noqa: E402
 from evopem.estimation.pem.covariance import jacobian_blocks  # noqa: E402
-from evopem.models.initial_state import estimate_noise_state  # noqa: E402
 from evopem.models.parameter_covariance import wald_p_value  # noqa: E402
+from evopem.models.polynomial_states import estimate_prediction_states  # noqa: E402
+from evopem.models.structures import armax_orders  # noqa: E402
 from evopem.signals.preparation import prepare  # noqa: E402
 from evopem.synthesis.armax import armax  # noqa: E402
 from evopem.synthesis.flexible_arm import flexible_arm  # noqa: E402
@@ -164,10 +165,10 @@ def input_record(
 
 def selected(u: Array, y: Array) -> Fit:
     """The model of a search over delay, common order, nc and nb by BIC, as the workflow's."""
-    fits: dict[Orders, Fit] = {}
+    fits: dict[PolynomialOrders, Fit] = {}
 
     def fit(*numbers: int) -> Fit:
-        orders = Orders(*numbers)
+        orders = armax_orders(*numbers)
         if orders not in fits:
             found = estimate(
                 u,
@@ -254,9 +255,9 @@ def mode_record(seed: int, samples: int, noise: float, order: int) -> list[tuple
     u = u[2 * WARM_UP :]
     cut = int(ESTIMATION_SHARE * samples)
     model = estimate(u[:cut], y[:cut], (order,) * 3 + (1,), 100.0, settings=SEARCH).model
-    state = estimate_noise_state(model, u[:cut], y[:cut])
+    states = estimate_prediction_states(model, u[:cut], y[:cut])
     found = []
-    for evidence in mode_evidence(model, u, y, cut, state):
+    for evidence in mode_evidence(model, u, y, cut, states):
         near = np.abs(true - evidence.mode.frequency_hz) < 1.0
         driven = ("input", "noise")
         kind = driven[int(np.argmax(near))] if near.any() else "neither"
@@ -345,7 +346,7 @@ def splits(pool: Executor, records: int) -> Iterator[str]:
 def delay_record(seed: int) -> tuple[tuple[int, ...], tuple[int, ...]]:
     recording, _ = armax(seed=seed, samples=4500)
 
-    def fit(orders: Orders) -> Fit:
+    def fit(orders: PolynomialOrders) -> Fit:
         found = estimate(
             recording.input,
             recording.output,
@@ -355,7 +356,7 @@ def delay_record(seed: int) -> tuple[tuple[int, ...], tuple[int, ...]]:
         )
         return Fit(found.model, found.criteria.bic)
 
-    start = min((fit(Orders(7, 7, 7, nk)) for nk in (2, 3, 4)), key=lambda found: found.bic)
+    start = min((fit(armax_orders(7, 7, 7, nk)) for nk in (2, 3, 4)), key=lambda found: found.bic)
     end = refine_delay(start, 4380, 2, fit).fit
     both = (start.model.orders, end.model.orders)
     return both[0].nk, tuple(vars(both[1]).values())  # type: ignore[return-value]

@@ -15,13 +15,16 @@ from pathlib import Path
 import numpy as np
 import yaml
 
+from evopem.config.structures import phases_of
 from evopem.estimation.candidate import PhaseSelection
 from evopem.estimation.model_record import ModelRecord
 from evopem.estimation.order_selection import estimate_candidates
 from evopem.files.json_form import load
-from evopem.results.layout import PHASES, DatasetFiles
+from evopem.results.layout import DatasetFiles
 from evopem.signals.preparation import load_prepared
 from evopem.synthesis.armax import armax
+
+PHASES = phases_of("armax")
 
 ROOT = Path(__file__).parents[1]
 SAMPLES = 2_000

@@ -35,14 +35,14 @@ from evopem.config.settings import SearchSettings  # noqa: E402
 from evopem.estimation.pem.objective import PredictionErrorProblem  # noqa: E402
 from evopem.estimation.search.armax_problem import ArmaxProblem  # noqa: E402
 from evopem.estimation.search.memetic import memetic_search  # noqa: E402
-from evopem.models.armax import Orders  # noqa: E402
+from evopem.models.structures import PolynomialOrders, armax_orders  # noqa: E402
 from evopem.signals.recording import Recording  # noqa: E402
 from evopem.synthesis.armax import armax  # noqa: E402
 
 Array = NDArray[np.float64]
 
-TRUE_ORDERS = Orders(7, 6, 7, 3)
-LARGE_ORDERS = Orders(14, 14, 14, 3)
+TRUE_ORDERS = armax_orders(7, 6, 7, 3)
+LARGE_ORDERS = armax_orders(14, 14, 14, 3)
 LENGTHS = (4500, 500)
 NOISES = (0.1, 0.5)
 RADIUS = 0.9999
@@ -52,7 +52,9 @@ N_INITIAL_DISCARD = 20
 DEFAULT, MORE = SearchSettings(), SearchSettings(evaluations=100_000)
 
 
-def prediction_errors(record: Recording, orders: Orders, objective: str) -> PredictionErrorProblem:
+def prediction_errors(
+    record: Recording, orders: PolynomialOrders, objective: str
+) -> PredictionErrorProblem:
     first = max(orders.first_residual, 3)
     y, u = record.output - record.output.mean(), record.input - record.input.mean()
     scored = first + max(N_INITIAL_DISCARD, orders.nc)
@@ -213,7 +215,9 @@ METHODS = (
 )
 
 
-def large_orders(record: Recording, orders: Orders, objective: str) -> tuple[list[float], float]:
+def large_orders(
+    record: Recording, orders: PolynomialOrders, objective: str
+) -> tuple[list[float], float]:
     """Best value of each of :data:`METHODS`, and the seconds that the search took."""
     with threadpool_limits(limits=1):
         errors = prediction_errors(record, orders, objective)
@@ -232,7 +236,7 @@ def synthetic_large(case: tuple[int, float, int, str]) -> tuple[list[float], flo
     return large_orders(armax(seed, samples, noise=noise)[0], LARGE_ORDERS, objective)
 
 
-def recordings(folder: Path) -> list[tuple[str, Recording, Orders]]:
+def recordings(folder: Path) -> list[tuple[str, Recording, PolynomialOrders]]:
     """The real recordings at hand: DaISy's robot arm, FdiTools' motor bench."""
     from scipy.io import loadmat
 
@@ -240,12 +244,14 @@ def recordings(folder: Path) -> list[tuple[str, Recording, Orders]]:
     arm = folder / "daisy" / "robot_arm.dat"
     if arm.exists():
         data = np.loadtxt(arm)[:800]
-        found.append(("robot arm", Recording(data[:, 0], data[:, 1], 125.0), Orders(6, 6, 6, 0)))
+        found.append(
+            ("robot arm", Recording(data[:, 0], data[:, 1], 125.0), armax_orders(6, 6, 6, 0))
+        )
     bench = folder / "motor_bench" / "MultisineTypeA.mat"
     if bench.exists():
         mat = loadmat(bench)
         u, y = (np.ravel(mat[name])[:7500] for name in ("iq_adx", "omega_may"))
-        found.append(("motor bench", Recording(u, y, 2500.0), Orders(10, 10, 10, 1)))
+        found.append(("motor bench", Recording(u, y, 2500.0), armax_orders(10, 10, 10, 1)))
     return found
 
 

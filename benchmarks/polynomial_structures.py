@@ -1,13 +1,15 @@
-"""Measure every polynomial structure, and write docs/evidence/structures.md.
+"""Measure every polynomial structure, and write its part of docs/evidence/structures.md.
 
-    python benchmarks/polynomial_structures.py [--records 200] [--starts 50] [--processes 2]
-                                               [--recordings FOLDER]
+    python benchmarks/polynomial_structures.py [--records 200] [--starts 200] [--processes 2]
+                                               [--recordings FOLDER] [--only SECTION ...]
 
 1. Errors of the parameters of known truths against the Cramér-Rao bound, and the share of 95 %
    intervals that cover them.
 2. The objective against local solutions of SciPy's least squares from random starts.
 3. Value and gradient of one candidate against the value alone by `scipy.signal.lfilter`.
 4. Simulation errors on recordings, where FOLDER holds them.
+
+Each is a section; `--only speed optima` renews these and leaves the others.
 """
 
 from __future__ import annotations
@@ -30,6 +32,7 @@ from threadpoolctl import threadpool_limits
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
 
+from evidence_section import replace_section  # noqa: E402
 from filtered_polynomials import FilteredPolynomials  # noqa: E402
 
 from evopem import PolynomialModel, PolynomialOrders, SearchSettings, estimate  # noqa: E402
@@ -59,10 +62,10 @@ TRUTHS = {
 }
 
 
-def limited(function: Callable[..., object], *arguments: object) -> object:
+def limited(function: Callable[..., object], *arguments: object, **named: object) -> object:
     """A call with one BLAS thread, in a process of a pool."""
     with threadpool_limits(limits=1, user_api="blas"):
-        return function(*arguments)
+        return function(*arguments, **named)
 
 
 def named(orders: PolynomialOrders) -> dict[str, int]:
@@ -139,26 +142,30 @@ def compared_case(
 def optima(pool: ProcessPoolExecutor, starts: int) -> list[str]:
     cases = [
         (structure, more, samples, noise)
+        for samples in (300, 600, 1000, 2000, 4000)
         for structure in ("ararx", "ararmax", "oe", "bj", "arma")
         for more in (0, 2)
-        for samples in (300, 1000)
         for noise in (5.0, 50.0)
     ]
-    found = list(pool.map(partial(limited, partial(compared_case, starts=starts)), cases))
+    run = partial(limited, compared_case, starts=starts)
+    found = []
+    for case in pool.map(run, cases):
+        found.append(case)
+        print(len(found), *case, flush=True)
     above = [case for case in found if case[1] > 1e-6]
     below = sum(case[1] < -1e-6 for case in found)
     lines = [
-        f"Of {len(found)} cases (five structures at the true orders and with two more of each,",
-        "N = 300 and 1000, noise 5 and 50 %) the search ended more than 1e-6 above the best of",
-        f"{starts} local solutions in {len(above)}, more than 1e-6 below it in {below}. Processor",
-        f"time: {sum(case[2] for case in found):.1f} s for all searches,",
+        f"Of {len(found)} cases (ararx, ararmax, oe, bj and arma at the true orders and with",
+        "two more of each, N = 300, 600, 1000, 2000 and 4000, noise 5 and 50 %) the search ended",
+        f"more than 1e-6 above the best of {starts} local solutions by SciPy's least squares from",
+        f"random starts in {len(above)}, more than 1e-6 below it in {below}. Processor time:",
+        f"{sum(case[2] for case in found):.0f} s for all searches, "
         f"{sum(case[3] for case in found):.0f} s for all local solutions.",
         "",
     ]
     if above:
         lines += ["| above | by | confirming restarts |", "|---|---|---|"]
         lines += [f"| {name} | {gap:.1e} | {confirming} |" for name, gap, _, _, confirming in above]
-    print("\n".join(lines), flush=True)
     return lines
 
 
@@ -293,60 +300,50 @@ def on_recordings(pool: ProcessPoolExecutor, folder: Path) -> list[str]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--records", type=int, default=200)
-    parser.add_argument("--starts", type=int, default=50)
+    parser.add_argument("--starts", type=int, default=200)
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--recordings", type=Path)
+    sections = ("errors", "optima", "speed", "recordings")
+    parser.add_argument("--only", nargs="+", choices=sections, default=sections)
     chosen = parser.parse_args()
-    with ProcessPoolExecutor(chosen.processes) as pool, threadpool_limits(1, "blas"):
-        timed = speed()
-        errors = parameter_errors(pool, chosen.records)
-        compared = optima(pool, chosen.starts)
-        recorded = on_recordings(pool, chosen.recordings) if chosen.recordings else []
-    lines = [
-        "# Polynomial structures",
-        "",
-        f"Written by `benchmarks/polynomial_structures.py` on {platform.machine()}; quadratic",
-        "objective, default search.",
-        "",
-        "## Errors of the parameters",
-        "",
-        f"{chosen.records} records of 1000 samples a structure, noise 20 % of the output's",
-        "standard deviation. Root mean square error over the Cramér-Rao bound, and coverage of",
-        "nominal 95 % intervals: mean over the coefficients, and their range.",
-        "",
-        "| structure | error / bound | range | coverage | range |",
-        "|---|---|---|---|---|",
-        *errors,
-        "",
-        "## Optima",
-        "",
-        *compared,
-        "",
-        "## Speed",
-        "",
-        "Value and gradient of one candidate, eight at a time, against the value alone by",
-        "`scipy.signal.lfilter`; 4500 samples, microseconds of processor time in one run.",
-        "",
-        "| structure | evopem | lfilter | ratio |",
-        "|---|---|---|---|",
-        *timed,
-    ]
-    if recorded:
-        lines += [
-            "",
-            "## Recordings",
-            "",
-            "Simulation error in percent on the validation samples, from the initial state that",
-            "fits them: of the model with the smallest simulation error on the estimation samples,",
-            "and of the best model seen afterwards. Orders 2 to 4 (dryer) and 4 to 12; no",
-            "preprocessing other than the bench's decimation by four.",
-            "",
-            "| recording | chosen on the estimation samples | best seen afterwards |",
-            "|---|---|---|",
-            *recorded,
-        ]
     target = ROOT / "docs" / "evidence" / "structures.md"
-    target.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    with ProcessPoolExecutor(chosen.processes) as pool, threadpool_limits(1, "blas"):
+        if "speed" in chosen.only:
+            lines = [
+                "Value and gradient of one candidate, eight at a time, against the value alone",
+                "by `scipy.signal.lfilter`; 4500 samples, microseconds of processor time in one",
+                f"run on {platform.machine()}.",
+                "",
+                "| structure | evopem | lfilter | ratio |",
+                "|---|---|---|---|",
+                *speed(),
+            ]
+            replace_section(target, "Speed", lines)
+        if "errors" in chosen.only:
+            lines = [
+                f"{chosen.records} records of 1000 samples a structure, noise 20 % of the",
+                "output's standard deviation. Root mean square error over the Cramér-Rao bound,",
+                "and coverage of nominal 95 % intervals: mean over the coefficients, and range.",
+                "",
+                "| structure | error / bound | range | coverage | range |",
+                "|---|---|---|---|---|",
+                *parameter_errors(pool, chosen.records),
+            ]
+            replace_section(target, "Errors of the parameters", lines)
+        if "optima" in chosen.only:
+            replace_section(target, "Optima", optima(pool, chosen.starts))
+        if "recordings" in chosen.only and chosen.recordings:
+            lines = [
+                "Simulation error in percent on the validation samples, from the initial state",
+                "that fits them: of the model with the smallest simulation error on the estimation",
+                "samples, and of the best model seen afterwards. Orders 2 to 4 (dryer) and 4 to",
+                "12; no preprocessing other than the bench's decimation by four.",
+                "",
+                "| recording | chosen on the estimation samples | best seen afterwards |",
+                "|---|---|---|",
+                *on_recordings(pool, chosen.recordings),
+            ]
+            replace_section(target, "Recordings", lines)
 
 
 if __name__ == "__main__":

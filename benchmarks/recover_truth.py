@@ -24,19 +24,22 @@ sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
 
 from evopem.config.defaults import complete  # noqa: E402
 from evopem.config.order_grid import candidate_orders, scoring_window  # noqa: E402
-from evopem.config.settings import PHASES, DatasetSettings  # noqa: E402
+from evopem.config.settings import DatasetSettings  # noqa: E402
+from evopem.config.structures import phases_of  # noqa: E402
 from evopem.estimation.candidate import Candidate, PhaseSelection  # noqa: E402
 from evopem.estimation.order_selection import (  # noqa: E402
     complete_estimate,
     estimate_candidates,
     select_candidate,
 )
-from evopem.models.armax import Orders  # noqa: E402
 from evopem.models.modes import Mode  # noqa: E402
+from evopem.models.structures import PolynomialOrders, armax_orders  # noqa: E402
 from evopem.signals.preparation import prepare  # noqa: E402
 from evopem.signals.recording import Recording  # noqa: E402
 from evopem.synthesis import synthesize  # noqa: E402
 from evopem.synthesis.armax import armax  # noqa: E402
+
+PHASES = phases_of("armax")
 
 SCHEMA = ROOT / "workflow" / "schemas" / "config.schema.yaml"
 
@@ -64,7 +67,7 @@ class RecoveredArm:
     """What the order search found in a record of the flexible arm."""
 
     seed: int
-    orders: Orders
+    orders: PolynomialOrders
     delay: int
     modes: tuple[RecoveredMode, ...]
 
@@ -74,7 +77,7 @@ class RecoveredArmax:
     """What the order search found in a record of the ARMAX model."""
 
     seed: int
-    orders: Orders
+    orders: PolynomialOrders
     exact: bool
     bic: float
     bic_of_truth: float
@@ -93,7 +96,7 @@ def order_search(data: Recording, settings: DatasetSettings) -> Candidate:
     for phase in PHASES:
         previous = astuple(selection.orders) if selection else None
         listed = candidate_orders(phase, settings.order_grid, previous)
-        orders = [Orders(*each) for each in listed]
+        orders = [armax_orders(*each) for each in listed]
         candidates = estimate_candidates(data, orders, phase, search, window)
         selection = select_candidate(candidates, phase, data, search, window)
     assert selection is not None

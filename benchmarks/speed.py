@@ -36,37 +36,37 @@ from evopem.estimation.pem.kernels import LANES  # noqa: E402
 from evopem.estimation.pem.objective import PredictionErrorProblem  # noqa: E402
 from evopem.estimation.search.armax_problem import ArmaxProblem  # noqa: E402
 from evopem.estimation.search.memetic import memetic_search  # noqa: E402
-from evopem.models.armax import Orders  # noqa: E402
+from evopem.models.structures import PolynomialOrders, armax_orders  # noqa: E402
 from evopem.synthesis.armax import armax  # noqa: E402
 
 Array = NDArray[np.float64]
 
-ORDERS = Orders(7, 6, 7, 3)
+ORDERS = armax_orders(7, 6, 7, 3)
 SAMPLES = 4500
 RECORDS = (1, 2, 3)
 # Of the chapter's 57 candidates, those that SIPPY is timed at; the rest is extrapolated.
 SAMPLE = (
-    Orders(6, 6, 6, 3),
-    Orders(9, 9, 9, 1),
-    Orders(10, 10, 10, 3),
-    Orders(14, 14, 14, 3),
-    Orders(7, 7, 4, 3),
-    Orders(7, 7, 14, 3),
-    Orders(7, 3, 7, 3),
-    Orders(7, 14, 7, 3),
+    armax_orders(6, 6, 6, 3),
+    armax_orders(9, 9, 9, 1),
+    armax_orders(10, 10, 10, 3),
+    armax_orders(14, 14, 14, 3),
+    armax_orders(7, 7, 4, 3),
+    armax_orders(7, 7, 14, 3),
+    armax_orders(7, 3, 7, 3),
+    armax_orders(7, 14, 7, 3),
 )
 
 
-def chapter_candidates() -> list[Orders]:
+def chapter_candidates() -> list[PolynomialOrders]:
     """The delay sweep and the three phases of the chapter, section 5."""
-    delay = [Orders(k, k, k, nk) for k in range(6, 10) for nk in range(4)]
-    joint = [Orders(k, k, k, 3) for k in range(6, 15)]
-    nc = [Orders(7, 7, k, 3) for k in range(2, 17)]
-    nb = [Orders(7, k, 7, 3) for k in range(2, 17)]
+    delay = [armax_orders(k, k, k, nk) for k in range(6, 10) for nk in range(4)]
+    joint = [armax_orders(k, k, k, 3) for k in range(6, 15)]
+    nc = [armax_orders(7, 7, k, 3) for k in range(2, 17)]
+    nb = [armax_orders(7, k, 7, 3) for k in range(2, 17)]
     return list(dict.fromkeys([*delay, *joint, *nc, *nb]))
 
 
-def problem(seed: int, orders: Orders, samples: int = SAMPLES) -> PredictionErrorProblem:
+def problem(seed: int, orders: PolynomialOrders, samples: int = SAMPLES) -> PredictionErrorProblem:
     record = armax(seed, samples)[0]
     first = max(orders.first_residual, 3)
     start = first + max(20, orders.nc)
@@ -117,7 +117,7 @@ def one_pass() -> list[str]:
     ]
 
 
-def search(seed: int, orders: Orders) -> tuple[float, float]:
+def search(seed: int, orders: PolynomialOrders) -> tuple[float, float]:
     """Objective and seconds of one whole global search, default settings."""
     errors = problem(seed, orders)
     began = time.process_time()
@@ -126,7 +126,7 @@ def search(seed: int, orders: Orders) -> tuple[float, float]:
     return of_point(errors, result.point), seconds
 
 
-def sippy(seed: int, orders: Orders) -> tuple[float, float]:
+def sippy(seed: int, orders: PolynomialOrders) -> tuple[float, float]:
     """Objective and seconds of SIPPY's ARMAX by optimisation, from its own start."""
     from sippy_unipi import system_identification
 
@@ -152,7 +152,7 @@ def sippy(seed: int, orders: Orders) -> tuple[float, float]:
     return objective_of(errors, *polynomials(model, orders)), seconds
 
 
-def polynomials(model: object, orders: Orders) -> tuple[Array, Array, Array]:
+def polynomials(model: object, orders: PolynomialOrders) -> tuple[Array, Array, Array]:
     """a, b, c of SIPPY's transfer functions, whatever powers of z they are written in."""
 
     def response(function: object) -> tuple[Array, Array]:
@@ -197,7 +197,7 @@ def of_point(errors: PredictionErrorProblem, point: Array) -> float:
     return objective_of(errors, np.concatenate([[1.0], a]), b, np.concatenate([[1.0], c]))
 
 
-def scipy_local(seed: int, orders: Orders) -> tuple[float, float]:
+def scipy_local(seed: int, orders: PolynomialOrders) -> tuple[float, float]:
     """One Levenberg-Marquardt run by MINPACK from stage one, Jacobian by SciPy's filters."""
     errors = problem(seed, orders)
     start = ArmaxProblem(errors).draw(1, np.random.default_rng(1))[0][0]
@@ -208,7 +208,7 @@ def scipy_local(seed: int, orders: Orders) -> tuple[float, float]:
     return of_point(errors, found.x), seconds
 
 
-def statsmodels_local(seed: int, orders: Orders, samples: int) -> float:
+def statsmodels_local(seed: int, orders: PolynomialOrders, samples: int) -> float:
     """Seconds of statsmodels' exact maximum likelihood with lagged inputs as regressors.
 
     Not the same model (regression with ARMA errors), but what its users take for one.
@@ -224,7 +224,7 @@ def statsmodels_local(seed: int, orders: Orders, samples: int) -> float:
 
 
 def whole_searches() -> list[str]:
-    sippy(1, Orders(2, 2, 2, 1))  # its imports
+    sippy(1, armax_orders(2, 2, 2, 1))  # its imports
     searches = [search(seed, ORDERS) for seed in RECORDS]
     ours = float(np.mean([seconds for _, seconds in searches]))
     rows = []
@@ -260,7 +260,7 @@ import sys, time, tracemalloc
 sys.path.insert(0, {scripts!r})
 import numpy as np
 from evopem import SearchSettings, estimate
-from evopem.synthesis.armax import armax
+from evopem.synthesis.armax import armax  # noqa: E402
 record = armax(1, {samples})[0]
 settings = SearchSettings(objective="quadratic", mu=8, lambda_=8, nu=8, evaluations=1)
 u, y = record.input, record.output

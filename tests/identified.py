@@ -22,9 +22,12 @@ from evopem.config.settings import (
     SplitSettings,
     SyntheticSource,
 )
+from evopem.config.structures import phases_of
 from evopem.pipeline.identification import stages
 from evopem.results.dataset import DatasetResults, read_dataset_results
-from evopem.results.layout import PHASES, DatasetFiles
+from evopem.results.layout import DatasetFiles
+
+PHASES = phases_of("armax")
 
 # The true orders, ARMAX(7, 6, 7, 3), lie inside every range but that of the delay, which ends
 # at 3: the check of the search ranges therefore fails.

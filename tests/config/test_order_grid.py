@@ -21,7 +21,6 @@ from evopem.config.order_grid import (
     scoring_window,
 )
 from evopem.config.settings import (
-    PHASES,
     DatasetSettings,
     DelaySettings,
     OrderGrid,
@@ -33,10 +32,17 @@ from evopem.config.settings import (
     SpectrumSettings,
     SyntheticSource,
 )
+from evopem.config.structures import phases_of
 from evopem.errors import InputError
 
+PHASES = phases_of("armax")
+
 SCHEMA = Path(__file__).parents[2] / "workflow" / "schemas" / "config.schema.yaml"
-SELECTED = (7, 7, 7, 3)
+SELECTED = {"na": 7, "nb": 7, "nc": 7, "nk": 3}
+
+
+def tuples(candidates):
+    return [tuple(each[name] for name in ("na", "nb", "nc", "nk")) for each in candidates]
 
 
 def dataset(text=""):
@@ -61,16 +67,16 @@ def settings_with(order_grid, n_initial_discard=0):
 
 def test_the_built_in_grid_is_the_chapters():
     arm = grid()
-    assert candidate_orders("delay", arm) == [
+    assert tuples(candidate_orders("delay", arm)) == [
         (k, k, k, nk) for k in (6, 7, 8, 9) for nk in (0, 1, 2, 3)
     ]
-    assert candidate_orders("joint", arm, SELECTED) == [(k, k, k, 3) for k in range(6, 15)]
-    assert candidate_orders("nc", arm, SELECTED) == [(7, 7, k, 3) for k in range(2, 17)]
-    assert candidate_orders("nb", arm, SELECTED) == [(7, k, 7, 3) for k in range(2, 17)]
+    assert tuples(candidate_orders("joint", arm, SELECTED)) == [(k, k, k, 3) for k in range(6, 15)]
+    assert tuples(candidate_orders("nc", arm, SELECTED)) == [(7, 7, k, 3) for k in range(2, 17)]
+    assert tuples(candidate_orders("nb", arm, SELECTED)) == [(7, k, 7, 3) for k in range(2, 17)]
 
 
 def test_each_phase_starts_from_the_selection_of_the_one_before():
-    assert [previous_phase(phase) for phase in PHASES] == [None, "delay", "joint", "nc"]
+    assert [previous_phase(phase, "armax") for phase in PHASES] == [None, "delay", "joint", "nc"]
     with pytest.raises(ValueError, match="selection of phase delay"):
         candidate_orders("joint", grid())
 
@@ -78,7 +84,7 @@ def test_each_phase_starts_from_the_selection_of_the_one_before():
 @pytest.mark.parametrize(("peaks", "lowest"), [(0, 2), (1, 2), (3, 6), (7, 14), (20, 14)])
 def test_auto_takes_two_orders_for_each_peak(peaks, lowest):
     arm = grid("orders: {joint: auto}")
-    orders = [candidate[0] for candidate in candidate_orders("joint", arm, SELECTED, peaks)]
+    orders = [candidate["na"] for candidate in candidate_orders("joint", arm, SELECTED, peaks)]
     assert orders == list(range(lowest, 15))
     assert len(orders) <= max_candidate_count("joint", arm) == 13
 
@@ -145,7 +151,7 @@ def test_a_phase_is_given_its_own_range_alone(phase):
 def test_every_candidate_is_in_exactly_one_part(lower, count, per_job, phase):
     limits = (lower, lower + count - 1)
     order_grid = OrderGrid(DelaySettings(limits, (0, 2)), OrderSettings(limits, limits, limits))
-    candidates = candidate_orders(phase, order_grid, SELECTED)
+    candidates = tuples(candidate_orders(phase, order_grid, SELECTED))
     parts = part_count(phase, order_grid, per_job)
     jobs = [candidates[part::parts] for part in range(parts)]
     assert sorted(candidate for job in jobs for candidate in job) == candidates
@@ -175,9 +181,9 @@ def test_no_candidate_exceeds_what_the_window_and_the_requirements_allow_for(
     selected = None
     for phase in PHASES:
         candidates = candidate_orders(phase, order_grid, selected)
-        for na, nb_, nc_, nk_ in candidates:
+        for na, nb_, nc_, nk_ in tuples(candidates):
             assert max(na, nb_ + nk_ - 1, nc_) <= window.residual_start
             assert na + nb_ + nc_ <= requirements.parameters
         selected = data.draw(st.sampled_from(candidates))
-    na, nb_, nc_, nk_ = selected
+    ((na, nb_, nc_, nk_),) = tuples([selected])
     assert max(na, nb_ + nk_ - 1, nc_) + nc_ <= requirements.settling

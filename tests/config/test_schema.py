@@ -9,7 +9,6 @@ import yaml
 
 from evopem.config.defaults import complete
 from evopem.config.settings import (
-    PHASES,
     ChannelSettings,
     DatasetSettings,
     DelaySettings,
@@ -19,9 +18,11 @@ from evopem.config.settings import (
     SearchSettings,
     SpectrumSettings,
     SplitSettings,
+    Structure,
     SyntheticSource,
     TransformSettings,
 )
+from evopem.config.structures import PHASES, STRUCTURES
 from evopem.config.yaml_form import ANALYSIS_KEYS
 
 SCHEMA = Path(__file__).parents[2] / "workflow" / "schemas" / "config.schema.yaml"
@@ -47,7 +48,7 @@ def test_the_keys_of_a_mapping_are_the_fields_of_its_settings(mapping, kind):
 
 
 def test_the_keys_of_a_data_set_are_its_source_and_its_analysis():
-    assert set(ANALYSIS_KEYS) == {"resample", *MAPPINGS}
+    assert set(ANALYSIS_KEYS) == {"resample", "structure", "level", *MAPPINGS}
     source = names(RecordedSource, ChannelSettings, SyntheticSource) - {"channels"}
     assert set(KEYS["$defs"]["dataset"]["properties"]) == source | set(ANALYSIS_KEYS)
     assert set(KEYS["properties"]["defaults"]["properties"]) == set(ANALYSIS_KEYS)
@@ -80,7 +81,12 @@ def test_the_words_a_key_takes_are_those_of_its_field(properties, kind):
 
 
 def test_the_phases_are_the_grids_of_the_order_search():
-    assert ("delay", *(field.name for field in fields(OrderSettings))) == PHASES
+    assert {"delay", *(field.name for field in fields(OrderSettings))} == set(PHASES)
+
+
+def test_the_structures_are_those_of_the_package():
+    assert set(KEYS["$defs"]["structure"]["enum"]) == set(STRUCTURES)
+    assert set(get_args(Structure)) == set(STRUCTURES)
 
 
 def test_built_in_settings_of_the_search_are_those_of_the_package():

@@ -32,7 +32,7 @@ REFUSED = {
     "On": ("input: [1, On]\n", "line 1", "On as true", "quotes"),
     "off": ("a:\n  input: off\n", "line 2", "off as false", "quotes"),
     "no": ("report: no\n", "line 1", "no as false", "quotes"),
-    "true": ("report: true\n", "line 1", "true as true", "quotes"),
+    "True": ("report: True\n", "line 1", "True as true", "quotes"),
     "date": ("input: 2024-01-31\n", "line 1", "2024-01-31 as a date", "quotes"),
     "impossible date": ("a: 1\ninput: 2024-13-45\n", "line 2", "2024-13-45 as a date", "quotes"),
     "time stamp": ("input: 2024-01-31T10:00:00Z\n", "line 1", "as a date", "quotes"),

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from evopem import Orders, SearchSettings, estimate
+from evopem import SearchSettings, estimate
 from evopem.config.settings import ScoringWindow
 from evopem.estimation.delay_refinement import (
     Fit,
@@ -12,15 +12,16 @@ from evopem.estimation.delay_refinement import (
     refine_delay,
     t_ratios_of_ends,
 )
-from evopem.models.armax import ArmaxModel
 from evopem.models.parameter_covariance import ParameterCovariance
+from evopem.models.polynomial import PolynomialModel
+from evopem.models.structures import armax_orders
 
 SEARCH = SearchSettings(objective="quadratic", mu=4, lambda_=4, nu=4, evaluations=1)
 
 
 def model(b, errors, nk=3):
     covariance = ParameterCovariance(np.diag(np.r_[0.1, errors, 0.1]), np.zeros((len(b) + 2, 0)))
-    return ArmaxModel(
+    return PolynomialModel(
         np.array([1.0, 0.5]), np.array(b), np.array([1.0, 0.2]), nk, 1.0, 1.0, covariance
     )
 
@@ -29,9 +30,9 @@ def test_ends_that_are_not_clearly_significant_are_compared():
     insignificant = model([0.1, 1.0, -0.2], [0.1, 0.1, 0.1])
     assert t_ratios_of_ends(insignificant) == pytest.approx((1.0, 2.0))
     assert delay_alternatives(insignificant, 1000, 0) == [
-        Orders(1, 2, 1, 4),
-        Orders(1, 2, 1, 3),
-        Orders(1, 4, 1, 2),
+        armax_orders(1, 2, 1, 4),
+        armax_orders(1, 2, 1, 3),
+        armax_orders(1, 4, 1, 2),
     ]
     significant = model([1.0, 1.0, -2.0], [0.1, 0.1, 0.1])
     assert delay_alternatives(significant, 1000, 3) == []
@@ -39,12 +40,14 @@ def test_ends_that_are_not_clearly_significant_are_compared():
 
 
 def test_ends_that_are_not_known_are_compared():
-    unknown = ArmaxModel(np.array([1.0, 0.5]), np.ones(2), np.ones(1), 1)
+    unknown = PolynomialModel(np.array([1.0, 0.5]), np.ones(2), np.ones(1), 1)
     assert len(delay_alternatives(unknown, 1000, 1)) == 2
     infinite = ParameterCovariance(0.01 * np.eye(4), np.eye(4)[:, 1:2])
-    unidentified = ArmaxModel(np.array([1.0, 0.5]), np.ones(2), np.ones(2), 1, 1.0, 1.0, infinite)
+    unidentified = PolynomialModel(
+        np.array([1.0, 0.5]), np.ones(2), np.ones(2), 1, 1.0, 1.0, infinite
+    )
     assert t_ratios_of_ends(unidentified) == pytest.approx((0.0, 100.0))
-    assert delay_alternatives(unidentified, 1000, 1) == [Orders(1, 1, 1, 2)]
+    assert delay_alternatives(unidentified, 1000, 1) == [armax_orders(1, 1, 1, 2)]
 
 
 def from_criteria(criteria):
@@ -62,21 +65,23 @@ def from_criteria(criteria):
 def test_the_smallest_criterion_is_followed_and_nothing_estimated_twice():
     criteria = {(3, 3): 0.0, (4, 2): -2.0, (3, 2): -1.0, (2, 4): 1.0, (5, 1): -1.0, (4, 1): 0.0}
     fit, asked = from_criteria(criteria)
-    found = refine_delay(fit(Orders(1, 3, 1, 3)), 1000, 2, fit)
-    assert found.fit.model.orders == Orders(1, 2, 1, 4)
+    found = refine_delay(fit(armax_orders(1, 3, 1, 3)), 1000, 2, fit)
+    assert found.fit.model.orders == armax_orders(1, 2, 1, 4)
     assert len(asked) == len(set(asked)) == 6
     assert dict(found.tried) == {
-        Orders(1, nb, 1, nk): bic for (nk, nb), bic in criteria.items() if (nk, nb) != (3, 3)
+        armax_orders(1, nb, 1, nk): bic for (nk, nb), bic in criteria.items() if (nk, nb) != (3, 3)
     }
 
 
 def test_without_a_better_neighbour_the_model_stays():
     fit, _ = from_criteria({(3, 2): 0.0, (4, 1): 0.0, (3, 1): 1.0, (2, 3): 2.0})
-    start = fit(Orders(1, 2, 1, 3))
+    start = fit(armax_orders(1, 2, 1, 3))
     assert refine_delay(start, 1000, 2, fit).fit is start
 
 
-@pytest.mark.parametrize("start", [Orders(2, 3, 1, 1), Orders(2, 3, 1, 2), Orders(2, 1, 1, 3)])
+@pytest.mark.parametrize(
+    "start", [armax_orders(2, 3, 1, 1), armax_orders(2, 3, 1, 2), armax_orders(2, 1, 1, 3)]
+)
 def test_the_true_delay_is_found_from_either_side(start):
     """b has two coefficients from lag 2 on."""
     for seed in range(4):
@@ -94,4 +99,4 @@ def test_the_true_delay_is_found_from_either_side(start):
             )
             return Fit(found.model, found.criteria.bic)
 
-        assert refine_delay(fit(start), 1470, 0, fit).fit.model.orders == Orders(2, 2, 1, 2)
+        assert refine_delay(fit(start), 1470, 0, fit).fit.model.orders == armax_orders(2, 2, 1, 2)

@@ -5,9 +5,10 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
-from evopem import Orders, ScoringWindow, SearchSettings, estimate
+from evopem import ScoringWindow, SearchSettings, estimate
 from evopem.estimation.pem.arx import fit_arx
 from evopem.estimation.pem.covariance import estimate_covariance
+from evopem.models.structures import armax_orders
 from evopem.synthesis.armax import armax
 
 QUADRATIC = SearchSettings(objective="quadratic")
@@ -25,7 +26,7 @@ def test_arx_recovers_a_noise_free_system():
     u = rng.standard_normal(300)
     y = lfilter([0.0, 1.0, 0.5], [1.0, -1.5, 0.7], u)
     np.testing.assert_allclose(
-        fit_arx(u, y, Orders(2, 2, 0, 1), 20), [-1.5, 0.7, 1.0, 0.5], atol=1e-10
+        fit_arx(u, y, armax_orders(2, 2, 0, 1), 20), [-1.5, 0.7, 1.0, 0.5], atol=1e-10
     )
 
 
@@ -57,7 +58,7 @@ def test_no_local_method_finds_less(seed):
         return np.clip(np.nan_to_num(e, nan=1e6), -1e6, 1e6)
 
     rng = np.random.default_rng(seed)
-    arx = fit_arx(u, y, Orders(7, 6, 7, 3), 110)
+    arx = fit_arx(u, y, armax_orders(7, 6, 7, 3), 110)
     best = np.inf
     for trial in range(20):
         noise_start = 0.2 * rng.standard_normal(7) if trial else np.zeros(7)

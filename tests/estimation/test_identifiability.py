@@ -10,8 +10,8 @@ from evopem import SearchSettings, estimate
 from evopem.estimation.estimate import descend_from
 from evopem.estimation.pem.covariance import pseudo_inverse_factor
 from evopem.estimation.pem.objective import PredictionErrorProblem
-from evopem.models.armax import Orders
 from evopem.models.gain_interval import gain_band
+from evopem.models.structures import armax_orders
 
 A, B, C = [1.0, -1.5, 0.7], [0.0, 1.0, 0.5], [1.0, -0.6]
 RATE = 100.0
@@ -90,7 +90,7 @@ def test_a_record_without_noise_determines_the_true_mode_only():
 def test_the_shortest_b_leaves_the_residuals_as_they_are():
     """From a point far along the null space."""
     u, y = record(two_sines(2500), 0.1)
-    orders = Orders(2, 6, 1, 1)
+    orders = armax_orders(2, 6, 1, 1)
     found = estimate(u, y, orders, settings=SEARCH)
     errors = PredictionErrorProblem(
         u, y, orders, "quadratic", found.window.residual_start, found.window.loss_start, 0.9999

@@ -13,7 +13,7 @@ from evopem.estimation.search.incremental_order import (
     with_factor,
 )
 from evopem.estimation.search.memetic import memetic_search
-from evopem.models.armax import Orders
+from evopem.models.structures import armax_orders
 from evopem.synthesis.armax import armax
 
 
@@ -22,13 +22,15 @@ def problem(orders, samples=800):
     return PredictionErrorProblem(record.input, record.output, orders, "quadratic", 20, 45, 0.9999)
 
 
-@pytest.mark.parametrize("orders", [Orders(2, 3, 1, 0), Orders(5, 4, 6, 3), Orders(1, 1, 3, 2)])
+@pytest.mark.parametrize(
+    "orders", [armax_orders(2, 3, 1, 0), armax_orders(5, 4, 6, 3), armax_orders(1, 1, 3, 2)]
+)
 def test_a_common_factor_leaves_every_residual_as_it_was(orders):
     errors = problem(orders)
     generator = np.random.default_rng(1)
     (point,), _ = ArmaxProblem(errors).draw(1, generator)
     point[orders.parameters :] = generator.standard_normal(orders.nc)
-    larger = errors.of_orders(Orders(orders.na + 2, orders.nb + 2, orders.nc + 2, orders.nk))
+    larger = errors.of_orders(armax_orders(orders.na + 2, orders.nb + 2, orders.nc + 2, orders.nk))
     before = errors.residuals(point)
     for extended in with_factor(errors, point, random_pairs(5, generator)):
         np.testing.assert_allclose(
@@ -39,9 +41,9 @@ def test_a_common_factor_leaves_every_residual_as_it_was(orders):
 @pytest.mark.parametrize(
     ("small", "large"),
     [
-        (Orders(2, 3, 1, 2), Orders(4, 6, 3, 1)),
-        (Orders(3, 2, 2, 3), Orders(3, 4, 2, 2)),
-        (Orders(2, 2, 2, 1), Orders(2, 2, 5, 1)),
+        (armax_orders(2, 3, 1, 2), armax_orders(4, 6, 3, 1)),
+        (armax_orders(3, 2, 2, 3), armax_orders(3, 4, 2, 2)),
+        (armax_orders(2, 2, 2, 1), armax_orders(2, 2, 5, 1)),
     ],
 )
 def test_zeros_added_to_a_nested_model_leave_every_residual_as_it_was(small, large):
@@ -56,8 +58,11 @@ def test_zeros_added_to_a_nested_model_leave_every_residual_as_it_was(small, lar
 
 
 def test_the_orders_on_the_way_come_in_steps_of_a_pair():
-    assert smaller_orders(Orders(7, 6, 7, 3)) == [Orders(3, 2, 3, 3), Orders(5, 4, 5, 3)]
-    assert smaller_orders(Orders(4, 2, 4, 1)) == []
+    assert smaller_orders(armax_orders(7, 6, 7, 3)) == [
+        armax_orders(3, 2, 3, 3),
+        armax_orders(5, 4, 5, 3),
+    ]
+    assert smaller_orders(armax_orders(4, 2, 4, 1)) == []
 
 
 def test_pairs_lie_inside_the_unit_circle_at_all_frequencies():
@@ -69,8 +74,8 @@ def test_pairs_lie_inside_the_unit_circle_at_all_frequencies():
 
 
 def test_an_extended_individual_is_no_worse_than_the_smaller_model():
-    orders = Orders(6, 6, 6, 3)
-    large, small = problem(orders), problem(Orders(4, 4, 4, 3))
+    orders = armax_orders(6, 6, 6, 3)
+    large, small = problem(orders), problem(armax_orders(4, 4, 4, 3))
     settings = SearchSettings(evaluations=4000)
     smaller = memetic_search(ArmaxProblem(small), settings, np.random.default_rng(1)).value
     drawn = ArmaxProblem(large, "incremental_order").draw(6, np.random.default_rng(1))

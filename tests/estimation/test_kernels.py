@@ -7,9 +7,14 @@ from scipy.signal import lfilter
 from evopem.estimation.pem import kernels
 from evopem.estimation.pem.kernels.filtering import filter_rows
 from evopem.estimation.pem.objective import PredictionErrorProblem
-from evopem.models.armax import Orders
+from evopem.models.structures import armax_orders
 
-CASES = [Orders(2, 3, 1, 0), Orders(7, 6, 7, 3), Orders(1, 1, 4, 2), Orders(3, 2, 0, 1)]
+CASES = [
+    armax_orders(2, 3, 1, 0),
+    armax_orders(7, 6, 7, 3),
+    armax_orders(1, 1, 4, 2),
+    armax_orders(3, 2, 0, 1),
+]
 
 
 def population(orders, count, seed=0):
@@ -97,7 +102,7 @@ def test_gauss_newton_matrix_is_that_of_the_jacobian(orders):
 
 
 def test_a_model_gets_the_same_bits_whatever_shares_its_pass():
-    orders = Orders(7, 6, 7, 3)
+    orders = armax_orders(7, 6, 7, 3)
     errors, _, _ = problem(orders, "absolute")
     points = population(orders, 21)
     smoothing, barriers = np.full(21, 0.1), np.full(21, 0.2)
@@ -109,7 +114,7 @@ def test_a_model_gets_the_same_bits_whatever_shares_its_pass():
 
 
 def test_infeasible_points_are_infinite_and_repair_makes_them_feasible():
-    orders = Orders(2, 1, 2, 0)
+    orders = armax_orders(2, 1, 2, 0)
     errors, _, _ = problem(orders)
     good = [0.1, 0.2, 1.0, 0.1, 0.1, 0.0, 0.0]
     points = np.array([good, [0.1, 0.2, 1.0, -2.5, 0.1, 0.0, 0.0], [np.nan] * 7])
@@ -157,7 +162,7 @@ def test_the_stability_barrier_is_infinite_outside():
 
 
 def test_the_barrier_of_a_descent_is_that_of_a_and_of_c():
-    orders = Orders(3, 2, 2, 1)
+    orders = armax_orders(3, 2, 2, 1)
     errors, _, _ = problem(orders)
     points = population(orders, 5)
     none, weights = np.zeros(5), np.linspace(0.5, 2.0, 5)
@@ -196,7 +201,7 @@ def test_rows_are_filtered_as_scipy_filters_them_piece_by_piece(order):
 
 
 def test_the_record_is_not_modified():
-    orders = Orders(2, 1, 2, 0)
+    orders = armax_orders(2, 1, 2, 0)
     u, y = np.random.default_rng(1).standard_normal((2, 200))
     before = u.copy(), y.copy()
     errors = PredictionErrorProblem(u, y, orders, "absolute", 11, 40, 0.999)

@@ -13,7 +13,7 @@ from evopem.config.settings import (
 )
 from evopem.errors import InputError
 from evopem.estimation.candidate import Candidate
-from evopem.estimation.estimate import Criteria
+from evopem.estimation.criteria import Criteria
 from evopem.estimation.order_selection import (
     REPEAT_FACTOR,
     complete_estimate,
@@ -28,7 +28,8 @@ from evopem.estimation.order_selection import (
 from evopem.estimation.parallel import estimate_in_parallel
 from evopem.estimation.search.problem import SearchDiagnostics
 from evopem.files.json_form import to_json
-from evopem.models.armax import ArmaxModel, Orders
+from evopem.models.polynomial import PolynomialModel
+from evopem.models.structures import armax_orders
 from evopem.signals.preparation import prepare
 from evopem.signals.recording import Recording
 from evopem.synthesis import synthesize
@@ -50,7 +51,7 @@ def short(record):
 
 
 def test_the_delay_is_found(record):
-    orders = [Orders(k, k, k, nk) for k in (6, 7) for nk in range(5)]
+    orders = [armax_orders(k, k, k, nk) for k in (6, 7) for nk in range(5)]
     candidates = estimate_candidates(record, orders, "delay", SEARCH, WINDOW)
     selected, reason = select_delay(candidates)
     assert selected.nk == 3
@@ -59,13 +60,13 @@ def test_the_delay_is_found(record):
 
 def test_the_true_orders_are_found(record):
     """Phases nc and nb from the true joint order, near the truth."""
-    orders = [Orders(7, 7, k, 3) for k in range(5, 10)]
+    orders = [armax_orders(7, 7, k, 3) for k in range(5, 10)]
     selected, reason = select_order(estimate_candidates(record, orders, "nc", SEARCH, WINDOW))
-    assert selected == Orders(7, 7, 7, 3)
+    assert selected == armax_orders(7, 7, 7, 3)
     assert "ARMAX(7,7,7,3) has the smallest BIC" in reason
-    orders = [Orders(7, k, 7, 3) for k in range(4, 9)]
+    orders = [armax_orders(7, k, 7, 3) for k in range(4, 9)]
     found = estimate_candidates(record, orders, "nb", SEARCH, WINDOW)
-    assert select_order(found)[0] == Orders(7, 6, 7, 3)
+    assert select_order(found)[0] == armax_orders(7, 6, 7, 3)
 
 
 @pytest.mark.parametrize("seed", [2, 6])
@@ -79,11 +80,11 @@ def test_the_chapters_case(seed):
     recording, truth = synthesize(source, preparation.transforms)
     data = prepare(recording, preparation).estimation
     search = SearchSettings(objective="absolute", evaluations=20000)
-    orders = [Orders(k, k, k, nk) for k in (7, 8) for nk in (1, 2, 3)]
+    orders = [armax_orders(k, k, k, nk) for k in (7, 8) for nk in (1, 2, 3)]
     candidates = estimate_candidates(data, orders, "delay", search, WINDOW)
     selected, _ = select_delay(candidates)
     assert selected.nk == truth.delay_samples == 3
-    chosen = next(each for each in candidates if each.orders == Orders(8, 8, 8, 3))
+    chosen = next(each for each in candidates if each.orders == armax_orders(8, 8, 8, 3))
     modes = complete_estimate(chosen, data, search, WINDOW).model.modes()
     expected = ((5.36, 0.91, 0.003), (16.65, 17.5, 0.01), (37.0, 1.07, 0.001))
     for frequency, damping, tolerance in expected:
@@ -93,7 +94,7 @@ def test_the_chapters_case(seed):
 
 
 def test_jobs_and_processes_do_not_change_a_bit(short):
-    orders = [Orders(2, 2, k, 3) for k in range(1, 5)]
+    orders = [armax_orders(2, 2, k, 3) for k in range(1, 5)]
     whole = estimate_candidates(short, orders, "nc", SEARCH, LATE)
     parts = [estimate_candidates(short, orders[i::2], "nc", SEARCH, LATE) for i in (1, 0)]
     by_parts = [parts[1][0], parts[0][0], parts[1][1], parts[0][1]]
@@ -103,7 +104,7 @@ def test_jobs_and_processes_do_not_change_a_bit(short):
 
 
 def test_a_completed_candidate_is_the_estimate(short):
-    (candidate,) = estimate_candidates(short, [Orders(2, 2, 2, 3)], "nb", SEARCH, LATE)
+    (candidate,) = estimate_candidates(short, [armax_orders(2, 2, 2, 3)], "nb", SEARCH, LATE)
     complete = complete_estimate(candidate, short, SEARCH, LATE)
     assert complete.criteria == candidate.criteria
     np.testing.assert_array_equal(complete.model.parameters, candidate.model.parameters)
@@ -115,7 +116,7 @@ def test_a_completed_candidate_is_the_estimate(short):
 
 
 def test_radii_of_a_candidate_are_those_of_its_model(short):
-    (candidate,) = estimate_candidates(short, [Orders(2, 2, 2, 3)], "nb", SEARCH, LATE)
+    (candidate,) = estimate_candidates(short, [armax_orders(2, 2, 2, 3)], "nb", SEARCH, LATE)
     assert candidate.max_pole_radius == np.abs(np.roots(candidate.model.a)).max()
     assert candidate.max_noise_zero_radius == np.abs(np.roots(candidate.model.c)).max()
 
@@ -123,22 +124,24 @@ def test_radii_of_a_candidate_are_those_of_its_model(short):
 def test_a_record_too_short_for_an_order_is_refused_in_a_sentence(record):
     too_short = Recording(record.input[:120], record.output[:120], 100.0)
     with pytest.raises(InputError, match=r"ARMAX\(7,7,7,3\) has 21 parameters"):
-        estimate_candidates(too_short, [Orders(7, 7, 7, 3)], "nb", SEARCH, LATE)
+        estimate_candidates(too_short, [armax_orders(7, 7, 7, 3)], "nb", SEARCH, LATE)
 
 
 def candidate(orders, bic, minimum=1.0, n_confirming=1):
     """A candidate of no particular model, for what depends on criteria and diagnostics alone."""
-    orders = Orders(*orders)
+    orders = armax_orders(*orders)
     return Candidate(
         phase="joint",
         orders=orders,
-        model=ArmaxModel(
+        model=PolynomialModel(
             np.r_[1.0, np.zeros(orders.na)],
             np.ones(orders.nb),
             np.r_[1.0, np.zeros(orders.nc)],
             orders.nk,
         ),
         criteria=Criteria(objective=minimum, fit_percent=100 - minimum, rss=1.0, bic=bic),
+        with_level=False,
+        plant_state=np.zeros(0),
         noise_state=np.zeros(orders.nc),
         minimum=minimum,
         at_stability_bound=False,
@@ -171,14 +174,14 @@ def test_the_delay_has_the_smallest_mean_bic_over_the_orders():
         for k, bic in zip((6, 7), values, strict=True)
     ]
     selected, reason = select_delay(candidates)
-    assert selected == Orders(7, 7, 7, 1)
+    assert selected == armax_orders(7, 7, 7, 1)
     assert "(-1.2500, 0.1000 below the next)" in reason
     assert "varies by 0.5000" in reason
 
 
 def test_the_smaller_of_models_with_equal_bic_is_selected():
     candidates = [candidate((2, k, 2, 0), 1.0) for k in (5, 3, 4)]
-    assert select_order(candidates)[0] == Orders(2, 3, 2, 0)
+    assert select_order(candidates)[0] == armax_orders(2, 3, 2, 0)
 
 
 def no_reoptimization(nested, larger):
@@ -237,7 +240,7 @@ def test_all_orders_of_the_selected_delay_are_confirmed():
 
 def test_a_selection_does_not_depend_on_the_order_of_the_candidates(short):
     search = replace(SEARCH, evaluations=500)
-    orders = [Orders(2, 2, k, 3) for k in (1, 2, 3)]
+    orders = [armax_orders(2, 2, k, 3) for k in (1, 2, 3)]
     candidates = estimate_candidates(short, orders, "nc", search, LATE)
     one, other = (
         select_candidate(each, "nc", short, search, LATE) for each in (candidates, candidates[::-1])
@@ -247,7 +250,7 @@ def test_a_selection_does_not_depend_on_the_order_of_the_candidates(short):
 
 def test_a_repeated_search_is_independent_and_pooled_with_the_first(short):
     search = replace(SEARCH, evaluations=1000)
-    (first,) = estimate_candidates(short, [Orders(7, 6, 7, 3)], "nb", search, LATE)
+    (first,) = estimate_candidates(short, [armax_orders(7, 6, 7, 3)], "nb", search, LATE)
     more = repeat_search(first, short, search, LATE)
     before, after = first.diagnostics, more.diagnostics
     assert more.minimum <= first.minimum
@@ -263,7 +266,7 @@ def test_a_repeated_search_is_independent_and_pooled_with_the_first(short):
 
 
 def test_a_reoptimized_candidate_is_no_worse_than_the_nested_one(short):
-    orders = [Orders(4, 3, 4, 3), Orders(7, 6, 6, 2)]
+    orders = [armax_orders(4, 3, 4, 3), armax_orders(7, 6, 6, 2)]
     nested, larger = estimate_candidates(short, orders, "nb", SEARCH, LATE)
     failed = replace(
         larger,

@@ -154,10 +154,12 @@ def test_roots_have_the_radii_of_their_polynomials_and_repair_moves_them_inside(
 
 def test_the_armax_structure_has_the_objective_of_the_armax_kernels():
     from evopem.estimation.pem.objective import PredictionErrorProblem
-    from evopem.models.armax import Orders
+    from evopem.models.structures import PolynomialOrders, armax_orders
 
     errors, u, y = problem(PolynomialOrders(na=2, nb=3, nc=4, nk=3), False)
-    armax = PredictionErrorProblem(u, y, Orders(2, 3, 4, 3), "quadratic", START, LOSS_START, 0.995)
+    armax = PredictionErrorProblem(
+        u, y, armax_orders(2, 3, 4, 3), "quadratic", START, LOSS_START, 0.995
+    )
     points = population(errors, 9)
     np.testing.assert_allclose(errors.values(points), armax.values(points), rtol=1e-12)
 

@@ -29,7 +29,7 @@ from evopem.figures.stabilization_diagram import draw_stabilization
 from evopem.figures.style import svg_text
 from evopem.figures.summary import draw_gain_and_data, draw_measured_and_simulated, shown_samples
 from evopem.figures.time_domain import draw_record, draw_simulation, draw_simulation_as_recorded
-from evopem.figures.time_responses import draw_step_and_impulse, time_response_table
+from evopem.figures.time_responses import draw_step_and_impulse, settling_part
 from evopem.results.layout import FIGURES
 from evopem.signals.preparation import PreparedData
 from evopem.signals.recording import Recording
@@ -282,22 +282,85 @@ def test_step_and_impulse_are_those_of_the_transfer_function(results):
     from scipy.signal import dlti, dstep
 
     model = results.model.model
-    table = time_response_table(results.model)
+    table = settling_part(results.time_response)
     numerator = np.zeros(max(len(model.delayed_b), len(model.a)))
     denominator = np.zeros_like(numerator)
     numerator[: len(model.delayed_b)] = model.delayed_b
     denominator[: len(model.a)] = model.a
     system = dlti(numerator, denominator, dt=1 / 100.0)
     times, (step,) = dstep(system, n=len(table))
-    np.testing.assert_allclose(table["step_response"], step[:, 0], atol=1e-9)
+    np.testing.assert_allclose(table["step"], step[:, 0], atol=1e-9)
     np.testing.assert_allclose(table["time_s"], times)
-    np.testing.assert_allclose(np.cumsum(table["impulse_response"]), table["step_response"])
-    impulse = table["impulse_response"].abs()
+    impulse = table["impulse"].abs()
     assert impulse.iloc[-5:].max() < 0.02 * impulse.max()
-    for axes, column in zip(
-        draw_step_and_impulse(table).axes, ("step_response", "impulse_response"), strict=True
-    ):
+    for axes, column in zip(draw_step_and_impulse(table).axes, ("step", "impulse"), strict=True):
         assert_drawn(axes, table["time_s"], table[column])
+        band = axes.collections[0].get_paths()[0].vertices[:, 1]
+        assert band.max() == pytest.approx(table[f"{column}_upper"].max())
+
+
+@pytest.fixture(scope="module")
+def of_noise_alone(results):
+    """The same results as if the model had no input, whose noise filter is left."""
+    record = results.model
+    plain = replace(
+        record, orders=replace(record.orders, nb=0, nk=0, structure="arma"), b=np.empty(0)
+    )
+    response, in_time = results.frequency_response.copy(), results.time_response.copy()
+    response[["gain", "gain_lower", "gain_upper", "phase_deg"]] = np.nan
+    in_time[["step", "impulse"]] = np.nan
+    tables = results.validation_tables
+    simulation = tables.simulation.assign(
+        simulated=np.nan, simulation_error=np.nan, recorded_simulated=np.nan
+    )
+    return replace(
+        results,
+        model=replace(plain, covariance_factor=None),
+        settings=replace(
+            results.settings, order_grid=replace(results.settings.order_grid, structure="arma")
+        ),
+        phases={name: results.phases[name] for name in ("joint", "nc")},
+        spectrum=results.spectrum[["frequency_hz", "density", "lower", "upper"]],
+        frequency_response=response,
+        time_response=in_time,
+        validation_tables=replace(tables, simulation=simulation),
+    )
+
+
+def test_without_an_input_the_noise_filter_and_the_prediction_are_drawn(of_noise_alone):
+    results = of_noise_alone
+    shown = {figure.name: figure for figure in REPORT_FIGURES if figure.applies(results)}
+    assert set(FIGURES) - set(shown) == {"nyquist", "delay"}
+    noise = results.frequency_response["noise_gain"]
+    gain = shown["gain"].table(results)
+    assert set(gain["source"]) == {"noise filter"}
+    assert gain["gain"].max() == noise.max()
+    drawn = lines(shown["gain"].draw(results).axes[0])
+    assert drawn["noise filter H"].get_ydata().max() == noise.max()
+    assert "multitaper" not in drawn
+    first = shown["measured_and_simulated"].table(results)
+    assert list(first.columns) == ["time_s", "output", "predicted"]
+    assert first["predicted"].notna().all()
+    (axes,) = shown["step_and_impulse"].draw(results).axes
+    part = settling_part(results.time_response)
+    assert_drawn(axes, part["time_s"], part["noise_impulse"])
+
+
+def test_what_a_page_draws_without_an_input_is_in_its_tables(of_noise_alone):
+    for figure in REPORT_FIGURES:
+        if not figure.applies(of_noise_alone):
+            continue
+        table = figure.table(of_noise_alone)
+        for panel in figure.panels(of_noise_alone):
+            for curve in panel.curves:
+                if curve.source:
+                    continue
+                rows = table
+                if curve.where and curve.where[1] != "not 0":
+                    rows = table[table[curve.where[0]] == curve.where[1]]
+                assert {panel.x, curve.column, *curve.band} <= set(table.columns), figure.name
+                # Of the status of a pole there may be no row.
+                assert figure.name == "stabilization" or rows[curve.column].notna().any()
 
 
 def test_the_nyquist_diagram_shows_the_frequency_response_in_the_complex_plane(results):
@@ -426,7 +489,7 @@ def test_the_figures_are_those_of_the_layout(results, tmp_path):
 def test_the_data_of_every_figure_are_files_of_the_results(identified):
     for figure in REPORT_FIGURES:
         for file in figure.data_files:
-            assert (Path(identified.files.folder) / file).is_file()
+            assert (Path(identified.files.folder) / file).exists()
 
 
 def test_the_archive_of_all_results_has_the_same_captions():

@@ -22,8 +22,8 @@ from evopem.estimation.candidate import Candidate, PhaseSelection
 from evopem.estimation.model_record import ModelRecord
 from evopem.files.json_form import from_json, load, save, to_json
 from evopem.files.unfinished import UnfinishedJob
-from evopem.models.armax import Orders
 from evopem.models.polynomial import PolynomialModel
+from evopem.models.structures import PolynomialOrders, armax_orders
 from evopem.results.fleet import DatasetSummary
 from evopem.signals.preparation import Transforms
 from evopem.signals.recording_info import RecordingInfo
@@ -36,7 +36,7 @@ RESULTS = [
     Candidate,
     DatasetSummary,
     ModelRecord,
-    Orders,
+    PolynomialOrders,
     PhaseSelection,
     PolynomialModel,
     RecordingInfo,
@@ -53,9 +53,9 @@ FINITE = st.floats(allow_nan=False, allow_infinity=False)
 
 def instances(kind: Any) -> st.SearchStrategy[Any]:
     """Any value of a type, as its annotation states it; floats may be infinite or NaN."""
-    if kind is Orders:
+    if kind is PolynomialOrders:
         high = st.integers(0, 60)
-        return st.builds(Orders, na=high, nb=st.integers(1, 60), nc=high, nk=high)
+        return st.builds(PolynomialOrders, na=high, nb=st.integers(1, 60), nc=high, nk=high)
     if is_dataclass(kind):
         hints = get_type_hints(kind)
         return st.builds(kind, **{each.name: instances(hints[each.name]) for each in fields(kind)})
@@ -163,26 +163,30 @@ ORDERS = {"na": 2, "nb": 1, "nc": 1, "nk": 0}
 @pytest.mark.parametrize(
     ("kind", "content", "place", "problem"),
     [
-        (Orders, ORDERS | {"na": 2.7}, "na", "2.7 is not a whole number"),
-        (Orders, ORDERS | {"na": "2"}, "na", "'2' is not a whole number"),
-        (Orders, ORDERS | {"na": True}, "na", "True is not a whole number"),
-        (Orders, ORDERS | {"na": None}, "na", "None is not a whole number"),
-        (Orders, ORDERS | {"nb": 0}, "", "nb of at least 1"),
-        (Orders, ORDERS | {"nd": 1}, "", "the key nd is not known"),
-        (Orders, {"na": 1, "nb": 1, "nc": 1}, "nk", "the key nk is missing"),
-        (Orders, [1, 1, 1, 0], "", "the content has another form"),
-        (Orders, None, "", "the content has another form"),
+        (PolynomialOrders, ORDERS | {"na": 2.7}, "na", "2.7 is not a whole number"),
+        (PolynomialOrders, ORDERS | {"na": "2"}, "na", "'2' is not a whole number"),
+        (PolynomialOrders, ORDERS | {"na": True}, "na", "True is not a whole number"),
+        (PolynomialOrders, ORDERS | {"na": None}, "na", "None is not a whole number"),
+        (PolynomialOrders, ORDERS | {"nb": 0, "nf": 1}, "", "without an input nf and nk"),
+        (PolynomialOrders, ORDERS | {"ne": 1}, "", "the key ne is not known"),
+        (PolynomialOrders, [1, 1, 1, 0], "", "the content has another form"),
+        (PolynomialOrders, None, "", "the content has another form"),
         (SearchSettings, {"objective": "cubic"}, "objective", "'cubic' is none of absolute, qu"),
         (SearchSettings, {"max_root_radius": "0.9"}, "max_root_radius", "'0.9' is not a number"),
         (SyntheticSource, {"synthesis": "pendulum"}, "synthesis", "'pendulum' is none of flex"),
         (ChannelSettings, {"input": [1]}, "input", "[1] cannot be used here"),
-        (ChannelSettings, {"input": None}, "input", "there is no value"),
+        (ChannelSettings, {"output": None}, "output", "there is no value"),
         (ChannelSettings, {"input_unit": 5}, "input_unit", "5 is not a text"),
         (OrderSettings, {"nc": [1, 2, 3]}, "nc", "[1, 2, 3] has not 2 entries"),
         (OrderSettings, {"nc": "ab"}, "nc", "'ab' is not a list"),
         (OrderSettings, {"joint": "aut"}, "joint", "'aut' cannot be used here"),
-        (tuple[Orders, ...], [ORDERS, ORDERS | {"nk": 0.5}], "[1].nk", "0.5 is not a whole"),
-        (tuple[Orders, ...], {}, "", "{} is not a list"),
+        (
+            tuple[PolynomialOrders, ...],
+            [ORDERS, ORDERS | {"nk": 0.5}],
+            "[1].nk",
+            "0.5 is not a whole",
+        ),
+        (tuple[PolynomialOrders, ...], {}, "", "{} is not a list"),
     ],
 )
 def test_other_content_is_refused_in_a_sentence_that_names_the_field(kind, content, place, problem):
@@ -203,8 +207,11 @@ def test_a_field_deep_inside_is_named():
 
 def test_a_file_holds_what_was_saved(tmp_path):
     path = tmp_path / "orders.json"
-    save((Orders(1, 2, 3, 4), Orders(4, 3, 2, 1)), path)
-    assert load(tuple[Orders, ...], path) == (Orders(1, 2, 3, 4), Orders(4, 3, 2, 1))
+    save((armax_orders(1, 2, 3, 4), armax_orders(4, 3, 2, 1)), path)
+    assert load(tuple[PolynomialOrders, ...], path) == (
+        armax_orders(1, 2, 3, 4),
+        armax_orders(4, 3, 2, 1),
+    )
 
 
 @pytest.mark.parametrize(
@@ -216,6 +223,6 @@ def test_files_that_hold_no_json_are_refused_in_a_sentence(tmp_path, content, pr
     if content is not None:
         path.write_bytes(content)
     with pytest.raises(InputError) as caught:
-        load(Orders, path)
+        load(PolynomialOrders, path)
     assert caught.value.source == str(path)
     assert problem in caught.value.problem

@@ -12,10 +12,12 @@ from hypothesis import strategies as st
 
 from evopem.config.defaults import complete
 from evopem.config.order_grid import part_count, sample_requirements, scoring_window
-from evopem.config.settings import PHASES
+from evopem.config.structures import phases_of
 from evopem.config.yaml_form import keys_of
 from evopem.errors import InputError
 from evopem.files.json_form import to_json
+
+PHASES = phases_of("armax")
 
 SCHEMA = Path(__file__).parents[2] / "workflow" / "schemas" / "config.schema.yaml"
 KNOWN = yaml.safe_load(SCHEMA.read_text())

@@ -24,15 +24,15 @@ from evopem.errors import InputError
 from evopem.estimation.model_record import ModelRecord
 from evopem.estimation.order_selection import complete_estimate, estimate_candidates
 from evopem.files.json_form import to_json
-from evopem.models.armax import Orders
 from evopem.models.response_tables import frequency_response_table, modes_table
+from evopem.models.structures import armax_orders
 from evopem.signals.preparation import prepare
 from evopem.signals.recording import Recording, check_recording
 from evopem.signals.spectral.multitaper import multitaper_spectrum
 from evopem.signals.spectral.peaks import summarize_spectrum
 from evopem.validation.validation import validate
 
-ORDERS = Orders(2, 2, 1, 1)
+ORDERS = armax_orders(2, 2, 1, 1)
 GRID = OrderGrid(DelaySettings((2, 2), (0, 1)), OrderSettings((2, 2), (1, 2), (1, 2)))
 
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from evopem.models.armax import ArmaxModel
 from evopem.models.confidence_ellipse import uncertain_roots
 from evopem.models.parameter_covariance import ParameterCovariance
+from evopem.models.polynomial import PolynomialModel
 
 # Poles 0.95 exp(±0.6i) and 0.3, zeros 0.5 ± 0.5i, root of C 0.2.
 A = np.real(np.poly([0.95 * np.exp(0.6j), 0.95 * np.exp(-0.6j), 0.3]))
@@ -16,7 +16,7 @@ DEVIATION = 1e-4
 
 def model(covariance):
     known = None if covariance is None else ParameterCovariance.from_matrix(covariance)
-    return ArmaxModel(A, B, C, 1, 50.0, 1.0, known)
+    return PolynomialModel(A, B, C, nk=1, sampling_rate=50.0, noise_variance=1.0, covariance=known)
 
 
 @pytest.mark.parametrize(("polynomial", "coefficients", "free"), [("A", A, 1), ("B", B, 0)])

@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from evopem.models.armax import ArmaxModel
 from evopem.models.gain_interval import NORMAL_95, gain_band
 from evopem.models.parameter_covariance import ParameterCovariance
+from evopem.models.polynomial import PolynomialModel
 
 FREQUENCIES = np.linspace(0.5, 45.0, 12)
 
 
 def model(covariance):
-    return ArmaxModel(
+    return PolynomialModel(
         a=np.array([1.0, -1.2, 0.8]),
         b=np.array([0.5, 0.3]),
         c=np.array([1.0, 0.4]),
@@ -23,14 +23,13 @@ def model(covariance):
 
 def test_a_pure_gain_has_the_band_of_its_coefficient():
     covariance = np.diag([0.01, 0.5])
-    pure = ArmaxModel(
+    pure = PolynomialModel(
         np.ones(1),
         np.array([-2.0]),
         np.array([1.0, 0.1]),
-        3,
-        100.0,
-        1.0,
-        ParameterCovariance.from_matrix(covariance),
+        nk=3,
+        sampling_rate=100.0,
+        covariance=ParameterCovariance.from_matrix(covariance),
     )
     lower, upper = gain_band(pure, FREQUENCIES)
     spread = np.exp(NORMAL_95 * 0.1 / 2.0)
@@ -49,8 +48,8 @@ def test_drawn_parameters_lie_inside_the_band_as_often_as_it_says():
     gains = np.array(
         [
             np.abs(
-                ArmaxModel(
-                    np.r_[1.0, p[:2]], p[2:4], np.r_[1.0, p[4:]], 2, 100.0
+                PolynomialModel(
+                    np.r_[1.0, p[:2]], p[2:4], np.r_[1.0, p[4:]], nk=2, sampling_rate=100.0
                 ).frequency_response(FREQUENCIES)
             )
             for p in drawn

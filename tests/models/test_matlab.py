@@ -20,7 +20,15 @@ def model():
     truth = true_model()
     n = truth.orders.parameters
     covariance = ParameterCovariance(1e-2 * np.eye(n)[:, 1:], np.eye(n)[:, :1])
-    return evopem.ArmaxModel(truth.a, truth.b, truth.c, truth.nk, 100.0, 0.25, covariance)
+    return evopem.PolynomialModel(
+        truth.a,
+        truth.b,
+        truth.c,
+        nk=truth.nk,
+        sampling_rate=100.0,
+        noise_variance=0.25,
+        covariance=covariance,
+    )
 
 
 def test_mat_holds_the_arguments_of_idpoly(model, tmp_path):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from evopem.models.armax import ArmaxModel
+from evopem.models.polynomial import PolynomialModel
 from evopem.models.stabilization import persistent_frequencies, stabilization
 from evopem.synthesis.truth import true_mode
 
@@ -12,7 +12,9 @@ def model(frequencies, damping=0.05):
     """A model with oscillating poles of these natural frequencies, sampled at 100 Hz."""
     upper = np.array([true_mode(frequency, damping, 100.0).pole for frequency in frequencies])
     poles = np.concatenate([upper, upper.conj()])
-    return ArmaxModel(np.real(np.poly(poles)), np.ones(1), np.ones(1), 1, 100.0)
+    return PolynomialModel(
+        np.real(np.poly(poles)), np.ones(1), np.ones(1), nk=1, sampling_rate=100.0
+    )
 
 
 def test_each_pole_is_compared_with_those_of_the_next_lower_order():
@@ -56,6 +58,6 @@ def test_a_mode_persists_when_it_is_present_at_three_orders():
 
 
 def test_without_oscillating_poles_there_is_nothing_to_compare():
-    real = ArmaxModel(np.array([1.0, -0.5]), np.ones(1), np.ones(1), 1, 100.0)
+    real = PolynomialModel(np.array([1.0, -0.5]), np.ones(1), np.ones(1), nk=1, sampling_rate=100.0)
     assert stabilization([(1, real, 0.0)]) == []
     assert persistent_frequencies([]) == []

@@ -24,9 +24,9 @@ METHODS = (
 FUNCTIONS = [
     evopem.estimate,
     evopem.load,
-    armax_models.Orders,
-    armax_models.ArmaxModel,
-    *(getattr(armax_models.ArmaxModel, name) for name in METHODS),
+    armax_models.PolynomialOrders,
+    armax_models.PolynomialModel,
+    *(getattr(armax_models.PolynomialModel, name) for name in METHODS),
     *(value for _, value in inspect.getmembers(transforms, inspect.isfunction)),
     multitaper.multitaper_spectrum,
     frequency_response.multitaper_frequency_response,

@@ -18,9 +18,12 @@ from evopem.config.settings import (
     SplitSettings,
     SyntheticSource,
 )
+from evopem.config.structures import phases_of
 from evopem.errors import InputError
 from evopem.pipeline.identification import identify_recording, run_stage, stages
-from evopem.results.layout import PHASES, DatasetFiles
+from evopem.results.layout import DatasetFiles
+
+PHASES = phases_of("armax")
 
 SETTINGS = DatasetSettings(
     name="arm",

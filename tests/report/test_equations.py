@@ -5,11 +5,11 @@ import json
 import numpy as np
 import pytest
 
-from evopem.models.armax import ArmaxModel
 from evopem.models.parameter_covariance import ParameterCovariance
+from evopem.models.polynomial import PolynomialModel
 from evopem.report import equations
 
-MODEL = ArmaxModel(
+MODEL = PolynomialModel(
     a=np.array([1.0, -1.5, 0.7]),
     b=np.array([0.5, -0.25]),
     c=np.array([1.0, 0.3]),
@@ -34,7 +34,7 @@ def test_polynomials_start_b_at_its_delay():
 
 
 def test_the_smallest_model_has_an_equation():
-    smallest = ArmaxModel(np.ones(1), np.array([-2.0]), np.ones(1), 0)
+    smallest = PolynomialModel(np.ones(1), np.array([-2.0]), np.ones(1), structure="armax")
     shown = {letter: plain(polynomial) for letter, polynomial in equations.polynomials(smallest)}
     assert shown == {"A": "1", "B": "−2", "C": "1"}
     assert plain(equations.difference_equation(smallest)) == "−2 u(t) + e(t)"
@@ -76,18 +76,18 @@ def test_coefficients_with_their_lags_and_errors():
         ("C", 1, 0.3),
     ]
     assert [error for *_, error in table] == pytest.approx([0.1, 0.2, 0.3, 0.4, 0.5])
-    undelayed = ArmaxModel(np.ones(1), np.array([2.0, 1.0]), np.ones(1), 0)
+    undelayed = PolynomialModel(np.ones(1), np.array([2.0, 1.0]), np.ones(1))
     assert equations.coefficient_table(undelayed) == [("B", 0, 2.0, None), ("B", 1, 1.0, None)]
 
 
 def test_plain_text_and_json_give_the_model_back():
-    model = ArmaxModel(
+    model = PolynomialModel(
         np.array([1.0, -0.123456789012]),
         np.array([0.5, -2e-7]),
         np.array([1.0, 0.25]),
-        3,
-        100.0,
-        0.01,
+        nk=3,
+        sampling_rate=100.0,
+        noise_variance=0.01,
     )
     assert equations.text(model).splitlines() == [
         "A(q) y(t) = B(q) u(t) + C(q) e(t)",
@@ -98,10 +98,41 @@ def test_plain_text_and_json_give_the_model_back():
         "sampling rate = 100 Hz",
     ]
     assert json.loads(equations.as_json(model)) == {
-        "orders": {"na": 1, "nb": 2, "nc": 1, "nk": 3},
+        "orders": {"na": 1, "nb": 2, "nc": 1, "nd": 0, "nf": 0, "nk": 3, "structure": "armax"},
         "a": [1.0, -0.123456789012],
         "b": [0.5, -2e-7],
         "c": [1.0, 0.25],
         "noise_variance": 0.01,
         "sampling_rate": 100.0,
     }
+
+
+def box_jenkins():
+    return PolynomialModel(
+        a=np.ones(1),
+        b=np.array([0.5]),
+        c=np.array([1.0, 0.2]),
+        d=np.array([1.0, -0.7]),
+        f=np.array([1.0, -0.9]),
+        nk=1,
+        level=0.25,
+        noise_variance=0.01,
+    )
+
+
+def test_a_box_jenkins_model_has_its_own_equation():
+    model = box_jenkins()
+    assert plain(equations.equation(model)) == "y(t) = B(q)/F(q) u(t) + C(q)/D(q) e(t) + level"
+    assert [letter for letter, _ in equations.polynomials(model)] == ["B", "C", "D", "F"]
+    shown = plain(equations.difference_equation(model))
+    assert "0.9 w(t − 1) + 0.5 u(t − 1)" in shown
+    assert "0.7 v(t − 1) + e(t) + 0.2 e(t − 1)" in shown
+
+
+def test_matlab_is_given_every_polynomial():
+    statement = equations.matlab(box_jenkins())
+    assert "[1 -0.69999999999999996], [1 -0.90000000000000002], 0.01" in statement
+    assert "level = 0.25;" in statement
+    alone = PolynomialModel(np.array([1.0, -0.5]), np.empty(0), np.array([1.0, 0.3]))
+    assert "[], ..." in equations.matlab(alone)
+    assert "H = control.tf(" in equations.python(alone)

@@ -15,11 +15,14 @@ import pytest
 from browsing import TEMPLATES
 
 from evopem.config.settings import RecordedSource
+from evopem.config.structures import phases_of
 from evopem.report import read_wall_clock
 from evopem.report.numbers import THIN, percent, with_error
-from evopem.results.layout import FIGURES, PHASES
+from evopem.results.layout import FIGURES
 from evopem.signals.recording_info import FileOrigin
 from evopem.validation.checks import Check
+
+PHASES = phases_of("armax")
 
 HIDDEN = ("style", "script")
 HOSTILE = """<script>alert("x")</script>'&"""

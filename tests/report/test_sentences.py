@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from evopem.models.armax import ArmaxModel
 from evopem.models.modes import Mode
 from evopem.models.parameter_covariance import ParameterCovariance
+from evopem.models.polynomial import PolynomialModel
 from evopem.report import chapter
 from evopem.report.mode_table import mode_rows
 from evopem.report.numbers import THIN, count, enumeration, number, percent
@@ -227,7 +227,7 @@ def test_a_mode_that_outlasts_the_recording_gets_a_sentence(results):
 def with_coefficients(results, a, b, c, covariance=None):
     if covariance is not None:
         covariance = ParameterCovariance.from_matrix(covariance)
-    model = ArmaxModel(np.array(a), np.array(b), np.array(c), 1, 100.0, 1.0, covariance)
+    model = PolynomialModel(np.array(a), np.array(b), np.array(c), 1, 100.0, 1.0, covariance)
     return with_model(
         results, a=model.a, b=model.b, c=model.c, orders=model.orders, covariance_factor=covariance
     )

@@ -8,7 +8,10 @@ import pytest
 
 from evopem.errors import InputError
 from evopem.results.dataset import read_dataset_results
-from evopem.results.layout import PHASES, DatasetFiles
+from evopem.config.structures import phases_of
+from evopem.results.layout import DatasetFiles
+
+PHASES = phases_of("armax")
 
 
 @pytest.fixture

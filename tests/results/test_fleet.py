@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from evopem.config.structures import phases_of
 from evopem.errors import InputError
 from evopem.files.atomic import write_parquet, write_table
 from evopem.files.job import job
@@ -32,7 +33,7 @@ SENTENCE = "x.csv, line 51: is not a number; correct it."
 @pytest.fixture(scope="module")
 def summary(identified):
     """The summary of an identified data set."""
-    summarize_dataset(identified.files)
+    summarize_dataset(identified.files, phases_of("armax"))
     return load(DatasetSummary, identified.files.summary)
 
 
@@ -43,7 +44,7 @@ def files(identified, summary, tmp_path, monkeypatch):
     files = DatasetFiles.of_dataset("a")
     shutil.copytree(identified.files.folder, files.folder)
     with job(files.log("summary"), [files.model], [files.summary]):
-        summarize_dataset(files)
+        summarize_dataset(files, phases_of("armax"))
     return files
 
 

@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 from evopem.estimation.model_record import ModelRecord
-from evopem.models.armax import ArmaxModel, Orders
 from evopem.models.modes import Mode
 from evopem.models.parameter_covariance import ParameterCovariance
+from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomials import root_gradient
 from evopem.models.root_covariance import root_covariance
+from evopem.models.structures import armax_orders
 from evopem.signals.recording_info import RecordingInfo
 from evopem.signals.spectral.summary import SpectrumSummary
 from evopem.validation.checks import checks
@@ -48,7 +49,9 @@ def with_polynomials(record, a, b, c, covariance):
     """A model record of other polynomials, with all that follows from them."""
     if covariance is not None:
         covariance = ParameterCovariance.from_matrix(covariance)
-    model = ArmaxModel(a, b, c, nk=1, sampling_rate=1.0, noise_variance=1.0, covariance=covariance)
+    model = PolynomialModel(
+        a, b, c, nk=1, sampling_rate=1.0, noise_variance=1.0, covariance=covariance
+    )
     return replace(
         record,
         orders=model.orders,
@@ -59,6 +62,10 @@ def with_polynomials(record, a, b, c, covariance):
         covariance=None if covariance is None else covariance.matrix,
         covariance_factor=covariance,
         modes=tuple(model.modes()),
+        noise_modes=tuple(model.noise_modes()),
+        noise_poles=model.noise_poles(),
+        d=model.d,
+        f=model.f,
         poles=model.poles(),
         zeros=model.zeros(),
         noise_zeros=model.noise_zeros(),
@@ -128,10 +135,12 @@ def good(real):
         n_multistart=256,
         undiscovered_probability=0.001,
     )
-    found = with_phase(found, "delay", [Orders(3, 3, 3, k) for k in range(4)], Orders(3, 3, 3, 1))
+    found = with_phase(
+        found, "delay", [armax_orders(3, 3, 3, k) for k in range(4)], armax_orders(3, 3, 3, 1)
+    )
     for phase, order in (("joint", "na"), ("nc", "nc"), ("nb", "nb")):
-        tried = [replace(Orders(3, 3, 3, 1), **{order: k}) for k in range(2, 6)]
-        found = with_phase(found, phase, tried, Orders(3, 3, 3, 1))
+        tried = [replace(armax_orders(3, 3, 3, 1), **{order: k}) for k in range(2, 6)]
+        found = with_phase(found, phase, tried, armax_orders(3, 3, 3, 1))
     return found
 
 
@@ -359,7 +368,7 @@ def test_ends_of_the_ranges(good, phase, order, value, passed):
 
 def test_orders_that_are_all_fixed_are_not_judged(good):
     for phase in good.phases:
-        good = with_phase(good, phase, [Orders(3, 3, 3, 1)], Orders(3, 3, 3, 1))
+        good = with_phase(good, phase, [armax_orders(3, 3, 3, 1)], armax_orders(3, 3, 3, 1))
     assert good.check("Orders").passed is None
 
 

@@ -5,10 +5,10 @@ import pytest
 from scipy.signal import lfilter, residuez
 
 from evopem import SearchSettings, estimate
-from evopem.models.armax import ArmaxModel
-from evopem.models.initial_state import estimate_noise_state
 from evopem.models.modes import Mode
 from evopem.models.parameter_covariance import ParameterCovariance
+from evopem.models.polynomial import PolynomialModel
+from evopem.models.polynomial_states import estimate_prediction_states
 from evopem.signals.spectral.frequency_response import multitaper_frequency_response
 from evopem.validation.mode_evidence import (
     modal_residue,
@@ -46,8 +46,8 @@ def evidence(seed, order):
     cut = 2000
     model = estimate(u[:cut], y[:cut], (order,) * 3 + (1,), RATE, settings=SEARCH).model
     response = multitaper_frequency_response(u[:cut], y[:cut], RATE)
-    state = estimate_noise_state(model, u[:cut], y[:cut])
-    return mode_evidence(model, u, y, cut, state, response)
+    states = estimate_prediction_states(model, u[:cut], y[:cut])
+    return mode_evidence(model, u, y, cut, states, response)
 
 
 def test_each_mode_has_its_origin_at_the_true_order():
@@ -78,7 +78,7 @@ def test_superfluous_modes_have_no_origin():
 
 def example():
     a = np.convolve(factor(OF_INPUT), factor(pole(30.0, 0.1)))
-    return ArmaxModel(a, np.array([1.0, -0.4, 0.2]), np.ones(1), 2, RATE)
+    return PolynomialModel(a, np.array([1.0, -0.4, 0.2]), np.ones(1), nk=2, sampling_rate=RATE)
 
 
 def test_residues_are_those_of_scipy():
@@ -99,8 +99,13 @@ def test_modal_responses_add_up_to_the_simulation():
 def test_the_error_of_a_residue_is_the_first_order_propagation():
     model = example()
     root = 1e-7 * np.random.default_rng(3).standard_normal((7, 7))
-    uncertain = ArmaxModel(
-        model.a, model.b, model.c, 2, RATE, 1.0, ParameterCovariance(root, np.zeros((7, 0)))
+    uncertain = PolynomialModel(
+        model.a,
+        model.b,
+        model.c,
+        nk=2,
+        sampling_rate=RATE,
+        covariance=ParameterCovariance(root, np.zeros((7, 0))),
     )
     for mode in model.modes():
         change = []
@@ -108,7 +113,9 @@ def test_the_error_of_a_residue_is_the_first_order_propagation():
             sides = []
             for sign in (1, -1):
                 a = model.a + sign * np.r_[0.0, column[:4]]
-                moved = ArmaxModel(a, model.b + sign * column[4:], model.c, 2, RATE)
+                moved = PolynomialModel(
+                    a, model.b + sign * column[4:], model.c, nk=2, sampling_rate=RATE
+                )
                 near = min(moved.modes(), key=lambda m, z=mode.pole: abs(m.pole - z))
                 sides.append(abs(modal_residue(moved, near.pole)[0]))
             change.append((sides[0] - sides[1]) / 2)
@@ -128,10 +135,14 @@ def test_without_covariance_or_spectrum_their_numbers_are_not_known():
 
 def test_recurrence_is_the_share_of_models_that_have_the_mode():
     def model(frequency, damping):
-        return ArmaxModel(factor(pole(frequency, damping)), np.ones(1), np.ones(1), 1, RATE)
+        return PolynomialModel(
+            factor(pole(frequency, damping)), np.ones(1), np.ones(1), nk=1, sampling_rate=RATE
+        )
 
     others = [model(10.1, 0.02), model(10.1, 0.05), model(12.0, 0.02), model(9.95, 0.018)]
-    first_order = ArmaxModel(np.array([1.0, 0.5]), np.ones(1), np.ones(1), 1, RATE)
+    first_order = PolynomialModel(
+        np.array([1.0, 0.5]), np.ones(1), np.ones(1), nk=1, sampling_rate=RATE
+    )
     mode = Mode(10.0, 0.02, OF_INPUT)
     assert mode_recurrence(mode, [*others, first_order]) == 0.5
     # An uncertain damping does not tell the second one from it.

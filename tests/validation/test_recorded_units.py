@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from evopem.config.settings import PreparationSettings, SplitSettings, TransformSettings
-from evopem.models.armax import ArmaxModel
+from evopem.models.polynomial import PolynomialModel
 from evopem.signals.preparation import prepare
 from evopem.signals.recording import Recording
 from evopem.validation.recorded_units import recorded_errors, recorded_series
@@ -13,7 +13,9 @@ from evopem.validation.validation import validate
 
 def recording(samples=1200, offset=50.0):
     generator = np.random.default_rng(5)
-    model = ArmaxModel(np.array([1.0, -1.5, 0.8]), np.array([1.0, 0.5]), np.array([1.0, 0.2]), nk=1)
+    model = PolynomialModel(
+        np.array([1.0, -1.5, 0.8]), np.array([1.0, 0.5]), np.array([1.0, 0.2]), nk=1
+    )
     u = generator.standard_normal(samples)
     noise = 0.05 * generator.standard_normal(samples)
     return Recording(u, model.simulate(u) + noise + offset, 100.0), model

@@ -14,7 +14,7 @@ from evopem.config.settings import (
 from evopem.estimation.candidate import PhaseSelection
 from evopem.estimation.model_record import ModelRecord
 from evopem.estimation.order_selection import complete_estimate, estimate_candidates
-from evopem.models.armax import Orders
+from evopem.models.structures import armax_orders
 from evopem.signals.preparation import prepare
 from evopem.signals.recording import Recording
 from evopem.signals.recording_info import describe_synthetic_recording
@@ -44,7 +44,7 @@ def response(u=WHITE, a=A, b=B, innovations=None):
 
 def judged(u, y, orders=(2, 2, 1, 1), objective="absolute"):
     """The modes' frequencies, and the names of the checks that fail."""
-    record, orders = Recording(u, y, RATE), Orders(*orders)
+    record, orders = Recording(u, y, RATE), armax_orders(*orders)
     prepared = prepare(record, PREPARATION)
     settings = SearchSettings(objective=objective, mu=5, lambda_=20, nu=5, evaluations=3000)
     data = prepared.estimation

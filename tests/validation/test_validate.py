@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from evopem.models.armax import ArmaxModel
-from evopem.models.initial_state import estimate_initial_state, estimate_noise_state
+from evopem.models.polynomial import PolynomialModel
+from evopem.models.polynomial_states import estimate_prediction_states, estimate_simulation_state
 from evopem.signals.preparation import PreparedData, Transforms
 from evopem.signals.recording import Recording
 from evopem.validation.validation import validate
@@ -24,7 +24,9 @@ def lightly_damped(count=3, sampling_rate=RATE):
         poles += [pole, pole.conjugate()]
     b = np.random.default_rng(0).normal(size=4)
     c = np.real(np.poly([0.5, -0.3 + 0.4j, -0.3 - 0.4j]))
-    return ArmaxModel(np.real(np.poly(poles)), b, c, 2, sampling_rate, 1.0)
+    return PolynomialModel(
+        np.real(np.poly(poles)), b, c, nk=2, sampling_rate=sampling_rate, noise_variance=1.0
+    )
 
 
 def response(model, samples, noise, seed=0, warm_up=500):
@@ -61,7 +63,9 @@ def prepared(u, y, cut, contiguous=True):
 
 
 def test_static_gain_by_hand():
-    model = ArmaxModel(np.ones(1), np.array([2.0]), np.ones(1), 0, RATE, 1.0)
+    model = PolynomialModel(
+        np.ones(1), np.array([2.0]), np.ones(1), nk=0, sampling_rate=RATE, noise_variance=1.0
+    )
     u = np.array([1.0, -1.0] * 20)
     y = 2 * u + np.tile([0.0, 0.0, 1.0, 0.0], 10)
     result, _ = validate(model, prepared(u, y, 36))
@@ -87,7 +91,7 @@ def test_without_noise_the_simulation_is_exact_from_unknown_initial_conditions(c
 def test_the_continued_simulation_never_sees_a_validation_output():
     model = lightly_damped()
     u, y = response(model, 3000, noise=0.1)
-    state = estimate_initial_state(model, u[:2000], y[:2000])
+    state = estimate_simulation_state(model, u[:2000], y[:2000])
     expected = y[2000:] - model.simulate(u, state)[2000:]
     result, _ = validate(model, prepared(u, y, 2000))
     assert result.continued_simulation_error_percent == pytest.approx(
@@ -126,7 +130,7 @@ def test_prediction_continues_the_recursion_over_the_cut():
     u, y = response(model, 400, noise=0.1)
     e = np.zeros(400)
     start = model.orders.first_residual
-    state = estimate_noise_state(model, u[:300], y[:300])
+    state = estimate_prediction_states(model, u[:300], y[:300])[1]
     b = model.delayed_b
     for t in range(start, 400):
         e[t] = sum(model.a[i] * y[t - i] for i in range(model.a.size))
@@ -150,8 +154,8 @@ def test_an_independent_recording_has_unscored_samples():
     assert result.continued_simulation_error_percent is None
     assert tables.simulation["simulated"].isna().sum() == first
     assert tables.simulation["predicted"].isna().sum() == first
-    state = estimate_noise_state(model, u[2000:], y[2000:])
-    restarted = model.predict(u[2000:], y[2000:], state)[first:]
+    states = estimate_prediction_states(model, u[2000:], y[2000:])
+    restarted = model.predict(u[2000:], y[2000:], 1, *states)[first:]
     np.testing.assert_array_equal(tables.simulation["predicted"][first:], restarted)
 
 

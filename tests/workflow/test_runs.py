@@ -13,13 +13,15 @@ import pandas as pd
 import pytest
 
 from evopem.config.settings import ScoringWindow
+from evopem.config.structures import phases_of
 from evopem.estimation.model_record import ModelRecord
 from evopem.files.json_form import load
-from evopem.results.layout import PHASES
 from evopem.signals.recording_info import RecordingInfo
 
 from .conftest import TINY, Folder, checkout_at, jobs_of_each_rule
 from .interruption import final_files
+
+PHASES = phases_of("armax")
 
 
 def changed(path, value, config=TINY):

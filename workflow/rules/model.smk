@@ -4,7 +4,7 @@
 rule complete_model:
     """Give the selected candidate its covariance, modes and frequency response."""
     input:
-        phase=files.phase(PHASES[-1]),
+        phase=provider.last_selection,
         prepared=files.prepared,
         transforms=files.transforms,
     output:
@@ -24,6 +24,7 @@ rule complete_model:
             labels={"table": "modes"},
         ),
         frequency_response=files.frequency_response,
+        time_response=files.time_response,
     log:
         files.log("model"),
     benchmark:
@@ -37,6 +38,7 @@ rule complete_model:
     params:
         window=provider.window,
         search=provider.settings("search"),
+        phases=provider.phases,
         code=code("complete_model"),
     script:
         "../scripts/complete_model.py"
@@ -45,7 +47,7 @@ rule complete_model:
 rule tabulate_candidates:
     """List every candidate of every phase in one table."""
     input:
-        phases=files.phases,
+        phases=provider.selections,
     output:
         candidates=report(
             files.candidates,
@@ -66,6 +68,7 @@ rule tabulate_candidates:
         mem_mb=500,
         runtime=5,
     params:
+        phases=provider.phases,
         code=code("tabulate_candidates"),
     script:
         "../scripts/tabulate_candidates.py"

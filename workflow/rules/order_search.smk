@@ -1,4 +1,4 @@
-"""Order search: the delay and the three phases, each divided into jobs of a few candidates."""
+"""Order search: the delay and the phases of the orders, each divided into jobs of a few candidates."""
 
 
 rule estimate_candidates:

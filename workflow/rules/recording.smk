@@ -1,6 +1,7 @@
 """One job a recording: every stage of a data set in one process, for fleets of recordings."""
 
-STEPS = [files.recording, files.prepared, *files.phases]
+# Which phases there are depends on the structure of the model.
+STEPS = [files.recording, files.prepared, directory(files.phases)]
 OUTPUTS = [*STEPS, *files.results, *(files.pages if provider.with_report else [])]
 
 

@@ -12,14 +12,16 @@ rule draw_figures:
         transforms=files.transforms,
         spectrum=files.spectrum,
         spectrum_summary=files.spectrum_summary,
-        phases=files.phases,
+        phases=provider.selections,
         candidates=files.candidates,
         model=files.model,
         frequency_response=files.frequency_response,
+        time_response=files.time_response,
         validation=files.validation,
         residual_autocorrelation=files.residual_autocorrelation,
         cross_correlation=files.cross_correlation,
         simulation=files.simulation,
+        horizons=files.horizons,
     output:
         [
             report(

@@ -7,7 +7,7 @@ rule validate_model:
         model=files.model,
         prepared=files.prepared,
         transforms=files.transforms,
-        joint=files.phase("joint"),
+        orders=provider.models_of_orders,
         spectrum=files.spectrum_summary,
     output:
         validation=report(
@@ -20,6 +20,7 @@ rule validate_model:
         residual_autocorrelation=files.residual_autocorrelation,
         cross_correlation=files.cross_correlation,
         simulation=files.simulation,
+        horizons=files.horizons,
     log:
         files.log("validation"),
     benchmark:
@@ -31,6 +32,7 @@ rule validate_model:
         mem_mb=provider.reading_memory,
         runtime=provider.reading_time,
     params:
+        phase=provider.phase_of_orders,
         code=code("validate_model"),
     script:
         "../scripts/validate_model.py"
@@ -41,7 +43,7 @@ rule summarize_dataset:
     input:
         info=files.recording_info,
         spectrum=files.spectrum_summary,
-        phases=files.phases,
+        phases=provider.selections,
         model=files.model,
         validation=files.validation,
     output:
@@ -57,6 +59,7 @@ rule summarize_dataset:
         mem_mb=500,
         runtime=5,
     params:
+        phases=provider.phases,
         code=code("summarize_dataset"),
     script:
         "../scripts/summarize_dataset.py"

@@ -1,4 +1,4 @@
-"""Give the selected candidate its covariance, modes and frequency response."""
+"""Give the selected candidate its covariance, modes and responses."""
 
 from typing import TYPE_CHECKING
 
@@ -16,4 +16,5 @@ with job(snakemake.log[0], snakemake.input, snakemake.output):
         DatasetFiles.of_log(snakemake.log[0]),
         from_json(SearchSettings, snakemake.params.search),
         from_json(ScoringWindow, snakemake.params.window),
+        snakemake.params.phases,
     )

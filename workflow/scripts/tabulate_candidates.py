@@ -10,4 +10,4 @@ if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
 
 with job(snakemake.log[0], snakemake.input, snakemake.output):
-    tabulate_candidates(DatasetFiles.of_log(snakemake.log[0]))
+    tabulate_candidates(DatasetFiles.of_log(snakemake.log[0]), snakemake.params.phases)

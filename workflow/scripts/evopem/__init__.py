@@ -13,25 +13,24 @@ from evopem.version import __version__
 
 if TYPE_CHECKING:
     from evopem.automatic.identify import Identification, identify
+    from evopem.config.constraints import Constraints, FixedPole, Prior
     from evopem.config.settings import ScoringWindow, SearchSettings
     from evopem.errors import InputError
-    from evopem.estimation.estimate import Estimate
     from evopem.estimation.model_record import load_model as load
     from evopem.estimation.polynomial_estimate import PolynomialEstimate
     from evopem.estimation.structured_estimate import estimate
-    from evopem.models.armax import ArmaxModel, Orders
     from evopem.models.polynomial import PolynomialModel
     from evopem.models.structures import PolynomialOrders
 
 __all__ = [
-    "ArmaxModel",
-    "Estimate",
+    "Constraints",
+    "FixedPole",
     "Identification",
     "InputError",
-    "Orders",
     "PolynomialEstimate",
     "PolynomialModel",
     "PolynomialOrders",
+    "Prior",
     "ScoringWindow",
     "SearchSettings",
     "__version__",
@@ -41,14 +40,14 @@ __all__ = [
 ]
 
 _HOMES = {
-    "ArmaxModel": "evopem.models.armax",
-    "Estimate": "evopem.estimation.estimate",
     "Identification": "evopem.automatic.identify",
+    "Constraints": "evopem.config.constraints",
+    "FixedPole": "evopem.config.constraints",
     "InputError": "evopem.errors",
-    "Orders": "evopem.models.armax",
     "PolynomialEstimate": "evopem.estimation.polynomial_estimate",
     "PolynomialModel": "evopem.models.polynomial",
     "PolynomialOrders": "evopem.models.structures",
+    "Prior": "evopem.config.constraints",
     "ScoringWindow": "evopem.config.settings",
     "SearchSettings": "evopem.config.settings",
     "estimate": "evopem.estimation.structured_estimate",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from evopem.automatic.fit import Fit, FitSettings, fit
 from evopem.automatic.folds import FoldPlan, HeldOutScores, held_out_scores
 from evopem.automatic.simulation import simulated
 from evopem.automatic.stretches import Stretch, total_samples
+from evopem.config.structures import ORDER_NAMES
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.structures import PolynomialOrders
 
@@ -349,4 +350,5 @@ def _neighbours(o: PolynomialOrders) -> list[PolynomialOrders]:
             changes.append({name: order + 1})
             if order > 1:
                 changes.append({name: order - 1})
-    return [replace(o, **change) for change in changes]
+    given = {name: getattr(o, name) for name in ORDER_NAMES}
+    return [PolynomialOrders(**(given | change)) for change in changes]

@@ -13,6 +13,7 @@ from evopem.automatic.residuals import input_correlation, whiteness_probability
 from evopem.automatic.simulation import simulated
 from evopem.automatic.stretches import Stretch, total_samples
 from evopem.automatic.structures import Choice, Level
+from evopem.config.structures import ORDER_NAMES
 from evopem.models.structures import PolynomialOrders
 
 # Probability below which residuals are not white, and a cross-correlation, in its 95 % bounds, that
@@ -227,22 +228,28 @@ def _fewer_roots(candidate: Candidate) -> Iterator[tuple[str, str, PolynomialOrd
     for fewer in (1, 2):
         if getattr(o, name) > fewer and o.nb > fewer:
             changed = {name: getattr(o, name) - fewer, "nb": o.nb - fewer}
-            yield f"{fewer} pole and zero less", candidate.structure, replace(o, **changed)
+            yield f"{fewer} pole and zero less", candidate.structure, _changed(o, **changed)
 
 
 def _further_noise(candidate: Candidate) -> Iterator[tuple[str, str, PolynomialOrders]]:
     o = candidate.orders
     for n in NOISE_ORDERS:
         if o.nf and n > min(o.nc, o.nd):
-            yield f"noise model of order {n}", "bj", replace(o, nc=n, nd=n)
+            yield f"noise model of order {n}", "bj", _changed(o, nc=n, nd=n)
         elif o.na and n > o.nc:
             structure = "ararmax" if o.nd else "armax"
-            yield f"C of order {n}", structure, replace(o, nc=n)
+            yield f"C of order {n}", structure, _changed(o, nc=n)
         elif not o.na and not o.nf:
-            yield f"A and C of order {n}", "armax", replace(o, na=n, nc=n)
+            yield f"A and C of order {n}", "armax", _changed(o, na=n, nc=n)
 
 
 def _longer_b(candidate: Candidate) -> Iterator[tuple[str, str, PolynomialOrders]]:
     o = candidate.orders
     for more in (1, 2, 4, 8):
-        yield f"{more} coefficients of B more", candidate.structure, replace(o, nb=o.nb + more)
+        yield f"{more} coefficients of B more", candidate.structure, _changed(o, nb=o.nb + more)
+
+
+def _changed(orders: PolynomialOrders, **changes: int) -> PolynomialOrders:
+    """Other orders, of the smallest structure that has them."""
+    given = {name: getattr(orders, name) for name in ORDER_NAMES}
+    return PolynomialOrders(**(given | changes))

@@ -12,13 +12,21 @@ import yaml
 from evopem.config.dataset_names import check_names
 from evopem.config.sample_sheet import Origin, expand, shard_of
 from evopem.config.schema import check_schema
-from evopem.config.settings import Configuration, PreparationSettings, RunSettings
+from evopem.config.settings import (
+    Configuration,
+    OrderGrid,
+    PreparationSettings,
+    RunSettings,
+    Structure,
+)
 from evopem.config.source_keys import check_paths, complete_source
 from evopem.config.strict_yaml import Keys
+from evopem.config.structure_keys import check_structure_keys, check_transforms, with_ranges
+from evopem.config.structures import has_input
 from evopem.config.values import ALL_SAMPLES, normalized
 from evopem.config.yaml_form import analysis_keys, settings_of
 from evopem.errors import InputError
-from evopem.files.json_form import from_json
+from evopem.files.json_form import from_json, to_json
 
 
 def complete(config: Keys, schema_path: str | Path, source: str = "config.yaml") -> Configuration:
@@ -57,18 +65,25 @@ def complete(config: Keys, schema_path: str | Path, source: str = "config.yaml")
 def _completed(config: Keys, origin: Origin, source: str) -> Configuration:
     """Fill in every value of a configuration that the schema accepts."""
     check_names(config["datasets"], origin)
-    built_in = analysis_keys(PreparationSettings())
-    defaults = config.get("defaults", {})
-    _check_analysis(defaults, _merged(built_in, defaults), source, "defaults")
+    defaults = with_ranges(config.get("defaults", {}))
+    structure = defaults.get("structure", OrderGrid().structure)
+    if "structure" in defaults:
+        check_structure_keys(defaults, structure, source, "defaults")
+    everything = _every_key(structure)
+    _check_analysis(defaults, _merged(everything, defaults), source, "defaults")
     datasets = {}
-    for name, written in config["datasets"].items():
+    for name, given in config["datasets"].items():
         place = f"datasets.{name}"
-        own_source = complete_source(written, source, place)
-        lowest = built_in
+        written = with_ranges(given)
+        own_structure = written.get("structure", structure)
+        check_structure_keys(written, own_structure, source, place)
+        own_source = complete_source(written, source, place, has_input(own_structure))
+        lowest = analysis_keys(PreparationSettings(), structure=own_structure)
         if "validation_file" in written:
-            lowest = _merged(built_in, {"split": {"estimation": ALL_SAMPLES}})
+            lowest = _merged(lowest, {"split": {"estimation": ALL_SAMPLES}})
         analysis = _merged(_merged(lowest, defaults), written)
         _check_analysis(written, analysis, source, place)
+        check_transforms(analysis, own_structure, source, place)
         _check_something_left(written, analysis, source, place)
         datasets[name] = settings_of(name, own_source | analysis)
     check_paths(config["datasets"], source)
@@ -77,6 +92,20 @@ def _completed(config: Keys, origin: Origin, source: str) -> Configuration:
     names = [field.name for field in fields(RunSettings)]
     run = {name: config[name] for name in names if name in config}
     return Configuration(datasets, from_json(RunSettings, run, source))
+
+
+def _every_key(structure: Structure) -> dict[str, Any]:
+    """The built-in values of all keys of the analysis, those of every structure's phases too."""
+    keys = analysis_keys(PreparationSettings(), structure=structure)
+    grid: dict[str, Any] = to_json(OrderGrid(structure=structure))
+    return keys | {group: {k: _listed(v) for k, v in grid[group].items()} for group in _GROUPS}
+
+
+def _listed(value: Any) -> Any:
+    return list(value) if isinstance(value, tuple) else value
+
+
+_GROUPS = ("delay", "orders")
 
 
 def _placed(error: InputError, datasets: Any, origin: Origin) -> InputError:
@@ -102,8 +131,8 @@ def _merged(lower: Keys, upper: Keys) -> dict[str, Any]:
 
 
 def _ranges(analysis: Keys) -> Iterator[tuple[str, Any]]:
-    for group in ("delay", "orders"):
-        for key, value in analysis[group].items():
+    for group in _GROUPS:
+        for key, value in analysis.get(group, {}).items():
             yield f"{group}.{key}", value
 
 

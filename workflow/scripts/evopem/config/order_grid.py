@@ -7,34 +7,46 @@ configuration alone, so the whole graph is known before anything runs.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from dataclasses import replace
 
 from evopem.config.settings import (
-    PHASES,
     DatasetSettings,
     OrderGrid,
     Range,
     SampleRequirements,
     ScoringWindow,
 )
+from evopem.config.structures import STRUCTURES, phases_of
 from evopem.errors import InputError
 
 AUTO_JOINT_UPPER = 14
 """Upper end of ``orders.joint: auto``, the chapter's own."""
 
-Candidate = tuple[int, int, int, int]
-"""Orders (na, nb, nc, nk)."""
+CandidateOrders = dict[str, int]
+"""The orders of a candidate by their names."""
 
 
-def previous_phase(phase: str) -> str | None:
+DELAY_REFINED_IN = "nb"
+"""The phase whose selection is compared with other lags of B."""
+
+
+def phase_of_orders(structure: str) -> str:
+    """The phase with models of every plant order: the joint order, or nb of an FIR model."""
+    return "joint" if "joint" in phases_of(structure) else "nb"
+
+
+def previous_phase(phase: str, structure: str) -> str | None:
     """Name the phase whose selection `phase` takes; None for the first one.
 
     Examples
     --------
-    >>> previous_phase("nc")
+    >>> previous_phase("nc", "armax")
     'joint'
     """
-    position = PHASES.index(phase)
-    return PHASES[position - 1] if position else None
+    phases = phases_of(structure)
+    position = phases.index(phase)
+    return phases[position - 1] if position else None
 
 
 def joint_range(joint: Range | str, resonances: int | None) -> Range:
@@ -62,21 +74,49 @@ def joint_range(joint: Range | str, resonances: int | None) -> Range:
     return (min(lower, AUTO_JOINT_UPPER), AUTO_JOINT_UPPER)
 
 
+def joint_orders(k: int, grid: OrderGrid, nk: int = 0) -> CandidateOrders:
+    """The orders of the structure's model of joint order k.
+
+    The plant has k poles and k coefficients of B.  The noise model has order k as well where one
+    polynomial makes it; where there is D beside C or A, it is limited by the upper ends of the
+    ranges of nc and nd: two polynomials of high order would cancel each other.  In the general
+    structure A, beside F, begins at the lower end of its range.
+
+    Examples
+    --------
+    >>> joint_orders(7, OrderGrid(), nk=3)
+    {'na': 7, 'nb': 7, 'nc': 7, 'nk': 3}
+    >>> joint_orders(7, OrderGrid(structure="bj"), nk=1)
+    {'nb': 7, 'nc': 7, 'nd': 4, 'nf': 7, 'nk': 1}
+    """
+    names = STRUCTURES[grid.structure]
+    orders = dict.fromkeys(names, k)
+    if "nk" in names:
+        orders["nk"] = nk
+    if "nd" in names:
+        orders["nd"] = min(k, grid.orders.nd[1])
+        if "nc" in names:
+            orders["nc"] = min(k, grid.orders.nc[1])
+    if grid.structure == "general":
+        orders["na"] = grid.orders.na[0]
+    return orders
+
+
 def candidate_orders(
     phase: str,
     grid: OrderGrid,
-    selected: Candidate | None = None,
+    selected: Mapping[str, int] | None = None,
     resonances: int | None = None,
-) -> list[Candidate]:
-    """List the candidates (na, nb, nc, nk) of a phase.
+) -> list[CandidateOrders]:
+    """List the candidates of a phase.
 
     Parameters
     ----------
     phase : str
-        One of :data:`PHASES`.
+        One of the phases of the grid's structure.
     grid : OrderGrid
-    selected : (na, nb, nc, nk), optional
-        Selection of the phase before; not needed for the first.
+    selected : mapping of str to int, optional
+        Orders that the phase before selected; not needed for the first phase.
     resonances : int, optional
         Number of spectral peaks that may be resonances, for ``orders.joint: auto``.
 
@@ -84,27 +124,25 @@ def candidate_orders(
     --------
     The third phase, with the built-in grid, from the selection of the second one:
 
-    >>> candidate_orders("nc", OrderGrid(), selected=(7, 7, 7, 3))[:2]
-    [(7, 7, 2, 3), (7, 7, 3, 3)]
+    >>> candidate_orders("nc", OrderGrid(), {"na": 7, "nb": 7, "nc": 7, "nk": 3})[0]
+    {'na': 7, 'nb': 7, 'nc': 2, 'nk': 3}
     """
     if phase == "delay":
         return [
-            (order, order, order, delay)
+            joint_orders(order, grid, delay)
             for order in _inclusive(grid.delay.orders)
             for delay in _inclusive(grid.delay.nk)
         ]
-    if selected is None:
-        raise ValueError(f"phase {phase} needs the selection of phase {previous_phase(phase)}")
-    na, nb, nc, nk = selected
-    match phase:
-        case "joint":
-            orders = _inclusive(joint_range(grid.orders.joint, resonances))
-            return [(order, order, order, nk) for order in orders]
-        case "nc":
-            return [(na, nb, order, nk) for order in _inclusive(grid.orders.nc)]
-        case "nb":
-            return [(na, order, nc, nk) for order in _inclusive(grid.orders.nb)]
-    raise ValueError(f"no phase is called {phase}")
+    if selected is None and previous_phase(phase, grid.structure) is not None:
+        raise ValueError(
+            f"phase {phase} needs the selection of phase {previous_phase(phase, grid.structure)}"
+        )
+    selected = selected or {}
+    if phase == "joint":
+        orders = _inclusive(joint_range(grid.orders.joint, resonances))
+        return [joint_orders(order, grid, selected.get("nk", 0)) for order in orders]
+    own = {name: selected[name] for name in STRUCTURES[grid.structure]}
+    return [own | {phase: order} for order in _inclusive(getattr(grid.orders, phase))]
 
 
 def needs_resonances(phase: str, grid: OrderGrid) -> bool:
@@ -118,10 +156,17 @@ def grid_of_phase(phase: str, grid: OrderGrid) -> OrderGrid:
     A phase then does not rerun when the range of another one changes.
     """
     default = OrderGrid()
-    if phase == "delay":
-        return OrderGrid(delay=grid.delay)
-    orders = {phase: getattr(grid.orders, phase)}
-    return OrderGrid(orders=type(default.orders)(**orders))
+    common = OrderGrid(structure=grid.structure, level=grid.level)
+    joint = {phase: getattr(grid.orders, phase)} if phase != "delay" else {}
+    if phase in ("delay", "joint"):
+        # These follow the joint order up to the ends of their ranges.
+        joint |= {
+            name: getattr(grid.orders, name)
+            for name in ("nc", "nd", "na")
+            if "nd" in STRUCTURES[grid.structure] and name in phases_of(grid.structure)
+        }
+    own = replace(common, orders=replace(default.orders, **joint))
+    return replace(own, delay=grid.delay) if phase == "delay" else own
 
 
 def max_candidate_count(phase: str, grid: OrderGrid) -> int:
@@ -132,7 +177,7 @@ def max_candidate_count(phase: str, grid: OrderGrid) -> int:
     >>> max_candidate_count("joint", OrderGrid())  # orders 6 to 14
     9
     """
-    return len(candidate_orders(phase, grid, (1, 1, 1, 0)))
+    return len(candidate_orders(phase, grid, dict.fromkeys(STRUCTURES[grid.structure], 1)))
 
 
 def part_count(phase: str, grid: OrderGrid, candidates_per_job: int | str) -> int:
@@ -159,9 +204,9 @@ def max_candidates_per_part(phase: str, grid: OrderGrid, candidates_per_job: int
 def scoring_window(settings: DatasetSettings) -> ScoringWindow:
     """Find the samples on which every candidate of every phase is compared.
 
-    Residuals start behind the longest memory of any candidate, max(na, nb + nk - 1, nc). The loss
-    starts ``search.n_initial_discard`` samples later: the unknown initial noise fits the first
-    residuals.
+    Residuals start behind the longest memory of any candidate: the largest of its degrees and of
+    nb + nk - 1. The loss starts ``search.n_initial_discard`` samples later: the unknown initial
+    noise fits the first residuals.
 
     Examples
     --------
@@ -179,25 +224,55 @@ def scoring_window(settings: DatasetSettings) -> ScoringWindow:
     >>> scoring_window(settings)
     ScoringWindow(residual_start=18, loss_start=68)
     """
-    grid = settings.order_grid
-    in_delay, joint = grid.delay.orders[1], joint_range(grid.orders.joint, None)[1]
-    largest_nb = max(in_delay, joint, grid.orders.nb[1])
-    memory = max(in_delay, joint, grid.orders.nc[1], largest_nb + grid.delay.nk[1] - 1)
+    largest = _largest_orders(settings.order_grid)
+    degrees = [order for name, order in largest.items() if name not in ("nb", "nk")]
+    input_memory = largest.get("nb", 0) + largest.get("nk", 0) - 1
+    memory = max(*degrees, input_memory) if degrees else input_memory
     return ScoringWindow(memory, memory + settings.search.n_initial_discard)
+
+
+def _largest_orders(grid: OrderGrid) -> CandidateOrders:
+    """The largest value that each order has in any candidate."""
+    phases = phases_of(grid.structure)
+    tops = [grid.delay.orders[1]] if "delay" in phases else []
+    if "joint" in phases:
+        tops.append(joint_range(grid.orders.joint, None)[1])
+    largest = joint_orders(max(tops), grid, grid.delay.nk[1])
+    for phase in phases:
+        if phase not in ("delay", "joint"):
+            largest[phase] = max(largest[phase], getattr(grid.orders, phase)[1])
+    return largest
 
 
 def sample_requirements(settings: DatasetSettings) -> SampleRequirements:
     """Find what a record must have for the largest candidate of any phase."""
     grid = settings.order_grid
-    in_delay, joint = grid.delay.orders[1], joint_range(grid.orders.joint, None)[1]
     window = scoring_window(settings)
+    phases = phases_of(grid.structure)
+    candidates = []
+    if "delay" in phases:
+        candidates.append(joint_orders(grid.delay.orders[1], grid))
+    if "joint" in phases:
+        candidates.append(joint_orders(joint_range(grid.orders.joint, None)[1], grid))
+    last = dict(candidates[-1])
+    for phase in phases:
+        if phase not in ("delay", "joint"):
+            upper = getattr(grid.orders, phase)[1]
+            # The last phase may keep the joint number of coefficients of B.
+            last[phase] = max(last[phase], upper) if phase == "nb" else upper
+    candidates.append(last)
+    states = last.get("nf", 0) + max(last.get("nc", 0), last.get("nd", 0))
     return SampleRequirements(
         loss_start=window.loss_start,
-        parameters=max(
-            3 * in_delay, 3 * joint, joint + max(joint, grid.orders.nb[1]) + grid.orders.nc[1]
-        ),
-        settling=window.residual_start + grid.orders.nc[1],
+        parameters=max(map(_estimated, candidates)) + int(grid.level),
+        settling=window.residual_start + states,
     )
+
+
+def _estimated(orders: CandidateOrders) -> int:
+    """Number of coefficients and plant states."""
+    coefficients = sum(order for name, order in orders.items() if name != "nk")
+    return coefficients + orders.get("nf", 0)
 
 
 def check_samples(

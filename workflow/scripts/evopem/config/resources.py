@@ -8,7 +8,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from evopem.config.order_grid import max_candidates_per_part, sample_requirements
-from evopem.config.settings import PHASES, DatasetSettings, RecordedSource
+from evopem.config.settings import DatasetSettings, RecordedSource
+from evopem.config.structures import phases_of
 
 
 def recording_bytes(settings: DatasetSettings) -> int:
@@ -65,7 +66,7 @@ def estimation_time(
     """Minutes of a job that estimates the candidates of a phase, or of all phases for None."""
     count = sum(
         max_candidates_per_part(each, settings.order_grid, candidates_per_job)
-        for each in ([phase] if phase else PHASES)
+        for each in ([phase] if phase else phases_of(settings.order_grid.structure))
     )
     seconds = 2 + 2e-9 * settings.search.evaluations * _largest_fit(settings)
     return int(attempt * (10 + 3 * count * seconds / threads / 60))

@@ -11,10 +11,8 @@ from typing import Literal
 Range = tuple[int, int]
 """Lower and upper end of a range of orders, both included."""
 
-PHASES = ("delay", "joint", "nc", "nb")
-"""The phases of the order search, in their order: each takes its predecessor's selection."""
-
 Synthesis = Literal["flexible_arm", "armax"]
+Structure = Literal["fir", "arx", "arma", "armax", "ararx", "ararmax", "oe", "bj", "general"]
 Objective = Literal["absolute", "quadratic"]
 Initialization = Literal["arx", "incremental_order"]
 Refine = Literal["worst", "all", "best", "random"]
@@ -27,7 +25,7 @@ class ChannelSettings:
     Attributes
     ----------
     input, output : int or str
-        Column number from 1, or name of a column, variable or channel.
+        Column number from 1, or name of a column, variable or channel.  Without an input, None.
     sampling_rate : float, optional
         Hz; taken from the file or its time column where it is None.
     time : int or str, optional
@@ -42,7 +40,7 @@ class ChannelSettings:
         Decimal mark of a text table; found where it is None.
     """
 
-    input: int | str = 1
+    input: int | str | None = 1
     output: int | str = 2
     sampling_rate: float | None = None
     time: int | str | None = None
@@ -141,7 +139,7 @@ class SpectrumSettings:
 
 @dataclass(frozen=True)
 class DelaySettings:
-    """Grid of the delay search: ARMAX(k, k, k, nk) over ranges of k and nk."""
+    """Grid of the delay search: models of joint order k and delay nk over ranges of both."""
 
     orders: Range = (6, 9)
     nk: Range = (0, 3)
@@ -149,7 +147,7 @@ class DelaySettings:
 
 @dataclass(frozen=True)
 class OrderSettings:
-    """Ranges of the three phases: the joint order na = nb = nc, then nc, then nb.
+    """Ranges of the phases of the orders; a structure uses those of the orders that it has.
 
     The joint range is ``"auto"`` where the spectral peaks give its lower end.
     """
@@ -157,14 +155,28 @@ class OrderSettings:
     joint: Range | Literal["auto"] = (6, 14)
     nc: Range = (2, 16)
     nb: Range = (2, 16)
+    nd: Range = (0, 4)
+    na: Range = (0, 2)
 
 
 @dataclass(frozen=True)
 class OrderGrid:
-    """The candidates of all four phases of the order search."""
+    """The candidates of all phases of the order search.
+
+    Attributes
+    ----------
+    delay : DelaySettings
+    orders : OrderSettings
+    structure : str
+        A key of :data:`evopem.config.structures.STRUCTURES`.
+    level : bool
+        Whether a constant is estimated along.
+    """
 
     delay: DelaySettings = DelaySettings()
     orders: OrderSettings = OrderSettings()
+    structure: Structure = "armax"
+    level: bool = False
 
 
 @dataclass(frozen=True)
@@ -189,7 +201,7 @@ class SearchSettings:
     evaluations : int
         Evaluations after which no new generation starts; a gradient counts as one more.
     max_root_radius : float
-        Largest radius of the roots of A and C.
+        Largest radius of the roots of A, C, D and F.
     n_initial_discard : int
         First residuals that the loss leaves out.
     """
@@ -232,9 +244,9 @@ class SampleRequirements:
     loss_start : int
         First residual that counts in the loss.
     parameters : int
-        Largest na + nb + nc of any candidate.
+        Largest number of parameters of any candidate, with level and plant state.
     settling : int
-        Samples in which the longest model settles: its memory and its nc noise states.
+        Samples in which the longest model settles: its memory and its states.
     """
 
     loss_start: int

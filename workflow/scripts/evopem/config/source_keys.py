@@ -18,7 +18,9 @@ from evopem.files.json_form import to_json
 _CHANNEL_DEFAULTS = {"input": 1, "output": 2, "input_unit": "", "output_unit": ""}
 
 
-def complete_source(written: Keys, source: str, place: str) -> dict[str, Any]:
+def complete_source(
+    written: Keys, source: str, place: str, with_input: bool = True
+) -> dict[str, Any]:
     """Check and complete the keys of a recorded file or of a synthetic recording.
 
     Parameters
@@ -27,6 +29,8 @@ def complete_source(written: Keys, source: str, place: str) -> dict[str, Any]:
         All keys of the data set.
     source, place : str
         The configuration and the key of the data set, for an error to name.
+    with_input : bool
+        Whether the structure of the model has an input.
 
     Raises
     ------
@@ -55,7 +59,7 @@ def complete_source(written: Keys, source: str, place: str) -> dict[str, Any]:
             f"{place}.{foreign}",
         )
     if kind == "file":
-        return _completed_file(written, own_keys, source, place)
+        return _completed_file(written, own_keys, source, place, with_input)
     completed: dict[str, Any] = to_json(SyntheticSource(written["synthesis"]))
     if kind == "armax":
         completed["noise"] = 0.1
@@ -139,17 +143,21 @@ def _known_keys(kind: str) -> set[str]:
     return set(SYNTHESIS_KEYS) - ({"noise"} if kind == "flexible_arm" else set())
 
 
-def _completed_file(written: Keys, own_keys: list[str], source: str, place: str) -> dict[str, Any]:
+def _completed_file(
+    written: Keys, own_keys: list[str], source: str, place: str, with_input: bool
+) -> dict[str, Any]:
     if "time" in written and "sampling_rate" in written:
         raise InputError(
             source, "both sampling_rate and time are given", "give one of the two", place
         )
     completed = dict.fromkeys(FILE_KEYS) | _CHANNEL_DEFAULTS
+    if not with_input:
+        completed |= {"input": None, "output": 1}
     completed |= {key: written[key] for key in own_keys}
     for key in ("file", "validation_file"):
         _check_path(completed[key] or "", source, f"{place}.{key}")
     for one, other in (("input", "output"), ("time", "input"), ("time", "output")):
-        if completed[one] == completed[other]:
+        if completed[one] is not None and completed[one] == completed[other]:
             raise InputError(
                 source,
                 f"{completed[one]} is both {one} and {other}",

@@ -231,6 +231,8 @@ class _Checker:
             )
         if kind == "int" and _LEADING_ZERO.fullmatch(text):
             raise self._leading_zero(node)
+        if kind == "bool" and text in ("true", "false"):
+            return
         plain = {"int": _DECIMAL_INTEGER, "float": _DECIMAL_FLOAT}.get(kind)
         if kind in ("bool", "timestamp") or (plain and not plain.fullmatch(text)):
             raise self.place.error(

@@ -17,16 +17,19 @@ from evopem.config.settings import (
     RecordedSource,
     SearchSettings,
     SpectrumSettings,
+    Structure,
     SyntheticSource,
 )
 from evopem.config.strict_yaml import Keys
+from evopem.config.structures import phases_of
 from evopem.errors import InputError
 from evopem.files.json_form import from_json, to_json
 
 CHANNEL_KEYS = tuple(field.name for field in fields(ChannelSettings))
 FILE_KEYS = ("file", *CHANNEL_KEYS, "validation_file")
 SYNTHESIS_KEYS = tuple(field.name for field in fields(SyntheticSource))
-ANALYSIS_KEYS = ("resample", "transforms", "split", "spectrum", "delay", "orders", "search")
+GRID_KEYS = ("structure", "level", "delay", "orders")
+ANALYSIS_KEYS = ("resample", "transforms", "split", "spectrum", *GRID_KEYS, "search")
 
 NO_RESAMPLING = "none"
 
@@ -35,7 +38,8 @@ def settings_of(name: str, keys: Keys) -> DatasetSettings:
     """Build the settings of a data set from its complete, checked keys."""
     source: dict[str, Any]
     if "file" in keys:
-        channels = {key: keys[key] for key in CHANNEL_KEYS if key in keys}
+        # A missing input is none: complete keys have one wherever the structure has.
+        channels = {"input": None} | {key: keys[key] for key in CHANNEL_KEYS if key in keys}
         source = {"file": keys["file"], "channels": channels}
         source["validation_file"] = keys.get("validation_file")
     else:
@@ -50,7 +54,7 @@ def settings_of(name: str, keys: Keys) -> DatasetSettings:
             "resample": None if resample == NO_RESAMPLING else resample,
         },
         "spectrum": keys["spectrum"],
-        "order_grid": {"delay": keys["delay"], "orders": keys["orders"]},
+        "order_grid": {key: keys[key] for key in GRID_KEYS if key in keys},
         "search": keys["search"],
     }
     return from_json(DatasetSettings, content, f"datasets.{name}")
@@ -62,6 +66,8 @@ def keys_of(settings: DatasetSettings) -> dict[str, Any]:
     if isinstance(source, RecordedSource):
         own = {"file": source.file, **to_json(source.channels)}
         own["validation_file"] = source.validation_file
+        if source.channels.input is None:
+            own["input_unit"] = None
     else:
         own = to_json(source)
     present = {key: value for key, value in own.items() if value is not None}
@@ -69,19 +75,30 @@ def keys_of(settings: DatasetSettings) -> dict[str, Any]:
 
 
 def analysis_keys(
-    preparation: PreparationSettings, settings: DatasetSettings | None = None
+    preparation: PreparationSettings,
+    settings: DatasetSettings | None = None,
+    structure: Structure = "armax",
 ) -> dict[str, Any]:
-    """List the keys of the analysis, by default with their built-in values."""
-    grid = settings.order_grid if settings else OrderGrid()
+    """List the keys of the analysis, by default with their built-in values for a structure."""
+    grid = settings.order_grid if settings else OrderGrid(structure=structure)
     prepared = to_json(preparation)
     return {
         "resample": prepared["resample"] or NO_RESAMPLING,
         "transforms": prepared["transforms"],
         "split": prepared["split"],
         "spectrum": to_json(settings.spectrum if settings else SpectrumSettings()),
-        **_as_lists(to_json(grid)),
+        **_grid_keys(grid),
         "search": to_json(settings.search if settings else SearchSettings()),
     }
+
+
+def _grid_keys(grid: OrderGrid) -> dict[str, Any]:
+    """The keys of an order grid, without those of phases that its structure does not have."""
+    keys: dict[str, Any] = _as_lists(to_json(grid))
+    phases = phases_of(grid.structure)
+    keys["orders"] = {name: each for name, each in keys["orders"].items() if name in phases}
+    own = [name for name in GRID_KEYS if name != "delay" or "delay" in phases]
+    return {name: keys[name] for name in own}
 
 
 def _as_lists(value: Any) -> Any:

@@ -7,10 +7,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.estimation.estimate import Criteria, Estimate
+from evopem.estimation.criteria import Criteria
+from evopem.estimation.polynomial_estimate import PolynomialEstimate
 from evopem.estimation.search.problem import SearchDiagnostics, SearchResult
-from evopem.models.armax import ArmaxModel, Orders
+from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomials import max_root_radius
+from evopem.models.structures import PolynomialOrders
 
 Array = NDArray[np.float64]
 
@@ -23,36 +25,44 @@ class Candidate:
     ----------
     phase : str
         Phase of the order search.
-    orders : Orders
-    model : ArmaxModel
+    orders : PolynomialOrders
+    model : PolynomialModel
         Without the covariance of its parameters.
     criteria : Criteria
-    noise_state : (nc,) array
-        Contribution of the noise before the first residual to the first nc equation errors.
+    with_level : bool
+        Whether a constant was estimated along.
+    plant_state : (nf,) array
+        Contribution of the past to the first equations of ``F x = -B u``.
+    noise_state : (max(nc, nd),) array
+        Contribution of the past to the first equations of ``C e = D v``.
     minimum : float
         What the search minimised, at its best point.
     at_stability_bound : bool
-        Whether a root of A or C lies at the largest radius allowed.
+        Whether a root of A, C, D or F lies at the largest radius allowed.
     diagnostics : SearchDiagnostics
     """
 
     phase: str
-    orders: Orders
-    model: ArmaxModel
+    orders: PolynomialOrders
+    model: PolynomialModel
     criteria: Criteria
+    with_level: bool
+    plant_state: Array
     noise_state: Array
     minimum: float
     at_stability_bound: bool
     diagnostics: SearchDiagnostics
 
     @classmethod
-    def of(cls, estimate: Estimate, phase: str) -> Candidate:
+    def of(cls, estimate: PolynomialEstimate, phase: str) -> Candidate:
         """The candidate that an estimate is in a phase."""
         return cls(
             phase=phase,
             orders=estimate.model.orders,
             model=replace(estimate.model, covariance=None),
             criteria=estimate.criteria,
+            with_level=estimate.with_level,
+            plant_state=estimate.plant_state,
             noise_state=estimate.noise_state,
             minimum=estimate.search.value,
             at_stability_bound=estimate.at_stability_bound,
@@ -61,14 +71,17 @@ class Candidate:
 
     @property
     def search(self) -> SearchResult:
-        """The result of the search, its point being parameters and noise state."""
-        point = np.concatenate([self.model.parameters, self.noise_state])
+        """The result of the search, its point being parameters, level and states."""
+        level = [self.model.level] if self.with_level else []
+        point = np.concatenate([self.model.parameters, level, self.plant_state, self.noise_state])
         return SearchResult(point, self.minimum, self.diagnostics)
 
     @property
     def max_pole_radius(self) -> float:
-        """Largest radius of the roots of A."""
-        return max_root_radius(self.model.a[1:])
+        """Largest radius of the poles of the plant, or of the noise filter where there is none."""
+        model = self.model
+        others = model.f if model.has_input else model.d
+        return max(max_root_radius(model.a[1:]), max_root_radius(others[1:]))
 
     @property
     def max_noise_zero_radius(self) -> float:
@@ -83,7 +96,7 @@ class PhaseSelection:
     Attributes
     ----------
     phase : str
-    orders : Orders
+    orders : PolynomialOrders
         Of the selected candidate.
     reason : str
         Why it was selected, in a sentence.
@@ -91,7 +104,7 @@ class PhaseSelection:
     """
 
     phase: str
-    orders: Orders
+    orders: PolynomialOrders
     reason: str
     candidates: tuple[Candidate, ...]
 

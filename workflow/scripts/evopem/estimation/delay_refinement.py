@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
-from evopem.models.armax import ArmaxModel, Orders
+from evopem.models.polynomial import PolynomialModel
+from evopem.models.structures import PolynomialOrders
 
 # BIC removes a coefficient about where its squared t ratio is below ln N.  Up to this many times
 # that value the smaller model is estimated, since the t ratio is approximate.
@@ -24,7 +25,7 @@ SCREENING = 3.0
 class Fit(NamedTuple):
     """An estimated model and its BIC on the samples that all models are compared on."""
 
-    model: ArmaxModel
+    model: PolynomialModel
     bic: float
 
 
@@ -36,7 +37,7 @@ class DelayRefinement:
     ----------
     fit : Fit
         The chosen model.
-    tried : tuple of (Orders, float)
+    tried : tuple of (PolynomialOrders, float)
         Orders estimated on the way and their BIC, in this order.
     leading_t, trailing_t : float
         t ratios of the first and the last coefficient of B of the chosen model; 0 where they are
@@ -44,13 +45,13 @@ class DelayRefinement:
     """
 
     fit: Fit
-    tried: tuple[tuple[Orders, float], ...]
+    tried: tuple[tuple[PolynomialOrders, float], ...]
     leading_t: float
     trailing_t: float
 
 
 def refine_delay(
-    start: Fit, samples: int, shortest_delay: int, estimate: Callable[[Orders], Fit]
+    start: Fit, samples: int, shortest_delay: int, estimate: Callable[[PolynomialOrders], Fit]
 ) -> DelayRefinement:
     """Follow the smallest BIC from a model to its neighbours, as long as it falls.
 
@@ -67,7 +68,7 @@ def refine_delay(
         Estimates a model of given orders on the same scored samples.
     """
     best = start
-    tried: dict[Orders, float] = {}
+    tried: dict[PolynomialOrders, float] = {}
     while True:
         fits = []
         for orders in delay_alternatives(best.model, samples, shortest_delay):
@@ -81,38 +82,41 @@ def refine_delay(
         best = better
 
 
-def delay_alternatives(model: ArmaxModel, samples: int, shortest_delay: int) -> list[Orders]:
+def delay_alternatives(
+    model: PolynomialModel, samples: int, shortest_delay: int
+) -> list[PolynomialOrders]:
     """Orders to compare a model with: B without its first or its last lag, or with an earlier one.
 
     A lag is kept without comparison where its coefficient is clearly significant.
 
     Parameters
     ----------
-    model : ArmaxModel
+    model : PolynomialModel
     samples : int
         N, the number of scored samples.
     shortest_delay : int
     """
-    na, nb, nc, nk = model.orders.na, model.orders.nb, model.orders.nc, model.orders.nk
+    orders, nb, nk = model.orders, model.orders.nb, model.orders.nk
     limit = math.sqrt(SCREENING * math.log(samples))
     # A t ratio that is not known (NaN) is no reason to keep a coefficient.
     keeps_first, keeps_last = (t > limit for t in t_ratios_of_ends(model))
     alternatives = []
     if nb > 1 and not keeps_first:
-        alternatives.append(Orders(na, nb - 1, nc, nk + 1))
+        alternatives.append(replace(orders, nb=nb - 1, nk=nk + 1))
     if nb > 1 and not keeps_last:
-        alternatives.append(Orders(na, nb - 1, nc, nk))
+        alternatives.append(replace(orders, nb=nb - 1))
     if nk > shortest_delay:
-        alternatives.append(Orders(na, nb + 1, nc, nk - 1))
+        alternatives.append(replace(orders, nb=nb + 1, nk=nk - 1))
     return alternatives
 
 
-def t_ratios_of_ends(model: ArmaxModel) -> tuple[float, float]:
+def t_ratios_of_ends(model: PolynomialModel) -> tuple[float, float]:
     """Absolute t ratios of the first and the last coefficient of B; NaN without a covariance."""
     if model.covariance is None:
         return math.nan, math.nan
     ends = np.zeros((2, model.orders.parameters))
-    first, last = model.orders.na, model.orders.na + model.orders.nb - 1
+    of_b = model.part("b")
+    first, last = of_b.start, of_b.stop - 1
     ends[0, first] = ends[1, last] = 1.0
     errors = model.covariance.standard_errors(ends)
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -5,19 +5,14 @@ from __future__ import annotations
 import operator
 import warnings
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from threadpoolctl import threadpool_limits
 
 from evopem.config.settings import ScoringWindow, SearchSettings
-from evopem.estimation.criteria import (
-    Criteria,
-    criteria_of,
-    lies_at_bound,
-    power_of_two_scale,
-)
+from evopem.estimation.criteria import criteria_of, lies_at_bound, power_of_two_scale
 from evopem.estimation.pem.covariance import (
     estimate_covariance,
     innovation_variance,
@@ -26,11 +21,13 @@ from evopem.estimation.pem.covariance import (
 from evopem.estimation.pem.kernels import MIN_NC
 from evopem.estimation.pem.minimum_norm import minimum_norm_point
 from evopem.estimation.pem.objective import OBJECTIVES, PredictionErrorProblem
+from evopem.estimation.polynomial_estimate import PolynomialEstimate
 from evopem.estimation.search.armax_problem import INITIALIZATIONS, ArmaxProblem
 from evopem.estimation.search.memetic import REFINE, memetic_search
-from evopem.estimation.search.problem import SearchDiagnostics, SearchResult, pooled
-from evopem.models.armax import ArmaxModel, Orders
+from evopem.estimation.search.problem import SearchResult, descended, pooled
+from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomials import max_root_radius as largest_radius
+from evopem.models.structures import PolynomialOrders, armax_orders
 from evopem.signals.recording import LARGEST
 
 Array = NDArray[np.float64]
@@ -39,54 +36,24 @@ Array = NDArray[np.float64]
 LEVEL_WARNING = 0.3
 
 
-@dataclass(frozen=True, eq=False)
-class Estimate:
-    """An estimated model, its criteria, and the search that found it.
-
-    Attributes
-    ----------
-    model : ArmaxModel
-        With the covariance of its parameters, where it is known.
-    criteria : Criteria
-    residuals : (N,) array
-        NaN before ``window.residual_start``.
-    noise_state : (nc,) array
-        Contribution of the noise before the first residual to the first nc equation errors.
-    window : ScoringWindow
-    at_stability_bound : bool
-        Whether a root of A or C lies at the largest radius allowed.
-    search : SearchResult
-        ``search.value`` is the objective plus the prior of the noise state
-        (:data:`evopem.estimation.pem.objective.STATE_WEIGHT`).
-    """
-
-    model: ArmaxModel
-    criteria: Criteria
-    residuals: Array = field(repr=False)
-    noise_state: Array = field(repr=False)
-    window: ScoringWindow
-    at_stability_bound: bool
-    search: SearchResult = field(repr=False)
-
-
 def estimate(
     input: ArrayLike,  # noqa: A002
     output: ArrayLike,
-    orders: Orders | tuple[int, int, int, int],
+    orders: PolynomialOrders | tuple[int, int, int, int],
     sampling_rate: float = 1.0,
     *,
     settings: SearchSettings | None = None,
     window: ScoringWindow | None = None,
     earlier: SearchResult | None = None,
     log: Callable[[str], None] | None = None,
-) -> Estimate:
+) -> PolynomialEstimate:
     """Find the ARMAX model of given orders with the smallest prediction errors, globally.
 
     Parameters
     ----------
     input, output : (N,) array_like
         The record; not modified.  Constant parts should have been removed.
-    orders : Orders or (na, nb, nc, nk)
+    orders : PolynomialOrders or (na, nb, nc, nk)
         ``nb`` is the number of coefficients of B, the first at lag ``nk``.
     sampling_rate : float
         Hz.
@@ -95,7 +62,8 @@ def estimate(
         ``SeedSequence(seed, spawn_key=orders)``, with a 1 appended to the key when the search
         continues an earlier one.
     window : ScoringWindow, optional
-        By default the first residual is ``orders.first_residual``, and the loss leaves out the
+        By default the first residual is the first that has all its measured past and at least nc
+        before it, and the loss leaves out the
         first ``settings.n_initial_discard`` residuals, at least nc.  Models of different orders
         that are to be compared need the same window.
     earlier : SearchResult, optional
@@ -105,7 +73,7 @@ def estimate(
 
     Returns
     -------
-    Estimate
+    PolynomialEstimate
 
     Raises
     ------
@@ -135,7 +103,9 @@ def estimate(
     >>> found.search.diagnostics.n_confirming >= 2
     True
     """
-    orders = orders if isinstance(orders, Orders) else Orders(*_whole_numbers(orders))
+    orders = (
+        orders if isinstance(orders, PolynomialOrders) else armax_orders(*_whole_numbers(orders))
+    )
     settings = settings or SearchSettings()
     u, y = _real_signal(input, "input"), _real_signal(output, "output")
     if not (np.isfinite(sampling_rate) and sampling_rate > 0.0):
@@ -157,22 +127,22 @@ def estimate(
         return describe(errors, result, sampling_rate)
 
 
-def default_window(orders: Orders, settings: SearchSettings) -> ScoringWindow:
+def default_window(orders: PolynomialOrders, settings: SearchSettings) -> ScoringWindow:
     """The window of an estimate that is not compared with models of other orders.
 
     Examples
     --------
-    >>> default_window(Orders(7, 6, 7, 3), SearchSettings(n_initial_discard=50))
+    >>> default_window(armax_orders(7, 6, 7, 3), SearchSettings(n_initial_discard=50))
     ScoringWindow(residual_start=8, loss_start=58)
     """
-    first = orders.first_residual
+    first = max(orders.first_residual, orders.nc)
     return ScoringWindow(first, first + max(settings.n_initial_discard, orders.nc))
 
 
 def prediction_errors(
     input: Array,  # noqa: A002
     output: Array,
-    orders: Orders,
+    orders: PolynomialOrders,
     settings: SearchSettings,
     window: ScoringWindow,
 ) -> PredictionErrorProblem:
@@ -193,7 +163,7 @@ def prediction_errors(
 
 def descend_from(
     point: ArrayLike, errors: PredictionErrorProblem, sampling_rate: float, earlier: SearchResult
-) -> Estimate:
+) -> PolynomialEstimate:
     """Descend once from a point, and combine the result with an earlier search of the problem.
 
     Parameters
@@ -206,39 +176,26 @@ def descend_from(
     earlier : SearchResult
     """
     problem, scales = _scaled_problem(errors, "arx")
-    polished = problem.polish(np.asarray(point)[None, :] / scales)
-    value, used = float(polished.values[0]), polished.evaluations
-    ended = SearchResult(
-        point=polished.points[0] * scales,
-        value=value,
-        diagnostics=SearchDiagnostics(
-            evaluations=used,
-            generations=0,
-            restart_minima=(value,),
-            n_confirming=0,
-            n_local_optima=1,
-            n_multistart=0,
-            undiscovered_probability=1.0,
-            convergence=((used, value),),
-        ),
-    )
+    ended = descended(problem, np.asarray(point) / scales)
+    ended = replace(ended, point=ended.point * scales)
     return describe(errors, pooled(earlier, ended), sampling_rate)
 
 
 def describe(
     errors: PredictionErrorProblem, result: SearchResult, sampling_rate: float
-) -> Estimate:
+) -> PolynomialEstimate:
     """The model at a search's best point, with its criteria, residuals and covariance."""
     orders, start = errors.orders, errors.scoring_start
     point, residuals, triangle = _identifiable(errors, result.point)
     a, b, c = _coefficients(point, orders)
     scored, scored_output = residuals[start:], errors.output[start:]
-    model = ArmaxModel(
+    model = PolynomialModel(
         a,
         b,
         c,
-        orders.nk,
-        sampling_rate,
+        nk=orders.nk,
+        sampling_rate=sampling_rate,
+        structure="armax",
         noise_variance=innovation_variance(scored, triangle.shape[1]),
         covariance=estimate_covariance(
             triangle, scored, scored_output, orders.parameters, orders.nc, errors.objective
@@ -246,10 +203,11 @@ def describe(
     )
     residuals[: errors.recursion_start] = np.nan
     radius = max(largest_radius(a[1:]), largest_radius(c[1:]))
-    return Estimate(
+    return PolynomialEstimate(
         model=model,
         criteria=criteria_of(scored, scored_output, errors.objective, orders.parameters),
         residuals=residuals,
+        plant_state=np.empty(0),
         noise_state=point[orders.parameters :].copy(),
         window=ScoringWindow(errors.recursion_start, start),
         at_stability_bound=lies_at_bound(radius, errors.max_root_radius),
@@ -268,14 +226,14 @@ def _identifiable(errors: PredictionErrorProblem, point: Array) -> tuple[Array, 
 
 def _residuals_and_triangle(errors: PredictionErrorProblem, point: Array) -> tuple[Array, Array]:
     residuals = errors.residuals(point)
-    bare = ArmaxModel(*_coefficients(point, errors.orders), errors.orders.nk)
+    bare = PolynomialModel(*_coefficients(point, errors.orders), nk=errors.orders.nk)
     triangle = jacobian_triangle(
         bare, errors.input, errors.output, residuals, errors.recursion_start, errors.scoring_start
     )
     return residuals, triangle
 
 
-def _coefficients(point: Array, orders: Orders) -> tuple[Array, Array, Array]:
+def _coefficients(point: Array, orders: PolynomialOrders) -> tuple[Array, Array, Array]:
     """A, B and C of a point."""
     a, b, c = np.split(point[: orders.parameters], [orders.na, orders.na + orders.nb])
     return np.concatenate([[1.0], a]), b.copy(), np.concatenate([[1.0], c])
@@ -337,7 +295,7 @@ def _warn_of_level(output: Array) -> None:
 
 
 def _check(
-    u: Array, y: Array, orders: Orders, settings: SearchSettings, window: ScoringWindow
+    u: Array, y: Array, orders: PolynomialOrders, settings: SearchSettings, window: ScoringWindow
 ) -> None:
     if u.ndim != 1 or u.shape != y.shape:
         raise ValueError(f"input and output must be of one length, not {u.shape} and {y.shape}")
@@ -362,8 +320,9 @@ def _check(
         raise ValueError(
             f"max_root_radius must lie between 0 and 1, not {settings.max_root_radius}"
         )
-    if window.residual_start < orders.first_residual:
-        raise ValueError(f"{orders} has no residual before sample {orders.first_residual}")
+    first = max(orders.first_residual, orders.nc)
+    if window.residual_start < first:
+        raise ValueError(f"{orders} has no residual before sample {first}")
     if window.loss_start < window.residual_start:
         raise ValueError(f"the loss starts at {window.loss_start}, before the first residual")
     scored = len(y) - window.loss_start

@@ -13,13 +13,14 @@ from numpy.typing import NDArray
 
 from evopem.config.settings import ScoringWindow, SearchSettings
 from evopem.errors import InputError
-from evopem.estimation.estimate import Criteria, Estimate
+from evopem.estimation.criteria import Criteria
+from evopem.estimation.polynomial_estimate import PolynomialEstimate
 from evopem.estimation.search.problem import SearchDiagnostics
 from evopem.files.json_form import load
-from evopem.models.armax import ArmaxModel, Orders
 from evopem.models.modes import Mode
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
+from evopem.models.structures import PolynomialOrders
 from evopem.signals.preparation import Transforms
 from evopem.version import __version__
 
@@ -38,7 +39,7 @@ class SearchRecord:
     settings : SearchSettings
     diagnostics : SearchDiagnostics
     at_stability_bound : bool
-        Whether a root of A or C lies at the largest radius allowed.
+        Whether a root of A, C, D or F lies at the largest radius allowed.
     """
 
     settings: SearchSettings
@@ -52,22 +53,29 @@ class ModelRecord:
 
     Attributes
     ----------
-    orders : Orders
-    a, b, c : array
-        Coefficients, ``a`` and ``c`` with their leading 1, ``b`` from lag nk on.
+    orders : PolynomialOrders
+    a, b, c, d, f : array
+        Coefficients, all but ``b`` with their leading 1, ``b`` from lag nk on.
+    level : float
+        Constant of the equation; 0 where none was estimated.
     sampling_rate : float
         Hz.
     noise_variance : float
     covariance : (n, n) array, optional
-        Of ``[a_1.., b_0.., c_1..]``; NaN for parameters that the data do not determine.
+        Of ``[a_1.., b_0.., c_1.., d_1.., f_1..]``; NaN for parameters that the data do not
+        determine.
     covariance_factor : ParameterCovariance, optional
         The same in factored form, from which all standard errors are computed.
     parameter_standard_errors : (n,) array, optional
     modes : tuple of Mode
-    poles, zeros, noise_zeros : complex array
-        Roots of A, B and C in the z plane.
+        Of the plant; of the noise filter for a model without input.
+    noise_modes : tuple of Mode
+        Of the noise filter.
+    poles, zeros, noise_poles, noise_zeros : complex array
+        Of the plant and of the noise filter in the z plane.
     criteria : Criteria
-    noise_state : (nc,) array
+    plant_state : (nf,) array
+    noise_state : (max(nc, nd),) array
     window : ScoringWindow
     search : SearchRecord
     transforms : Transforms
@@ -77,20 +85,26 @@ class ModelRecord:
         Versions of the libraries behind the numbers.
     """
 
-    orders: Orders
+    orders: PolynomialOrders
     a: Array
     b: Array
     c: Array
+    d: Array
+    f: Array
+    level: float
     sampling_rate: float
     noise_variance: float
     covariance: Array | None
     covariance_factor: ParameterCovariance | None
     parameter_standard_errors: Array | None
     modes: tuple[Mode, ...]
+    noise_modes: tuple[Mode, ...]
     poles: Roots
     zeros: Roots
+    noise_poles: Roots
     noise_zeros: Roots
     criteria: Criteria
+    plant_state: Array
     noise_state: Array
     window: ScoringWindow
     search: SearchRecord
@@ -100,7 +114,7 @@ class ModelRecord:
 
     @classmethod
     def of(
-        cls, estimate: Estimate, settings: SearchSettings, transforms: Transforms
+        cls, estimate: PolynomialEstimate, settings: SearchSettings, transforms: Transforms
     ) -> ModelRecord:
         """The record of an estimate."""
         model = estimate.model
@@ -109,16 +123,22 @@ class ModelRecord:
             a=model.a,
             b=model.b,
             c=model.c,
+            d=model.d,
+            f=model.f,
+            level=model.level,
             sampling_rate=model.sampling_rate,
             noise_variance=model.noise_variance,
             covariance=None if model.covariance is None else model.covariance.matrix,
             covariance_factor=model.covariance,
             parameter_standard_errors=model.parameter_standard_errors(),
             modes=tuple(model.modes()),
+            noise_modes=tuple(model.noise_modes()),
             poles=model.poles(),
             zeros=model.zeros(),
+            noise_poles=model.noise_poles(),
             noise_zeros=model.noise_zeros(),
             criteria=estimate.criteria,
+            plant_state=estimate.plant_state,
             noise_state=estimate.noise_state,
             window=estimate.window,
             search=SearchRecord(settings, estimate.search.diagnostics, estimate.at_stability_bound),
@@ -129,20 +149,24 @@ class ModelRecord:
         )
 
     @property
-    def model(self) -> ArmaxModel:
+    def model(self) -> PolynomialModel:
         """The model itself."""
-        return ArmaxModel(
+        return PolynomialModel(
             a=self.a,
             b=self.b,
             c=self.c,
+            d=self.d,
+            f=self.f,
             nk=self.orders.nk,
             sampling_rate=self.sampling_rate,
+            level=self.level,
             noise_variance=self.noise_variance,
             covariance=self.covariance_factor,
+            structure=self.orders.structure,
         )
 
 
-def load_model(path: str | Path) -> ArmaxModel | PolynomialModel:
+def load_model(path: str | Path) -> PolynomialModel:
     """Read the model of a ``model.json``, or a polynomial model that :func:`.json_form.save` wrote.
 
     Raises

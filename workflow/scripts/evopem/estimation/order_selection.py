@@ -7,22 +7,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from evopem.config.settings import ScoringWindow, SearchSettings
 from evopem.errors import InputError
 from evopem.estimation.candidate import Candidate, PhaseSelection
 from evopem.estimation.delay_refinement import Fit, refine_delay
-from evopem.estimation.estimate import (
-    Estimate,
-    descend_from,
-    describe,
-    estimate,
-    prediction_errors,
-)
+from evopem.estimation.polynomial_estimate import PolynomialEstimate
 from evopem.estimation.search.incremental_order import padded
 from evopem.estimation.search.problem import same_optimum
-from evopem.models.armax import Orders
+from evopem.estimation.structured_estimate import descended_from, described, estimate
+from evopem.models.structures import PolynomialOrders
 from evopem.signals.recording import Recording
 
 # Evaluations of a repeated search, as a multiple of the first one's.
@@ -31,11 +25,12 @@ REPEAT_FACTOR = 5
 
 def estimate_candidates(
     data: Recording,
-    orders: Sequence[Orders],
+    orders: Sequence[PolynomialOrders],
     phase: str,
     settings: SearchSettings,
     window: ScoringWindow,
     log: Callable[[str], None] | None = None,
+    level: bool = False,
 ) -> list[Candidate]:
     """Estimate every order of a phase, or of a part of it, on the same samples.
 
@@ -43,7 +38,7 @@ def estimate_candidates(
     ----------
     data : Recording
         The prepared estimation samples.
-    orders : sequence of Orders
+    orders : sequence of PolynomialOrders
     phase : str
         Name of the phase, carried into the candidates.
     settings : SearchSettings
@@ -51,6 +46,8 @@ def estimate_candidates(
         The same for all phases of a data set.
     log : callable, optional
         Receives a line at the start and the end of each estimate and one a generation.
+    level : bool
+        Whether a constant is estimated along.
 
     Raises
     ------
@@ -60,10 +57,11 @@ def estimate_candidates(
     candidates = []
     for position, order in enumerate(orders):
         scored = len(data.output) - window.loss_start
-        if scored <= order.parameters:
+        estimated = order.parameters + order.nf + int(level)
+        if scored <= estimated:
             raise InputError(
                 "orders",
-                f"{order} has {order.parameters} parameters, but the {len(data.output)} "
+                f"{order} has {estimated} parameters, but the {len(data.output)} "
                 f"estimation samples leave {max(scored, 0)} residuals after the first "
                 f"{window.loss_start}",
                 "lower the ranges of the orders, shorten search.n_initial_discard or "
@@ -72,12 +70,14 @@ def estimate_candidates(
         if log is not None:
             log(f"{phase}: {order}, candidate {position + 1} of {len(orders)}")
         found = estimate(
-            data.input,
+            data.input if order.nb else None,
             data.output,
             order,
             data.sampling_rate,
+            structure=order.structure,
             settings=settings,
             window=window,
+            level=level,
             log=log,
         )
         candidates.append(Candidate.of(found, phase))
@@ -95,11 +95,14 @@ def repeat_search(
     log: Callable[[str], None] | None = None,
 ) -> Candidate:
     """Search again, independently, with :data:`REPEAT_FACTOR` times the evaluations."""
+    orders = candidate.orders
     found = estimate(
-        data.input,
+        data.input if orders.nb else None,
         data.output,
-        candidate.orders,
+        orders,
         data.sampling_rate,
+        structure=orders.structure,
+        level=candidate.with_level,
         settings=replace(settings, evaluations=REPEAT_FACTOR * settings.evaluations),
         window=window,
         earlier=candidate.search,
@@ -116,20 +119,18 @@ def reoptimize_from(
     window: ScoringWindow,
 ) -> Candidate:
     """Re-optimise a candidate from the parameters of a nested smaller one."""
-    point = padded(nested.search.point, nested.orders, candidate.orders)
-    with threadpool_limits(limits=1, user_api="blas"):
-        errors = prediction_errors(data.input, data.output, candidate.orders, settings, window)
-        found = descend_from(point, errors, data.sampling_rate, candidate.search)
+    orders, level = candidate.orders, candidate.with_level
+    point = padded(nested.search.point, nested.orders, orders, level)
+    found = descended_from(point, candidate.search, data, orders, settings, window, level)
     return Candidate.of(found, candidate.phase)
 
 
 def complete_estimate(
     candidate: Candidate, data: Recording, settings: SearchSettings, window: ScoringWindow
-) -> Estimate:
+) -> PolynomialEstimate:
     """The full estimate of a candidate, with residuals and covariance, without a search."""
-    with threadpool_limits(limits=1, user_api="blas"):
-        errors = prediction_errors(data.input, data.output, candidate.orders, settings, window)
-        return describe(errors, candidate.search, data.sampling_rate)
+    orders, level = candidate.orders, candidate.with_level
+    return described(candidate.search, data, orders, settings, window, level)
 
 
 def select_candidate(
@@ -181,10 +182,13 @@ def _with_refined_delay(
     log: Callable[[str], None] | None,
 ) -> PhaseSelection:
     """Compare the selected model with others of neighbouring lags of B."""
-    found: dict[Orders, Candidate] = {}
+    found: dict[PolynomialOrders, Candidate] = {}
 
-    def fit(orders: Orders) -> Fit:
-        (candidate,) = estimate_candidates(data, [orders], selection.phase, settings, window, log)
+    def fit(orders: PolynomialOrders) -> Fit:
+        level = selection.selected.with_level
+        (candidate,) = estimate_candidates(
+            data, [orders], selection.phase, settings, window, log, level
+        )
         if candidate.diagnostics.n_confirming == 0:
             candidate = repeat_search(candidate, data, settings, window, log)
         found[orders] = candidate
@@ -264,12 +268,12 @@ def _no_worse_than_nested(
     return settled
 
 
-def _decides(orders: Orders, selected: Orders, phase: str) -> bool:
+def _decides(orders: PolynomialOrders, selected: PolynomialOrders, phase: str) -> bool:
     """Whether a selection rests on a candidate: for the delay, on all orders with that delay."""
     return orders.nk == selected.nk if phase == "delay" else orders == selected
 
 
-def select_delay(candidates: Sequence[Candidate]) -> tuple[Orders, str]:
+def select_delay(candidates: Sequence[Candidate]) -> tuple[PolynomialOrders, str]:
     """The delay with the smallest mean BIC over the orders (chapter section 5.3).
 
     The chapter looked for better criteria and for small deviations between the orders; the mean
@@ -292,7 +296,7 @@ def select_delay(candidates: Sequence[Candidate]) -> tuple[Orders, str]:
     return best.orders, reason
 
 
-def select_order(candidates: Sequence[Candidate]) -> tuple[Orders, str]:
+def select_order(candidates: Sequence[Candidate]) -> tuple[PolynomialOrders, str]:
     """The candidate of smallest BIC (chapter section 5.4)."""
     ranked = sorted(candidates, key=_criterion)
     best = ranked[0]
@@ -305,6 +309,6 @@ def select_order(candidates: Sequence[Candidate]) -> tuple[Orders, str]:
     return best.orders, reason + "."
 
 
-def _criterion(candidate: Candidate) -> tuple[float, Orders]:
+def _criterion(candidate: Candidate) -> tuple[float, PolynomialOrders]:
     """BIC, and the smaller model where it ties."""
     return candidate.criteria.bic, candidate.orders

@@ -19,7 +19,7 @@ from evopem.config.settings import ScoringWindow, SearchSettings
 from evopem.errors import InputError
 from evopem.estimation.candidate import Candidate
 from evopem.estimation.order_selection import estimate_candidates
-from evopem.models.armax import Orders
+from evopem.models.structures import PolynomialOrders
 from evopem.signals.recording import Recording
 
 
@@ -30,22 +30,24 @@ class _Task(NamedTuple):
     phase: str
     settings: SearchSettings
     window: ScoringWindow
+    level: bool
 
 
 def estimate_in_parallel(
     data: Recording,
-    orders: Sequence[Orders],
+    orders: Sequence[PolynomialOrders],
     phase: str,
     settings: SearchSettings,
     window: ScoringWindow,
     log: Callable[[str], None] | None = None,
     cores: int = 1,
+    level: bool = False,
 ) -> list[Candidate]:
     """Estimate every order of a phase, on several cores where there are some.
 
     Parameters
     ----------
-    data, orders, phase, settings, window, log
+    data, orders, phase, settings, window, log, level
         As for :func:`estimate_candidates`. On several cores the log is the package's logger.
     cores : int
         Number of processes.
@@ -61,14 +63,15 @@ def estimate_in_parallel(
         When the record is too short for an order, or a process was killed.
     """
     if cores <= 1 or len(orders) <= 2:
-        return estimate_candidates(data, orders, phase, settings, window, log)
+        return estimate_candidates(data, orders, phase, settings, window, log, level)
     # The largest go first, so that no core is left with one of them at the end. The smallest is
     # estimated here: it loads the compiled kernels, which forked processes then share.
     smallest, *others = sorted(range(len(orders)), key=lambda index: orders[index].parameters)
-    found = {smallest: estimate_candidates(data, [orders[smallest]], phase, settings, window, log)}
+    first = estimate_candidates(data, [orders[smallest]], phase, settings, window, log, level)
+    found = {smallest: first}
     # Elsewhere than on Linux forking is unsafe.
     start = multiprocessing.get_context("fork" if sys.platform == "linux" else "spawn")
-    task = _Task(data, phase, settings, window)
+    task = _Task(data, phase, settings, window, level)
     try:
         with ProcessPoolExecutor(min(cores, len(others)), start, _prepare, (task,)) as pool:
             running = {index: pool.submit(_estimate, orders[index]) for index in reversed(others)}
@@ -98,7 +101,9 @@ def _end_with_parent() -> None:
         os._exit(1)
 
 
-def _estimate(order: Orders) -> list[Candidate]:
+def _estimate(order: PolynomialOrders) -> list[Candidate]:
     task = _tasks[0]
     log = logging.getLogger("evopem").info
-    return estimate_candidates(task.data, [order], task.phase, task.settings, task.window, log)
+    return estimate_candidates(
+        task.data, [order], task.phase, task.settings, task.window, log, task.level
+    )

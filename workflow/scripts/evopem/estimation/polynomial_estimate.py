@@ -16,18 +16,42 @@ from evopem.estimation.criteria import (
     lies_at_bound,
     power_of_two_scale,
 )
+from evopem.estimation.pem.autoregression import autoregression
 from evopem.estimation.pem.covariance import estimate_covariance, innovation_variance
 from evopem.estimation.pem.objective import OBJECTIVES
 from evopem.estimation.pem.polynomial_objective import PolynomialErrors
+from evopem.estimation.pem.robust_covariance import MOST_COLOURING, coloured_covariance
 from evopem.estimation.search.armax_problem import INITIALIZATIONS
 from evopem.estimation.search.memetic import REFINE, memetic_search
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
-from evopem.estimation.search.problem import SearchResult
+from evopem.estimation.search.problem import SearchResult, descended, pooled
+from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomials import max_root_radius
 from evopem.models.structures import PolynomialOrders, orders_of
 
 Array = NDArray[np.float64]
+
+# Structures that claim nothing of the noise, or whose noise model may be chosen too small.
+WITHOUT_NOISE_MODEL = ("fir", "oe", "general")
+
+
+@dataclass(frozen=True)
+class ConstraintEffect:
+    """What constraints cost in fit, and which of them bind.
+
+    Attributes
+    ----------
+    objective, objective_without : float
+        Objective of the errors in focus with the constraints and at the optimum without them,
+        percent, priors not included.
+    active : tuple of str
+        Equalities, priors, and the inequalities at whose bound the model lies.
+    """
+
+    objective: float
+    objective_without: float
+    active: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +74,13 @@ class PolynomialEstimate:
         Whether a root of A, C, D or F lies at the largest radius allowed.
     search : SearchResult
         ``search.value`` is the objective plus the priors of the states.
+    focus : str or int
+        The errors that the model was fitted for: ``"prediction"``, ``"simulation"``, or a horizon
+        in samples.
+    focus_objective : float
+        Objective of those errors, percent.
+    constraints : ConstraintEffect, optional
+        What the constraints of the estimate did.
     """
 
     model: PolynomialModel
@@ -60,6 +91,15 @@ class PolynomialEstimate:
     window: ScoringWindow
     at_stability_bound: bool
     search: SearchResult = field(repr=False)
+    focus: str | int = "prediction"
+    focus_objective: float = float("nan")
+    constraints: ConstraintEffect | None = None
+
+    @property
+    def with_level(self) -> bool:
+        """Whether a constant was estimated along."""
+        states = len(self.plant_state) + len(self.noise_state)
+        return len(self.search.point) > self.model.orders.parameters + states
 
 
 def estimate_polynomial(
@@ -72,6 +112,7 @@ def estimate_polynomial(
     settings: SearchSettings | None = None,
     window: ScoringWindow | None = None,
     level: bool = False,
+    earlier: SearchResult | None = None,
     log: Callable[[str], None] | None = None,
 ) -> PolynomialEstimate:
     """Find the polynomial model of given orders with the smallest prediction errors, globally.
@@ -89,7 +130,8 @@ def estimate_polynomial(
         Hz.
     settings : SearchSettings, optional
         Objective, seed, bounds and size of the search.  Its draws come from
-        ``SeedSequence(seed, spawn_key=(na, nb, nc, nd, nf, nk, level))``.  ``initialization`` and
+        ``SeedSequence(seed, spawn_key=(na, nb, nc, nd, nf, nk, level))``, with a 1 appended to the
+        key when the search continues an earlier one.  ``initialization`` and
         ``n_initial_discard`` are not used: the first population holds estimates of several kinds,
         and the initial states of all filters are estimated.
     window : ScoringWindow, optional
@@ -97,6 +139,8 @@ def estimate_polynomial(
         all residuals count.
     level : bool
         Whether a constant is estimated: ``A y = (B/F) u + (C/D) e + level``.
+    earlier : SearchResult, optional
+        Result of an earlier search of the same problem, to be combined with this one.
     log : callable, optional
         Receives one line a generation.
 
@@ -112,31 +156,68 @@ def estimate_polynomial(
         raise ValueError(f"structure {structure!r} with nb = {o.nb} needs an input")
     u = np.zeros_like(y) if input is None else np.ascontiguousarray(input, dtype=float)
     window = window or ScoringWindow(o.first_residual, o.first_residual)
-    _check(u, y, o, settings, window)
+    check_record(u, y, o, settings, window)
     # The bits of a result must not depend on how many threads the machine's BLAS would take.
     with threadpool_limits(limits=1, user_api="blas"):
-        radius = settings.max_root_radius
-        errors = PolynomialErrors(
-            u,
-            y,
-            o,
-            settings.objective,
-            window.residual_start,
-            window.loss_start,
-            radius,
-            radius,
-            level,
-        )
-        problem, scales = _scaled_problem(errors)
-        key = (o.na, o.nb, o.nc, o.nd, o.nf, o.nk, int(level))
+        errors = polynomial_errors(u, y, o, settings, window, level)
+        problem, scales = scaled_problem(errors)
+        key = (o.na, o.nb, o.nc, o.nd, o.nf, o.nk, int(level), *((1,) if earlier else ()))
         sequence = np.random.SeedSequence(settings.seed, spawn_key=key)
         generator = np.random.default_rng(sequence)
-        found = memetic_search(problem, settings, generator, log, recombine=problem.recombine)
+        known = np.inf if earlier is None else earlier.value
+        found = memetic_search(
+            problem, settings, generator, log, known, recombine=problem.recombine
+        )
         found = replace(found, point=found.point * scales)
-        return _described(errors, found, structure, sampling_rate)
+        if earlier is not None:
+            found = pooled(earlier, found)
+        return describe(errors, found, sampling_rate)
 
 
-def _scaled_problem(errors: PolynomialErrors) -> tuple[PolynomialProblem, Array]:
+def polynomial_errors(
+    input: Array,  # noqa: A002
+    output: Array,
+    orders: PolynomialOrders,
+    settings: SearchSettings,
+    window: ScoringWindow,
+    level: bool,
+) -> PolynomialErrors:
+    """The prediction-error problem of a record, orders and settings."""
+    radius = settings.max_root_radius
+    return PolynomialErrors(
+        input,
+        output,
+        orders,
+        settings.objective,
+        window.residual_start,
+        window.loss_start,
+        radius,
+        radius,
+        level,
+    )
+
+
+def descend_from(
+    point: ArrayLike, errors: PolynomialErrors, sampling_rate: float, earlier: SearchResult
+) -> PolynomialEstimate:
+    """Descend once from a point, and combine the result with an earlier search of the problem.
+
+    Parameters
+    ----------
+    point : (n,) array_like
+        In the problem's own units.
+    errors : PolynomialErrors
+    sampling_rate : float
+        Hz.
+    earlier : SearchResult
+    """
+    problem, scales = scaled_problem(errors)
+    ended = descended(problem, np.asarray(point) / scales)
+    ended = replace(ended, point=ended.point * scales)
+    return describe(errors, pooled(earlier, ended), sampling_rate)
+
+
+def scaled_problem(errors: PolynomialErrors) -> tuple[PolynomialProblem, Array]:
     """The problem with signals scaled to moderate size, and the scales of its parameters."""
     input_scale, output_scale = power_of_two_scale(errors.input), power_of_two_scale(errors.output)
     scaled = PolynomialErrors(
@@ -158,9 +239,10 @@ def _scaled_problem(errors: PolynomialErrors) -> tuple[PolynomialProblem, Array]
     return PolynomialProblem(scaled), scales
 
 
-def _check(
+def check_record(
     u: Array, y: Array, orders: PolynomialOrders, settings: SearchSettings, window: ScoringWindow
 ) -> None:
+    """Refuse a record or settings that :func:`estimate_polynomial` cannot use."""
     if u.ndim != 1 or u.shape != y.shape:
         raise ValueError(f"input and output must be of one length, not {u.shape} and {y.shape}")
     if not (np.isfinite(u).all() and np.isfinite(y).all()):
@@ -192,16 +274,14 @@ def _check(
         raise ValueError("the output is zero throughout")
 
 
-def _described(
-    errors: PolynomialErrors, result: SearchResult, structure: str, sampling_rate: float
+def describe(
+    errors: PolynomialErrors, result: SearchResult, sampling_rate: float
 ) -> PolynomialEstimate:
     """The model at a search's best point, with its criteria, residuals and covariance."""
     point, parts = result.point, errors.parts()
     a, c, d, f = (np.concatenate([[1.0], point[parts[name]]]) for name in "acdf")
     residuals = errors.residuals(point)
     counted, counted_output = residuals[errors.loss_start :], errors.output[errors.loss_start :]
-    triangle = np.asarray(np.linalg.qr(errors.jacobian(point), mode="r"))
-    coefficients = errors.orders.parameters
     model = PolynomialModel(
         a,
         point[parts["b"]].copy(),
@@ -212,23 +292,41 @@ def _described(
         sampling_rate,
         level=float(point[parts["level"]].sum()),
         noise_variance=innovation_variance(counted, errors.dimension),
-        covariance=estimate_covariance(
-            triangle, counted, counted_output, coefficients, 0, errors.objective
-        ),
-        structure=structure,
+        covariance=_covariance(errors, point, counted, counted_output),
+        structure=errors.orders.structure,
     )
     residuals[: errors.residual_start] = np.nan
     at_bound = (
         lies_at_bound(max(max_root_radius(a[1:]), max_root_radius(f[1:])), errors.plant_radius),
         lies_at_bound(max(max_root_radius(c[1:]), max_root_radius(d[1:])), errors.noise_radius),
     )
+    criteria = criteria_of(counted, counted_output, errors.objective, errors.parameters)
     return PolynomialEstimate(
         model=model,
-        criteria=criteria_of(counted, counted_output, errors.objective, errors.parameters),
+        criteria=criteria,
         residuals=residuals,
         plant_state=point[parts["plant"]].copy(),
         noise_state=point[parts["noise"]].copy(),
         window=ScoringWindow(errors.residual_start, errors.loss_start),
         at_stability_bound=any(at_bound),
         search=result,
+        focus_objective=criteria.objective,
     )
+
+
+def _covariance(
+    errors: PolynomialErrors, point: Array, residuals: Array, output: Array
+) -> ParameterCovariance | None:
+    """Covariance of the coefficients, for residuals of any colour where nothing whitens them."""
+    orders, jacobian = errors.orders, errors.jacobian(point)
+    coloured = len(autoregression(residuals - residuals.mean(), MOST_COLOURING)) > 1
+    if coloured and orders.structure in WITHOUT_NOISE_MODEL:
+        return coloured_covariance(
+            jacobian,
+            residuals,
+            orders.parameters,
+            errors.objective,
+            input_alone=orders.na + orders.nc + orders.nd == 0,
+        )
+    triangle = np.asarray(np.linalg.qr(jacobian, mode="r"))
+    return estimate_covariance(triangle, residuals, output, orders.parameters, 0, errors.objective)

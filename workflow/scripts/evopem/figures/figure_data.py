@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
+from evopem.config.structures import ORDER_NAMES, plant_order
 from evopem.errors import InputError
 from evopem.figures.frequency_domain import complex_plane
 from evopem.figures.style import extremes
-from evopem.figures.summary import shown_samples
+from evopem.figures.summary import shown_samples, simulated_or_predicted
 from evopem.models.confidence_ellipse import Polynomial, uncertain_roots
 from evopem.models.stabilization import StabilizationPole, stabilization
 from evopem.signals.spectral.multitaper import multitaper_spectrum
@@ -24,8 +25,14 @@ if TYPE_CHECKING:
 GAIN_BINS = 300
 # Length of the transforms of the residual spectrum: coarse, since white noise has no lines.
 RESIDUAL_NFFT = 1024
-ORDERS = ["na", "nb", "nc", "nk"]
-ROOTS: tuple[tuple[Polynomial, str], ...] = (("A", "pole"), ("B", "zero"), ("C", "root of C"))
+ORDERS = list(ORDER_NAMES)
+ROOTS: tuple[tuple[Polynomial, str], ...] = (
+    ("A", "pole"),
+    ("F", "pole of the plant"),
+    ("B", "zero"),
+    ("C", "root of C"),
+    ("D", "pole of the noise filter"),
+)
 
 
 def record_table(results: DatasetResults) -> pd.DataFrame:
@@ -44,9 +51,10 @@ def record_table(results: DatasetResults) -> pd.DataFrame:
 
 def _signals(stage: str, recording: Recording, begin: float) -> pd.DataFrame:
     time = begin + np.arange(recording.output.size) / recording.sampling_rate
-    return pd.DataFrame(
-        {"stage": stage, "time_s": time, "input": recording.input, "output": recording.output}
-    )
+    columns = {"stage": stage, "time_s": time, "input": recording.input}
+    if not recording.has_input:
+        del columns["input"]
+    return pd.DataFrame(columns | {"output": recording.output})
 
 
 def spectrum_table(results: DatasetResults) -> pd.DataFrame:
@@ -67,7 +75,7 @@ def phases_table(results: DatasetResults) -> pd.DataFrame:
 
 
 def roots_table(results: DatasetResults) -> pd.DataFrame:
-    """Every root of A, B and C with the covariance of its real and imaginary part."""
+    """Every root of the polynomials with the covariance of its real and imaginary part."""
     model = results.model.model
     rows = [
         {
@@ -91,9 +99,14 @@ def frequency_response_table(results: DatasetResults) -> pd.DataFrame:
     prefix = "frequency_response_"
     estimate = results.spectrum.rename(columns=lambda name: name.removeprefix(prefix))
     columns = ["frequency_hz", "gain", "gain_lower", "gain_upper", "phase_deg"]
+    noise = results.frequency_response[["frequency_hz", *(f"noise_{name}" for name in columns[1:])]]
+    noise = noise.set_axis(columns, axis="columns").assign(source="noise filter")
+    if not results.model.model.has_input:
+        return noise[["source", *columns]]
     return pd.concat(
         [
             results.frequency_response[columns].assign(source="model"),
+            noise,
             estimate[[*columns, "coherence"]].assign(source="multitaper"),
         ],
         ignore_index=True,
@@ -117,18 +130,24 @@ def simulation_table(results: DatasetResults) -> pd.DataFrame:
 
 
 def measured_and_simulated_table(results: DatasetResults) -> pd.DataFrame:
-    """The first scored validation samples, measured and simulated."""
+    """The first scored validation samples, measured and simulated; without an input, predicted."""
     table = results.validation_tables.simulation
-    scored = table[table["simulated"].notna()]
+    computed = simulated_or_predicted(table)
+    scored = table[table[computed].notna()]
     kept = shown_samples(results.model.modes, results.model.sampling_rate)
-    return scored[["time_s", "output", "simulated"]].iloc[:kept]
+    return scored[["time_s", "output", computed]].iloc[:kept]
 
 
 def gain_table(results: DatasetResults) -> pd.DataFrame:
-    """Gain of the model and of the multitaper estimate, thinned to their extremes."""
+    """Gain of the model and of the multitaper estimate, thinned to their extremes.
+
+    Of a model without input that of the noise filter.
+    """
     table = frequency_response_table(results)[
         ["source", "frequency_hz", "gain", "gain_lower", "gain_upper"]
     ]
+    if results.model.model.has_input:
+        table = table[table["source"] != "noise filter"]
     thin = [
         rows.iloc[extremes(rows["gain"], GAIN_BINS)]
         for _, rows in table.groupby("source", sort=False)
@@ -139,6 +158,7 @@ def gain_table(results: DatasetResults) -> pd.DataFrame:
 def nyquist_table(results: DatasetResults) -> pd.DataFrame:
     """Real and imaginary part of the frequency response of the model and of the data."""
     table = frequency_response_table(results)
+    table = table[table["source"] != "noise filter"]
     parts = complex_plane(table["gain"], table["phase_deg"])
     return table[["source", "frequency_hz"]].assign(real=parts[:, 0], imag=parts[:, 1])
 
@@ -163,11 +183,17 @@ def residual_spectrum_table(results: DatasetResults) -> pd.DataFrame:
     return table.assign(white_level=2.0 * float(np.var(errors)) / rate)
 
 
+def horizons_table(results: DatasetResults) -> pd.DataFrame:
+    """Error of k-step predictions by k."""
+    return results.validation_tables.horizons
+
+
 def stabilization_poles(results: DatasetResults) -> list[StabilizationPole]:
     """Poles over the joint orders, each compared with the next lower order."""
+    order = plant_order(results.model.orders.structure)
     return stabilization(
-        (candidate.orders.na, candidate.model, candidate.criteria.bic)
-        for candidate in results.phases["joint"].candidates
+        (getattr(candidate.orders, order), candidate.model, candidate.criteria.bic)
+        for candidate in results.models_of_orders.candidates
     )
 
 

@@ -37,6 +37,7 @@ BINS = 400
 MOST_LABELS = 8
 # Labels closer than this share of the band would overlap.
 LABEL_WIDTH = 0.1
+PLANT, NOISE_FILTER = "model G", "noise filter H"
 
 
 def _thinned(table: pd.DataFrame, *columns: str) -> pd.DataFrame:
@@ -152,13 +153,20 @@ def draw_frequency_response(
         Unit of the gain, "" when not stated.
     truth : Truth, optional
         Its modes are marked.
+
+    Notes
+    -----
+    Of a model without input the response of the noise filter is drawn.
     """
     figure = new_figure(5.2)
+    response, label = plant_or_noise_filter(response)
+    if label == NOISE_FILTER:
+        spectrum = None
     gain, phase, coherence = figure.subplots(3, 1, sharex=True, height_ratios=(1.7, 1.1, 0.7))
     estimate = None if spectrum is None else with_positive_frequency(spectrum)
     for axes in (gain, phase):
         mark_truth(axes, truth)
-    shown = draw_gain(gain, response, estimate, unit)
+    shown = draw_gain(gain, response, estimate, unit, label)
     if estimate is not None:
         _draw_phase_and_coherence(phase, coherence, estimate)
     phase.plot(*unwrapped_gaps(shown["frequency_hz"], shown["phase_deg"]), color=MODEL)
@@ -177,10 +185,24 @@ def with_positive_frequency(table: pd.DataFrame) -> pd.DataFrame:
     return table[table["frequency_hz"] > 0]
 
 
+def plant_or_noise_filter(response: pd.DataFrame) -> tuple[pd.DataFrame, str]:
+    """The response of G and its label; of a model without input those of the noise filter H.
+
+    Parameters
+    ----------
+    response : pandas.DataFrame
+        As in ``frequency_response.csv``.
+    """
+    if response["gain"].notna().any():
+        return response, PLANT
+    columns = {f"noise_{name}": name for name in ("gain", "gain_lower", "gain_upper", "phase_deg")}
+    return response[["frequency_hz", *columns]].rename(columns=columns), NOISE_FILTER
+
+
 def draw_gain(
-    axes: Axes, response: pd.DataFrame, spectrum: pd.DataFrame | None, unit: str
+    axes: Axes, response: pd.DataFrame, spectrum: pd.DataFrame | None, unit: str, label: str
 ) -> pd.DataFrame:
-    """Draw the gain of G with its band over the multitaper estimate; return what was drawn of G."""
+    """Draw a gain with its band over the multitaper estimate; return what was drawn of the gain."""
     if spectrum is not None:
         axes.plot(
             *decimate(spectrum["frequency_hz"], spectrum["frequency_response_gain"], BINS),
@@ -200,7 +222,7 @@ def draw_gain(
             linewidth=0,
             label="95 % band",
         )
-    axes.plot(shown["frequency_hz"], shown["gain"], color=MODEL, linewidth=1.5, label="model G")
+    axes.plot(shown["frequency_hz"], shown["gain"], color=MODEL, linewidth=1.5, label=label)
     _gain_limits(axes, shown["gain"])
     logarithmic(axes)
     axes.set_ylabel(with_unit("Gain", unit))
@@ -247,6 +269,9 @@ def draw_nyquist(response: pd.DataFrame, spectrum: pd.DataFrame, unit: str = "")
     """
     figure = new_figure(4.6, 5.6)
     axes = figure.subplots()
+    if response["gain"].isna().all():
+        say_nothing_to_draw(axes, "The model has no input.")
+        return figure
     model = complex_plane(response["gain"], response["phase_deg"])
     estimate = with_positive_frequency(spectrum)
     points = complex_plane(

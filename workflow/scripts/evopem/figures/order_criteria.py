@@ -6,6 +6,13 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
+from evopem.config.structures import (
+    STRUCTURES,
+    phases_of,
+    plant_order,
+    structure_name,
+    varied_order,
+)
 from evopem.figures.style import (
     ERROR,
     FAMILY,
@@ -26,22 +33,23 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 CRITERIA = (("rss", "RSS (%)"), ("bic", "BIC"))
-# Phase, the order it varies, title.
-ORDER_PHASES = (
-    ("joint", "na", "Joint order: na = nb = nc = k"),
-    ("nc", "nc", "Order of C: nc = k"),
-    ("nb", "nb", "Coefficients of B: nb = k"),
-)
+TITLES = {
+    "nc": "Order of C: nc = k",
+    "nd": "Order of D: nd = k",
+    "na": "Order of A: na = k",
+    "nb": "Coefficients of B: nb = k",
+}
 
 
 @styled
-def draw_delay(candidates: pd.DataFrame) -> Figure:
+def draw_delay(candidates: pd.DataFrame, structure: str = "armax") -> Figure:
     """RSS and BIC against the order, one line for each delay (chapter figure 5).
 
     Parameters
     ----------
     candidates : pandas.DataFrame
         As in ``candidates.csv``.
+    structure : str
     """
     figure = new_figure(3.1)
     panels = figure.subplots(1, 2)
@@ -50,14 +58,15 @@ def draw_delay(candidates: pd.DataFrame) -> Figure:
         for axes in panels:
             say_nothing_to_draw(axes, "There are no candidates of the delay search.")
         return figure
+    order = plant_order(structure)
     selected = tried[tried["selected"]]
     delay = None if selected.empty else int(selected["nk"].iloc[0])
     for axes, (column, label) in zip(panels, CRITERIA, strict=True):
         for number, (nk, group) in enumerate(tried.groupby("nk")):
-            line = group.sort_values("na")
+            line = group.sort_values(order)
             style = number % len(FAMILY)
             axes.plot(
-                line["na"],
+                line[order],
                 line[column],
                 color=FAMILY[style],
                 linestyle=FAMILY_LINES[style],
@@ -66,7 +75,9 @@ def draw_delay(candidates: pd.DataFrame) -> Figure:
                 label=f"nk = {nk}" + (" (selected)" if nk == delay else ""),
             )
         _whole_numbers(axes)
-        axes.set_xlabel("Order k of ARMAX(k, k, k, nk)")
+        axes.set_xlabel(
+            f"Order k of {structure_name(structure)} models with {tied_text(structure)}"
+        )
         axes.set_ylabel(label)
         logarithmic_if_wide(axes, tried[column])
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper right", ncols=6)
@@ -74,17 +85,21 @@ def draw_delay(candidates: pd.DataFrame) -> Figure:
 
 
 @styled
-def draw_phases(candidates: pd.DataFrame) -> Figure:
-    """RSS and BIC against k for the three phases of the orders, the selection marked.
+def draw_phases(candidates: pd.DataFrame, structure: str = "armax") -> Figure:
+    """RSS and BIC against k for each phase of the orders, the selection marked.
 
     Parameters
     ----------
     candidates : pandas.DataFrame
         As in ``candidates.csv``.
+    structure : str
     """
     figure = new_figure(4.3)
-    panels = figure.subplots(2, 3, sharex="col")
-    for column, (phase, order, title) in enumerate(ORDER_PHASES):
+    phases = [phase for phase in phases_of(structure) if phase != "delay"]
+    panels = figure.subplots(2, len(phases), sharex="col", squeeze=False)
+    for column, phase in enumerate(phases):
+        order = varied_order(phase, structure)
+        title = TITLES.get(phase, f"Joint order: {tied_text(structure)}")
         tried = candidates[candidates["phase"] == phase].sort_values(order)
         panels[0, column].set_title(title, fontsize=8)
         if tried.empty:
@@ -107,6 +122,20 @@ def draw_phases(candidates: pd.DataFrame) -> Figure:
                 axes.set_ylabel(label)
         panels[1, column].set_xlabel("k")
     return figure
+
+
+def tied_text(structure: str) -> str:
+    """The orders that equal the joint order k, such as "na = nb = nc = k".
+
+    Examples
+    --------
+    >>> tied_text("armax"), tied_text("bj")
+    ('na = nb = nc = k', 'nb = nf = k')
+    """
+    plant = ("nb", "nf") if "nf" in STRUCTURES[structure] else ("na", "nb")
+    noise = {"arma": ("nc",), "armax": ("nc",)}.get(structure, ())
+    tied = [name for name in (*plant, *noise) if name in STRUCTURES[structure]]
+    return " = ".join([*tied, "k"])
 
 
 def _mark_selection(axes: Axes, tried: pd.DataFrame, order: str, criterion: str) -> None:

@@ -9,12 +9,15 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
+from evopem.config.structures import plant_order
+from evopem.figures.frequency_domain import NOISE_FILTER, PLANT, plant_or_noise_filter
 from evopem.figures.signal_labels import (
     prepared_input_name,
     prepared_output_name,
     prepared_output_unit,
 )
 from evopem.figures.style import ratio_unit, with_unit
+from evopem.figures.time_responses import responses_of
 
 if TYPE_CHECKING:
     from evopem.results.dataset import DatasetResults
@@ -111,6 +114,11 @@ FREQUENCY = "Frequency (Hz)"
 VALIDATION_TIME = "Time from the first validation sample (s)"
 
 
+def has_input(results: DatasetResults) -> bool:
+    """Whether the model has an input."""
+    return results.model.model.has_input
+
+
 def output_unit(results: DatasetResults) -> str:
     """Unit of the prepared output."""
     return prepared_output_unit(results.model.transforms, results.recording.output_unit)
@@ -123,7 +131,9 @@ def output_label(results: DatasetResults) -> str:
 
 
 def gain_unit(results: DatasetResults) -> str:
-    """Unit of the gain from the prepared input to the prepared output."""
+    """Unit of the gain from the prepared input to the prepared output; none without an input."""
+    if not has_input(results):
+        return ""
     return ratio_unit(output_unit(results), results.recording.input_unit)
 
 
@@ -134,26 +144,28 @@ def density_label(results: DatasetResults) -> str:
 
 
 def measured_and_simulated(results: DatasetResults) -> list[Panel]:
-    """Panels of the first screen's simulation."""
+    """Panels of the first screen's simulation; without an input, of the prediction."""
+    computed = "simulated" if has_input(results) else "predicted"
     curves = (
         Curve("measured", "output", "ink"),
-        Curve("simulated", "simulated", "error", dashed=True),
+        Curve(computed, computed, "error", dashed=True),
     )
     label = output_label(results)
     return [Panel("", "time_s", VALIDATION_TIME, label, curves, height=210)]
 
 
-def _gain() -> tuple[Curve, ...]:
-    return (
-        Curve("multitaper", "gain", "muted", where=("source", "multitaper")),
-        Curve(
-            "model G with 95 % band",
-            "gain",
-            "model",
-            band=("gain_lower", "gain_upper"),
-            where=("source", "model"),
-        ),
+def _gain(results: DatasetResults) -> tuple[Curve, ...]:
+    label, source = (PLANT, "model") if has_input(results) else (NOISE_FILTER, "noise filter")
+    own = Curve(
+        f"{label} with 95 % band",
+        "gain",
+        "model",
+        band=("gain_lower", "gain_upper"),
+        where=("source", source),
     )
+    if not has_input(results):
+        return (own,)
+    return (Curve("multitaper", "gain", "muted", where=("source", "multitaper")), own)
 
 
 def gain(results: DatasetResults, marks: Sequence[float]) -> list[Panel]:
@@ -164,7 +176,7 @@ def gain(results: DatasetResults, marks: Sequence[float]) -> list[Panel]:
             "frequency_hz",
             FREQUENCY,
             with_unit("Gain", gain_unit(results)),
-            _gain(),
+            _gain(results),
             logarithmic=True,
             limits=gain_limits(results),
             height=210,
@@ -176,30 +188,44 @@ def gain(results: DatasetResults, marks: Sequence[float]) -> list[Panel]:
 
 def gain_limits(results: DatasetResults) -> tuple[float, ...]:
     """Limits of the gain around that of the model rather than the scatter of the data."""
-    positive = results.frequency_response["gain"]
+    positive = plant_or_noise_filter(results.frequency_response)[0]["gain"]
     positive = positive[positive > 0]
     return (float(positive.min()) / 4, float(positive.max()) * 4) if len(positive) else ()
 
 
 def frequency_response(results: DatasetResults) -> list[Panel]:
-    """Gain, phase and coherence."""
+    """Gain, phase and coherence; without an input, gain and phase of the noise filter."""
+    x = "frequency_hz"
+    if not has_input(results):
+        own = Curve(NOISE_FILTER, "phase_deg", "model", "points", where=("source", "noise filter"))
+        return [*gain(results, ()), _phase((own,))]
     phase = (
         Curve("multitaper", "phase_deg", "muted", "points", where=("source", "multitaper")),
-        Curve("model G", "phase_deg", "model", "points", where=("source", "model")),
+        Curve(PLANT, "phase_deg", "model", "points", where=("source", "model")),
     )
     coherence = (Curve("coherence", "coherence", "muted", where=("source", "multitaper")),)
-    x = "frequency_hz"
     return [
         *gain(results, ()),
-        Panel(
-            "", x, FREQUENCY, "Phase (°)", phase, wrapped=True, limits=(-190, 190), height=170,
-            linked="frequency",
-        ),
+        _phase(phase),
         Panel(
             "", x, FREQUENCY, "Coherence", coherence, limits=(0, 1.05), height=120,
             linked="frequency",
         ),
     ]  # fmt: skip
+
+
+def _phase(curves: tuple[Curve, ...]) -> Panel:
+    return Panel(
+        "",
+        "frequency_hz",
+        FREQUENCY,
+        "Phase (°)",
+        curves,
+        wrapped=True,
+        limits=(-190, 190),
+        height=170,
+        linked="frequency",
+    )
 
 
 def spectrum(results: DatasetResults) -> list[Panel]:
@@ -242,15 +268,17 @@ def residual_spectrum(results: DatasetResults) -> list[Panel]:
 
 def simulation(results: DatasetResults) -> list[Panel]:
     """Measured, simulated and predicted output, and the errors."""
-    errors = (
+    errors: tuple[Curve, ...] = (
         Curve("of simulation", "simulation_error", "error", dashed=True),
         Curve("of one-step prediction", "prediction_error", "model"),
     )
-    signals = (
+    signals: tuple[Curve, ...] = (
         Curve("measured", "output", "ink"),
         Curve("predicted one step ahead", "predicted", "model"),
         Curve("simulated", "simulated", "error", dashed=True),
     )
+    if not has_input(results):
+        errors, signals = errors[1:], signals[:2]
     label = output_label(results)
     return [
         Panel("", "time_s", VALIDATION_TIME, label, signals, height=260, linked="validation"),
@@ -260,35 +288,41 @@ def simulation(results: DatasetResults) -> list[Panel]:
 
 def simulation_as_recorded(results: DatasetResults) -> list[Panel]:
     """The same in the units of the recording."""
-    curves = (
+    curves: tuple[Curve, ...] = (
         Curve("measured", "recorded_output", "ink"),
         Curve("predicted one step ahead", "recorded_predicted", "model", dashed=True),
         Curve("simulated", "recorded_simulated", "error", dashed=True),
     )
+    if not has_input(results):
+        curves = curves[:2]
     label = with_unit(results.recording.output_name, results.recording.output_unit)
     return [Panel("", "time_s", VALIDATION_TIME, label, curves, height=260, linked="validation")]
 
 
 def step_and_impulse(results: DatasetResults) -> list[Panel]:
-    """Responses to a unit step and a unit impulse."""
+    """Responses to a unit step and a unit impulse; without an input, of the noise filter."""
     return [
         Panel(
             with_unit(title, gain_unit(results)),
             "time_s",
             "Time (s)",
             "",
-            (Curve("response", column, "model"),),
+            (
+                Curve(
+                    "response with 95 % band",
+                    column,
+                    "model",
+                    band=(f"{column}_lower", f"{column}_upper"),
+                ),
+            ),
             linked="response",
         )
-        for title, column in (
-            ("Step response", "step_response"),
-            ("Impulse response", "impulse_response"),
-        )
+        for column, title in responses_of(results.time_response)
     ]
 
 
-def residuals(_: DatasetResults) -> list[Panel]:
-    """Autocorrelation and cross-correlation with their bounds."""
+def residuals(results: DatasetResults) -> list[Panel]:
+    """Autocorrelation and, with an input, cross-correlation with their bounds."""
 
     def correlation(title: str, x_label: str, column: str, where: tuple[str, ...] = ()) -> Panel:
         bound = f"bound95_of_{column}"
@@ -300,13 +334,16 @@ def residuals(_: DatasetResults) -> list[Panel]:
         return Panel(title, "lag", x_label, "", curves)
 
     # At lag 0 the autocorrelation is 1 by definition.
+    of_themselves = correlation(
+        "Autocorrelation of the residuals",
+        "Lag (samples)",
+        "autocorrelation",
+        ("lag", "not 0"),
+    )
+    if not has_input(results):
+        return [of_themselves]
     return [
-        correlation(
-            "Autocorrelation of the residuals",
-            "Lag (samples)",
-            "autocorrelation",
-            ("lag", "not 0"),
-        ),
+        of_themselves,
         correlation(
             "Cross-correlation of residuals and input",
             "Lag (samples); at positive lags the residual follows the input",
@@ -317,6 +354,7 @@ def residuals(_: DatasetResults) -> list[Panel]:
 
 def stabilization(results: DatasetResults) -> list[Panel]:
     """Poles over the order, by their status; the line marks the selected order."""
+    order = plant_order(results.model.orders.structure)
     curves = (
         Curve("spectrum of the output", "density", "muted", source="spectrum"),
         *(
@@ -329,11 +367,11 @@ def stabilization(results: DatasetResults) -> list[Panel]:
             "",
             "frequency_hz",
             "Natural frequency (Hz)",
-            "Order na",
+            f"Order {order}",
             curves,
             height=280,
             highest=results.model.sampling_rate / 2,
-            levels=(float(results.phases["joint"].orders.na),),
+            levels=(float(getattr(results.models_of_orders.orders, order)),),
             linked="frequency",
         )
     ]
@@ -349,6 +387,7 @@ _STATUSES: tuple[tuple[str, str, Role], ...] = (
 def record(results: DatasetResults) -> list[Panel]:
     """Input and output as recorded and as used."""
     recording, transforms = results.recording, results.model.transforms
+    shown_signals = ("input", "output") if recording.has_input else ("output",)
     used_input = with_unit(
         prepared_input_name(transforms, recording.input_name), recording.input_unit
     )
@@ -366,12 +405,12 @@ def record(results: DatasetResults) -> list[Panel]:
         ),
         ("As used", used, (used_input, output_label(results)), "used"),
     ):
-        for column, label in zip(("input", "output"), labels, strict=True):
+        for column, label in zip(shown_signals, labels[-len(shown_signals) :], strict=True):
             curves = tuple(
                 Curve(stage, column, role, where=("stage", stage))  # type: ignore[arg-type]
                 for stage, role in stages
             )
-            heading = title if column == "input" else ""
+            heading = title if column == shown_signals[0] else ""
             shown.append(
                 Panel(heading, "time_s", "Time (s)", label, curves, height=170, linked=linked)
             )

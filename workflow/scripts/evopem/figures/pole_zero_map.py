@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from evopem.figures.style import (
     ERROR,
+    FIFTH,
     FOURTH,
     INK,
     MODEL,
@@ -21,9 +22,10 @@ from evopem.figures.style import (
     say_nothing_to_draw,
     styled,
 )
-from evopem.models.armax import ArmaxModel
 from evopem.models.confidence_ellipse import UncertainRoot, uncertain_roots
 from evopem.models.modes import Mode
+from evopem.models.polynomial import PolynomialModel
+from evopem.models.polynomials import roots
 from evopem.synthesis.truth import Truth
 
 if TYPE_CHECKING:
@@ -37,24 +39,27 @@ NORMAL_95 = 1.96
 
 
 @styled
-def draw_poles_zeros(model: ArmaxModel, truth: Truth | None = None) -> Figure:
+def draw_poles_zeros(model: PolynomialModel, truth: Truth | None = None) -> Figure:
     """Poles and zeros in the unit circle with 95 % ellipses, and the modes with 95 % intervals.
 
     Parameters
     ----------
-    model : ArmaxModel
+    model : PolynomialModel
     truth : Truth, optional
         Its poles and modes are drawn as well.
     """
     figure = new_figure(3.9)
     circle, damping = figure.subplots(1, 2, width_ratios=(1.25, 1.0))
     _unit_circle(circle, model.sampling_rate)
-    poles, zeros = uncertain_roots(model, "A"), uncertain_roots(model, "B")
+    poles = [*uncertain_roots(model, "A"), *uncertain_roots(model, "F")]
+    zeros = uncertain_roots(model, "B")
     inside = [zero for zero in zeros if _in_frame(zero.value)]
-    for roots, colour in ((inside, ERROR), (poles, MODEL)):
-        for root in roots:
+    for group, colour in ((inside, ERROR), (poles, MODEL)):
+        for root in group:
             _ellipse(circle, root, colour)
     _scatter(circle, model.noise_zeros(), "D", FOURTH, "roots of C", 3.5)
+    if model.orders.nd:
+        _scatter(circle, roots(model.d[1:]), "*", FIFTH, "roots of D", 6.0)
     _scatter(circle, _values(inside), "o", ERROR, "zeros of B", 5.0)
     found = _values(poles)
     circle.plot(

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from evopem.config.structures import plant_order
 from evopem.figures import panels
 from evopem.figures.convergence import draw_convergence
 from evopem.figures.figure_data import (
@@ -14,6 +15,7 @@ from evopem.figures.figure_data import (
     delay_table,
     frequency_response_table,
     gain_table,
+    horizons_table,
     measured_and_simulated_table,
     nyquist_table,
     phases_table,
@@ -32,6 +34,7 @@ from evopem.figures.frequency_domain import (
     draw_residual_spectrum,
     draw_spectrum,
 )
+from evopem.figures.horizons import draw_horizons
 from evopem.figures.order_criteria import draw_delay, draw_phases
 from evopem.figures.panels import Panel
 from evopem.figures.pole_zero_map import draw_poles_zeros
@@ -40,7 +43,7 @@ from evopem.figures.stabilization_diagram import draw_stabilization
 from evopem.figures.style import save_svg, with_unit
 from evopem.figures.summary import draw_gain_and_data, draw_measured_and_simulated
 from evopem.figures.time_domain import draw_record, draw_simulation, draw_simulation_as_recorded
-from evopem.figures.time_responses import draw_step_and_impulse, time_response_table
+from evopem.figures.time_responses import draw_step_and_impulse, responses_of, settling_part
 from evopem.results.dataset import DatasetResults
 from evopem.results.layout import DatasetFiles
 
@@ -57,6 +60,10 @@ def _no_panels(_: DatasetResults) -> list[Panel]:
 
 def _always(_: DatasetResults) -> bool:
     return True
+
+
+def _has_input(results: DatasetResults) -> bool:
+    return results.model.model.has_input
 
 
 @dataclass(frozen=True)
@@ -79,6 +86,8 @@ class ReportFigure:
         What the page draws from this table for a reader to zoom; empty where it does not.
     applies : callable
         Whether the page shows the figure.
+    without_input : str
+        Caption for a model without input, where it is another one.
     """
 
     name: str
@@ -88,11 +97,16 @@ class ReportFigure:
     table: Callable[[DatasetResults], pd.DataFrame]
     panels: Callable[[DatasetResults], list[Panel]] = _no_panels
     applies: Callable[[DatasetResults], bool] = _always
+    without_input: str = ""
 
     @property
     def data_files(self) -> list[str]:
         """Names of the files of `data` in the data set's folder."""
         return [Path(file).as_posix() for file in self.data]
+
+    def caption_of(self, results: DatasetResults) -> str:
+        """What is drawn of these results."""
+        return self.caption if _has_input(results) else self.without_input or self.caption
 
 
 def _measured_and_simulated(results: DatasetResults) -> Figure:
@@ -158,9 +172,14 @@ def _stabilization(results: DatasetResults) -> Figure:
         stabilization_table(results),
         results.model.sampling_rate,
         results.spectrum,
-        results.phases["joint"].orders.na,
+        getattr(results.models_of_orders.orders, plant_order(results.model.orders.structure)),
         results.truth,
+        plant_order(results.model.orders.structure),
     )
+
+
+def _structure(results: DatasetResults) -> str:
+    return results.settings.order_grid.structure
 
 
 REPORT_FIGURES = (
@@ -171,6 +190,7 @@ REPORT_FIGURES = (
         _measured_and_simulated,
         measured_and_simulated_table,
         panels.measured_and_simulated,
+        without_input="First validation samples; the prediction knows the output before.",
     ),
     ReportFigure(
         "gain",
@@ -179,6 +199,7 @@ REPORT_FIGURES = (
         _gain_and_data,
         gain_table,
         lambda results: panels.gain(results, _trusted_frequencies(results)),
+        without_input="Gain of the noise filter with 95 % band; dotted: trusted modes.",
     ),
     ReportFigure(
         "poles_zeros",
@@ -190,10 +211,11 @@ REPORT_FIGURES = (
     ReportFigure(
         "stabilization",
         "The poles of every joint order, with the spectrum of the output.",
-        (_FILES.phase("joint"),),
+        (_FILES.phases,),
         _stabilization,
         stabilization_table,
         panels.stabilization,
+        lambda results: "joint" in results.phases,
     ),
     ReportFigure(
         "frequency_response",
@@ -202,16 +224,20 @@ REPORT_FIGURES = (
         _frequency_response,
         frequency_response_table,
         panels.frequency_response,
+        without_input="Noise filter H with 95 % band.",
     ),
     ReportFigure(
         "step_and_impulse",
-        "Responses to a unit step and to one sample of 1.",
-        (_FILES.model,),
+        "Responses to a unit step and to one sample of 1, with 95 % bands.",
+        (_FILES.time_response,),
         lambda results: draw_step_and_impulse(
-            time_response_table(results.model), panels.gain_unit(results)
+            settling_part(results.time_response),
+            responses_of(results.time_response),
+            panels.gain_unit(results),
         ),
-        lambda results: time_response_table(results.model),
+        lambda results: settling_part(results.time_response),
         panels.step_and_impulse,
+        without_input="Response of the noise filter to one sample of 1, with 95 % band.",
     ),
     ReportFigure(
         "nyquist",
@@ -221,6 +247,7 @@ REPORT_FIGURES = (
             results.frequency_response, results.spectrum, panels.gain_unit(results)
         ),
         nyquist_table,
+        applies=_has_input,
     ),
     ReportFigure(
         "simulation",
@@ -229,6 +256,7 @@ REPORT_FIGURES = (
         _simulation,
         simulation_table,
         panels.simulation,
+        without_input="Validation samples, predicted one step ahead, and the errors.",
     ),
     ReportFigure(
         "simulation_as_recorded",
@@ -240,12 +268,24 @@ REPORT_FIGURES = (
         _output_is_transformed,
     ),
     ReportFigure(
+        "horizons",
+        "Error of the prediction of the validation samples over its horizon, and of the"
+        " simulation.",
+        (_FILES.horizons,),
+        lambda results: draw_horizons(
+            results.validation_tables.horizons, results.validation.simulation_error_percent
+        ),
+        horizons_table,
+        without_input="Error of the prediction of the validation samples over its horizon.",
+    ),
+    ReportFigure(
         "residuals",
         "Correlations of the residuals with themselves and with the input, with 95 % bounds.",
         (_FILES.residual_autocorrelation, _FILES.cross_correlation),
         _residuals,
         residuals_table,
         panels.residuals,
+        without_input="Correlations of the residuals with themselves, with 95 % bounds.",
     ),
     ReportFigure(
         "residual_spectrum",
@@ -264,6 +304,7 @@ REPORT_FIGURES = (
         lambda results: draw_record(results.recording, results.prepared),
         record_table,
         panels.record,
+        without_input="Output as recorded and as used.",
     ),
     ReportFigure(
         "spectrum",
@@ -277,20 +318,21 @@ REPORT_FIGURES = (
         "delay",
         "RSS and BIC against the order for each delay.",
         (_FILES.candidates,),
-        lambda results: draw_delay(results.candidates),
+        lambda results: draw_delay(results.candidates, _structure(results)),
         delay_table,
+        applies=lambda results: "delay" in results.phases,
     ),
     ReportFigure(
         "phases",
-        "RSS and BIC of the three phases; the selected orders are marked.",
+        "RSS and BIC of the phases of the orders; the selected orders are marked.",
         (_FILES.candidates,),
-        lambda results: draw_phases(results.candidates),
+        lambda results: draw_phases(results.candidates, _structure(results)),
         phases_table,
     ),
     ReportFigure(
         "convergence",
         "Lowest objective after each generation and after each final descent.",
-        (_FILES.phase("nb"),),
+        (_FILES.phases,),
         lambda results: draw_convergence(results.selected.diagnostics.convergence),
         convergence_table,
         panels.convergence,

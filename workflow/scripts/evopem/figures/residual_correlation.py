@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
-from evopem.figures.style import ERROR, INK, MODEL, new_figure, stems, styled
+from evopem.figures.style import ERROR, INK, MODEL, new_figure, say_nothing_to_draw, stems, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -30,11 +30,14 @@ def draw_residuals(autocorrelation: pd.DataFrame, cross_correlation: pd.DataFram
     upper.set_title("Autocorrelation of the residuals")
     upper.set_xlabel("Lag (samples); lag 0, where it is 1, is not drawn")
     upper.set_ylabel("Autocorrelation")
-    _correlation(lower, cross_correlation, "cross_correlation")
-    lower.axvline(0, color=INK, linewidth=0.7)
+    if cross_correlation["cross_correlation"].isna().all():
+        say_nothing_to_draw(lower, "There is no cross-correlation with an input.")
+    else:
+        _correlation(lower, cross_correlation, "cross_correlation")
+        lower.axvline(0, color=INK, linewidth=0.7)
+        lower.set_xlabel("Lag (samples); at positive lags the residual follows the input")
+        lower.set_ylabel("Cross-correlation")
     lower.set_title("Cross-correlation of residuals and input")
-    lower.set_xlabel("Lag (samples); at positive lags the residual follows the input")
-    lower.set_ylabel("Cross-correlation")
     upper.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderaxespad=0.1)
     return figure
 

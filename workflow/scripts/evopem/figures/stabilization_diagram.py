@@ -39,6 +39,7 @@ def draw_stabilization(
     spectrum: pd.DataFrame | None = None,
     selected_order: int | None = None,
     truth: Truth | None = None,
+    order: str = "na",
 ) -> Figure:
     """Natural frequencies over the model order, with the spectrum of the output behind.
 
@@ -54,6 +55,8 @@ def draw_stabilization(
         Selected joint order, marked.
     truth : Truth, optional
         Its modes are marked.
+    order : str
+        Name of the order.
     """
     figure = new_figure(3.5)
     axes = figure.subplots()
@@ -90,7 +93,7 @@ def draw_stabilization(
     axes.set_yticks(sorted(poles["order"].unique()))
     axes.margins(y=0.08)
     axes.set_xlabel("Natural frequency (Hz)")
-    axes.set_ylabel("Order na")
+    axes.set_ylabel(f"Order {order}")
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, borderaxespad=0.1)
     return figure
 

@@ -7,7 +7,12 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
-from evopem.figures.frequency_domain import draw_gain, with_positive_frequency
+from evopem.figures.frequency_domain import (
+    NOISE_FILTER,
+    draw_gain,
+    plant_or_noise_filter,
+    with_positive_frequency,
+)
 from evopem.figures.style import ERROR, INK, MODEL, decimate, new_figure, styled
 from evopem.figures.time_domain import DASHED, folded, legend_above
 
@@ -28,6 +33,8 @@ def draw_measured_and_simulated(
 ) -> Figure:
     """Measured and simulated output over the first scored validation samples.
 
+    Of a model without input, the output predicted one step ahead.
+
     Parameters
     ----------
     simulation : pandas.DataFrame
@@ -41,11 +48,12 @@ def draw_measured_and_simulated(
     """
     figure = new_figure(HEIGHT, WIDTH)
     axes = figure.subplots()
-    scored = simulation[simulation["simulated"].notna()]
+    computed = simulated_or_predicted(simulation)
+    scored = simulation[simulation[computed].notna()]
     shown = scored.iloc[: shown_samples(modes, sampling_rate)]
     for column, colour, style, name in (
         ("output", INK, "-", "measured"),
-        ("simulated", ERROR, DASHED, "simulated"),
+        (computed, ERROR, DASHED, computed),
     ):
         x, y = decimate(shown["time_s"], shown[column])
         axes.plot(x, y, color=colour, linestyle=style, label=name)
@@ -54,6 +62,11 @@ def draw_measured_and_simulated(
     axes.margins(x=0.01)
     legend_above(axes)
     return figure
+
+
+def simulated_or_predicted(simulation: pd.DataFrame) -> str:
+    """The column of the simulated output; without an input, of the predicted one."""
+    return "simulated" if simulation["simulated"].notna().any() else "predicted"
 
 
 def shown_samples(modes: Sequence[Mode], sampling_rate: float) -> int:
@@ -69,6 +82,8 @@ def draw_gain_and_data(
     response: pd.DataFrame, spectrum: pd.DataFrame, trusted: Sequence[float], unit: str = ""
 ) -> Figure:
     """Gain of the model with its 95 % band over the multitaper estimate, with the modes marked.
+
+    Of a model without input the gain of its noise filter, without an estimate.
 
     Parameters
     ----------
@@ -89,7 +104,9 @@ def draw_gain_and_data(
             linestyle=(0, (1.2, 1.6)),
             label="trusted modes" if place == 0 else None,
         )
-    draw_gain(axes, response, with_positive_frequency(spectrum), unit)
+    response, label = plant_or_noise_filter(response)
+    estimate = None if label == NOISE_FILTER else with_positive_frequency(spectrum)
+    draw_gain(axes, response, estimate, unit, label)
     axes.set_xlabel("Frequency (Hz)")
     axes.set_xlim(0, float(response["frequency_hz"].max()))
     return figure

@@ -41,18 +41,19 @@ def draw_record(recording: Recording, prepared: PreparedData) -> Figure:
     """Input and output before and after the transforms (chapter figure 3)."""
     transforms = prepared.transforms
     figure = new_figure(4.4)
-    axes = figure.subplots(2, 2, sharex="col")
+    rows = 2 if recording.has_input else 1
+    axes = figure.subplots(rows, 2, sharex="col", squeeze=False)
     time = np.arange(recording.output.size) / recording.sampling_rate
     before = (
         (recording.input, with_unit(recording.input_name, recording.input_unit)),
         (recording.output, with_unit(recording.output_name, recording.output_unit)),
     )
-    for row, (values, label) in enumerate(before):
+    for row, (values, label) in enumerate(before[-rows:]):
         x, y = decimate(time, values)
         axes[row, 0].plot(x, y, color=INK, linewidth=0.6)
         axes[row, 0].set_ylabel(folded(label))
     axes[0, 0].set_title("As recorded")
-    axes[1, 0].set_xlabel("Time (s)")
+    axes[-1, 0].set_xlabel("Time (s)")
     estimation, validation = prepared.estimation, prepared.validation
     unit = prepared_output_unit(transforms, estimation.output_unit)
     after = (
@@ -69,11 +70,11 @@ def draw_record(recording: Recording, prepared: PreparedData) -> Figure:
             with_unit(prepared_output_name(transforms, estimation.output_name), unit),
         ),
     )
-    for row, (estimated, held_out, label) in enumerate(after):
+    for row, (estimated, held_out, label) in enumerate(after[-rows:]):
         _estimation_and_validation(axes[row, 1], estimated, held_out, estimation.sampling_rate)
         axes[row, 1].set_ylabel(folded(label))
     axes[0, 1].set_title("As used")
-    axes[1, 1].set_xlabel(
+    axes[-1, 1].set_xlabel(
         "Time (s)" if prepared.contiguous else "Time (s); the validation recording follows"
     )
     axes[0, 1].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.1)
@@ -114,13 +115,19 @@ def draw_simulation(simulation: pd.DataFrame, sampling_rate: float, label: str) 
     """
     figure = new_figure(5.4)
     second, error, whole = figure.subplots(3, 1, height_ratios=(1.35, 1.0, 1.0))
-    scored = simulation[simulation["simulated"].notna() & simulation["predicted"].notna()]
+    # A model without input has no simulation.
+    simulated = bool(simulation["simulated"].notna().any())
+    scored = simulation[simulation["predicted"].notna()]
+    if simulated:
+        scored = scored[scored["simulated"].notna()]
     shown = scored.iloc[: max(round(sampling_rate) + 1, 60)]
     _lines(
         second,
         shown,
         ("output", INK, "-", "measured"),
-        ("simulated", ERROR, DASHED, "simulated"),
+        ("simulated", ERROR, DASHED, "simulated")
+        if simulated
+        else ("predicted", MODEL, DASHED, "predicted one step ahead"),
     )
     span = shown["time_s"].iloc[-1] - shown["time_s"].iloc[0] if len(shown) else 0.0
     second.set_title(f"The first {span:.3g} s of validation data")
@@ -131,7 +138,7 @@ def draw_simulation(simulation: pd.DataFrame, sampling_rate: float, label: str) 
     _lines(
         error,
         shown,
-        ("simulation_error", ERROR, DASHED, "of simulation"),
+        *([("simulation_error", ERROR, DASHED, "of simulation")] if simulated else []),
         ("prediction_error", MODEL, "-", "of one-step prediction"),
     )
     error.set_title("Errors in that time")
@@ -142,7 +149,9 @@ def draw_simulation(simulation: pd.DataFrame, sampling_rate: float, label: str) 
         whole,
         simulation,
         ("output", MUTED, "-", "measured"),
-        ("simulation_error", ERROR, "-", "error of simulation"),
+        ("simulation_error", ERROR, "-", "error of simulation")
+        if simulated
+        else ("prediction_error", ERROR, "-", "error of one-step prediction"),
         width=0.6,
     )
     whole.set_title("All validation data")

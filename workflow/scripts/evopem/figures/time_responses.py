@@ -12,64 +12,70 @@ from evopem.figures.style import MODEL, new_figure, styled, with_unit
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from evopem.estimation.model_record import ModelRecord
-
-FEWEST_SAMPLES, MOST_SAMPLES = 50, 1000
-# Share of its largest value below which the impulse response has settled.
+FEWEST_SAMPLES = 50
+# Share of its largest value below which an impulse response has settled.
 REMAINDER = 0.01
+# Column and title of the responses to an input; without an input, of that to the innovations.
+OF_PLANT = (("step", "Step response"), ("impulse", "Impulse response (one sample of 1)"))
+OF_NOISE = (("noise_impulse", "Impulse response of the noise filter (one sample of 1)"),)
 
 
-def time_response_table(record: ModelRecord) -> pd.DataFrame:
-    """Response of G to a unit impulse (one sample of 1) and a unit step at time 0.
-
-    Parameters
-    ----------
-    record : ModelRecord
-
-    Returns
-    -------
-    pandas.DataFrame
-        ``time_s``, ``impulse_response`` and ``step_response``, in units of the prepared output
-        for one unit of the prepared input.
-    """
-    model = record.model
-    impulse = np.zeros(MOST_SAMPLES)
-    impulse[0] = 1.0
-    response = np.asarray(model.simulate(impulse))
-    size = np.abs(response)
-    # Both responses have settled where the impulse response stays small.
-    settled = int(np.flatnonzero(size > REMAINDER * size.max()).max(initial=0))
-    response = response[: max(round(1.2 * settled), FEWEST_SAMPLES)]
-    return pd.DataFrame(
-        {
-            "time_s": np.arange(response.size) / record.sampling_rate,
-            "impulse_response": response,
-            "step_response": np.cumsum(response),
-        }
-    )
-
-
-@styled
-def draw_step_and_impulse(table: pd.DataFrame, unit: str = "") -> Figure:
-    """Responses to a unit step and a unit impulse.
+def responses_of(table: pd.DataFrame) -> tuple[tuple[str, str], ...]:
+    """Column and title of each response that a table has.
 
     Parameters
     ----------
     table : pandas.DataFrame
-        As :func:`time_response_table` returns it.
+        As in ``time_response.csv``.
+    """
+    return OF_PLANT if table["impulse"].notna().any() else OF_NOISE
+
+
+def settling_part(table: pd.DataFrame) -> pd.DataFrame:
+    """The responses and their 95 % intervals until the impulse response stays small.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        As in ``time_response.csv``.
+    """
+    names = [name for name, _ in responses_of(table)]
+    size = np.abs(table[names[-1]].to_numpy())
+    settled = int(np.flatnonzero(size > REMAINDER * size.max()).max(initial=0))
+    columns = [f"{name}{end}" for name in names for end in ("", "_lower", "_upper")]
+    return table[["time_s", *columns]].iloc[: max(round(1.2 * settled), FEWEST_SAMPLES)]
+
+
+@styled
+def draw_step_and_impulse(
+    table: pd.DataFrame, responses: tuple[tuple[str, str], ...] = OF_PLANT, unit: str = ""
+) -> Figure:
+    """Responses to a unit step and a unit impulse with their 95 % bands.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        As :func:`settling_part` returns it.
+    responses : tuple of (column, title)
+        As :func:`responses_of` returns them.
     unit : str
         Unit of the output for one unit of the input, "" when not stated.
     """
-    figure = new_figure(4.2)
-    for axes, column, title in zip(
-        figure.subplots(2, 1, sharex=True),
-        ("step_response", "impulse_response"),
-        ("Step", "Impulse (one sample of 1)"),
-        strict=True,
-    ):
+    figure = new_figure(4.2 if len(responses) > 1 else 2.6)
+    panels = figure.subplots(len(responses), 1, sharex=True, squeeze=False)[:, 0]
+    for axes, (column, title) in zip(panels, responses, strict=True):
+        if table[f"{column}_lower"].notna().any():
+            axes.fill_between(
+                table["time_s"],
+                table[f"{column}_lower"],
+                table[f"{column}_upper"],
+                color=MODEL,
+                alpha=0.28,
+                linewidth=0,
+            )
         axes.plot(table["time_s"], table[column], color=MODEL)
         axes.set_title(title)
         axes.set_ylabel(with_unit("Response", unit))
         axes.margins(x=0.01)
-    axes.set_xlabel("Time (s)")
+    panels[-1].set_xlabel("Time (s)")
     return figure

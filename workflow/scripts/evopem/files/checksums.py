@@ -8,7 +8,7 @@ folder of the data set, so that ``sha256sum -c`` verifies them from that folder.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from evopem.errors import InputError
@@ -33,14 +33,16 @@ def write_checksums(files: Iterable[str | Path], folder: str | Path, job: str) -
     Parameters
     ----------
     files : iterable of path
-        Outputs of the job, in `folder` or its subfolders.
+        Outputs of the job, in `folder` or its subfolders; of a folder, all files in it.
     folder : path
         Folder of the data set, or of the results as a whole.
     job : str
         Name of the job; it may contain slashes, as in ``phases/delay/part-1``.
     """
     folder = Path(folder)
-    own = {Path(file).relative_to(folder).as_posix(): sha256_of_file(file) for file in files}
+    own = {
+        file.relative_to(folder).as_posix(): sha256_of_file(file) for file in _regular_files(files)
+    }
     own_file = folder / FOLDER / f"{job}{_SUFFIX}"
     for other_file in _checksum_files(folder):
         if other_file != own_file:
@@ -80,6 +82,15 @@ def verify_checksums(files: Iterable[str | Path], root: str | Path) -> None:
                     "was changed or damaged after it was written",
                     "delete it and run snakemake again, which writes it anew",
                 )
+
+
+def _regular_files(files: Iterable[str | Path]) -> Iterator[Path]:
+    """Files, and those in folders among them, without hidden ones."""
+    for file in map(Path, files):
+        if file.is_dir():
+            yield from (each for each in files_below(file, "") if not each.name.startswith("."))
+        else:
+            yield file
 
 
 def _checksum_files(folder: Path) -> list[Path]:

@@ -62,10 +62,10 @@ def from_json(kind: type[T], content: object, source: str = "the content") -> T:
 
     Examples
     --------
-    >>> from evopem.models.armax import Orders
-    >>> from_json(Orders, {"na": 2, "nb": 1, "nc": 2, "nk": 3})
-    Orders(na=2, nb=1, nc=2, nk=3)
-    >>> from_json(Orders, {"na": 2.5, "nb": 1, "nc": 2, "nk": 3}, "model.json")
+    >>> from evopem.models.structures import PolynomialOrders, armax_orders
+    >>> from_json(PolynomialOrders, {"na": 2, "nb": 1, "nc": 2, "nk": 3})
+    armax_orders(na=2, nb=1, nc=2, nk=3)
+    >>> from_json(PolynomialOrders, {"na": 2.5, "nb": 1, "nc": 2, "nk": 3}, "model.json")
     Traceback (most recent call last):
     ...
     evopem.errors.InputError: model.json, na: 2.5 is not a whole number; delete the file ...
@@ -94,11 +94,11 @@ def load(kind: type[T], path: str | Path) -> T:
     Examples
     --------
     >>> from tempfile import TemporaryDirectory
-    >>> from evopem.models.armax import Orders
+    >>> from evopem.models.structures import PolynomialOrders, armax_orders
     >>> with TemporaryDirectory() as folder:
-    ...     save(Orders(2, 1, 2, 3), f"{folder}/orders.json")
-    ...     load(Orders, f"{folder}/orders.json")
-    Orders(na=2, nb=1, nc=2, nk=3)
+    ...     save(armax_orders(2, 1, 2, 3), f"{folder}/orders.json")
+    ...     load(PolynomialOrders, f"{folder}/orders.json")
+    armax_orders(na=2, nb=1, nc=2, nk=3)
     """
     try:
         content = json.loads(Path(path).read_text(encoding="utf-8"))

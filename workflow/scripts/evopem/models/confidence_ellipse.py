@@ -8,16 +8,17 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.models.armax import ArmaxModel
+from evopem.models.polynomial import PolynomialModel
+from evopem.models.polynomials import roots as roots_of
 from evopem.models.root_covariance import CHI_SQUARE_95, root_covariance
 
 Array = NDArray[np.float64]
-Polynomial = Literal["A", "B", "C"]
+Polynomial = Literal["A", "B", "C", "D", "F"]
 
 
 @dataclass(frozen=True, eq=False)
 class UncertainRoot:
-    """A root of A, B or C with the covariance of its real and imaginary part.
+    """A root of a polynomial with the covariance of its real and imaginary part.
 
     Attributes
     ----------
@@ -59,26 +60,23 @@ class UncertainRoot:
         return outline
 
 
-def uncertain_roots(model: ArmaxModel, polynomial: Polynomial) -> list[UncertainRoot]:
+def uncertain_roots(model: PolynomialModel, polynomial: Polynomial) -> list[UncertainRoot]:
     """Roots in the z plane of one polynomial of a model, with their covariances.
 
     The covariance of the coefficients is propagated to the roots to first order.
 
     Parameters
     ----------
-    model : ArmaxModel
-    polynomial : {"A", "B", "C"}
+    model : PolynomialModel
+    polynomial : {"A", "B", "C", "D", "F"}
     """
-    orders = model.orders
-    coefficients, roots, rows = {
-        "A": (model.a, model.poles(), slice(0, orders.na)),
-        "B": (model.b, model.zeros(), slice(orders.na, orders.na + orders.nb)),
-        "C": (model.c, model.noise_zeros(), slice(orders.na + orders.nb, orders.parameters)),
-    }[polynomial]
+    letter = polynomial.lower()
+    coefficients = getattr(model, letter)
+    roots = model.zeros() if polynomial == "B" else roots_of(coefficients[1:])
     unknown = np.full((2, 2), np.nan)
     if model.covariance is None:
         return [UncertainRoot(complex(root), unknown) for root in roots]
-    own = model.covariance.part(rows)
+    own = model.covariance.part(model.part(letter))
     found = []
     for root in roots:
         covariance = root_covariance(coefficients, complex(root), own)

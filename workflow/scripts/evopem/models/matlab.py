@@ -8,31 +8,27 @@ from pathlib import Path
 import numpy as np
 
 from evopem.files.atomic import atomic_write
-from evopem.models.armax import ArmaxModel
 from evopem.models.polynomial import PolynomialModel
 
 
-def save_model_mat(model: ArmaxModel | PolynomialModel, path: str | os.PathLike[str]) -> None:
+def save_model_mat(model: PolynomialModel, path: str | os.PathLike[str]) -> None:
     """Write the arguments of MATLAB's ``idpoly(A,B,C,D,F,NoiseVariance,Ts)`` to a v5 MAT file.
 
     The level of a polynomial model, which ``idpoly`` does not have, is stored beside them.
     """
     from scipy.io import savemat
 
-    d = f = np.ones(1)
-    level = {}
-    if isinstance(model, PolynomialModel):
-        d, f = model.d, model.f
-        level = {"Level": model.level} if model.level else {}
+    level = {"Level": model.level} if model.level else {}
     with atomic_write(Path(path)) as temporary, temporary.open("wb") as stream:
         savemat(
             stream,
             {
                 "A": model.a[None, :],
-                "B": model.delayed_b[None, :],
+                # Without an input, B and F are empty, as idpoly takes them for a time series.
+                "B": model.delayed_b[None, :] if model.has_input else np.zeros((0, 0)),
                 "C": model.c[None, :],
-                "D": d[None, :],
-                "F": f[None, :],
+                "D": model.d[None, :],
+                "F": model.f[None, :] if model.has_input else np.zeros((0, 0)),
                 "NoiseVariance": model.noise_variance,
                 "Ts": 1.0 / model.sampling_rate,
                 **level,

@@ -75,6 +75,25 @@ def _frequency_and_damping(z: complex, sampling_rate: float) -> tuple[float, flo
     return float(abs(s) / (2.0 * np.pi)), float(-s.real / abs(s))
 
 
+def pole_mode(coefficients: Array, pole: complex, sampling_rate: float) -> tuple[Array, Array]:
+    """Frequency in Hz and damping ratio of one pole, (2,), and their derivatives, (2, na).
+
+    Parameters
+    ----------
+    coefficients : (na,) array
+        ``a_1 ... a_na``.
+    pole : complex
+        A root; for zero, and for a repeated root, the derivatives are taken for zero.
+    sampling_rate : float
+        Hz.
+    """
+    if pole == 0.0:
+        return np.array([sampling_rate, 1.0]), np.zeros((2, len(coefficients)))
+    values = np.array(_frequency_and_damping(pole, sampling_rate))
+    slopes = _mode_jacobian(coefficients, pole, sampling_rate)
+    return values, np.where(np.isfinite(slopes), slopes, 0.0)
+
+
 def _mode_jacobian(coefficients: Array, z: complex, sampling_rate: float) -> Array:
     """Derivatives of (frequency in Hz, damping ratio) with respect to ``a_1 ... a_na``, (2, na)."""
     s = np.log(z) * sampling_rate

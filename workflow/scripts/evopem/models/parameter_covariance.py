@@ -82,7 +82,7 @@ class ParameterCovariance:
     def __len__(self) -> int:
         return len(self.factor)
 
-    def part(self, rows: slice) -> ParameterCovariance:
+    def part(self, rows: slice | NDArray[np.intp]) -> ParameterCovariance:
         """The covariance of some of the parameters."""
         return ParameterCovariance(self.factor[rows], self.null_space[rows])
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,6 +13,10 @@ from evopem.models.polynomials import powers_of_z, roots
 from evopem.models.structures import PolynomialOrders
 
 Array = NDArray[np.float64]
+
+
+# Samples from which on a prediction is computed by Fourier transforms.
+LONG_HORIZON = 64
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,20 +40,41 @@ class PolynomialModel:
     covariance : ParameterCovariance, optional
         Covariance of ``[a_1.., b_0.., c_1.., d_1.., f_1..]``.
     structure : str
-        A key of :data:`evopem.models.structures.STRUCTURES`.
+        A key of :data:`evopem.config.structures.STRUCTURES`; by default the smallest one that has
+        the model's orders.
+
+    Examples
+    --------
+    An ARMAX model, a resonance with a delay of two samples:
+
+    >>> import numpy as np
+    >>> from evopem import PolynomialModel
+    >>> model = PolynomialModel(
+    ...     a=np.array([1.0, -1.2, 0.8]),
+    ...     b=np.array([0.5, 0.1]),
+    ...     c=np.array([1.0, 0.4]),
+    ...     nk=2,
+    ...     sampling_rate=50.0,
+    ... )
+    >>> print(model.orders)
+    ARMAX(2,2,1,2)
+    >>> model.poles().round(3)
+    array([0.6+0.663j, 0.6-0.663j])
+    >>> model.zeros(), model.noise_zeros()
+    (array([-0.2+0.j]), array([-0.4+0.j]))
     """
 
     a: Array
     b: Array
     c: Array
-    d: Array
-    f: Array
+    d: Array = field(default_factory=lambda: np.ones(1))
+    f: Array = field(default_factory=lambda: np.ones(1))
     nk: int = 0
     sampling_rate: float = 1.0
     level: float = 0.0
     noise_variance: float = float("nan")
     covariance: ParameterCovariance | None = None
-    structure: str = "general"
+    structure: str = ""
 
     @property
     def orders(self) -> PolynomialOrders:
@@ -61,12 +86,33 @@ class PolynomialModel:
             nd=len(self.d) - 1,
             nf=len(self.f) - 1,
             nk=self.nk,
+            structure=self.structure,
         )
 
     @property
     def parameters(self) -> Array:
         """Parameter vector ``[a_1.., b_0.., c_1.., d_1.., f_1..]``, (n,)."""
         return np.concatenate([self.a[1:], self.b, self.c[1:], self.d[1:], self.f[1:]])
+
+    def parameter_standard_errors(self) -> Array | None:
+        """Standard errors of :attr:`parameters`, (n,); None where the covariance is not known.
+
+        Infinite for a parameter that the data do not determine.
+        """
+        if self.covariance is None:
+            return None
+        return self.covariance.standard_errors(np.eye(len(self.parameters)))
+
+    def part(self, letter: str) -> slice:
+        """Where the coefficients of one of a, b, c, d, f stand in :attr:`parameters`."""
+        o = self.orders
+        first = dict(zip("abcdf", np.cumsum([0, o.na, o.nb, o.nc, o.nd]).tolist(), strict=True))
+        return slice(first[letter], first[letter] + getattr(o, f"n{letter}"))
+
+    @property
+    def has_input(self) -> bool:
+        """Whether the model has an input."""
+        return len(self.b) > 0
 
     @property
     def delayed_b(self) -> Array:
@@ -159,7 +205,7 @@ class PolynomialModel:
             Samples, at least 1.
         plant_state, noise_state : arrays, optional
         """
-        from scipy.signal import lfilter
+        from scipy.signal import lfilter, oaconvolve
 
         if horizon < 1:
             raise ValueError(f"horizon must be at least 1 sample, not {horizon}")
@@ -170,7 +216,13 @@ class PolynomialModel:
         impulse[0] = 1.0
         response = lfilter(self.c, self.noise_denominator, impulse)
         predicted = np.full(len(y), np.nan)
-        predicted[first:] = y[first:] - lfilter(response, [1.0], e[first:])
+        # Of long responses the product of spectra is faster than the sum.
+        unknown = (
+            lfilter(response, [1.0], e[first:])
+            if horizon <= LONG_HORIZON
+            else oaconvolve(e[first:], response)[: len(y) - first]
+        )
+        predicted[first:] = y[first:] - unknown
         return predicted
 
     def simulate(self, input: ArrayLike, initial: ArrayLike | None = None) -> Array:  # noqa: A002
@@ -219,25 +271,43 @@ class PolynomialModel:
         """Response of the plant to a unit step at sample 0, (samples,)."""
         return np.cumsum(self.impulse_response(samples))
 
+    def noise_impulse_response(self, samples: int) -> Array:
+        """Response of the noise filter to a unit impulse at sample 0, (samples,)."""
+        from scipy.signal import lfilter
+
+        impulse = np.zeros(samples)
+        impulse[:1] = 1.0
+        response: Array = lfilter(self.c, self.noise_denominator, impulse)
+        return response
+
     def modes(self) -> list[Mode]:
-        """Natural frequencies and damping ratios of the plant's oscillating poles, by frequency."""
-        return self._modes_of("a", "f")
+        """Natural frequencies and damping ratios of the plant's oscillating poles, by frequency.
+
+        With standard errors where the model knows its covariance.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from evopem import PolynomialModel
+        >>> one = np.ones(1)
+        >>> model = PolynomialModel(
+        ...     a=one, b=one, c=one, f=np.array([1, -1.2, 0.8]), nk=1, sampling_rate=50.0
+        ... )
+        >>> (mode,) = model.modes()
+        >>> round(mode.frequency_hz, 2), round(mode.damping_ratio, 3)
+        (6.71, 0.132)
+        """
+        return _by_frequency([*self.modes_of_polynomial("a"), *self.modes_of_polynomial("f")])
 
     def noise_modes(self) -> list[Mode]:
         """Natural frequencies and damping ratios of the noise filter's oscillating poles."""
-        return self._modes_of("a", "d")
+        return _by_frequency([*self.modes_of_polynomial("a"), *self.modes_of_polynomial("d")])
 
-    def _modes_of(self, *names: str) -> list[Mode]:
-        """Modes of some of the polynomials, with standard errors where the covariance is known."""
-        o = self.orders
-        first = dict(zip("abcdf", np.cumsum([0, o.na, o.nb, o.nc, o.nd]), strict=True))
-        modes: list[Mode] = []
-        for name in names:
-            coefficients = getattr(self, name)[1:]
-            part = slice(first[name], first[name] + len(coefficients))
-            covariance = None if self.covariance is None else self.covariance.part(part)
-            modes += modes_of(coefficients, self.sampling_rate, covariance)
-        return sorted(modes, key=lambda mode: mode.frequency_hz)
+    def modes_of_polynomial(self, letter: str) -> list[Mode]:
+        """Modes of one of the polynomials a, d and f, by frequency."""
+        known = self.covariance
+        covariance = None if known is None else known.part(self.part(letter))
+        return modes_of(getattr(self, letter)[1:], self.sampling_rate, covariance)
 
     def _ratio(
         self, numerator: Array, denominator: Array, frequencies: ArrayLike
@@ -247,23 +317,46 @@ class PolynomialModel:
         return np.asarray(polyval(z, numerator) / polyval(z, denominator), dtype=complex)
 
     def to_control(self):  # type: ignore[no-untyped-def]
-        """``G`` as a discrete-time ``control.TransferFunction``; needs python-control."""
+        """``G`` as a discrete-time ``control.TransferFunction``; needs python-control.
+
+        Of a model without input, the noise filter ``H``.
+        """
         import control
 
-        return control.TransferFunction(
-            *powers_of_z(self.delayed_b, self.plant_denominator), 1.0 / self.sampling_rate
-        )
+        return control.TransferFunction(*self.transfer_function, 1.0 / self.sampling_rate)
 
     def to_scipy(self):  # type: ignore[no-untyped-def]
         """``G`` as a discrete-time ``scipy.signal.TransferFunction``.
 
-        SciPy takes leading coefficients of B below 1e-14 for zero, and warns of it.
+        Of a model without input, the noise filter ``H``.  SciPy takes leading coefficients of B
+        below 1e-14 for zero, and warns of it.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from evopem import PolynomialModel
+        >>> model = PolynomialModel(np.array([1, -0.5]), np.array([2.0]), np.array([1.0]), nk=2)
+        >>> model.to_scipy()  # G = 2 q^-2 / (1 - 0.5 q^-1) = 2 / (z^2 - 0.5 z)
+        TransferFunctionDiscrete(
+        array([2.]),
+        array([ 1. , -0.5,  0. ]),
+        dt: 1.0
+        )
         """
         from scipy.signal import TransferFunction
 
-        return TransferFunction(
-            *powers_of_z(self.delayed_b, self.plant_denominator), dt=1.0 / self.sampling_rate
-        )
+        return TransferFunction(*self.transfer_function, dt=1.0 / self.sampling_rate)
+
+    @property
+    def transfer_function(self) -> tuple[Array, Array]:
+        """Numerator and denominator of G, or of H without an input, in descending powers of z."""
+        if self.has_input:
+            return powers_of_z(self.delayed_b, self.plant_denominator)
+        return powers_of_z(self.c, self.noise_denominator)
+
+
+def _by_frequency(modes: list[Mode]) -> list[Mode]:
+    return sorted(modes, key=lambda mode: mode.frequency_hz)
 
 
 def _signals(input: ArrayLike, output: ArrayLike) -> tuple[Array, Array]:  # noqa: A002

@@ -12,8 +12,8 @@ from itertools import pairwise
 from statistics import median
 from typing import Literal
 
-from evopem.models.armax import ArmaxModel
 from evopem.models.modes import Mode
+from evopem.models.polynomial import PolynomialModel
 
 # A pole is stable from one order to the next when its natural frequency changes by less than 1 %
 # and its damping ratio by less than 10 %, the usual thresholds of modal analysis (Ewins 2000).
@@ -46,7 +46,7 @@ class StabilizationPole:
     status: Status
 
 
-def stabilization(models: Iterable[tuple[int, ArmaxModel, float]]) -> list[StabilizationPole]:
+def stabilization(models: Iterable[tuple[int, PolynomialModel, float]]) -> list[StabilizationPole]:
     """Compare the poles of models of increasing order, each with those of the next lower order.
 
     Parameters
@@ -59,7 +59,7 @@ def stabilization(models: Iterable[tuple[int, ArmaxModel, float]]) -> list[Stabi
     list of StabilizationPole
         By order, then by frequency.
     """
-    best: dict[int, tuple[float, ArmaxModel]] = {}
+    best: dict[int, tuple[float, PolynomialModel]] = {}
     for order, model, bic in models:
         if order not in best or bic < best[order][0]:
             best[order] = (bic, model)

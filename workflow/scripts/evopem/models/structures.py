@@ -3,24 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from numbers import Integral
-from types import MappingProxyType
 
-# The orders that each structure has, in the order of MATLAB's tuples (Ljung 1999, chapter 4).
-STRUCTURES: Mapping[str, tuple[str, ...]] = MappingProxyType(
-    {
-        "fir": ("nb", "nk"),
-        "arx": ("na", "nb", "nk"),
-        "arma": ("na", "nc"),
-        "armax": ("na", "nb", "nc", "nk"),
-        "ararx": ("na", "nb", "nd", "nk"),
-        "ararmax": ("na", "nb", "nc", "nd", "nk"),
-        "oe": ("nb", "nf", "nk"),
-        "bj": ("nb", "nc", "nd", "nf", "nk"),
-        "general": ("na", "nb", "nc", "nd", "nf", "nk"),
-    }
-)
+from evopem.config.structures import ORDER_NAMES, STRUCTURES, structure_name
 
 
 @dataclass(frozen=True, order=True)
@@ -30,6 +16,19 @@ class PolynomialOrders:
     ``na``, ``nc``, ``nd`` and ``nf`` are the degrees of A, C, D and F; ``nb`` is the number of
     coefficients of B, the first of which stands at lag ``nk``.  A model without input has
     ``nb = 0``.
+
+    ``structure`` is a key of :data:`evopem.config.structures.STRUCTURES`, by default the smallest
+    one that has these orders.  It has no part in comparisons: an output-error model is also a
+    Box-Jenkins model.
+
+    Examples
+    --------
+    >>> print(PolynomialOrders(na=7, nb=6, nc=7, nk=3))
+    ARMAX(7,6,7,3)
+    >>> print(PolynomialOrders(nb=4, nf=4, nk=1))
+    OE(4,4,1)
+    >>> print(PolynomialOrders(nb=4, nf=4, nk=1, structure="bj"))
+    BJ(4,0,0,4,1)
     """
 
     na: int = 0
@@ -38,8 +37,10 @@ class PolynomialOrders:
     nd: int = 0
     nf: int = 0
     nk: int = 0
+    structure: str = field(default="", compare=False)
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "structure", self.structure or self._smallest_structure())
         if min(self.na, self.nb, self.nc, self.nd, self.nf, self.nk) < 0:
             raise ValueError(f"{self} has a negative order")
         if self.nb == 0 and (self.nf or self.nk):
@@ -62,15 +63,6 @@ class PolynomialOrders:
         """Index of the first residual whose past inputs and outputs are measured."""
         return max(self.na, self.nk + self.nb - 1, 0)
 
-    @property
-    def structure(self) -> str:
-        """Name of the smallest structure that has these orders."""
-        return next(
-            name
-            for name, names in STRUCTURES.items()
-            if all(getattr(self, order) == 0 for order in _ALL if order not in names)
-        )
-
     def contains(self, other: PolynomialOrders) -> bool:
         """Whether every model of other orders is one of these, with zeros added."""
         return (
@@ -79,11 +71,21 @@ class PolynomialOrders:
             and (other.nb == 0 or other.nk + other.nb <= self.nk + self.nb)
         )
 
+    def _smallest_structure(self) -> str:
+        return next(
+            name
+            for name, names in STRUCTURES.items()
+            if all(getattr(self, order) == 0 for order in ORDER_NAMES if order not in names)
+        )
+
     def __str__(self) -> str:
-        return ", ".join(f"{name}={getattr(self, name)}" for name in _ALL)
+        orders = ",".join(str(getattr(self, name)) for name in STRUCTURES[self.structure])
+        return f"{structure_name(self.structure)}({orders})"
 
 
-_ALL = STRUCTURES["general"]
+def armax_orders(na: int, nb: int, nc: int, nk: int) -> PolynomialOrders:
+    """Orders of an ARMAX model, as MATLAB's ``armax`` has them."""
+    return PolynomialOrders(na=na, nb=nb, nc=nc, nk=nk, structure="armax")
 
 
 def orders_of(
@@ -114,7 +116,7 @@ def orders_of(
         raise ValueError(f"structure must be one of {', '.join(STRUCTURES)}, not {structure!r}")
     names = STRUCTURES[structure]
     if isinstance(orders, PolynomialOrders):
-        given = {name: getattr(orders, name) for name in _ALL if getattr(orders, name)}
+        given = {name: getattr(orders, name) for name in ORDER_NAMES if getattr(orders, name)}
     elif isinstance(orders, Mapping):
         given = dict(orders)
     else:
@@ -131,4 +133,6 @@ def orders_of(
     for name, order in given.items():
         if isinstance(order, bool) or not isinstance(order, Integral):
             raise ValueError(f"order {name} must be a whole number, not {order!r}")
-    return PolynomialOrders(**{name: int(order) for name, order in given.items()})
+    return PolynomialOrders(
+        **{name: int(order) for name, order in given.items()}, structure=structure
+    )

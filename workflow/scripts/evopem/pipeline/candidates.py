@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+from evopem.config.structures import ORDER_NAMES
 from evopem.estimation.candidate import Candidate, PhaseSelection
 from evopem.files.atomic import write_table
 from evopem.files.json_form import load
-from evopem.results.layout import PHASES, DatasetFiles
+from evopem.results.layout import DatasetFiles
 
 
-def tabulate_candidates(files: DatasetFiles) -> None:
+def tabulate_candidates(files: DatasetFiles, phases: Sequence[str]) -> None:
     """Write one row for each candidate of each phase."""
-    selections = [load(PhaseSelection, files.phase(phase)) for phase in PHASES]
+    selections = [load(PhaseSelection, files.phase(phase)) for phase in phases]
     rows = [
         _row(candidate, candidate.orders == selection.orders)
         for selection in selections
@@ -23,10 +26,8 @@ def _row(candidate: Candidate, selected: bool) -> dict[str, str | float]:
     orders, criteria, diagnostics = candidate.orders, candidate.criteria, candidate.diagnostics
     return {
         "phase": candidate.phase,
-        "na": orders.na,
-        "nb": orders.nb,
-        "nc": orders.nc,
-        "nk": orders.nk,
+        "model": str(orders),
+        **{name: getattr(orders, name) for name in ORDER_NAMES},
         "rss": criteria.rss,
         "bic": criteria.bic,
         "objective": criteria.objective,

@@ -9,8 +9,9 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-from evopem.config.order_grid import sample_requirements, scoring_window
+from evopem.config.order_grid import phase_of_orders, sample_requirements, scoring_window
 from evopem.config.settings import DatasetSettings, RecordedSource
+from evopem.config.structures import phases_of
 from evopem.config.yaml_form import read_settings
 from evopem.pipeline.acquisition import read_recording
 from evopem.pipeline.candidates import tabulate_candidates
@@ -22,7 +23,7 @@ from evopem.pipeline.spectrum import estimate_spectrum
 from evopem.pipeline.summary import summarize_dataset
 from evopem.pipeline.synthesis import synthesize_recording
 from evopem.pipeline.validation import validate_model
-from evopem.results.layout import PHASES, DatasetFiles
+from evopem.results.layout import DatasetFiles
 
 Stage = Callable[[], None]
 
@@ -32,6 +33,8 @@ def stages(
 ) -> dict[str, Stage]:
     """List the stages of a data set by their names, in their order, ready to be called."""
     window, search = scoring_window(settings), settings.search
+    structure = settings.order_grid.structure
+    phases = phases_of(structure)
     validated = isinstance(settings.source, RecordedSource) and settings.source.validation_file
     listed: dict[str, Stage] = {
         "configuration": partial(write_configuration, files, settings),
@@ -45,13 +48,13 @@ def stages(
         ),
         "spectrum": partial(estimate_spectrum, files, settings.spectrum),
     }
-    for phase in PHASES:
+    for phase in phases:
         listed[phase] = partial(_search_phase, files, phase, settings, log, cores)
     return listed | {
-        "model": partial(complete_model, files, search, window),
-        "candidates": partial(tabulate_candidates, files),
-        "validation": partial(validate_model, files),
-        "summary": partial(summarize_dataset, files),
+        "model": partial(complete_model, files, search, window, phases),
+        "candidates": partial(tabulate_candidates, files, phases),
+        "validation": partial(validate_model, files, phase_of_orders(structure)),
+        "summary": partial(summarize_dataset, files, phases),
         "figures": partial(_draw_figures, files),
         "report": partial(_write_report, files),
     }

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from evopem.config.settings import ScoringWindow, SearchSettings
 from evopem.estimation.candidate import PhaseSelection
 from evopem.estimation.model_record import ModelRecord
@@ -9,17 +11,24 @@ from evopem.estimation.order_selection import complete_estimate
 from evopem.files.atomic import write_table
 from evopem.files.json_form import load, save
 from evopem.models.matlab import save_model_mat
-from evopem.models.response_tables import frequency_response_table, modes_table
-from evopem.results.layout import PHASES, DatasetFiles
+from evopem.models.response_tables import (
+    frequency_response_table,
+    modes_table,
+    time_response_table,
+)
+from evopem.results.layout import DatasetFiles
 from evopem.signals.preparation import load_prepared
 
 
-def complete_model(files: DatasetFiles, search: SearchSettings, window: ScoringWindow) -> None:
+def complete_model(
+    files: DatasetFiles, search: SearchSettings, window: ScoringWindow, phases: Sequence[str]
+) -> None:
     """Complete the selected candidate, and write it for evopem, MATLAB and spreadsheets."""
-    selection = load(PhaseSelection, files.phase(PHASES[-1]))
+    selection = load(PhaseSelection, files.phase(phases[-1]))
     prepared = load_prepared(files.prepared, files.transforms)
     estimate = complete_estimate(selection.selected, prepared.estimation, search, window)
     save(ModelRecord.of(estimate, search, prepared.transforms), files.model)
     save_model_mat(estimate.model, files.model_mat)
     write_table(files.modes, modes_table(estimate.model))
     write_table(files.frequency_response, frequency_response_table(estimate.model))
+    write_table(files.time_response, time_response_table(estimate.model))

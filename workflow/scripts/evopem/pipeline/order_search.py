@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import astuple
+from dataclasses import asdict
 
-from evopem.config.order_grid import candidate_orders, needs_resonances, previous_phase
+from evopem.config.order_grid import (
+    DELAY_REFINED_IN,
+    candidate_orders,
+    needs_resonances,
+    previous_phase,
+)
 from evopem.config.settings import OrderGrid, ScoringWindow, SearchSettings
 from evopem.estimation.candidate import Candidate, PhaseSelection
 from evopem.estimation.order_selection import select_candidate as select
 from evopem.estimation.parallel import estimate_in_parallel
 from evopem.files.json_form import load, save
-from evopem.models.armax import Orders
-from evopem.results.layout import PHASES, DatasetFiles
+from evopem.models.structures import orders_of
+from evopem.results.layout import DatasetFiles
 from evopem.signals.preparation import load_prepared
 from evopem.signals.spectral.summary import SpectrumSummary
 
@@ -31,17 +36,17 @@ def estimate_candidates(
     cores: int = 1,
 ) -> None:
     """Estimate every ``parts``-th candidate of a phase, from the ``part``-th on (from 1)."""
-    previous = previous_phase(phase)
+    previous = previous_phase(phase, grid.structure)
     selected = load(PhaseSelection, files.phase(previous)).orders if previous else None
     resonances = (
         load(SpectrumSummary, files.spectrum_summary).resonances
         if needs_resonances(phase, grid)
         else None
     )
-    orders = candidate_orders(phase, grid, astuple(selected) if selected else None, resonances)
-    own = [Orders(*each) for each in orders[part - 1 :: parts]]
+    orders = candidate_orders(phase, grid, asdict(selected) if selected else None, resonances)
+    own = [orders_of(grid.structure, each) for each in orders[part - 1 :: parts]]
     data = load_prepared(files.prepared, files.transforms).estimation
-    candidates = estimate_in_parallel(data, own, phase, search, window, log, cores)
+    candidates = estimate_in_parallel(data, own, phase, search, window, log, cores, grid.level)
     save(candidates, files.part(phase, part))
 
 
@@ -56,7 +61,7 @@ def select_candidate(
 ) -> None:
     """Collect the candidates of a phase, repeat doubtful searches, and select one candidate.
 
-    The last phase also compares its selection with other lags of B.
+    The phase of nb also compares its selection with other lags of B.
     """
     candidates = [
         candidate
@@ -64,7 +69,7 @@ def select_candidate(
         for candidate in load(tuple[Candidate, ...], files.part(phase, part))
     ]
     data = load_prepared(files.prepared, files.transforms).estimation
-    min_delay = grid.delay.nk[0] if phase == PHASES[-1] else None
+    min_delay = grid.delay.nk[0] if phase == DELAY_REFINED_IN else None
     selection = select(candidates, phase, data, search, window, min_delay, log)
     if log is not None:
         log(selection.reason)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Protocol
 
@@ -20,6 +20,7 @@ from evopem.config.settings import (
     OrderGrid,
     RecordedSource,
 )
+from evopem.config.structures import phases_of
 from evopem.files.json_form import to_json
 from evopem.results.layout import OVERVIEW, DatasetFiles
 from evopem.results.replaced_recordings import was_read_from
@@ -191,8 +192,29 @@ class Provider:
     def selection_grid(self, wildcards: Wildcards) -> object:
         """The part of the order grid that the selection of a phase uses: the delays, at its end."""
         grid = self._of(wildcards).order_grid
-        last = wildcards.phase == order_grid.PHASES[-1]
-        return to_json(OrderGrid(delay=grid.delay) if last else OrderGrid())
+        refined = wildcards.phase == order_grid.DELAY_REFINED_IN
+        own = OrderGrid(structure=grid.structure, level=grid.level)
+        return to_json(replace(own, delay=grid.delay) if refined else own)
+
+    def phases(self, wildcards: Wildcards) -> list[str]:
+        """Names of the phases of a data set, in their order."""
+        return list(phases_of(self._of(wildcards).order_grid.structure))
+
+    def selections(self, wildcards: Wildcards) -> list[str]:
+        """The outputs of all phases of a data set."""
+        return [FILES.phase(phase) for phase in self.phases(wildcards)]
+
+    def last_selection(self, wildcards: Wildcards) -> str:
+        """The output of the last phase of a data set."""
+        return self.selections(wildcards)[-1]
+
+    def phase_of_orders(self, wildcards: Wildcards) -> str:
+        """The phase over whose models the modes are compared."""
+        return order_grid.phase_of_orders(self._of(wildcards).order_grid.structure)
+
+    def models_of_orders(self, wildcards: Wildcards) -> str:
+        """The output of that phase."""
+        return FILES.phase(self.phase_of_orders(wildcards))
 
     def part_count(self, wildcards: Wildcards) -> int:
         """The number of jobs of a phase."""
@@ -206,7 +228,8 @@ class Provider:
 
     def earlier_results(self, wildcards: Wildcards) -> dict[str, str]:
         """What a phase waits for: its predecessor's selection, and the spectrum if it counts."""
-        previous = order_grid.previous_phase(wildcards.phase)
+        structure = self._of(wildcards).order_grid.structure
+        previous = order_grid.previous_phase(wildcards.phase, structure)
         inputs = {"previous": FILES.phase(previous)} if previous else {}
         if order_grid.needs_resonances(wildcards.phase, self._of(wildcards).order_grid):
             inputs["spectrum"] = FILES.spectrum_summary

@@ -17,19 +17,22 @@ def estimate_spectrum(files: DatasetFiles, settings: SpectrumSettings) -> None:
     samples = load_prepared(files.prepared, files.transforms).estimation
     rate, width, nfft = samples.sampling_rate, settings.time_halfbandwidth, settings.nfft
     spectrum = multitaper_spectrum(samples.output, rate, width, nfft)
-    input_spectrum = multitaper_spectrum(samples.input, rate, width, nfft)
-    response = multitaper_frequency_response(samples.input, samples.output, rate, width, nfft)
     table = {
         "frequency_hz": spectrum.frequencies,
         "density": spectrum.density,
         "lower": spectrum.lower,
         "upper": spectrum.upper,
-        "input_density": input_spectrum.density,
-        "frequency_response_gain": response.gain,
-        "frequency_response_gain_lower": response.gain_lower,
-        "frequency_response_gain_upper": response.gain_upper,
-        "frequency_response_phase_deg": response.phase_deg,
-        "coherence": response.coherence,
     }
+    if samples.has_input:
+        input_spectrum = multitaper_spectrum(samples.input, rate, width, nfft)
+        response = multitaper_frequency_response(samples.input, samples.output, rate, width, nfft)
+        table |= {
+            "input_density": input_spectrum.density,
+            "frequency_response_gain": response.gain,
+            "frequency_response_gain_lower": response.gain_lower,
+            "frequency_response_gain_upper": response.gain_upper,
+            "frequency_response_phase_deg": response.phase_deg,
+            "coherence": response.coherence,
+        }
     write_table(files.spectrum, table)
     save(summarize_spectrum(spectrum), files.spectrum_summary)

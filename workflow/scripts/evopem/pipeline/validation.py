@@ -13,21 +13,29 @@ from evopem.signals.spectral.summary import SpectrumSummary
 from evopem.validation.validation import validate
 
 
-def validate_model(files: DatasetFiles) -> None:
-    """Validate the model on samples that it was not estimated from."""
+def validate_model(files: DatasetFiles, phase: str) -> None:
+    """Validate the model on samples that it was not estimated from.
+
+    Parameters
+    ----------
+    files : DatasetFiles
+    phase : str
+        The phase over whose models the modes are compared.
+    """
     record = load(ModelRecord, files.model)
     prepared = load_prepared(files.prepared, files.transforms)
-    joint = load(PhaseSelection, files.phase("joint"))
+    models = load(PhaseSelection, files.phase(phase))
     spectrum = load(SpectrumSummary, files.spectrum_summary)
     validation, tables = validate(
         record.model,
         prepared,
         record.window.loss_start,
         record.search.settings.objective,
-        [each.model for each in joint.candidates if each.orders != record.orders],
+        [each.model for each in models.candidates if each.orders != record.orders],
         SpectrumSettings(spectrum.time_halfbandwidth, spectrum.nfft),
     )
     save(validation, files.validation)
     write_table(files.residual_autocorrelation, tables.residual_autocorrelation)
     write_table(files.cross_correlation, tables.cross_correlation)
     write_table(files.simulation, tables.simulation)
+    write_table(files.horizons, tables.horizons)

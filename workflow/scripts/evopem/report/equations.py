@@ -3,18 +3,46 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from itertools import repeat
 
+import numpy as np
 from markupsafe import Markup
+from numpy.typing import NDArray
 
-from evopem.models.armax import ArmaxModel
-from evopem.report.numbers import number
+from evopem.config.structures import STRUCTURES
+from evopem.models.polynomial import PolynomialModel
+from evopem.report.numbers import enumeration, number
+
+Array = NDArray[np.float64]
 
 
-def polynomials(model: ArmaxModel) -> list[tuple[str, Markup]]:
-    """A, B and C in the backshift operator, each with its letter."""
+def equation(model: PolynomialModel) -> Markup:
+    """The structure as an equation, such as ``A(q) y(t) = B(q) u(t) + C(q) e(t)``."""
+    return Markup(re.sub(r"([A-Za-z])\(([qt])\)", r"<i>\1</i>(<i>\2</i>)", _plain_equation(model)))
+
+
+def _plain_equation(model: PolynomialModel) -> str:
+    names = STRUCTURES[model.orders.structure]
+
+    def ratio(above: str, below: str) -> str:
+        top = f"{above}(q)" if f"n{above.lower()}" in names else ""
+        if f"n{below.lower()}" not in names:
+            return f"{top} " if top else ""
+        return f"{top or '1'}/{below}(q) "
+
+    left = ("A(q) " if "na" in names else "") + "y(t)"
+    terms = [f"{ratio('B', 'F')}u(t)"] if "nb" in names else []
+    terms.append(f"{ratio('C', 'D')}e(t)")
+    if model.level:
+        terms.append("level")
+    return f"{left} = {' + '.join(terms)}"
+
+
+def polynomials(model: PolynomialModel) -> list[tuple[str, Markup]]:
+    """The polynomials of the structure in the backshift operator, each with its letter."""
     rows = []
     for letter, coefficients, first in _polynomials(model):
         terms = [(value, _power(lag)) for lag, value in enumerate(coefficients, start=first)]
@@ -26,21 +54,60 @@ def polynomials(model: ArmaxModel) -> list[tuple[str, Markup]]:
     return rows
 
 
-def difference_equation(model: ArmaxModel) -> Markup:
-    """``y(t) = −a1 y(t−1) … + b0 u(t−nk) … + e(t) + c1 e(t−1) …``."""
-    terms = [(-value, _at("y", lag)) for lag, value in enumerate(model.a) if lag]
-    terms += [(value, _at("u", lag)) for lag, value in enumerate(model.b, start=model.nk)]
-    noise = [(value, _at("e", lag)) for lag, value in enumerate(model.c) if lag]
-    return (
-        _signed(terms)
-        + Markup(' <span class="term">+ {}</span> ').format(_at("e", 0))
-        + _signed_rest(noise)
-    )
+def orders_note(model: PolynomialModel) -> Markup:
+    """What the orders are, by their symbols."""
+    o = model.orders
+    degrees = [name for name in ("na", "nc", "nd", "nf") if name in STRUCTURES[o.structure]]
+    listed = enumeration([f"{_order(name)} = {getattr(o, name)}" for name in degrees])
+    verb = "are degrees" if len(degrees) > 1 else "is a degree"
+    parts = [f"{listed} {verb}"] if degrees else []
+    if model.has_input:
+        parts.append(
+            f"{_order('nb')} = {o.nb} is the <em>number</em> of <i>B</i> coefficients, the first at"
+            f" lag {_order('nk')} = {o.nk}"
+        )
+    return Markup("; ".join(parts) + ".")
 
 
-def text(model: ArmaxModel) -> str:
+def _order(name: str) -> str:
+    return f"<i>n<sub>{name[1]}</sub></i>"
+
+
+def difference_equation(model: PolynomialModel) -> Markup:
+    """``y(t) = −a1 y(t−1) … + b0 u(t−nk) … + e(t) + c1 e(t−1) …``, from its right side on.
+
+    With F or D, the response w of the plant and the noise v have equations of their own.
+    """
+    own_plant, own_noise = len(model.f) > 1, len(model.d) > 1
+    output = [(-value, _at("y", lag)) for lag, value in enumerate(model.a) if lag]
+    from_input = [(value, _at("u", lag)) for lag, value in enumerate(model.b, start=model.nk)]
+    past_noise = [(value, _at("e", lag)) for lag, value in enumerate(model.c) if lag]
+    now = Markup(' <span class="term">+ {}</span> ').format(_at("e", 0))
+    shown = _joined([*output, *([] if own_plant else from_input)])
+    if own_plant:
+        shown += Markup(' <span class="term">+ {}</span> ').format(_at("w", 0))
+    shown += Markup(' <span class="term">+ {}</span> ').format(_at("v", 0)) if own_noise else now
+    if not own_noise:
+        shown += _signed_rest(past_noise)
+    if model.level:
+        shown += Markup(" ") + _signed_rest([(model.level, Markup(""))])
+    if own_plant:
+        past = [(-value, _at("w", lag)) for lag, value in enumerate(model.f) if lag]
+        shown += Markup("<br>{} = ").format(_at("w", 0)) + _joined([*past, *from_input])
+    if own_noise:
+        past = [(-value, _at("v", lag)) for lag, value in enumerate(model.d) if lag]
+        shown += Markup("<br>{} = ").format(_at("v", 0)) + _joined(past) + now
+        shown += _signed_rest(past_noise)
+    return shown
+
+
+def _joined(terms: Sequence[tuple[float, Markup]]) -> Markup:
+    return _signed(terms) if terms else Markup("")
+
+
+def text(model: PolynomialModel) -> str:
     """The equation and its polynomials in plain characters, ten significant digits."""
-    lines = ["A(q) y(t) = B(q) u(t) + C(q) e(t)"]
+    lines = [_plain_equation(model)]
     for letter, coefficients, first in _polynomials(model):
         terms: list[str] = []
         for lag, coefficient in enumerate(coefficients, start=first):
@@ -50,18 +117,19 @@ def text(model: ArmaxModel) -> str:
             else:
                 terms.append(f"{'-' if coefficient < 0 else '+'} {size}")
         lines.append(f"{letter}(q) = {' '.join(terms) or '0'}")
+    if model.level:
+        lines.append(f"level = {model.level:.10g}")
     lines.append(f"variance of e = {model.noise_variance:.10g}")
     lines.append(f"sampling rate = {model.sampling_rate:.10g} Hz")
     return "\n".join(lines)
 
 
-def as_json(model: ArmaxModel) -> str:
+def as_json(model: PolynomialModel) -> str:
     """Orders, coefficients, noise variance and sampling rate as a JSON object."""
     entries = {
         "orders": asdict(model.orders),
-        "a": model.a.tolist(),
-        "b": model.b.tolist(),
-        "c": model.c.tolist(),
+        **{letter.lower(): list(coefficients) for letter, coefficients, _ in _polynomials(model)},
+        **({"level": model.level} if model.level else {}),
         "noise_variance": model.noise_variance,
         "sampling_rate": model.sampling_rate,
     }
@@ -69,34 +137,48 @@ def as_json(model: ArmaxModel) -> str:
     return "{\n" + ",\n".join(lines) + "\n}"
 
 
-def matlab(model: ArmaxModel) -> str:
+def matlab(model: PolynomialModel) -> str:
     """MATLAB statement that makes the model an ``idpoly``."""
-    a, b, c = (
-        " ".join(f"{value:.17g}" for value in coefficients)
-        for coefficients in (model.a, model.delayed_b, model.c)
+    a, b, c = map(_matlab_vector, (model.a, model.delayed_b, model.c))
+    d, f = ("1" if len(each) == 1 else _matlab_vector(each) for each in (model.d, model.f))
+    if not model.has_input:
+        b = f = "[]"
+    statement = (
+        f"model = idpoly({a}, ...\n    {b}, ...\n    {c}, ...\n"
+        f"    {d}, {f}, {model.noise_variance:.17g}, {1 / model.sampling_rate:.17g});"
     )
-    return (
-        f"model = idpoly([{a}], ...\n    [{b}], ...\n    [{c}], ...\n"
-        f"    1, 1, {model.noise_variance:.17g}, {1 / model.sampling_rate:.17g});"
-    )
+    if model.level:
+        statement += (
+            "\n% idpoly has no constant: subtract this level of the output before it is used."
+            f"\nlevel = {model.output_level:.17g};"
+        )
+    return statement
 
 
-def python(model: ArmaxModel) -> str:
-    """Python statements that make the transfer function G with python-control."""
-    length = max(len(model.delayed_b), len(model.a))
-    b, a = (
+def _matlab_vector(coefficients: Array) -> str:
+    return f"[{' '.join(f'{value:.17g}' for value in coefficients)}]"
+
+
+def python(model: PolynomialModel) -> str:
+    """Python statements that make G with python-control, or H of a model without input."""
+    name, above, below = "G", model.delayed_b, model.plant_denominator
+    if not model.has_input:
+        name, above, below = "H", model.c, model.noise_denominator
+    length = max(len(above), len(below))
+    numerator, denominator = (
         ", ".join(
             f"{value:.17g}" for value in [*coefficients, *repeat(0.0, length - len(coefficients))]
         )
-        for coefficients in (model.delayed_b, model.a)
+        for coefficients in (above, below)
     )
     return (
         "import control\n\n"
-        f"G = control.tf(\n    [{b}],\n    [{a}],\n    {1 / model.sampling_rate:.17g},\n)"
+        f"{name} = control.tf(\n    [{numerator}],\n    [{denominator}],\n"
+        f"    {1 / model.sampling_rate:.17g},\n)"
     )
 
 
-def coefficient_table(model: ArmaxModel) -> list[tuple[str, int, float, float | None]]:
+def coefficient_table(model: PolynomialModel) -> list[tuple[str, int, float, float | None]]:
     """Every estimated coefficient: letter, lag, value, standard error (None where unknown)."""
     named = [
         (letter, lag, float(value))
@@ -109,12 +191,13 @@ def coefficient_table(model: ArmaxModel) -> list[tuple[str, int, float, float | 
     return [(*name, error) for name, error in zip(named, errors, strict=True)]
 
 
-def _polynomials(model: ArmaxModel) -> tuple[tuple[str, Sequence[float], int], ...]:
-    """Letter, coefficients and first lag of each polynomial."""
-    return (
-        ("A", model.a.tolist(), 0),
-        ("B", model.b.tolist(), model.nk),
-        ("C", model.c.tolist(), 0),
+def _polynomials(model: PolynomialModel) -> tuple[tuple[str, Sequence[float], int], ...]:
+    """Letter, coefficients and first lag of each polynomial of the structure."""
+    names = STRUCTURES[model.orders.structure]
+    return tuple(
+        (letter.upper(), getattr(model, letter).tolist(), model.nk if letter == "b" else 0)
+        for letter in "abcdf"
+        if f"n{letter}" in names
     )
 
 

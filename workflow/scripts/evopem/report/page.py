@@ -25,7 +25,7 @@ from evopem.report.sentences.about_orders import delay, phases, stabilization
 from evopem.report.sentences.about_recording import recording, transform_effects
 from evopem.report.sentences.about_search import search
 from evopem.report.sentences.about_spectrum import spectrum
-from evopem.report.sentences.about_validation import residuals, simulation
+from evopem.report.sentences.about_validation import horizons, residuals, simulation
 from evopem.report.sentences.about_verdict import verdict
 from evopem.report.templates import environment
 from evopem.results.dataset import DatasetResults
@@ -47,13 +47,24 @@ SECTIONS: dict[str, tuple[str, Callable[[DatasetResults], list[str]]]] = {
     "nyquist": ("Nyquist diagram", nothing),
     "simulation": ("Simulation", simulation),
     "simulation_as_recorded": ("In recorded units", nothing),
+    "horizons": ("Prediction over longer horizons", horizons),
     "residuals": ("Correlation of the residuals", residuals),
     "residual_spectrum": ("Spectrum of the residuals", nothing),
     "record": ("Signals", recording),
     "spectrum": ("Spectrum of the output", spectrum),
     "delay": ("Delay", delay),
-    "phases": ("Orders, in three phases", phases),
+    "phases": ("Orders, in phases", phases),
     "convergence": ("Search of the selected model", search),
+}
+# Headings that are others for a model without input.
+WITHOUT_INPUT = {
+    "measured_and_simulated": "Measured and predicted",
+    "gain": "Gain of the noise filter",
+    "step_and_impulse": "Impulse response",
+    "simulation": "Prediction",
+    "residuals": "Autocorrelation of the residuals",
+    "response": "Noise filter",
+    "errors": "Prediction",
 }
 # The parts of the page after the verdict.
 CONTENTS = (
@@ -139,13 +150,16 @@ def build_report(
     rows = mode_rows(results.model.modes, true_modes, chapter.MODES if stand_in else ())
     return page.render(
         results=results,
-        contents=[part for part in CONTENTS if stand_in or part[0] != "chapter"],
+        contents=_contents(results, stand_in),
         config_text=config_text,
         chapter_orders=chapter.ORDERS if stand_in else None,
         chapter_comparison=chapter.compare_with_chapter(results) if stand_in else [],
         modes=rows,
         mode_remarks=modes(results, rows),
         has_truth=bool(true_modes),
+        has_input=model.has_input,
+        equation=equations.equation(model),
+        orders_note=equations.orders_note(model),
         polynomials=equations.polynomials(model),
         difference_equation=equations.difference_equation(model),
         coefficients=equations.coefficient_table(model),
@@ -175,17 +189,31 @@ def build_report(
     )
 
 
+def _contents(results: DatasetResults, stand_in: bool) -> dict[str, str]:
+    """Headings of the parts of the page, by their ids."""
+    return {
+        part: _heading(part, title, results)
+        for part, title in CONTENTS
+        if stand_in or part != "chapter"
+    }
+
+
+def _heading(name: str, title: str, results: DatasetResults) -> str:
+    return title if results.model.model.has_input else WITHOUT_INPUT.get(name, title)
+
+
 def _section(figure: ReportFigure, results: DatasetResults, figures: Mapping[str, str]) -> Section:
     title, sentences = SECTIONS[figure.name]
+    caption = figure.caption_of(results)
     svg, panels = figures.get(figure.name), figure.panels(results)
     return Section(
         id=figure.name,
-        title=title,
+        title=_heading(figure.name, title, results),
         paragraphs=sentences(results),
-        caption=figure.caption,
+        caption=caption,
         data=figure.data_files,
         download=csv_download(figure.table(results), results.name, figure.name),
-        svg=None if svg is None else inline_svg(svg, figure.name, figure.caption),
+        svg=None if svg is None else inline_svg(svg, figure.name, caption),
         panels=json.dumps(as_json_form(panels), ensure_ascii=False) if panels and svg else "",
         for_experts=figure.name in FOR_EXPERTS,
     )

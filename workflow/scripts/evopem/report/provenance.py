@@ -16,6 +16,8 @@ PHASE_STAGES = {
     "delay": "Delay search",
     "joint": "Search of the joint order",
     "nc": "Search of nc",
+    "nd": "Search of nd",
+    "na": "Search of na",
     "nb": "Search of nb",
 }
 # All stages where they ran as one job.
@@ -44,10 +46,10 @@ def stages(results: DatasetResults, wall_clock: Mapping[str, float]) -> list[Sta
         Seconds by stage, as :func:`.wall_clock.read_wall_clock` returns them.
     """
     rows = [Stage(name, wall_clock.get(stage)) for stage, name in BEFORE]
-    for phase, name in PHASE_STAGES.items():
-        tried = [candidate.diagnostics for candidate in results.phases[phase].candidates]
+    for phase, selection in results.phases.items():
+        tried = [candidate.diagnostics for candidate in selection.candidates]
         evaluations = sum(diagnostics.evaluations for diagnostics in tried)
-        rows.append(Stage(name, wall_clock.get(phase), len(tried), evaluations))
+        rows.append(Stage(PHASE_STAGES[phase], wall_clock.get(phase), len(tried), evaluations))
     rows += [Stage(name, wall_clock.get(stage)) for stage, name in AFTER]
     if ONE_JOB in wall_clock:
         rows.append(Stage("All stages, in one job", wall_clock[ONE_JOB]))
@@ -86,7 +88,7 @@ def _origin(recording: RecordingInfo, suffix: str) -> list[tuple[str, str]]:
         ("SHA-256", file.sha256),
         ("Size", f"{count(file.bytes)} bytes"),
         ("Format", file.format),
-        ("Input channel", str(file.input_channel)),
+        *([("Input channel", str(file.input_channel))] if file.input_channel is not None else []),
         ("Output channel", str(file.output_channel)),
     ]
     return [(f"{term}{suffix}", value) for term, value in rows]

@@ -20,8 +20,8 @@ def read_wall_clock(directory: Path) -> dict[str, float]:
     """
     seconds: dict[str, float] = {}
     for path in sorted(directory.rglob("*.tsv")):
-        name = path.relative_to(directory).with_suffix("").as_posix()
-        stage = name.removeprefix("phases/").partition("/")[0]
+        parts = path.relative_to(directory).with_suffix("").parts
+        stage = parts[1] if parts[0] == "phases" else parts[0]
         try:
             taken = float(pd.read_csv(path, sep="\t")["s"].mean())
         except (OSError, ValueError, KeyError):

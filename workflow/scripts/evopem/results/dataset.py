@@ -7,12 +7,14 @@ from pathlib import Path
 
 import pandas as pd
 
+from evopem.config.order_grid import phase_of_orders
 from evopem.config.settings import DatasetSettings
+from evopem.config.structures import phases_of
 from evopem.errors import InputError
 from evopem.estimation.candidate import Candidate, PhaseSelection
 from evopem.estimation.model_record import ModelRecord
 from evopem.files.json_form import load
-from evopem.results.layout import PHASES, DatasetFiles
+from evopem.results.layout import DatasetFiles
 from evopem.signals.preparation import PreparedData, load_prepared
 from evopem.signals.recording import Recording, load_recording
 from evopem.signals.recording_info import RecordingInfo
@@ -39,12 +41,14 @@ class DatasetResults:
         As in ``spectrum.csv``.
     spectrum_summary : SpectrumSummary
     phases : dict of str to PhaseSelection
-        By the names of :data:`evopem.results.layout.PHASES`.
+        By the names of the phases of the structure, in their order.
     candidates : pandas.DataFrame
         As in ``candidates.csv``.
     model : ModelRecord
     frequency_response : pandas.DataFrame
         As in ``frequency_response.csv``.
+    time_response : pandas.DataFrame
+        As in ``time_response.csv``.
     validation : Validation
     validation_tables : ValidationTables
     truth : Truth, optional
@@ -61,6 +65,7 @@ class DatasetResults:
     candidates: pd.DataFrame
     model: ModelRecord
     frequency_response: pd.DataFrame
+    time_response: pd.DataFrame
     validation: Validation
     validation_tables: ValidationTables
     truth: Truth | None
@@ -73,7 +78,12 @@ class DatasetResults:
     @property
     def selected(self) -> Candidate:
         """The candidate that became the model."""
-        return self.phases[PHASES[-1]].selected
+        return self.phases[list(self.phases)[-1]].selected
+
+    @property
+    def models_of_orders(self) -> PhaseSelection:
+        """The phase over whose models the modes are compared."""
+        return self.phases[phase_of_orders(self.settings.order_grid.structure)]
 
     @property
     def checks(self) -> list[Check]:
@@ -105,6 +115,7 @@ def read_dataset_results(files: DatasetFiles, settings: DatasetSettings) -> Data
     def optional_info(path: str) -> RecordingInfo | None:
         return load(RecordingInfo, path) if Path(path).exists() else None
 
+    phases = phases_of(settings.order_grid.structure)
     return DatasetResults(
         settings=settings,
         recording=load_recording(files.recording),
@@ -113,15 +124,17 @@ def read_dataset_results(files: DatasetFiles, settings: DatasetSettings) -> Data
         prepared=load_prepared(files.prepared, files.transforms),
         spectrum=read_table(files.spectrum),
         spectrum_summary=load(SpectrumSummary, files.spectrum_summary),
-        phases={phase: load(PhaseSelection, files.phase(phase)) for phase in PHASES},
+        phases={phase: load(PhaseSelection, files.phase(phase)) for phase in phases},
         candidates=read_table(files.candidates),
         model=load(ModelRecord, files.model),
         frequency_response=read_table(files.frequency_response),
+        time_response=read_table(files.time_response),
         validation=load(Validation, files.validation),
         validation_tables=ValidationTables(
             residual_autocorrelation=read_table(files.residual_autocorrelation),
             cross_correlation=read_table(files.cross_correlation),
             simulation=read_table(files.simulation),
+            horizons=read_table(files.horizons),
         ),
         truth=load(Truth, files.truth) if Path(files.truth).exists() else None,
     )

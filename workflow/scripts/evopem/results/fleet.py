@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from evopem.config.structures import ORDER_NAMES
 from evopem.errors import InputError
 from evopem.files.checksums import sha256_of_file, verify_checksums
 from evopem.files.json_form import load
 from evopem.files.unfinished import unfinished_jobs
-from evopem.models.armax import Orders
 from evopem.models.modes import Mode
+from evopem.models.structures import PolynomialOrders
 from evopem.results.layout import DatasetFiles
 from evopem.validation.checks import Check, checks
 from evopem.validation.mode_trust import doubts
@@ -49,7 +50,7 @@ class DatasetSummary:
     sampling_rate : float
         Hz, after all transforms.
     estimation_samples, validation_samples : int
-    orders : Orders
+    orders : PolynomialOrders
     bic : float
     prediction_error_percent, simulation_error_percent : float
     continued_simulation_error_percent : float, optional
@@ -59,7 +60,8 @@ class DatasetSummary:
         For each mode whether the data give no reason to doubt it.
     gain_db : tuple of float
         Gain of the model in decibels: the largest in each of :data:`GAIN_BANDS` equal bands from
-        0 Hz to half the sampling rate, for a small plot.
+        0 Hz to half the sampling rate, for a small plot. Of a model without input, of its noise
+        filter.
     made_from : dict of str to str
         SHA-256 of files that the summary was made from, by their names in the data set's folder.
     """
@@ -69,7 +71,7 @@ class DatasetSummary:
     sampling_rate: float
     estimation_samples: int
     validation_samples: int
-    orders: Orders
+    orders: PolynomialOrders
     bic: float
     prediction_error_percent: float
     simulation_error_percent: float
@@ -158,7 +160,9 @@ def _trusted(model: ModelRecord, validation: Validation) -> list[bool]:
 def _gain_outline(model: ModelRecord) -> tuple[float, ...]:
     """The largest gain of each band, in decibels to one decimal."""
     bands = np.linspace(0.0, model.sampling_rate / 2, 32 * GAIN_BANDS + 1)[1:]
-    gain = np.abs(model.model.frequency_response(bands)).reshape(GAIN_BANDS, -1).max(axis=1)
+    own = model.model
+    response = own.frequency_response if own.has_input else own.noise_response
+    gain = np.abs(response(bands)).reshape(GAIN_BANDS, -1).max(axis=1)
     with np.errstate(divide="ignore"):
         return tuple(np.round(20.0 * np.log10(gain), 1).tolist())
 
@@ -261,7 +265,8 @@ _COLUMN_TYPES = (
     dict.fromkeys(("dataset", "status", "problem", "file", "sha256"), "string")
     | {"sampling_rate": "float64"}
     | dict.fromkeys(("estimation_samples", "validation_samples"), "Int64")
-    | dict.fromkeys((field.name for field in fields(Orders)), "Int64")
+    | {"model": "string"}
+    | dict.fromkeys(ORDER_NAMES, "Int64")
     | dict.fromkeys(("bic", *_ERRORS), "float64")
     | dict.fromkeys(("failed_checks", "mode"), "Int64")
     | dict.fromkeys(_MODE, "float64")
@@ -279,7 +284,8 @@ def _rows(name: str, entry: Entry) -> list[dict[str, object]]:
         "sampling_rate": entry.sampling_rate,
         "estimation_samples": entry.estimation_samples,
         "validation_samples": entry.validation_samples,
-        **{field.name: getattr(entry.orders, field.name) for field in fields(Orders)},
+        "model": str(entry.orders),
+        **{name: getattr(entry.orders, name) for name in ORDER_NAMES},
         "bic": entry.bic,
         **{error: getattr(entry, error) for error in _ERRORS},
         "failed_checks": entry.n_checks(passed=False),

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from evopem.config.dataset_names import RESULTS_FOLDER as FOLDER
-from evopem.config.settings import PHASES
+from evopem.config.structures import PHASES
 from evopem.errors import InputError
 
 FIGURES = (
@@ -24,6 +24,7 @@ FIGURES = (
     "nyquist",
     "simulation",
     "simulation_as_recorded",
+    "horizons",
     "residuals",
     "residual_spectrum",
     "record",
@@ -127,9 +128,9 @@ class DatasetFiles:
         return f"{self.folder}/phases/{phase}.json"
 
     @property
-    def phases(self) -> list[str]:
-        """The files of all phases, in their order."""
-        return [self.phase(phase) for phase in PHASES]
+    def phases(self) -> str:
+        """Folder with the selections of all phases."""
+        return f"{self.folder}/phases"
 
     @property
     def candidates(self) -> str:
@@ -148,13 +149,23 @@ class DatasetFiles:
 
     @property
     def modes(self) -> str:
-        """Natural frequencies and damping ratios."""
+        """Natural frequencies and damping ratios of plant and noise filter."""
         return f"{self.folder}/modes.csv"
 
     @property
     def frequency_response(self) -> str:
-        """Frequency response of the model with its 95 % interval."""
+        """Frequency responses of plant and noise filter with 95 % intervals."""
         return f"{self.folder}/frequency_response.csv"
+
+    @property
+    def time_response(self) -> str:
+        """Impulse and step responses with 95 % intervals."""
+        return f"{self.folder}/time_response.csv"
+
+    @property
+    def horizons(self) -> str:
+        """Errors of k-step predictions of the validation samples, by k."""
+        return f"{self.folder}/horizons.csv"
 
     @property
     def validation(self) -> str:
@@ -217,10 +228,12 @@ class DatasetFiles:
             self.model_mat,
             self.modes,
             self.frequency_response,
+            self.time_response,
             self.validation,
             self.residual_autocorrelation,
             self.cross_correlation,
             self.simulation,
+            self.horizons,
             self.summary,
         ]
 

@@ -9,6 +9,7 @@ import itertools
 import os
 import signal
 import warnings
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -22,6 +23,7 @@ from evopem.signals.recording import (
     Recording,
     check_measured,
     check_recording,
+    without_input,
 )
 from evopem.signals.timestamps import is_time, sampling_rate_of
 
@@ -59,7 +61,7 @@ _SIGNATURES = {
 
 def read_recording(
     path: str | Path,
-    input: Reference,  # noqa: A002
+    input: Reference | None,  # noqa: A002
     output: Reference,
     sampling_rate: float | None = None,
     time: Reference | None = None,
@@ -76,7 +78,8 @@ def read_recording(
     path : str or Path
         A file of one of `FORMATS`; the extension decides.
     input, output : int or str
-        The channels: a number counted from 1, or a column, variable or channel name.
+        The channels: a number counted from 1, or a column, variable or channel name.  Without an
+        input, None.
     sampling_rate : float, optional
         Hz. Left out, it is taken from `time`, else from the file where its format states one.
     time : int or str, optional
@@ -114,30 +117,37 @@ def read_recording(
             "choose two different channels",
         )
     options = _text_options(format_of(path), source, header_lines, decimal_mark)
-    references = [input, output] if time is None else [input, output, time]
-    channels = _read_channels(path, references, options)
-    signals = [_signal(channels[0], "input", source), _signal(channels[1], "output", source)]
-    if signals[0].size != signals[1].size:
+    wanted = {"input": input, "output": output, "time": time}
+    references = {role: each for role, each in wanted.items() if each is not None}
+    found = _read_channels(path, list(references.values()), options)
+    channels = dict(zip(references, found, strict=True))
+    signals = {role: _signal(channels[role], role, source) for role in channels if role != "time"}
+    if input is not None and signals["input"].size != signals["output"].size:
         raise InputError(
             source,
-            f"the input has {signals[0].size} samples and the output {signals[1].size}",
+            f"the input has {signals['input'].size} samples and the output"
+            f" {signals['output'].size}",
             "choose two channels that were sampled together",
         )
     _refuse_same(channels, references, source)
     rate = _sampling_rate(channels, sampling_rate, time_unit, source)
-    _refuse_other_start(channels, rate, source)
-    recording = Recording(
-        input=signals[0],
-        output=signals[1],
-        sampling_rate=rate,
-        input_name=channels[0].name or "input",
-        output_name=channels[1].name or "output",
-        input_unit=input_unit or channels[0].unit,
-        output_unit=output_unit or channels[1].unit,
+    recording = without_input(
+        signals["output"],
+        rate,
+        channels["output"].name or "output",
+        output_unit or channels["output"].unit,
     )
+    if input is not None:
+        _refuse_other_start([channels["input"], channels["output"]], rate, source)
+        recording = replace(
+            recording,
+            input=signals["input"],
+            input_name=channels["input"].name or "input",
+            input_unit=input_unit or channels["input"].unit,
+        )
     check_recording(recording, source)
     check_measured(recording, source)
-    for role in ("input", "output"):
+    for role in signals:
         if is_time(getattr(recording, role), rate):
             raise InputError(
                 source,
@@ -283,15 +293,16 @@ def _signal(channel: Channel, role: str, source: str) -> NDArray[np.float64]:
     return channel.values.astype(np.float64)
 
 
-def _refuse_same(channels: list[Channel], references: list[Reference], source: str) -> None:
+def _refuse_same(
+    channels: dict[str, Channel], references: dict[str, Reference], source: str
+) -> None:
     """Refuse an input, an output and a time of which two hold the same values."""
-    roles = ("input", "output", "time")
-    for one, other in itertools.combinations(range(len(channels)), 2):
+    for one, other in itertools.combinations(channels, 2):
         first, second = channels[one].values, channels[other].values
         if np.array_equal(first, second):
             raise InputError(
                 source,
-                f"the {roles[one]} ({references[one]!r}) and the {roles[other]}"
+                f"the {one} ({references[one]!r}) and the {other}"
                 f" ({references[other]!r}) hold the same values",
                 "choose different channels",
             )
@@ -299,7 +310,7 @@ def _refuse_same(channels: list[Channel], references: list[Reference], source: s
 
 def _refuse_other_start(channels: list[Channel], rate: float, source: str) -> None:
     """Refuse an input and an output that begin at different times."""
-    starts = [channel.start for channel in channels[:2] if channel.start is not None]
+    starts = [channel.start for channel in channels if channel.start is not None]
     # A date in seconds since 1970 has a resolution of less than a microsecond as a float.
     if len(starts) == 2 and abs(starts[1] - starts[0]) > max(0.5 / rate, 1e-6):
         raise InputError(
@@ -310,10 +321,11 @@ def _refuse_other_start(channels: list[Channel], rate: float, source: str) -> No
 
 
 def _sampling_rate(
-    channels: list[Channel], stated: float | None, time_unit: str | None, source: str
+    channels: dict[str, Channel], stated: float | None, time_unit: str | None, source: str
 ) -> float:
     """The rate that is stated, else that of the time stamps, else the file's own."""
-    in_file = list(dict.fromkeys(channel.sampling_rate for channel in channels[:2]))
+    signals = [channel for role, channel in channels.items() if role != "time"]
+    in_file = list(dict.fromkeys(channel.sampling_rate for channel in signals))
     if len(in_file) > 1 and stated is None:
         rates = " and ".join("none" if one is None else f"{one:g} Hz" for one in in_file)
         raise InputError(
@@ -322,12 +334,12 @@ def _sampling_rate(
             "choose two channels that were sampled together",
         )
     own = in_file[0] if len(in_file) == 1 else None
-    if len(channels) == 3:
-        time = channels[2]
-        if time.values.size != channels[0].values.size:
+    if "time" in channels:
+        time = channels["time"]
+        if time.values.size != signals[0].values.size:
             raise InputError(
                 source,
-                f"there are {time.values.size} time stamps and {channels[0].values.size} samples",
+                f"there are {time.values.size} time stamps and {signals[0].values.size} samples",
                 "choose the time channel of these signals",
                 f'time "{time.name}"',
             )
@@ -341,7 +353,7 @@ def _sampling_rate(
         return float(stated)
     if own is not None:
         return own
-    problem = next((one.rate_problem for one in channels[:2] if one.rate_problem), "")
+    problem = next((one.rate_problem for one in signals if one.rate_problem), "")
     raise InputError(
         source,
         f"the sampling rate is not known, since {problem or 'the file states none'}",

@@ -40,7 +40,7 @@ class Recording:
     Attributes
     ----------
     input, output : ndarray of float64, shape (N,)
-        The two signals, in their units.
+        The two signals, in their units.  Without an input, ``input`` is zero and has no name.
     sampling_rate : float
         Samples a second (Hz).
     input_name, output_name : str
@@ -62,6 +62,31 @@ class Recording:
         """Number of samples N of each signal."""
         return int(self.output.size)
 
+    @property
+    def has_input(self) -> bool:
+        """Whether there is an input."""
+        return bool(self.input_name)
+
+    @property
+    def signals(self) -> dict[str, NDArray[np.float64]]:
+        """The signals there are, by what an error calls them."""
+        output = {f'output "{self.output_name}"': self.output}
+        return {f'input "{self.input_name}"': self.input} | output if self.has_input else output
+
+
+def without_input(
+    output: NDArray[np.float64], sampling_rate: float, name: str = "output", unit: str = ""
+) -> Recording:
+    """A recording of an output alone."""
+    return Recording(
+        input=np.zeros_like(output),
+        output=output,
+        sampling_rate=sampling_rate,
+        input_name="",
+        output_name=name,
+        output_unit=unit,
+    )
+
 
 def check_recording(recording: Recording, source: str = "recording") -> None:
     """Refuse a recording from which no model can be identified.
@@ -81,10 +106,7 @@ def check_recording(recording: Recording, source: str = "recording") -> None:
         from 1), a signal never changes, or is too large or too small to be squared, or the
         sampling rate is not a positive number.
     """
-    signals = {
-        f'input "{recording.input_name}"': recording.input,
-        f'output "{recording.output_name}"': recording.output,
-    }
+    signals = recording.signals
     for channel, values in signals.items():
         if values.ndim != 1:
             raise InputError(
@@ -156,10 +178,7 @@ def check_measured(recording: Recording, source: str) -> None:
         When a sample is one of `OVERFLOW_CODES`, or more than `LARGEST_STUCK_SHARE` of the output
         lies at one value or at its two limits.
     """
-    for place, signal in (
-        (f'input "{recording.input_name}"', recording.input),
-        (f'output "{recording.output_name}"', recording.output),
-    ):
+    for place, signal in recording.signals.items():
         found = np.isin(np.abs(signal), OVERFLOW_CODES)
         if found.any():
             first = int(np.argmax(found))

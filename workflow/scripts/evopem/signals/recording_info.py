@@ -22,14 +22,14 @@ class FileOrigin:
         Size of the file.
     format : str
     input_channel, output_channel : int or str
-        The channels as they were asked for.
+        The channels as they were asked for; None for no input.
     """
 
     path: str
     sha256: str
     bytes: int
     format: str
-    input_channel: int | str
+    input_channel: int | str | None
     output_channel: int | str
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.models.armax import ArmaxModel
+from evopem.models.polynomial import PolynomialModel
 from evopem.signals.recording import Recording
 from evopem.synthesis.truth import Truth, true_mode
 
@@ -31,7 +31,7 @@ NOISE_ZEROS = (
 WARM_UP = 2000
 
 
-def true_model(sampling_rate: float = 100.0) -> ArmaxModel:
+def true_model(sampling_rate: float = 100.0) -> PolynomialModel:
     """ARMAX(7,6,7,3) with the poles of the chapter's table 2; noise variance not set.
 
     Examples
@@ -44,7 +44,7 @@ def true_model(sampling_rate: float = 100.0) -> ArmaxModel:
     """
     upper = [true_mode(frequency, damping, sampling_rate).pole for frequency, damping in MODES]
     poles = np.concatenate([upper, np.conj(upper), [REAL_POLE]])
-    return ArmaxModel(
+    return PolynomialModel(
         a=np.real(np.poly(poles)),
         b=INPUT_GAIN * np.real(np.poly(INPUT_ZEROS)),
         c=np.real(np.poly(NOISE_ZEROS)),
@@ -136,7 +136,7 @@ def undo_stationarity(signal: Array, box_cox: float | None, difference: int) -> 
     return lifted
 
 
-def _filtered(model: ArmaxModel, innovations: Array) -> Array:
+def _filtered(model: PolynomialModel, innovations: Array) -> Array:
     from scipy.signal import lfilter
 
     noise: Array = lfilter(model.c, model.a, innovations)

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from evopem.models.armax import ArmaxModel
+from evopem.estimation.pem.autoregression import autoregression
+from evopem.models.polynomial import PolynomialModel
 
 Array = NDArray[np.float64]
 
@@ -52,15 +53,15 @@ class HeldOutTest:
 
 
 def input_significance(
-    model: ArmaxModel,
+    model: PolynomialModel,
     input: ArrayLike,  # noqa: A002
     output: ArrayLike,
     first: int = 0,
 ) -> HeldOutTest:
     """Test on held-out samples that the model's response to the input is in the output.
 
-    The measured output is regressed on the simulated one, ``(B/A) u``, and on the free responses
-    of 1/A, which depend on signals before the held-out samples.  Where input and output are
+    The measured output is regressed on the simulated one, ``G u``, and on the free responses of
+    1/(A F), which depend on signals before the held-out samples.  Where input and output are
     unrelated the two are independent there, whatever B, the orders and their selection.
 
     The noise model of the fit is not used: where A and C have nearly common factors, the
@@ -68,7 +69,7 @@ def input_significance(
 
     Parameters
     ----------
-    model : ArmaxModel
+    model : PolynomialModel
         Stable.
     input, output : (N,) array_like
         Signals that end with the held-out samples; they may begin with the estimation samples.
@@ -77,7 +78,9 @@ def input_significance(
     """
     simulated = model.simulate(input)[first:]
     held_out = np.asarray(output, dtype=float)[first:]
-    return contribution_test(held_out, simulated, free_responses(model.a, len(held_out)))
+    return contribution_test(
+        held_out, simulated, free_responses(model.plant_denominator, len(held_out))
+    )
 
 
 def free_responses(denominator: Array, samples: int) -> Array:
@@ -122,7 +125,7 @@ def contribution_test(
     if _vanishes(unexplained, x) or _vanishes(remainder, e):
         return not_possible
     coefficient = float(unexplained @ remainder) / float(unexplained @ unexplained)
-    whitening = whitening_filter(remainder - coefficient * unexplained, MOST_WHITENING)
+    whitening = autoregression(remainder - coefficient * unexplained, MOST_WHITENING)
     e, x, *columns = (np.convolve(signal, whitening, mode="valid") for signal in (e, x, *others.T))
     others = np.column_stack(columns)
     remainder, unexplained = _without(e, others), _without(x, others)
@@ -171,36 +174,10 @@ def improvement_test(errors_without: ArrayLike, errors_with: ArrayLike) -> HeldO
     if samples < FEWEST_SAMPLES or not np.isfinite(difference).all() or not np.ptp(difference) > 0:
         return HeldOutTest(math.nan, math.nan, math.nan, samples)
     mean = float(difference.mean())
-    whitening = whitening_filter(difference - mean, MOST_WHITENING)
+    whitening = autoregression(difference - mean, MOST_WHITENING)
     white = np.convolve(difference - mean, whitening, mode="valid")
     freedom = white.size - len(whitening)
     error = math.sqrt(float(white @ white) / freedom / samples) / abs(float(whitening.sum()))
     statistic = mean / error
     p_value = float(stdtr(freedom, -statistic))
     return HeldOutTest(mean / float(before.mean()), statistic, p_value, samples)
-
-
-def whitening_filter(signal: ArrayLike, most: int) -> Array:
-    """Coefficients ``1, a_1, ...`` of the autoregression of smallest BIC, of order 0 to ``most``.
-
-    Ordinary least squares on one set of samples for all orders.
-
-    Parameters
-    ----------
-    signal : (N,) array_like
-        With zero mean.
-    most : int
-        Largest order; cut to a tenth of the samples.
-    """
-    x = np.asarray(signal, dtype=float)
-    most = min(most, x.size // 10)
-    past = np.lib.stride_tricks.sliding_window_view(x, most + 1)[:, ::-1]
-    # With the lags in rising order, the leading blocks of one triangle serve all orders.
-    triangle = np.asarray(np.linalg.qr(np.roll(past, -1, axis=1), mode="r"))
-    remaining = np.cumsum(triangle[::-1, -1] ** 2)[::-1]
-    samples = len(past)
-    with np.errstate(divide="ignore"):
-        criteria = np.log(remaining) + np.arange(most + 1) * math.log(samples) / samples
-    order = int(np.argmin(criteria))
-    solution = np.linalg.lstsq(triangle[:order, :order], triangle[:order, -1], rcond=None)[0]
-    return np.concatenate([[1.0], -solution])

@@ -12,9 +12,56 @@ from evopem.models.polynomial_states import (
     estimate_prediction_states,
     estimate_simulation_state,
 )
-from evopem.validation.scores import fit_percent
+from evopem.validation.scores import error_percent, fit_percent
 
 Array = NDArray[np.float64]
+
+
+# Horizons of a decade, and the longest one.
+DECADE = (1, 2, 3, 5, 7)
+LONGEST = 1000
+
+
+def log_spaced_horizons(samples: int) -> tuple[int, ...]:
+    """Horizons about evenly spaced in their logarithm, up to a quarter of a record.
+
+    Examples
+    --------
+    >>> log_spaced_horizons(200)
+    (1, 2, 3, 5, 7, 10, 20, 30, 50)
+    """
+    last = max(1, min(LONGEST, samples // 4))
+    every = (10**decade * step for decade in range(4) for step in DECADE)
+    return tuple(horizon for horizon in every if horizon <= last)
+
+
+def horizon_errors(
+    model: PolynomialModel,
+    input: Array,  # noqa: A002
+    output: Array,
+    horizons: Sequence[int],
+    states: tuple[Array, Array],
+    first: int,
+) -> Array:
+    """Errors ``100 ||y - yhat|| / ||y - mean(y)||`` of k-step predictions, one for each horizon.
+
+    Parameters
+    ----------
+    model : PolynomialModel
+    input, output : (N,) arrays
+    horizons : sequence of int
+        Samples, each at least 1.
+    states : (plant state, noise state)
+        As for :meth:`PolynomialModel.predict`.
+    first : int
+        First sample that counts.
+    """
+    return np.array(
+        [
+            error_percent(output[first:], model.predict(input, output, horizon, *states)[first:])
+            for horizon in horizons
+        ]
+    )
 
 
 def horizon_fits(

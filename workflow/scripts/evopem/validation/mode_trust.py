@@ -31,7 +31,11 @@ def doubts(evidence: ModeEvidence, sampling_rate: float) -> list[str]:
     if mode.damping_ratio <= 0:
         found.append("does not decay")
     if evidence.origin == "neither":
-        found.append("shows neither in the response to the input nor in the noise")
+        found.append(
+            "shows neither in the response to the input nor in the noise"
+            if evidence.has_input
+            else "does not improve the prediction of validation samples"
+        )
     elif evidence.origin == "not judged":
         found.append("could not be tested on validation samples")
     if evidence.stable is False:

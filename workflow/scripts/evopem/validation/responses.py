@@ -8,11 +8,14 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from evopem.models.armax import ArmaxModel
-from evopem.models.initial_state import estimate_initial_state, estimate_noise_state
+from evopem.models.polynomial import PolynomialModel
+from evopem.models.polynomial_states import estimate_prediction_states, estimate_simulation_state
 from evopem.signals.preparation import PreparedData
 from evopem.signals.recording import Recording
 from evopem.validation.recorded_units import RecordedSeries
+
+States = tuple[NDArray[np.float64], NDArray[np.float64]]
+"""Plant and noise state of a prediction."""
 
 
 @dataclass(frozen=True)
@@ -34,61 +37,60 @@ class HeldOutSamples:
     input: NDArray[np.float64]
     output: NDArray[np.float64]
     first: int
-    noise_state: NDArray[np.float64]
+    states: States
+
+
+def unscored_samples(model: PolynomialModel) -> int:
+    """Samples at the start of a record whose residuals its states determine."""
+    orders = model.orders
+    return orders.first_residual + max(orders.nf, orders.noise_states)
 
 
 def held_out_samples(
-    model: ArmaxModel, prepared: PreparedData, noise_state: NDArray[np.float64]
+    model: PolynomialModel, prepared: PreparedData, states: States
 ) -> HeldOutSamples:
+    """Both parts where they are continuous, else the validation samples from own states."""
     estimation, validation = prepared.estimation, prepared.validation
     if prepared.contiguous:
         return HeldOutSamples(
             np.concatenate([estimation.input, validation.input]),
             np.concatenate([estimation.output, validation.output]),
             estimation.samples,
-            noise_state,
+            states,
         )
-    first = model.orders.first_residual + model.orders.nc
-    own_state = estimate_noise_state(model, validation.input, validation.output)
-    return HeldOutSamples(validation.input, validation.output, first, own_state)
+    own = estimate_prediction_states(model, validation.input, validation.output)
+    return HeldOutSamples(validation.input, validation.output, unscored_samples(model), own)
 
 
-def continued_responses(
-    model: ArmaxModel, prepared: PreparedData, noise_state: NDArray[np.float64]
+def responses_of(
+    model: PolynomialModel, prepared: PreparedData, held_out: HeldOutSamples
 ) -> Responses:
-    """Predict and simulate validation samples that follow the estimation samples directly."""
+    """Predict and simulate the validation samples.
+
+    The prediction of samples that follow the estimation samples directly knows all the past.
+    """
     estimation, validation = prepared.estimation, prepared.validation
-    inputs = np.concatenate([estimation.input, validation.input])
-    output = np.concatenate([estimation.output, validation.output])
-    seen = estimation.output.size
-    state = estimate_initial_state(model, estimation.input, estimation.output)
+    seen = len(held_out.output) - len(validation.output)
+    continued = None
+    if prepared.contiguous and model.has_input:
+        state = estimate_simulation_state(model, estimation.input, estimation.output)
+        continued = model.simulate(held_out.input, state)[seen:]
+    predicted = model.predict(held_out.input, held_out.output, 1, *held_out.states)[seen:]
     return Responses(
         input=validation.input,
         output=validation.output,
-        predicted=model.predict(inputs, output, noise_state)[seen:],
+        predicted=predicted,
         simulated=_simulated(model, validation),
-        continued=model.simulate(inputs, state)[seen:],
-        unscored=0,
+        continued=continued,
+        unscored=0 if prepared.contiguous else unscored_samples(model),
     )
 
 
-def restarted_responses(model: ArmaxModel, prepared: PreparedData) -> Responses:
-    """Predict and simulate an independent recording, whose past is not on record."""
-    validation = prepared.validation
-    noise_state = estimate_noise_state(model, validation.input, validation.output)
-    return Responses(
-        input=validation.input,
-        output=validation.output,
-        predicted=model.predict(validation.input, validation.output, noise_state),
-        simulated=_simulated(model, validation),
-        continued=None,
-        unscored=model.orders.first_residual + model.orders.nc,
-    )
-
-
-def _simulated(model: ArmaxModel, validation: Recording) -> NDArray[np.float64]:
+def _simulated(model: PolynomialModel, validation: Recording) -> NDArray[np.float64]:
     """Response to the validation input from the state that fits the validation output best."""
-    state = estimate_initial_state(model, validation.input, validation.output)
+    if not model.has_input:
+        return np.full(len(validation.output), np.nan)
+    state = estimate_simulation_state(model, validation.input, validation.output)
     return model.simulate(validation.input, state)
 
 

@@ -7,7 +7,7 @@ uses every measured output up to the sample before; the simulation sees the inpu
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -19,14 +19,16 @@ from evopem.config.settings import SpectrumSettings
 from evopem.errors import InputError, check_choice
 from evopem.estimation.pem.covariance import jacobian_blocks
 from evopem.estimation.pem.objective import OBJECTIVES
-from evopem.models.initial_state import estimate_noise_state
+from evopem.estimation.pem.polynomial_objective import PolynomialErrors
+from evopem.models.polynomial_states import estimate_prediction_states
 from evopem.signals.spectral.frequency_response import (
     FrequencyResponse,
     multitaper_frequency_response,
 )
 from evopem.validation.excitation import excitation_order
 from evopem.validation.held_out_tests import HeldOutTest, input_significance
-from evopem.validation.mode_evidence import ModeEvidence, mode_evidence
+from evopem.validation.horizons import horizon_errors, log_spaced_horizons
+from evopem.validation.mode_evidence import NO_TEST, ModeEvidence, mode_evidence
 from evopem.validation.recorded_units import (
     RecordedErrors,
     recorded_errors,
@@ -41,16 +43,17 @@ from evopem.validation.residual_tests import (
     whiteness_test,
 )
 from evopem.validation.responses import (
-    continued_responses,
+    States,
     held_out_samples,
-    restarted_responses,
+    responses_of,
     simulation_table,
+    unscored_samples,
 )
 from evopem.validation.scores import error_percent, fit_percent, outlier_percent
 from evopem.validation.split_spectra import SplitSpectra, split_spectra
 
 if TYPE_CHECKING:
-    from evopem.models.armax import ArmaxModel
+    from evopem.models.polynomial import PolynomialModel
     from evopem.signals.preparation import PreparedData
     from evopem.signals.recording import Recording
 
@@ -89,6 +92,22 @@ class Excitation:
 
 
 @dataclass(frozen=True)
+class HorizonError:
+    """Error of predictions some samples ahead, in percent.
+
+    Attributes
+    ----------
+    samples : int
+        Horizon k: the prediction knows the outputs up to k samples before.
+    error_percent : float
+        ``100 ||y - yhat|| / ||y - mean(y)||``.
+    """
+
+    samples: int
+    error_percent: float
+
+
+@dataclass(frozen=True)
 class Validation:
     """Errors and residual tests of one model; NaN where a number could not be computed.
 
@@ -100,7 +119,7 @@ class Validation:
     prediction_error_percent, prediction_fit_percent : float
         One step ahead.
     simulation_error_percent, simulation_fit_percent : float
-        From the initial state that fits the validation samples best.
+        From the initial state that fits the validation samples best; NaN without an input.
     continued_simulation_error_percent : float, optional
         Of a simulation that starts with the estimation samples and runs on; None where the
         validation samples do not continue the estimation samples.
@@ -126,6 +145,8 @@ class Validation:
         whether the noise model needs it.
     split : SplitSpectra
         The input's spectra in the estimation and the validation samples beside each other.
+    horizons : tuple of HorizonError
+        Errors of k-step predictions of the scored validation samples, by k.
     """
 
     prediction_error_percent: float
@@ -146,6 +167,7 @@ class Validation:
     input_test: HeldOutTest
     modes: tuple[ModeEvidence, ...]
     split: SplitSpectra
+    horizons: tuple[HorizonError, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,19 +180,22 @@ class ValidationTables:
         By lag, with their 95 % bounds.
     simulation : pandas.DataFrame
         Validation samples, predicted and simulated.
+    horizons : pandas.DataFrame
+        Error of k-step predictions, by k in samples and seconds.
     """
 
     residual_autocorrelation: pd.DataFrame
     cross_correlation: pd.DataFrame
     simulation: pd.DataFrame
+    horizons: pd.DataFrame
 
 
 def validate(
-    model: ArmaxModel,
+    model: PolynomialModel,
     prepared: PreparedData,
     loss_start: int | None = None,
     objective: str = "quadratic",
-    others: Sequence[ArmaxModel] = (),
+    others: Sequence[PolynomialModel] = (),
     spectrum: SpectrumSettings | None = None,
     lags: int = 1200,
 ) -> tuple[Validation, ValidationTables]:
@@ -178,15 +203,15 @@ def validate(
 
     Parameters
     ----------
-    model : ArmaxModel
+    model : PolynomialModel
     prepared : PreparedData
         Estimation and validation samples, transformed alike.
     loss_start : int, optional
-        First estimation sample whose residual is used. By default the nc-th residual: the ones
-        before are fitted by the noise state.
+        First estimation sample whose residual is used. By default the first one that the states of
+        plant and noise do not fit.
     objective : {"absolute", "quadratic"}
         What the estimate minimised.
-    others : sequence of ArmaxModel
+    others : sequence of PolynomialModel
         Models of other orders of the same samples, for the stability of the modes.
     spectrum : SpectrumSettings, optional
         Of the multitaper estimate of the coherence.
@@ -204,8 +229,8 @@ def validate(
 
     Notes
     -----
-    Residual tests use the estimation samples (Ljung 1999, section 16.6), from the noise state that
-    fits them best.
+    Residual tests use the estimation samples (Ljung 1999, section 16.6), from the states that fit
+    them best.
 
     The simulation of the validation samples starts from the initial state that fits them best, as
     MATLAB's ``compare`` has it: a few numbers, and nothing else, come from the output it is
@@ -216,15 +241,18 @@ def validate(
 
     The predictor runs through both parts of a continuous record, so that it knows all the measured
     past.  An independent recording has no past on record: there the predictor starts with the
-    recording, its noise state is fitted to it, and the first max(na, nb + nk − 1, nc) samples and
-    the nc after them are not scored.
+    recording, its states are fitted to it, and the first max(na, nb + nk − 1) samples and the
+    max(nc, nd, nf) after them are not scored.
+
+    Of a model without input there is no simulation, and no test concerns the input.
     """
     check_choice("objective", objective, OBJECTIVES)
     estimation = prepared.estimation
+    inputs = estimation.input if model.has_input else np.zeros_like(estimation.output)
     orders = model.orders
-    start = orders.first_residual + orders.nc if loss_start is None else loss_start
-    noise_state = estimate_noise_state(model, estimation.input, estimation.output)
-    all_residuals = model.residuals(estimation.input, estimation.output, noise_state)
+    start = unscored_samples(model) if loss_start is None else loss_start
+    states = estimate_prediction_states(model, estimation.input, estimation.output)
+    all_residuals = model.residuals(estimation.input, estimation.output, *states)
     residuals = all_residuals[start:]
     if residuals.size < 2:
         raise ValueError(
@@ -232,23 +260,28 @@ def validate(
         )
     autocorrelation = residual_autocorrelation(residuals, lags)
     largest = len(autocorrelation) - 1
-    cross = cross_correlation(
-        residuals, estimation.input[start:], min(lags, CROSS_CORRELATION_LAGS)
-    )
-    tested_lags = ljung_box_lags(residuals.size, orders.na + orders.nc, largest)
-    responses = (
-        continued_responses(model, prepared, noise_state)
-        if prepared.contiguous
-        else restarted_responses(model, prepared)
-    )
+    cross = cross_correlation(residuals, inputs[start:], min(lags, CROSS_CORRELATION_LAGS))
+    noise_parameters = orders.na + orders.nc + orders.nd
+    tested_lags = ljung_box_lags(residuals.size, noise_parameters, largest)
+    held_out = held_out_samples(model, prepared, states)
+    responses = responses_of(model, prepared, held_out)
     scored = slice(responses.unscored, None)
     measured = responses.output[scored]
     if measured.size == 0:
         raise ValueError("no validation sample is left to score; keep more samples for validation")
-    held_out = held_out_samples(model, prepared, noise_state)
+    horizons = log_spaced_horizons(measured.size)
+    errors = horizon_errors(
+        model,
+        held_out.input,
+        held_out.output,
+        horizons,
+        held_out.states,
+        len(held_out.output) - measured.size,
+    )
     recorded = recorded_series(
         prepared.transforms, responses.output, responses.predicted, responses.simulated
     )
+    needed = orders.na + orders.nf + orders.nb if model.has_input else 0
     ratio = cross["cross_correlation"].abs() / cross["bound95"]
     validation = Validation(
         prediction_error_percent=error_percent(measured, responses.predicted[scored]),
@@ -271,6 +304,7 @@ def validate(
             model,
             estimation,
             all_residuals,
+            states,
             start,
             tested_lags,
             objective,
@@ -283,32 +317,49 @@ def validate(
         ),
         residual_outlier_percent=outlier_percent(residuals),
         excitation=Excitation(
-            order=excitation_order(estimation.input, orders.na + orders.nb),
-            needed=orders.na + orders.nb,
+            order=excitation_order(inputs, needed),
+            needed=needed,
         ),
         recorded=recorded_errors(prepared.transforms, recorded, responses.unscored),
-        input_test=input_significance(model, held_out.input, held_out.output, held_out.first),
+        input_test=(
+            input_significance(model, held_out.input, held_out.output, held_out.first)
+            if model.has_input
+            else NO_TEST
+        ),
         modes=tuple(
             mode_evidence(
                 model,
                 held_out.input,
                 held_out.output,
                 held_out.first,
-                held_out.noise_state,
-                _coherence(estimation, spectrum or SpectrumSettings()),
+                held_out.states,
+                _coherence(estimation, spectrum or SpectrumSettings()) if model.has_input else None,
                 others,
             )
         ),
-        split=split_spectra(estimation.input, prepared.validation.input, estimation.sampling_rate),
+        split=split_spectra(
+            inputs,
+            prepared.validation.input if model.has_input else np.zeros(measured.size),
+            estimation.sampling_rate,
+        ),
+        horizons=tuple(map(HorizonError, horizons, errors.tolist())),
     )
     simulation = simulation_table(responses, recorded, estimation.sampling_rate)
-    return validation, ValidationTables(autocorrelation, cross, simulation)
+    by_horizon = pd.DataFrame(
+        {
+            "horizon": horizons,
+            "horizon_s": np.array(horizons) / estimation.sampling_rate,
+            "error_percent": errors,
+        }
+    )
+    return validation, ValidationTables(autocorrelation, cross, simulation, by_horizon)
 
 
 def _whiteness(
-    model: ArmaxModel,
+    model: PolynomialModel,
     estimation: Recording,
     residuals: NDArray[np.float64],
+    states: States,
     start: int,
     lags: int,
     objective: str,
@@ -317,14 +368,17 @@ def _whiteness(
     tested = residuals[start:]
     if not 0 < lags < tested.size:
         return WhitenessTest(math.nan, math.nan, math.nan, max(lags, 0))
-    blocks = jacobian_blocks(
-        model,
-        estimation.input,
-        estimation.output,
-        np.nan_to_num(residuals),
-        model.orders.first_residual,
-        start,
-    )
+    first = model.orders.first_residual
+    u, y = estimation.input, estimation.output
+    if model.orders.nd + model.orders.nf == 0 and model.level == 0.0:
+        # In blocks, which long records need.
+        known = np.nan_to_num(residuals)
+        blocks: Iterable[NDArray[np.float64]] = jacobian_blocks(model, u, y, known, first, start)
+    else:
+        level = model.level != 0.0
+        errors = PolynomialErrors(u, y, model.orders, objective, first, start, 1.0, 1.0, level)
+        levels = [model.level] if level else []
+        blocks = [errors.jacobian(np.concatenate([model.parameters, levels, *states]))]
     return whiteness_test(tested, blocks, lags, objective)
 
 

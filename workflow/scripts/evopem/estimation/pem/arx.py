@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.estimation.pem.least_squares import chunks, triangle_of
-from evopem.models.armax import Orders
+from evopem.models.structures import PolynomialOrders
 
 Array = NDArray[np.float64]
 
@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 def regression_rows(
     input: Array,  # noqa: A002
     output: Array,
-    orders: Orders,
+    orders: PolynomialOrders,
     start: int,
     stop: int,
 ) -> Array:
@@ -24,7 +24,7 @@ def regression_rows(
     return np.column_stack([*past_outputs, *past_inputs, output[start:stop]])
 
 
-def fit_arx(input: Array, output: Array, orders: Orders, start: int) -> Array:  # noqa: A002
+def fit_arx(input: Array, output: Array, orders: PolynomialOrders, start: int) -> Array:  # noqa: A002
     """Least-squares ``[a_1..a_na, b_0..b_(nb-1)]`` of the equation error from ``start`` on.
 
     Solved by singular values, so that collinear regressors give the shortest solution instead of

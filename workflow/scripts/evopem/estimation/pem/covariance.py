@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from evopem.estimation.pem.kernels.filtering import filter_rows
 from evopem.estimation.pem.least_squares import chunks, triangle_of
-from evopem.models.armax import ArmaxModel
 from evopem.models.parameter_covariance import ParameterCovariance
+from evopem.models.polynomial import PolynomialModel
 
 Array = NDArray[np.float64]
 
@@ -25,7 +25,7 @@ RESIDUAL_ROUNDING = 1e-12
 
 
 def jacobian_triangle(
-    model: ArmaxModel,
+    model: PolynomialModel,
     input: Array,  # noqa: A002
     output: Array,
     residuals: Array,
@@ -36,7 +36,7 @@ def jacobian_triangle(
 
     Parameters
     ----------
-    model : ArmaxModel
+    model : PolynomialModel
     input, output, residuals : (N,) arrays
     recursion_start, scoring_start : int
         First residual, and first one that counts in the loss.
@@ -46,7 +46,7 @@ def jacobian_triangle(
 
 
 def jacobian_blocks(
-    model: ArmaxModel,
+    model: PolynomialModel,
     input: Array,  # noqa: A002
     output: Array,
     residuals: Array,
@@ -77,10 +77,16 @@ def jacobian_blocks(
     for first, stop in chunks(recursion_start, samples):
         filtered = np.empty((len(columns), stop - first))
         for row, (signal, lag, sign) in enumerate(columns):
-            filtered[row] = sign * signal[first - lag : stop - lag]
+            filtered[row] = sign * _lagged(signal, lag, first, stop)
         filter_rows(filtered, model.c, states)
         if stop > scoring_start:
             yield filtered.T[max(scoring_start - first, 0) :]
+
+
+def _lagged(signal: Array, lag: int, first: int, stop: int) -> Array:
+    """A stretch of a signal some samples earlier, with zeros before its beginning."""
+    missing = max(lag - first, 0)
+    return np.concatenate([np.zeros(missing), signal[first - lag + missing : stop - lag]])
 
 
 def estimate_covariance(

@@ -6,12 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.estimation.pem.covariance import pseudo_inverse_factor
-from evopem.models.armax import Orders
+from evopem.models.structures import PolynomialOrders
 
 Array = NDArray[np.float64]
 
 
-def minimum_norm_point(point: Array, triangle: Array, orders: Orders) -> Array:
+def minimum_norm_point(point: Array, triangle: Array, orders: PolynomialOrders) -> Array:
     """The point with the smallest ||b|| among those of equal residuals with the same A and C.
 
     The residuals are linear in B and the noise state, given A and C.  Along the null space of
@@ -24,7 +24,7 @@ def minimum_norm_point(point: Array, triangle: Array, orders: Orders) -> Array:
         Parameters and noise state.
     triangle : (m, n + nc) array
         Of :func:`.covariance.jacobian_triangle` at the point.
-    orders : Orders
+    orders : PolynomialOrders
 
     Returns
     -------

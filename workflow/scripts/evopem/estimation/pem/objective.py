@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.estimation.pem import kernels
-from evopem.models.armax import Orders
 from evopem.models.polynomials import reflect_into_disc
+from evopem.models.structures import PolynomialOrders
 
 Array = NDArray[np.float64]
 
@@ -36,7 +36,7 @@ class PredictionErrorProblem:
     ----------
     input, output : (N,) arrays
         The record; not modified.
-    orders : Orders
+    orders : PolynomialOrders
     objective : {"absolute", "quadratic"}
         ``absolute``: ``100 sum|e| / sum|y|`` (chapter eq. 20-21, as ``100 - fit``);
         ``quadratic``: ``100 sum e**2 / sum y**2`` (eq. 22).
@@ -53,7 +53,7 @@ class PredictionErrorProblem:
         self,
         input: Array,  # noqa: A002 - the field's word
         output: Array,
-        orders: Orders,
+        orders: PolynomialOrders,
         objective: str,
         recursion_start: int,
         scoring_start: int,
@@ -93,7 +93,7 @@ class PredictionErrorProblem:
             max_root_radius=max_root_radius,
         )
 
-    def of_orders(self, orders: Orders) -> PredictionErrorProblem:
+    def of_orders(self, orders: PolynomialOrders) -> PredictionErrorProblem:
         """The same problem for other orders that have residuals from ``recursion_start`` on."""
         return PredictionErrorProblem(
             self.input,

@@ -96,6 +96,36 @@ class PolynomialErrors:
             self.level,
         )
 
+    def with_loss_start(self, loss_start: int) -> PolynomialErrors:
+        """The same problem with another first residual that counts."""
+        return PolynomialErrors(
+            self.input,
+            self.output,
+            self.orders,
+            self.objective,
+            self.residual_start,
+            loss_start,
+            self.plant_radius,
+            self.noise_radius,
+            self.level,
+        )
+
+    @property
+    def loss_factor(self) -> float:
+        """What the objective multiplies the sum of losses by."""
+        return float(self._objective.factor)
+
+    def state_weights(self) -> Array:
+        """Weights of the squares of a point's entries in the objective, (n,): of its states."""
+        weights, parts = np.zeros(self.dimension), self.parts()
+        weights[parts["plant"]] = self._objective.plant_state_weight
+        weights[parts["noise"]] = self._objective.noise_state_weight
+        return weights
+
+    def radius_of(self, name: str) -> float:
+        """Largest allowed radius of the roots of a polynomial, "a", "c", "d" or "f"."""
+        return self.plant_radius if name in "af" else self.noise_radius
+
     @property
     def dimension(self) -> int:
         """Length of a point: coefficients, level, plant state and noise state."""

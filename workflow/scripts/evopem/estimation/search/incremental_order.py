@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.estimation.pem.objective import PredictionErrorProblem
-from evopem.models.armax import Orders
+from evopem.models.structures import PolynomialOrders, armax_orders
 
 Array = NDArray[np.float64]
 
@@ -21,11 +21,11 @@ Array = NDArray[np.float64]
 FARTHEST, NEAREST = 0.4, 0.003
 
 
-def smaller_orders(orders: Orders) -> list[Orders]:
+def smaller_orders(orders: PolynomialOrders) -> list[PolynomialOrders]:
     """The orders that lead to ``orders`` in steps of a pair of roots, smallest first."""
     pairs = (min(orders.na, orders.nb, orders.nc) - 1) // 2
     return [
-        Orders(orders.na - 2 * k, orders.nb - 2 * k, orders.nc - 2 * k, orders.nk)
+        armax_orders(orders.na - 2 * k, orders.nb - 2 * k, orders.nc - 2 * k, orders.nk)
         for k in range(pairs, 0, -1)
     ]
 
@@ -84,23 +84,30 @@ def with_factor(
     return points
 
 
-def padded(point: Array, smaller: Orders, larger: Orders) -> Array:
+def padded(
+    point: Array, smaller: PolynomialOrders, larger: PolynomialOrders, level: bool = False
+) -> Array:
     """A point as one of larger orders that contain its own: zeros added, equal residuals.
 
     Parameters
     ----------
     point : (n,) array
-    smaller, larger : Orders
+        Coefficients of A, B, C, D and F, the level where there is one, plant and noise state.
+    smaller, larger : PolynomialOrders
         ``larger.contains(smaller)``, with recursions that start at the same sample.
+    level : bool
+        Whether the points have a level.
     """
-    a, b, c, state = np.split(point, [smaller.na, smaller.na + smaller.nb, smaller.parameters])
-    earlier = smaller.nk - larger.nk
-    more_c = larger.nc - smaller.nc
+
+    def lengths(o: PolynomialOrders) -> list[int]:
+        return [o.na, o.nb, o.nc, o.nd, o.nf, int(level), o.nf, o.noise_states]
+
+    parts = np.split(point, np.cumsum(lengths(smaller))[:-1])
+    earlier = smaller.nk - larger.nk if smaller.nb else 0
+    before = [0, earlier, 0, 0, 0, 0, 0, 0]
     return np.concatenate(
         [
-            np.pad(a, (0, larger.na - smaller.na)),
-            np.pad(b, (earlier, larger.nb - smaller.nb - earlier)),
-            np.pad(c, (0, more_c)),
-            np.pad(state, (0, more_c)),
+            np.pad(part, (first, length - first - len(part)))
+            for part, first, length in zip(parts, before, lengths(larger), strict=True)
         ]
     )

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from evopem.estimation.pem.batch_bfgs import Descent
 from evopem.estimation.pem.polynomial_objective import PolynomialErrors
+from evopem.estimation.search.linear_completion import LINEAR_STEPS, solve_linear
 from evopem.estimation.search.memetic import discrete_recombination
 from evopem.estimation.search.root_recombination import recombined_polynomials
 from evopem.estimation.search.staged_descent import (
     DESCENT_STAGES,
-    damped_inverses,
     polish,
     staged_descent,
 )
@@ -38,8 +38,6 @@ MIN_MULTISTART = 2**17
 PAIRS, DESCENDED = 32, 4
 # Share of the generations that recombine roots; the others recombine coefficients.
 BY_ROOTS = 0.75
-# Newton steps for numerator, level and states: one is exact for the quadratic objective.
-LINEAR_STEPS = {"quadratic": 1, "absolute": 4}
 
 
 class PolynomialProblem:
@@ -96,6 +94,10 @@ class PolynomialProblem:
         """BFGS with ever less smoothing; never worse than where it began."""
         return polish(self.errors, points, self._largest_value)
 
+    def estimates(self) -> Array:
+        """Points from estimates of the record, (M, n): the first population before its descent."""
+        return self._estimates[0]
+
     def _drawn_at_random(self, count: int, generator: np.random.Generator) -> tuple[Array, int]:
         points = np.zeros((count, self.errors.dimension))
         for name in "acdf":
@@ -137,15 +139,8 @@ class PolynomialProblem:
         points = errors.repair(points)
         if not linear.any():
             return points, 0
-        none = np.zeros(len(points))
         steps = LINEAR_STEPS[errors.objective]
-        for _ in range(steps):
-            size = errors.mean_absolute_residuals(self.values(points))
-            size = np.where(np.isfinite(size) & (size > 0.0), size, 1.0)
-            _, gradients = errors.values_and_gradients(points, size, none)
-            matrices = errors.curvatures(points, size, none)[:, linear][:, :, linear]
-            inverses = damped_inverses(matrices)
-            points[:, linear] -= np.einsum("ijk,ik->ij", inverses, gradients[:, linear])
+        points = solve_linear(errors, points, linear, steps)
         return points, 4 * steps * len(points)
 
     @cached_property
@@ -237,8 +232,9 @@ class PolynomialProblem:
         name, order = ("f", o.nf) if o.nf else ("a", o.na)
         if order <= 2 or o.nb == 0:
             return nothing, 0
-        fewer = {f"n{name}": order - 2, "nb": max(o.nb - 2, 1)}
-        smaller = PolynomialProblem(self._errors_of(replace(o, **fewer)))
+        orders = replace(o, nb=max(o.nb - 2, 1))
+        orders = replace(orders, nf=order - 2) if name == "f" else replace(orders, na=order - 2)
+        smaller = PolynomialProblem(self._errors_of(orders))
         starts, used = smaller._estimates
         descents = smaller.descend(starts)
         best = descents.points[np.argmin(descents.values)]

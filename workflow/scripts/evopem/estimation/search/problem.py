@@ -100,6 +100,26 @@ class SearchResult:
     diagnostics: SearchDiagnostics
 
 
+def descended(problem: Problem, point: Array) -> SearchResult:
+    """One descent from a point, (n,), to the last digits, as a search of its own."""
+    polished = problem.polish(point[None, :])
+    value, used = float(polished.values[0]), polished.evaluations
+    return SearchResult(
+        point=polished.points[0],
+        value=value,
+        diagnostics=SearchDiagnostics(
+            evaluations=used,
+            generations=0,
+            restart_minima=(value,),
+            n_confirming=0,
+            n_local_optima=1,
+            n_multistart=0,
+            undiscovered_probability=1.0,
+            convergence=((used, value),),
+        ),
+    )
+
+
 def pooled(first: SearchResult, second: SearchResult) -> SearchResult:
     """Combine two searches of one problem that drew independently.
 

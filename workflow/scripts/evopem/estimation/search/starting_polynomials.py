@@ -11,6 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from evopem.estimation.pem.kernels.filtering import filter_rows
 from evopem.models.polynomials import reflect_into_disc
 
 Array = NDArray[np.float64]
@@ -35,13 +36,11 @@ def steiglitz_mcbride(
 
     ARX models of input and output, both filtered through the denominator before.
     """
-    from scipy.signal import lfilter
-
     denominator = np.zeros(order)
     for _ in range(STEIGLITZ_MCBRIDE_STEPS):
-        monic = np.concatenate([[1.0], denominator])
-        filtered = lfilter([1.0], monic, u), lfilter([1.0], monic, y)
-        found = _arx(*filtered, order, nb, nk)[:order]
+        filtered = np.stack([u, y])
+        filter_rows(filtered, np.concatenate([[1.0], denominator]), np.zeros((2, order)))
+        found = _arx(filtered[0], filtered[1], order, nb, nk)[:order]
         if not np.isfinite(found).all():
             return
         denominator = reflect_into_disc(found[None, :], radius)[0]
@@ -53,14 +52,15 @@ def reduced_arx_denominator(u: Array, y: Array, order: int, long_order: int, nk:
 
     The Hankel matrix of its impulse response gives the poles (Kung 1978), (order,).
     """
-    from scipy.signal import lfilter
-
     theta = _arx(u, y, long_order, long_order, nk)
     a = reflect_into_disc(theta[None, :long_order], 0.9999)[0]
     length = 8 * long_order
-    impulse = np.zeros(length)
-    impulse[0] = 1.0
-    response = lfilter(theta[long_order:], np.concatenate([[1.0], a]), impulse)
+    response = np.zeros((1, length))
+    response[0, :long_order] = theta[long_order:]
+    filter_rows(response, np.concatenate([[1.0], a]), np.zeros((1, long_order)))
+    response = response[0]
+    if not np.isfinite(response).all():
+        return np.zeros(order)  # so long a polynomial from its roots need not be stable
     rows = length // 2
     hankel = np.lib.stride_tricks.sliding_window_view(response[1:], length - rows)[: rows - 1]
     left, singular, _ = np.linalg.svd(hankel, full_matrices=False)

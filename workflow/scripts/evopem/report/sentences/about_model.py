@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from evopem.models.armax import ArmaxModel
 from evopem.models.confidence_ellipse import uncertain_roots
 from evopem.models.modes import Mode
+from evopem.models.polynomial import PolynomialModel
 from evopem.report.mode_table import ModeRow
 from evopem.report.numbers import (
     THIN,
@@ -46,6 +46,7 @@ def modes(results: DatasetResults, rows: Sequence[ModeRow]) -> list[str]:
         if row.estimate is not None:
             sentences += _remarks(row.estimate, place, transforms.estimation_samples / rate, rate)
     sentences += _origins(results, rows)
+    sentences += _of_noise(results)
     missed = [row.truth for row in rows if row.estimate is None and row.truth is not None]
     if missed:
         sentences += _missed(missed, transforms)
@@ -69,7 +70,10 @@ class ModeLine:
 
 
 def mode_lines(results: DatasetResults) -> list[ModeLine]:
-    """Every mode of the model, by frequency, with what the data say about it."""
+    """Every mode with what the data say about it: those of the plant, then the noise filter's own.
+
+    A pole of D is no part of the response to the input, and only modes of the plant are tested.
+    """
     rate = results.model.sampling_rate
     evidence = {each.mode.pole: each for each in results.validation.modes}
     lines = []
@@ -79,28 +83,59 @@ def mode_lines(results: DatasetResults) -> list[ModeLine]:
             continue
         reasons = doubts(evidence[mode.pole], rate)
         lines.append(ModeLine(mode, not reasons, "; ".join(reasons) or _seen(evidence[mode.pole])))
-    return lines
+    return lines + [
+        ModeLine(mode, False, "of the noise filter alone, and not tested on validation samples")
+        for mode in results.model.model.modes_of_polynomial("d")
+    ]
 
 
 def _seen(evidence: ModeEvidence) -> str:
     """Where a trusted mode shows."""
     where = "the input drives it" if evidence.reached else "disturbances drive it, not the input"
+    if not evidence.has_input:
+        where = "it improves the prediction of validation samples"
     if not is_number(evidence.recurrence):
         return where
     return f"{where}; {fixed(100 * evidence.recurrence, 0)}{THIN}% of the other orders have it"
 
 
+def _of_noise(results: DatasetResults) -> list[str]:
+    """The modes that the noise filter has beside those of A."""
+    model = results.model.model
+    own = model.modes_of_polynomial("d")
+    if not own:
+        return []
+    listed = enumeration([hertz(mode.frequency_hz) for mode in own])
+    return [f"The noise filter has {plural(len(own), 'mode')} of its own, at {listed}."]
+
+
 def _origins(results: DatasetResults, rows: Sequence[ModeRow]) -> list[str]:
     """Which modes the input drives, which belong to the noise, and which recur at other orders."""
+    with_input = results.model.model.has_input
     numbers = {row.estimate.pole: n for n, row in enumerate(rows, start=1) if row.estimate}
     tested = results.validation.modes
     judged = [(numbers[each.mode.pole], each) for each in tested if each.mode.pole in numbers]
     sentences = []
     for origin, words in (
         ("input", "respond to the input on the validation samples"),
-        ("noise", "do not respond to the input; the noise model needs them"),
-        ("neither", "neither respond to the input nor does the noise model need them"),
-        ("not judged", "could not be tested for a response to the input"),
+        (
+            "noise",
+            "do not respond to the input; the noise model needs them"
+            if with_input
+            else "improve the prediction of the validation samples",
+        ),
+        (
+            "neither",
+            "neither respond to the input nor does the noise model need them"
+            if with_input
+            else "do not improve the prediction of the validation samples",
+        ),
+        (
+            "not judged",
+            "could not be tested for a response to the input"
+            if with_input
+            else "could not be tested on the validation samples",
+        ),
     ):
         places = [str(place) for place, each in judged if each.origin == origin]
         if places:
@@ -180,9 +215,10 @@ def poles(results: DatasetResults) -> list[str]:
     return [" ".join(sentence for sentence in sentences if sentence)]
 
 
-def _largest_ellipses(model: ArmaxModel) -> str:
+def _largest_ellipses(model: PolynomialModel) -> str:
     """The pole and the zero with the largest confidence ellipse, and the roots without one."""
-    poles, zeros = uncertain_roots(model, "A"), uncertain_roots(model, "B")
+    poles = [*uncertain_roots(model, "A"), *uncertain_roots(model, "F")]
+    zeros = uncertain_roots(model, "B")
     largest, unknown = [], 0
     for roots, noun in ((poles, "pole"), (zeros, "zero")):
         known = [root for root in roots if root.covariance_known]
@@ -208,10 +244,12 @@ def frequency_response(results: DatasetResults) -> list[str]:
     """Where the gain is largest, and its trend over frequency."""
     model = results.model.model
     frequencies = np.linspace(0, model.sampling_rate / 2, FREQUENCIES + 1)[1:]
-    gain = np.abs(model.frequency_response(frequencies))
+    response = model.frequency_response if model.has_input else model.noise_response
+    gain = np.abs(response(frequencies))
     top = int(np.argmax(gain))
     text = (
-        f"The gain is largest at {hertz(float(frequencies[top]))},"
+        f"The gain{'' if model.has_input else ' of the noise filter'} is largest at"
+        f" {hertz(float(frequencies[top]))},"
         f" where it is {number(float(gain[top]), 3)}."
     )
     tenth = FREQUENCIES // 10

@@ -3,25 +3,25 @@
 from __future__ import annotations
 
 import re
-from typing import Literal
 
+from evopem.config.structures import plant_order, varied_order
 from evopem.figures.figure_data import stabilization_poles
+from evopem.figures.order_criteria import tied_text
 from evopem.models.stabilization import PERSISTENT_ORDERS, persistent_frequencies
 from evopem.report.numbers import THIN, enumeration, hertz, number, percent, plural
 from evopem.results.dataset import DatasetResults
 
-Order = Literal["na", "nb", "nc"]
-
-# Phase, the order that it varies, its name.
-ORDER_PHASES: tuple[tuple[str, Order, str], ...] = (
-    ("joint", "na", "Joint order k = na = nb = nc"),
-    ("nc", "nc", "Order of C, nc"),
-    ("nb", "nb", "Number of B coefficients, nb"),
-)
+NAMES = {
+    "nc": "Order of C, nc",
+    "nd": "Order of D, nd",
+    "na": "Order of A, na",
+    "nb": "Number of B coefficients, nb",
+}
 
 
 def delay(results: DatasetResults) -> list[str]:
     """The selected delay, and how much BIC varies over the orders."""
+    order = plant_order(results.model.orders.structure)
     selected = results.phases["delay"].orders.nk
     tried = results.candidates[results.candidates["phase"] == "delay"]
     sentences = [_reason(results, "delay")]
@@ -30,8 +30,8 @@ def delay(results: DatasetResults) -> list[str]:
         others = spread.drop(selected)
         low, high = number(others.min(), 2), number(others.max(), 2)
         sentences.append(
-            f"Over the orders {tried['na'].min()} to {tried['na'].max()} the BIC of nk = {selected}"
-            f" varies by {number(spread[selected], 2)}, that of the other delays by"
+            f"Over the orders {tried[order].min()} to {tried[order].max()} the BIC of nk ="
+            f" {selected} varies by {number(spread[selected], 2)}, that of the other delays by"
             f" {low if low == high else f'{low} to {high}'}. A small variation speaks for a"
             " delay."
         )
@@ -45,7 +45,12 @@ def delay(results: DatasetResults) -> list[str]:
 def phases(results: DatasetResults) -> list[str]:
     """The selection of each phase of the orders, beside the smallest RSS."""
     paragraphs = []
-    for phase, order, name in ORDER_PHASES:
+    structure = results.model.orders.structure
+    for phase in results.phases:
+        if phase == "delay":
+            continue
+        order = varied_order(phase, structure)
+        name = NAMES.get(phase) or f"Joint order {tied_text(structure)}"
         candidates = results.phases[phase].candidates
         own = results.phases[phase].selected
         least = min(candidates, key=lambda candidate: candidate.criteria.rss)

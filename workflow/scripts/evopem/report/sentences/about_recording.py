@@ -44,6 +44,8 @@ def _contents(info: RecordingInfo) -> str:
     names = f"{info.input_name} (input) and {info.output_name} (output)"
     if (info.input_name, info.output_name) == ("input", "output"):
         names = "one input and one output"
+    if not info.input_name:
+        names = info.output_name if info.output_name != "output" else "one output"
     return (
         f"The recording has {count(info.samples)} samples of {names} at"
         f" {hertz(info.sampling_rate)},"

@@ -31,14 +31,15 @@ def search(results: DatasetResults) -> list[str]:
     ]
     if model.search.at_stability_bound:
         sentences.append(
-            "A root of A or C lies at the stability bound, the largest radius allowed: the bound"
-            " determines it, and not the data."
+            "A root of A, C, D or F lies at the stability bound, the largest radius allowed: the"
+            " bound determines it, and not the data."
         )
-    if model.noise_state.size:
-        sentences.append(
-            f"The noise state before the first residual ({plural(model.noise_state.size, 'value')})"
-            " was estimated with the coefficients, so no initial transient adds to the residuals."
-        )
+    for state, words in ((model.plant_state, "plant"), (model.noise_state, "noise")):
+        if state.size:
+            sentences.append(
+                f"The {words} state before the first residual ({plural(state.size, 'value')}) was"
+                " estimated with the coefficients, so no initial transient adds to the residuals."
+            )
     sentences.append(_all_candidates(results.candidates))
     return [" ".join(sentences)]
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from evopem.report.numbers import count, is_number, number, p_value, percent, plural, times
 from evopem.results.dataset import DatasetResults
+from evopem.validation.checks.residuals import WITHOUT_NOISE_MODEL
 from evopem.validation.residual_tests import WhitenessTest
 from evopem.validation.validation import CrossCorrelationTest, Validation
 
@@ -54,6 +55,13 @@ def _cross_correlation(test: CrossCorrelationTest) -> str:
 def simulation(results: DatasetResults) -> list[str]:
     """Error of the simulation on samples that were not used for estimation."""
     validation = results.validation
+    if not results.model.model.has_input:
+        return [
+            "The model has no input, so there is nothing to simulate. The prediction one sample"
+            f" ahead has an error of {percent(validation.prediction_error_percent)} of the"
+            " deviation of the measured output over"
+            f" {plural(validation.samples, 'validation sample')}."
+        ]
     sentences = [
         "The simulation uses the input alone. Its error is"
         f" {percent(validation.simulation_error_percent)} of the deviation of the measured output"
@@ -75,6 +83,24 @@ def simulation(results: DatasetResults) -> list[str]:
             " are not scored."
         )
     return [" ".join(sentences)]
+
+
+def horizons(results: DatasetResults) -> list[str]:
+    """How the error of the prediction grows with its horizon."""
+    found = results.validation.horizons
+    first, last = found[0], found[-1]
+    text = (
+        "A prediction k samples ahead knows the input up to the predicted sample and the output up"
+        f" to k samples before. Its error is {percent(first.error_percent)} at k = {first.samples}"
+    )
+    if last is not first:
+        text += f" and {percent(last.error_percent)} at k = {count(last.samples)}"
+    text += "."
+    if results.model.orders.structure in WITHOUT_NOISE_MODEL:
+        text += " Without a noise model it does not depend on the horizon."
+    elif results.model.model.has_input:
+        text += " With growing k it approaches the error of the continued simulation."
+    return [text]
 
 
 def _recorded(results: DatasetResults) -> list[str]:

@@ -8,9 +8,11 @@ from typing import Literal
 
 import numpy as np
 
+from evopem.figures.frequency_domain import plant_or_noise_filter
 from evopem.report.numbers import THIN, count, enumeration, is_number, number, percent, plural
 from evopem.results.dataset import DatasetResults
 from evopem.validation.checks import Check
+from evopem.validation.checks.residuals import WITHOUT_NOISE_MODEL, white
 
 Answer = Literal["good", "care", "no"]
 
@@ -25,11 +27,13 @@ ESSENTIAL: dict[str, tuple[str, ...]] = {
     "prediction": ("Invertible",),
     "response": ("Stable", "Response to the input significant", "Excitation adequate"),
     "intervals": ("Roots inside the stability bound",),
+    "spectrum": ("Stable",),
 }
 DESIRABLE: dict[str, tuple[str, ...]] = {
     "simulation": ("Validation input comparable", "Search repeatable"),
     "prediction": ("White residuals", "Search repeatable"),
     "response": ("Residuals independent of the input", "Search repeatable"),
+    "spectrum": ("White residuals", "Every spectral peak modelled", "Search repeatable"),
     "intervals": (
         "White residuals",
         "Residuals independent of the input",
@@ -80,18 +84,22 @@ class Verdict:
 def verdict(results: DatasetResults) -> Verdict:
     """Judge every use of a model by its errors on validation samples and by its checks.
 
+    A model without input cannot be simulated; it is judged by its prediction and its spectrum.
+
     Parameters
     ----------
     results : DatasetResults
     """
     outcome = {check.name: check for check in results.checks}
+    of_input = []
+    if results.model.model.has_input:
+        of_input = [_simulation(results, outcome), *_simulation_as_recorded(results, outcome)]
     uses = [
-        _simulation(results, outcome),
-        *_simulation_as_recorded(results, outcome),
+        *of_input,
         _prediction(results, outcome),
         _frequency_response(results, outcome),
         _modes(results),
-        _intervals(outcome),
+        _intervals(results, outcome),
     ]
     return Verdict(_sentence(uses), sorted(uses, key=lambda use: _ORDER.index(use.answer)))
 
@@ -181,12 +189,26 @@ def _prediction(results: DatasetResults, outcome: Mapping[str, Check]) -> Use:
     if not is_number(error):
         return Use("one-step prediction", "no", "the error is not known")
     reason = f"off by {percent(error)} on validation samples"
+    if _without_noise_model(results):
+        # It is a simulation, and is as good as one.
+        answer = _worse(answer, _by_error(error))
+        if white(results.validation) is not True:
+            answer = _worse(answer, "care")
+            against = _joined(against, "the residuals are coloured, which no noise model uses")
     return Use("one-step prediction", answer, _joined(reason, against))
 
 
+def _without_noise_model(results: DatasetResults) -> bool:
+    return results.model.orders.structure in WITHOUT_NOISE_MODEL
+
+
 def _frequency_response(results: DatasetResults, outcome: Mapping[str, Check]) -> Use:
-    answer, against = _by_checks("response", outcome)
-    table = results.frequency_response
+    """The response of the plant; of a model without input, the spectrum that its noise has."""
+    table, _ = plant_or_noise_filter(results.frequency_response)
+    name, rests_on = "the frequency response", "response"
+    if not results.model.model.has_input:
+        name, rests_on = "the spectrum of the output", "spectrum"
+    answer, against = _by_checks(rests_on, outcome)
     inside = table[(table["gain"] > 0) & table["gain_lower"].notna()]
     reason = "its 95 % band is not known"
     if len(inside):
@@ -195,7 +217,7 @@ def _frequency_response(results: DatasetResults, outcome: Mapping[str, Check]) -
         reason = f"95 % band of ±{half}{THIN}% of the gain (median over frequency)"
     else:
         answer = _worse(answer, "care")
-    return Use("the frequency response", answer, _joined(reason, against))
+    return Use(name, answer, _joined(reason, against))
 
 
 def _modes(results: DatasetResults) -> Use:
@@ -214,9 +236,12 @@ def _modes(results: DatasetResults) -> Use:
     return Use(f"{name} {places}", "good", reason)
 
 
-def _intervals(outcome: Mapping[str, Check]) -> Use:
+def _intervals(results: DatasetResults, outcome: Mapping[str, Check]) -> Use:
     answer, against = _by_checks("intervals", outcome)
-    reason = "white residuals, repeatable optimum" if answer == "good" else ""
+    residuals = "white residuals"
+    if _without_noise_model(results) and white(results.validation) is not True:
+        residuals = "the colour of the residuals is taken into account"
+    reason = f"{residuals}, repeatable optimum" if answer == "good" else ""
     return Use("standard errors", answer, _joined(reason, against))
 
 

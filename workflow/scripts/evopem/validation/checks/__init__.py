@@ -10,10 +10,23 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from evopem.validation.checks.check import SIGNIFICANCE, Check, p_text
-from evopem.validation.checks.excitation import comparable_split, excitation, response_to_input
+from evopem.validation.checks.excitation import (
+    EXCITATION_ADEQUATE,
+    INPUT_COMPARABLE,
+    RESPONSE_SIGNIFICANT,
+    comparable_split,
+    excitation,
+    response_to_input,
+)
 from evopem.validation.checks.recording import saturation
-from evopem.validation.checks.residuals import input_independence, outliers, whiteness
+from evopem.validation.checks.residuals import (
+    INDEPENDENT_OF_INPUT,
+    input_independence,
+    outliers,
+    whiteness,
+)
 from evopem.validation.checks.roots import (
+    DISTINCT,
     cancellation,
     invertibility,
     stability,
@@ -28,6 +41,15 @@ if TYPE_CHECKING:
     from evopem.signals.recording_info import RecordingInfo
     from evopem.signals.spectral.summary import SpectrumSummary
     from evopem.validation.validation import Validation
+
+# Checks that a model without input does not have.
+OF_THE_INPUT = (
+    INDEPENDENT_OF_INPUT,
+    EXCITATION_ADEQUATE,
+    RESPONSE_SIGNIFICANT,
+    INPUT_COMPARABLE,
+    DISTINCT,
+)
 
 __all__ = ["SIGNIFICANCE", "Check", "checks", "p_text"]
 
@@ -54,21 +76,24 @@ def checks(
     Returns
     -------
     list of Check
-        In the order of the report.
+        In the order of the report; without an input, those that do not concern it.
     """
-    return [
+    judged = [
         stability(model),
         invertibility(model),
-        whiteness(validation),
+        whiteness(model, validation),
         input_independence(validation),
         spectral_peaks(model, spectrum),
         cancellation(model),
         search_ranges(phases),
         stability_bound(model),
         repeatability(model.search.diagnostics),
-        excitation(validation),
+        excitation(model, validation),
         response_to_input(validation),
         comparable_split(validation),
         outliers(model, validation),
         saturation(recording),
     ]
+    if model.model.has_input:
+        return judged
+    return [check for check in judged if check.name not in OF_THE_INPUT]

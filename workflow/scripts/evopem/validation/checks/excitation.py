@@ -7,18 +7,26 @@ from typing import TYPE_CHECKING
 from evopem.validation.checks.check import SIGNIFICANCE, Check, p_text
 
 if TYPE_CHECKING:
+    from evopem.estimation.model_record import ModelRecord
     from evopem.validation.validation import Validation
 
 
-def excitation(validation: Validation) -> Check:
-    """The order of excitation of the input at least na + nb."""
+EXCITATION_ADEQUATE = "Excitation adequate"
+RESPONSE_SIGNIFICANT = "Response to the input significant"
+INPUT_COMPARABLE = "Validation input comparable"
+
+
+def excitation(model: ModelRecord, validation: Validation) -> Check:
+    """The order of excitation of the input at least the number of coefficients of the plant."""
     order, needed = validation.excitation.order, validation.excitation.needed
+    orders = model.orders
+    terms = [name for name in ("na", "nf", "nb") if getattr(orders, name) or name == "nb"]
     passed = order >= needed
     return Check(
-        "Excitation adequate",
+        EXCITATION_ADEQUATE,
         passed,
         f"The input is persistently exciting of order {order}; the model needs {needed}"
-        " (na + nb). Directions more than 40 dB below the strongest are not counted.",
+        f" ({' + '.join(terms)}). Directions more than 40 dB below the strongest are not counted.",
         ""
         if passed
         else "Trust the model only at frequencies where the input has power. Record with a broader"
@@ -28,7 +36,7 @@ def excitation(validation: Validation) -> Check:
 
 def response_to_input(validation: Validation) -> Check:
     """The response to the input significant on samples that were not used for estimation."""
-    name = "Response to the input significant"
+    name = RESPONSE_SIGNIFICANT
     test = validation.input_test
     passed = test.significant(SIGNIFICANCE)
     if passed is None:
@@ -53,7 +61,7 @@ def response_to_input(validation: Validation) -> Check:
 
 def comparable_split(validation: Validation) -> Check:
     """The validation input has power only where the estimation input has power as well."""
-    name = "Validation input comparable"
+    name = INPUT_COMPARABLE
     split = validation.split
     if split.comparable is None:
         return Check(

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from scipy.special import ndtri
 
+from evopem.config.structures import phases_of
 from evopem.validation.checks.check import SIGNIFICANCE, Check, p_text
 
 if TYPE_CHECKING:
@@ -22,12 +23,35 @@ MAX_OUTLIER_PERCENT = 0.1
 MAX_OUTLIER_PERCENT_ABSOLUTE = 5.0
 
 
-def whiteness(validation: Validation) -> Check:
+INDEPENDENT_OF_INPUT = "Residuals independent of the input"
+# Structures that claim nothing of the noise.
+WITHOUT_NOISE_MODEL = ("fir", "oe")
+
+
+def white(validation: Validation) -> bool | None:
+    """Whether the residuals are as white as a test can tell; None where it was not possible."""
+    share, lags = validation.autocorrelation_share_inside95, validation.lags
+    if math.isnan(share) or math.isnan(validation.ljung_box.p_value) or lags < 1:
+        return None
+    return validation.ljung_box.p_value >= SIGNIFICANCE and share >= _least_share(lags)
+
+
+def _least_share(lags: int) -> float:
+    """Least share of autocorrelations inside their 95 % bounds.
+
+    Those of white noise are nearly independent, so the share is binomial; three standard deviations
+    are allowed.
+    """
+    return 0.95 - 3.0 * math.sqrt(0.95 * 0.05 / lags)
+
+
+def whiteness(model: ModelRecord, validation: Validation) -> Check:
     """Residual autocorrelations as small as those of white noise, jointly and one by one."""
     name = "White residuals"
     share, lags = validation.autocorrelation_share_inside95, validation.lags
     test = validation.ljung_box
-    if math.isnan(share) or math.isnan(test.p_value) or lags < 1:
+    passed = white(validation)
+    if passed is None:
         return Check(
             name,
             None,
@@ -36,26 +60,39 @@ def whiteness(validation: Validation) -> Check:
             f" of {test.expected:.3g}.",
             "Use a longer record or fewer parameters.",
         )
-    # The autocorrelations of white noise are nearly independent, so the share is binomial; three
-    # standard deviations are allowed.
-    least = 0.95 - 3.0 * math.sqrt(0.95 * 0.05 / lags)
-    passed = test.p_value >= SIGNIFICANCE and share >= least
+    structure = model.orders.structure
+    if structure in WITHOUT_NOISE_MODEL:
+        return Check(
+            name,
+            True,
+            f"The residuals are {'white' if passed else 'coloured'}: Ljung-Box test over"
+            f" {test.lags} lags, {p_text(test.p_value)}. {structure.upper()} models claim nothing"
+            " of the noise, so coloured residuals are no fault of the plant model; its intervals"
+            " take the colour into account. The cross-correlation with the input is the test that"
+            " counts.",
+        )
     return Check(
         name,
         passed,
         f"Ljung-Box test of whiteness over {test.lags} lags: {p_text(test.p_value)}."
         f" {100 * share:.1f} % of {lags} autocorrelations lie inside their 95 % bounds"
-        f" (at least {100 * least:.1f} % required).",
+        f" (at least {100 * _least_share(lags):.1f} % required).",
         ""
         if passed
-        else "The noise model is incomplete: raise the upper end of “orders.nc” or"
-        " “orders.joint”, or look for trends, mains hum or nonlinearity in the record.",
+        else f"The noise model is incomplete: raise the upper end of {_noise_keys(structure)}, or"
+        " look for trends, mains hum or nonlinearity in the record.",
     )
+
+
+def _noise_keys(structure: str) -> str:
+    """The keys of the ranges of orders that the noise model has."""
+    keys = [f"“orders.{phase}”" for phase in ("nc", "nd", "joint") if phase in phases_of(structure)]
+    return " or ".join(keys)
 
 
 def input_independence(validation: Validation) -> Check:
     """No significant cross-correlation of residuals and input."""
-    name = "Residuals independent of the input"
+    name = INDEPENDENT_OF_INPUT
     test = validation.cross_correlation
     if math.isnan(test.share_inside95) or math.isnan(test.max_in_bounds):
         return Check(

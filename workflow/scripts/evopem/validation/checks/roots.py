@@ -1,4 +1,4 @@
-"""Checks of the roots of A, B and C."""
+"""Checks of the roots of the polynomials."""
 
 from __future__ import annotations
 
@@ -7,15 +7,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.models.polynomials import root_gradient
+from evopem.config.structures import STRUCTURES, plant_order
+from evopem.models.polynomials import root_gradient, roots
 from evopem.models.root_covariance import CHI_SQUARE_95
 from evopem.validation.checks.check import Check
 
 if TYPE_CHECKING:
     from evopem.estimation.model_record import ModelRecord
     from evopem.models.parameter_covariance import ParameterCovariance
+    from evopem.models.polynomial import PolynomialModel
 
-Array = NDArray[np.float64]
 Roots = NDArray[np.complex128]
 
 # A pole and a zero farther apart than this do not cancel, however uncertain they are.
@@ -24,31 +25,43 @@ MAX_CANCELLATION_DISTANCE = 0.1
 COINCIDENT_DISTANCE = 0.01
 
 
+DISTINCT = "Poles and zeros distinct"
+
+
 def stability(model: ModelRecord) -> Check:
-    """All roots of A inside the unit circle."""
+    """All poles of the plant, roots of A and F, inside the unit circle."""
     return _inside_unit_circle(
         "Stable",
-        "A",
+        _letters(model, "af"),
         model.poles,
         "Do not simulate with this model. Estimate again with a smaller “search.max_root_radius”.",
     )
 
 
 def invertibility(model: ModelRecord) -> Check:
-    """All roots of C inside the unit circle."""
+    """All roots of C and D inside the unit circle."""
+    own_poles = roots(model.d[1:])
     return _inside_unit_circle(
         "Invertible",
-        "C",
-        model.noise_zeros,
+        _letters(model, "cd"),
+        np.concatenate([model.noise_zeros, own_poles]),
         "The one-step predictor diverges. Estimate again with a smaller “search.max_root_radius”"
-        " or a smaller nc.",
+        " or smaller orders of the noise model.",
     )
 
 
-def _inside_unit_circle(name: str, polynomial: str, roots: Roots, advice: str) -> Check:
-    if roots.size == 0:
-        return Check(name, True, f"{polynomial} = 1 has no roots.")
-    largest = float(np.max(np.abs(roots)))
+def _letters(model: ModelRecord, letters: str) -> str:
+    """Those of some polynomials that the structure has: "A", or "A and F"."""
+    names = STRUCTURES[model.orders.structure]
+    own = [letter.upper() for letter in letters if f"n{letter}" in names]
+    return " and ".join([", ".join(own[:-1]), own[-1]] if len(own) > 1 else own)
+
+
+def _inside_unit_circle(name: str, polynomial: str, found: Roots, advice: str) -> Check:
+    if found.size == 0:
+        none = f"{polynomial} = 1 has no roots." if polynomial else "The model has no such roots."
+        return Check(name, True, none)
+    largest = float(np.max(np.abs(found)))
     if not np.isfinite(largest):
         return Check(name, None, f"The roots of {polynomial} are not finite.", advice)
     passed = largest < 1.0
@@ -63,15 +76,18 @@ def _inside_unit_circle(name: str, polynomial: str, roots: Roots, advice: str) -
 
 
 def stability_bound(model: ModelRecord) -> Check:
-    """No root of A or C at the largest radius that the search allows."""
+    """No root of A, C, D or F at the largest radius that the search allows."""
     name = "Roots inside the stability bound"
     bound = f"the stability bound (radius {model.search.settings.max_root_radius:g})"
+    letters = _letters(model, "acdf").replace(" and ", " or ")
+    if not letters:
+        return Check(name, True, f"The model has no roots that could lie at {bound}.")
     if not model.search.at_stability_bound:
-        return Check(name, True, f"No root of A or C lies at {bound}.")
+        return Check(name, True, f"No root of {letters} lies at {bound}.")
     return Check(
         name,
         False,
-        f"A root of A or C lies at {bound}: the bound and not the data determines its radius.",
+        f"A root of {letters} lies at {bound}: the bound and not the data determines its radius.",
         "A root of C at the bound indicates overdifferencing: lower “transforms.difference”."
         " A pole there indicates drift or very low damping: remove the drift, or raise"
         " “search.max_root_radius” towards 1. With a short record, lower the orders.",
@@ -79,25 +95,27 @@ def stability_bound(model: ModelRecord) -> Check:
 
 
 def cancellation(model: ModelRecord) -> Check:
-    """No pole and zero of B/A that their joint 95 % uncertainty cannot distinguish."""
-    name = "Poles and zeros distinct"
+    """No pole and zero of B/(A F) that their joint 95 % uncertainty cannot distinguish."""
+    name = DISTINCT
     poles, zeros = model.poles, model.zeros
     if poles.size == 0 or zeros.size == 0:
         return Check(name, True, "The model has no pair of a pole and a zero.")
+    own = model.model
     pairs = [
-        (abs(pole - zero), complex(pole), complex(zero))
-        for pole in poles
+        (abs(pole - zero), complex(pole), complex(zero), letter)
+        for letter in "af"
+        for pole in roots(getattr(own, letter)[1:])
         for zero in zeros
         if pole.imag >= 0 and zero.imag >= 0
     ]
-    distance, pole, zero = min(pairs, key=lambda pair: pair[0])
+    distance, pole, zero, _ = min(pairs, key=lambda pair: pair[0])
     nearest = f"The nearest pair, pole {_root_text(pole)} and zero {_root_text(zero)}, is"
+    order = plant_order(model.orders.structure)
     advice = (
-        "The pair hardly affects the frequency response: lower na and nb by one (a real pair) or"
-        " two (a complex pair) and compare the BIC."
+        f"The pair hardly affects the frequency response: lower {order} and nb by one (a real pair)"
+        " or two (a complex pair) and compare the BIC."
     )
-    known = model.covariance_factor
-    covariance = None if known is None else known.part(slice(poles.size + model.b.size))
+    covariance = model.covariance_factor
     if covariance is None:
         if distance < COINCIDENT_DISTANCE:
             return Check(name, False, f"{nearest} only {distance:.2g} apart.", advice)
@@ -111,9 +129,9 @@ def cancellation(model: ModelRecord) -> Check:
         )
     indistinct = [
         f"{_root_text(pole)} and {_root_text(zero)}"
-        for distance, pole, zero in pairs
+        for distance, pole, zero, letter in pairs
         if distance < MAX_CANCELLATION_DISTANCE
-        and _indistinguishable(pole, zero, model.a, model.b, covariance)
+        and _indistinguishable(pole, zero, own, letter, covariance)
     ]
     if indistinct:
         return Check(
@@ -132,11 +150,17 @@ def cancellation(model: ModelRecord) -> Check:
 
 
 def _indistinguishable(
-    pole: complex, zero: complex, a: Array, b: Array, covariance: ParameterCovariance
+    pole: complex,
+    zero: complex,
+    model: PolynomialModel,
+    letter: str,
+    covariance: ParameterCovariance,
 ) -> bool:
-    """Whether the 95 % confidence region of pole minus zero contains 0."""
+    """Whether the 95 % confidence region of a pole, of A or F, minus a zero contains 0."""
+    gradient = np.zeros(model.orders.parameters, dtype=complex)
     with np.errstate(divide="ignore", invalid="ignore"):
-        gradient = np.concatenate([root_gradient(a, pole)[1:], -root_gradient(b, zero)])
+        gradient[model.part(letter)] = root_gradient(getattr(model, letter), pole)[1:]
+        gradient[model.part("b")] = -root_gradient(model.b, zero)
     if not np.all(np.isfinite(gradient)):
         return True  # a repeated root has no derivative: its position is not determined
     difference = pole - zero

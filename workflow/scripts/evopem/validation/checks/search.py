@@ -5,20 +5,22 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
+from evopem.config.structures import varied_order
 from evopem.validation.checks.check import Check
 
 if TYPE_CHECKING:
     from evopem.estimation.candidate import PhaseSelection
     from evopem.estimation.search.problem import SearchDiagnostics
 
-# Phase, the order that it varies, the configuration key of its range, and the smallest value that
-# the order can have.
-RANGES = (
-    ("delay", "nk", "delay.nk", 0),
-    ("joint", "na", "orders.joint", 1),
-    ("nc", "nc", "orders.nc", 0),
-    ("nb", "nb", "orders.nb", 1),
-)
+# The configuration key of the range of each phase, and the smallest value of what it varies.
+RANGES = {
+    "delay": ("delay.nk", 0),
+    "joint": ("orders.joint", 1),
+    "nc": ("orders.nc", 0),
+    "nd": ("orders.nd", 0),
+    "na": ("orders.na", 0),
+    "nb": ("orders.nb", 1),
+}
 # Estimated probability of an undiscovered minimum above which a search is not called repeatable.
 MAX_UNDISCOVERED_PROBABILITY = 0.01
 
@@ -27,9 +29,11 @@ def search_ranges(phases: Mapping[str, PhaseSelection]) -> Check:
     """No selected order at an end of its range, unless the order cannot go beyond that end."""
     name = "Orders inside their search ranges"
     at_end, inside, fixed = [], [], []
-    for phase, order, key, least in RANGES:
-        tried = [getattr(candidate.orders, order) for candidate in phases[phase].candidates]
-        low, high, value = min(tried), max(tried), getattr(phases[phase].orders, order)
+    for phase, selection in phases.items():
+        key, least = RANGES[phase]
+        order = varied_order(phase, selection.orders.structure)
+        tried = [getattr(candidate.orders, order) for candidate in selection.candidates]
+        low, high, value = min(tried), max(tried), getattr(selection.orders, order)
         if low == high:
             fixed.append(f"{order} = {value}")
         elif value == high or (value == low and value > least):

@@ -43,7 +43,10 @@ def spectral_peaks(model: ModelRecord, spectrum: SpectrumSummary) -> Check:
     without_mode = [
         peak
         for peak in spectrum.peaks
-        if not any(_accounts_for(mode, peak.frequency_hz, resolution) for mode in model.modes)
+        if not any(
+            _accounts_for(mode, peak.frequency_hz, resolution)
+            for mode in (*model.modes, *model.noise_modes)
+        )
     ]
     missed = _unexplained(model, without_mode) if without_mode else []
     if not missed:

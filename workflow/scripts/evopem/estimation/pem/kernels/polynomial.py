@@ -4,7 +4,11 @@ from evopem.estimation.pem.kernels.polynomial_gauss_newton import (
     polynomial_gauss_newton_matrices,
     polynomial_jacobian,
 )
-from evopem.estimation.pem.kernels.polynomial_gradient import polynomial_values_and_gradients
+from evopem.estimation.pem.kernels.polynomial_gradient import (
+    polynomial_residuals,
+    polynomial_values,
+    polynomial_values_and_gradients,
+)
 from evopem.estimation.pem.kernels.polynomial_record import (
     PolynomialObjective,
     PolynomialRecord,
@@ -12,11 +16,7 @@ from evopem.estimation.pem.kernels.polynomial_record import (
     polynomial_record,
     polynomial_workspace,
 )
-from evopem.estimation.pem.kernels.polynomial_residuals import (
-    feasible_polynomials,
-    polynomial_residuals,
-    polynomial_values,
-)
+from evopem.estimation.pem.kernels.polynomial_residuals import feasible_polynomials
 
 __all__ = [
     "PolynomialObjective",

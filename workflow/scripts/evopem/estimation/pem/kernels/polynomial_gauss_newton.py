@@ -9,10 +9,18 @@ sample before the record that enters it, times the response to an impulse.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from evopem.estimation.pem.kernels.cache import cached_njit, njit
 from evopem.estimation.pem.kernels.gauss_newton import forget_decayed
-from evopem.estimation.pem.kernels.polynomial_record import load_polynomials, point_index
+from evopem.estimation.pem.kernels.polynomial_record import (
+    ANY_OBJECTIVE,
+    PolynomialObjective,
+    PolynomialRecord,
+    PolynomialWorkspace,
+    load_polynomials,
+    point_index,
+)
 from evopem.estimation.pem.kernels.polynomial_residuals import all_polynomial_residuals
 from evopem.estimation.pem.kernels.record import BLOCK, CHUNK, fill, load_smoothing
 from evopem.estimation.pem.kernels.residuals import filter_block, sum_of_losses
@@ -28,6 +36,8 @@ from evopem.estimation.pem.kernels.simd import (
     store,
 )
 from evopem.estimation.pem.kernels.stability import barrier_curvature
+
+Array = NDArray[np.float64]
 
 # Signals in the order in which they are filtered.
 _Y, _U, _X, _V, _E, _IMPULSE, _ONE = range(7)
@@ -218,17 +228,30 @@ def _add_products(record, workspace, low, size):
 
 
 @njit
-def _products_of_columns(record, workspace):
-    """``sum_t J_t J_t'`` over the samples that count, for the loaded models."""
+def _pass_of_columns(record, workspace, jacobian):
+    """``sum_t J_t J_t'`` over the samples that count, or where it has rows the first model's J."""
     fill(workspace.products, 0, workspace.products.shape[0], 0.0)
     _forget(workspace)
     for begin in range(record.residual_start, record.y.size, CHUNK):
         end = min(begin + CHUNK, record.y.size)
         _jacobian_stretch(record, workspace, begin, end)
         low, high = max(begin, record.loss_start), min(end, record.loss_stop)
-        if high > low:
+        if high > low and jacobian.shape[0] > 0:
+            _copy_columns(record, workspace.columns, begin, low, high, jacobian)
+        elif high > low:
             _add_products(record, workspace, 1 + low - begin, high - low)
         _keep_last(record, workspace, end - begin)
+
+
+@njit
+def _copy_columns(record, columns, begin, low, high, jacobian):
+    """Samples ``low <= t < high`` of a stretch's columns, by the entries of a point."""
+    for row in range(record.rows):
+        index, sign = point_index(record, row)
+        if index >= 0:
+            for t in range(low, high):
+                value = columns[row * (CHUNK + 1) + 1 + t - begin, 0]
+                jacobian[t - record.loss_start, index] = sign * value
 
 
 @njit
@@ -257,34 +280,10 @@ def _mean_second_derivatives(record, workspace, bandwidth):
 
 
 @cached_njit
-def polynomial_jacobian(record, workspace, points, rows):
-    """Derivatives of the residuals that count by every entry of one point, (samples, n)."""
-    load_polynomials(record, points, rows, workspace.parameters)
-    all_polynomial_residuals(record, workspace)
-    _forget(workspace)
-    jacobian = np.empty((record.loss_stop - record.loss_start, points.shape[1]))
-    for begin in range(record.residual_start, record.y.size, CHUNK):
-        end = min(begin + CHUNK, record.y.size)
-        _jacobian_stretch(record, workspace, begin, end)
-        for row in range(record.rows):
-            index, sign = point_index(record, row)
-            if index >= 0:
-                for t in range(max(begin, record.loss_start), min(end, record.loss_stop)):
-                    value = workspace.columns[row * (CHUNK + 1) + 1 + t - begin, 0]
-                    jacobian[t - record.loss_start, index] = sign * value
-        _keep_last(record, workspace, end - begin)
-    return jacobian
+def _pass(record, objective, workspace, bandwidth, points, smoothing, barriers, jacobian):
+    """Gauss-Newton matrices, or where ``jacobian`` has rows that of the first point instead.
 
-
-@cached_njit
-def polynomial_gauss_newton_matrices(
-    record, objective, workspace, bandwidth, points, smoothing, barriers
-):
-    """Gauss-Newton part of the Hessian of each row's objective, (M, n, n); rows must be feasible.
-
-    For the absolute value with the mean second derivative of :func:`_mean_second_derivatives`,
-    whose width is ``bandwidth`` in mean ``|e|``.  The barriers of A, C, D and F, times
-    ``barriers``, are added.
+    One function for both, compiled and loaded once.
     """
     count, n = points.shape
     matrices = np.zeros((count, n, n))
@@ -306,7 +305,9 @@ def polynomial_gauss_newton_matrices(
         rows = np.arange(begin, min(begin + LANES, count))
         load_polynomials(record, points, rows, workspace.parameters)
         all_polynomial_residuals(record, workspace)
-        _products_of_columns(record, workspace)
+        _pass_of_columns(record, workspace, jacobian)
+        if jacobian.shape[0] > 0:
+            break
         if objective.absolute:
             load_smoothing(smoothing, rows, workspace)
             _mean_second_derivatives(record, workspace, bandwidth)
@@ -334,4 +335,36 @@ def polynomial_gauss_newton_matrices(
                 for i in range(high - low):
                     for j in range(high - low):
                         matrices[r, low + i, low + j] += barriers[r] * curvature[i, j]
+    return matrices
+
+
+def polynomial_jacobian(
+    record: PolynomialRecord, workspace: PolynomialWorkspace, points: Array, rows: NDArray[np.intp]
+) -> Array:
+    """Derivatives of the residuals that count by every entry of one point, (samples, n)."""
+    jacobian = np.empty((record.loss_stop - record.loss_start, points.shape[1]))
+    point, none = np.ascontiguousarray(points[rows]), np.zeros(1)
+    _pass(record, ANY_OBJECTIVE, workspace, 0.0, point, none, none, jacobian)
+    return jacobian
+
+
+def polynomial_gauss_newton_matrices(
+    record: PolynomialRecord,
+    objective: PolynomialObjective,
+    workspace: PolynomialWorkspace,
+    bandwidth: float,
+    points: Array,
+    smoothing: Array,
+    barriers: Array,
+) -> Array:
+    """Gauss-Newton part of the Hessian of each row's objective, (M, n, n); rows must be feasible.
+
+    For the absolute value with the mean second derivative of :func:`_mean_second_derivatives`,
+    whose width is ``bandwidth`` in mean ``|e|``.  The barriers of A, C, D and F, times
+    ``barriers``, are added.
+    """
+    none = np.empty((0, points.shape[1]))
+    matrices: Array = _pass(
+        record, objective, workspace, bandwidth, points, smoothing, barriers, none
+    )
     return matrices

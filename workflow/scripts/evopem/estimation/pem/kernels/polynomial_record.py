@@ -77,6 +77,10 @@ class PolynomialObjective(NamedTuple):
     noise_radius: float
 
 
+# Of residuals and their derivatives, which depend on no objective.
+ANY_OBJECTIVE = PolynomialObjective(False, 1.0, 0.0, 0.0, 1.0, 1.0)
+
+
 class PolynomialWorkspace(NamedTuple):
     """Buffers of a pass, each a table with one column for each of eight models.
 

@@ -1,14 +1,20 @@
-"""Residuals of eight general polynomial models in one pass, and the values of the objective."""
+"""Residuals of eight general polynomial models in one pass, and which models are allowed."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from evopem.estimation.pem.kernels.cache import cached_njit, njit
-from evopem.estimation.pem.kernels.polynomial_record import load_polynomials, weighted_states
-from evopem.estimation.pem.kernels.record import BLOCK, CHUNK, all_finite, fill, marked_rows
-from evopem.estimation.pem.kernels.residuals import filter_block, sum_of_losses
-from evopem.estimation.pem.kernels.simd import LANES, add, constant, fma, load, sample, store
+from evopem.estimation.pem.kernels.record import BLOCK, all_finite, fill
+from evopem.estimation.pem.kernels.residuals import filter_block, store_block
+from evopem.estimation.pem.kernels.simd import (
+    add,
+    constant,
+    fma,
+    load,
+    load_either,
+    sample,
+)
 from evopem.estimation.pem.kernels.stability import step_down
 
 
@@ -27,57 +33,77 @@ def _add_impulses(parameters, row, last, s0, s1, s2, s3):
 
 
 @njit
+def _add_lags(parameters, at, count, signal, q, s0, s1, s2, s3, s4, s5, s6, s7):
+    """Add ``sum_j parameters[at + j] signal[q + i - j]`` to the i-th of eight samples.
+
+    Of a signal that all models share or of a table of their own ones.
+    """
+    w1, w2, w3 = load_either(signal, q + 1), load_either(signal, q + 2), load_either(signal, q + 3)
+    w4, w5, w6 = load_either(signal, q + 4), load_either(signal, q + 5), load_either(signal, q + 6)
+    w7 = load_either(signal, q + 7)
+    for j in range(count):
+        p, w0 = load(parameters, at + j), load_either(signal, q - j)
+        s0, s1, s2, s3 = fma(p, w0, s0), fma(p, w1, s1), fma(p, w2, s2), fma(p, w3, s3)
+        s4, s5, s6, s7 = fma(p, w4, s4), fma(p, w5, s5), fma(p, w6, s6), fma(p, w7, s7)
+        w1, w2, w3, w4, w5, w6, w7 = w0, w1, w2, w3, w4, w5, w6
+    return s0, s1, s2, s3, s4, s5, s6, s7
+
+
+@njit
+def _add_output(y, t, level, s0, s1, s2, s3):
+    """Add the level and four samples of the output."""
+    s0, s1 = add(add(s0, sample(y, t)), level), add(add(s1, sample(y, t + 1)), level)
+    s2, s3 = add(add(s2, sample(y, t + 2)), level), add(add(s3, sample(y, t + 3)), level)
+    return s0, s1, s2, s3
+
+
+@njit
 def _residuals(record, parameters, x, v, e, before, begin, end):
-    """x, v and e of eight models at ``begin <= t < end``, whole blocks.
+    """x, v and e of eight models at ``begin <= t < end``, whole pairs of blocks.
 
     Row ``t - before`` of a table is sample t; the ``history`` rows before the first are known.
+    Eight samples at a time keep the processor busy while a recursion waits for itself.
     """
     y, u, start = record.y, record.u, record.residual_start
     na, nb, nc, nd, nf = record.na, record.nb, record.nc, record.nd, record.nf
+    at_c, at_f, rows_c, rows_f = record.at_c, record.at_f, record.rows_c, record.rows_f
     zero = constant(0.0)
     level = load(parameters, record.at_level) if record.level else zero
-    for t in range(begin, end, BLOCK):
+    for t in range(begin, end, 2 * BLOCK):
         row = t - before
-        s0, s1, s2, s3 = zero, zero, zero, zero
-        for j in range(nb):
-            p, q = load(parameters, na + j), t - record.nk - j
-            s0, s1 = fma(p, sample(u, q), s0), fma(p, sample(u, q + 1), s1)
-            s2, s3 = fma(p, sample(u, q + 2), s2), fma(p, sample(u, q + 3), s3)
+        other = row + BLOCK
+        s0, s1, s2, s3, s4, s5, s6, s7 = _add_lags(
+            parameters, na, nb, u, t - record.nk, zero, zero, zero, zero, zero, zero, zero, zero
+        )
         if nf > 0:
             if t < start + nf:
-                state = record.at_g + t - start
-                s0, s1, s2, s3 = _add_impulses(
-                    parameters, state, record.at_g + nf - 1, s0, s1, s2, s3
-                )
-            filter_block(parameters, record.at_f, record.rows_f, s0, s1, s2, s3, x, row)
-            s0, s1, s2, s3 = load(x, row), load(x, row + 1), load(x, row + 2), load(x, row + 3)
-        s0, s1 = add(add(s0, sample(y, t)), level), add(add(s1, sample(y, t + 1)), level)
-        s2, s3 = add(add(s2, sample(y, t + 2)), level), add(add(s3, sample(y, t + 3)), level)
-        for i in range(na):
-            p, q = load(parameters, i), t - 1 - i
-            s0, s1 = fma(p, sample(y, q), s0), fma(p, sample(y, q + 1), s1)
-            s2, s3 = fma(p, sample(y, q + 2), s2), fma(p, sample(y, q + 3), s3)
-        if nd > 0:
-            store(v, row, s0)
-            store(v, row + 1, s1)
-            store(v, row + 2, s2)
-            store(v, row + 3, s3)
-            for k in range(nd):
-                p, q = load(parameters, record.at_d + k), row - 1 - k
-                s0, s1 = fma(p, load(v, q), s0), fma(p, load(v, q + 1), s1)
-                s2, s3 = fma(p, load(v, q + 2), s2), fma(p, load(v, q + 3), s3)
-        if t < start + record.states:
-            state = record.at_s + t - start
-            s0, s1, s2, s3 = _add_impulses(
-                parameters, state, record.at_s + record.states - 1, s0, s1, s2, s3
+                state, last = record.at_g + t - start, record.at_g + nf - 1
+                s0, s1, s2, s3 = _add_impulses(parameters, state, last, s0, s1, s2, s3)
+                s4, s5, s6, s7 = _add_impulses(parameters, state + BLOCK, last, s4, s5, s6, s7)
+            s0, s1, s2, s3 = filter_block(parameters, at_f, rows_f, s0, s1, s2, s3, x, row)
+            s4, s5, s6, s7 = filter_block(parameters, at_f, rows_f, s4, s5, s6, s7, x, other)
+        s0, s1, s2, s3 = _add_output(y, t, level, s0, s1, s2, s3)
+        s4, s5, s6, s7 = _add_output(y, t + BLOCK, level, s4, s5, s6, s7)
+        if na > 0:
+            s0, s1, s2, s3, s4, s5, s6, s7 = _add_lags(
+                parameters, 0, na, y, t - 1, s0, s1, s2, s3, s4, s5, s6, s7
             )
+        if nd > 0:
+            store_block(v, row, s0, s1, s2, s3)
+            store_block(v, other, s4, s5, s6, s7)
+            s0, s1, s2, s3, s4, s5, s6, s7 = _add_lags(
+                parameters, record.at_d, nd, v, row - 1, s0, s1, s2, s3, s4, s5, s6, s7
+            )
+        if t < start + record.states:
+            state, last = record.at_s + t - start, record.at_s + record.states - 1
+            s0, s1, s2, s3 = _add_impulses(parameters, state, last, s0, s1, s2, s3)
+            s4, s5, s6, s7 = _add_impulses(parameters, state + BLOCK, last, s4, s5, s6, s7)
         if nc > 0:
-            filter_block(parameters, record.at_c, record.rows_c, s0, s1, s2, s3, e, row)
+            filter_block(parameters, at_c, rows_c, s0, s1, s2, s3, e, row)
+            filter_block(parameters, at_c, rows_c, s4, s5, s6, s7, e, other)
         else:
-            store(e, row, s0)
-            store(e, row + 1, s1)
-            store(e, row + 2, s2)
-            store(e, row + 3, s3)
+            store_block(e, row, s0, s1, s2, s3)
+            store_block(e, other, s4, s5, s6, s7)
 
 
 @njit
@@ -91,21 +117,6 @@ def all_polynomial_residuals(record, workspace):
         fill(v, 0, history, 0.0)
     fill(e, 0, history, 0.0)
     _residuals(record, workspace.parameters, x, v, e, start - history, start, record.y.size)
-
-
-@cached_njit
-def polynomial_residuals(record, workspace, points, rows):
-    """Residuals of up to eight rows of a population from the first on, (rows, samples).
-
-    As many samples as the padded record has; those beyond the record have no meaning.
-    """
-    load_polynomials(record, points, rows, workspace.parameters)
-    all_polynomial_residuals(record, workspace)
-    e = np.empty((rows.size, record.y.size - record.residual_start))
-    for lane in range(rows.size):
-        for t in range(e.shape[1]):
-            e[lane, t] = workspace.e[record.history + t, lane]
-    return e
 
 
 @cached_njit
@@ -127,42 +138,3 @@ def feasible_polynomials(record, objective, points):
             and all_finite(points[r])
         )
     return feasible
-
-
-@cached_njit
-def polynomial_values(record, objective, workspace, points):
-    """Objective of each row of a population, (M,); infeasible rows are inf.
-
-    Only as much of x, v and e is kept as the recursions look back on.
-    """
-    found = np.empty(points.shape[0])
-    for r in range(found.size):
-        found[r] = np.inf
-    feasible = marked_rows(feasible_polynomials(record, objective, points))
-    x, v, e = workspace.windows
-    history = record.history
-    for i in range(0, feasible.size, LANES):
-        rows = feasible[i : i + LANES]
-        load_polynomials(record, points, rows, workspace.parameters)
-        fill(x, 0, history, 0.0)
-        fill(v, 0, history, 0.0)
-        fill(e, 0, history, 0.0)
-        s = constant(0.0)
-        for begin in range(record.residual_start, record.y.size, CHUNK):
-            end = min(begin + CHUNK, record.y.size)
-            before = begin - history
-            _residuals(record, workspace.parameters, x, v, e, before, begin, end)
-            first = max(begin, record.loss_start) - before
-            last = min(end, record.loss_stop) - before
-            s = sum_of_losses(e, objective.absolute, first, last, s)
-            for k in range(history):
-                store(x, k, load(x, end - begin + k))
-                store(v, k, load(v, end - begin + k))
-                store(e, k, load(e, end - begin + k))
-        store(workspace.total, 0, s)
-        for lane, r in enumerate(rows):
-            value = objective.factor * workspace.total[0, lane]
-            value += weighted_states(record, objective, points[r])
-            if np.isfinite(value):
-                found[r] = value
-    return found

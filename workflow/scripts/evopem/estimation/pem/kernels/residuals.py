@@ -28,8 +28,26 @@ from evopem.estimation.pem.kernels.stability import feasible_rows
 
 
 @njit
+def load_block(table, row):
+    """Rows ``row ... row + 3`` of a table."""
+    return load(table, row), load(table, row + 1), load(table, row + 2), load(table, row + 3)
+
+
+@njit
+def store_block(table, row, s0, s1, s2, s3):
+    """Write four samples to rows ``row ... row + 3``."""
+    store(table, row, s0)
+    store(table, row + 1, s1)
+    store(table, row + 2, s2)
+    store(table, row + 3, s3)
+
+
+@njit
 def filter_block(parameters, c, nc, s0, s1, s2, s3, filtered, row):
-    """Filter four samples through 1/C into rows ``row ... row + 3``; the nc before are known."""
+    """Filter four samples through 1/C into rows ``row ... row + 3``, and return them.
+
+    The nc rows before are known.
+    """
     q = row - nc
     w0, w1, w2 = load(filtered, q), load(filtered, q + 1), load(filtered, q + 2)
     for k in range(nc - 1, MIN_NC - 1, -1):
@@ -41,10 +59,8 @@ def filter_block(parameters, c, nc, s0, s1, s2, s3, filtered, row):
     s1 = fma(c1, s0, fma(c2, w2, fma(c3, w1, s1)))
     s2 = fma(c1, s1, fma(c2, s0, fma(c3, w2, s2)))
     s3 = fma(c1, s2, fma(c2, s1, fma(c3, s0, s3)))
-    store(filtered, row, s0)
-    store(filtered, row + 1, s1)
-    store(filtered, row + 2, s2)
-    store(filtered, row + 3, s3)
+    store_block(filtered, row, s0, s1, s2, s3)
+    return s0, s1, s2, s3
 
 
 @njit

@@ -83,6 +83,22 @@ def load(typingctx, table, row):
 
 
 @intrinsic
+def load_either(typingctx, source, row):
+    """:func:`load` of a table, :func:`sample` of a signal."""
+    table = source.ndim == 2
+
+    def codegen(context, builder, signature, args):
+        array_type = signature.args[0]
+        if table:
+            pointer = _row_pointer(context, builder, array_type, args[0], args[1])
+            return builder.load(pointer, align=8)
+        data = context.make_array(array_type)(context, builder, args[0]).data
+        return _splat(builder, builder.load(builder.gep(data, [args[1]])))
+
+    return _lanes(source, types.intp), codegen
+
+
+@intrinsic
 def store(typingctx, table, row, lanes):
     """Write one vector to a row of a C-contiguous (rows, LANES) table."""
 

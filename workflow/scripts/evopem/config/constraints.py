@@ -1,0 +1,107 @@
+"""What is required or known of a model beforehand: constraints and priors, in a user's units."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+
+@dataclass(frozen=True)
+class FixedPole:
+    """A known pole of the plant: a real one, or a pair of known frequency and damping.
+
+    Attributes
+    ----------
+    real : float, optional
+        Position of a real pole in the z plane; 1 is an integrator.
+    frequency_hz : float, optional
+        Undamped natural frequency of a pair.
+    damping_ratio : float, optional
+        Damping ratio of that pair, at least 0 and less than 1.
+    """
+
+    real: float | None = None
+    frequency_hz: float | None = None
+    damping_ratio: float | None = None
+
+
+@dataclass(frozen=True)
+class Prior:
+    """Gaussian knowledge of one number of a model.
+
+    Attributes
+    ----------
+    quantity : str
+        A coefficient such as ``a1``, ``b0`` or ``f2``; ``static_gain``; ``frequency`` (Hz) or
+        ``damping`` (ratio) of one mode of the plant.
+    mean : float
+    standard_deviation : float
+        Its weight: the prior counts as one more observation with this standard error.
+    mode_hz : float, optional
+        Which mode is meant: the one nearest to this frequency in Hz.  Needed for ``damping``;
+        for ``frequency`` it is the mean by default.
+    """
+
+    quantity: str
+    mean: float
+    standard_deviation: float
+    mode_hz: float | None = None
+
+
+@dataclass(frozen=True)
+class Constraints:
+    """Constraints of the plant ``B / (A F)`` and of coefficients; the default is a stable plant.
+
+    All but the priors hold exactly in every model that is returned.
+
+    Attributes
+    ----------
+    stability : {"required", "free"}
+        ``free``: roots of A may lie on or outside the unit circle.  Roots of F may not: the
+        predictor filters through 1/F.  Fixed poles are exempt.
+    max_pole_radius : float, optional
+        Largest radius of the plant's poles in the z plane.
+    min_damping_ratio : float, optional
+        Least damping ratio of the plant's modes.  A negative real pole counts as a mode at half
+        the sampling rate.
+    frequency_band : (lower, upper), optional
+        Hz; undamped natural frequencies of the plant's modes lie inside.  Negative real poles are
+        then forbidden.
+    forbidden_bands : tuple of (lower, upper)
+        Hz; no mode of the plant has its undamped natural frequency in one of these.
+    real_poles : {"any", "positive", "none"}
+        Real poles that the plant may have.
+    static_gain : float, optional
+        ``B(1) / (A(1) F(1))``, in output units per input unit.
+    static_gain_bounds : (lower, upper), optional
+        Either may be None.
+    fixed_coefficients : mapping of str to float
+        For instance ``{"a1": -1.5, "b0": 0.0}``; ``b0`` is the first coefficient of B, at lag nk.
+    fixed_poles : tuple of FixedPole
+        Poles of F, or of A in a structure without F.
+    priors : tuple of Prior
+    """
+
+    stability: Literal["required", "free"] = "required"
+    max_pole_radius: float | None = None
+    min_damping_ratio: float | None = None
+    frequency_band: tuple[float, float] | None = None
+    forbidden_bands: tuple[tuple[float, float], ...] = ()
+    real_poles: Literal["any", "positive", "none"] = "any"
+    static_gain: float | None = None
+    static_gain_bounds: tuple[float | None, float | None] | None = None
+    fixed_coefficients: Mapping[str, float] = field(default_factory=dict)
+    fixed_poles: tuple[FixedPole, ...] = ()
+    priors: tuple[Prior, ...] = ()
+
+    @property
+    def of_free_poles(self) -> bool:
+        """Whether the positions of the poles are restricted beyond the stability of the plant."""
+        return (
+            self.max_pole_radius is not None
+            or self.min_damping_ratio is not None
+            or self.frequency_band is not None
+            or bool(self.forbidden_bands)
+            or self.real_poles != "any"
+        )

@@ -1,0 +1,81 @@
+"""The polynomial structures: their orders, and the phases in which these are searched."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+# The orders that each structure has, in the order of MATLAB's tuples (Ljung 1999, chapter 4).
+STRUCTURES: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "fir": ("nb", "nk"),
+        "arx": ("na", "nb", "nk"),
+        "arma": ("na", "nc"),
+        "armax": ("na", "nb", "nc", "nk"),
+        "ararx": ("na", "nb", "nd", "nk"),
+        "ararmax": ("na", "nb", "nc", "nd", "nk"),
+        "oe": ("nb", "nf", "nk"),
+        "bj": ("nb", "nc", "nd", "nf", "nk"),
+        "general": ("na", "nb", "nc", "nd", "nf", "nk"),
+    }
+)
+
+ORDER_NAMES = STRUCTURES["general"]
+
+PHASES = ("delay", "joint", "nc", "nd", "na", "nb")
+"""Every phase of an order search, in their order: each takes its predecessor's selection."""
+
+
+def has_input(structure: str) -> bool:
+    """Whether a structure has an input."""
+    return "nb" in STRUCTURES[structure]
+
+
+def phases_of(structure: str) -> tuple[str, ...]:
+    """The phases of a structure's order search, in their order.
+
+    Examples
+    --------
+    >>> phases_of("armax")
+    ('delay', 'joint', 'nc', 'nb')
+    >>> phases_of("oe")
+    ('delay', 'joint', 'nb')
+    >>> phases_of("arma")
+    ('joint', 'nc')
+    """
+    orders = STRUCTURES[structure]
+    existing = {
+        "delay": "nk" in orders,
+        "joint": structure != "fir",
+        "nc": "nc" in orders,
+        "nd": "nd" in orders,
+        # Elsewhere the degree of A is the joint order.
+        "na": structure == "general",
+        "nb": "nb" in orders,
+    }
+    return tuple(phase for phase in PHASES if existing[phase])
+
+
+def varied_order(phase: str, structure: str) -> str:
+    """The order that shows what a phase has selected.
+
+    Examples
+    --------
+    >>> varied_order("joint", "armax"), varied_order("joint", "oe"), varied_order("delay", "oe")
+    ('na', 'nf', 'nk')
+    """
+    if phase == "delay":
+        return "nk"
+    if phase == "joint":
+        return "nf" if "nf" in STRUCTURES[structure] else "na"
+    return phase
+
+
+def plant_order(structure: str) -> str:
+    """The order that is the joint order k in the first phase: nf, na, or nb for an FIR model."""
+    return "nb" if structure == "fir" else varied_order("joint", structure)
+
+
+def structure_name(structure: str) -> str:
+    """A structure as it is written before its orders: "ARMAX", "OE", "general"."""
+    return structure if structure == "general" else structure.upper()

@@ -1,0 +1,260 @@
+"""Constraints of a user, in the parametrisation that meets them exactly."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evopem.config.constraints import Constraints, FixedPole
+from evopem.errors import InputError
+from evopem.estimation.constraint_checks import coefficient_index
+from evopem.estimation.pem.constrained_parameters import (
+    ConstrainedParameters,
+    Gain,
+    Linear,
+    Sections,
+    null_space,
+)
+from evopem.estimation.pem.pole_region import UNBOUNDED_RADIUS, Band, PoleRegion
+from evopem.estimation.pem.priors import Priors, PriorTerm
+from evopem.models.structures import PolynomialOrders
+
+Array = NDArray[np.float64]
+
+
+def constrained_parameters(
+    constraints: Constraints,
+    orders: PolynomialOrders,
+    level: bool,
+    sampling_rate: float,
+    stability_radius: float,
+    b_scale: float = 1.0,
+    level_value: float | None = None,
+) -> ConstrainedParameters:
+    """Coordinates of the models of some orders that meet constraints.
+
+    Parameters
+    ----------
+    constraints : Constraints
+        Checked.
+    orders : PolynomialOrders
+    level : bool
+    sampling_rate : float
+        Hz.
+    stability_radius : float
+        Largest radius of poles where stability is required.
+    b_scale : float
+        What B of a point is to be multiplied by, for the units of the constraints.
+    level_value : float, optional
+        A level that is fixed, in the units of a point.
+
+    Raises
+    ------
+    InputError
+        When no polynomial has the fixed poles and coefficients, or no pole the frequencies.
+    """
+    polynomials: dict[str, Sections | Linear] = {}
+    for name in "af":
+        polynomials[name] = _plant_polynomial(
+            name, constraints, orders, sampling_rate, stability_radius
+        )
+    for name in "cd":
+        polynomials[name] = _linear(np.ones(1), *_fixed(name, constraints, orders))
+    gain, shared = _gain(constraints, orders, b_scale)
+    free, values = _fixed("b", constraints, orders)
+    values = values / b_scale
+    basis = np.eye(orders.nb)[:, free]
+    if shared is not None:
+        basis = basis @ null_space(np.ones((1, int(free.sum()))))
+    polynomials["b"] = Linear(np.where(free, 0.0, values), basis)
+    return ConstrainedParameters(orders, level, polynomials, gain, shared, level_value)
+
+
+def equalities(constraints: Constraints) -> list[str]:
+    """Names of the equalities and priors among constraints."""
+    names = [f"fixed_coefficients.{name}" for name in constraints.fixed_coefficients]
+    if constraints.fixed_poles:
+        names.append("fixed_poles")
+    if constraints.static_gain is not None:
+        names.append("static_gain")
+    if constraints.priors:
+        names.append("priors")
+    return names
+
+
+def priors_of(
+    constraints: Constraints,
+    parameters: ConstrainedParameters,
+    orders: PolynomialOrders,
+    sampling_rate: float,
+    b_scale: float = 1.0,
+) -> Priors:
+    """The priors among constraints, in the units of a point; ``b_scale`` as above."""
+    terms = []
+    for prior in constraints.priors:
+        scale = 1.0
+        if prior.quantity in ("static_gain", "frequency", "damping"):
+            if prior.quantity == "static_gain":
+                scale = b_scale
+            near = prior.mean if prior.mode_hz is None else prior.mode_hz
+            index, quantity = 0, prior.quantity
+        else:
+            found = coefficient_index(prior.quantity, orders)
+            assert found is not None
+            name, position = found
+            scale = b_scale if name == "b" else 1.0
+            index, quantity, near = parameters.parts[name].start + position, "coefficient", 0.0
+        terms.append(
+            PriorTerm(quantity, prior.mean / scale, prior.standard_deviation / scale, index, near)
+        )
+    return Priors(tuple(terms), parameters.parts, sampling_rate)
+
+
+def _plant_polynomial(
+    name: str,
+    constraints: Constraints,
+    orders: PolynomialOrders,
+    sampling_rate: float,
+    stability_radius: float,
+) -> Sections | Linear:
+    order = getattr(orders, f"n{name}")
+    factor = np.ones(1)
+    if order and name == ("f" if orders.nf else "a"):
+        for pole in constraints.fixed_poles:
+            factor = np.convolve(factor, _monic(pole, sampling_rate))
+    free, values = _fixed(name, constraints, orders)
+    bounded = constraints.stability == "required" or name == "f"
+    radius = stability_radius if bounded else UNBOUNDED_RADIUS
+    radius_name = "stability"
+    if constraints.max_pole_radius is not None and constraints.max_pole_radius < radius:
+        radius, radius_name = constraints.max_pole_radius, "max_pole_radius"
+    if constraints.of_free_poles and orders.nb:
+        region = _region(constraints, sampling_rate, radius, radius_name)
+        return Sections(factor, order - len(factor) + 1, region)
+    limit = None if radius == UNBOUNDED_RADIUS else radius
+    return _linear(factor, free, values, limit, radius_name)
+
+
+def _region(
+    constraints: Constraints, sampling_rate: float, radius: float, radius_name: str
+) -> PoleRegion:
+    damping = constraints.min_damping_ratio or 0.0
+    decay = damping / float(np.sqrt(1.0 - damping**2))
+    whole = constraints.frequency_band
+    in_radians = 2.0 * np.pi / sampling_rate
+    bands: list[Band] = [(0.0, np.inf)]
+    if whole is not None:
+        bands = [(whole[0] * in_radians, whole[1] * in_radians)]
+    whole_band = bands[0]
+    for low, high in constraints.forbidden_bands:
+        low, high = low * in_radians, high * in_radians
+        bands = [
+            part
+            for lower, upper in bands
+            for part in ((lower, min(upper, low)), (max(lower, high), upper))
+            if part[0] < part[1]
+        ]
+    restricted = damping > 0.0 or bands != [(0.0, np.inf)]
+    real: Band | None = None
+    if constraints.real_poles != "none":
+        negative = constraints.real_poles == "any" and np.isinf(bands[-1][1] if bands else 0.0)
+        negative = negative and not any(
+            low * in_radians < np.pi < high * in_radians
+            for low, high in constraints.forbidden_bands
+        )
+        real = (-min(radius, float(np.exp(-decay * np.pi))) if negative else 0.0, radius)
+    region = PoleRegion(
+        radius=radius,
+        mode_radius=min(radius, 1.0) if restricted else radius,
+        decay_per_radian=decay,
+        bands=tuple(bands),
+        real=real,
+        radius_name=radius_name,
+        whole_band=whole_band,
+    )
+    # A band that no pole of an allowed radius reaches is empty.
+    open_bands = tuple(band for band in bands if region.largest_angle(band) > 0.0)
+    if not open_bands:
+        raise InputError(
+            "constraints",
+            "no mode has a natural frequency that is allowed, at the radius that is allowed",
+            "widen the band",
+            "frequency_band",
+        )
+    return replace(region, bands=open_bands)
+
+
+def _monic(pole: FixedPole, sampling_rate: float) -> Array:
+    """The factor of a fixed pole, its leading 1 included."""
+    if pole.real is not None:
+        return np.array([1.0, -pole.real])
+    turn = 2.0 * np.pi * (pole.frequency_hz or 0.0) / sampling_rate
+    damping = pole.damping_ratio or 0.0
+    r = float(np.exp(-turn * damping))
+    return np.array([1.0, -2.0 * r * np.cos(turn * np.sqrt(1.0 - damping**2)), r * r])
+
+
+def _fixed(
+    name: str, constraints: Constraints, orders: PolynomialOrders
+) -> tuple[NDArray[np.bool_], Array]:
+    """Which coefficients of a polynomial are free, and the values of the others."""
+    count = getattr(orders, f"n{name}")
+    free, values = np.ones(count, dtype=bool), np.zeros(count)
+    for key, value in constraints.fixed_coefficients.items():
+        found = coefficient_index(key, orders)
+        if found is not None and found[0] == name:
+            free[found[1]], values[found[1]] = False, value
+    return free, values
+
+
+def _linear(
+    factor: Array,
+    free: NDArray[np.bool_],
+    values: Array,
+    radius: float | None = None,
+    radius_name: str = "stability",
+) -> Linear:
+    """A monic polynomial with a fixed factor and fixed coefficients."""
+    order = len(free)
+    inner = order - len(factor) + 1
+    columns = np.zeros((order, inner))
+    for j in range(inner):
+        columns[j : j + len(factor), j] = factor
+    start = np.zeros(order)
+    start[: len(factor) - 1] = factor[1:]
+    fixed = ~free
+    rows, target = columns[fixed], values[fixed] - start[fixed]
+    inner_offset = np.zeros(inner)
+    if inner:
+        inner_offset = np.asarray(np.linalg.lstsq(rows, target, rcond=None)[0], dtype=float)
+    if np.any(np.abs(rows @ inner_offset - target) > 1e-9 * (1.0 + np.abs(target))):
+        raise InputError(
+            "constraints",
+            "no polynomial has both the fixed poles and the fixed coefficients",
+            "leave out one of them",
+            "fixed_coefficients",
+        )
+    inner_basis = null_space(rows) if fixed.any() and inner else np.eye(inner)
+    offset, basis = start + columns @ inner_offset, columns @ inner_basis
+    offset[fixed], basis[fixed] = values[fixed], 0.0
+    return Linear(offset, basis, radius, inner_offset, inner_basis, radius_name)
+
+
+def _gain(
+    constraints: Constraints, orders: PolynomialOrders, b_scale: float
+) -> tuple[Gain | None, Array | None]:
+    """The static gain's bounds in the units of a point, and the share of each coefficient of B."""
+    if constraints.static_gain is not None:
+        bounds: tuple[float | None, float | None] = (
+            constraints.static_gain,
+            constraints.static_gain,
+        )
+    elif constraints.static_gain_bounds is not None:
+        bounds = constraints.static_gain_bounds
+    else:
+        return None, None
+    lower, upper = (None if bound is None else bound / b_scale for bound in bounds)
+    free, _ = _fixed("b", constraints, orders)
+    return Gain(lower, upper), free / float(free.sum())

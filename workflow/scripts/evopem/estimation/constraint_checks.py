@@ -1,0 +1,302 @@
+"""Constraints that contradict each other or the structure, refused before any search."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from evopem.config.constraints import Constraints, FixedPole, Prior
+from evopem.errors import InputError
+from evopem.models.structures import PolynomialOrders
+
+
+def check_constraints(
+    constraints: Constraints, orders: PolynomialOrders, sampling_rate: float
+) -> None:
+    """Refuse constraints that no model of these orders meets, or whose meaning is not clear.
+
+    Raises
+    ------
+    InputError
+        Naming the key of the constraints.
+    """
+    _check_words(constraints, orders)
+    _check_poles(constraints, orders, sampling_rate)
+    _check_gain(constraints, orders)
+    _check_coefficients(constraints, orders)
+    for number, pole in enumerate(constraints.fixed_poles):
+        _check_fixed_pole(pole, f"fixed_poles[{number}]", constraints, orders, sampling_rate)
+    if sum(2 if pole.real is None else 1 for pole in constraints.fixed_poles) > (
+        orders.nf or orders.na
+    ):
+        name = "nf" if orders.nf else "na"
+        raise _refused(
+            "fixed_poles",
+            f"there are more of them than {name} = {orders.nf or orders.na}",
+            f"raise {name}, or fix fewer poles",
+        )
+    for number, prior in enumerate(constraints.priors):
+        _check_prior(prior, f"priors[{number}]", constraints, orders, sampling_rate)
+
+
+def coefficient_index(name: str, orders: PolynomialOrders) -> tuple[str, int] | None:
+    """Polynomial and index, from 0, of a coefficient such as ``a1`` or ``b0``; None for none."""
+    letter, digits = name[:1], name[1:]
+    if letter not in "abcdf" or letter == "" or not digits.isdecimal():
+        return None
+    index = int(digits) - (letter != "b")
+    count = getattr(orders, f"n{letter}")
+    return (letter, index) if 0 <= index < count else None
+
+
+def _refused(key: str, problem: str, remedy: str) -> InputError:
+    return InputError("constraints", problem, remedy, key)
+
+
+def _check_words(constraints: Constraints, orders: PolynomialOrders) -> None:
+    if constraints.stability not in ("required", "free"):
+        raise _refused("stability", f"is {constraints.stability!r}", 'use "required" or "free"')
+    if constraints.real_poles not in ("any", "positive", "none"):
+        raise _refused(
+            "real_poles", f"is {constraints.real_poles!r}", 'use "any", "positive" or "none"'
+        )
+    plant = orders.nb > 0 and (orders.na > 0 or orders.nf > 0)
+    for key, given in _of_plant(constraints):
+        if given and not plant:
+            raise _refused(
+                key, f"a model of orders {orders} has no plant with poles", "leave it out"
+            )
+    if constraints.stability == "free" and orders.na == 0 and plant:
+        raise _refused(
+            "stability",
+            "the poles of F must be stable, because the predictor filters through 1/F",
+            'use a structure with A, such as "armax", or fix the pole that is not stable',
+        )
+    for key, value in _numbers(constraints):
+        if not math.isfinite(value):
+            raise _refused(key, f"{value} is not a finite number", "give a number")
+
+
+def _of_plant(constraints: Constraints) -> Iterator[tuple[str, bool]]:
+    yield "max_pole_radius", constraints.max_pole_radius is not None
+    yield "min_damping_ratio", constraints.min_damping_ratio is not None
+    yield "frequency_band", constraints.frequency_band is not None
+    yield "forbidden_bands", bool(constraints.forbidden_bands)
+    yield "real_poles", constraints.real_poles != "any"
+    yield "fixed_poles", bool(constraints.fixed_poles)
+
+
+def _numbers(constraints: Constraints) -> Iterator[tuple[str, float]]:
+    for key in ("max_pole_radius", "min_damping_ratio", "static_gain"):
+        if (value := getattr(constraints, key)) is not None:
+            yield key, value
+    for value in constraints.frequency_band or ():
+        yield "frequency_band", value
+    for band in constraints.forbidden_bands:
+        for value in band:
+            yield "forbidden_bands", value
+    for bound in constraints.static_gain_bounds or ():
+        if bound is not None:
+            yield "static_gain_bounds", bound
+    for name, value in constraints.fixed_coefficients.items():
+        yield f"fixed_coefficients.{name}", value
+
+
+def _check_poles(constraints: Constraints, orders: PolynomialOrders, sampling_rate: float) -> None:
+    radius, damping = constraints.max_pole_radius, constraints.min_damping_ratio
+    if radius is not None and radius <= 0.0:
+        raise _refused("max_pole_radius", f"{radius} is not positive", "give a radius above 0")
+    if radius is not None and radius >= 1.0 and constraints.stability == "required":
+        raise _refused(
+            "max_pole_radius",
+            f"{radius} allows poles that are not stable, and stability is required",
+            'give a radius below 1, or set stability to "free"',
+        )
+    if damping is not None and not 0.0 <= damping < 1.0:
+        raise _refused(
+            "min_damping_ratio", f"{damping} is not a damping ratio", "give one from 0 to below 1"
+        )
+    nyquist = sampling_rate / 2.0
+    bands = [("frequency_band", constraints.frequency_band)] if constraints.frequency_band else []
+    for key, band in [*bands, *(("forbidden_bands", b) for b in constraints.forbidden_bands)]:
+        lower, upper = band or (0.0, 0.0)
+        if not 0.0 <= lower < upper:
+            raise _refused(key, f"{lower} to {upper} Hz is no band", "give lower below upper")
+        if lower >= nyquist:
+            raise _refused(
+                key,
+                f"{lower} to {upper} Hz lies above half the sampling rate, {nyquist} Hz",
+                "give frequencies in Hz",
+            )
+    odd = (orders.nf or orders.na) - sum(
+        2 if pole.real is None else 1 for pole in constraints.fixed_poles
+    )
+    if constraints.real_poles == "none" and (odd % 2 or (orders.nf and orders.na % 2)):
+        raise _refused(
+            "real_poles",
+            "a plant with an odd number of free poles has a real one",
+            "use even orders",
+        )
+    if constraints.of_free_poles:
+        for name in constraints.fixed_coefficients:
+            if name[:1] in ("a", "f"):
+                raise _refused(
+                    f"fixed_coefficients.{name}",
+                    "coefficients of A and F cannot be fixed while the positions of poles are "
+                    "restricted",
+                    "leave out one of the two",
+                )
+
+
+def _check_gain(constraints: Constraints, orders: PolynomialOrders) -> None:
+    bounds = constraints.static_gain_bounds
+    given = [
+        key
+        for key in ("static_gain", "static_gain_bounds")
+        if getattr(constraints, key) is not None
+    ]
+    if not given:
+        return
+    if len(given) == 2:
+        raise _refused("static_gain_bounds", "the static gain is given already", "leave out one")
+    if orders.nb == 0:
+        raise _refused(given[0], "a model without input has no static gain", "leave it out")
+    if bounds is not None:
+        lower, upper = bounds
+        if lower is None and upper is None:
+            raise _refused(given[0], "there is neither a lower nor an upper bound", "give one")
+        if lower is not None and upper is not None and lower > upper:
+            raise _refused(
+                given[0], f"the lower bound {lower} exceeds the upper one {upper}", "swap"
+            )
+    if any(pole.real == 1.0 for pole in constraints.fixed_poles):
+        raise _refused(
+            given[0], "a plant with a fixed pole at 1 has no static gain", "leave it out"
+        )
+    if all(f"b{index}" in constraints.fixed_coefficients for index in range(orders.nb)):
+        raise _refused(given[0], "all coefficients of B are fixed", "leave one of them free")
+
+
+def _check_coefficients(constraints: Constraints, orders: PolynomialOrders) -> None:
+    for name, value in constraints.fixed_coefficients.items():
+        found = coefficient_index(name, orders)
+        if found is None:
+            raise _refused(
+                f"fixed_coefficients.{name}",
+                f"a model of orders {orders} has no such coefficient",
+                "name one such as a1, b0 or f2; b0 is the first of B",
+            )
+        letter, index = found
+        held = letter in "af" and constraints.fixed_poles
+        if letter == "b" or held or (letter == "a" and constraints.stability == "free"):
+            continue
+        order = getattr(orders, f"n{letter}")
+        # A sum of products of roots, each within the unit circle.
+        if abs(value) >= math.comb(order, index + 1):
+            raise _refused(
+                f"fixed_coefficients.{name}",
+                f"{value} is more than any polynomial of degree {order} with roots inside the unit "
+                "circle has",
+                "check the value",
+            )
+
+
+def _check_fixed_pole(
+    pole: FixedPole,
+    key: str,
+    constraints: Constraints,
+    orders: PolynomialOrders,
+    sampling_rate: float,
+) -> None:
+    pair = pole.frequency_hz is not None and pole.damping_ratio is not None
+    if (pole.real is None) != pair or (
+        pole.real is not None and (pole.frequency_hz, pole.damping_ratio) != (None, None)
+    ):
+        raise _refused(
+            key,
+            "it is neither a real pole nor a pair",
+            "give real, or frequency_hz and damping_ratio",
+        )
+    if pole.real is not None:
+        radius, damping, frequency = abs(pole.real), 1.0, None
+        if not math.isfinite(pole.real):
+            raise _refused(key, f"{pole.real} is not a finite number", "give a number")
+        if pole.real <= 0.0 and constraints.real_poles == "positive":
+            raise _refused(key, "real poles must be positive", "leave out one of the two")
+        if constraints.real_poles == "none":
+            raise _refused(key, "real poles are forbidden", "leave out one of the two")
+    else:
+        frequency, damping = pole.frequency_hz or 0.0, pole.damping_ratio or 0.0
+        turn = 2.0 * math.pi * frequency / sampling_rate
+        if not (0.0 <= damping < 1.0 and 0.0 < turn * math.sqrt(1.0 - damping**2) < math.pi):
+            raise _refused(
+                key,
+                f"{frequency} Hz with a damping ratio of {damping} is no mode below half the "
+                f"sampling rate, {sampling_rate / 2.0} Hz",
+                "give a frequency in Hz and a damping ratio from 0 to below 1",
+            )
+        radius = math.exp(-turn * damping)
+    if orders.nf and radius > 1.0:
+        raise _refused(
+            key,
+            "a pole of F outside the unit circle makes the predictor unstable",
+            'use a structure with A, such as "armax"',
+        )
+    limit = constraints.max_pole_radius
+    if limit is not None and radius > limit:
+        raise _refused(
+            key, f"its radius {radius:.6g} exceeds max_pole_radius {limit}", "change one of the two"
+        )
+    least = constraints.min_damping_ratio
+    if least is not None and frequency is not None and damping < least:
+        raise _refused(
+            key,
+            f"its damping ratio {damping} is below min_damping_ratio {least}",
+            "change one of the two",
+        )
+    if frequency is not None:
+        band = constraints.frequency_band
+        if band is not None and not band[0] <= frequency <= band[1]:
+            raise _refused(key, "it lies outside frequency_band", "change one of the two")
+        if any(lower < frequency < upper for lower, upper in constraints.forbidden_bands):
+            raise _refused(key, "it lies in a forbidden band", "change one of the two")
+
+
+def _check_prior(
+    prior: Prior,
+    key: str,
+    constraints: Constraints,
+    orders: PolynomialOrders,
+    sampling_rate: float,
+) -> None:
+    if not (prior.standard_deviation > 0.0 and math.isfinite(prior.standard_deviation)):
+        raise _refused(key, "its standard deviation is not positive", "give one above 0")
+    if not math.isfinite(prior.mean):
+        raise _refused(key, "its mean is not a finite number", "give a number")
+    if prior.quantity == "static_gain":
+        if orders.nb == 0:
+            raise _refused(key, "a model without input has no static gain", "leave it out")
+        if constraints.static_gain is not None:
+            raise _refused(key, "the static gain is given already", "leave out one of the two")
+        if any(pole.real == 1.0 for pole in constraints.fixed_poles):
+            raise _refused(key, "a plant with a fixed pole at 1 has no static gain", "leave it out")
+    elif prior.quantity in ("frequency", "damping"):
+        if max(orders.na, orders.nf) < 2 or orders.nb == 0:
+            raise _refused(key, f"a model of orders {orders} has no mode", "leave it out")
+        if prior.quantity == "damping" and prior.mode_hz is None:
+            raise _refused(key, "it does not say which mode", "give mode_hz, in Hz")
+        near = prior.mean if prior.mode_hz is None else prior.mode_hz
+        if not 0.0 < near < sampling_rate / 2.0:
+            raise _refused(
+                key,
+                f"{near} Hz does not lie between 0 and half the sampling rate",
+                "give a frequency in Hz",
+            )
+    elif coefficient_index(prior.quantity, orders) is None:
+        raise _refused(
+            key,
+            f"a model of orders {orders} has no {prior.quantity!r}",
+            "name a coefficient such as a1 or b0, static_gain, frequency or damping",
+        )
+    elif prior.quantity in constraints.fixed_coefficients:
+        raise _refused(key, f"{prior.quantity} is fixed already", "leave out one of the two")

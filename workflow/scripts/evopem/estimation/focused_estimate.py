@@ -1,0 +1,122 @@
+"""Estimates for k-step prediction or for simulation, and estimates under constraints."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from threadpoolctl import threadpool_limits
+
+from evopem.config.constraints import Constraints
+from evopem.config.settings import ScoringWindow, SearchSettings
+from evopem.estimation.constraint_checks import check_constraints
+from evopem.estimation.estimation_task import (
+    EstimationTask,
+)
+from evopem.estimation.pem.polynomial_objective import PolynomialErrors
+from evopem.estimation.polynomial_estimate import (
+    PolynomialEstimate,
+    check_record,
+)
+from evopem.estimation.prediction_estimate import prediction_estimate
+from evopem.estimation.simulation_estimate import simulation_estimate
+from evopem.models.structures import PolynomialOrders, orders_of
+
+Array = NDArray[np.float64]
+Log = Callable[[str], None]
+Focus = str | int
+
+
+def estimate_focused(
+    input: ArrayLike | None,  # noqa: A002 - the field's word
+    output: ArrayLike,
+    structure: str,
+    orders: PolynomialOrders | Mapping[str, int] | Sequence[int],
+    sampling_rate: float = 1.0,
+    *,
+    settings: SearchSettings | None = None,
+    window: ScoringWindow | None = None,
+    level: bool = False,
+    focus: Focus = "prediction",
+    constraints: Constraints | None = None,
+    log: Log | None = None,
+) -> PolynomialEstimate:
+    """Find the polynomial model with the smallest errors in focus that meets constraints.
+
+    Parameters are those of :func:`.polynomial_estimate.estimate_polynomial`, and:
+
+    Parameters
+    ----------
+    focus : {"prediction", "simulation"} or int
+        Errors of one step, of simulation, or of predictions that many samples ahead.
+    constraints : Constraints, optional
+
+    Returns
+    -------
+    PolynomialEstimate
+        ``criteria`` and ``residuals`` are those of one step; ``focus_objective`` is that of the
+        errors in focus.  The covariance is zero across active constraints, counts priors as
+        observations, and allows for the colour of k-step and simulation errors by the noise model
+        (:func:`.focus_covariance.tangent_covariance`,
+        :func:`.focus_covariance.two_stage_covariance`).
+        It is None for these errors under the absolute objective.
+        Intervals near a bound that is not active do not know of it.
+
+    Raises
+    ------
+    InputError
+        When constraints contradict each other, the structure or the focus.
+    ValueError
+        As :func:`.polynomial_estimate.estimate_polynomial`.
+    """
+    o = orders_of(structure, orders)
+    settings = settings or SearchSettings()
+    y = np.ascontiguousarray(output, dtype=float)
+    if input is None and o.nb:
+        raise ValueError(f"structure {structure!r} with nb = {o.nb} needs an input")
+    u = np.zeros_like(y) if input is None else np.ascontiguousarray(input, dtype=float)
+    window = window or ScoringWindow(o.first_residual, o.first_residual)
+    horizon = _horizon(focus, o)
+    check_record(u, y, o, settings, window)
+    if constraints is not None:
+        check_constraints(constraints, o, sampling_rate)
+    radius = settings.max_root_radius
+    errors = PolynomialErrors(
+        u,
+        y,
+        o,
+        settings.objective,
+        window.residual_start,
+        window.loss_start,
+        radius,
+        radius,
+        level,
+    )
+    known = constraints or Constraints()
+    task = EstimationTask(errors, structure, sampling_rate, settings, known, log)
+    # The bits of a result must not depend on how many threads the machine's BLAS would take.
+    with threadpool_limits(limits=1, user_api="blas"):
+        found = (
+            simulation_estimate(task) if horizon is None else prediction_estimate(task, horizon)[0]
+        )
+    effect = found.constraints if constraints is not None else None
+    return replace(found, focus=focus, constraints=effect)
+
+
+def _horizon(focus: Focus, orders: PolynomialOrders) -> int | None:
+    """Samples ahead; None for simulation where that differs from prediction."""
+    whole = isinstance(focus, int) and not isinstance(focus, bool) and focus >= 1
+    if not whole and focus not in ("prediction", "simulation"):
+        raise ValueError(
+            f'focus must be "prediction", "simulation" or a number of samples, not {focus!r}'
+        )
+    if focus == "simulation" and orders.nb == 0:
+        raise ValueError("a model without input has nothing to simulate; use focus='prediction'")
+    if orders.na == 0 and orders.nc == 0 and orders.nd == 0:
+        # The noise is white: predictions are simulations, whatever the horizon.
+        return 1
+    if focus == "simulation":
+        return None
+    return int(focus) if whole else 1

@@ -1,0 +1,164 @@
+"""k-step prediction errors of a general polynomial model, their objective and its gradient.
+
+``y_t`` less its prediction from outputs up to t - k is ``W_k(q) e_t``, with ``W_k`` the first k
+terms of ``H = C / (A D)`` (Ljung 1999, eq. 3.29-3.31).  Its derivatives are ``W_k`` times those of
+the one-step errors plus e filtered through those of ``W_k``:
+
+    dW_k/dc_j = q^-j / (A D),    dW_k/da_j = -q^-j H / A,    dW_k/dd_j = -q^-j H / D,
+
+each cut to k terms.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evopem.estimation.pem.kernels import stability_barriers
+from evopem.estimation.pem.objective import DENSITY_BANDWIDTH
+from evopem.estimation.pem.polynomial_objective import PolynomialErrors
+
+Array = NDArray[np.float64]
+
+
+class KStepErrors:
+    """Objective, gradient and curvature of the k-step prediction errors.
+
+    Parameters
+    ----------
+    errors : PolynomialErrors
+        The one-step problem; samples that count, states and stability are the same.
+    horizon : int
+        k, samples.
+    """
+
+    def __init__(self, errors: PolynomialErrors, horizon: int) -> None:
+        self.one_step, self.horizon = errors, horizon
+        self.objective = errors.objective
+        # Errors before the ones that count enter W_k.
+        self._all = errors.with_loss_start(errors.residual_start)
+        self._first = errors.loss_start - errors.residual_start
+
+    def weights(self, point: Array) -> Array:
+        """The first k terms of the impulse response of H, (k,)."""
+        from scipy.signal import lfilter
+
+        a, c, d = self._noise_model(point)
+        response: Array = lfilter(c, np.convolve(a, d), self._impulse())
+        return response
+
+    def residuals(self, point: Array) -> Array:
+        """k-step errors that count, (N - loss_start,)."""
+        e = self.one_step.residuals(point)[self.one_step.residual_start :]
+        return np.asarray(_filtered(self.weights(point), e)[self._first :], dtype=float)
+
+    def jacobian(self, point: Array) -> Array:
+        """Derivatives of :meth:`residuals` by a point, (N - loss_start, n)."""
+        from scipy.signal import lfilter
+
+        a, c, d = self._noise_model(point)
+        ad, impulse = np.convolve(a, d), self._impulse()
+        weights = lfilter(c, ad, impulse)
+        e = self.one_step.residuals(point)[self.one_step.residual_start :]
+        jacobian = _filtered(weights, self._all.jacobian(point))
+        by_c = lfilter([1.0], ad, impulse)
+        by_a, by_d = -lfilter([1.0], a, weights), -lfilter([1.0], d, weights)
+        parts = self.one_step.parts()
+        for name, response in (("a", by_a), ("c", by_c), ("d", by_d)):
+            part = parts[name]
+            # The j-th derivative has k - j terms, delayed by j samples.
+            for j in range(1, min(part.stop - part.start + 1, self.horizon)):
+                through = _filtered(response[: self.horizon - j], e)
+                jacobian[j:, part.start + j - 1] += through[: len(e) - j]
+        return np.asarray(jacobian[self._first :], dtype=float)
+
+    def values(self, points: Array) -> Array:
+        """Objective of each row, (M,), in percent; infeasible rows are inf."""
+        values = np.full(len(points), np.inf)
+        for row in np.flatnonzero(self.one_step.feasible(points)):
+            residuals = self.residuals(points[row])
+            losses = np.abs(residuals) if self.objective == "absolute" else residuals**2
+            values[row] = self.one_step.loss_factor * np.sum(losses)
+            values[row] += self.one_step.state_weights() @ points[row] ** 2
+        return np.where(np.isfinite(values), values, np.inf)
+
+    def values_and_gradients(
+        self, points: Array, smoothing: Array, barriers: Array
+    ) -> tuple[Array, Array]:
+        """Smoothed objective with barriers, and its gradient; infeasible rows are inf and 0."""
+        values, gradients = np.full(len(points), np.inf), np.zeros(points.shape)
+        weights, factor = self.one_step.state_weights(), self.one_step.loss_factor
+        for row in np.flatnonzero(self.one_step.feasible(points)):
+            point = points[row]
+            losses, slopes, _ = self._losses(self.residuals(point), smoothing[row])
+            barrier, of_barrier, _ = self._barrier(point)
+            value = factor * np.sum(losses) + weights @ point**2 + barriers[row] * barrier
+            gradient = factor * (slopes @ self.jacobian(point)) + 2.0 * weights * point
+            gradient += barriers[row] * of_barrier
+            if np.isfinite(value) and np.isfinite(gradient).all():
+                values[row], gradients[row] = value, gradient
+        return values, gradients
+
+    def curvatures(self, points: Array, smoothing: Array, barriers: Array) -> Array:
+        """Gauss-Newton matrices, (M, n, n)."""
+        matrices = np.zeros((*points.shape, points.shape[1]))
+        weights, factor = self.one_step.state_weights(), self.one_step.loss_factor
+        for row, point in enumerate(points):
+            jacobian = self.jacobian(point)
+            _, _, bend = self._losses(self.residuals(point), smoothing[row])
+            _, _, of_barrier = self._barrier(point)
+            matrices[row] = factor * bend * (jacobian.T @ jacobian) + 2.0 * np.diag(weights)
+            matrices[row] += barriers[row] * of_barrier
+        return matrices
+
+    def mean_absolute_residuals(self, values: Array) -> Array:
+        """Size of the errors that belong to values of the objective."""
+        return self.one_step.mean_absolute_residuals(values)
+
+    def feasible(self, points: Array) -> NDArray[np.bool_]:
+        """Whether all roots of A, C, D and F of each row lie within their radii."""
+        return self.one_step.feasible(points)
+
+    def repair(self, points: Array) -> Array:
+        """Move the roots of infeasible rows inside."""
+        return self.one_step.repair(points)
+
+    def _losses(self, residuals: Array, smoothing: float) -> tuple[Array, Array, float]:
+        """Losses, their derivatives, and the mean second derivative for Gauss-Newton."""
+        if self.objective == "quadratic":
+            return residuals**2, 2.0 * residuals, 2.0
+        losses = np.sqrt(residuals**2 + smoothing**2)
+        width = max(DENSITY_BANDWIDTH * float(np.mean(np.abs(residuals))), smoothing, 1e-300)
+        bend = float(np.mean(width**2 / (residuals**2 + width**2) ** 1.5))
+        return losses, residuals / losses, bend
+
+    def _barrier(self, point: Array) -> tuple[float, Array, Array]:
+        size, total = len(point), 0.0
+        gradient, curvature = np.zeros(size), np.zeros((size, size))
+        for name, part in self.one_step.parts().items():
+            if name in "acdf" and part.stop > part.start:
+                radius = self.one_step.radius_of(name)
+                value, slope, bend = stability_barriers(
+                    np.ascontiguousarray(point[None, part]), radius
+                )
+                total += float(value[0])
+                gradient[part], curvature[part, part] = slope[0], bend[0]
+        return total, gradient, curvature
+
+    def _noise_model(self, point: Array) -> tuple[Array, Array, Array]:
+        parts = self.one_step.parts()
+        a, c, d = (np.concatenate([[1.0], point[parts[name]]]) for name in "acd")
+        return a, c, d
+
+    def _impulse(self) -> Array:
+        impulse = np.zeros(self.horizon)
+        impulse[0] = 1.0
+        return impulse
+
+
+def _filtered(response: Array, signals: Array) -> Array:
+    """Signals, (N,) or (N, m), through a finite impulse response."""
+    from scipy.signal import lfilter
+
+    filtered: Array = lfilter(response, [1.0], signals, axis=0)
+    return filtered
