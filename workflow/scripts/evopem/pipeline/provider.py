@@ -103,7 +103,11 @@ class Provider:
             if dataset in self.validated
             else []
         )
-        read = [own.recording, *validation, own.prepared, *own.phases]
+        # One job makes the folder of all phases, which alone it can declare.
+        one_job = self.config.run.one_job_per == "recording"
+        structure = self.config.datasets[dataset].order_grid.structure
+        phases = [own.phases] if one_job else [own.phase(each) for each in phases_of(structure)]
+        read = [own.recording, *validation, own.prepared, *phases]
         return [*read, *own.results, *(own.pages if self.with_report else []), *truth]
 
     @property
