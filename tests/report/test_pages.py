@@ -133,7 +133,7 @@ def test_every_figure_offers_its_numbers_inside_the_page(results, page):
     assert len(poles) == model.orders.na
     assert (poles["variance_real"] > 0).all()
     assert set(tables["record"]["stage"]) == {"recorded", "estimation", "validation"}
-    assert set(tables["frequency_response"]["source"]) == {"model", "multitaper"}
+    assert set(tables["frequency_response"]["source"]) == {"model", "noise filter", "multitaper"}
     assert len(tables["delay"]) + len(tables["phases"]) == len(results.candidates)
     assert len(tables["stabilization"]) == sum(
         len(candidate.model.modes()) for candidate in results.phases["joint"].candidates

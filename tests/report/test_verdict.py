@@ -7,6 +7,7 @@ import pytest
 
 from evopem.report.sentences.about_verdict import DESIRABLE, ESSENTIAL, verdict
 from evopem.validation.checks import Check
+from evopem.validation.mode_evidence import NO_TEST
 from evopem.validation.mode_trust import doubts
 
 
@@ -77,6 +78,49 @@ def test_the_sentence_names_every_use_with_its_answer(results):
     )
 
 
+def of_structure(results, structure, **orders):
+    """The results as if the model had another structure."""
+    record = results.model
+    return replace(
+        results,
+        model=replace(record, orders=replace(record.orders, structure=structure, **orders)),
+    )
+
+
+def test_without_a_noise_model_a_prediction_is_as_good_as_the_simulation(results, monkeypatch):
+    with_checks(monkeypatch, results)
+    output_error = of_structure(results, "oe")
+    white = replace(results.validation.ljung_box, p_value=0.5)
+    good = {"ljung_box": white, "autocorrelation_share_inside95": 0.95}
+    for changes, answer in (
+        (good | {"prediction_error_percent": 10.0}, "good"),
+        (good | {"prediction_error_percent": 80.0}, "no"),
+        (
+            good | {"prediction_error_percent": 10.0, "ljung_box": replace(white, p_value=1e-9)},
+            "care",
+        ),
+    ):
+        found = verdict(with_validation(output_error, **changes))
+        assert answers(found)["one-step prediction"] == answer
+        assert answers(found)["standard errors"] == "good"
+    reasons = {use.name: use.reason for use in found.uses}
+    assert "no noise model" in reasons["one-step prediction"]
+    assert "colour" in reasons["standard errors"]
+
+
+def test_a_model_without_input_is_judged_by_prediction_and_spectrum(results, monkeypatch):
+    with_checks(monkeypatch, results)
+    record = results.model
+    alone = replace(
+        of_structure(results, "arma", nb=0, nk=0),
+        frequency_response=results.frequency_response.assign(gain=np.nan),
+    )
+    alone = replace(alone, model=replace(alone.model, b=record.b[:0], covariance_factor=None))
+    found = answers(verdict(alone))
+    assert not [name for name in found if "simulation" in name or "response" in name]
+    assert found["one-step prediction"] == found["the spectrum of the output"] == "good"
+
+
 def test_an_untransformed_output_has_one_simulation(results):
     record = results.model
     plain = replace(record.transforms, box_cox=None, difference=0)
@@ -123,6 +167,9 @@ def test_reasons_to_doubt_a_mode(results):
         "shows neither in the response to the input nor in the noise"
     ]
     assert of(reached=False, needed_by_noise=True) == []
+    assert of(reached=False, needed_by_noise=False, input_test=NO_TEST) == [
+        "does not improve the prediction of validation samples"
+    ]
     assert of(reached=None, needed_by_noise=None) == ["could not be tested on validation samples"]
     assert of(stable=False, recurrence=0.5) == ["was found at only 50 % of the other orders"]
     assert of(stable=None) == []

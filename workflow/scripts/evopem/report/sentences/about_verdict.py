@@ -229,7 +229,9 @@ def _modes(results: DatasetResults) -> Use:
         return Use("modes", "no", reason)
     places = enumeration([number(each.mode.frequency_hz, 3) for each in trusted]) + f"{THIN}Hz"
     others = len(results.model.modes) - len(trusted)
-    reason = "seen in validation samples and at most other orders"
+    reason = "seen in validation samples"
+    if all(each.stable for each in trusted):
+        reason += " and at most other orders"
     if others:
         reason += f"; {plural(others, 'further mode')} not to be trusted"
     name = "the mode at" if len(trusted) == 1 else "the modes at"
