@@ -73,8 +73,8 @@ def test_the_results_of_a_structure_are_read_back(run, name):
     files = run.files_of(name)
     model = evopem.load(files.model)
     assert model.structure == name
-    found = sorted(path.stem for path in Path(files.phases).glob("*.json"))
-    assert found == sorted(PHASES[name])
+    found = sorted(map(str, Path(files.phase_folder).glob("*.json")))
+    assert found == sorted(map(files.phase, PHASES[name]))
     plant = model.f if name != "arma" else model.a
     assert plant == pytest.approx(RESONANCE, abs=0.05)
     assert load(DatasetSummary, files.summary).orders == model.orders

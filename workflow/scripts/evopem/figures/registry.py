@@ -211,7 +211,7 @@ REPORT_FIGURES = (
     ReportFigure(
         "stabilization",
         "The poles of every joint order, with the spectrum of the output.",
-        (_FILES.phases,),
+        (_FILES.phase_folder,),
         _stabilization,
         stabilization_table,
         panels.stabilization,
@@ -332,7 +332,7 @@ REPORT_FIGURES = (
     ReportFigure(
         "convergence",
         "Lowest objective after each generation and after each final descent.",
-        (_FILES.phases,),
+        (_FILES.phase_folder,),
         lambda results: draw_convergence(results.selected.diagnostics.convergence),
         convergence_table,
         panels.convergence,
