@@ -100,6 +100,24 @@ def test_the_tables_say_what_belongs_to_plant_and_noise(run, name):
     assert in_time["step_upper"].notna().all() == has_input
 
 
+@pytest.mark.parametrize(
+    ("name", "shown", "hidden"),
+    [
+        ("oe", ["Measured and simulated", "Nyquist", "which no noise model uses"], []),
+        ("bj", ["Measured and simulated", "Nyquist", "of the noise filter alone"], []),
+        (
+            "arma",
+            ["Measured and predicted", "Gain of the noise filter", "the spectrum of the output"],
+            ["Nyquist", "simulation from the input", "Response to the input", ">Delay<"],
+        ),
+    ],
+)
+def test_the_report_shows_what_a_structure_has(run, name, shown, hidden):
+    page = Path(run.files_of(name).report).read_text(encoding="utf-8")
+    assert [words for words in shown if words not in page] == []
+    assert [words for words in hidden if words in page] == []
+
+
 def test_coloured_residuals_are_no_fault_of_an_output_error_model(run):
     checks = {
         check.name: check for check in load(DatasetSummary, run.files_of("oe").summary).checks

@@ -15,16 +15,22 @@ from evopem.config.structures import PHASES, phases_of
 from evopem.errors import InputError
 
 FIGURES = (
+    "measured_and_simulated",
+    "gain",
+    "poles_zeros",
+    "stabilization",
+    "frequency_response",
+    "step_and_impulse",
+    "nyquist",
+    "simulation",
+    "simulation_as_recorded",
+    "horizons",
+    "residuals",
+    "residual_spectrum",
     "record",
     "spectrum",
     "delay",
     "phases",
-    "poles_zeros",
-    "frequency_response",
-    "residuals",
-    "simulation",
-    "horizons",
-    "stabilization",
     "convergence",
 )
 """The figures of the report, in its order."""
