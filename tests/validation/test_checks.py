@@ -63,7 +63,6 @@ def with_polynomials(record, a, b, c, covariance):
         covariance_factor=covariance,
         modes=tuple(model.modes()),
         noise_modes=tuple(model.noise_modes()),
-        noise_modes=tuple(model.noise_modes()),
         noise_poles=model.noise_poles(),
         d=model.d,
         f=model.f,
