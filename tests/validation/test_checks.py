@@ -298,8 +298,8 @@ def test_a_peak_on_a_broad_maximum_of_the_gain_is_modelled(good, above, passed):
     assert peaks.with_("spectrum", peaks=(higher,)).check("Every").passed is passed
 
 
-def test_a_maximum_of_a_gain_accounts_for_one_peak(good):
-    """The plant and the noise filter have one broad maximum each, and three peaks lie on them."""
+def test_a_maximum_of_the_gain_accounts_for_one_peak(good):
+    """Here those of plant and noise filter, and no peak is near the mode itself."""
     changed = with_broad_mode(good)
     frequency, _ = top_of_gain(changed.model)
     peaks = with_peaks(changed, [frequency - 0.02, frequency, frequency + 0.02])
