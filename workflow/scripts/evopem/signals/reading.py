@@ -9,9 +9,10 @@ import itertools
 import os
 import signal
 import warnings
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,8 @@ from evopem.signals.recording import (
     check_recording,
 )
 from evopem.signals.timestamps import is_time, sampling_rate_of
+
+T = TypeVar("T")
 
 FORMATS = {
     ".csv": "text",
@@ -115,7 +118,9 @@ def read_recording(
         )
     options = _text_options(format_of(path), source, header_lines, decimal_mark)
     references = [input, output] if time is None else [input, output, time]
-    channels = _read_channels(path, references, options)
+    channels: list[Channel] = _read(
+        path, lambda reader, local: reader.read(local, references, **options)
+    )
     signals = [_signal(channels[0], "input", source), _signal(channels[1], "output", source)]
     if signals[0].size != signals[1].size:
         raise InputError(
@@ -146,6 +151,30 @@ def read_recording(
                 f'{role} "{getattr(recording, f"{role}_name")}"',
             )
     return recording
+
+
+def channel_names(path: str | Path) -> list[str]:
+    """Names of all channels of a measured file, in the order of their numbers.
+
+    A channel without a name has an empty one.
+
+    Raises
+    ------
+    InputError
+        When the file cannot be read as its format.
+    """
+    return _read(Path(path), lambda reader, local: reader.names(local))
+
+
+def read_channels(path: str | Path, references: Sequence[Reference]) -> list[Channel]:
+    """Read channels of a measured file as the file holds them, without any check of their values.
+
+    Raises
+    ------
+    InputError
+        When the file cannot be read as its format, or there is no such channel.
+    """
+    return _read(Path(path), lambda reader, local: reader.read(local, references))
 
 
 def sha256(path: str | Path) -> str:
@@ -202,19 +231,22 @@ def _text_options(
     return options
 
 
-def _read_channels(
-    path: Path, references: list[Reference], options: dict[str, Any]
-) -> list[Channel]:
+def _read(path: Path, use: Callable[[ModuleType, Path], T]) -> T:
+    """Call a function with the reader of a file and the path as the system's calls take it."""
     local = local_path(path)
     try:
-        return _read_local(local, references, options)
+        reader = _reader_of(local)
+        if format_of(local) in COMPILED and hasattr(os, "fork"):
+            _refuse_crashing(reader, local, use)
+        return use(reader, local)
     except InputError as refused:
         if local == path or refused.source != str(local):
             raise
         raise InputError(str(path), refused.problem, refused.remedy, refused.place) from None
 
 
-def _read_local(path: Path, references: list[Reference], options: dict[str, Any]) -> list[Channel]:
+def _reader_of(path: Path) -> ModuleType:
+    """The module that reads a file, which must be there and be what its extension says."""
     format_name = format_of(path)
     try:
         path.stat()
@@ -241,14 +273,12 @@ def _read_local(path: Path, references: list[Reference], options: dict[str, Any]
                 f"its content is {label}, which the extension does not say",
                 "give the file the extension of its format",
             )
-    reader = importlib.import_module(f"evopem.signals.readers.{format_name}")
-    if format_name in COMPILED and hasattr(os, "fork"):
-        _refuse_crashing(reader, path, references)
-    channels: list[Channel] = reader.read(path, references, **options)
-    return channels
+    return importlib.import_module(f"evopem.signals.readers.{format_name}")
 
 
-def _refuse_crashing(reader: ModuleType, path: Path, references: list[Reference]) -> None:
+def _refuse_crashing(
+    reader: ModuleType, path: Path, use: Callable[[ModuleType, Path], object]
+) -> None:
     """Refuse a file that crashes its reader, by reading it first in a separate process.
 
     A damaged file can make compiled code access invalid memory, as in scipy's reader of MATLAB
@@ -263,7 +293,7 @@ def _refuse_crashing(reader: ModuleType, path: Path, references: list[Reference]
             signal.signal(fatal, signal.SIG_DFL)
         os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
         with contextlib.suppress(BaseException):
-            reader.read(path, references)
+            use(reader, path)
         os._exit(0)
     if os.waitpid(child, 0)[1] != 0:
         refuse_unreadable(path, f"{COMPILED[reader.__name__.rpartition('.')[2]]} file")
