@@ -10,6 +10,7 @@ report: "workflow/report/workflow.rst"
 
 
 include: "workflow/rules/common.smk"
+include: "workflow/rules/terminal.smk"
 
 
 rule all:
@@ -19,15 +20,18 @@ rule all:
 
 
 onstart:
+    shorten_job_messages()
     mark_unfinished()
 
 
 onsuccess:
     list_other_targets()
+    print_results()
 
 
 onerror:
     collect_unfinished()
+    print_results()
 
 
 if provider.config.run.one_job_per == "recording":

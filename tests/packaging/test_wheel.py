@@ -14,6 +14,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "workflow" / "scripts" / "evopem"
 TEMPLATES = ROOT / "workflow" / "templates"
+SCHEMAS = ROOT / "workflow" / "schemas"
 COMPILING = "evopem: compiling the numerical kernels (about 10 s, once after an installation)\n"
 
 # The example's `input` and `output`: a record of the model whose orders the example gives.
@@ -99,12 +100,13 @@ def python(wheel, tmp_path_factory):
     return interpreter
 
 
-def test_every_module_and_template_is_in_the_wheel(wheel):
+def test_every_module_template_and_schema_is_in_the_wheel(wheel):
     with zipfile.ZipFile(wheel) as archive:
         packed = {name for name in archive.namelist() if ".dist-info/" not in name}
     modules = {f"evopem/{path.relative_to(PACKAGE)}" for path in PACKAGE.rglob("*.py")}
     templates = {f"evopem/templates/{path.name}" for path in TEMPLATES.iterdir()}
-    assert packed == modules | templates | {"evopem/py.typed"}
+    schemas = {f"evopem/schemas/{path.name}" for path in SCHEMAS.iterdir()}
+    assert packed == modules | templates | schemas | {"evopem/py.typed"}
 
 
 def test_the_example_of_the_readme_runs_without_any_extra(python, identified, tmp_path):
