@@ -26,14 +26,14 @@ test-slurm: $(VENV)/installed-dev  ## run the tests on SLURM, started for them w
 lint: $(VENV)/installed-dev  ## check style, types and the workflow
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
-	$(BIN)/snakefmt --check Snakefile workflow/rules benchmarks/fletcher_powell/Snakefile benchmarks/fletcher_powell/common.smk
+	$(BIN)/snakefmt --check Snakefile workflow/Snakefile workflow/rules benchmarks/fletcher_powell/Snakefile benchmarks/fletcher_powell/common.smk
 	$(BIN)/mypy
 	$(BIN)/snakemake --lint
 
 format: $(VENV)/installed-dev  ## bring every file into the style
 	$(BIN)/ruff check --fix
 	$(BIN)/ruff format
-	$(BIN)/snakefmt Snakefile workflow/rules benchmarks/fletcher_powell/Snakefile benchmarks/fletcher_powell/common.smk
+	$(BIN)/snakefmt Snakefile workflow/Snakefile workflow/rules benchmarks/fletcher_powell/Snakefile benchmarks/fletcher_powell/common.smk
 
 lock: $(VENV)/installed-dev  ## bring the lock files in line with pyproject.toml; UPGRADE=--upgrade takes the newest versions
 	$(COMPILE) $(UPGRADE) --output-file requirements.lock
