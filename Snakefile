@@ -1,4 +1,21 @@
-"""The workflow, for `snakemake` in this folder: it finds profiles/default beside this file."""
+"""Identify every data set of config.yaml: from its recording to a report."""
+
+from snakemake.utils import min_version
+
+# Older ones rerun every job of a script that is younger than its results, as in a fresh clone.
+min_version("9.11")
 
 
-include: "workflow/Snakefile"
+report: "workflow/report/workflow.rst"
+
+
+include: "workflow/rules/common.smk"
+
+
+rule all:
+    input:
+        [provider.results(dataset) for dataset in provider.config.datasets],
+        provider.lists,
+
+
+include: "workflow/rules/stages.smk"

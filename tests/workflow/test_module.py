@@ -34,6 +34,8 @@ rule everything:
     input: "first_mode.txt", rules.identification_all.input
 """
 
+CHECKOUT = repr(str(ROOT / "Snakefile"))
+
 
 @pytest.fixture
 def project(tmp_path):
@@ -42,7 +44,7 @@ def project(tmp_path):
     # Not a configuration of this workflow, and not even one that it would accept.
     (tmp_path / "config.yaml").write_text("project: of somebody else\nproject: twice\n")
 
-    def write(prefix="", snakefile=repr(str(ROOT / "Snakefile")), **more):
+    def write(prefix="", snakefile=CHECKOUT, **more):
         folder = f"{prefix}/" if prefix else ""
         given = f"prefix: {prefix!r}" if prefix else ""
         text = SNAKEFILE.format(snakefile=snakefile, prefix=given, folder=folder)

@@ -4,8 +4,8 @@ from typing import TYPE_CHECKING
 
 from evopem.files.job import job
 from evopem.pipeline.report import write_report
-from evopem.results.layout import DatasetFiles
 from evopem.report.templates import template_folder
+from evopem.results.layout import DatasetFiles
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
