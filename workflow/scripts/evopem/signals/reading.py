@@ -103,6 +103,17 @@ def read_recording(
         When the file cannot be read as its format; a channel is not there or not a signal
         of finite numbers; input, output and time are not three different signals; or the
         sampling rate is unknown or contradicted by the time stamps.
+
+    Examples
+    --------
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     file = Path(folder) / "data.csv"
+    ...     samples = [f"{i / 100},{i % 3},{i % 5}" for i in range(10)]
+    ...     _ = file.write_text("\\n".join(["time,u,y", *samples]))
+    ...     recording = read_recording(file, "u", "y", time="time")
+    >>> recording.sampling_rate, recording.output
+    (100.0, array([0., 1., 2., 3., 4., 0., 1., 2., 3., 4.]))
     """
     path = Path(path)
     source = str(path)
