@@ -199,6 +199,8 @@ def test_the_record_is_not_modified():
         ({"output": np.full(100, np.nan)}, "must be finite"),
         ({"settings": SearchSettings(max_root_radius=1.0)}, "between 0 and 1"),
         ({"structure": "state space"}, "structure must be one of"),
+        ({"settings": SearchSettings(refine="oldest")}, "refine must be one of"),
+        ({"settings": SearchSettings(initialization="zero")}, "initialization must be one of"),
         ({"earlier": object()}, "continued for 'armax' alone"),
         ({"structure": "armax", "orders": (1, 1, 1, 0), "level": True}, "without a level"),
     ],

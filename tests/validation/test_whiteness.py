@@ -6,6 +6,7 @@ from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
 from evopem import SearchSettings, estimate
+from evopem.errors import InputError
 from evopem.estimation.pem.covariance import jacobian_blocks
 from evopem.validation.residual_tests import residual_autocorrelation_covariance, whiteness_test
 
@@ -122,3 +123,9 @@ def test_residuals_of_a_model_too_small_are_rejected():
     )
     test = whiteness_test(fit.residuals[fit.window.loss_start :], jacobian, 20, "quadratic")
     assert test.p_value < 1e-6
+
+
+def test_an_unknown_objective_is_refused():
+    residuals, jacobian = regression(6)
+    with pytest.raises(InputError, match="'cubic' is not known; give absolute or quadratic"):
+        whiteness_test(residuals, [jacobian], 20, "cubic")

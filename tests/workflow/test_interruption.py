@@ -49,6 +49,13 @@ def test_a_changed_truncated_or_deleted_result_is_refused_or_made_again(copy, fi
     assert_same_results(copy, finished)
 
 
+def test_a_deleted_file_that_only_finished_jobs_have_read_is_made_again(copy):
+    files = copy.files_of("truth")
+    for path in (files.prepared, files.phase("delay")):
+        Path(path).unlink()
+    assert {"prepare_signals", "select_candidate"} <= copy.planned().keys()
+
+
 def test_a_full_disk_is_reported_and_leaves_nothing_half_written(copy, finished):
     """No file may grow beyond 40 kB, as on a full disk: the drawing of figures fails."""
     files = copy.files_of("truth")

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from evopem.version import __version__
 
 if TYPE_CHECKING:
+    from evopem.automatic.identify import Identification, identify
     from evopem.config.settings import ScoringWindow, SearchSettings
     from evopem.errors import InputError
     from evopem.estimation.estimate import Estimate
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 __all__ = [
     "ArmaxModel",
     "Estimate",
+    "Identification",
     "InputError",
     "Orders",
     "PolynomialEstimate",
@@ -34,12 +36,14 @@ __all__ = [
     "SearchSettings",
     "__version__",
     "estimate",
+    "identify",
     "load",
 ]
 
 _HOMES = {
     "ArmaxModel": "evopem.models.armax",
     "Estimate": "evopem.estimation.estimate",
+    "Identification": "evopem.automatic.identify",
     "InputError": "evopem.errors",
     "Orders": "evopem.models.armax",
     "PolynomialEstimate": "evopem.estimation.polynomial_estimate",
@@ -48,6 +52,7 @@ _HOMES = {
     "ScoringWindow": "evopem.config.settings",
     "SearchSettings": "evopem.config.settings",
     "estimate": "evopem.estimation.structured_estimate",
+    "identify": "evopem.automatic.identify",
 }
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 
 _CONTROLS = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]+")
 
@@ -38,3 +39,15 @@ class InputError(ValueError):
 
     def __reduce__(self) -> tuple[type, tuple[str, str, str, str]]:
         return (type(self), (self.source, self.problem, self.remedy, self.place))
+
+
+def check_choice(source: str, value: object, choices: Sequence[str]) -> None:
+    """Refuse what is none of the words that a setting can have.
+
+    Raises
+    ------
+    InputError
+        Naming the words.
+    """
+    if not (isinstance(value, str) and value in choices):
+        raise InputError(source, f"{value!r} is not known", f"give {' or '.join(choices)}")

@@ -14,6 +14,7 @@ Range = tuple[int, int]
 PHASES = ("delay", "joint", "nc", "nb")
 """The phases of the order search, in their order: each takes its predecessor's selection."""
 
+Synthesis = Literal["flexible_arm", "armax"]
 Objective = Literal["absolute", "quadratic"]
 Initialization = Literal["arx", "incremental_order"]
 Refine = Literal["worst", "all", "best", "random"]
@@ -75,7 +76,7 @@ class SyntheticSource:
         Ratio of noise to output, of the ARMAX recording alone.
     """
 
-    synthesis: Literal["flexible_arm", "armax"]
+    synthesis: Synthesis
     seed: int = 1
     samples: int = 5000
     sampling_rate: float = 100.0

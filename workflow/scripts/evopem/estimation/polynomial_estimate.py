@@ -19,7 +19,8 @@ from evopem.estimation.criteria import (
 from evopem.estimation.pem.covariance import estimate_covariance, innovation_variance
 from evopem.estimation.pem.objective import OBJECTIVES
 from evopem.estimation.pem.polynomial_objective import PolynomialErrors
-from evopem.estimation.search.memetic import memetic_search
+from evopem.estimation.search.armax_problem import INITIALIZATIONS
+from evopem.estimation.search.memetic import REFINE, memetic_search
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
 from evopem.estimation.search.problem import SearchResult
 from evopem.models.polynomial import PolynomialModel
@@ -164,8 +165,14 @@ def _check(
         raise ValueError(f"input and output must be of one length, not {u.shape} and {y.shape}")
     if not (np.isfinite(u).all() and np.isfinite(y).all()):
         raise ValueError("input and output must be finite")
-    if settings.objective not in OBJECTIVES:
-        raise ValueError(f"objective must be one of {OBJECTIVES}, not {settings.objective!r}")
+    for name, known in (
+        ("objective", OBJECTIVES),
+        ("refine", REFINE),
+        ("initialization", INITIALIZATIONS),
+    ):
+        value = getattr(settings, name)
+        if value not in known:
+            raise ValueError(f"{name} must be one of {known}, not {value!r}")
     if not 0.0 < settings.max_root_radius < 1.0:
         raise ValueError(
             f"max_root_radius must lie between 0 and 1, not {settings.max_root_radius}"

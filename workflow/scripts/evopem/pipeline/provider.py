@@ -90,10 +90,20 @@ class Provider:
         return [*OVERVIEW] if several or any(map(resources.is_file, OVERVIEW)) else []
 
     def results(self, dataset: str) -> list[str]:
-        """The results of one data set."""
+        """The results of one data set, those that other jobs read among them.
+
+        Snakemake does not make a missing file again that only finished jobs needed. All are asked
+        for, so that whatever was deleted is made again.
+        """
         own = DatasetFiles.of_dataset(dataset)
         truth = [own.truth] if dataset in self.synthetic else []
-        return [*own.results, *(own.pages if self.with_report else []), *truth]
+        validation = (
+            [own.validation_recording, own.validation_recording_info]
+            if dataset in self.validated
+            else []
+        )
+        read = [own.recording, *validation, own.prepared, *own.phases]
+        return [*read, *own.results, *(own.pages if self.with_report else []), *truth]
 
     @property
     def last_results(self) -> list[str]:

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evopem.config.settings import PreparationSettings, SplitSettings, TransformSettings
-from evopem.errors import InputError
+from evopem.errors import InputError, check_choice
 from evopem.files.json_form import load, save
 from evopem.files.npz import load_arrays, save_arrays
+from evopem.signals.output_level import output_level
 from evopem.signals.recording import (
     Recording,
     check_recording,
@@ -52,7 +53,8 @@ class Transforms:
     difference_initial, difference_input_initial : tuple of float
         Values the differences start from, at the first estimation sample.
     input_mean, output_mean : float
-        Means of the estimation samples, taken from all samples.
+        Mean of the input and level of the output (:func:`output_level`) in the estimation samples,
+        taken from all samples.
     discard : int
         Samples dropped at the start, after the differences.
     validation_difference_initial, validation_difference_input_initial : tuple of float
@@ -114,9 +116,9 @@ def prepare(
 
     In this order: resample; Box-Cox transform of the output; differences of the output and
     of the input, the other signal losing its first samples so that both stay aligned;
-    discard; cut; subtract the means of the estimation samples. A validation recording
-    passes through the same transforms with the same parameters. An automatic Box-Cox
-    parameter is found from the estimation samples alone.
+    discard; cut; subtract the input's mean and the output's level in the estimation samples. A
+    validation recording passes through the same transforms with the same parameters. An
+    automatic Box-Cox parameter is found from the estimation samples alone.
 
     Parameters
     ----------
@@ -171,7 +173,7 @@ def prepare(
     estimation, estimation_initial = _section(records[0], start, stop, counts)
     validation, validation_initial = _section(records[-1], *validation_range, counts)
 
-    input_mean, output_mean = float(estimation.input.mean()), float(estimation.output.mean())
+    input_mean, output_mean = float(estimation.input.mean()), output_level(estimation)
     centred = [
         replace(part, input=part.input - input_mean, output=part.output - output_mean)
         for part in (estimation, validation)
@@ -224,6 +226,7 @@ def invert_output(
         are those just before the part, kept as start values. Rounding errors grow with
         the summation, see `invert_difference`; resampling itself is not undone.
     """
+    check_choice("part", part, get_args(Part))
     initial = (
         transforms.difference_initial
         if part == "estimation"
@@ -241,6 +244,7 @@ def invert_input(
     part: Part = "estimation",
 ) -> NDArray[np.float64]:
     """Take prepared input samples back to the measured unit, as `invert_output` does."""
+    check_choice("part", part, get_args(Part))
     initial = (
         transforms.difference_input_initial
         if part == "estimation"

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from evopem.config.settings import SyntheticSource, TransformSettings
+from typing import get_args
+
+from evopem.config.settings import Synthesis, SyntheticSource, TransformSettings
+from evopem.errors import InputError, check_choice
 from evopem.signals.recording import Recording
 from evopem.synthesis.truth import Truth
 
@@ -16,6 +19,11 @@ def synthesize(source: SyntheticSource, transforms: TransformSettings) -> tuple[
     transforms : TransformSettings
         An ARMAX recording is made non-stationary in the way that these transforms undo.
 
+    Raises
+    ------
+    InputError
+        When the system or the Box-Cox parameter is not known.
+
     Examples
     --------
     >>> source = SyntheticSource("armax", seed=1, samples=1000)
@@ -23,13 +31,20 @@ def synthesize(source: SyntheticSource, transforms: TransformSettings) -> tuple[
     >>> recording.output.shape
     (1000,)
     """
+    check_choice("synthesis", source.synthesis, get_args(Synthesis))
+    box_cox = transforms.box_cox
+    if isinstance(box_cox, str) and box_cox not in ("auto", "none"):
+        raise InputError(
+            "transforms.box_cox",
+            f"{box_cox!r} is not a Box-Cox parameter",
+            'give a number, "auto" or "none"',
+        )
     if source.synthesis == "flexible_arm":
         from evopem.synthesis.flexible_arm import flexible_arm
 
         return flexible_arm(source.seed, source.samples, source.sampling_rate)
     from evopem.synthesis.armax import armax
 
-    box_cox = transforms.box_cox
     return armax(
         source.seed,
         source.samples,

@@ -10,8 +10,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
+from evopem.errors import check_choice
 from evopem.estimation.pem.covariance import density_at_zero, pseudo_inverse_factor
 from evopem.estimation.pem.least_squares import triangle_of
+from evopem.estimation.pem.objective import OBJECTIVES
 from evopem.models.gain_interval import NORMAL_95
 from evopem.signals import correlation as signals
 from evopem.validation.weighted_chi_square import weighted_chi_square_tail
@@ -71,8 +73,9 @@ def whiteness_test(
     Raises
     ------
     ValueError
-        When there are not more residuals than lags.
+        When there are not more residuals than lags, or the objective is not known.
     """
+    check_choice("objective", objective, OBJECTIVES)
     e = np.asarray(residuals, dtype=float)
     if not 0 < lags < e.size:
         raise ValueError(f"{lags} lags cannot be tested with {e.size} residuals")

@@ -16,8 +16,9 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from evopem.config.settings import SpectrumSettings
-from evopem.errors import InputError
+from evopem.errors import InputError, check_choice
 from evopem.estimation.pem.covariance import jacobian_blocks
+from evopem.estimation.pem.objective import OBJECTIVES
 from evopem.models.initial_state import estimate_noise_state
 from evopem.signals.spectral.frequency_response import (
     FrequencyResponse,
@@ -199,7 +200,7 @@ def validate(
     Raises
     ------
     ValueError
-        When too few samples are left for a test.
+        When too few samples are left for a test, or the objective is not known.
 
     Notes
     -----
@@ -218,6 +219,7 @@ def validate(
     recording, its noise state is fitted to it, and the first max(na, nb + nk − 1, nc) samples and
     the nc after them are not scored.
     """
+    check_choice("objective", objective, OBJECTIVES)
     estimation = prepared.estimation
     orders = model.orders
     start = orders.first_residual + orders.nc if loss_start is None else loss_start

@@ -33,7 +33,10 @@ def recording(results: DatasetResults) -> list[str]:
     if transforms.difference_input:
         sentences.append(f"The input was differenced {times(transforms.difference_input)}.")
     sentences.append(_division(transforms))
-    sentences.append("The means of the estimation samples are subtracted from all samples.")
+    sentences.append(
+        "The mean of the input and the level of the output in the estimation samples are subtracted"
+        " from all samples."
+    )
     return [" ".join(sentences)]
 
 

@@ -20,6 +20,8 @@ MIN_LINES = 10
 PEAK_WIDTHS = (1, 4, 16)
 # Largest share of the frequency axis that an average extends over.
 MAX_AVERAGED_SHARE = 0.2
+# Share of records in which noise alone makes a peak as prominent as its `chance_db`.
+CHANCE_LEVEL = 0.01
 
 
 def spectral_peaks(spectrum: Spectrum) -> list[SpectralPeak]:
@@ -60,7 +62,7 @@ def spectral_peaks(spectrum: Spectrum) -> list[SpectralPeak]:
 
     step = spectrum.frequencies[1]
     level = _without_ends(spectrum)
-    found: dict[int, float] = {}
+    found: dict[int, _Peak] = {}
     for cells in PEAK_WIDTHS:
         width = max(1, round(cells * spectrum.resolution_hz / step))
         if cells > 1 and width > MAX_AVERAGED_SHARE * level.size:
@@ -70,14 +72,15 @@ def spectral_peaks(spectrum: Spectrum) -> list[SpectralPeak]:
         for peak in _prominent(averaged, spectrum, cells):
             known = (narrower >= peak.start - width) & (narrower <= peak.stop + width)
             if cells == 1 or not known.any():
-                found[peak.top] = peak.prominence_db
+                found[peak.top] = peak
     return [
         SpectralPeak(
             frequency_hz=float(spectrum.frequencies[index]),
             density=float(spectrum.density[index]),
-            prominence_db=float(found[index]),
+            prominence_db=float(found[index].prominence_db),
             lower=float(spectrum.lower[index]),
             upper=float(spectrum.upper[index]),
+            chance_db=float(found[index].chance_db),
         )
         for index in sorted(found)
     ]
@@ -137,12 +140,13 @@ def _without_ends(spectrum: Spectrum) -> Floats:
 
 
 class _Peak(NamedTuple):
-    """A prominent local maximum: its index, and where it is halfway down (in dB)."""
+    """A prominent local maximum: its index, where it is halfway down (in dB), and its heights."""
 
     top: int
     start: float
     stop: float
     prominence_db: float
+    chance_db: float
 
 
 def _prominent(averaged: Floats, spectrum: Spectrum, cells: int) -> list[_Peak]:
@@ -155,11 +159,19 @@ def _prominent(averaged: Floats, spectrum: Spectrum, cells: int) -> list[_Peak]:
     left, right = found["left_bases"], found["right_bases"]
     valleys = np.where(averaged[left] > averaged[right], left, right)
     independent = max(1.0, spectrum.frequencies[-1] / (cells * spectrum.resolution_hz))
-    tail = (1.0 - CONFIDENCE) / (2.0 * independent)
     freedom = cells * spectrum.degrees_of_freedom
-    high = chi2.isf(tail, freedom[tops]) / freedom[tops]
-    low = chi2.ppf(tail, freedom[valleys]) / freedom[valleys]
+
+    def spread(level: float) -> Floats:
+        """Prominence in dB that noise alone exceeds in this share of records."""
+        tail = level / (2.0 * independent)
+        high = chi2.isf(tail, freedom[tops]) / freedom[tops]
+        low = chi2.ppf(tail, freedom[valleys]) / freedom[valleys]
+        return 10.0 * np.log10(high / low)
+
+    heights = found["prominences"]
+    # The density is searched at several widths, each of which can find a peak by chance.
+    chance = spread(CHANCE_LEVEL / len(PEAK_WIDTHS))
     return [
-        _Peak(int(tops[k]), found["left_ips"][k], found["right_ips"][k], found["prominences"][k])
-        for k in np.flatnonzero(found["prominences"] > 10.0 * np.log10(high / low))
+        _Peak(int(tops[k]), found["left_ips"][k], found["right_ips"][k], heights[k], chance[k])
+        for k in np.flatnonzero(heights > spread(1.0 - CONFIDENCE))
     ]

@@ -1,0 +1,90 @@
+"""The automatic recipe as a whole, against known truths."""
+
+import numpy as np
+import pytest
+from records import error_percent, output_error_record
+from scipy.signal import lfilter
+
+import evopem
+from evopem.automatic.decision import Decision
+from evopem.automatic.folds import decide_folds
+from evopem.automatic.orders import decide_delay
+from evopem.automatic.stretches import Stretch
+from evopem.automatic.structures import Choice
+from evopem.files.json_form import from_json, to_json
+from evopem.signals.recording import Recording
+
+
+@pytest.fixture(scope="module")
+def resonance():
+    u, y, truth = output_error_record(500)
+    return evopem.identify(u[:300] + 4.0, y[:300] + 9.0, 10.0), u, y, truth
+
+
+def test_the_model_simulates_unseen_samples_near_the_truth(resonance):
+    found, u, y, truth = resonance
+    simulated = found.simulate(Recording(u[300:] + 4.0, y[300:] + 9.0, 10.0))
+    assert error_percent(truth[300:] + 9.0, simulated) < 7.0
+    assert found.validate(Recording(u[300:] + 4.0, y[300:] + 9.0, 10.0)).simulation < 25.0
+
+
+def test_decisions_have_a_json_form(resonance):
+    decisions = resonance[0].decisions
+    assert from_json(tuple[Decision, ...], to_json(decisions))[0] == decisions[0]
+    assert len({each.subject for each in decisions}) == len(decisions)
+    assert all(each.sentence.endswith(".") for each in decisions)
+
+
+def test_a_choice_has_a_json_form(resonance):
+    choice = resonance[0].choice
+    again = from_json(Choice, to_json(choice))
+    assert again.candidate.orders == choice.candidate.orders
+    assert np.array_equal(again.candidate.model.parameters, choice.candidate.model.parameters)
+
+
+def test_the_same_record_gives_the_same_bits(resonance):
+    found, u, y, _ = resonance
+    again = evopem.identify(u[:300] + 4.0, y[:300] + 9.0, 10.0)
+    assert np.array_equal(again.model.parameters, found.model.parameters)
+
+
+def test_the_arrays_are_not_changed_and_gaps_are_allowed():
+    u, y, _ = output_error_record(200)
+    y[50:55] = np.nan
+    before = u.copy(), y.copy()
+    found = evopem.identify(u, y)
+    assert len(found.prepared.stretches) == 2
+    assert np.array_equal(u, before[0])
+    assert np.array_equal(y, before[1], equal_nan=True)
+
+
+def test_a_long_delay_is_found_beyond_the_first_range():
+    u, y, _ = output_error_record(800, delay=23)
+    assert decide_delay([Stretch(u, y)])[0] == 23
+
+
+def test_a_chirp_gets_interleaved_folds():
+    t = np.arange(1000.0)
+    u = np.sin(0.02 * t + 0.0007 * t**2)
+    plan = decide_folds([Stretch(u, lfilter([0.0, 1.0], [1.0, -0.5], u))])
+    assert all(blocks > 1 for _, blocks in plan.designs)
+
+
+def test_feedback_does_not_lead_to_an_output_error_model():
+    generator = np.random.default_rng(8)
+    n = 600
+    reference, e = np.repeat(generator.choice([-1.0, 1.0], n // 8), 8), generator.standard_normal(n)
+    noise = lfilter([1.0, 0.4], [1.0, -1.7, 0.8], 0.3 * e)
+    u, x = np.zeros(n), np.zeros(n)
+    for t in range(2, n):
+        x[t] = 1.7 * x[t - 1] - 0.8 * x[t - 2] + 0.3 * u[t - 1] + 0.2 * u[t - 2]
+        u[t] = reference[t] - 0.3 * (x[t] + noise[t])
+    found = evopem.identify(u, x + noise)
+    held = Recording(u, x, 1.0)
+    assert error_percent(x, found.simulate(held)) < 25.0
+
+
+def test_an_unknown_purpose_is_refused():
+    u, y, _ = output_error_record(100)
+    with pytest.raises(ValueError, match="purpose"):
+        evopem.identify(u, y, purpose="control")

@@ -1,0 +1,91 @@
+"""Each decision of the preparation on a record that calls for it, and on one that does not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from records import noisy, output_error_record
+from scipy.signal import lfilter
+
+from evopem.automatic.preparation import decide_preparation, prepare
+from evopem.errors import InputError
+from evopem.signals.recording import Recording
+
+
+def choices(plan):
+    return {each.subject: each.choice for each in plan.decisions}
+
+
+def test_a_plain_record_is_left_as_it_is():
+    u, y, _ = output_error_record(400)
+    plan = decide_preparation([Recording(u, y, 10.0)])
+    assert choices(plan) == {
+        "start": "0",
+        "clipping": "none",
+        "decimation": "1",
+        "objective": "quadratic",
+    }
+
+
+def test_samples_before_the_first_change_are_left_out():
+    u, y, _ = output_error_record(300)
+    u, y = np.concatenate([np.zeros(40), u]), np.concatenate([np.full(40, y[0]), y])
+    assert decide_preparation([Recording(u, y, 10.0)]).starts[0] in (38, 39, 40)
+
+
+def test_missing_samples_are_breaks_and_are_not_filled():
+    u, y, _ = output_error_record(400)
+    y[100:110] = np.nan
+    record = Recording(u, y, 10.0)
+    prepared = prepare([record], decide_preparation([record]))
+    assert [each.samples for each in prepared.stretches] == [100, 290]
+
+
+def test_clipped_samples_are_breaks():
+    u, _, _ = output_error_record(600)
+    slow = lfilter([0.1], [1.0, -0.9], u)
+    y = lfilter([0.2], [1.0, -0.9], slow)
+    limit = float(np.quantile(y, 0.9))
+    clipped = np.minimum(y, limit)
+    plan = decide_preparation([Recording(u, clipped, 10.0)])
+    assert plan.clipped == (-np.inf, limit)
+
+
+def test_decimation_of_an_oversampled_record_is_scored():
+    generator = np.random.default_rng(2)
+    u = lfilter([0.02], [1.0, -0.98], generator.standard_normal(1000))
+    y = lfilter([0.0, 0.001], np.poly([0.985 * np.exp(0.05j), 0.985 * np.exp(-0.05j)]).real, u)
+    y = noisy(y, generator.standard_normal(1000), 3.0)
+    decision = decide_preparation([Recording(u, y, 500.0)]).decisions[2]
+    assert decision.subject == "decimation"
+    scores = {each.name: each.score for each in decision.alternatives}
+    assert len(scores) > 1
+    assert scores[decision.choice] <= 1.05 * min(scores.values())
+
+
+def test_a_plan_is_applied_at_the_lower_rate():
+    u, y, _ = output_error_record(400)
+    record = Recording(u, y, 500.0)
+    plan = replace(decide_preparation([record]), factor=4)
+    prepared = prepare([record], plan)
+    assert prepared.sampling_rate == 125.0
+    assert prepared.stretches[0].samples == 100
+
+
+def test_outliers_call_for_the_absolute_objective():
+    u, y, _ = output_error_record(600, percent=5.0)
+    y[::60] += 30.0
+    assert decide_preparation([Recording(u, y, 10.0)]).objective == "absolute"
+
+
+def test_recordings_of_different_rates_are_refused():
+    u, y, _ = output_error_record(100)
+    with pytest.raises(InputError, match="sampling rates differ"):
+        decide_preparation([Recording(u, y, 10.0), Recording(u, y, 20.0)])
+
+
+def test_a_record_of_gaps_alone_is_refused():
+    u, y, _ = output_error_record(100)
+    y[::7] = np.nan
+    with pytest.raises(InputError, match="without a gap"):
+        decide_preparation([Recording(u, y, 10.0)])

@@ -1,0 +1,197 @@
+"""Scores of models on held-out samples of the estimation part."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evopem.automatic.decision import Alternative, Decision
+from evopem.automatic.fit import FitSettings, fit
+from evopem.automatic.simulation import prediction_errors, simulated
+from evopem.automatic.stretches import Fold, Stretch, folds_of, total_samples
+from evopem.models.polynomial import PolynomialModel
+
+Array = NDArray[np.float64]
+
+# Designs of folds: number of folds, and blocks of each.  Long blocks show errors of the gain and of
+# slow poles, many folds leave more samples to fit, interleaved blocks compare like with like.
+DESIGNS = ((2, 1), (5, 1), (2, 3))
+# For records whose excitation moves over the bands, such as a chirp.
+INTERLEAVED = ((2, 3), (2, 6))
+SHORTEST_BLOCK = 25
+# Least share of a part's input spectrum that the rest of the record must have as well.
+LEAST_OVERLAP = 0.4
+BANDS = 24
+# Errors beyond this, in standard deviations of the output, are all the same: useless.
+LARGEST_ERROR = 1e3
+
+
+@dataclass(frozen=True)
+class FoldPlan:
+    """How held-out samples are divided; designs as (folds, blocks of each fold)."""
+
+    designs: tuple[tuple[int, int], ...]
+    decision: Decision
+
+
+@dataclass(frozen=True)
+class HeldOutScores:
+    """Root mean square errors on held-out samples, relative to the output's standard deviation.
+
+    The geometric mean over the designs of folds, in percent.  Sums of squares are divided by the
+    samples less the states that were fitted to the held-out samples.
+
+    Attributes
+    ----------
+    simulation : float
+        With the level of the training samples.
+    free_level : float
+        With the level as a state, fitted to the held-out samples like the initial state.
+    prediction : float
+        One step ahead.
+    simulation_folds, free_level_folds : tuple of float
+        Logarithms of the errors of each fold of each design.
+    """
+
+    simulation: float
+    free_level: float
+    prediction: float
+    simulation_folds: tuple[float, ...]
+    free_level_folds: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        # JSON has no infinity: what could not be computed comes back as NaN, which has no order.
+        for name in ("simulation", "free_level", "prediction"):
+            if np.isnan(getattr(self, name)):
+                object.__setattr__(self, name, np.inf)
+
+    @staticmethod
+    def none() -> HeldOutScores:
+        """Scores of a model that could not be fitted."""
+        return HeldOutScores(np.inf, np.inf, np.inf, (), ())
+
+
+def decide_folds(stretches: Sequence[Stretch]) -> FoldPlan:
+    """Choose the designs of folds whose parts have common input spectra.
+
+    Parameters
+    ----------
+    stretches : sequence of Stretch
+    """
+    samples = total_samples(stretches)
+    possible = [d for d in DESIGNS if samples >= d[0] * d[1] * SHORTEST_BLOCK] or [(2, 1)]
+    overlaps = {
+        d: _overlap(folds_of(stretches, *d, 1)) for d in dict.fromkeys([*DESIGNS, *possible])
+    }
+    kept = [d for d in possible if overlaps[d] >= LEAST_OVERLAP]
+    alternatives = tuple(Alternative(_name(d), 1.0 - overlaps[d]) for d in overlaps)
+    if kept:
+        sentence = "The parts of the record have common input spectra, so the folds are comparable."
+    else:
+        kept = [d for d in INTERLEAVED if samples >= d[0] * d[1] * SHORTEST_BLOCK] or [(2, 1)]
+        sentence = (
+            "The parts of the record excite different bands, as a chirp does: the folds are "
+            "interleaved stretches."
+        )
+    return FoldPlan(
+        tuple(kept),
+        Decision(
+            *("folds", " and ".join(_name(d) for d in kept), alternatives),
+            "share of a held-out part's input spectrum that the training part lacks",
+            sentence,
+        ),
+    )
+
+
+def held_out_scores(
+    stretches: Sequence[Stretch],
+    plan: FoldPlan,
+    model: PolynomialModel,
+    settings: FitSettings,
+) -> HeldOutScores:
+    """Fit a model's orders to the training part of each fold and score it on the rest.
+
+    Parameters
+    ----------
+    stretches : sequence of Stretch
+    plan : FoldPlan
+    model : PolynomialModel
+        Fitted to all stretches; the descents start there.
+    settings : FitSettings
+    """
+    scale = float(np.std(np.concatenate([each.output for each in stretches]))) or 1.0
+    logarithms, of_folds = [], []
+    for folds, blocks in plan.designs:
+        of_design = []
+        for fold in folds_of(stretches, folds, blocks, SHORTEST_BLOCK):
+            try:
+                found = fit(fold.training, model.orders, settings, [model], own_starts=False).model
+            except (ValueError, np.linalg.LinAlgError):
+                return HeldOutScores.none()
+            of_design.append(np.sum([_errors_on(found, each) for each in fold.held_out], axis=0))
+        sums, counts = np.sum(of_design, axis=0)
+        if not (counts > 0).all():
+            return HeldOutScores.none()
+        logarithms.append(_logarithms(sums, counts, scale))
+        of_folds += [_logarithms(errors[0], errors[1], scale) for errors in of_design]
+    simulation, free_level, prediction = 100.0 * np.exp(np.mean(logarithms, axis=0))
+    by_kind = np.transpose(of_folds)
+    return HeldOutScores(
+        float(simulation),
+        float(free_level),
+        float(prediction),
+        tuple(map(float, by_kind[0])),
+        tuple(map(float, by_kind[1])),
+    )
+
+
+def _logarithms(sums: Array, counts: Array, scale: float) -> Array:
+    """Logarithms of root mean squares, relative to a scale and bounded."""
+    with np.errstate(all="ignore"):
+        ratios = np.sqrt(sums / counts) / scale
+    return np.log(np.clip(np.nan_to_num(ratios, nan=LARGEST_ERROR), 1e-12, LARGEST_ERROR))
+
+
+def _errors_on(model: PolynomialModel, stretch: Stretch) -> Array:
+    """Sums of squared errors of the three kinds, and the samples less the fitted states, (2, 3)."""
+    n, states = stretch.samples, model.state_dimension
+    sums, counts = np.zeros(3), np.zeros(3)
+    for kind, free_level in enumerate((False, True)):
+        remaining = n - states - int(free_level)
+        if remaining > n // 4:
+            errors = simulated(model, stretch, free_level) - stretch.output
+            sums[kind], counts[kind] = errors @ errors, remaining
+    errors = prediction_errors(model, stretch)
+    remaining = len(errors) - model.orders.nf - model.orders.noise_states
+    if remaining > n // 4:
+        sums[2], counts[2] = errors @ errors, remaining
+    return np.array([sums, counts])
+
+
+def _overlap(folds: Sequence[Fold]) -> float:
+    """Smallest share of a held-out input spectrum that the training part has as well."""
+    return min(
+        float(np.minimum(_spectrum(fold.held_out), _spectrum(fold.training)).sum())
+        for fold in folds
+    )
+
+
+def _spectrum(stretches: Sequence[Stretch]) -> Array:
+    """Power of the input in equally wide bands, summing to 1."""
+    power = np.zeros(BANDS)
+    mean = np.mean(np.concatenate([each.input for each in stretches])) if stretches else 0.0
+    for each in stretches:
+        if each.samples > 2:
+            line = np.abs(np.fft.rfft((each.input - mean) * np.hanning(each.samples))) ** 2
+            band = np.minimum(np.arange(len(line)) * BANDS // len(line), BANDS - 1)
+            power += np.bincount(band, line, BANDS)
+    total = power.sum()
+    return power / total if total > 0 else np.full(BANDS, 1.0 / BANDS)
+
+
+def _name(design: tuple[int, int]) -> str:
+    folds, blocks = design
+    return f"{folds} folds of {blocks} block{'s' if blocks > 1 else ''}"

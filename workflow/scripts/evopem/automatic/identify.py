@@ -1,0 +1,235 @@
+"""Automatic identification: from recordings to models, each step decided and recorded."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import get_args
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from threadpoolctl import threadpool_limits
+
+from evopem.automatic.decision import Decision
+from evopem.automatic.folds import decide_folds
+from evopem.automatic.orders import (
+    NESTED,
+    Candidate,
+    Scorer,
+    StructureSearch,
+    decide_delay,
+    search_structure,
+)
+from evopem.automatic.preparation import (
+    PreparationPlan,
+    PreparedRecord,
+    decide_preparation,
+    prepare,
+    prepare_validation,
+)
+from evopem.automatic.remedies import Trial, act_on_checks
+from evopem.automatic.simulation import prediction_errors, simulated
+from evopem.automatic.stretches import Stretch
+from evopem.automatic.structures import Choice, Purpose, compare_structures
+from evopem.models.polynomial import PolynomialModel
+from evopem.signals.recording import Recording
+
+Array = NDArray[np.float64]
+
+PURPOSES = get_args(Purpose)
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Errors on a validation recording, ``100 ||y - yhat|| / ||y - mean(y)||``, percent.
+
+    Attributes
+    ----------
+    simulation, prediction : float
+    """
+
+    simulation: float
+    prediction: float
+
+
+@dataclass(frozen=True, eq=False)
+class Identification:
+    """What automatic identification found.
+
+    Attributes
+    ----------
+    model : PolynomialModel
+        For the purpose, in recorded units less their offsets, at the prepared rate.
+    choice : Choice
+        The model as it was chosen, with its scores.
+    others : tuple of Choice
+        The choices for the other purposes, where they are other models.
+    prepared : PreparedRecord
+    decisions : tuple of Decision
+    trials : tuple of Trial
+        Remedies of failed checks.
+    failed : tuple of str
+        Checks that stay failed.
+    """
+
+    model: PolynomialModel
+    choice: Choice
+    others: tuple[Choice, ...]
+    prepared: PreparedRecord
+    decisions: tuple[Decision, ...]
+    trials: tuple[Trial, ...]
+    failed: tuple[str, ...]
+
+    def simulate(self, recording: Recording) -> Array:
+        """Simulation of a recording from the initial state that fits it, in recorded units.
+
+        At the prepared rate: ``recording`` is prepared as the estimation samples were.
+        """
+        plan = self.prepared.plan
+        parts = [
+            simulated(self.choice.candidate.model, each, self.choice.level == "state")
+            for each in prepare_validation(recording, plan)
+        ]
+        return np.concatenate(parts) * plan.output_scale + plan.output_offset
+
+    def validate(self, recording: Recording) -> Errors:
+        """Errors on a recording that was not used for estimation, at the prepared rate."""
+        stretches = prepare_validation(recording, self.prepared.plan)
+        return validation_errors(self.choice, stretches)
+
+
+def validation_errors(choice: Choice, stretches: Sequence[Stretch]) -> Errors:
+    """Simulation and one-step errors of a chosen model on prepared stretches, percent."""
+    model, free = choice.candidate.model, choice.level == "state"
+    measured = np.concatenate([each.output for each in stretches])
+    scale = float(np.linalg.norm(measured - measured.mean()))
+    of_simulation = np.concatenate([simulated(model, s, free) - s.output for s in stretches])
+    of_prediction = np.concatenate([prediction_errors(model, s) for s in stretches])
+    return Errors(
+        100.0 * float(np.linalg.norm(of_simulation)) / scale,
+        100.0 * float(np.linalg.norm(of_prediction)) / scale,
+    )
+
+
+def identify(
+    input: ArrayLike | Sequence[ArrayLike],  # noqa: A002 - the field's word
+    output: ArrayLike | Sequence[ArrayLike],
+    sampling_rate: float = 1.0,
+    *,
+    purpose: Purpose = "auto",
+    log: Callable[[str], None] | None = None,
+) -> Identification:
+    """Identify a system: preparation, structure, orders and delay are decided by evidence.
+
+    Parameters
+    ----------
+    input, output : (N,) array_like, or sequences of them
+        One recording, or several of one system, each with its own initial state and level.  NaN
+        marks missing samples.
+    sampling_rate : float
+        Hz.
+    purpose : {"auto", "simulation", "prediction", "modes"}
+        What the model is for; ``auto`` is simulation.
+    log : callable, optional
+        Receives the sentence of each decision.
+
+    Raises
+    ------
+    InputError
+        When the recordings do not fit together or are too short.
+    ValueError
+        When the purpose is not known.
+
+    Examples
+    --------
+    >>> import evopem, numpy
+    >>> from scipy.signal import lfilter
+    >>> generator = numpy.random.default_rng(1)
+    >>> u, e = generator.standard_normal((2, 400))
+    >>> y = lfilter([0.0, 1.0], [1.0, -1.5, 0.7], u) + 0.1 * e
+    >>> found = evopem.identify(u, y, 10.0)
+    >>> round(found.model.modes()[0].frequency_hz, 2)
+    0.78
+    """
+    if purpose not in PURPOSES:
+        raise ValueError(f"purpose must be one of {', '.join(PURPOSES)}, not {purpose!r}")
+    inputs, outputs = _signals(input), _signals(output)
+    recordings = tuple(
+        Recording(u, y, float(sampling_rate)) for u, y in zip(inputs, outputs, strict=True)
+    )
+    return identify_recordings(recordings, purpose, log)
+
+
+def identify_recordings(
+    recordings: Sequence[Recording],
+    purpose: Purpose = "auto",
+    log: Callable[[str], None] | None = None,
+) -> Identification:
+    """All stages one after the other; see :func:`identify`.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording
+    purpose : {"auto", "simulation", "prediction", "modes"}
+    log : callable, optional
+    """
+
+    def tell(decisions: Sequence[Decision]) -> None:
+        for each in decisions:
+            if log is not None:
+                log(f"{each.subject}: {each.choice}. {each.sentence}")
+
+    with threadpool_limits(limits=1, user_api="blas"):
+        plan: PreparationPlan = decide_preparation(recordings)
+        tell(plan.decisions)
+        prepared = prepare(recordings, plan)
+        folds = decide_folds(prepared.stretches)
+        delay, about_delay = decide_delay(prepared.stretches)
+        tell((folds.decision, about_delay))
+        scorer = Scorer(prepared.stretches, folds, prepared.settings)
+        searches: dict[str, StructureSearch] = {}
+        for structure in NESTED:
+            searches[structure] = search_structure(scorer, structure, delay, searches)
+            tell((searches[structure].decision,))
+        comparison = compare_structures(scorer, tuple(searches.values()))
+        tell(comparison.decisions)
+        remedied = act_on_checks(scorer, comparison.choice(purpose))
+    choice = remedied.choice
+    return Identification(
+        model=recorded_units(choice.candidate, prepared),
+        choice=choice,
+        others=tuple(each for each in comparison.choices if each.purpose != choice.purpose),
+        prepared=prepared,
+        decisions=(
+            *plan.decisions,
+            folds.decision,
+            about_delay,
+            *(each.decision for each in searches.values()),
+            *comparison.decisions,
+        ),
+        trials=remedied.trials,
+        failed=remedied.failed,
+    )
+
+
+def recorded_units(candidate: Candidate, prepared: PreparedRecord) -> PolynomialModel:
+    """A candidate's model in the units of the recording; offsets stay taken from the signals."""
+    plan, model = prepared.plan, candidate.model
+    return replace(
+        model,
+        b=model.b * (plan.output_scale / plan.input_scale),
+        level=model.level * plan.output_scale,
+        noise_variance=model.noise_variance * plan.output_scale**2,
+        sampling_rate=prepared.sampling_rate,
+    )
+
+
+def _signals(given: ArrayLike | Sequence[ArrayLike]) -> list[Array]:
+    """One array for each recording."""
+    try:
+        together = np.asarray(given, dtype=float)
+    except ValueError:  # recordings of different lengths
+        return [np.array(each, dtype=float) for each in given]  # type: ignore[union-attr]
+    if together.ndim == 1:
+        return [together.copy()]
+    return [each.copy() for each in together]

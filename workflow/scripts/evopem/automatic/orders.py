@@ -1,0 +1,352 @@
+"""Delay and orders within one structure."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from evopem.automatic.decision import Alternative, Decision
+from evopem.automatic.fit import Fit, FitSettings, fit
+from evopem.automatic.folds import FoldPlan, HeldOutScores, held_out_scores
+from evopem.automatic.simulation import simulated
+from evopem.automatic.stretches import Stretch, total_samples
+from evopem.models.polynomial import PolynomialModel
+from evopem.models.structures import PolynomialOrders
+
+# Orders of ARX models in the search for the delay, and the longest delay, in samples.
+DELAY_ORDERS = (1, 2, 3, 4, 6, 8)
+FIRST_DELAYS, LONGEST_DELAY = 10, 200
+# Orders tried one after the other, as long as one of the last PATIENCE has brought something.
+PATH = (1, 2, 3, 4, 5, 6, 8, 10, 12, 15, 20)
+LONG_PATH = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128)
+PATIENCE = 3
+# A criterion must fall by this share (simulation) or by this much (BIC) to count as a gain.
+GAIN, BIC_GAIN = 0.005, 0.002
+# Samples for each parameter.
+SAMPLES_PER_PARAMETER = 8
+# Samples times parameters of all candidates of a structure, and of a refinement: the cost of a fit
+# with its folds is about proportional to it.  Long records stop at lower orders.
+MOST_WORK = 1_100_000
+# Structures whose optima serve as starts of others.
+NESTED: Mapping[str, tuple[str, ...]] = {
+    "fir": (),
+    "arx": (),
+    "armax": ("arx",),
+    "oe": ("armax",),
+    "ararx": ("arx",),
+    "ararmax": ("armax",),
+    "bj": ("armax", "oe"),
+}
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A model of some orders with what it reaches.
+
+    Attributes
+    ----------
+    structure : str
+    orders : PolynomialOrders
+    parameters : int
+        Coefficients and levels.
+    bic : float
+        On the one-step residuals from a common sample on.
+    simulation_bic : float
+        The same formula with the errors of a simulation of the estimation part, whose initial
+        states and levels are fitted.
+    scores : HeldOutScores
+    model : PolynomialModel
+        Fitted to the whole estimation part.
+    """
+
+    structure: str
+    orders: PolynomialOrders
+    parameters: int
+    bic: float
+    simulation_bic: float
+    scores: HeldOutScores
+    model: PolynomialModel
+
+    @property
+    def name(self) -> str:
+        """Structure and orders in a few letters."""
+        named = [f"{n}={getattr(self.orders, n)}" for n in ("na", "nb", "nc", "nd", "nf", "nk")]
+        shown = [text for text in named if not text.endswith("=0") or text.startswith("nk")]
+        return f"{self.structure} {' '.join(shown)}"
+
+
+@dataclass(frozen=True)
+class StructureSearch:
+    """All candidates of one structure."""
+
+    structure: str
+    candidates: tuple[Candidate, ...]
+    decision: Decision
+
+
+def decide_delay(stretches: Sequence[Stretch]) -> tuple[int, Decision]:
+    """Delay by the BIC of ARX models; the range grows while the choice lies at its end.
+
+    Parameters
+    ----------
+    stretches : sequence of Stretch
+    """
+    longest = min(LONGEST_DELAY, max(each.samples for each in stretches) // 8)
+    top = min(FIRST_DELAYS, longest)
+    while True:
+        first = top + max(DELAY_ORDERS)
+        criteria = np.array(
+            [
+                [_arx_bic(stretches, order, delay, first) for delay in range(top + 1)]
+                for order in DELAY_ORDERS
+            ]
+        )
+        row, delay = divmod(int(np.argmin(criteria)), top + 1)
+        if delay + DELAY_ORDERS[row] < top - 1 or top >= longest:
+            break
+        top = min(2 * top, longest)
+    alternatives = tuple(Alternative(str(k), float(criteria[:, k].min())) for k in range(top + 1))
+    sentence = (
+        f"ARX models of up to order {DELAY_ORDERS[-1]} have the smallest BIC with a delay of "
+        f"{delay}."
+    )
+    return delay, Decision("delay", str(delay), alternatives, "BIC of the best ARX model", sentence)
+
+
+def _arx_bic(stretches: Sequence[Stretch], order: int, delay: int, first: int) -> float:
+    rows, targets = [], []
+    recordings = sorted({each.recording for each in stretches})
+    for each in stretches:
+        u, y, n = each.input, each.output, each.samples
+        if n <= first:
+            continue
+        columns = [-y[first - i : n - i] for i in range(1, order + 1)]
+        columns += [u[first - delay - j : n - delay - j] for j in range(order)]
+        columns += [np.full(n - first, float(each.recording == r)) for r in recordings]
+        rows.append(np.column_stack(columns))
+        targets.append(y[first:])
+    if not rows:
+        return np.inf
+    regressors, target = np.concatenate(rows), np.concatenate(targets)
+    if len(target) <= regressors.shape[1]:
+        return np.inf
+    e = target - regressors @ np.linalg.lstsq(regressors, target, rcond=None)[0]
+    count = len(e)
+    mean_square = max(float(e @ e) / count, np.finfo(float).tiny)
+    return float(np.log(mean_square) + regressors.shape[1] * np.log(count) / count)
+
+
+class Scorer:
+    """Fits and scores models of one record, each orders once.
+
+    Parameters
+    ----------
+    stretches : sequence of Stretch
+    plan : FoldPlan
+    settings : FitSettings
+    """
+
+    def __init__(self, stretches: Sequence[Stretch], plan: FoldPlan, settings: FitSettings) -> None:
+        self.stretches, self.plan, self.settings = tuple(stretches), plan, settings
+        self.samples = total_samples(stretches)
+        self.window = min(4 * max(PATH), min(each.samples for each in stretches) // 4)
+        self._known: dict[tuple[str, PolynomialOrders], Candidate] = {}
+
+    @property
+    def most_parameters(self) -> int:
+        """Most parameters that the record carries."""
+        return max(4, self.samples // SAMPLES_PER_PARAMETER)
+
+    def candidate(
+        self,
+        structure: str,
+        orders: PolynomialOrders,
+        models: Sequence[PolynomialModel] = (),
+        own_starts: bool = True,
+    ) -> Candidate | None:
+        """The candidate of these orders; None where the record does not carry them.
+
+        Parameters
+        ----------
+        structure : str
+        orders : PolynomialOrders
+        models : sequence of PolynomialModel
+            Descents start from them, and with ``own_starts`` from estimates by linear algebra.
+        own_starts : bool
+        """
+        key = (structure, orders)
+        if key not in self._known:
+            if orders.parameters + orders.nf + orders.noise_states > self.most_parameters:
+                return None
+            try:
+                found = fit(self.stretches, orders, self.settings, models, own_starts, structure)
+            except (ValueError, np.linalg.LinAlgError):
+                return None
+            scores = held_out_scores(self.stretches, self.plan, found.model, self.settings)
+            self._known[key] = self._described(structure, found, scores)
+        return self._known[key]
+
+    def remember(self, candidates: Sequence[Candidate]) -> None:
+        """Take candidates as known that were scored before, with the same settings."""
+        for each in candidates:
+            self._known.setdefault((each.structure, each.orders), each)
+
+    def _described(self, structure: str, found: Fit, scores: HeldOutScores) -> Candidate:
+        count = self.samples - self.window * len(self.stretches)
+        penalty = found.parameters * np.log(count) / count
+        simulation_errors = np.concatenate(
+            [simulated(found.model, each, free_level=True) - each.output for each in self.stretches]
+        )
+        return Candidate(
+            structure,
+            found.orders,
+            found.parameters,
+            _logarithm(found.mean_square(self.window)) + penalty,
+            _logarithm(float(np.mean(simulation_errors**2))) + penalty,
+            scores,
+            found.model,
+        )
+
+
+def _logarithm(mean_square: float) -> float:
+    finite = mean_square if np.isfinite(mean_square) else np.finfo(float).max
+    return float(np.log(max(finite, np.finfo(float).tiny)))
+
+
+def search_structure(
+    scorer: Scorer, structure: str, delay: int, smaller: Mapping[str, StructureSearch]
+) -> StructureSearch:
+    """Orders of one structure, growing from 1 as long as they bring something.
+
+    Parameters
+    ----------
+    scorer : Scorer
+    structure : str
+        A key of :data:`NESTED`.
+    delay : int
+        Samples.
+    smaller : mapping of str to StructureSearch
+        The searches of ``NESTED[structure]``, whose models are starts.
+    """
+    candidates: list[Candidate] = []
+    without_gain, work, best, best_bic = 0, 0, np.inf, np.inf
+    previous: list[PolynomialModel] = []
+    for orders_of_step in _path(structure, delay):
+        found: list[Candidate] = []
+        for orders in orders_of_step:
+            starts = [*previous, *_same_plant(orders, structure, smaller)]
+            candidate = scorer.candidate(structure, orders, starts)
+            if candidate is not None:
+                found.append(candidate)
+        if not found:
+            break
+        candidates.extend(found)
+        work += scorer.samples * sum(each.parameters for each in found)
+        previous = [min(found, key=lambda each: each.bic).model]
+        score = min(min(each.scores.simulation, each.scores.free_level) for each in found)
+        bic = min(each.bic for each in found)
+        gained = score < (1.0 - GAIN) * best or bic < best_bic - BIC_GAIN
+        best, best_bic = min(best, score), min(best_bic, bic)
+        without_gain = 0 if gained else without_gain + 1
+        if without_gain >= PATIENCE or work >= MOST_WORK:
+            break
+    return StructureSearch(structure, tuple(candidates), _decision(structure, candidates))
+
+
+def _decision(structure: str, candidates: Sequence[Candidate]) -> Decision:
+    alternatives = tuple(Alternative(each.name, each.bic) for each in candidates)
+    if not candidates:
+        sentence = "The record is too short for this structure."
+        return Decision(f"orders of {structure}", "none", (), "BIC", sentence)
+    best = min(candidates, key=lambda each: each.bic)
+    at_edge = best is candidates[-1]
+    sentence = f"{best.name} has the smallest BIC of {len(candidates)} orders" + (
+        ", the largest that was tried." if at_edge else "; larger ones bring nothing."
+    )
+    return Decision(f"orders of {structure}", best.name, alternatives, "BIC", sentence)
+
+
+def _path(structure: str, delay: int) -> Iterator[list[PolynomialOrders]]:
+    """Orders from small to large; those of a step are alternatives of about the same size."""
+    o = PolynomialOrders
+    build: Callable[[int], list[PolynomialOrders]] = {
+        "fir": lambda n: [o(nb=n, nk=delay)],
+        "arx": lambda n: [o(na=n, nb=n, nk=delay), o(na=n, nb=2 * n, nk=max(delay - 1, 0))],
+        "armax": lambda n: [o(na=n, nb=n, nc=n, nk=delay)],
+        "ararx": lambda n: [o(na=n, nb=n, nd=max(n // 2, 1), nk=delay)],
+        "ararmax": lambda n: [o(na=n, nb=n, nc=max(n // 2, 1), nd=1, nk=delay)],
+        "oe": lambda n: [o(nb=n, nf=n, nk=delay), o(nb=n + 1, nf=n, nk=max(delay - 1, 0))],
+        "bj": lambda n: [
+            o(nb=n, nd=1, nf=n, nk=delay),
+            o(nb=n, nc=2, nd=2, nf=n, nk=delay),
+        ],
+    }[structure]
+    for n in LONG_PATH if structure == "fir" else PATH:
+        yield build(n)
+    if structure == "arx":
+        for n in (30, 40):
+            yield [o(na=n, nb=n, nk=delay)]
+
+
+def _same_plant(
+    orders: PolynomialOrders, structure: str, smaller: Mapping[str, StructureSearch]
+) -> list[PolynomialModel]:
+    """Models of nested structures with as many poles."""
+    poles = max(orders.na, orders.nf)
+    return [
+        candidate.model
+        for name in NESTED[structure]
+        if name in smaller
+        for candidate in smaller[name].candidates
+        if max(candidate.orders.na, candidate.orders.nf) == poles
+    ]
+
+
+def refine_orders(
+    scorer: Scorer, start: Candidate, score: Callable[[Candidate], float], rounds: int = 2
+) -> list[Candidate]:
+    """Change one order after the other as long as a score falls; all that was tried, best last.
+
+    Parameters
+    ----------
+    scorer : Scorer
+    start : Candidate
+    score : callable
+        Smaller is better.
+    rounds : int
+    """
+    best, tried, work = start, [start], 0
+    for _ in range(rounds):
+        found: list[Candidate] = []
+        for orders in _neighbours(best.orders):
+            if orders.structure != best.orders.structure or work >= MOST_WORK:
+                continue
+            work += scorer.samples * orders.parameters
+            candidate = scorer.candidate(best.structure, orders, [best.model], own_starts=False)
+            if candidate is not None:
+                found.append(candidate)
+        tried.extend(found)
+        if not found:
+            break
+        lowest = min(found, key=score)
+        if not score(lowest) < (1.0 - GAIN) * score(best):
+            break
+        best = lowest
+    return [*tried, best]
+
+
+def _neighbours(o: PolynomialOrders) -> list[PolynomialOrders]:
+    changes: list[dict[str, int]] = [{"nb": o.nb + 1}, {"nb": o.nb + 3}, {"nk": o.nk + 1}]
+    if o.nb > 1:
+        changes += [{"nb": o.nb - 1}, {"nk": o.nk + 1, "nb": o.nb - 1}]
+    if o.nk > 0:
+        changes += [{"nk": o.nk - 1, "nb": o.nb + 1}, {"nk": o.nk - 1}]
+    for name in ("na", "nc", "nd", "nf"):
+        order = getattr(o, name)
+        if order:
+            changes.append({name: order + 1})
+            if order > 1:
+                changes.append({name: order - 1})
+    return [replace(o, **change) for change in changes]

@@ -1,0 +1,374 @@
+"""Preparation of recordings, decided: start, gaps, decimation, objective."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evopem.automatic.decision import Alternative, Decision, lowest
+from evopem.automatic.fit import FitSettings, fit
+from evopem.automatic.folds import SHORTEST_BLOCK
+from evopem.automatic.simulation import simulated
+from evopem.automatic.stretches import Stretch, folds_of, total_samples
+from evopem.errors import InputError
+from evopem.estimation.criteria import power_of_two_scale
+from evopem.models.structures import PolynomialOrders
+from evopem.signals.recording import MAX_DESIGNED_LEVELS, Recording
+
+Array = NDArray[np.float64]
+
+# A stretch shorter than this is of no use.
+SHORTEST_STRETCH = 20
+# Decimation is tried where this share of the output's power lies below 1 / OVERSAMPLED of the
+# sampling rate, by factors that leave LEAST_SAMPLES samples.
+POWER_SHARE, OVERSAMPLED = 0.999, 8.0
+BANDS = 20
+FACTORS = (2, 4, 5, 8, 10, 16, 20)
+LEAST_SAMPLES = 200
+# Decimation must pay: relative gain of the simulation error.
+LEAST_GAIN = 0.05
+PROBES, MOST_FACTORS = (2, 4, 6), 3
+# Samples at a limit of the output, against those at the levels beside it.
+CLIPPED_RATIO, CLIPPED_RUN, MOST_CLIPPED = 10.0, 5, 0.3
+# The absolute objective is used where outliers dominate: the standard deviation of the residuals
+# is this many times their robust standard deviation, 1.4826 times the median distance.
+OUTLIER_RATIO = 2.0
+PROBE_ORDER = 8
+
+
+@dataclass(frozen=True)
+class PreparationPlan:
+    """What is done to recordings, before anything is estimated.
+
+    Attributes
+    ----------
+    starts : tuple of int
+        First sample kept of each recording.
+    factor : int
+        Decimation factor.
+    clipped : tuple of float
+        Limits of the output, whose samples are breaks: lowest and highest, infinite for none.
+    objective : {"absolute", "quadratic"}
+    input_offset, output_offset : float
+        Means of the estimation samples, taken from all samples.
+    input_scale, output_scale : float
+        Powers of two by which the samples are divided.
+    decisions : tuple of Decision
+    """
+
+    starts: tuple[int, ...]
+    factor: int
+    clipped: tuple[float, float]
+    objective: str
+    input_offset: float
+    output_offset: float
+    input_scale: float
+    output_scale: float
+    decisions: tuple[Decision, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedRecord:
+    """Stretches ready for estimation, and how they came about.
+
+    Attributes
+    ----------
+    stretches : tuple of Stretch
+    sampling_rate : float
+        Hz, after decimation.
+    plan : PreparationPlan
+    """
+
+    stretches: tuple[Stretch, ...]
+    sampling_rate: float
+    plan: PreparationPlan
+
+    @property
+    def settings(self) -> FitSettings:
+        """What all fits have in common."""
+        return FitSettings(self.plan.objective)
+
+
+def decide_preparation(recordings: Sequence[Recording]) -> PreparationPlan:
+    """Decide how recordings of one system are prepared.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording
+        Samples that are not finite are breaks.
+
+    Raises
+    ------
+    InputError
+        When no stretch without breaks is long enough, or the sampling rates differ.
+    """
+    rates = {each.sampling_rate for each in recordings}
+    if len(rates) != 1:
+        raise InputError(
+            "recordings",
+            f"their sampling rates differ: {', '.join(f'{rate:g} Hz' for rate in sorted(rates))}",
+            "give recordings of one rate",
+        )
+    clipped, about_clipping = _decide_clipping(recordings)
+    starts, about_start = _decide_starts(recordings)
+    plan = PreparationPlan(starts, 1, clipped, "quadratic", 0.0, 0.0, 1.0, 1.0, ())
+    stretches = _raw_stretches(recordings, plan)
+    if not stretches:
+        raise InputError(
+            "recordings",
+            f"no stretch has {SHORTEST_STRETCH} samples without a gap",
+            "give a longer recording, or one with fewer missing samples",
+        )
+    u = np.concatenate([each.input for each in stretches])
+    y = np.concatenate([each.output for each in stretches])
+    for name, signal in (("input", u), ("output", y)):
+        if np.ptp(signal) == 0.0:
+            raise InputError(
+                name,
+                f"every sample is {signal[0]:g}, so there is nothing to identify",
+                "choose a channel that varies",
+            )
+    plan = replace(
+        plan,
+        input_offset=float(u.mean()),
+        output_offset=float(y.mean()),
+        input_scale=power_of_two_scale(u - u.mean()),
+        output_scale=power_of_two_scale(y - y.mean()),
+    )
+    factor, about_factor = _decide_decimation(prepare(recordings, plan).stretches)
+    plan = replace(plan, factor=factor)
+    objective, about_objective = _decide_objective(prepare(recordings, plan).stretches)
+    decisions = (about_start, about_clipping, about_factor, about_objective)
+    return replace(plan, objective=objective, decisions=decisions)
+
+
+def prepare(recordings: Sequence[Recording], plan: PreparationPlan) -> PreparedRecord:
+    """Apply a plan to the recordings that it was made for.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording
+    plan : PreparationPlan
+    """
+    return PreparedRecord(
+        tuple(_scaled(each, plan) for each in _raw_stretches(recordings, plan)),
+        recordings[0].sampling_rate / plan.factor,
+        plan,
+    )
+
+
+def prepare_validation(recording: Recording, plan: PreparationPlan) -> tuple[Stretch, ...]:
+    """Apply a plan to another recording, whose first samples are kept.
+
+    Parameters
+    ----------
+    recording : Recording
+    plan : PreparationPlan
+    """
+    others = replace(plan, starts=(0,), clipped=(-np.inf, np.inf))
+    return prepare((recording,), others).stretches
+
+
+def decimated(signal: Array, factor: int) -> Array:
+    """A signal at a lower rate, by a zero-phase FIR filter; (ceil(N / factor),)."""
+    from scipy.signal import decimate
+
+    if factor == 1:
+        return signal
+    mean = float(np.mean(signal))
+    lower: Array = decimate(signal - mean, factor, ftype="fir", zero_phase=True)
+    return lower + mean
+
+
+def _scaled(stretch: Stretch, plan: PreparationPlan) -> Stretch:
+    u = decimated(stretch.input, plan.factor)
+    y = decimated(stretch.output, plan.factor)
+    return Stretch(
+        (u - plan.input_offset) / plan.input_scale,
+        (y - plan.output_offset) / plan.output_scale,
+        stretch.recording,
+    )
+
+
+def _raw_stretches(recordings: Sequence[Recording], plan: PreparationPlan) -> list[Stretch]:
+    """Samples between breaks, in recorded units and at the recorded rate."""
+    found = []
+    low, high = plan.clipped
+    for number, (recording, start) in enumerate(zip(recordings, plan.starts, strict=True)):
+        u, y = recording.input, recording.output
+        good = np.isfinite(u) & np.isfinite(y)
+        good[good] &= (y[good] > low) & (y[good] < high)
+        good[:start] = False
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]).astype(int)))
+        for begin, end in edges.reshape(-1, 2):
+            if end - begin >= SHORTEST_STRETCH * plan.factor:
+                found.append(Stretch(u[begin:end], y[begin:end], number))
+    return found
+
+
+def _decide_starts(recordings: Sequence[Recording]) -> tuple[tuple[int, ...], Decision]:
+    """Leave out leading samples in which neither signal has begun to change."""
+    starts = []
+    for each in recordings:
+        u, y = each.input, each.output
+        still = (u == u[0]) & (y == y[0])
+        still |= ~(np.isfinite(u) & np.isfinite(y))
+        leading = int(np.argmin(still)) if not still.all() else 0
+        starts.append(max(leading - 1, 0) if np.isfinite(y[max(leading - 1, 0)]) else leading)
+    alternatives = (
+        Alternative("0", 0.0),
+        *(Alternative(str(start), float(start)) for start in sorted(set(starts)) if start),
+    )
+    sentence = (
+        "Samples before the first change of either signal are left out."
+        if any(starts)
+        else "The record begins with its first sample; the transient belongs to the estimated "
+        "initial state."
+    )
+    choice = ", ".join(map(str, starts))
+    return tuple(starts), Decision(
+        "start", choice, alternatives, "leading samples without any change", sentence
+    )
+
+
+def _decide_clipping(recordings: Sequence[Recording]) -> tuple[tuple[float, float], Decision]:
+    """Breaks at a limit of the output where far more samples lie than beside it."""
+    y = np.concatenate([each.output[np.isfinite(each.output)] for each in recordings])
+    levels, counts = np.unique(y, return_counts=True)
+    limits, alternatives = [-np.inf, np.inf], [Alternative("none", 0.0)]
+    if levels.size > MAX_DESIGNED_LEVELS:
+        for side, order in ((0, 1), (1, -1)):
+            near = counts[::order][:6]
+            share = near[0] / y.size
+            ratio = float(near[0] / np.mean(near[1:]))
+            runs = max(_longest_run(each.output, levels[::order][0]) for each in recordings)
+            if ratio > CLIPPED_RATIO and runs >= CLIPPED_RUN and share < MOST_CLIPPED:
+                limits[side] = float(levels[::order][0])
+                alternatives.append(Alternative(f"at {limits[side]:g}", share))
+    found = len(alternatives) > 1
+    sentence = (
+        "Samples at a limit of the output, many in sequence, are clipped: they become breaks."
+        if found
+        else "No limit of the output holds more samples than the levels beside it."
+    )
+    choice = " and ".join(each.name for each in alternatives[1:]) if found else "none"
+    decision = Decision(
+        *("clipping", choice, tuple(alternatives), "share of samples at the limit", sentence)
+    )
+    return (limits[0], limits[1]), decision
+
+
+def _longest_run(signal: Array, value: float) -> int:
+    at = np.concatenate([[0], (signal == value).astype(int), [0]])
+    edges = np.flatnonzero(np.diff(at))
+    return int(np.max(edges[1::2] - edges[::2], initial=0))
+
+
+def _decide_decimation(stretches: Sequence[Stretch]) -> tuple[int, Decision]:
+    """Decimation by the error of simulations on held-out samples, at the recorded rate."""
+    criterion = "simulation error on held-out samples at the recorded rate, % of the output"
+    edge = _power_edge(stretches)
+    samples = total_samples(stretches)
+    largest = 1.0 / (OVERSAMPLED / 2.0 * max(edge, 1e-9))
+    factors = [f for f in FACTORS if f <= largest and samples / f >= LEAST_SAMPLES]
+    factors = factors[-MOST_FACTORS:]
+    if not factors:
+        sentence = (
+            f"{100 * POWER_SHARE:g} % of the output's power reach up to {edge:.3g} of the sampling "
+            "rate: the record is not oversampled."
+        )
+        return 1, Decision("decimation", "1", (Alternative("1", np.nan),), criterion, sentence)
+    alternatives = [Alternative(str(f), _decimated_error(stretches, f)) for f in (1, *factors)]
+    chosen = lowest(alternatives, LEAST_GAIN)
+    sentence = (
+        f"{100 * POWER_SHARE:g} % of the output's power lie below {edge:.3g} of the sampling rate."
+        f" A factor of {chosen.name} simulates held-out samples best."
+    )
+    return int(chosen.name), Decision(
+        "decimation", chosen.name, tuple(alternatives), criterion, sentence
+    )
+
+
+def _power_edge(stretches: Sequence[Stretch]) -> float:
+    """Frequency below which nearly all power of the output lies, as a share of the rate.
+
+    The lowest of ``BANDS`` bands is taken for a floor of white noise, and left out of all.
+    """
+    longest = max(stretches, key=lambda each: each.samples)
+    y = longest.output - longest.output.mean()
+    power = np.abs(np.fft.rfft(y * np.hanning(len(y)))) ** 2
+    floor = min(float(np.mean(band)) for band in np.array_split(power, BANDS))
+    above = np.cumsum(power - floor)
+    reached = np.flatnonzero(above >= POWER_SHARE * above[-1])
+    return float(reached[0] / len(y)) if len(reached) else 0.5
+
+
+def _decimated_error(stretches: Sequence[Stretch], factor: int) -> float:
+    """Best error of a few output-error and ARX models at a lower rate; what is lost is added."""
+    lower = [
+        Stretch(decimated(s.input, factor), decimated(s.output, factor), s.recording)
+        for s in stretches
+    ]
+    lost = sum(float(np.sum((s.output - _smoothed(s.output, factor)) ** 2)) for s in stretches)
+    total = sum(float(np.sum((s.output - s.output.mean()) ** 2)) for s in stretches)
+    settings = FitSettings()
+    best = np.inf
+    for n in PROBES:
+        for orders in (PolynomialOrders(nb=n, nf=n, nk=0), PolynomialOrders(na=n, nb=n, nk=0)):
+            squares, reference = 0.0, 0.0
+            for fold in folds_of(lower, 2, 1, SHORTEST_BLOCK):
+                try:
+                    model = fit(fold.training, orders, settings).model
+                except (ValueError, np.linalg.LinAlgError):
+                    squares = np.inf
+                    break
+                for held in fold.held_out:
+                    squares += float(np.sum((simulated(model, held) - held.output) ** 2))
+                    reference += float(np.sum((held.output - held.output.mean()) ** 2))
+            if np.isfinite(squares) and reference > 0.0:
+                best = min(best, squares / reference)
+    return float(100.0 * np.sqrt(best + lost / total))
+
+
+def _smoothed(signal: Array, factor: int) -> Array:
+    """What a decimated signal still holds, at the original rate."""
+    if factor == 1:
+        return signal
+    from scipy.interpolate import make_interp_spline
+
+    lower = decimated(signal, factor)
+    times = np.arange(len(lower)) * factor
+    spline: Callable[[Array], Array] = make_interp_spline(times, lower, k=3)
+    inside = np.minimum(np.arange(len(signal)), times[-1])
+    return np.asarray(spline(inside.astype(float)))
+
+
+def _decide_objective(stretches: Sequence[Stretch]) -> tuple[str, Decision]:
+    """The absolute objective where a few residuals of an ARX model stand out."""
+    order = min(PROBE_ORDER, max(total_samples(stretches) // 30, 1))
+    try:
+        found = fit(stretches, PolynomialOrders(na=order, nb=order), FitSettings())
+        ratio = _spread_ratio(np.concatenate(found.residuals))
+    except (ValueError, np.linalg.LinAlgError):
+        ratio = 1.0
+    objective = "absolute" if ratio > OUTLIER_RATIO else "quadratic"
+    sentence = (
+        f"The residuals of an ARX model of order {order} have a standard deviation {ratio:.2g} "
+        "times their robust one"
+        + (
+            ": outliers dominate, and the absolute objective is used."
+            if objective == "absolute"
+            else "; outliers do not call for the absolute objective."
+        )
+    )
+    alternatives = (Alternative("quadratic", ratio), Alternative("absolute", ratio))
+    criterion = "standard deviation of residuals over their robust one"
+    return objective, Decision("objective", objective, alternatives, criterion, sentence)
+
+
+def _spread_ratio(residuals: Array) -> float:
+    robust = 1.4826 * float(np.median(np.abs(residuals - np.median(residuals))))
+    return float(np.std(residuals)) / robust if robust > 0.0 else 1.0

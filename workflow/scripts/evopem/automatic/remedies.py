@@ -1,0 +1,248 @@
+"""Acting on residuals and roots: each failed check has its remedy, each trial is recorded."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from evopem.automatic.fit import FitSettings, fit
+from evopem.automatic.orders import Candidate, Scorer
+from evopem.automatic.residuals import input_correlation, whiteness_probability
+from evopem.automatic.simulation import simulated
+from evopem.automatic.stretches import Stretch, total_samples
+from evopem.automatic.structures import Choice, Level
+from evopem.models.structures import PolynomialOrders
+
+# Probability below which residuals are not white, and a cross-correlation, in its 95 % bounds, that
+# is not passed by chance in one of 26 lags (1 %).
+NOT_WHITE, CORRELATED = 0.01, 1.8
+# A pole and a zero closer than this, relative to the distance from the circle, may cancel.
+CANCELLING = 0.02
+# A remedy is taken only if the error for the purpose grows by no more than this share.
+TOLERATED = 0.02
+NOISE_ORDERS = (1, 2, 3, 4, 6, 8, 10, 12)
+MOST_TRIALS = 12
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One remedy that was tried.
+
+    Attributes
+    ----------
+    check : str
+        The check that failed before.
+    remedy : str
+    model : str
+        Name of the candidate.
+    score : float
+        Error for the purpose on held-out samples, percent.
+    whiteness : float
+        Probability of residuals as coloured as these by chance.
+    correlation : float
+        Largest cross-correlation of residuals and past inputs, in its 95 % bounds.
+    taken : bool
+    """
+
+    check: str
+    remedy: str
+    model: str
+    score: float
+    whiteness: float
+    correlation: float
+    taken: bool
+
+
+@dataclass(frozen=True)
+class Remedied:
+    """The choice after all remedies, what was tried, and what stays failed."""
+
+    choice: Choice
+    trials: tuple[Trial, ...]
+    failed: tuple[str, ...]
+
+
+def act_on_checks(scorer: Scorer, choice: Choice) -> Remedied:
+    """Apply remedies until the checks hold, nothing helps, or the budget ends.
+
+    Coloured residuals: a noise model of growing order.  Residuals that depend on past inputs: more
+    coefficients of B.  Cancelling roots: one pole and one zero less.
+
+    Parameters
+    ----------
+    scorer : Scorer
+    choice : Choice
+    """
+    trials: list[Trial] = []
+    current = choice.candidate
+    scorer.remember([current])
+    first, first_score = current, _score(current, choice)
+    budget = MOST_TRIALS
+    for check, is_failed, remedies in (
+        ("cancelling roots", _cancels, _fewer_roots),
+        ("white residuals", _is_coloured, _further_noise),
+        ("residuals independent of the input", _depends_on_input, _longer_b),
+    ):
+        if not is_failed(scorer, current):
+            continue
+        best = current
+        for remedy, structure, orders in remedies(current):
+            if budget == 0:
+                break
+            budget -= 1
+            candidate = scorer.candidate(structure, orders, [best.model, current.model])
+            if candidate is None:
+                continue
+            holds = not is_failed(scorer, candidate)
+            allowed = _score(candidate, choice) <= (1.0 + TOLERATED) * first_score
+            if choice.purpose == "simulation":
+                allowed &= candidate.simulation_bic <= first.simulation_bic + TOLERATED
+            better = _better(scorer, candidate, best, check)
+            taken = allowed and (holds or better)
+            trials.append(
+                Trial(
+                    check,
+                    remedy,
+                    candidate.name,
+                    _score(candidate, choice),
+                    whiteness_probability(candidate.model, scorer.stretches),
+                    input_correlation(candidate.model, scorer.stretches),
+                    taken,
+                )
+            )
+            if taken:
+                best = candidate
+            if taken and holds:
+                break
+        if check == "white residuals" and is_failed(scorer, best) and first.orders.nf:
+            best = _with_own_noise_model(scorer, best, trials)
+        current = best
+    failed = tuple(
+        check
+        for check, is_failed in (
+            ("cancelling roots", _cancels),
+            ("white residuals", _is_coloured),
+            ("residuals independent of the input", _depends_on_input),
+        )
+        if is_failed(scorer, current)
+    )
+    return Remedied(replace(choice, candidate=current), tuple(trials), failed)
+
+
+def _with_own_noise_model(scorer: Scorer, candidate: Candidate, trials: list[Trial]) -> Candidate:
+    """The same plant with a noise model that is fitted to its errors of simulation.
+
+    Simulations stay as they are, predictions gain.  The best of several orders by BIC.
+    """
+    level = candidate.model.level
+    errors = [
+        Stretch(
+            np.zeros(each.samples), each.output - simulated(candidate.model, each), each.recording
+        )
+        for each in scorer.stretches
+    ]
+    best, count = candidate, total_samples(errors)
+    for n in NOISE_ORDERS:
+        orders = PolynomialOrders(na=n, nc=n)
+        if candidate.parameters + orders.parameters > scorer.most_parameters:
+            break
+        try:
+            noise = fit(errors, orders, FitSettings(scorer.settings.objective, level=False))
+        except (ValueError, np.linalg.LinAlgError):
+            continue
+        parameters = candidate.orders.nb + candidate.orders.nf + orders.parameters + 1
+        mean_square = max(noise.mean_square(), np.finfo(float).tiny)
+        model = replace(
+            candidate.model,
+            c=noise.model.c,
+            d=noise.model.a,
+            level=level,
+            noise_variance=noise.model.noise_variance,
+            structure="bj",
+        )
+        found = replace(
+            candidate,
+            structure="bj",
+            orders=model.orders,
+            parameters=parameters,
+            bic=float(np.log(mean_square) + parameters * np.log(count) / count),
+            model=model,
+        )
+        white = whiteness_probability(model, scorer.stretches)
+        taken = found.bic < best.bic
+        trials.append(
+            Trial(
+                "white residuals",
+                f"noise model of order {n} for the errors of simulation, plant kept",
+                found.name,
+                candidate.scores.simulation,
+                white,
+                input_correlation(model, scorer.stretches),
+                taken,
+            )
+        )
+        if taken:
+            best = found
+        if white >= NOT_WHITE:
+            break
+    return best
+
+
+def _score(candidate: Candidate, choice: Choice) -> float:
+    if choice.purpose == "prediction":
+        return candidate.scores.prediction
+    level: Level = choice.level
+    return candidate.scores.free_level if level == "state" else candidate.scores.simulation
+
+
+def _better(scorer: Scorer, candidate: Candidate, best: Candidate, check: str) -> bool:
+    if check == "white residuals":
+        return candidate.bic < best.bic
+    if check == "cancelling roots":
+        return True
+    new = input_correlation(candidate.model, scorer.stretches)
+    return new < 0.9 * input_correlation(best.model, scorer.stretches)
+
+
+def _is_coloured(scorer: Scorer, candidate: Candidate) -> bool:
+    return whiteness_probability(candidate.model, scorer.stretches) < NOT_WHITE
+
+
+def _depends_on_input(scorer: Scorer, candidate: Candidate) -> bool:
+    return input_correlation(candidate.model, scorer.stretches) > CORRELATED
+
+
+def _cancels(_: Scorer, candidate: Candidate) -> bool:
+    poles, zeros = candidate.model.poles(), candidate.model.zeros()
+    if not len(poles) or not len(zeros):
+        return False
+    return bool(np.min(np.abs(poles[:, None] - zeros[None, :])) < CANCELLING)
+
+
+def _fewer_roots(candidate: Candidate) -> Iterator[tuple[str, str, PolynomialOrders]]:
+    o = candidate.orders
+    name = "nf" if o.nf else "na"
+    for fewer in (1, 2):
+        if getattr(o, name) > fewer and o.nb > fewer:
+            changed = {name: getattr(o, name) - fewer, "nb": o.nb - fewer}
+            yield f"{fewer} pole and zero less", candidate.structure, replace(o, **changed)
+
+
+def _further_noise(candidate: Candidate) -> Iterator[tuple[str, str, PolynomialOrders]]:
+    o = candidate.orders
+    for n in NOISE_ORDERS:
+        if o.nf and n > min(o.nc, o.nd):
+            yield f"noise model of order {n}", "bj", replace(o, nc=n, nd=n)
+        elif o.na and n > o.nc:
+            structure = "ararmax" if o.nd else "armax"
+            yield f"C of order {n}", structure, replace(o, nc=n)
+        elif not o.na and not o.nf:
+            yield f"A and C of order {n}", "armax", replace(o, na=n, nc=n)
+
+
+def _longer_b(candidate: Candidate) -> Iterator[tuple[str, str, PolynomialOrders]]:
+    o = candidate.orders
+    for more in (1, 2, 4, 8):
+        yield f"{more} coefficients of B more", candidate.structure, replace(o, nb=o.nb + more)

@@ -1,0 +1,84 @@
+"""Tests of the residuals of a model on several stretches."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evopem.automatic.simulation import prediction_errors
+from evopem.automatic.stretches import Stretch
+from evopem.models.polynomial import PolynomialModel
+
+Array = NDArray[np.float64]
+
+LAGS = 25
+
+
+def whiteness_probability(model: PolynomialModel, stretches: Sequence[Stretch]) -> float:
+    """Probability of a Ljung-Box statistic as large as that of the residuals.
+
+    With as many degrees of freedom as lags: a screening test that errs on the side of accepting.
+    """
+    from scipy.stats import chi2
+
+    e = _residuals(model, stretches)
+    lags = min(LAGS, len(e) // 5)
+    if lags < 1 or not np.ptp(e) > 0.0:
+        return 1.0
+    e = e - e.mean()
+    rho = np.array([e[k:] @ e[:-k] for k in range(1, lags + 1)]) / (e @ e)
+    n = len(e)
+    statistic = n * (n + 2) * float(np.sum(rho**2 / (n - np.arange(1, lags + 1))))
+    return float(chi2.sf(statistic, lags))
+
+
+def feedback_probability(model: PolynomialModel, stretches: Sequence[Stretch]) -> float:
+    """Probability that the input depends so much on past residuals by chance.
+
+    The input is regressed on its own past without and with past residuals (an F test; Granger
+    1969), in the longest stretch.
+    """
+    from scipy.stats import f
+
+    stretch = max(stretches, key=lambda each: each.samples)
+    e = prediction_errors(model, stretch)
+    u = stretch.input[len(stretch.input) - len(e) :]
+    n, lags = len(e), min(10, len(e) // 15)
+    if lags < 1:
+        return 1.0
+    own = [np.ones(n - lags), *(u[lags - k : n - k] for k in range(1, lags + 1))]
+    other = [e[lags - k : n - k] for k in range(1, lags + 1)]
+    target = u[lags:]
+    without = _sum_of_squares(np.column_stack(own), target)
+    with_residuals = _sum_of_squares(np.column_stack([*own, *other]), target)
+    freedom = len(target) - 2 * lags - 1
+    if not with_residuals > 0.0 or freedom < 1:
+        return 1.0
+    statistic = (without - with_residuals) / lags / (with_residuals / freedom)
+    return float(f.sf(statistic, lags, freedom))
+
+
+def input_correlation(model: PolynomialModel, stretches: Sequence[Stretch]) -> float:
+    """Largest cross-correlation of residuals with past inputs, in 95 % bounds of white residuals.
+
+    Lags 0 to 25, in the longest stretch.
+    """
+    from evopem.validation.residual_tests import cross_correlation
+
+    stretch = max(stretches, key=lambda each: each.samples)
+    e = prediction_errors(model, stretch)
+    table = cross_correlation(e, stretch.input[len(stretch.input) - len(e) :], LAGS)
+    past = table[table["lag"] >= 0]
+    ratio = np.abs(past["cross_correlation"]) / past["bound95"]
+    return float(np.max(ratio))
+
+
+def _residuals(model: PolynomialModel, stretches: Sequence[Stretch]) -> Array:
+    return np.concatenate([prediction_errors(model, each) for each in stretches])
+
+
+def _sum_of_squares(regressors: Array, target: Array) -> float:
+    e = target - regressors @ np.linalg.lstsq(regressors, target, rcond=None)[0]
+    return float(e @ e)

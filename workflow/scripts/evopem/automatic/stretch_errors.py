@@ -1,0 +1,211 @@
+"""The prediction-error problem of several stretches with one model: shared coefficients.
+
+A point is ``[a, b, c, d, f]``, one level for each recording, the plant state of each stretch and
+the noise state of each stretch.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evopem.automatic.stretches import Stretch
+from evopem.estimation.pem.polynomial_objective import PolynomialErrors
+from evopem.models.polynomials import reflect_into_disc
+from evopem.models.structures import PolynomialOrders
+
+Array = NDArray[np.float64]
+
+
+class StretchErrors:
+    """Objective, gradient and curvature over several stretches.
+
+    It answers what :class:`evopem.estimation.pem.polynomial_objective.PolynomialErrors` answers,
+    so that the same descents and the same search serve both.
+
+    Parameters
+    ----------
+    stretches : sequence of Stretch
+        Those too short for the orders are left out.
+    orders : PolynomialOrders
+    objective : {"absolute", "quadratic"}
+    plant_radius, noise_radius : float
+        Largest allowed radius of the roots of A and F, and of those of C and D.
+    level : bool
+        Whether a constant is estimated for each recording.
+
+    Raises
+    ------
+    ValueError
+        When no stretch is long enough for the orders.
+    """
+
+    loss_start = 0
+
+    def __init__(
+        self,
+        stretches: Sequence[Stretch],
+        orders: PolynomialOrders,
+        objective: str,
+        plant_radius: float,
+        noise_radius: float,
+        level: bool,
+    ) -> None:
+        first = orders.first_residual
+        needed = first + orders.nf + orders.noise_states
+        self.stretches = tuple(each for each in stretches if each.samples > needed)
+        if not self.stretches:
+            raise ValueError(f"no stretch has the {needed + 1} samples that {orders} needs")
+        self.orders, self.objective, self.level = orders, objective, level
+        self.plant_radius, self.noise_radius = plant_radius, noise_radius
+        longest = max(self.stretches, key=lambda each: each.samples)
+        self.input, self.output, self.samples = longest.input, longest.output, longest.samples
+        self._errors = [
+            PolynomialErrors(
+                np.ascontiguousarray(each.input),
+                np.ascontiguousarray(each.output),
+                orders,
+                objective,
+                first,
+                first,
+                plant_radius,
+                noise_radius,
+                level,
+            )
+            for each in self.stretches
+        ]
+        self._scales = np.array(
+            [
+                np.sum(np.abs(e.output[first:]))
+                if objective == "absolute"
+                else e.output[first:] @ e.output[first:]
+                for e in self._errors
+            ]
+        )
+        self._scales = np.maximum(self._scales, np.finfo(float).tiny)
+        self._weights = self._scales / np.sum(self._scales)
+        self.scored_samples = sum(e.scored_samples for e in self._errors)
+        self._positions = self._points_of_stretches()
+
+    @property
+    def recordings(self) -> tuple[int, ...]:
+        """Numbers of the recordings, in the order of their levels."""
+        return tuple(dict.fromkeys(each.recording for each in self.stretches))
+
+    @property
+    def parameters(self) -> int:
+        """Number of parameters: coefficients and levels, without the states."""
+        return self.orders.parameters + (len(self.recordings) if self.level else 0)
+
+    @property
+    def dimension(self) -> int:
+        """Length of a point."""
+        o = self.orders
+        return self.parameters + len(self.stretches) * (o.nf + o.noise_states)
+
+    def parts(self) -> dict[str, slice]:
+        """Where the parts of a point stand: a, b, c, d, f, level, plant and noise."""
+        o, count = self.orders, len(self.stretches)
+        lengths = {"a": o.na, "b": o.nb, "c": o.nc, "d": o.nd, "f": o.nf}
+        lengths["level"] = len(self.recordings) if self.level else 0
+        lengths |= {"plant": count * o.nf, "noise": count * o.noise_states}
+        parts, first = {}, 0
+        for name, length in lengths.items():
+            parts[name] = slice(first, first + length)
+            first += length
+        return parts
+
+    def _points_of_stretches(self) -> list[NDArray[np.intp]]:
+        """Where the point of each stretch alone stands in the point of all."""
+        parts, o = self.parts(), self.orders
+        found = []
+        for number, stretch in enumerate(self.stretches):
+            level = [parts["level"].start + self.recordings.index(stretch.recording)]
+            plant, noise = parts["plant"].start, parts["noise"].start
+            found.append(
+                np.concatenate(
+                    [
+                        np.arange(o.parameters),
+                        level if self.level else [],
+                        np.arange(plant + number * o.nf, plant + (number + 1) * o.nf),
+                        np.arange(
+                            noise + number * o.noise_states, noise + (number + 1) * o.noise_states
+                        ),
+                    ]
+                ).astype(np.intp)
+            )
+        return found
+
+    def values(self, points: Array) -> Array:
+        """Objective of each row of an (M, n) population, in percent; infeasible rows are inf."""
+        total = np.zeros(len(points))
+        for errors, at, weight in zip(self._errors, self._positions, self._weights, strict=True):
+            total += weight * errors.values(points[:, at])
+        return total
+
+    def values_and_gradients(
+        self, points: Array, smoothing: Array, barriers: Array
+    ) -> tuple[Array, Array]:
+        """Smoothed objective of each row and its gradient; infeasible rows are inf and 0."""
+        total, gradients = np.zeros(len(points)), np.zeros(points.shape)
+        for errors, at, weight in zip(self._errors, self._positions, self._weights, strict=True):
+            value, gradient = errors.values_and_gradients(points[:, at], smoothing, barriers)
+            total += weight * value
+            gradients[:, at] += weight * gradient
+        return total, gradients
+
+    def curvatures(self, points: Array, smoothing: Array, barriers: Array) -> Array:
+        """Gauss-Newton approximation of the Hessian of the smoothed objective, (M, n, n)."""
+        n = points.shape[1]
+        matrices = np.zeros((len(points), n, n))
+        for errors, at, weight in zip(self._errors, self._positions, self._weights, strict=True):
+            matrix = errors.curvatures(points[:, at], smoothing, barriers)
+            matrices[:, at[:, None], at] += weight * matrix
+        return matrices
+
+    def mean_absolute_residuals(self, values: Array) -> Array:
+        """Mean (absolute objective) or root mean square (quadratic) residual, from values."""
+        total = values / 100.0 * np.sum(self._scales) / self.scored_samples
+        return total if self.objective == "absolute" else np.sqrt(total)
+
+    def residuals(self, point: Array) -> Array:
+        """Residuals of one point that count, of all stretches one after the other."""
+        return np.concatenate(self.residuals_of_stretches(point))
+
+    def residuals_of_stretches(self, point: Array) -> list[Array]:
+        """Residuals of one point that count, stretch by stretch."""
+        return [
+            errors.residuals(point[at])[errors.residual_start :]
+            for errors, at in zip(self._errors, self._positions, strict=True)
+        ]
+
+    def jacobian(self, point: Array) -> Array:
+        """Derivatives of the residuals that count by a point."""
+        blocks = []
+        for errors, at in zip(self._errors, self._positions, strict=True):
+            block = np.zeros((errors.scored_samples, self.dimension))
+            block[:, at] = errors.jacobian(point[at])
+            blocks.append(block)
+        return np.concatenate(blocks)
+
+    def feasible(self, points: Array) -> NDArray[np.bool_]:
+        """Whether all roots of A, C, D and F of each row lie within their radii."""
+        return self._errors[0].feasible(points[:, self._positions[0]]) & np.all(
+            np.isfinite(points), axis=1
+        )
+
+    def repair(self, points: Array) -> Array:
+        """Move the roots of infeasible rows inside by reflection at the unit circle."""
+        repaired = points.copy()
+        rows = np.flatnonzero(~self.feasible(points))
+        finite = np.where(np.isfinite(points[rows]), points[rows], 0.0)
+        parts = self.parts()
+        for name in "acdf":
+            part = parts[name]
+            radius = self.plant_radius if name in "af" else self.noise_radius
+            if part.stop > part.start and len(rows):
+                finite[:, part] = reflect_into_disc(finite[:, part], radius * (1.0 - 1e-6))
+        repaired[rows] = finite
+        return repaired

@@ -1,0 +1,89 @@
+"""Stretches: parts of recordings without a break, and their division into folds."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Stretch:
+    """Consecutive samples of one recording.
+
+    Attributes
+    ----------
+    input, output : (N,) arrays
+    recording : int
+        Number of the recording, from 0.  Stretches of one recording share their level; each stretch
+        has its own initial state.
+    """
+
+    input: Array
+    output: Array
+    recording: int = 0
+
+    @property
+    def samples(self) -> int:
+        """Number of samples N."""
+        return int(self.output.size)
+
+
+@dataclass(frozen=True, eq=False)
+class Fold:
+    """What a model is fitted to, and what it is scored on."""
+
+    training: tuple[Stretch, ...]
+    held_out: tuple[Stretch, ...]
+
+
+def total_samples(stretches: Sequence[Stretch]) -> int:
+    """Samples of all stretches together."""
+    return sum(each.samples for each in stretches)
+
+
+def folds_of(
+    stretches: Sequence[Stretch], count: int, blocks_per_fold: int, shortest: int
+) -> tuple[Fold, ...]:
+    """Divide stretches into ``count * blocks_per_fold`` blocks, dealt out to the folds in turn.
+
+    Blocks are consecutive samples, about equally long over all stretches.  A fold holds out its
+    blocks; what remains of a stretch between them is a stretch of the training part.  A remainder
+    with fewer than ``shortest`` samples is left out of the training.
+
+    Parameters
+    ----------
+    stretches : sequence of Stretch
+    count : int
+        Number of folds, at least 2.
+    blocks_per_fold : int
+        1 gives contiguous folds, more interleaved ones.
+    shortest : int
+        Samples that a training stretch has at least.
+    """
+    total, blocks = total_samples(stretches), count * blocks_per_fold
+    edges = np.linspace(0, total, blocks + 1).round().astype(int)
+    folds = []
+    for fold in range(count):
+        training: list[Stretch] = []
+        held_out: list[Stretch] = []
+        first = 0
+        for stretch in stretches:
+            owner = np.searchsorted(edges, np.arange(first, first + stretch.samples), "right") - 1
+            held = owner % count == fold
+            cuts = np.flatnonzero(np.diff(held.astype(int))) + 1
+            for begin, end in zip([0, *cuts], [*cuts, stretch.samples], strict=True):
+                part = Stretch(
+                    stretch.input[begin:end], stretch.output[begin:end], stretch.recording
+                )
+                if held[begin]:
+                    held_out.append(part)
+                elif part.samples >= shortest:
+                    training.append(part)
+            first += stretch.samples
+        folds.append(Fold(tuple(training), tuple(held_out)))
+    return tuple(folds)

@@ -1,0 +1,211 @@
+"""The choice between structures, for each purpose."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from evopem.automatic.decision import Alternative, Decision
+from evopem.automatic.orders import Candidate, Scorer, StructureSearch, refine_orders
+from evopem.automatic.residuals import feedback_probability, whiteness_probability
+
+Purpose = Literal["simulation", "prediction", "modes", "auto"]
+Level = Literal["constant", "state"]
+
+# Structures without a model of the noise: their BIC says little about the plant.
+WITHOUT_NOISE_MODEL = ("fir", "oe")
+# Models whose simulation errors are within one standard error of the lowest, and within this share,
+# are as good.
+AS_GOOD = 0.1
+# Folds that are independent of each other, of those in all designs.
+INDEPENDENT_FOLDS = 4
+# Under feedback an output-error model is biased and simulates the feedback's part of the noise.
+SIGNIFICANT_FEEDBACK, WHITE, MOST_UNDER_FEEDBACK = 1e-3, 0.05, 1.35
+FINALISTS = 2
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The model for one purpose.
+
+    Attributes
+    ----------
+    purpose : {"simulation", "prediction", "modes"}
+    candidate : Candidate
+    level : {"constant", "state"}
+        Whether the level of other samples is that of the estimation samples, or belongs to the
+        state that is fitted to them.
+    """
+
+    purpose: Purpose
+    candidate: Candidate
+    level: Level
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """The models for all purposes, and what was decided on the way."""
+
+    choices: tuple[Choice, ...]
+    candidates: tuple[Candidate, ...]
+    decisions: tuple[Decision, ...]
+
+    def choice(self, purpose: Purpose) -> Choice:
+        """The choice for a purpose; ``auto`` is simulation."""
+        wanted = "simulation" if purpose == "auto" else purpose
+        return next(each for each in self.choices if each.purpose == wanted)
+
+
+def compare_structures(scorer: Scorer, searches: Sequence[StructureSearch]) -> Comparison:
+    """Choose a model for each purpose among the candidates of all structures.
+
+    Simulation: the lowest error of simulations of held-out samples; of the models that are as good,
+    the lowest BIC, of one-step errors where these are white, else of simulation errors.
+    Prediction: the lowest one-step error on held-out samples.  Modes: the lowest BIC of models with
+    poles.
+
+    Parameters
+    ----------
+    scorer : Scorer
+    searches : sequence of StructureSearch
+
+    Raises
+    ------
+    ValueError
+        When no structure has a candidate.
+    """
+    candidates = [each for search in searches for each in search.candidates]
+    if not candidates:
+        raise ValueError("the record is too short for a model of any structure")
+    scorer.remember(candidates)
+    level, about_level = _decide_level(candidates)
+    score = _score_of(level)
+    finalists = _best_of_structures(candidates, score)[:FINALISTS]
+    for finalist in finalists:
+        candidates.extend(refine_orders(scorer, finalist, score))
+    candidates = list(dict.fromkeys(candidates))
+    simulation, about_simulation = _for_simulation(scorer, candidates, level)
+    prediction = min(candidates, key=lambda each: each.scores.prediction)
+    with_poles = [each for each in candidates if each.orders.na + each.orders.nf >= 2]
+    modes = min(with_poles or candidates, key=lambda each: each.bic)
+    return Comparison(
+        (
+            Choice("simulation", simulation, level),
+            Choice("prediction", prediction, "constant"),
+            Choice("modes", modes, "constant"),
+        ),
+        tuple(candidates),
+        (
+            about_level,
+            about_simulation,
+            _named(
+                *("structure for prediction", prediction, candidates),
+                *(lambda each: each.scores.prediction, "one-step error on held-out samples, %"),
+            ),
+            _named("structure for modes", modes, candidates, lambda each: each.bic, "BIC"),
+        ),
+    )
+
+
+def _score_of(level: Level) -> Callable[[Candidate], float]:
+    if level == "state":
+        return lambda each: each.scores.free_level
+    return lambda each: each.scores.simulation
+
+
+def _decide_level(candidates: Sequence[Candidate]) -> tuple[Level, Decision]:
+    constant = min(each.scores.simulation for each in candidates)
+    free = min(each.scores.free_level for each in candidates)
+    level: Level = "state" if free < constant else "constant"
+    sentence = (
+        "The level drifts: held-out samples are simulated better when their level is fitted to "
+        "them with the initial state."
+        if level == "state"
+        else "The level of the estimation samples holds for held-out samples as well."
+    )
+    alternatives = (Alternative("constant", constant), Alternative("state", free))
+    criterion = "lowest simulation error on held-out samples, %"
+    return level, Decision("level", level, alternatives, criterion, sentence)
+
+
+def _best_of_structures(
+    candidates: Sequence[Candidate], score: Callable[[Candidate], float]
+) -> list[Candidate]:
+    names = dict.fromkeys(each.structure for each in candidates)
+    best = [min((c for c in candidates if c.structure == n), key=score) for n in names]
+    return sorted(best, key=score)
+
+
+def _for_simulation(
+    scorer: Scorer, candidates: Sequence[Candidate], level: Level
+) -> tuple[Candidate, Decision]:
+    score = _score_of(level)
+    best = min(candidates, key=score)
+    equal = [each for each in candidates if _as_good(each, best, level)]
+    chosen = min(equal, key=lambda each: each.bic)
+    reason = "has the lowest BIC of these, and white residuals"
+    if whiteness_probability(chosen.model, scorer.stretches) < WHITE:
+        # No model of these describes the noise, so that one-step errors say little of the plant.
+        chosen = min(equal, key=lambda each: each.simulation_bic)
+        reason = "has the lowest BIC of simulation errors of these, whose residuals are not white"
+    sentence = f"{best.name} simulates held-out samples with the lowest error."
+    if chosen is not best:
+        sentence = (
+            f"{chosen.name} simulates held-out samples as well as {best.name}, within a standard "
+            f"error, and {reason}."
+        )
+    likeliest = min(candidates, key=lambda each: each.bic)
+    if chosen.structure in WITHOUT_NOISE_MODEL or chosen.bic > likeliest.bic:
+        white = whiteness_probability(likeliest.model, scorer.stretches)
+        feedback = feedback_probability(likeliest.model, scorer.stretches)
+        if (
+            likeliest.structure not in WITHOUT_NOISE_MODEL
+            and feedback < SIGNIFICANT_FEEDBACK
+            and white > WHITE
+            and score(likeliest) < MOST_UNDER_FEEDBACK * score(best)
+        ):
+            chosen = likeliest
+            sentence = (
+                f"The input depends on past residuals (p = {feedback:.1g}): the record was made "
+                f"under feedback, where simulation errors are biased. {chosen.name} has the lowest "
+                "BIC and white residuals."
+            )
+    decision = _named(
+        *("structure for simulation", chosen, candidates),
+        *(score, "simulation error on held-out samples, %", sentence),
+    )
+    return chosen, decision
+
+
+def _as_good(candidate: Candidate, best: Candidate, level: Level) -> bool:
+    def folds(each: Candidate) -> tuple[float, ...]:
+        scores = each.scores
+        return scores.free_level_folds if level == "state" else scores.simulation_folds
+
+    score = _score_of(level)
+    if len(folds(candidate)) != len(folds(best)) or not np.isfinite(score(candidate)):
+        return candidate is best
+    differences = np.subtract(folds(candidate), folds(best))
+    standard_error = float(np.std(differences, ddof=1)) / np.sqrt(INDEPENDENT_FOLDS)
+    difference = float(np.log(score(candidate) / score(best)))
+    return difference <= min(standard_error, AS_GOOD)
+
+
+def _named(
+    subject: str,
+    chosen: Candidate,
+    candidates: Sequence[Candidate],
+    score: Callable[[Candidate], float],
+    criterion: str,
+    sentence: str = "",
+) -> Decision:
+    best = {each.structure: each for each in sorted(candidates, key=score, reverse=True)}
+    best[chosen.structure] = chosen
+    alternatives = tuple(
+        Alternative(each.name, score(each)) for each in sorted(best.values(), key=score)
+    )
+    sentence = sentence or f"{chosen.name} has the lowest score."
+    return Decision(subject, chosen.name, alternatives, criterion, sentence)
