@@ -7,6 +7,7 @@ import base64
 import io
 import shutil
 import sys
+import time
 from pathlib import Path
 
 from PIL import Image
@@ -14,11 +15,11 @@ from selenium import webdriver
 
 # File, colour scheme, and the elements that the picture spans.
 PICTURES = (
-    ("report.png", "light", "header.page", "#summary .tools"),
-    ("report-dark.png", "dark", "#poles_zeros", "#poles_zeros"),
+    ("report.png", "light", "header.page", '[aria-label="Modes"]'),
+    ("report-dark.png", "dark", "#poles_zeros", "#stabilization"),
 )
-WIDTH = 1000
-SHARPNESS = 2  # pixels of the picture for one of the page
+WIDTH = 1280
+SHARPNESS = 1.5  # pixels of the picture for one of the page
 COLOURS = 128
 
 
@@ -53,6 +54,9 @@ def take(
         {"width": WIDTH, "height": 1000, "deviceScaleFactor": SHARPNESS, "mobile": False},
     )
     browser.get(report.resolve().as_uri())
+    # Figures are drawn when they come near the screen.
+    browser.execute_script("document.querySelector(arguments[0]).scrollIntoView()", first)
+    time.sleep(1)
     top, bottom = browser.execute_script(
         """const edges = arguments[0].map(s => document.querySelector(s).getBoundingClientRect());
         return [edges[0].top + scrollY, edges[1].bottom + scrollY]""",

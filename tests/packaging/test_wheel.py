@@ -106,7 +106,11 @@ def test_every_module_template_and_schema_is_in_the_wheel(wheel):
     with zipfile.ZipFile(wheel) as archive:
         packed = {name for name in archive.namelist() if ".dist-info/" not in name}
     modules = {f"evopem/{path.relative_to(PACKAGE)}" for path in PACKAGE.rglob("*.py")}
-    templates = {f"evopem/templates/{path.name}" for path in TEMPLATES.iterdir()}
+    templates = {
+        f"evopem/templates/{path.relative_to(TEMPLATES).as_posix()}"
+        for path in TEMPLATES.rglob("*")
+        if path.is_file()
+    }
     schemas = {f"evopem/schemas/{path.name}" for path in SCHEMAS.iterdir()}
     assert packed == modules | templates | schemas | {"evopem/py.typed"}
 

@@ -344,13 +344,3 @@ def test_the_results_beside_those_of_the_chapter(results):
         ("Model", str(orders), "ARMAX(7,6,7,3)"),
     ]
     assert not chapter.stands_in_for_the_chapter(results.settings)
-    *_, last = about_orders.phases(
-        replace(
-            results,
-            settings=replace(
-                results.settings,
-                source=replace(results.settings.source, synthesis="flexible_arm"),
-            ),
-        )
-    )
-    assert last.endswith("selected the joint order 7, then nc = 7, then nb = 6.")

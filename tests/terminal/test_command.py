@@ -39,7 +39,7 @@ def test_one_command_identifies_a_recording(folder):
     model = evopem.load(folder / "results" / "data" / "model.json")
     for mode in model.modes():
         assert with_error(mode.frequency_hz, mode.frequency_se_hz) in ended.stdout
-    assert ended.stdout.startswith("data: the model ")
+    assert ended.stdout.startswith("data: ")
     assert ended.stdout.endswith("report  results/data/report.html\n")
     assert (folder / "results" / "data" / "report.html").stat().st_size > 100_000
     # Progress is on standard error alone, a line for each stage where there is no terminal.

@@ -1,12 +1,11 @@
 """The few lines about a data set agree with its summary."""
 
-from dataclasses import replace
-
 import pytest
 
 from evopem.report.numbers import with_error
+from evopem.report.sentences.about_verdict import verdict
 from evopem.results.fleet import IncompleteDataset, summarize
-from evopem.terminal.results_text import results_text, run_text, verdict
+from evopem.terminal.results_text import results_text, run_text
 
 
 @pytest.fixture
@@ -21,29 +20,18 @@ def summary(identified):
     )
 
 
-def with_outcome(summary, *outcomes):
-    """The summary with these outcomes for its first checks, and all others passed."""
-    padded = [*outcomes, *[True] * (len(summary.checks) - len(outcomes))]
-    checks = [replace(one, passed=each) for one, each in zip(summary.checks, padded, strict=True)]
-    return replace(summary, checks=tuple(checks))
-
-
-def test_the_verdict_names_what_failed_and_what_is_open(summary):
-    first, second = (f"“{check.name}”" for check in summary.checks[:2])
-    assert verdict(with_outcome(summary)).startswith("the model passes all")
-    failed = verdict(with_outcome(summary, False, None))
-    assert failed.startswith(f"the model fails {first};")
-    assert second not in failed
-    assert verdict(with_outcome(summary, None)) == (
-        f"the model fails no check, but {first} could not be judged."
-    )
-
-
-def test_a_data_set_has_its_modes_its_errors_and_its_report(summary):
-    text = results_text("bench", summary, "results/bench/report.html")
-    for mode in summary.modes:
+def test_a_data_set_has_its_verdict_its_modes_and_its_failed_checks(identified):
+    results = identified.results
+    text = results_text(results, "results/bench/report.html")
+    words = " ".join(text.split())
+    assert words.startswith(f"bench: {' '.join(verdict(results).sentence.split())}")
+    for mode in results.model.modes:
         assert with_error(mode.frequency_hz, mode.frequency_se_hz) in text
-    assert str(summary.orders) in text
+    for check in results.checks:
+        assert (f"failed {check.name}:" in words) == (check.passed is False)
+    doubted = len(results.model.modes) - len(results.trusted_modes)
+    assert text.count("not to be trusted: see the report") == doubted
+    assert str(results.model.orders) in text
     assert text.endswith("report  results/bench/report.html")
     assert max(map(len, text.splitlines())) <= 100
 

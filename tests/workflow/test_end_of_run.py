@@ -8,7 +8,8 @@ def test_a_run_ends_with_its_results(copy):
     assert "write_report truth" in printed
     assert "input: results/" not in printed
     end = printed.partition("steps (100%) done\n")[2]
-    assert end.lstrip().startswith("truth: the model ")
+    assert end.lstrip().startswith("truth: ")
+    assert "errors  one step ahead" in end
     assert "report  results/truth/report.html" in end
     # Every detail is in the log file of the run, and on the terminal where it is asked for.
     (log,) = sorted((copy.path / ".snakemake" / "log").glob("*"))[-1:]
@@ -19,7 +20,7 @@ def test_a_run_ends_with_its_results(copy):
 def test_a_dry_run_is_that_of_snakemake(copy):
     printed = copy.finish("--dry-run", "--forcerun", "write_report")
     assert "input: results/truth/config.yaml" in printed
-    assert "the model " not in printed
+    assert "errors  one step ahead" not in printed
 
 
 def test_a_failed_run_says_what_came_of_each_data_set(copy):
@@ -30,6 +31,6 @@ def test_a_failed_run_says_what_came_of_each_data_set(copy):
     run = copy.run("--cores", "2")
     assert run.returncode != 0
     end = run.stdout.rpartition("steps (")[2]
-    assert "truth: the model " in end
+    assert "report  results/truth/report.html" in end
     assert "bad: failed. empty.csv: the file is empty; export or copy it again.\n" in end
     assert "All data sets: results/index.html" in end

@@ -19,6 +19,8 @@ from evopem.signals.recording_info import RecordingInfo
 from evopem.signals.spectral.summary import SpectrumSummary
 from evopem.synthesis.truth import Truth
 from evopem.validation.checks import Check, checks
+from evopem.validation.mode_evidence import ModeEvidence
+from evopem.validation.mode_trust import doubts
 from evopem.validation.validation import Validation, ValidationTables
 
 
@@ -83,6 +85,12 @@ class DatasetResults:
             self.phases,
             self.recording_info,
         )
+
+    @property
+    def trusted_modes(self) -> list[ModeEvidence]:
+        """The modes that the data give no reason to doubt."""
+        rate = self.model.sampling_rate
+        return [each for each in self.validation.modes if not doubts(each, rate)]
 
 
 def read_dataset_results(files: DatasetFiles, settings: DatasetSettings) -> DatasetResults:

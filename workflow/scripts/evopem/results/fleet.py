@@ -8,6 +8,8 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+import numpy as np
+
 from evopem.errors import InputError
 from evopem.files.checksums import sha256_of_file, verify_checksums
 from evopem.files.json_form import load
@@ -16,6 +18,7 @@ from evopem.models.armax import Orders
 from evopem.models.modes import Mode
 from evopem.results.layout import DatasetFiles
 from evopem.validation.checks import Check, checks
+from evopem.validation.mode_trust import doubts
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -29,6 +32,10 @@ if TYPE_CHECKING:
 # Text that a spreadsheet program would take for a formula when it begins a cell (OWASP, "CSV
 # injection"), with the full-width forms of the signs.
 _FORMULA_START = tuple("=+-@＝＋－＠\t\r\n")
+
+
+# Bands of the gain in a summary.
+GAIN_BANDS = 60
 
 
 @dataclass(frozen=True)
@@ -48,6 +55,11 @@ class DatasetSummary:
     continued_simulation_error_percent : float, optional
     checks : tuple of Check
     modes : tuple of Mode
+    trusted : tuple of bool
+        For each mode whether the data give no reason to doubt it.
+    gain_db : tuple of float
+        Gain of the model in decibels: the largest in each of :data:`GAIN_BANDS` equal bands from
+        0 Hz to half the sampling rate, for a small plot.
     made_from : dict of str to str
         SHA-256 of files that the summary was made from, by their names in the data set's folder.
     """
@@ -64,6 +76,8 @@ class DatasetSummary:
     continued_simulation_error_percent: float | None
     checks: tuple[Check, ...]
     modes: tuple[Mode, ...]
+    trusted: tuple[bool, ...]
+    gain_db: tuple[float, ...]
     made_from: dict[str, str]
 
     def n_checks(self, passed: bool | None) -> int:
@@ -81,10 +95,13 @@ class IncompleteDataset:
         ``unfinished`` where the run ended before its jobs, or a job of it could not start.
     problem : str
         What is wrong, in a sentence.
+    log : str
+        The log that says more, relative to the data set's folder; empty where there is none.
     """
 
     status: Literal["failed", "unfinished"]
     problem: str
+    log: str = ""
 
 
 Entry = DatasetSummary | IncompleteDataset
@@ -124,8 +141,26 @@ def summarize(
         continued_simulation_error_percent=validation.continued_simulation_error_percent,
         checks=tuple(checks(model, validation, spectrum, phases, recording)),
         modes=tuple(model.modes),
+        trusted=tuple(_trusted(model, validation)),
+        gain_db=_gain_outline(model),
         made_from={Path(file).name: sha256_of_file(file) for file in made_from},
     )
+
+
+def _trusted(model: ModelRecord, validation: Validation) -> list[bool]:
+    evidence = {each.mode.pole: each for each in validation.modes}
+    return [
+        mode.pole in evidence and not doubts(evidence[mode.pole], model.sampling_rate)
+        for mode in model.modes
+    ]
+
+
+def _gain_outline(model: ModelRecord) -> tuple[float, ...]:
+    """The largest gain of each band, in decibels to one decimal."""
+    bands = np.linspace(0.0, model.sampling_rate / 2, 32 * GAIN_BANDS + 1)[1:]
+    gain = np.abs(model.model.frequency_response(bands)).reshape(GAIN_BANDS, -1).max(axis=1)
+    with np.errstate(divide="ignore"):
+        return tuple(np.round(20.0 * np.log10(gain), 1).tolist())
 
 
 def read_summaries(datasets: Iterable[DatasetFiles]) -> dict[str, DatasetSummary]:
@@ -267,6 +302,8 @@ def _reason(files: DatasetFiles, missing: str | None) -> IncompleteDataset:
     """Why the results of a data set are not complete."""
     jobs = unfinished_jobs(Path(files.folder) / "logs")
     if jobs:
-        return IncompleteDataset("failed", jobs[0].sentence)
+        log = f"logs/{jobs[0].job}.log"
+        written = (Path(files.folder) / log).is_file()
+        return IncompleteDataset("failed", jobs[0].sentence, log if written else "")
     what = f"{missing} has not been made" if missing else "not all of its jobs have run"
     return IncompleteDataset("unfinished", f"{what}; run snakemake again.")

@@ -15,15 +15,21 @@ from evopem.config.settings import PHASES
 from evopem.errors import InputError
 
 FIGURES = (
+    "measured_and_simulated",
+    "gain",
+    "poles_zeros",
+    "stabilization",
+    "frequency_response",
+    "step_and_impulse",
+    "nyquist",
+    "simulation",
+    "simulation_as_recorded",
+    "residuals",
+    "residual_spectrum",
     "record",
     "spectrum",
     "delay",
     "phases",
-    "poles_zeros",
-    "frequency_response",
-    "residuals",
-    "simulation",
-    "stabilization",
     "convergence",
 )
 """The figures of the report, in its order."""

@@ -22,7 +22,6 @@ from evopem.config.strict_yaml import check_yaml_files
 from evopem.config.yaml_form import read_settings
 from evopem.errors import InputError
 from evopem.files.job import job
-from evopem.files.json_form import load
 from evopem.results.layout import DatasetFiles
 from evopem.terminal.progress import ProgressLine
 from evopem.version import __version__
@@ -144,7 +143,7 @@ def _identify(arguments: argparse.Namespace) -> int:
     files = DatasetFiles(str(Path(arguments.results) / settings.name))
     _check_folder(files, settings)
     from evopem.pipeline.identification import identify_recording
-    from evopem.results.fleet import DatasetSummary
+    from evopem.results.dataset import read_dataset_results
     from evopem.terminal.results_text import results_text
 
     progress = ProgressLine(sys.stderr)
@@ -161,7 +160,7 @@ def _identify(arguments: argparse.Namespace) -> int:
             )
     finally:
         progress.close()
-    print(results_text(settings.name, load(DatasetSummary, files.summary), files.report))
+    print(results_text(read_dataset_results(files, settings), files.report))
     return 0
 
 

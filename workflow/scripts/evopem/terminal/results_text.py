@@ -6,10 +6,13 @@ import re
 import textwrap
 from collections.abc import Mapping, Sequence
 
-from evopem.models.modes import Mode
-from evopem.report.numbers import MISSING, count, enumeration, number, percent, plural, with_error
-from evopem.results.fleet import DatasetSummary, Entry, IncompleteDataset
+from evopem.config.yaml_form import read_settings
+from evopem.report.numbers import count, number, percent, plural, with_error
+from evopem.report.sentences.about_verdict import verdict
+from evopem.results.dataset import DatasetResults, read_dataset_results
+from evopem.results.fleet import Entry, IncompleteDataset
 from evopem.results.layout import DatasetFiles
+from evopem.validation.checks import Check
 
 _WIDTH = 96
 _SHOWN_WHOLE = 3
@@ -17,29 +20,27 @@ _SHOWN_WHOLE = 3
 _SHOWN = 40
 
 
-def results_text(name: str, entry: Entry, page: str) -> str:
+def results_text(results: DatasetResults, page: str) -> str:
     """The lines about one data set.
 
     Parameters
     ----------
-    name : str
-    entry : DatasetSummary or IncompleteDataset
+    results : DatasetResults
     page : str
         The file to open next.
     """
-    if isinstance(entry, IncompleteDataset):
-        return f"{name}: {entry.status}. {entry.problem}"
+    validation, transforms = results.validation, results.model.transforms
     lines = [
-        *textwrap.wrap(f"{name}: {verdict(entry)}", _WIDTH),
+        *textwrap.wrap(f"{results.name}: {verdict(results).sentence}", _WIDTH),
         "",
-        *_mode_table(entry.modes),
+        *_mode_table(results),
         "",
-        f"  model   {entry.orders}, from {count(entry.estimation_samples)} samples at "
-        f"{entry.sampling_rate:g} Hz",
-        f"  errors  one step ahead {percent(entry.prediction_error_percent)}, simulation "
-        f"{percent(entry.simulation_error_percent)} on {count(entry.validation_samples)} "
+        f"  model   {results.model.orders}, from {count(transforms.estimation_samples)} samples at "
+        f"{results.model.sampling_rate:g} Hz",
+        f"  errors  one step ahead {percent(validation.prediction_error_percent)}, simulation "
+        f"{percent(validation.simulation_error_percent)} on {count(validation.samples)} "
         "validation samples",
-        *_failed(entry),
+        *_failed(results.checks),
         f"  report  {page}",
     ]
     return "\n".join(lines)
@@ -59,12 +60,22 @@ def run_text(entries: Mapping[str, Entry], page: str, lists: Sequence[str]) -> s
     """
     files = {name: f"{DatasetFiles.of_dataset(name).folder}/{page}" for name in entries}
     if len(entries) <= _SHOWN_WHOLE:
-        blocks = [results_text(name, entry, files[name]) for name, entry in entries.items()]
+        blocks = [
+            _line(name, entry)
+            if isinstance(entry, IncompleteDataset)
+            else results_text(_read(name), files[name])
+            for name, entry in entries.items()
+        ]
     else:
         lines = [_line(name, entry) for name, entry in entries.items()]
         left = len(lines) - _SHOWN
         blocks = ["\n".join([*lines[:_SHOWN], *([f"… and {left} more"] if left > 0 else [])])]
     return "\n\n".join([*blocks, *([f"All data sets: {lists[0]}"] if lists else [])])
+
+
+def _read(name: str) -> DatasetResults:
+    files = DatasetFiles.of_dataset(name)
+    return read_dataset_results(files, read_settings(files.config))
 
 
 def _line(name: str, entry: Entry) -> str:
@@ -75,46 +86,33 @@ def _line(name: str, entry: Entry) -> str:
     return f"{name}: {plural(failed, 'failed check') if failed else 'no failed check'}; {modes}"
 
 
-def verdict(summary: DatasetSummary) -> str:
-    """What the checks say of the model as a whole, in a sentence."""
-    failed = [f"“{check.name}”" for check in summary.checks if check.passed is False]
-    unjudged = [f"“{check.name}”" for check in summary.checks if check.passed is None]
-    if failed:
-        return (
-            f"the model fails {enumeration(failed)}; read in the report what that means before you "
-            "rely on it."
-        )
-    if unjudged:
-        return f"the model fails no check, but {enumeration(unjudged)} could not be judged."
-    return f"the model passes all {len(summary.checks)} checks."
-
-
-def _mode_table(modes: Sequence[Mode]) -> list[str]:
+def _mode_table(results: DatasetResults) -> list[str]:
+    modes = results.model.modes
     if not modes:
         return ["  The model has no oscillating mode."]
-    rows = [("mode", "frequency (Hz)", "damping (%)")]
+    trusted = {each.mode.pole for each in results.trusted_modes}
+    rows = [("mode", "frequency (Hz)", "damping (%)", "")]
     rows += [
         (
             str(position),
             with_error(mode.frequency_hz, mode.frequency_se_hz),
             with_error(100.0 * mode.damping_ratio, 100.0 * mode.damping_se),
+            "" if mode.pole in trusted else "not to be trusted: see the report",
         )
         for position, mode in enumerate(modes, start=1)
     ]
-    widths = [max(len(row[column]) for row in rows) for column in range(3)]
+    widths = [max(len(row[column]) for row in rows) for column in range(4)]
     return [
         "  "
-        + "   ".join(
-            f"{text or MISSING:<{width}}" for text, width in zip(row, widths, strict=True)
-        ).rstrip()
+        + "   ".join(f"{text:<{width}}" for text, width in zip(row, widths, strict=True)).rstrip()
         for row in rows
     ]
 
 
-def _failed(summary: DatasetSummary) -> list[str]:
+def _failed(checks: Sequence[Check]) -> list[str]:
     """Each failed check with the first sentence of what was found."""
     lines = []
-    for check in summary.checks:
+    for check in checks:
         if check.passed is False:
             found = re.split(r"(?<=[.;]) ", check.statement, maxsplit=1)[0]
             lines += _wrapped(f"{check.name}: {found}", "  failed  ")

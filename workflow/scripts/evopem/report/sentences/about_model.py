@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,17 +12,26 @@ from evopem.models.armax import ArmaxModel
 from evopem.models.confidence_ellipse import uncertain_roots
 from evopem.models.modes import Mode
 from evopem.report.mode_table import ModeRow
-from evopem.report.numbers import THIN, count, enumeration, fixed, hertz, number, plural
+from evopem.report.numbers import (
+    THIN,
+    count,
+    enumeration,
+    fixed,
+    hertz,
+    is_number,
+    number,
+    plural,
+)
 from evopem.report.numbers import root as root_text
 from evopem.report.sentences.about_recording import difference_gain
 from evopem.results.dataset import DatasetResults
 from evopem.signals.preparation import Transforms
+from evopem.validation.mode_evidence import ModeEvidence
+from evopem.validation.mode_trust import STRONG_DAMPING, doubts
 
 # Below this number of time constants of a mode in the estimation samples, its asymptotic standard
 # errors are too small (docs/evidence/coverage.md: 87 to 94 % coverage at 1.5, 94 to 96 % at 14).
 FEW_TIME_CONSTANTS = 3.0
-# Damping ratio above which a pair of poles is hardly a resonance.
-STRONG_DAMPING = 0.5
 # Factor on the gain below which differencing is named as the reason of a missed mode.
 STRONG_ATTENUATION = 0.1
 # Frequencies at which the gain is evaluated for its maximum and trend.
@@ -40,6 +50,44 @@ def modes(results: DatasetResults, rows: Sequence[ModeRow]) -> list[str]:
     if missed:
         sentences += _missed(missed, transforms)
     return [" ".join(sentences)] if sentences else []
+
+
+@dataclass(frozen=True)
+class ModeLine:
+    """A mode on the first screen: whether it can be trusted, and why.
+
+    Attributes
+    ----------
+    mode : Mode
+    trusted : bool
+    why : str
+    """
+
+    mode: Mode
+    trusted: bool
+    why: str
+
+
+def mode_lines(results: DatasetResults) -> list[ModeLine]:
+    """Every mode of the model, by frequency, with what the data say about it."""
+    rate = results.model.sampling_rate
+    evidence = {each.mode.pole: each for each in results.validation.modes}
+    lines = []
+    for mode in results.model.modes:
+        if mode.pole not in evidence:
+            lines.append(ModeLine(mode, False, "could not be tested on validation samples"))
+            continue
+        reasons = doubts(evidence[mode.pole], rate)
+        lines.append(ModeLine(mode, not reasons, "; ".join(reasons) or _seen(evidence[mode.pole])))
+    return lines
+
+
+def _seen(evidence: ModeEvidence) -> str:
+    """Where a trusted mode shows."""
+    where = "the input drives it" if evidence.reached else "disturbances drive it, not the input"
+    if not is_number(evidence.recurrence):
+        return where
+    return f"{where}; {fixed(100 * evidence.recurrence, 0)}{THIN}% of the other orders have it"
 
 
 def _origins(results: DatasetResults, rows: Sequence[ModeRow]) -> list[str]:
