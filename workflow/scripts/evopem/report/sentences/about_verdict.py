@@ -192,7 +192,7 @@ def _frequency_response(results: DatasetResults, outcome: Mapping[str, Check]) -
     if len(inside):
         width = (inside["gain_upper"] - inside["gain_lower"]) / (2 * inside["gain"])
         half = number(100 * float(np.median(width)), 2)
-        reason = f"95 % band of ±{half} % of the gain (median over frequency)"
+        reason = f"95 % band of ±{half}{THIN}% of the gain (median over frequency)"
     else:
         answer = _worse(answer, "care")
     return Use("the frequency response", answer, _joined(reason, against))
