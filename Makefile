@@ -36,7 +36,7 @@ format: $(VENV)/installed-dev  ## bring every file into the style
 	$(BIN)/snakefmt Snakefile workflow/Snakefile workflow/rules benchmarks/fletcher_powell/Snakefile benchmarks/fletcher_powell/common.smk
 
 docs: $(VENV)/installed-docs  ## build the documentation site into site/; a warning is an error
-	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build
 
 lock: $(VENV)/installed-dev  ## bring the lock files in line with pyproject.toml; UPGRADE=--upgrade takes the newest versions
 	$(COMPILE) $(UPGRADE) --output-file requirements.lock
