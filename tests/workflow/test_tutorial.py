@@ -36,4 +36,4 @@ def test_the_numbers_come_out_of_a_run(tmp_path):
     error = float(re.search(r"simulation (\S+) %", TUTORIAL)[1])
     simulation = load(Validation, files.validation).simulation_error_percent
     assert simulation == pytest.approx(error, abs=0.5)
-    assert "“White residuals”" in printed
+    assert "failed  White residuals:" in printed
