@@ -31,7 +31,7 @@ def test_a_plain_record_is_left_as_it_is():
 def test_samples_before_the_first_change_are_left_out():
     u, y, _ = output_error_record(300)
     u, y = np.concatenate([np.zeros(40), u]), np.concatenate([np.full(40, y[0]), y])
-    assert decide_preparation([Recording(u, y, 10.0)]).starts[0] in (38, 39, 40)
+    assert decide_preparation([Recording(u, y, 10.0)]).starts[0] in (28, 29, 30)
 
 
 def test_a_step_from_rest_is_not_clipped():
@@ -39,7 +39,7 @@ def test_a_step_from_rest_is_not_clipped():
     y = lfilter([0.0, 0.1], [1.0, -0.9], u)
     plan = decide_preparation([Recording(u, y, 10.0)])
     assert choices(plan)["clipping"] == "none"
-    assert plan.starts[0] in (19, 20)
+    assert plan.starts[0] in (9, 10)
 
 
 def test_missing_samples_are_breaks_and_are_not_filled():

@@ -99,6 +99,7 @@ def decide_delay(stretches: Sequence[Stretch]) -> tuple[int, Decision]:
     ----------
     stretches : sequence of Stretch
     """
+    stretches = first_samples(stretches, MOST_SAMPLES)
     longest = min(LONGEST_DELAY, max(each.samples for each in stretches) // 8)
     top = min(FIRST_DELAYS, longest)
     while True:

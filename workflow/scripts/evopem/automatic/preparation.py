@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from evopem.automatic.decision import Alternative, Decision, lowest
 from evopem.automatic.fit import FOLD_STAGES, FitSettings, fit, log_loss
 from evopem.automatic.folds import SHORTEST_BLOCK
+from evopem.automatic.orders import MOST_SAMPLES
 from evopem.automatic.simulation import simulated
-from evopem.automatic.stretches import Stretch, folds_of, total_samples
+from evopem.automatic.stretches import Stretch, first_samples, folds_of, total_samples
 from evopem.errors import InputError
 from evopem.estimation.criteria import power_of_two_scale
 from evopem.models.structures import PolynomialOrders
@@ -31,6 +32,10 @@ LEAST_SAMPLES = 200
 # Decimation must pay: relative gain of the simulation error.
 LEAST_GAIN = 0.05
 PROBES, MOST_FACTORS = (2, 4, 6), 3
+# Samples of a long record on which factors are compared.
+MOST_DECIMATED = 20_000
+# Samples that are kept of a rest before the first change: they tell the level of the rest.
+KEPT_REST = 10
 # Samples at a limit of the output, against those at the levels beside it.
 CLIPPED_RATIO, CLIPPED_RUN, MOST_CLIPPED = 10.0, 5, 0.3
 # Equal samples in sequence that stand still, the largest share of them, and the largest share of
@@ -146,9 +151,11 @@ def decide_preparation(recordings: Sequence[Recording]) -> PreparationPlan:
         input_scale=power_of_two_scale(u - u.mean()),
         output_scale=power_of_two_scale(y - y.mean()),
     )
-    factor, about_factor = _decide_decimation(prepare(recordings, plan).stretches)
+    stretches = list(first_samples(prepare(recordings, plan).stretches, MOST_DECIMATED))
+    factor, about_factor = _decide_decimation(stretches)
     plan = replace(plan, factor=factor)
-    objective, about_objective = _decide_objective(prepare(recordings, plan).stretches)
+    stretches = list(first_samples(prepare(recordings, plan).stretches, MOST_SAMPLES))
+    objective, about_objective = _decide_objective(stretches)
     decisions = (about_start, about_clipping, about_factor, about_objective, about_stuck)
     return replace(plan, objective=objective, decisions=decisions)
 
@@ -227,7 +234,8 @@ def _decide_starts(recordings: Sequence[Recording]) -> tuple[tuple[int, ...], De
         still = (u == u[0]) & (y == y[0])
         still |= ~(np.isfinite(u) & np.isfinite(y))
         leading = int(np.argmin(still)) if not still.all() else 0
-        starts.append(max(leading - 1, 0) if np.isfinite(y[max(leading - 1, 0)]) else leading)
+        kept = max(leading - KEPT_REST, 0)
+        starts.append(kept if np.isfinite(y[kept:leading]).all() else leading)
     alternatives = (
         Alternative("0", 0.0),
         *(Alternative(str(start), float(start)) for start in sorted(set(starts)) if start),
@@ -248,8 +256,11 @@ def _decide_clipping(
     recordings: Sequence[Recording], starts: Sequence[int]
 ) -> tuple[tuple[float, float], Decision]:
     """Breaks at a limit of the output where far more samples lie than beside it."""
-    # The first sample that is kept may be the last one of a rest.
-    outputs = [each.output[start + 1 :] for each, start in zip(recordings, starts, strict=True)]
+    # A rest before the first change is not clipped.
+    outputs = [
+        each.output[start + KEPT_REST if start else 0 :]
+        for each, start in zip(recordings, starts, strict=True)
+    ]
     y = np.concatenate([each[np.isfinite(each)] for each in outputs])
     levels, counts = np.unique(y, return_counts=True)
     limits, alternatives = [-np.inf, np.inf], [Alternative("none", 0.0)]
@@ -340,7 +351,8 @@ def _power_edge(stretches: Sequence[Stretch]) -> float:
     longest = max(stretches, key=lambda each: each.samples)
     y = longest.output - longest.output.mean()
     power = np.abs(np.fft.rfft(y * np.hanning(len(y)))) ** 2
-    floor = min(float(np.mean(band)) for band in np.array_split(power, BANDS))
+    bands = np.array_split(power, min(BANDS, len(power)))
+    floor = min(float(np.mean(band)) for band in bands)
     above = np.cumsum(power - floor)
     reached = np.flatnonzero(above >= POWER_SHARE * above[-1])
     return float(reached[0] / len(y)) if len(reached) else 0.5

@@ -31,10 +31,11 @@ SIGNIFICANT_FEEDBACK, WHITE, INDEPENDENT = 1e-3, 0.05, 1.8
 # Evidence of a residual for Laplace's distribution against the normal one, as a logarithm, from
 # which tails are heavy: 0.07 for Laplace's itself, -0.05 for the normal one.
 HEAVY = 0.1
-# Held-out simulation errors, against the lowest ones, of a model with valid residuals that is still
-# taken for its likelihood, and of one that is taken because disturbances are heavy-tailed: those
-# ring in simulations, and an output-error model takes them for the response to the input.
-MOST_WHEN_VALID, MOST_UNDER_HEAVY_TAILS = 1.35, 3.0
+# Largest held-out simulation errors, against the lowest ones, of a model that is taken for its
+# likelihood: where its residuals are valid, where the record was made under feedback, and where
+# disturbances are heavy-tailed; those ring in simulations, and an output-error model takes them for
+# the response to the input.
+MOST_WHEN_VALID, MOST_UNDER_FEEDBACK, MOST_UNDER_HEAVY_TAILS = 1.25, 1.35, 3.0
 FINALISTS = 2
 # A difference of BIC, not divided by the samples, that is strong evidence (Kass & Raftery 1995),
 # and the share by which a simulation error must fall to overrule a choice without strong evidence.
@@ -191,21 +192,20 @@ def _for_simulation(
 def _under_heavy_tails(
     scorer: Scorer, candidates: Sequence[Candidate], score: Callable[[Candidate], float]
 ) -> tuple[Candidate, str] | None:
-    """The best predictor, where heavy-tailed disturbances pass through the poles of the plant."""
+    """The lowest BIC, where heavy-tailed disturbances pass through the poles of the plant."""
     likeliest = min(candidates, key=lambda each: each.bic)
-    robust = min(candidates, key=lambda each: each.scores.prediction)
     lowest_score = min(map(score, candidates))
     if (
         scorer.settings.objective != "absolute"
         or likeliest.orders.na == 0
         or heaviness(likeliest.model, scorer.stretches) < HEAVY
-        or not score(robust) < MOST_UNDER_HEAVY_TAILS * lowest_score
+        or not score(likeliest) < MOST_UNDER_HEAVY_TAILS * lowest_score
     ):
         return None
-    return robust, (
-        f"The disturbances are heavy-tailed and pass through the poles of the plant, as the lowest "
-        f"BIC, of {likeliest.name}, shows: simulation errors are not robust against them. "
-        f"{robust.name} predicts held-out samples with the lowest absolute error."
+    return likeliest, (
+        "The disturbances are heavy-tailed and pass through the poles of the plant: simulation "
+        f"errors are not robust against them. {likeliest.name} has the lowest BIC, of the absolute "
+        "one-step errors."
     )
 
 
@@ -219,10 +219,9 @@ def _by_likelihood(
     frequency, they differ by chance by far more than the models do.
     """
     likeliest = min(candidates, key=lambda each: each.bic)
-    if not (
-        score(likeliest) < MOST_WHEN_VALID * min(map(score, candidates))
-        and whiteness_probability(likeliest.model, scorer.stretches) > WHITE
-    ):
+    ratio = score(likeliest) / min(map(score, candidates))
+    white = whiteness_probability(likeliest.model, scorer.stretches)
+    if not (ratio < MOST_UNDER_FEEDBACK and white > WHITE):
         return None
     feedback = feedback_probability(likeliest.model, scorer.stretches)
     if feedback < SIGNIFICANT_FEEDBACK:
@@ -231,7 +230,8 @@ def _by_likelihood(
             f"feedback, where simulation errors are biased. {likeliest.name} has the lowest BIC "
             "and white residuals."
         )
-    if input_correlation(likeliest.model, scorer.stretches) >= INDEPENDENT:
+    correlation = input_correlation(likeliest.model, scorer.stretches)
+    if not (ratio < MOST_WHEN_VALID and correlation < INDEPENDENT):
         return None
     sentence = (
         f"{likeliest.name} has the lowest BIC, and its residuals are white and independent of the "
