@@ -108,7 +108,7 @@ def act_on_checks(scorer: Scorer, choice: Choice) -> Remedied:
             if choice.purpose == "simulation":
                 allowed &= candidate.simulation_bic <= first.simulation_bic + TOLERATED
             better = _better(scorer, candidate, best, check)
-            taken = allowed and (holds or better)
+            taken = bool(allowed and (holds or better))
             trials.append(
                 Trial(
                     check,
