@@ -40,6 +40,7 @@ else:
     include: "workflow/rules/preparation.smk"
     include: "workflow/rules/spectrum.smk"
     include: "workflow/rules/order_search.smk"
+    include: "workflow/rules/automatic.smk"
     include: "workflow/rules/model.smk"
     include: "workflow/rules/validation.smk"
     include: "workflow/rules/report.smk"

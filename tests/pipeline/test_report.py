@@ -9,7 +9,7 @@ import pytest
 from evopem.pipeline.figures import draw_figures
 from evopem.pipeline.identification import stages
 from evopem.pipeline.report import commit_of, write_report
-from evopem.report.provenance import AFTER, BEFORE, PHASE_STAGES
+from evopem.report.provenance import AFTER, BEFORE
 from evopem.results.layout import FIGURES, DatasetFiles
 
 WORKFLOW = Path(__file__).parents[2] / "workflow"
@@ -60,7 +60,7 @@ def test_the_commit_and_changes_to_it_are_named(workflow):
 
 
 def test_the_times_shown_are_those_of_the_stages(identified):
-    shown = {stage for stage, _ in (*BEFORE, *AFTER)} | set(PHASE_STAGES)
+    shown = {stage for stage, _ in (*BEFORE, *AFTER)} | set(identified.results.phases)
     assert shown <= set(stages(identified.files, identified.results.settings))
 
 

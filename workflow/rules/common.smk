@@ -15,6 +15,7 @@ sys.path.insert(0, str(SCRIPTS))
 from evopem.config.defaults import complete
 from evopem.config.environment import check_environment, job_environment
 from evopem.config.rule_digest import code_version
+from evopem.config.structures import AUTOMATIC_PHASES, AUTOMATIC_STRUCTURES
 from evopem.config.strict_yaml import check_yaml_files
 from evopem.errors import InputError
 from evopem.files.termination import interrupt_on_hangup
@@ -137,4 +138,5 @@ def collect_unfinished():
 wildcard_constraints:
     dataset=provider.one_of(frozenset(provider.config.datasets)),
     phase="|".join(PHASES),
+    structure="|".join(AUTOMATIC_STRUCTURES),
     part=r"\d+",

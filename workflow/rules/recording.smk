@@ -3,6 +3,8 @@
 # Which phases there are depends on the structure of the model.
 STEPS = [files.recording, files.prepared, directory(files.phases)]
 OUTPUTS = [*STEPS, *files.results, *(files.pages if provider.with_report else [])]
+DECISIONS = [files.decisions, directory(files.decisions_folder)]
+RECORDED = provider.recorded - provider.validated
 
 
 rule identify_recording:
@@ -16,7 +18,7 @@ rule identify_recording:
     benchmark:
         files.benchmark("identification")
     wildcard_constraints:
-        dataset=provider.one_of(provider.recorded - provider.validated),
+        dataset=provider.one_of(RECORDED & provider.by_chapter),
     conda:
         "../envs/evopem.yaml"
     threads: estimation_cores
@@ -38,7 +40,7 @@ use rule identify_recording as identify_validated_recording with:
     output:
         [*OUTPUTS, files.validation_recording, files.validation_recording_info],
     wildcard_constraints:
-        dataset=provider.one_of(provider.validated),
+        dataset=provider.one_of(provider.validated & provider.by_chapter),
 
 
 use rule identify_recording as identify_synthetic_recording with:
@@ -47,4 +49,30 @@ use rule identify_recording as identify_synthetic_recording with:
     output:
         [*OUTPUTS, files.truth],
     wildcard_constraints:
-        dataset=provider.one_of(provider.synthetic),
+        dataset=provider.one_of(provider.synthetic & provider.by_chapter),
+
+
+use rule identify_recording as identify_automatically with:
+    output:
+        [*OUTPUTS, *DECISIONS],
+    wildcard_constraints:
+        dataset=provider.one_of(RECORDED & provider.automatic),
+
+
+use rule identify_validated_recording as identify_validated_automatically with:
+    output:
+        [
+            *OUTPUTS,
+            *DECISIONS,
+            files.validation_recording,
+            files.validation_recording_info,
+        ],
+    wildcard_constraints:
+        dataset=provider.one_of(provider.validated & provider.automatic),
+
+
+use rule identify_synthetic_recording as identify_synthetic_automatically with:
+    output:
+        [*OUTPUTS, *DECISIONS, files.truth],
+    wildcard_constraints:
+        dataset=provider.one_of(provider.synthetic & provider.automatic),

@@ -10,9 +10,10 @@ import numpy as np
 from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.fit import Fit, FitSettings, fit
 from evopem.automatic.folds import FoldPlan, HeldOutScores, held_out_scores
+from evopem.automatic.limits import OrderLimits
 from evopem.automatic.simulation import simulated
 from evopem.automatic.stretches import Stretch, total_samples
-from evopem.config.structures import ORDER_NAMES
+from evopem.config.structures import AUTOMATIC_STRUCTURES, ORDER_NAMES
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.structures import PolynomialOrders
 
@@ -31,15 +32,7 @@ SAMPLES_PER_PARAMETER = 8
 # with its folds is about proportional to it.  Long records stop at lower orders.
 MOST_WORK = 1_100_000
 # Structures whose optima serve as starts of others.
-NESTED: Mapping[str, tuple[str, ...]] = {
-    "fir": (),
-    "arx": (),
-    "armax": ("arx",),
-    "oe": ("armax",),
-    "ararx": ("arx",),
-    "ararmax": ("armax",),
-    "bj": ("armax", "oe"),
-}
+NESTED: Mapping[str, tuple[str, ...]] = AUTOMATIC_STRUCTURES
 
 
 @dataclass(frozen=True)
@@ -147,10 +140,19 @@ class Scorer:
     stretches : sequence of Stretch
     plan : FoldPlan
     settings : FitSettings
+    limits : OrderLimits
+        Other orders have no candidates.
     """
 
-    def __init__(self, stretches: Sequence[Stretch], plan: FoldPlan, settings: FitSettings) -> None:
+    def __init__(
+        self,
+        stretches: Sequence[Stretch],
+        plan: FoldPlan,
+        settings: FitSettings,
+        limits: OrderLimits = OrderLimits(),  # noqa: B008 - frozen
+    ) -> None:
         self.stretches, self.plan, self.settings = tuple(stretches), plan, settings
+        self.limits = limits
         self.samples = total_samples(stretches)
         self.window = min(4 * max(PATH), min(each.samples for each in stretches) // 4)
         self._known: dict[tuple[str, PolynomialOrders], Candidate] = {}
@@ -179,6 +181,8 @@ class Scorer:
         """
         key = (structure, orders)
         if key not in self._known:
+            if not self.limits.allow(structure, orders):
+                return None
             if orders.parameters + orders.nf + orders.noise_states > self.most_parameters:
                 return None
             try:
@@ -234,7 +238,7 @@ def search_structure(
     candidates: list[Candidate] = []
     without_gain, work, best, best_bic = 0, 0, np.inf, np.inf
     previous: list[PolynomialModel] = []
-    for orders_of_step in _path(structure, delay):
+    for orders_of_step in scorer.limits.within(structure, _path(structure, delay)):
         found: list[Candidate] = []
         for orders in orders_of_step:
             starts = [*previous, *_same_plant(orders, structure, smaller)]

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.automatic.decision import Alternative, Decision, lowest
+from evopem.automatic.decision import Alternative, Decision, given_by_configuration, lowest
 from evopem.automatic.fit import FitSettings, fit
 from evopem.automatic.folds import SHORTEST_BLOCK
 from evopem.automatic.simulation import simulated
@@ -37,6 +37,24 @@ CLIPPED_RATIO, CLIPPED_RUN, MOST_CLIPPED = 10.0, 5, 0.3
 # is this many times their robust standard deviation, 1.4826 times the median distance.
 OUTLIER_RATIO = 2.0
 PROBE_ORDER = 8
+
+
+@dataclass(frozen=True)
+class GivenPreparation:
+    """What a configuration decides of the preparation; None is left to the recording.
+
+    Attributes
+    ----------
+    start : int, optional
+        First sample kept of each recording.
+    factor : int, optional
+        Decimation factor.
+    objective : {"absolute", "quadratic"}, optional
+    """
+
+    start: int | None = None
+    factor: int | None = None
+    objective: str | None = None
 
 
 @dataclass(frozen=True)
@@ -69,6 +87,12 @@ class PreparationPlan:
     output_scale: float
     decisions: tuple[Decision, ...]
 
+    def __post_init__(self) -> None:
+        # JSON has no infinity: no limit comes back as NaN.
+        low, high = self.clipped
+        limits = (-np.inf if np.isnan(low) else low, np.inf if np.isnan(high) else high)
+        object.__setattr__(self, "clipped", limits)
+
 
 @dataclass(frozen=True, eq=False)
 class PreparedRecord:
@@ -92,13 +116,18 @@ class PreparedRecord:
         return FitSettings(self.plan.objective)
 
 
-def decide_preparation(recordings: Sequence[Recording]) -> PreparationPlan:
+def decide_preparation(
+    recordings: Sequence[Recording],
+    given: GivenPreparation = GivenPreparation(),
+) -> PreparationPlan:
     """Decide how recordings of one system are prepared.
 
     Parameters
     ----------
     recordings : sequence of Recording
         Samples that are not finite are breaks.
+    given : GivenPreparation
+        What is not decided here.
 
     Raises
     ------
@@ -113,7 +142,11 @@ def decide_preparation(recordings: Sequence[Recording]) -> PreparationPlan:
             "give recordings of one rate",
         )
     clipped, about_clipping = _decide_clipping(recordings)
-    starts, about_start = _decide_starts(recordings)
+    if given.start is None:
+        starts, about_start = _decide_starts(recordings)
+    else:
+        starts = (given.start,) * len(recordings)
+        about_start = given_by_configuration("start", str(given.start))
     plan = PreparationPlan(starts, 1, clipped, "quadratic", 0.0, 0.0, 1.0, 1.0, ())
     stretches = _raw_stretches(recordings, plan)
     if not stretches:
@@ -138,9 +171,16 @@ def decide_preparation(recordings: Sequence[Recording]) -> PreparationPlan:
         input_scale=power_of_two_scale(u - u.mean()),
         output_scale=power_of_two_scale(y - y.mean()),
     )
-    factor, about_factor = _decide_decimation(prepare(recordings, plan).stretches)
+    if given.factor is None:
+        factor, about_factor = _decide_decimation(prepare(recordings, plan).stretches)
+    else:
+        factor, about_factor = given.factor, given_by_configuration("decimation", str(given.factor))
     plan = replace(plan, factor=factor)
-    objective, about_objective = _decide_objective(prepare(recordings, plan).stretches)
+    if given.objective is None:
+        objective, about_objective = _decide_objective(prepare(recordings, plan).stretches)
+    else:
+        objective = given.objective
+        about_objective = given_by_configuration("objective", objective)
     decisions = (about_start, about_clipping, about_factor, about_objective)
     return replace(plan, objective=objective, decisions=decisions)
 

@@ -58,11 +58,22 @@ class Trial:
 
 @dataclass(frozen=True)
 class Remedied:
-    """The choice after all remedies, what was tried, and what stays failed."""
+    """The choice after all remedies, what was tried, and what stays failed.
+
+    Attributes
+    ----------
+    choice : Choice
+    trials : tuple of Trial
+    failed : tuple of str
+    plant_kept : bool
+        Whether the noise model was fitted to the errors of simulation of a plant that stays as it
+        was estimated without one.
+    """
 
     choice: Choice
     trials: tuple[Trial, ...]
     failed: tuple[str, ...]
+    plant_kept: bool = False
 
 
 def act_on_checks(scorer: Scorer, choice: Choice) -> Remedied:
@@ -80,7 +91,7 @@ def act_on_checks(scorer: Scorer, choice: Choice) -> Remedied:
     current = choice.candidate
     scorer.remember([current])
     first, first_score = current, _score(current, choice)
-    budget = MOST_TRIALS
+    budget, plant_kept = MOST_TRIALS, False
     for check, is_failed, remedies in (
         ("cancelling roots", _cancels, _fewer_roots),
         ("white residuals", _is_coloured, _further_noise),
@@ -101,7 +112,7 @@ def act_on_checks(scorer: Scorer, choice: Choice) -> Remedied:
             if choice.purpose == "simulation":
                 allowed &= candidate.simulation_bic <= first.simulation_bic + TOLERATED
             better = _better(scorer, candidate, best, check)
-            taken = allowed and (holds or better)
+            taken = bool(allowed and (holds or better))
             trials.append(
                 Trial(
                     check,
@@ -118,7 +129,10 @@ def act_on_checks(scorer: Scorer, choice: Choice) -> Remedied:
             if taken and holds:
                 break
         if check == "white residuals" and is_failed(scorer, best) and first.orders.nf:
-            best = _with_own_noise_model(scorer, best, trials)
+            with_noise = _with_own_noise_model(scorer, best, trials)
+            plant_kept, best = with_noise is not best, with_noise
+        elif best is not current:
+            plant_kept = False
         current = best
     failed = tuple(
         check
@@ -129,7 +143,7 @@ def act_on_checks(scorer: Scorer, choice: Choice) -> Remedied:
         )
         if is_failed(scorer, current)
     )
-    return Remedied(replace(choice, candidate=current), tuple(trials), failed)
+    return Remedied(replace(choice, candidate=current), tuple(trials), failed, plant_kept)
 
 
 def _with_own_noise_model(scorer: Scorer, candidate: Candidate, trials: list[Trial]) -> Candidate:
@@ -163,6 +177,8 @@ def _with_own_noise_model(scorer: Scorer, candidate: Candidate, trials: list[Tri
             noise_variance=noise.model.noise_variance,
             structure="bj",
         )
+        if not scorer.limits.allow("bj", model.orders):
+            continue
         found = replace(
             candidate,
             structure="bj",
@@ -172,7 +188,7 @@ def _with_own_noise_model(scorer: Scorer, candidate: Candidate, trials: list[Tri
             model=model,
         )
         white = whiteness_probability(model, scorer.stretches)
-        taken = found.bic < best.bic
+        taken = bool(found.bic < best.bic)
         trials.append(
             Trial(
                 "white residuals",

@@ -24,7 +24,7 @@ from evopem.figures.figure_data import (
 )
 from evopem.figures.frequency_domain import draw_frequency_response, draw_spectrum
 from evopem.figures.horizons import draw_horizons
-from evopem.figures.order_criteria import draw_delay, draw_phases
+from evopem.figures.order_criteria import draw_delay, draw_phases, draw_structures
 from evopem.figures.pole_zero_map import draw_poles_zeros
 from evopem.figures.residual_correlation import draw_residuals
 from evopem.figures.signal_labels import prepared_output_name, prepared_output_unit
@@ -113,7 +113,13 @@ def _stabilization(results: DatasetResults) -> Figure:
 
 
 def _structure(results: DatasetResults) -> str:
-    return results.settings.order_grid.structure
+    return results.model.orders.structure
+
+
+def _phases(results: DatasetResults) -> Figure:
+    if results.decisions is not None:
+        return draw_structures(results.candidates)
+    return draw_phases(results.candidates, _structure(results))
 
 
 REPORT_FIGURES = (
@@ -141,9 +147,9 @@ REPORT_FIGURES = (
     ),
     ReportFigure(
         "phases",
-        "RSS and BIC of the phases of the orders, with the selected orders marked.",
+        "RSS and BIC of the candidates of the order search, with the selected orders marked.",
         (_FILES.candidates,),
-        lambda results: draw_phases(results.candidates, _structure(results)),
+        _phases,
         phases_table,
     ),
     ReportFigure(

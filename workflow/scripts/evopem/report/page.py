@@ -13,6 +13,7 @@ from evopem.report import chapter, equations, provenance
 from evopem.report.downloads import Download, csv_download
 from evopem.report.inline_svg import inline_svg
 from evopem.report.mode_table import mode_rows
+from evopem.report.sentences.about_decisions import about_decisions, decision_rows
 from evopem.report.sentences.about_model import frequency_response, modes, poles
 from evopem.report.sentences.about_orders import delay, phases, stabilization
 from evopem.report.sentences.about_recording import recording, transform_effects
@@ -134,6 +135,9 @@ def build_report(
             if _applies(figure.name, results)
         ],
         candidates=results.candidates.to_dict("records"),
+        decisions=decision_rows(results),
+        trials=results.decisions.trials if results.decisions else (),
+        decision_remarks=about_decisions(results),
         provenance=provenance.terms(results, commit),
         stages=provenance.stages(results, wall_clock),
         command=provenance.command(commit),
@@ -143,6 +147,8 @@ def build_report(
 def _applies(name: str, results: DatasetResults) -> bool:
     """Whether a figure belongs to the structure: there may be no delay and no joint order."""
     needed = {"delay": "delay", "stabilization": "joint"}.get(name)
+    if results.decisions is not None and name == "stabilization":
+        return results.model.orders.structure != "fir"
     return needed is None or needed in results.phases
 
 
