@@ -52,14 +52,14 @@ def again(identified, tmp_path):
 
 
 def results_of(folder):
-    """Contents of all files of the data set but logs and times."""
+    """Contents of all files of the data set but those that tell of its jobs."""
     root = folder.results / "pump"
     files = (path for path in root.rglob("*") if path.is_file())
     parts = {path.relative_to(root): path for path in files}
     return {
         str(name): path.read_bytes()
         for name, path in parts.items()
-        if name.parts[0] not in ("logs", "benchmarks")
+        if name.parts[0] not in ("logs", "benchmarks", "checksums")
     }
 
 

@@ -147,13 +147,13 @@ def draw_structures(candidates: pd.DataFrame) -> Figure:
     for axes, (column, label) in zip(panels, CRITERIA, strict=True):
         for number, (structure, group) in enumerate(counted.groupby("structure", sort=False)):
             best = group.groupby("coefficients")[column].min()
-            style = number % len(FAMILY)
+            round_, style = divmod(number, len(FAMILY))
             axes.plot(
                 best.index,
                 best,
                 color=FAMILY[style],
                 linestyle=FAMILY_LINES[style],
-                marker=FAMILY_MARKERS[style],
+                marker=FAMILY_MARKERS[(style + round_) % len(FAMILY)],
                 markersize=3.5,
                 linewidth=1.1,
                 label=structure,
