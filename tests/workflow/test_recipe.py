@@ -54,7 +54,7 @@ def again(identified, tmp_path):
 def results_of(folder):
     """Contents of all files of the data set but those that tell of its jobs."""
     root = folder.results / "pump"
-    files = (path for path in root.rglob("*") if path.is_file())
+    files = (path for path in root.rglob("*") if path.is_file() and path.name[0] != ".")
     parts = {path.relative_to(root): path for path in files}
     return {
         str(name): path.read_bytes()
