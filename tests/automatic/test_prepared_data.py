@@ -12,6 +12,7 @@ from evopem.signals.preparation import invert_output
 from evopem.signals.preparation import prepare as divide
 from evopem.signals.recording import Recording
 
+UNCHANGED = TransformSettings("none", 0, 0)
 NOTHING = PreparationPlan((0,), 1, (-np.inf, np.inf), "quadratic", 0.0, 0.0, 1.0, 1.0, ())
 
 
@@ -21,7 +22,7 @@ def recording():
     return Recording(u + 2.0, 100.0 + 7.0 * y, 50.0)
 
 
-def prepared(recording, plan, transforms=TransformSettings("none", 0, 0)):
+def prepared(recording, plan, transforms=UNCHANGED):
     settings = PreparationSettings(transforms, SplitSettings(0, 0.8))
     divided = divide(recording, settings)
     plan = replace(plan, input_offset=0.3, output_offset=-1.5, input_scale=2.0, output_scale=8.0)
