@@ -7,7 +7,7 @@ import pytest
 import evopem
 from evopem.config import order_grid
 from evopem.files import json_form
-from evopem.models import armax as armax_models
+from evopem.models import polynomial, structures
 from evopem.signals import transforms
 from evopem.signals.spectral import frequency_response, multitaper
 from evopem.synthesis import armax, flexible_arm, synthesize
@@ -24,9 +24,11 @@ METHODS = (
 FUNCTIONS = [
     evopem.estimate,
     evopem.load,
-    armax_models.PolynomialOrders,
-    armax_models.PolynomialModel,
-    *(getattr(armax_models.PolynomialModel, name) for name in METHODS),
+    evopem.identify,
+    structures.PolynomialOrders,
+    structures.orders_of,
+    polynomial.PolynomialModel,
+    *(getattr(polynomial.PolynomialModel, name) for name in METHODS),
     *(value for _, value in inspect.getmembers(transforms, inspect.isfunction)),
     multitaper.multitaper_spectrum,
     frequency_response.multitaper_frequency_response,

@@ -18,8 +18,16 @@ if TYPE_CHECKING:
     from evopem.errors import InputError
     from evopem.estimation.model_record import load_model as load
     from evopem.estimation.polynomial_estimate import PolynomialEstimate
+    from evopem.estimation.state_space.delays import estimate_delays
+    from evopem.estimation.state_space.estimate import (
+        StateSpaceEstimate,
+        StateSpaceSettings,
+        estimate_state_space,
+        sweep_state_space_orders,
+    )
     from evopem.estimation.structured_estimate import estimate
     from evopem.models.polynomial import PolynomialModel
+    from evopem.models.state_space import StateSpaceModel
     from evopem.models.structures import PolynomialOrders
 
 __all__ = [
@@ -33,10 +41,16 @@ __all__ = [
     "Prior",
     "ScoringWindow",
     "SearchSettings",
+    "StateSpaceEstimate",
+    "StateSpaceModel",
+    "StateSpaceSettings",
     "__version__",
     "estimate",
+    "estimate_delays",
+    "estimate_state_space",
     "identify",
     "load",
+    "sweep_state_space_orders",
 ]
 
 _HOMES = {
@@ -50,8 +64,14 @@ _HOMES = {
     "Prior": "evopem.config.constraints",
     "ScoringWindow": "evopem.config.settings",
     "SearchSettings": "evopem.config.settings",
+    "StateSpaceEstimate": "evopem.estimation.state_space.estimate",
+    "StateSpaceModel": "evopem.models.state_space",
+    "StateSpaceSettings": "evopem.estimation.state_space.estimate",
     "estimate": "evopem.estimation.structured_estimate",
     "identify": "evopem.automatic.identify",
+    "estimate_delays": "evopem.estimation.state_space.delays",
+    "estimate_state_space": "evopem.estimation.state_space.estimate",
+    "sweep_state_space_orders": "evopem.estimation.state_space.estimate",
 }
 
 

@@ -9,7 +9,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.automatic.preparation import PreparationPlan, PreparedRecord, prepare_validation
+from evopem.automatic.preparation import (
+    PreparationPlan,
+    PreparedRecord,
+    prepare_validation,
+    ranges_between_breaks,
+)
 from evopem.automatic.stretches import Stretch
 from evopem.errors import InputError
 from evopem.files.npz import load_arrays, save_arrays
@@ -110,12 +115,8 @@ def load_stretches(path: str | Path) -> tuple[Stretch, ...]:
 
 def _begin_of_longest(recording: Recording, plan: PreparationPlan) -> int:
     """First sample of the longest stretch, before decimation."""
-    low, high = plan.clipped
-    good = (recording.output > low) & (recording.output < high)
-    good[: plan.starts[0]] = False
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]).astype(int)))
-    runs = edges.reshape(-1, 2)
-    return int(runs[np.argmax(runs[:, 1] - runs[:, 0]), 0])
+    ranges = ranges_between_breaks(recording, plan.starts[0], plan)
+    return max(ranges, key=lambda each: each[1] - each[0])[0]
 
 
 def _initial(signal: Array, initial: tuple[float, ...], begin: int) -> tuple[float, ...]:

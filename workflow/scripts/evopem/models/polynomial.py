@@ -170,6 +170,14 @@ class PolynomialModel:
             What the past adds to the first equations of ``C e = D v``.  Nothing by default.
         start : int, optional
             First residual, by default ``orders.first_residual``.  Earlier residuals are NaN.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from evopem import PolynomialModel
+        >>> model = PolynomialModel(np.array([1, -0.5]), np.array([2.0]), np.array([1.0]), nk=1)
+        >>> model.residuals([1, 0, 0], [0, 2, 1.5])  # e(t) = y(t) - 0.5 y(t-1) - 2 u(t-1)
+        array([nan, 0. , 0.5])
         """
         from scipy.signal import lfilter
 
@@ -204,6 +212,14 @@ class PolynomialModel:
         horizon : int
             Samples, at least 1.
         plant_state, noise_state : arrays, optional
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from evopem import PolynomialModel
+        >>> model = PolynomialModel(np.array([1, -0.5]), np.array([2.0]), np.array([1.0]), nk=1)
+        >>> model.predict([1, 0, 0], [0, 2, 1.5])  # 0.5 y(t-1) + 2 u(t-1)
+        array([nan, 2., 1.])
         """
         from scipy.signal import lfilter, oaconvolve
 
@@ -235,6 +251,14 @@ class PolynomialModel:
             State before the first sample, in the transposed direct form of B / (A F), as
             :func:`evopem.models.polynomial_states.estimate_simulation_state` returns it.  Rest by
             default.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from evopem import PolynomialModel
+        >>> model = PolynomialModel(np.array([1, -0.5]), np.array([2.0]), np.array([1.0]), nk=1)
+        >>> model.simulate([1, 0, 0, 0])
+        array([0. , 2. , 1. , 0.5])
         """
         from scipy.signal import lfilter
 
@@ -251,11 +275,29 @@ class PolynomialModel:
         return max(len(self.plant_denominator), len(self.delayed_b)) - 1
 
     def frequency_response(self, frequencies: ArrayLike) -> NDArray[np.complex128]:
-        """``G = B / (A F)`` at frequencies in Hz; complex, of the same shape."""
+        """``G = B / (A F)`` at frequencies in Hz; complex, of the same shape.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from evopem import PolynomialModel
+        >>> model = PolynomialModel(np.array([1, -0.5]), np.array([2.0]), np.array([1.0]), nk=1)
+        >>> model.frequency_response([0.0, 0.5]).real.round(3)  # 2 / 0.5 and -2 / 1.5
+        array([ 4.   , -1.333])
+        """
         return self._ratio(self.delayed_b, self.plant_denominator, frequencies)
 
     def noise_response(self, frequencies: ArrayLike) -> NDArray[np.complex128]:
-        """``H = C / (A D)`` at frequencies in Hz."""
+        """``H = C / (A D)`` at frequencies in Hz; complex, of the same shape.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from evopem import PolynomialModel
+        >>> model = PolynomialModel(np.array([1, -0.5]), np.array([2.0]), np.array([1.0]), nk=1)
+        >>> model.noise_response([0.0, 0.5]).real.round(3)  # 1 / 0.5 and 1 / 1.5
+        array([2.   , 0.667])
+        """
         return self._ratio(self.c, self.noise_denominator, frequencies)
 
     def impulse_response(self, samples: int) -> Array:

@@ -1,0 +1,371 @@
+"""State-space estimates against finite differences, closed forms and another optimiser."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.linalg import solve_discrete_are
+from scipy.optimize import least_squares
+
+from evopem.estimation.state_space.covariance import (
+    initial_states,
+    model_of,
+    parameter_covariance,
+)
+from evopem.estimation.state_space.delays import estimate_delays
+from evopem.estimation.state_space.errors import (
+    WEIGHTINGS,
+    StateSpaceErrors,
+    state_space_record,
+)
+from evopem.estimation.state_space.estimate import (
+    StateSpaceSettings,
+    estimate_state_space,
+    simulation_errors,
+    sweep_state_space_orders,
+)
+from evopem.estimation.state_space.levenberg_marquardt import descend
+from evopem.estimation.state_space.problem import converted
+from evopem.estimation.state_space.sections import (
+    inside,
+    largest_radius,
+    moved,
+    normalised,
+    point_of,
+    poles_only,
+    sections_of,
+    state_matrix,
+)
+from evopem.estimation.state_space.starting_points import from_poles, random_poles
+from evopem.models.state_space import StateSpaceModel
+
+RATE = 100.0
+
+
+def structure(seed=0, modes=2, nu=2, ny=3, damping=0.03, form="innovations"):
+    """A model with lightly damped modes, in states without special form."""
+    generator = np.random.default_rng(seed)
+    n = 2 * modes
+    A = np.zeros((n, n))
+    for k in range(modes):
+        angle = np.pi * (0.1 + 0.5 * (k + 0.5 * generator.random()) / modes)
+        pole = np.exp((-damping + 1j) * angle)
+        A[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = [[pole.real, pole.imag], [-pole.imag, pole.real]]
+    T = generator.standard_normal((n, n))
+    dynamics = T @ A @ np.linalg.inv(T)
+    C = generator.standard_normal((ny, n)) @ np.linalg.inv(T)
+    K = np.zeros((n, ny))
+    if form == "innovations":
+        # The gain of a Kalman filter: it keeps the predictor stable.
+        process = 0.1 * T @ T.T
+        P = solve_discrete_are(dynamics.T, C.T, process, np.eye(ny))
+        K = dynamics @ P @ C.T @ np.linalg.inv(C @ P @ C.T + np.eye(ny))
+    model = StateSpaceModel(
+        A=dynamics,
+        B=T @ generator.standard_normal((n, nu)),
+        C=C,
+        D=np.zeros((ny, nu)),
+        K=K,
+        sampling_rate=RATE,
+        level=generator.standard_normal(ny),
+        noise_covariance=np.eye(ny),
+        form=form,
+    )
+    assert np.abs(model.predictor_poles()).max() < 1.0
+    return model
+
+
+def recorded(model, samples, noise, seed):
+    """Inputs, outputs and initial state of a record with white inputs."""
+    generator = np.random.default_rng([seed, samples])
+    u = generator.standard_normal((samples, model.inputs))
+    e = noise * generator.standard_normal((samples, model.outputs))
+    x = x0 = generator.standard_normal(model.order)
+    y = np.empty_like(e)
+    for t in range(samples):
+        y[t] = model.level + model.C @ x + model.D @ u[t] + e[t]
+        x = model.A @ x + model.B @ u[t] + model.K @ e[t]
+    return u, y, x0
+
+
+def problem(form, order, weighting="determinant", samples=200):
+    u, y, _ = recorded(structure(), samples, 0.3, 1)
+    half = samples // 2
+    record = state_space_record([u[:half], u[half:]], [y[:half], y[half:]], [0, 1], True)
+    errors = StateSpaceErrors(record, order, form, weighting)
+    point = poles_only(errors.layout, random_poles(order, np.random.default_rng(order)))
+    rows = errors.layout.pair_rows(point)
+    generator = np.random.default_rng(9)
+    rows[:, 2:] = generator.standard_normal(rows[:, 2:].shape)
+    if errors.layout.single:
+        errors.layout.single_row(point)[1:] = generator.standard_normal(errors.layout.drives)
+    return errors, normalised(errors.layout, inside(errors.layout, point, 0.9))
+
+
+@pytest.mark.parametrize("form", ["innovations", "output_error"])
+@pytest.mark.parametrize("order", [1, 4, 5])
+@pytest.mark.parametrize("weighting", WEIGHTINGS)
+def test_the_gradient_agrees_with_finite_differences(form, order, weighting):
+    errors, point = problem(form, order, weighting)
+    gradient = errors.normal_equations(errors.projection(point)).gradient
+    step, numeric = 1e-6, np.empty(errors.dimension)
+    for k, unit in enumerate(np.eye(errors.dimension)):
+        values = [
+            errors.criterion(
+                errors.projection(moved(errors.layout, point, sign * step * unit)).covariance
+            )
+            for sign in (1, -1)
+        ]
+        numeric[k] = (values[0] - values[1]) / (2.0 * step)
+    np.testing.assert_allclose(gradient, numeric, atol=2e-6 * np.abs(numeric).max())
+
+
+@pytest.mark.parametrize("form", ["innovations", "output_error"])
+def test_the_model_of_a_point_has_the_errors_of_the_point(form):
+    errors, point = problem(form, 5)
+    record = errors.record
+    found = errors.projection(point)
+    model = model_of(errors, found, RATE, (0, 0), (), ())
+    y = record.outputs * record.output_scales + record.output_offsets
+    u = record.inputs * record.input_scales
+    states, levels = initial_states(errors, found, model)
+    for k, (first, stop) in enumerate(zip(record.bounds[:-1], record.bounds[1:], strict=True)):
+        part = slice(first, stop)
+        own = model.with_parameters(np.concatenate([model.parameters[: -model.outputs], levels[k]]))
+        residuals = own.residuals(u[part], y[part], states[k])
+        expected = found.errors[part] * record.output_scales
+        np.testing.assert_allclose(residuals, expected, atol=1e-9)
+
+
+@pytest.mark.parametrize("order", [3, 6])
+def test_a_change_of_basis_leaves_the_point_equivalent(order):
+    errors, point = problem("output_error", order)
+    found = errors.projection(point)
+    T = np.random.default_rng(1).standard_normal((order, order))
+    A = state_matrix(sections_of(errors.layout, point), errors.layout)
+    other = point_of(errors.layout, T @ A @ np.linalg.inv(T), T @ errors.drive_matrix(found))
+    np.testing.assert_allclose(errors.projection(other).errors, found.errors, atol=1e-7)
+
+
+def test_poles_pass_smoothly_from_complex_to_real():
+    """A pair of real poles is found from a start with complex ones."""
+    truth = StateSpaceModel(
+        A=np.diag([0.9, 0.6]), B=np.ones((2, 1)), C=np.array([[1.0, -0.5], [0.3, 1.0]]),
+        D=np.zeros((2, 1)), K=np.zeros((2, 2)), sampling_rate=1.0, level=np.zeros(2),
+        noise_covariance=np.eye(2), form="output_error",
+    )  # fmt: skip
+    u = np.random.default_rng(0).standard_normal((300, 1))
+    record = state_space_record([u], [truth.simulate(u)], [1], False)
+    errors = StateSpaceErrors(record, 2, "output_error")
+    found = descend(errors, from_poles(errors, np.array([0.7 + 0.3j, 0.7 - 0.3j])), 200, 1e-12)
+    model = model_of(errors, errors.projection(found.point), 1.0, (0,), (), ())
+    np.testing.assert_allclose(np.sort(model.poles().real), [0.6, 0.9], atol=1e-6)
+
+
+def test_poles_beyond_the_radius_are_moved_to_it():
+    errors, _ = problem("output_error", 5)
+    poles = np.array([1.2 * np.exp(0.5j), 1.2 * np.exp(-0.5j), 1.1, -0.2, 0.4])
+    point = inside(errors.layout, poles_only(errors.layout, poles), 0.95)
+    assert largest_radius(errors.layout, point) == pytest.approx(0.95)
+    A = state_matrix(sections_of(errors.layout, point), errors.layout)
+    angle = np.angle(np.linalg.eigvals(A))
+    assert np.min(np.abs(angle - 0.5)) < 1e-12
+
+
+def test_a_truth_without_noise_is_found_exactly():
+    truth = structure(form="output_error")
+    u, y, _ = recorded(truth, 300, 0.0, 1)
+    found = estimate_state_space(
+        u, y, 4, RATE, form="output_error", settings=StateSpaceSettings(evaluations=0)
+    )
+    f = np.array([1.0, 10.0, 30.0])
+    np.testing.assert_allclose(
+        found.model.frequency_response(f), truth.frequency_response(f), rtol=1e-5
+    )
+    np.testing.assert_allclose(found.model.level, truth.level, atol=1e-6)
+
+
+def full_model_errors(p, u, y, n, scale):
+    """Residuals of innovations form with all entries free: an independent parametrisation."""
+    nu, ny = u.shape[1], y.shape[1]
+    ends = np.cumsum([n * n, n * nu, ny * n, n * ny, ny])
+    A, B, C, K, level, x = np.split(p, ends)
+    A, B, C, K = A.reshape(n, n), B.reshape(n, nu), C.reshape(ny, n), K.reshape(n, ny)
+    e = np.empty_like(y)
+    for t in range(len(y)):
+        e[t] = y[t] - level - C @ x
+        x = A @ x + B @ u[t] + K @ e[t]
+    return np.nan_to_num((e / scale).ravel(), nan=1e3, posinf=1e3, neginf=-1e3).clip(-1e3, 1e3)
+
+
+def test_the_optimum_is_one_for_another_optimiser():
+    truth = structure(modes=1, ny=2)
+    u, y, x0 = recorded(truth, 150, 0.3, 2)
+    settings = StateSpaceSettings(weighting="power", evaluations=300)
+    found = estimate_state_space(u, y, 2, RATE, settings=settings)
+    scale = y.std(axis=0)
+    m = found.model
+    start = np.concatenate(
+        [part.ravel() for part in (truth.A, truth.B, truth.C, truth.K, truth.level, x0)]
+    )
+    peer = least_squares(full_model_errors, start, args=(u, y, 2, scale), xtol=1e-14, ftol=1e-14)
+    percent = 100.0 * 2.0 * peer.cost / y.size
+    assert percent * (1.0 - 1e-4) < found.objective < percent * (1.0 + 1e-6)
+    own = np.concatenate(
+        [part.ravel() for part in (m.A, m.B, m.C, m.K, m.level, found.initial_states[0])]
+    )
+    errors = full_model_errors(own, u, y, 2, scale)
+    assert 100.0 * errors @ errors / y.size == pytest.approx(found.objective, rel=1e-9)
+
+
+@pytest.mark.parametrize("form", ["innovations", "output_error"])
+def test_the_covariance_is_that_of_a_numerical_jacobian(form):
+    """Standard errors of the frequency response from an independent parametrisation."""
+    truth = structure(modes=1, ny=2, nu=1, form=form)
+    u, y, _ = recorded(truth, 200, 0.3, 3)
+    record = state_space_record([u], [y], [1], True)
+    errors = StateSpaceErrors(record, 2, form)
+    point = descend(errors, from_poles(errors, truth.predictor_poles()), 300, 1e-13).point
+    found = errors.projection(point)
+    model = model_of(errors, found, RATE, (0,), (), ())
+    covariance = parameter_covariance(errors, found)
+    state = np.zeros(2)
+
+    def of(p):
+        K = p[8:12].reshape(2, 2) if form == "innovations" else np.zeros((2, 2))
+        return StateSpaceModel(
+            A=p[:4].reshape(2, 2), B=p[4:6].reshape(2, 1), C=p[-8:-4].reshape(2, 2),
+            D=np.zeros((2, 1)), K=K, sampling_rate=RATE, level=p[-4:-2],
+            noise_covariance=np.eye(2), form=form,
+        ), p[-2:]  # fmt: skip
+
+    state = initial_states(errors, found, model)[0][0]
+    gain = [model.K.ravel()] if form == "innovations" else [np.empty(0)]
+    p0 = np.concatenate(
+        [model.A.ravel(), model.B.ravel(), np.empty(2), *gain, model.C.ravel(), model.level, state]
+    )
+    p0 = np.concatenate([p0[:6], np.zeros(2), p0[8:]])
+    whitener = np.linalg.inv(np.linalg.cholesky(model.noise_covariance))
+
+    def residuals(p):
+        m, x0 = of(p)
+        return (m.residuals(u, y, x0) @ whitener.T).ravel()
+
+    def response(p):
+        g = of(p)[0].frequency_response(np.array([5.0, 15.0])).ravel()
+        return np.concatenate([g.real, g.imag])
+
+    def slopes(function):
+        step = 1e-6
+        return np.array(
+            [
+                (function(p0 + step * k) - function(p0 - step * k)) / (2 * step)
+                for k in np.eye(len(p0))
+            ]
+        ).T
+
+    J, G = slopes(residuals), slopes(response)
+    expected = np.sqrt(np.diag(G @ np.linalg.pinv(J.T @ J, rcond=1e-11, hermitian=True) @ G.T))
+
+    def entries_response(p):
+        g = model.with_parameters(p).frequency_response(np.array([5.0, 15.0])).ravel()
+        return np.concatenate([g.real, g.imag])
+
+    q0, step = model.parameters, 1e-6
+    gradients = np.array(
+        [(entries_response(q0 + step * k) - entries_response(q0 - step * k)) / (2 * step)
+         for k in np.eye(len(q0))]
+    ).T  # fmt: skip
+    np.testing.assert_allclose(covariance.standard_errors(gradients), expected, rtol=1e-3)
+
+
+def test_an_output_error_model_is_an_innovations_model_without_gain():
+    errors, point = problem("output_error", 4)
+    other = errors.of_form("innovations")
+    value = errors.criterion(errors.projection(point).covariance)
+    there = converted(other, errors, point)
+    # Its initial states are fitted anew, to the first samples.
+    assert other.criterion(other.projection(there).covariance) == pytest.approx(value, rel=0.05)
+    back = converted(errors, other, there)
+    assert errors.criterion(errors.projection(back).covariance) == pytest.approx(value, rel=0.05)
+
+
+def test_several_records_have_their_own_states_and_levels():
+    truth = structure(form="output_error")
+    u1, y1, _ = recorded(truth, 300, 0.05, 1)
+    u2, y2, _ = recorded(truth, 200, 0.05, 2)
+    y2 = y2 + 5.0
+    found = estimate_state_space(
+        [u1, u2], [y1, y2], 4, RATE, form="output_error", settings=StateSpaceSettings(evaluations=0)
+    )
+    np.testing.assert_allclose(found.record_levels[1] - found.record_levels[0], 5.0, atol=0.1)
+    assert [len(e) for e in found.residuals] == [300, 200]
+    assert found.objective < 1.0
+
+
+def test_delays_by_input_are_taken_out_and_put_back():
+    truth = structure(form="output_error")
+    u, _, _ = recorded(truth, 400, 0.0, 1)
+    delayed = np.column_stack([u[:, 0], np.concatenate([np.zeros(3), u[:-3, 1]])])
+    y = truth.simulate(delayed)
+    y += 0.01 * np.random.default_rng(1).standard_normal(y.shape)
+    found = estimate_state_space(
+        u,
+        y,
+        4,
+        RATE,
+        form="output_error",
+        delays=(1, 4),
+        settings=StateSpaceSettings(evaluations=0),
+    )
+    assert found.model.input_delays == (0, 3)
+    assert np.isnan(found.residuals[0][:3]).all()
+    assert simulation_errors(found.model, u, y).max() < 2.0
+
+
+def test_without_inputs_the_modes_of_the_noise_are_found():
+    truth = structure(nu=0, damping=0.02)
+    _, y, _ = recorded(truth, 3000, 1.0, 5)
+    found = estimate_state_space(None, y, 4, RATE, settings=StateSpaceSettings(evaluations=0))
+    for mode, true in zip(found.model.modes(), truth.modes(), strict=True):
+        assert abs(mode.frequency_hz - true.frequency_hz) < 4.0 * mode.frequency_se_hz
+        assert mode.frequency_se_hz < 0.3
+
+
+def test_a_sweep_never_rises_with_the_order_by_much_and_finds_the_true_one():
+    truth = structure()
+    u, y, _ = recorded(truth, 500, 0.3, 6)
+    scores = sweep_state_space_orders(u, y, range(2, 6), RATE)
+    assert scores.best("bic").model.order == 4
+    objectives = [estimate.objective for estimate in scores.estimates]
+    assert all(later <= earlier * 1.001 for earlier, later in pairwise(objectives))
+    assert np.isfinite(scores.simulation_error).all()
+
+
+def test_the_same_seed_gives_the_same_bits():
+    u, y, _ = recorded(structure(modes=1), 150, 0.3, 7)
+    settings = StateSpaceSettings(evaluations=200)
+    one, two = (estimate_state_space(u, y, 3, RATE, settings=settings) for _ in range(2))
+    np.testing.assert_array_equal(one.model.parameters, two.model.parameters)
+
+
+def test_input_that_cannot_be_used_is_refused():
+    u, y, _ = recorded(structure(), 60, 0.3, 8)
+    with pytest.raises(ValueError, match="without one, use innovations"):
+        estimate_state_space(None, y, 2, form="output_error")
+    with pytest.raises(ValueError, match="needs more than"):
+        estimate_state_space(u, y, 25)
+    with pytest.raises(ValueError, match="same records"):
+        estimate_state_space(u[:-1], y, 2)
+    with pytest.raises(ValueError, match="must be finite"):
+        estimate_state_space(u, np.where(y > 1.0, np.nan, y), 2)
+    with pytest.raises(ValueError, match="2 inputs need 2 delays"):
+        estimate_state_space(u, y, 2, delays=(1,))
+
+
+def test_delays_are_those_of_the_truth():
+    truth = structure(form="output_error")
+    u, _, _ = recorded(truth, 600, 0.0, 1)
+    delayed = np.column_stack([u[:, 0], np.concatenate([np.zeros(4), u[:-4, 1]])])
+    y = truth.simulate(delayed) + 0.1 * np.random.default_rng(1).standard_normal((600, 3))
+    assert estimate_delays(u, y) == (1, 5)

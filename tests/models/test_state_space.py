@@ -1,0 +1,245 @@
+"""State-space models against closed forms, SciPy and python-control."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.signal import dlsim
+
+from evopem.files.json_form import from_json, to_json
+from evopem.models.parameter_covariance import ParameterCovariance
+from evopem.models.state_space import StateSpaceModel
+from evopem.models.state_space_modes import assurance, mean_phase, phase_collinearity
+
+RATE = 50.0
+
+
+def model(seed=0, n=4, nu=2, ny=3, delays=(0, 2)):
+    generator = np.random.default_rng(seed)
+    A = generator.standard_normal((n, n))
+    A *= 0.9 / np.abs(np.linalg.eigvals(A)).max()
+    return StateSpaceModel(
+        A=A,
+        B=generator.standard_normal((n, nu)),
+        C=generator.standard_normal((ny, n)),
+        D=generator.standard_normal((ny, nu)),
+        K=0.1 * generator.standard_normal((n, ny)),
+        sampling_rate=RATE,
+        level=generator.standard_normal(ny),
+        noise_covariance=np.eye(ny),
+        input_delays=delays,
+    )
+
+
+def beam(damping=(0.01, 0.02), frequencies=(3.0, 7.0)):
+    """Two modes whose poles and complex shapes are known."""
+    poles, shapes = [], np.array([[1.0, 0.5 + 0.1j, -0.3], [0.4, 1.0, 0.2j]])
+    for zeta, frequency in zip(damping, frequencies, strict=True):
+        omega = 2.0 * np.pi * frequency
+        poles.append(np.exp((-zeta + 1j * np.sqrt(1.0 - zeta**2)) * omega / RATE))
+    A, C = np.zeros((4, 4)), np.zeros((3, 4))
+    for k, pole in enumerate(poles):
+        part = slice(2 * k, 2 * k + 2)
+        A[part, part] = [[pole.real, pole.imag], [-pole.imag, pole.real]]
+        C[:, part] = np.column_stack([shapes[k].real, shapes[k].imag])
+    # A similarity changes nothing that can be measured.
+    T = np.random.default_rng(3).standard_normal((4, 4))
+    inverse = np.linalg.inv(T)
+    B = np.array([[1.0], [0.0], [0.5], [0.0]])
+    K = np.full((4, 3), 0.02)
+    return (
+        StateSpaceModel(
+            A=T @ A @ inverse,
+            B=T @ B,
+            C=C @ inverse,
+            D=np.zeros((3, 1)),
+            K=T @ K,
+            sampling_rate=RATE,
+            level=np.zeros(3),
+            noise_covariance=np.eye(3),
+        ),
+        np.array(poles),
+        shapes,
+    )
+
+
+def test_the_simulation_is_that_of_scipy_with_delays_and_level():
+    m = model()
+    u = np.random.default_rng(1).standard_normal((60, 2))
+    expected = dlsim(m.to_scipy(), u)[1] + m.level
+    np.testing.assert_allclose(m.simulate(u), expected, atol=1e-12)
+
+
+def test_the_frequency_response_is_that_of_python_control():
+    control = pytest.importorskip("control")
+    m = model()
+    f = np.array([0.5, 3.0, 20.0])
+    system = m.to_control()
+    assert isinstance(system, control.StateSpace)
+    expected = system(np.exp(2j * np.pi * f / RATE))
+    np.testing.assert_allclose(m.frequency_response(f), np.moveaxis(expected, -1, 0), rtol=1e-9)
+    assert m.frequency_response(3.0).shape == (3, 2)
+
+
+def test_the_frequency_response_is_the_transform_of_the_impulse_response():
+    m = model()
+    f = np.array([1.0, 7.3])
+    z = np.exp(-2j * np.pi * np.outer(f, np.arange(400)) / RATE)
+    transform = np.einsum("ft,tij->fij", z, m.impulse_response(400))
+    np.testing.assert_allclose(m.frequency_response(f), transform, rtol=1e-8)
+
+
+def test_residuals_recover_the_innovations_and_predictions_add_up():
+    m = model()
+    generator = np.random.default_rng(2)
+    u, e, x0 = generator.standard_normal((80, 2)), generator.standard_normal((80, 3)), np.ones(4)
+    delayed = np.column_stack([u[:, 0], np.concatenate([np.zeros(2), u[:-2, 1]])])
+    x, y = x0, []
+    for drive, noise in zip(delayed, e, strict=True):
+        y.append(m.level + m.C @ x + m.D @ drive + noise)
+        x = m.A @ x + m.B @ drive + m.K @ noise
+    y = np.array(y)
+    np.testing.assert_allclose(m.residuals(u, y, x0), e, atol=1e-10)
+    np.testing.assert_allclose(m.predict(u, y, 1, x0), y - e, atol=1e-10)
+    # Two steps ahead, the last innovation is not known.
+    two = m.predict(u, y, 2, x0)
+    np.testing.assert_allclose(two[1:], y[1:] - e[1:] - e[:-1] @ (m.C @ m.K).T, atol=1e-10)
+    # A horizon beyond the record is the simulation.
+    np.testing.assert_allclose(m.predict(u, y, 500, x0), m.simulate(u, x0), atol=1e-9)
+
+
+def test_states_that_fit_are_those_that_were_simulated():
+    m = model()
+    u, x0 = np.random.default_rng(4).standard_normal((100, 2)), np.array([1.0, -2.0, 0.5, 3.0])
+    y = m.simulate(u, x0)
+    np.testing.assert_allclose(m.simulation_state(u, y), x0, atol=1e-8)
+    np.testing.assert_allclose(m.prediction_state(u, y), x0, atol=1e-8)
+
+
+def test_modes_have_the_poles_and_shapes_that_they_were_made_of():
+    m, poles, shapes = beam()
+    modes = m.modes()
+    np.testing.assert_allclose([mode.frequency_hz for mode in modes], [3.0, 7.0], rtol=1e-10)
+    np.testing.assert_allclose([mode.damping_ratio for mode in modes], [0.01, 0.02], rtol=1e-8)
+    for mode, pole, shape in zip(modes, poles, shapes, strict=True):
+        np.testing.assert_allclose(mode.pole, pole)
+        # y = Re(shape q) with q turning the other way: conjugate of the upper pole's shape.
+        expected = shape.conj() / shape.conj()[np.argmax(np.abs(shape))]
+        found = mode.shape
+        match = assurance(found, expected), assurance(found, expected.conj())
+        assert max(match) == pytest.approx(1.0, abs=1e-10)
+        assert found[np.argmax(np.abs(found))] == pytest.approx(1.0)
+
+
+def test_the_residues_of_the_modes_add_up_to_the_frequency_response():
+    m, _, _ = beam()
+    f = np.array([2.0, 5.0, 9.0])
+    z = np.exp(2j * np.pi * f / RATE)
+    total = np.zeros((3, 3, 1), dtype=complex)
+    for mode in m.modes():
+        for pole, shape, drive in (
+            (mode.pole, mode.shape, mode.input_participation),
+            (np.conj(mode.pole), mode.shape.conj(), mode.input_participation.conj()),
+        ):
+            total += np.outer(shape, drive) / (z - pole)[:, None, None]
+    np.testing.assert_allclose(m.frequency_response(f), total, rtol=1e-9)
+
+
+def test_output_shares_add_up_to_one_where_all_poles_oscillate():
+    m, _, _ = beam()
+    np.testing.assert_allclose(sum(mode.output_shares for mode in m.modes()), np.ones(3))
+
+
+def test_standard_errors_of_modes_agree_with_finite_differences():
+    m, _, _ = beam()
+    generator = np.random.default_rng(5)
+    count = len(m.parameters)
+    factor = 1e-3 * generator.standard_normal((count, 3))
+    m = replace(m, covariance=ParameterCovariance(factor, np.empty((count, 0))))
+    step = 1e-4
+    slopes = []
+    for direction in factor.T:
+        up = m.with_parameters(m.parameters + step * direction).modes()
+        down = m.with_parameters(m.parameters - step * direction).modes()
+        slopes.append(
+            [
+                np.concatenate(
+                    [
+                        [a.frequency_hz - b.frequency_hz, a.damping_ratio - b.damping_ratio],
+                        (a.shape - b.shape).real,
+                        (a.shape - b.shape).imag,
+                    ]
+                )
+                / (2.0 * step)
+                for a, b in zip(up, down, strict=True)
+            ]
+        )
+    expected = np.linalg.norm(np.array(slopes), axis=0)
+    for mode, errors in zip(m.modes(), expected, strict=True):
+        found = np.concatenate(
+            [
+                [mode.frequency_se_hz, mode.damping_se],
+                mode.shape_se_real,
+                mode.shape_se_imag,
+            ]
+        )
+        np.testing.assert_allclose(found, errors, rtol=1e-5, atol=1e-12)
+
+
+def test_phase_collinearity_and_mean_phase_of_known_shapes():
+    straight = np.array([1.0, -0.5, 0.2]) * np.exp(0.5j)
+    circling = np.array([1.0, 1.0j])
+    assert phase_collinearity(straight) == pytest.approx(1.0)
+    assert phase_collinearity(circling) == pytest.approx(0.0)
+    angle, deviation = mean_phase(straight)
+    assert angle == pytest.approx(np.degrees(0.5))
+    assert deviation == pytest.approx(0.0, abs=1e-4)
+    angle, deviation = mean_phase(np.array([np.exp(0.1j), np.exp(-0.1j)]))
+    assert angle == pytest.approx(0.0, abs=1e-9)
+    assert deviation == pytest.approx(np.degrees(0.1), abs=1e-4)
+
+
+@pytest.mark.parametrize("inputs", [2, 0])
+def test_the_json_form_gives_the_same_model_back(inputs):
+    m = model(nu=inputs, delays=(0, 2)[:inputs])
+    m = replace(
+        m,
+        covariance=ParameterCovariance(np.ones((len(m.parameters), 1)), np.empty((0, 0))),
+        output_names=("a", "b", "c"),
+    )
+    back = from_json(StateSpaceModel, to_json(m))
+    np.testing.assert_array_equal(back.parameters, m.parameters)
+    assert back.B.shape == m.B.shape
+    assert back.output_names == m.output_names
+    assert back.input_delays == m.input_delays
+    np.testing.assert_array_equal(back.covariance.factor, m.covariance.factor)
+
+
+def test_a_model_without_input_simulates_its_level_and_has_no_participation():
+    m = model(nu=0, delays=())
+    np.testing.assert_allclose(m.simulate(np.empty((5, 0))), np.tile(m.level, (5, 1)))
+    assert all(mode.input_participation.shape == (0,) for mode in m.modes())
+
+
+def test_arguments_of_idss_can_be_saved_and_loaded(tmp_path):
+    from scipy.io import loadmat
+
+    from evopem.models.matlab import save_state_space_mat
+
+    m = model()
+    save_state_space_mat(m, tmp_path / "model.mat")
+    loaded = loadmat(tmp_path / "model.mat")
+    for name in "ABCDK":
+        np.testing.assert_array_equal(loaded[name], getattr(m, name))
+    assert loaded["Ts"].item() == 1.0 / RATE
+    np.testing.assert_array_equal(loaded["InputDelay"].ravel(), [0, 2])
+
+
+def test_matrices_that_do_not_fit_together_are_refused():
+    m = model()
+    with pytest.raises(ValueError, match="C must be"):
+        replace(m, C=np.ones((3, 5)))
+    with pytest.raises(ValueError, match="2 inputs need 2 delays"):
+        replace(m, input_delays=(1,))
+    with pytest.raises(ValueError, match="2 inputs need 2 names"):
+        replace(m, input_names=("u",))

@@ -1,0 +1,1 @@
+"""Prediction-error estimates of state-space models with several inputs and outputs."""

@@ -1,0 +1,278 @@
+"""From a point to the model, its initial states, and the covariance of all its entries."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evopem.estimation.state_space.errors import Projection, StateSpaceErrors
+from evopem.estimation.state_space.noise_colour import coloured_autocovariances
+from evopem.estimation.state_space.sections import state_matrix
+from evopem.models.parameter_covariance import ParameterCovariance
+from evopem.models.state_space import StateSpaceModel
+
+Array = NDArray[np.float64]
+
+# Eigenvalues of the information matrix, its diagonal scaled to one, below this share of the
+# largest one come from rounding: the data do not determine their directions.
+UNDETERMINED = 1e-15
+
+
+def model_of(
+    errors: StateSpaceErrors,
+    found: Projection,
+    sampling_rate: float,
+    delays: tuple[int, ...],
+    input_names: tuple[str, ...],
+    output_names: tuple[str, ...],
+) -> StateSpaceModel:
+    """The model of a point in the units of the record, without covariance."""
+    parts = _matrices(errors, found)
+    record = errors.record
+    scale = record.output_scales
+    degrees = _degrees_of_freedom(errors)
+    noise = found.covariance * np.outer(scale, scale) * record.samples / degrees
+    return StateSpaceModel(
+        A=parts[0],
+        B=parts[1],
+        C=parts[2],
+        D=parts[3],
+        K=parts[4],
+        level=parts[5],
+        sampling_rate=sampling_rate,
+        noise_covariance=0.5 * (noise + noise.T),
+        input_delays=delays if any(delays) else (),
+        form="innovations" if errors.innovations else "output_error",
+        input_names=input_names,
+        output_names=output_names,
+    )
+
+
+def initial_states(
+    errors: StateSpaceErrors, found: Projection, model: StateSpaceModel
+) -> tuple[Array, Array]:
+    """Initial states and levels of the records, of the model whose level is that of the record.
+
+    A constant of the predictor's states belongs to the level: ``y - level`` drives the model.
+    """
+    record = errors.record
+    levels = record_levels(errors, found)
+    drives = errors.drive_matrix(found)[:, errors.driving :]
+    offset = (levels - record.output_offsets) / record.output_scales
+    P = model.predictor
+    steady = np.linalg.lstsq(
+        np.eye(len(P)) - P, model.K @ (offset * record.output_scales).T, rcond=None
+    )[0]
+    return drives.T - steady.T, levels
+
+
+def parameter_covariance(errors: StateSpaceErrors, found: Projection) -> ParameterCovariance:
+    """Covariance of the entries of ``[A, B, C, D, K, level]``, initial states estimated along.
+
+    ``H^-1 S H^-1``, where H is the Gauss-Newton Hessian and S the covariance of the gradient.  In
+    innovations form the errors are white.  Those of an output-error form need not be: S then
+    takes their autocovariances, independent of the inputs (Ljung 1999, eq. 9.42).  The free
+    choice of the states, n directions of H, is left out.
+    """
+    weights = errors.weights(found.covariance)
+    hessian = _information(errors, found, weights)
+    score = _score_covariance(errors, found, weights)
+    scale = np.sqrt(np.diag(hessian))
+    scale[scale == 0.0] = 1.0
+    values, vectors = np.linalg.eigh(hessian / np.outer(scale, scale))
+    kept = np.arange(len(values)) >= errors.order
+    determined = kept & (values > UNDETERMINED * values[-1])
+    inverse = vectors[:, determined] / values[determined]
+    middle = inverse.T @ (score / np.outer(scale, scale)) @ inverse
+    square, turned = np.linalg.eigh(0.5 * (middle + middle.T))
+    root = turned * np.sqrt(np.maximum(square, 0.0))
+    mapping = _entries_jacobian(errors, found) / scale
+    undetermined = kept & ~determined
+    null_space = mapping @ vectors[:, undetermined]
+    return ParameterCovariance(mapping @ (vectors[:, determined] @ root), null_space)
+
+
+def _degrees_of_freedom(errors: StateSpaceErrors) -> float:
+    """Samples less the estimates for each output."""
+    ny = errors.record.outputs.shape[1]
+    estimated = (errors.parameters + errors.order * errors.record.records) / ny
+    return float(max(errors.record.samples - estimated, 1.0))
+
+
+def _information(errors: StateSpaceErrors, found: Projection, weights: Array) -> Array:
+    """``J' W J`` over coordinates and, output by output, linear coefficients."""
+    signals = errors.derivative_signals(found)
+    return _products(
+        errors, found, (signals, found.regressors), (signals, found.regressors), weights
+    )
+
+
+def _score_covariance(errors: StateSpaceErrors, found: Projection, weights: Array) -> Array:
+    """Covariance of ``J' W e``, over the same."""
+    record = errors.record
+    inflation = record.samples / _degrees_of_freedom(errors)
+    if errors.innovations:
+        autocovariances = found.covariance[None]
+    else:
+        autocovariances = coloured_autocovariances(found.errors, record.bounds)
+    signals, regressors = errors.derivative_signals(found), found.regressors
+    total = np.zeros(2 * (errors.dimension + weights.shape[0] * regressors.shape[1],))
+    for lag, gamma in enumerate(autocovariances):
+        between = weights @ gamma @ weights
+        products = np.zeros_like(total)
+        for first, stop in zip(record.bounds[:-1], record.bounds[1:], strict=True):
+            later, earlier = slice(first + lag, stop), slice(first, max(stop - lag, first))
+            if first + lag >= stop:
+                continue
+            products += _products(
+                errors,
+                found,
+                (signals[later], regressors[later]),
+                (signals[earlier], regressors[earlier]),
+                between,
+            )
+        total += products if lag == 0 else products + products.T
+    return inflation * total
+
+
+def _products(
+    errors: StateSpaceErrors,
+    found: Projection,
+    left: tuple[Array, Array],
+    right: tuple[Array, Array],
+    between: Array,
+) -> Array:
+    """``J_left' between J_right`` from the (signals, regressors) that both consist of."""
+    c = found.linear[: errors.order].T
+    top = errors.contracted(found, left[0].T @ right[0], c.T @ between @ c)
+    upper = errors.by_linear(found, left[0].T @ right[1], c.T @ between)
+    lower = errors.by_linear(found, right[0].T @ left[1], c.T @ between.T)
+    bottom = np.kron(between, left[1].T @ right[1])
+    return np.block([[top, upper], [lower.T, bottom]])
+
+
+def _matrices(errors: StateSpaceErrors, found: Projection) -> tuple[Array, ...]:
+    """A, B, C, D, K and level in the units of the record."""
+    record, n = errors.record, errors.order
+    nu, ny = record.inputs.shape[1], record.outputs.shape[1]
+    direct = int(record.feedthrough.sum())
+    linear = found.linear
+    C, D = linear[:n].T, np.zeros((ny, nu))
+    D[:, record.feedthrough] = linear[n : n + direct].T
+    K = errors.gain(found)
+    A = errors.state_matrix(found)
+    B = errors.drive_matrix(found)[:, :nu] + K @ D
+    level = _level(errors, found, _constant(errors, found))
+    u, y = record.input_scales, record.output_scales
+    return (
+        A,
+        B / u,
+        C * y[:, None],
+        D * y[:, None] / u,
+        K / y,
+        record.output_offsets + y * level,
+    )
+
+
+def record_levels(errors: StateSpaceErrors, found: Projection) -> Array:
+    """Level of each record in the units of the outputs, (records, ny)."""
+    record = errors.record
+    ny = record.outputs.shape[1]
+    if not record.levels:
+        return np.zeros((record.records, ny))
+    first = errors.order + int(record.feedthrough.sum())
+    levels = np.array([_level(errors, found, constant) for constant in found.linear[first:]])
+    return np.asarray(record.output_offsets + record.output_scales * levels)
+
+
+def _level(errors: StateSpaceErrors, found: Projection, constant: Array) -> Array:
+    """Mean of scaled outputs at rest from the constant of the predictor."""
+    if not errors.innovations:
+        return constant
+    return np.asarray(
+        np.linalg.lstsq(np.eye(len(constant)) - _feedback(errors, found), constant, rcond=None)[0]
+    )
+
+
+def _feedback(errors: StateSpaceErrors, found: Projection) -> Array:
+    """What the predictor adds to its prediction for constant outputs, (ny, ny)."""
+    A = _predictor(errors, found)
+    C = found.linear[: errors.order].T
+    return np.asarray(C @ np.linalg.solve(np.eye(len(A)) - A, errors.gain(found)))
+
+
+def _predictor(errors: StateSpaceErrors, found: Projection) -> Array:
+    return state_matrix(found.sections, errors.layout)
+
+
+def _entries_jacobian(errors: StateSpaceErrors, found: Projection) -> Array:
+    """Derivatives of all entries by coordinates and linear coefficients."""
+    record, layout, n = errors.record, errors.layout, errors.order
+    nu, ny = record.inputs.shape[1], record.outputs.shape[1]
+    direct = np.flatnonzero(record.feedthrough)
+    q = found.regressors.shape[1]
+    K, C = errors.gain(found), found.linear[:n].T
+    D = np.zeros((ny, nu))
+    D[:, direct] = found.linear[n : n + len(direct)].T
+    u, y = record.input_scales, record.output_scales
+    resolvent = np.linalg.inv(np.eye(n) - _predictor(errors, found))
+    closed = np.eye(ny) - C @ resolvent @ K
+    level = _level(errors, found, _constant(errors, found))
+    shares = np.diff(record.bounds) / record.samples
+
+    def column(dP: Array, dB: Array, dK: Array, dC: Array, dD: Array, dconstant: Array) -> Array:
+        dA = dP + dK @ C + K @ dC
+        dBu = dB + dK @ D + K @ dD
+        dfeedback = dC @ resolvent @ K + C @ resolvent @ (dK + dP @ resolvent @ K)
+        dlevel = np.linalg.lstsq(closed, dconstant + dfeedback @ level, rcond=None)[0]
+        parts = (dA, dBu / u, dC * y[:, None], dD * y[:, None] / u, dK / y, y * dlevel)
+        return np.concatenate([part.ravel() for part in parts])
+
+    zero = {
+        "dP": np.zeros((n, n)),
+        "dB": np.zeros((n, nu)),
+        "dK": np.zeros((n, ny)),
+        "dC": np.zeros((ny, n)),
+        "dD": np.zeros((ny, nu)),
+        "dconstant": np.zeros(ny),
+    }
+    columns = []
+    for at in range(layout.dimension):
+        change = {name: value.copy() for name, value in zero.items()}
+        section, place = divmod(at, layout.pair_length)
+        single = section >= layout.pairs
+        if single:
+            section, place = layout.pairs, at - layout.pairs * layout.pair_length
+        first = 2 * section
+        if place == 0:
+            change["dP"][first, first] = 1.0
+            if not single:
+                change["dP"][first + 1, first + 1] = 1.0
+        elif place == 1 and not single:
+            change["dP"][first + 1, first] = 1.0 / found.sections.coupling[section]
+        else:
+            row, drive = divmod(place - (1 if single else 2), layout.drives)
+            if drive < nu:
+                change["dB"][first + row, drive] = 1.0
+            elif drive < errors.driving:
+                change["dK"][first + row, drive - nu] = 1.0
+        columns.append(column(**change))
+    for output in range(ny):
+        for place in range(q):
+            change = {name: value.copy() for name, value in zero.items()}
+            if place < n:
+                change["dC"][output, place] = 1.0
+            elif place < n + len(direct):
+                change["dD"][output, direct[place - n]] = 1.0
+            else:
+                change["dconstant"][output] = shares[place - n - len(direct)]
+            columns.append(column(**change))
+    return np.array(columns).T
+
+
+def _constant(errors: StateSpaceErrors, found: Projection) -> Array:
+    record = errors.record
+    if not record.levels:
+        return np.zeros(record.outputs.shape[1])
+    first = errors.order + int(record.feedthrough.sum())
+    return np.asarray(found.linear[first:].T @ np.diff(record.bounds) / record.samples)

@@ -1,0 +1,469 @@
+"""The prediction-error problem of state-space models, with the output matrices eliminated.
+
+The one-step predictor of innovations form, ``x+ = (A - K C) x + (B - K D) u + K y``,
+``y = C x + D u + constant + e``, is an output-error model whose inputs are u and y; the
+output-error form has u alone.  So one set of coordinates serves both: the sections of the
+predictor and their inputs (:mod:`.sections`).  C, D and the constants are linear, the same
+regressors serve all outputs, and least squares is therefore optimal whatever the weights of the
+outputs are (Zellner 1962).  They are eliminated (variable projection: Golub & Pereyra 1973), and
+the Jacobian is that of Kaufman (1975).
+
+A derivative of the errors is a signal of one section times a row of C.  One Gram matrix of all
+those signals, whose size does not depend on the number of outputs, gives the normal equations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evopem.estimation.state_space.kernels import section_responses
+from evopem.estimation.state_space.sections import (
+    Layout,
+    Sections,
+    input_matrix,
+    largest_radius,
+    sections_of,
+    state_matrix,
+)
+
+Array = NDArray[np.float64]
+
+WEIGHTINGS = ("determinant", "noise", "power")
+# Singular values of the regressors, their columns scaled to unit length, below this share of the
+# largest one are rounding.
+REGRESSOR_RANK = 1e-9
+# Added to the variances of the errors, relative to the power of the outputs: errors of less than a
+# ten-millionth of an output carry no information, and a determinant would seek them out.
+ROUNDING = 1e-14
+
+
+@dataclass(frozen=True, eq=False)
+class StateSpaceRecord:
+    """Scaled signals of one or more records, one after the other.
+
+    Attributes
+    ----------
+    inputs : (N, nu) array
+        Shifted by their delays, and divided by ``input_scales``.
+    outputs : (N, ny) array
+        ``(y - output_offsets) / output_scales``: of unit mean square.
+    bounds : (records + 1,) integer array
+        First sample of each record, and N.
+    input_scales : (nu,) array
+    output_scales, output_offsets : (ny,) arrays
+    feedthrough : (nu,) boolean array
+        Whether an input acts on the output of the same sample, so that D has a column for it.
+    levels : bool
+        Whether each record has a constant of its own.
+    """
+
+    inputs: Array
+    outputs: Array
+    bounds: NDArray[np.int64]
+    input_scales: Array
+    output_scales: Array
+    output_offsets: Array
+    feedthrough: NDArray[np.bool_]
+    levels: bool
+
+    @property
+    def records(self) -> int:
+        """Number of records."""
+        return len(self.bounds) - 1
+
+    @property
+    def samples(self) -> int:
+        """Samples N of all records."""
+        return len(self.outputs)
+
+
+def state_space_record(
+    inputs: Sequence[Array],
+    outputs: Sequence[Array],
+    delays: Sequence[int],
+    levels: bool,
+) -> StateSpaceRecord:
+    """Shift and scale the signals of records.
+
+    Parameters
+    ----------
+    inputs, outputs : sequences of (N, nu) and (N, ny) arrays
+    delays : sequence of int
+        nk of each input.  Inputs with nk > 1 are not known at the first samples, which the
+        record then leaves out.
+    levels : bool
+    """
+    shifts = [max(delay - 1, 0) for delay in delays]
+    lost = max(shifts, default=0)
+    shifted = [
+        np.column_stack(
+            [u[lost - shift : len(u) - shift, k] for k, shift in enumerate(shifts)]
+            or [np.empty((len(u), 0))]
+        )
+        for u in inputs
+    ]
+    u, y = np.concatenate(shifted), np.concatenate([each[lost:] for each in outputs])
+    offsets = y.mean(axis=0) if levels else np.zeros(y.shape[1])
+    y_scale = np.sqrt(np.mean((y - offsets) ** 2, axis=0))
+    y_scale[y_scale == 0.0] = 1.0
+    u_scale = np.sqrt(np.mean(u**2, axis=0))
+    u_scale[u_scale == 0.0] = 1.0
+    lengths = [len(each) - lost for each in outputs]
+    return StateSpaceRecord(
+        inputs=np.ascontiguousarray(u / u_scale),
+        outputs=np.ascontiguousarray((y - offsets) / y_scale),
+        bounds=np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64),
+        input_scales=u_scale,
+        output_scales=y_scale,
+        output_offsets=offsets,
+        feedthrough=np.array([delay == 0 for delay in delays], dtype=bool),
+        levels=levels,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Projection:
+    """Errors of a point with the best output matrices.
+
+    Attributes
+    ----------
+    sections : Sections
+    responses : (N, 2 S) array
+        Of each section to each drive: p, then r.
+    states : (N, n) array
+    regressors : (N, q) array
+        States, inputs with feedthrough, and a constant for each record.
+    basis : (N, rank) array
+        Orthonormal basis of the regressors.
+    linear : (q, ny) array
+        Least-squares coefficients: C, D and constants, transposed.
+    errors : (N, ny) array
+    covariance : (ny, ny) array
+        ``errors' errors / N``.
+    """
+
+    sections: Sections
+    responses: Array
+    states: Array
+    regressors: Array
+    basis: Array
+    linear: Array
+    errors: Array
+    covariance: Array
+
+
+@dataclass(frozen=True, eq=False)
+class NormalEquations:
+    """Gradient, (n,), and Gauss-Newton Hessian, (n, n), of the criterion of a point."""
+
+    gradient: Array
+    hessian: Array
+
+
+class StateSpaceErrors:
+    """Criterion, normal equations and feasibility of models of one order on a record.
+
+    The criterion is the logarithm of the determinant of the errors' covariance
+    (``determinant``: maximum likelihood for white errors), the sum of the logarithms of their
+    variances (``noise``: each output weighed by its own noise, iterated to agreement), or the sum
+    of the variances relative to the power of the outputs (``power``).
+
+    Parameters
+    ----------
+    record : StateSpaceRecord
+    order : int
+        Number of states.
+    form : {"innovations", "output_error"}
+    weighting : {"determinant", "noise", "power"}
+    radius : float
+        Largest allowed radius of the eigenvalues of A and of ``A - K C``.
+    """
+
+    def __init__(
+        self,
+        record: StateSpaceRecord,
+        order: int,
+        form: str,
+        weighting: str = "determinant",
+        radius: float = 0.9999,
+    ) -> None:
+        self.record, self.order, self.form = record, order, form
+        self.weighting, self.radius = weighting, radius
+        self.innovations = form == "innovations"
+        driving = [record.inputs, record.outputs] if self.innovations else [record.inputs]
+        signals = np.column_stack(driving)
+        self.driving = signals.shape[1]
+        self.layout = Layout(order, self.driving + record.records)
+        # The last column, of zeros, drives the responses to initial states.
+        self._signals = np.column_stack([signals, np.zeros(record.samples)])
+        self.direct = [record.inputs[:, record.feedthrough]]
+        if record.levels:
+            constants = np.zeros((record.samples, record.records))
+            for k in range(record.records):
+                constants[record.bounds[k] : record.bounds[k + 1], k] = 1.0
+            self.direct.append(constants)
+
+    @property
+    def dimension(self) -> int:
+        """Length of a point."""
+        return self.layout.dimension
+
+    @property
+    def parameters(self) -> int:
+        """Independent parameters of the model: coefficients and level, without initial states."""
+        ny, n = self.record.outputs.shape[1], self.order
+        nu = self.record.inputs.shape[1]
+        count = n * (nu + ny) + ny * int(self.record.feedthrough.sum())
+        count += n * ny if self.innovations else 0
+        return count + ny * int(self.record.levels)
+
+    def of_order(self, order: int) -> StateSpaceErrors:
+        """The same problem for another order."""
+        return StateSpaceErrors(self.record, order, self.form, self.weighting, self.radius)
+
+    def of_form(self, form: str) -> StateSpaceErrors:
+        """The same problem for another form."""
+        return StateSpaceErrors(self.record, self.order, form, self.weighting, self.radius)
+
+    def projection(self, point: Array) -> Projection:
+        """Errors with the best C, D and constants."""
+        layout = self.layout
+        sections = sections_of(layout, point)
+        responses = self.responses(sections)
+        count = layout.sections * layout.drives
+        shape = (self.record.samples, layout.sections, layout.drives)
+        p, r = responses[:, :count].reshape(shape), responses[:, count:].reshape(shape)
+        states = np.empty((self.record.samples, layout.order))
+        pairs = 2 * layout.pairs
+        first = np.einsum("tsd,sd->ts", p, sections.b1) + np.einsum("tsd,sd->ts", r, sections.b2)
+        states[:, 0:pairs:2] = first[:, : layout.pairs]
+        states[:, 1:pairs:2] = (
+            np.einsum("tsd,sd->ts", r, sections.ratio[:, None] * sections.b1)
+            + np.einsum("tsd,sd->ts", p, sections.b2)
+        )[:, : layout.pairs]
+        if layout.single:
+            states[:, -1] = first[:, -1]
+        regressors = np.column_stack([states, *self.direct])
+        sizes = np.linalg.norm(regressors, axis=0)
+        sizes[sizes == 0.0] = 1.0
+        q, triangle = np.linalg.qr(regressors / sizes)
+        left, singular, right = np.linalg.svd(triangle)
+        kept = singular > REGRESSOR_RANK * singular[0]
+        basis = q @ left[:, kept]
+        y = self.record.outputs
+        along = basis.T @ y
+        linear = (right[kept].T / singular[kept]) @ along / sizes[:, None]
+        errors = y - basis @ along
+        return Projection(
+            sections,
+            responses,
+            states,
+            regressors,
+            basis,
+            linear,
+            errors,
+            errors.T @ errors / len(y),
+        )
+
+    def criterion(self, covariance: Array) -> float:
+        """Criterion of the errors' covariance, (ny, ny); its unit is one for each output."""
+        if not np.isfinite(covariance).all():
+            return float("inf")
+        floor = ROUNDING * np.eye(len(covariance))
+        if self.weighting == "determinant":
+            return float(np.linalg.slogdet(covariance + floor)[1])
+        if self.weighting == "noise":
+            return float(np.sum(np.log(np.diag(covariance + floor))))
+        return float(np.trace(covariance))
+
+    def percent(self, criterion: float) -> float:
+        """A criterion as a percentage of the power of the outputs.
+
+        The geometric mean over outputs (``determinant``: over principal directions), or for
+        ``power`` the arithmetic mean.  For one output each is ``100 sum e**2 / sum y**2``, y less
+        its mean where a constant is estimated.
+        """
+        mean = criterion / self.record.outputs.shape[1]
+        return 100.0 * (mean if self.weighting == "power" else float(np.exp(mean)))
+
+    def value(self, point: Array) -> float:
+        """Criterion of a point; infinite where it is not feasible."""
+        if not np.isfinite(point).all() or largest_radius(self.layout, point) > self.radius:
+            return float("inf")
+        found = self.projection(point)
+        return self.criterion(found.covariance) if self.stable(found) else float("inf")
+
+    def stable(self, found: Projection) -> bool:
+        """Whether the eigenvalues of A lie within the radius; those of A - K C do."""
+        if not self.innovations:
+            return True
+        if not np.isfinite(found.linear).all():
+            return False
+        radii = np.abs(np.linalg.eigvals(self.state_matrix(found)))
+        return bool(radii.max() <= self.radius)
+
+    def state_matrix(self, found: Projection) -> Array:
+        """A, (n, n), in the states of the point."""
+        A = state_matrix(found.sections, self.layout)
+        if not self.innovations:
+            return A
+        return A + self.gain(found) @ found.linear[: self.order].T
+
+    def gain(self, found: Projection) -> Array:
+        """K, (n, ny), in the states of the point and for scaled outputs."""
+        if not self.innovations:
+            return np.zeros((self.order, self.record.outputs.shape[1]))
+        return self.drive_matrix(found)[:, self.record.inputs.shape[1] : self.driving]
+
+    def drive_matrix(self, found: Projection) -> Array:
+        """Columns by which the drives enter the states, (n, drives)."""
+        return input_matrix(found.sections, self.layout)
+
+    def weights(self, covariance: Array) -> Array:
+        """Derivative of the criterion by the covariance: weights of the outputs, (ny, ny)."""
+        floor = ROUNDING * np.eye(len(covariance))
+        if self.weighting == "determinant":
+            weights = np.linalg.inv(covariance + floor)
+            return np.asarray(0.5 * (weights + weights.T), dtype=float)
+        if self.weighting == "noise":
+            return np.diag(1.0 / np.diag(covariance + floor))
+        return np.eye(len(covariance))
+
+    def normal_equations(self, found: Projection) -> NormalEquations:
+        """Gradient and Gauss-Newton Hessian of the criterion, s of each section held."""
+        signals = self.derivative_signals(found)
+        signals -= found.basis @ (found.basis.T @ signals)
+        c = found.linear[: self.order].T
+        weights = self.weights(found.covariance)
+        per_sample = 2.0 / self.record.samples
+        hessian = per_sample * self.contracted(found, signals.T @ signals, c.T @ weights @ c)
+        against = signals.T @ (found.errors @ (weights @ c))
+        gradient = np.zeros(self.dimension)
+        for columns, states, factors in self._terms(found.sections):
+            gradient -= factors * against[columns, states]
+        return NormalEquations(per_sample * gradient, hessian)
+
+    def derivative_signals(self, found: Projection) -> Array:
+        """Signals that derivatives of the states by the coordinates consist of, (N, signals).
+
+        The responses of the sections to the drives, then the derivatives of both states of each
+        pair by sigma and by delta, then that of the single pole.
+        """
+        layout, sections = self.layout, found.sections
+        n, pairs = layout.order, layout.pairs
+        of_state = np.minimum(np.arange(n) // 2, layout.sections - 1)
+        again = section_responses(
+            sections.sigma[of_state],
+            sections.coupling[of_state],
+            sections.back[of_state],
+            np.arange(n),
+            np.zeros((self.record.records, n)),
+            found.states,
+            self.record.bounds,
+        )
+        p, r = again[:, :n], again[:, n:]
+        even, odd = slice(0, 2 * pairs, 2), slice(1, 2 * pairs, 2)
+        ratio, s = sections.ratio[:pairs], sections.coupling[:pairs]
+        parts = [
+            found.responses,
+            p[:, even] + r[:, odd],
+            ratio * r[:, even] + p[:, odd],
+            r[:, even] / s,
+            p[:, even] / s,
+        ]
+        if layout.single:
+            parts.append(p[:, -1:])
+        return np.column_stack(parts)
+
+    def contracted(self, found: Projection, gram: Array, by_state: Array) -> Array:
+        """Matrix over coordinates, (n, n), of the Gram matrix of signals and one of states."""
+        matrix = np.zeros((self.dimension, self.dimension))
+        terms = self._terms(found.sections)
+        for columns, states, factors in terms:
+            for other_columns, other_states, other_factors in terms:
+                matrix += (
+                    np.outer(factors, other_factors)
+                    * gram[np.ix_(columns, other_columns)]
+                    * by_state[np.ix_(states, other_states)]
+                )
+        return matrix
+
+    def by_linear(self, found: Projection, cross: Array, by_state: Array) -> Array:
+        """Matrix over coordinates and linear coefficients, (n, ny q).
+
+        Of the products of signals and regressors, (signals, q), and a matrix over states and
+        outputs, (order, ny).  Linear coefficients stand output by output.
+        """
+        matrix = np.zeros((self.dimension, by_state.shape[1] * cross.shape[1]))
+        for columns, states, factors in self._terms(found.sections):
+            products = by_state[states][:, :, None] * cross[columns][:, None, :]
+            matrix += factors[:, None] * products.reshape(self.dimension, -1)
+        return matrix
+
+    def _terms(self, sections: Sections) -> list[tuple[NDArray, NDArray, Array]]:
+        """Derivative of the states by each coordinate: twice (signal, state, factor)."""
+        (first, first_state), (second, second_state), ratio_of = self._columns
+        factors = np.ones(self.dimension)
+        factors[ratio_of >= 0] = sections.ratio[ratio_of[ratio_of >= 0]]
+        # The single pole moves one state.
+        factors[ratio_of == -2] = 0.0
+        return [
+            (first, first_state, np.ones(self.dimension)),
+            (second, second_state, factors),
+        ]
+
+    @cached_property
+    def _columns(self):  # type: ignore[no-untyped-def]
+        """Signals and states of each coordinate, and which section's ratio multiplies the second.
+
+        -1 stands for a factor of 1, -2 for one of 0.
+        """
+        layout = self.layout
+        drives, pairs = layout.drives, layout.pairs
+        count = layout.sections * drives
+        extra = 2 * count
+        first = np.zeros((2, self.dimension), dtype=np.intp)
+        second = np.zeros((2, self.dimension), dtype=np.intp)
+        ratio_of = np.full(self.dimension, -1, dtype=np.intp)
+        for m in range(pairs):
+            at = m * layout.pair_length
+            p = np.arange(m * drives, (m + 1) * drives)
+            b1, b2 = slice(at + 2, at + 2 + drives), slice(at + 2 + drives, at + 2 + 2 * drives)
+            first[0, at], second[0, at] = extra + m, extra + pairs + m
+            first[0, at + 1], second[0, at + 1] = extra + 2 * pairs + m, extra + 3 * pairs + m
+            first[0, b1], second[0, b1] = p, count + p
+            first[0, b2], second[0, b2] = count + p, p
+            ratio_of[b1] = m
+            whole = slice(at, at + layout.pair_length)
+            first[1, whole], second[1, whole] = 2 * m, 2 * m + 1
+        if layout.single:
+            at = pairs * layout.pair_length
+            first[0, at] = extra + 4 * pairs
+            first[0, at + 1 :] = np.arange(pairs * drives, (pairs + 1) * drives)
+            first[1, at:] = second[1, at:] = layout.order - 1
+            ratio_of[at:] = -2
+        return tuple(first), tuple(second), ratio_of
+
+    def responses(self, sections: Sections) -> Array:
+        """Responses of each section to each drive, (N, 2 sections drives)."""
+        layout, record = self.layout, self.record
+        drives = layout.drives
+        driven_by = np.minimum(np.arange(drives), self.driving)
+        pulses = np.zeros((record.records, layout.sections, drives))
+        for k in range(record.records):
+            pulses[k, :, self.driving + k] = 1.0
+        found: Array = section_responses(
+            np.repeat(sections.sigma, drives),
+            np.repeat(sections.coupling, drives),
+            np.repeat(sections.back, drives),
+            np.tile(driven_by, layout.sections),
+            pulses.reshape(record.records, -1),
+            self._signals,
+            record.bounds,
+        )
+        return found

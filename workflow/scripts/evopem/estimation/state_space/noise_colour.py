@@ -1,0 +1,75 @@
+"""Autocovariances of coloured errors, from a vector autoregression whose order BIC chooses."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+# Largest order tried, and the share of the samples that its coefficients of one output may take.
+MOST_LAGS, SHARE = 30, 0.1
+# Lags go on until the autocovariances are below this share of the variances, at most so many.
+NEGLIGIBLE, LONGEST = 1e-3, 2000
+
+
+def sample_autocovariances(errors: Array, bounds: NDArray[np.int64], lags: int) -> Array:
+    """Biased estimates of ``E e_(t+k) e_t'`` for k = 0 ... lags, (lags + 1, ny, ny)."""
+    found = np.zeros((lags + 1, errors.shape[1], errors.shape[1]))
+    for first, stop in pairwise(bounds):
+        part = errors[first:stop]
+        for lag in range(min(lags + 1, len(part))):
+            found[lag] += part[lag:].T @ part[: len(part) - lag]
+    return found / len(errors)
+
+
+def coloured_autocovariances(errors: Array, bounds: NDArray[np.int64]) -> Array:
+    """``E e_(t+k) e_t'`` for k = 0, 1, ... until they are negligible, (lags + 1, ny, ny).
+
+    By multivariate Yule-Walker equations of the order that BIC prefers; order 0, white errors, is
+    among them.  Yule-Walker estimates are stable.
+
+    Parameters
+    ----------
+    errors : (N, ny) array
+    bounds : (records + 1,) array
+        First sample of each record, and N.
+    """
+    samples, ny = errors.shape
+    most = int(min(MOST_LAGS, SHARE * samples / ny))
+    gamma = sample_autocovariances(errors, bounds, max(most, 1))
+    best, chosen = np.inf, np.empty((0, ny, ny))
+    for order in range(most + 1):
+        coefficients = _yule_walker(gamma, order)
+        noise = gamma[0] - sum(
+            (coefficients[k] @ gamma[k + 1].T for k in range(order)), np.zeros((ny, ny))
+        )
+        sign, log_determinant = np.linalg.slogdet(0.5 * (noise + noise.T))
+        if sign <= 0:
+            break
+        bic = log_determinant + order * ny**2 * np.log(samples) / samples
+        if bic < best:
+            best, chosen = bic, coefficients
+    found = list(gamma[: len(chosen) + 1])
+    limit = NEGLIGIBLE * np.trace(gamma[0])
+    while len(chosen) and len(found) <= min(LONGEST, samples // 2):
+        found.append(sum(chosen[k] @ found[-1 - k] for k in range(len(chosen))))
+        if max(np.abs(each).max() for each in found[-len(chosen) - 5 :]) < limit / ny:
+            break
+    return np.array(found)
+
+
+def _yule_walker(gamma: Array, order: int) -> Array:
+    """Coefficients of ``e_t = sum_k coefficients[k - 1] e_(t-k) + noise``, (order, ny, ny)."""
+    ny = gamma.shape[1]
+    if order == 0:
+        return np.empty((0, ny, ny))
+    toeplitz = np.block(
+        [[gamma[j - i] if j >= i else gamma[i - j].T for j in range(order)] for i in range(order)]
+    )
+    right = np.hstack([gamma[k + 1] for k in range(order)])
+    solution = np.linalg.solve(toeplitz.T, right.T).T
+    coefficients: Array = solution.reshape(ny, order, ny).transpose(1, 0, 2)
+    return coefficients

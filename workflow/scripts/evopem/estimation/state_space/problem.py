@@ -1,0 +1,267 @@
+"""The state-space problem as the memetic search sees it, and the estimates it starts from."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evopem.estimation.pem.batch_bfgs import Descent
+from evopem.estimation.state_space.errors import StateSpaceErrors
+from evopem.estimation.state_space.levenberg_marquardt import Optimum, descend
+from evopem.estimation.state_space.sections import inside, normalised
+from evopem.estimation.state_space.starting_points import (
+    extended_by,
+    from_matrices,
+    from_poles,
+    random_poles,
+)
+from evopem.estimation.state_space.subspace import (
+    canonical_variates,
+    instrumental_poles,
+    largest_lag,
+    long_arx,
+    realised_poles,
+)
+
+Array = NDArray[np.float64]
+
+# Lags of the long ARX models, and horizons of the instrumental estimates.
+LAGS = (8, 20, 50)
+HORIZONS = (10, 25)
+# Pairs of poles tried at a step from smaller orders to larger ones, and those descended from.
+PAIRS, DESCENDED = 32, 3
+# Steps and tolerance of a descent of the search, and of the last one.
+STEPS, TOLERANCE = 100, 1e-7
+POLISH_STEPS, POLISH_TOLERANCE = 1000, 1e-11
+# Random points of the first batch of a multistart check suffice.
+MIN_MULTISTART = 1
+
+
+class StateSpaceProblem:
+    """Search problem of one record, order and form; see :class:`evopem...search.problem.Problem`.
+
+    Parameters
+    ----------
+    errors : StateSpaceErrors
+    starts : (m, n) array
+        Points that the first population is descended from.
+    """
+
+    def __init__(self, errors: StateSpaceErrors, starts: Array) -> None:
+        self.errors = errors
+        self._starts: Array | None = starts
+
+    @property
+    def min_multistart(self) -> int:
+        """Random points that a multistart check takes at least."""
+        return MIN_MULTISTART
+
+    def draw(self, count: int, generator: np.random.Generator) -> tuple[Array, int]:
+        """A population, and the evaluations that it took; the first one holds the estimates."""
+        if self._starts is None:
+            return self.random(count, generator), count
+        points = np.vstack([self._starts, self.random(max(count // 3, 1), generator)])
+        if len(points) < count:
+            points = np.vstack([points, self.random(count - len(points), generator)])
+        self._starts = None
+        values = self.values(points)
+        best = np.argsort(values, kind="stable")[:count]
+        return points[best], 2 * len(points)
+
+    def random(self, count: int, generator: np.random.Generator) -> Array:
+        """Independent points with random poles, whose inputs fit the record."""
+        order = self.errors.order
+        return np.array(
+            [from_poles(self.errors, random_poles(order, generator)) for _ in range(count)]
+        )
+
+    def repair(self, points: Array) -> Array:
+        """Move poles beyond the radius to it."""
+        limit = self.errors.radius * (1.0 - 1e-6)
+        return np.array([inside(self.errors.layout, point, limit) for point in points])
+
+    def values(self, points: Array) -> Array:
+        """Criterion of each row in percent, (M,)."""
+        return np.array([self.errors.percent(self.errors.value(point)) for point in points])
+
+    def descend(self, points: Array) -> Descent:
+        """Levenberg-Marquardt from each row."""
+        return self._descents(points, STEPS, TOLERANCE)
+
+    def polish(self, points: Array) -> Descent:
+        """Levenberg-Marquardt from each row to the last digits."""
+        return self._descents(points, POLISH_STEPS, POLISH_TOLERANCE)
+
+    def recombine(
+        self, parents: Array, count: int, generator: np.random.Generator
+    ) -> tuple[Array, int]:
+        """Offspring with each section, poles and inputs, from one of two parents; no evaluations.
+
+        Sections are ordered by the angle of their poles: those of one place are much alike.
+        """
+        layout = self.errors.layout
+        pairs = generator.integers(len(parents), size=(2, count))
+        from_first = generator.random((count, layout.sections)) < 0.5
+        offspring = parents[pairs[1]].copy()
+        for child, first, chosen in zip(offspring, parents[pairs[0]], from_first, strict=True):
+            rows, other = layout.pair_rows(child), layout.pair_rows(first)
+            taken = chosen[: layout.pairs]
+            rows[taken] = other[taken]
+            if layout.single and chosen[-1]:
+                layout.single_row(child)[:] = layout.single_row(first)
+        return np.array([normalised(layout, child) for child in offspring]), 0
+
+    def _descents(self, points: Array, steps: int, tolerance: float) -> Descent:
+        optima = [descend(self.errors, point, steps, tolerance) for point in points]
+        return Descent(
+            points=np.array([optimum.point for optimum in optima]).reshape(points.shape),
+            values=np.array([self.errors.percent(optimum.criterion) for optimum in optima]),
+            converged=np.array([optimum.converged for optimum in optima], dtype=bool),
+            evaluations=sum(optimum.evaluations for optimum in optima),
+        )
+
+
+class StartingModels:
+    """Estimates by linear algebra of one record, for all orders and both forms.
+
+    Parameters
+    ----------
+    errors : StateSpaceErrors
+        Of any order and form.
+    largest_order : int
+    thorough : bool
+        Several lags and horizons instead of one.
+    """
+
+    def __init__(self, errors: StateSpaceErrors, largest_order: int, thorough: bool) -> None:
+        record = errors.record
+        self._inputs = record.inputs.shape[1]
+        outputs = record.outputs.shape[1]
+        least = -(-largest_order // outputs) + 2
+        most = largest_lag(record)
+        lags = sorted({min(max(lag, least), most) for lag in LAGS})
+        if not thorough:
+            lags = lags[len(lags) // 2 : len(lags) // 2 + 1]
+        self._predictors, self._poles = [], []
+        for lag in lags:
+            arx = long_arx(record, lag)
+            future = min(lag, max(10, least))
+            self._predictors.append(canonical_variates(record, arx, future, largest_order))
+            if thorough:
+                self._poles.append(realised_poles(record, arx, largest_order))
+        for horizon in HORIZONS if thorough else ():
+            longest = (record.samples // (2 * self._inputs + 2 * outputs)) // 3
+            wanted = min(max(horizon, least + 1), longest)
+            if wanted > 2:
+                self._poles.append(instrumental_poles(record, wanted, largest_order))
+
+    def points(self, errors: StateSpaceErrors) -> Iterator[Array]:
+        """Points of the order and form of a problem."""
+        at = errors.order - 1
+        for models in self._predictors:
+            if at >= len(models):
+                continue
+            model = models[at]
+            A, B = model.A, model.B
+            if not errors.innovations:
+                A, B = A + B[:, self._inputs :] @ model.C, B[:, : self._inputs]
+            yield from_matrices(errors, A, B)
+            yield from_poles(errors, np.asarray(np.linalg.eigvals(A), dtype=complex))
+        for poles in self._poles:
+            if at < len(poles) and not errors.innovations:
+                yield from_poles(errors, poles[at])
+
+
+def converted(errors: StateSpaceErrors, other: StateSpaceErrors, point: Array) -> Array:
+    """The point of a problem of the other form as one of this form.
+
+    An innovations model loses its K, an output-error model gets K = 0.
+    """
+    found = other.projection(point)
+    inputs = errors.record.inputs.shape[1]
+    A, C = other.state_matrix(found), found.linear[: other.order].T
+    B = other.drive_matrix(found)[:, :inputs]
+    if errors.innovations:
+        return from_matrices(errors, A, np.column_stack([B, np.zeros((len(A), len(C)))]))
+    D = np.zeros((len(C), inputs))
+    direct = errors.record.feedthrough
+    D[:, direct] = found.linear[other.order : other.order + int(direct.sum())].T
+    return from_matrices(errors, A, B + other.gain(found) @ D)
+
+
+def extensions(
+    larger: StateSpaceErrors,
+    smaller: StateSpaceErrors,
+    point: Array,
+    generator: np.random.Generator,
+    tried: int = PAIRS,
+    kept: int = DESCENDED,
+) -> list[Array]:
+    """The best of some points that add random poles to the optimum of a smaller order."""
+    remainder = smaller.projection(point).errors
+    added = larger.order - smaller.order
+    points = [
+        extended_by(larger, smaller, point, remainder, random_poles(added, generator))
+        for _ in range(tried)
+    ]
+    # Added poles may leave A unstable where the descent does not.
+    criteria = [larger.criterion(larger.projection(each).covariance) for each in points]
+    return [points[k] for k in np.argsort(criteria, kind="stable")[:kept]]
+
+
+def descended(errors: StateSpaceErrors, starts: list[Array], count: int) -> list[Optimum]:
+    """Optima from the best starts, the lowest first; infeasible ones are left out."""
+    criteria = []
+    for start in starts:
+        found = errors.projection(start) if np.isfinite(start).all() else None
+        criteria.append(np.inf if found is None else errors.criterion(found.covariance))
+    order = np.argsort(criteria, kind="stable")[:count]
+    optima = [descend(errors, starts[k], STEPS, TOLERANCE) for k in order]
+    optima = [optimum for optimum in optima if np.isfinite(optimum.criterion)]
+    return sorted(optima, key=lambda optimum: optimum.criterion)
+
+
+def rungs(
+    errors: StateSpaceErrors,
+    models: StartingModels,
+    generator: np.random.Generator,
+    width: int,
+    orders: range,
+) -> Iterator[tuple[StateSpaceErrors, list[Optimum]]]:
+    """Optima of several orders, each from estimates and from the optima of smaller orders.
+
+    Parameters
+    ----------
+    errors : StateSpaceErrors
+        Of any order.
+    models : StartingModels
+    generator : numpy.random.Generator
+    width : int
+        Estimates of each order that are descended from.
+    orders : range
+        Ascending, in steps of one or two.
+
+    Yields
+    ------
+    The problem of each order, and its optima, the lowest first.
+    """
+    previous: list[tuple[StateSpaceErrors, Optimum]] = []
+    for order in orders:
+        problem = errors.of_order(order)
+        optima = descended(problem, list(models.points(problem)), width)
+        starts: list[Array] = []
+        for smaller, optimum in previous[-2:]:
+            starts += extensions(
+                problem, smaller, optimum.point, generator, 8 * width, max(width // 2, 1)
+            )
+        optima += descended(problem, starts, len(starts))
+        for _ in range(20):
+            if optima:
+                break
+            optima = descended(problem, [from_poles(problem, random_poles(order, generator))], 1)
+        optima.sort(key=lambda optimum: optimum.criterion)
+        if optima:
+            previous.append((problem, optima[0]))
+        yield problem, optima

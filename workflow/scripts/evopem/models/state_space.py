@@ -1,0 +1,368 @@
+"""The state-space model in innovations form, several inputs and outputs, as plain data."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from evopem.models.parameter_covariance import ParameterCovariance
+from evopem.models.state_space_modes import ShapedMode, shaped_modes
+
+Array = NDArray[np.float64]
+Form = Literal["innovations", "output_error"]
+
+# Singular values of the response to an initial state below this share of the largest one say
+# nothing about the state.
+STATE_RANK = 1e-10
+
+
+@dataclass(frozen=True, eq=False)
+class StateSpaceModel:
+    """``x+ = A x + B u + K e, y = level + C x + D u + e`` (Ljung 1999, eq. 4.91).
+
+    Attributes
+    ----------
+    A : (n, n) array
+    B : (n, nu) array
+        nu = 0 for a model without input.
+    C : (ny, n) array
+    D : (ny, nu) array
+    K : (n, ny) array
+        Zero for an output-error model.
+    sampling_rate : float
+        Hz.
+    level : (ny,) array
+        Mean of the outputs without input and noise, in their units.
+    noise_covariance : (ny, ny) array
+        Covariance of the innovations e.
+    input_delays : tuple of int
+        Samples by which each input is shifted before B and D, nu entries; none by default.
+    covariance : ParameterCovariance, optional
+        Of all entries of ``[A, B, C, D, K, level]``, row by row.  It has the rank of what the
+        data determine; what does not depend on the choice of states has its correct variance.
+    form : {"innovations", "output_error"}
+    input_names, output_names : tuple of str
+        Empty where the channels have no names.
+    """
+
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+    K: Array
+    sampling_rate: float
+    level: Array
+    noise_covariance: Array
+    input_delays: tuple[int, ...] = ()
+    covariance: ParameterCovariance | None = None
+    form: Form = "innovations"
+    input_names: tuple[str, ...] = ()
+    output_names: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        n, ny = len(self.A), len(self.C)
+        nu = self.B.shape[1] if self.B.ndim == 2 else -1
+        shapes = {
+            "A": (n, n),
+            "B": (n, nu),
+            "C": (ny, n),
+            "D": (ny, nu),
+            "K": (n, ny),
+            "level": (ny,),
+            "noise_covariance": (ny, ny),
+        }
+        for name, shape in shapes.items():
+            if getattr(self, name).shape != shape:
+                raise ValueError(f"{name} must be {shape}, not {getattr(self, name).shape}")
+        if self.input_delays and len(self.input_delays) != nu:
+            raise ValueError(f"{nu} inputs need {nu} delays, not {len(self.input_delays)}")
+        for kind, names, count in (
+            ("input", self.input_names, nu),
+            ("output", self.output_names, ny),
+        ):
+            if names and len(names) != count:
+                raise ValueError(f"{count} {kind}s need {count} names, not {len(names)}")
+
+    @property
+    def order(self) -> int:
+        """Number of states n."""
+        return len(self.A)
+
+    @property
+    def inputs(self) -> int:
+        """Number of inputs nu."""
+        return self.B.shape[1]
+
+    @property
+    def outputs(self) -> int:
+        """Number of outputs ny."""
+        return len(self.C)
+
+    @property
+    def parameters(self) -> Array:
+        """All entries of ``[A, B, C, D, K, level]``, row by row."""
+        return np.concatenate(
+            [part.ravel() for part in (self.A, self.B, self.C, self.D, self.K, self.level)]
+        )
+
+    @property
+    def predictor(self) -> Array:
+        """``A - K C``, the dynamics of the one-step predictor, (n, n)."""
+        return self.A - self.K @ self.C
+
+    def with_parameters(self, parameters: Array) -> StateSpaceModel:
+        """The model with other entries of ``[A, B, C, D, K, level]``."""
+        parts = (self.A, self.B, self.C, self.D, self.K, self.level)
+        ends = np.cumsum([part.size for part in parts])[:-1]
+        A, B, C, D, K, level = (
+            values.reshape(part.shape)
+            for values, part in zip(np.split(parameters, ends), parts, strict=True)
+        )
+        return replace(self, A=A, B=B, C=C, D=D, K=K, level=level)
+
+    def poles(self) -> NDArray[np.complex128]:
+        """Eigenvalues of A in the z plane, (n,)."""
+        return np.asarray(np.linalg.eigvals(self.A), dtype=complex)
+
+    def predictor_poles(self) -> NDArray[np.complex128]:
+        """Eigenvalues of ``A - K C``, the zeros of the noise filter, (n,)."""
+        return np.asarray(np.linalg.eigvals(self.predictor), dtype=complex)
+
+    def simulate(self, inputs: ArrayLike, initial: ArrayLike | None = None) -> Array:
+        """Noise-free response, (N, ny), that never sees a measured output.
+
+        Parameters
+        ----------
+        inputs : (N, nu) array_like
+            ``numpy.empty((N, 0))`` for a model without input.
+        initial : (n,) array_like, optional
+            State at the first sample, at rest by default; see :meth:`simulation_state`.
+        """
+        u = self._delayed(inputs)
+        states = _states(self.A, u @ self.B.T, initial)
+        simulated: Array = states @ self.C.T + u @ self.D.T + self.level
+        return simulated
+
+    def residuals(
+        self, inputs: ArrayLike, outputs: ArrayLike, initial: ArrayLike | None = None
+    ) -> Array:
+        """One-step prediction errors e, (N, ny).
+
+        Parameters
+        ----------
+        inputs : (N, nu) array_like
+        outputs : (N, ny) array_like
+        initial : (n,) array_like, optional
+            State at the first sample, at rest by default; see :meth:`prediction_state`.
+        """
+        u, y = self._signals(inputs, outputs)
+        drive = u @ (self.B - self.K @ self.D).T + (y - self.level) @ self.K.T
+        states = _states(self.predictor, drive, initial)
+        errors: Array = y - self.level - states @ self.C.T - u @ self.D.T
+        return errors
+
+    def predict(
+        self,
+        inputs: ArrayLike,
+        outputs: ArrayLike,
+        horizon: int = 1,
+        initial: ArrayLike | None = None,
+    ) -> Array:
+        """Prediction from inputs, and from outputs ``horizon`` samples ago, (N, ny).
+
+        ``y_t`` less the innovations of the last ``horizon`` samples through the noise filter
+        (Ljung 1999, eq. 3.29).  The first predictions rest on the initial state alone.
+
+        Parameters
+        ----------
+        inputs : (N, nu) array_like
+        outputs : (N, ny) array_like
+        horizon : int
+            Samples, at least 1.
+        initial : (n,) array_like, optional
+            State at the first sample, at rest by default; see :meth:`prediction_state`.
+        """
+        if horizon < 1:
+            raise ValueError(f"horizon must be at least 1 sample, not {horizon}")
+        _, y = self._signals(inputs, outputs)
+        e = self.residuals(inputs, outputs, initial)
+        predicted = y - e
+        response = self.C
+        for lag in range(1, min(horizon, len(y))):
+            predicted[lag:] -= e[:-lag] @ (response @ self.K).T
+            response = response @ self.A
+        return predicted
+
+    def simulation_state(self, inputs: ArrayLike, outputs: ArrayLike) -> Array:
+        """Initial state with which the simulation fits outputs best, (n,).
+
+        Least squares, each output relative to its spread.
+
+        Parameters
+        ----------
+        inputs : (N, nu) array_like
+        outputs : (N, ny) array_like
+        """
+        _, y = self._signals(inputs, outputs)
+        spread = np.std(y, axis=0)
+        return self._fitted_state(self.A, y - self.simulate(inputs), spread)
+
+    def prediction_state(self, inputs: ArrayLike, outputs: ArrayLike) -> Array:
+        """Initial state with which the one-step prediction fits outputs best, (n,).
+
+        Least squares, each output relative to its noise.
+
+        Parameters
+        ----------
+        inputs : (N, nu) array_like
+        outputs : (N, ny) array_like
+        """
+        errors = self.residuals(inputs, outputs)
+        noise = np.sqrt(np.abs(np.diag(self.noise_covariance)))
+        return self._fitted_state(self.predictor, errors, noise)
+
+    def frequency_response(self, frequencies: ArrayLike) -> NDArray[np.complex128]:
+        """``G = C (zI - A)^-1 B + D`` with its delays, (..., ny, nu).
+
+        Parameters
+        ----------
+        frequencies : (...) array_like
+            Hz.
+        """
+        z = self._unit_circle(frequencies)
+        delays = np.asarray(self.input_delays or (0,) * self.inputs, dtype=float)
+        shift = z[..., None, None] ** -delays
+        return (self._resolvent(z, self.B) + self.D) * shift
+
+    def noise_response(self, frequencies: ArrayLike) -> NDArray[np.complex128]:
+        """``H = C (zI - A)^-1 K + I`` at frequencies in Hz, (..., ny, ny)."""
+        return self._resolvent(self._unit_circle(frequencies), self.K) + np.eye(self.outputs)
+
+    def impulse_response(self, samples: int) -> Array:
+        """Responses to unit impulses at sample 0, (samples, ny, nu)."""
+        responses = np.zeros((samples, self.outputs, self.inputs))
+        for column in range(self.inputs):
+            impulse = np.zeros((samples, self.inputs))
+            impulse[:1, column] = 1.0
+            responses[:, :, column] = self.simulate(impulse) - self.level
+        return responses
+
+    def step_response(self, samples: int) -> Array:
+        """Responses to unit steps at sample 0, (samples, ny, nu)."""
+        return np.cumsum(self.impulse_response(samples), axis=0)
+
+    def modes(self) -> list[ShapedMode]:
+        """Oscillating modes with complex shapes and standard errors, by frequency."""
+        return shaped_modes(
+            self.A, self.B, self.C, self.K, self.level.size, self.sampling_rate, self.covariance
+        )
+
+    def without_delays(self) -> StateSpaceModel:
+        """The same plant with delays as further states; without covariance."""
+        delays = self.input_delays or (0,) * self.inputs
+        n, extra = self.order, sum(delays)
+        A = np.zeros((n + extra, n + extra))
+        B = np.zeros((n + extra, self.inputs))
+        C = np.zeros((self.outputs, n + extra))
+        D = self.D.copy()
+        A[:n, :n], C[:, :n] = self.A, self.C
+        first = n
+        for column, delay in enumerate(delays):
+            if delay == 0:
+                B[:n, column] = self.B[:, column]
+                continue
+            # A line of states holds the input of the last samples, the oldest one last.
+            last = first + delay - 1
+            B[first, column] = 1.0
+            A[range(first + 1, last + 1), range(first, last)] = 1.0
+            A[:n, last] = self.B[:, column]
+            C[:, last] = self.D[:, column]
+            D[:, column] = 0.0
+            first = last + 1
+        K = np.vstack([self.K, np.zeros((extra, self.outputs))])
+        return replace(self, A=A, B=B, C=C, D=D, K=K, input_delays=(), covariance=None)
+
+    def to_control(self):  # type: ignore[no-untyped-def]
+        """``G`` as a discrete-time ``control.StateSpace``; needs python-control."""
+        import control
+
+        m = self.without_delays()
+        return control.StateSpace(m.A, m.B, m.C, m.D, 1.0 / self.sampling_rate)
+
+    def to_scipy(self):  # type: ignore[no-untyped-def]
+        """``G`` as a discrete-time ``scipy.signal.StateSpace``."""
+        from scipy.signal import StateSpace
+
+        m = self.without_delays()
+        return StateSpace(m.A, m.B, m.C, m.D, dt=1.0 / self.sampling_rate)
+
+    def idss_arguments(self) -> dict[str, Array]:
+        """Arguments of MATLAB's ``idss(A,B,C,D,K,'Ts',Ts,'NoiseVariance',L,'InputDelay',d)``.
+
+        ``Level``, which ``idss`` does not have, stands beside them.
+        """
+        delays = self.input_delays or (0,) * self.inputs
+        return {
+            "A": self.A,
+            "B": self.B,
+            "C": self.C,
+            "D": self.D,
+            "K": self.K,
+            "Ts": np.array(1.0 / self.sampling_rate),
+            "NoiseVariance": self.noise_covariance,
+            "InputDelay": np.asarray(delays, dtype=float)[:, None],
+            "Level": self.level[:, None],
+        }
+
+    def _delayed(self, inputs: ArrayLike) -> Array:
+        """Inputs shifted by their delays, (N, nu); zero before the record."""
+        u = np.asarray(inputs, dtype=float)
+        if u.ndim != 2 or u.shape[1] != self.inputs:
+            raise ValueError(f"inputs must be (N, {self.inputs}), not {u.shape}")
+        if not any(self.input_delays):
+            return u
+        shifted = np.zeros_like(u)
+        for column, delay in enumerate(self.input_delays):
+            shifted[delay:, column] = u[: len(u) - delay, column]
+        return shifted
+
+    def _signals(self, inputs: ArrayLike, outputs: ArrayLike) -> tuple[Array, Array]:
+        u, y = self._delayed(inputs), np.asarray(outputs, dtype=float)
+        if y.shape != (len(u), self.outputs):
+            raise ValueError(f"outputs must be ({len(u)}, {self.outputs}), not {y.shape}")
+        return u, y
+
+    def _fitted_state(self, dynamics: Array, remainder: Array, spread: Array) -> Array:
+        """State whose free response through ``dynamics`` fits a remainder, (n,)."""
+        weights = 1.0 / np.where(np.isfinite(spread) & (spread > 0.0), spread, 1.0)
+        free = np.empty((len(remainder), self.outputs, self.order))
+        response = self.C
+        for sample in range(len(remainder)):
+            free[sample] = response
+            response = response @ dynamics
+        weighted = (free * weights[:, None]).reshape(-1, self.order)
+        state = np.linalg.lstsq(weighted, (remainder * weights).ravel(), STATE_RANK)[0]
+        return np.asarray(state, dtype=float)
+
+    def _unit_circle(self, frequencies: ArrayLike) -> NDArray[np.complex128]:
+        f = np.asarray(frequencies, dtype=float)
+        return np.asarray(np.exp(2j * np.pi * f / self.sampling_rate), dtype=complex)
+
+    def _resolvent(self, z: NDArray[np.complex128], right: Array) -> NDArray[np.complex128]:
+        """``C (zI - A)^-1 right``, (..., ny, columns)."""
+        matrices = z[..., None, None] * np.eye(self.order) - self.A
+        solved = np.linalg.solve(matrices, np.broadcast_to(right, (*z.shape, *right.shape)))
+        return np.asarray(self.C @ solved, dtype=complex)
+
+
+def _states(dynamics: Array, drive: Array, initial: ArrayLike | None) -> Array:
+    """States x_0 ... x_(N-1) of ``x+ = dynamics x + drive``, (N, n)."""
+    x = np.zeros(len(dynamics)) if initial is None else np.asarray(initial, dtype=float)
+    states = np.empty(drive.shape)
+    for sample, push in enumerate(drive):
+        states[sample] = x
+        x = dynamics @ x + push
+    return states
