@@ -38,9 +38,8 @@ def about_decisions(results: DatasetResults) -> list[str]:
     sentences = [f"The model is for {record.purpose}.", *record.remarks]
     if record.failed:
         sentences.append(
-            f"No remedy that was tried made these hold: {', '.join(record.failed)}. They are"
-            " statements about the record: linear models of these structures and orders do not"
-            " describe it completely."
+            f"No remedy that was tried made these hold: {', '.join(record.failed)}. The checks say"
+            " what that means for the model."
         )
     return [" ".join(sentences)]
 
