@@ -48,7 +48,7 @@ def test_the_keys_of_a_mapping_are_the_fields_of_its_settings(mapping, kind):
 
 
 def test_the_keys_of_a_data_set_are_its_source_and_its_analysis():
-    assert set(ANALYSIS_KEYS) == {"resample", "structure", "level", *MAPPINGS}
+    assert set(ANALYSIS_KEYS) == {"recipe", "purpose", "resample", "structure", "level", *MAPPINGS}
     source = names(RecordedSource, ChannelSettings, SyntheticSource) - {"channels"}
     assert set(KEYS["$defs"]["dataset"]["properties"]) == source | set(ANALYSIS_KEYS)
     assert set(KEYS["properties"]["defaults"]["properties"]) == set(ANALYSIS_KEYS)

@@ -25,6 +25,7 @@ from evopem.config.environment import check_environment, job_environment
 from evopem.config.rule_digest import code_version
 from evopem.config.schema import schema_file
 from evopem.config.strict_yaml import check_yaml_files
+from evopem.config.structures import AUTOMATIC_PHASES, AUTOMATIC_STRUCTURES
 from evopem.errors import InputError
 from evopem.files.termination import interrupt_on_hangup
 from evopem.pipeline.provider import FILES as files
@@ -150,4 +151,5 @@ def collect_unfinished():
 wildcard_constraints:
     dataset=provider.one_of(frozenset(provider.config.datasets)),
     phase="|".join(PHASES),
+    structure="|".join(AUTOMATIC_STRUCTURES),
     part=r"\d+",

@@ -4,6 +4,7 @@
 rule complete_model:
     """Give the selected candidate its covariance, modes and frequency response."""
     input:
+        unpack(provider.chosen),
         phase=provider.last_selection,
         prepared=files.prepared,
         transforms=files.transforms,

@@ -13,6 +13,8 @@ rule estimate_candidates:
         files.log("phases/{phase}/part-{part}"),
     benchmark:
         files.benchmark("phases/{phase}/part-{part}")
+    wildcard_constraints:
+        dataset=provider.one_of(provider.by_chapter),
     conda:
         "../envs/evopem.yaml"
     threads: estimation_cores
@@ -41,6 +43,8 @@ rule select_candidate:
         files.log("phases/{phase}"),
     benchmark:
         files.benchmark("phases/{phase}")
+    wildcard_constraints:
+        dataset=provider.one_of(provider.by_chapter),
     conda:
         "../envs/evopem.yaml"
     threads: 1

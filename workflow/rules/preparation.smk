@@ -13,6 +13,8 @@ rule prepare_signals:
         files.log("preparation"),
     benchmark:
         files.benchmark("preparation")
+    wildcard_constraints:
+        dataset=provider.one_of(provider.by_chapter),
     priority: 10
     conda:
         "../envs/evopem.yaml"

@@ -5,6 +5,7 @@ rule draw_figures:
     """Draw every figure of one data set from its results."""
     input:
         unpack(provider.truth),
+        unpack(provider.decisions),
         config=files.config,
         recording=files.recording,
         info=files.recording_info,
@@ -52,6 +53,7 @@ rule draw_figures:
 rule write_report:
     """Set the results and figures of one data set into one HTML file."""
     input:
+        unpack(provider.decisions),
         unpack(provider.validation_recording(files.validation_recording_info)),
         **{**rules.draw_figures.input},
         figures=files.figures,

@@ -29,6 +29,7 @@ else:
     include: "preparation.smk"
     include: "spectrum.smk"
     include: "order_search.smk"
+    include: "automatic.smk"
     include: "model.smk"
     include: "validation.smk"
     include: "report.smk"

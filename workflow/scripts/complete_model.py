@@ -12,9 +12,10 @@ if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
 
 with job(snakemake.log[0], snakemake.input, snakemake.output):
+    window = snakemake.params.window
     complete_model(
         DatasetFiles.of_log(snakemake.log[0]),
         from_json(SearchSettings, snakemake.params.search),
-        from_json(ScoringWindow, snakemake.params.window),
+        from_json(ScoringWindow, window) if window else None,
         snakemake.params.phases,
     )

@@ -48,6 +48,12 @@ class Decision:
     sentence: str
 
 
+def given_by_configuration(subject: str, choice: str) -> Decision:
+    """A decision that the user has taken."""
+    alternatives = (Alternative(choice, np.nan),)
+    return Decision(subject, choice, alternatives, "none", "Given by the configuration.")
+
+
 def lowest(alternatives: Sequence[Alternative], margin: float = 0.0) -> Alternative:
     """The first alternative whose score is within a relative margin of the lowest.
 

@@ -10,9 +10,10 @@ import numpy as np
 from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.fit import Fit, FitSettings, fit, log_loss
 from evopem.automatic.folds import FoldPlan, HeldOutScores, held_out_scores
+from evopem.automatic.limits import OrderLimits
 from evopem.automatic.simulation import simulated
 from evopem.automatic.stretches import Stretch, first_samples, total_samples
-from evopem.config.structures import ORDER_NAMES
+from evopem.config.structures import AUTOMATIC_STRUCTURES, ORDER_NAMES
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.structures import PolynomialOrders
 
@@ -36,15 +37,7 @@ REACH = 2.0 * np.log(3.0)
 # Samples of a record on which orders and structures are compared.
 MOST_SAMPLES = 6000
 # Structures whose optima serve as starts of others.
-NESTED: Mapping[str, tuple[str, ...]] = {
-    "fir": (),
-    "arx": (),
-    "armax": ("arx",),
-    "oe": ("armax",),
-    "ararx": ("arx",),
-    "ararmax": ("armax",),
-    "bj": ("armax", "oe"),
-}
+NESTED: Mapping[str, tuple[str, ...]] = AUTOMATIC_STRUCTURES
 
 
 @dataclass(frozen=True)
@@ -156,10 +149,19 @@ class Scorer:
     stretches : sequence of Stretch
     plan : FoldPlan
     settings : FitSettings
+    limits : OrderLimits
+        Other orders have no candidates.
     """
 
-    def __init__(self, stretches: Sequence[Stretch], plan: FoldPlan, settings: FitSettings) -> None:
+    def __init__(
+        self,
+        stretches: Sequence[Stretch],
+        plan: FoldPlan,
+        settings: FitSettings,
+        limits: OrderLimits = OrderLimits(),  # noqa: B008 - frozen
+    ) -> None:
         self.whole, self.plan, self.settings = tuple(stretches), plan, settings
+        self.limits = limits
         self.stretches = first_samples(stretches, MOST_SAMPLES)
         self.samples = total_samples(self.stretches)
         self.window = min(4 * max(PATH), min(each.samples for each in self.stretches) // 4)
@@ -189,6 +191,8 @@ class Scorer:
         """
         key = (structure, orders)
         if key not in self._known:
+            if not self.limits.allow(structure, orders):
+                return None
             if orders.parameters + orders.nf + orders.noise_states > self.most_parameters:
                 return None
             try:
@@ -266,7 +270,7 @@ def search_structure(
     candidates: list[Candidate] = []
     without_gain, work, best, best_bic = 0, 0, np.inf, np.inf
     previous: list[PolynomialModel] = []
-    for orders_of_step in _path(structure, delay):
+    for orders_of_step in scorer.limits.within(structure, _path(structure, delay)):
         found: list[Candidate] = []
         for orders in orders_of_step:
             starts = [*previous, *_same_plant(orders, structure, smaller)]

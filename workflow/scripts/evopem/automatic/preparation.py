@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.automatic.decision import Alternative, Decision, lowest
+from evopem.automatic.decision import Alternative, Decision, given_by_configuration, lowest
 from evopem.automatic.fit import FOLD_STAGES, FitSettings, fit, log_loss
 from evopem.automatic.folds import SHORTEST_BLOCK
 from evopem.automatic.orders import MOST_SAMPLES
@@ -49,6 +49,24 @@ LEAST_EVIDENCE = 3.0
 
 
 @dataclass(frozen=True)
+class GivenPreparation:
+    """What a configuration decides of the preparation; None is left to the recording.
+
+    Attributes
+    ----------
+    start : int, optional
+        First sample kept of each recording.
+    factor : int, optional
+        Decimation factor.
+    objective : {"absolute", "quadratic"}, optional
+    """
+
+    start: int | None = None
+    factor: int | None = None
+    objective: str | None = None
+
+
+@dataclass(frozen=True)
 class PreparationPlan:
     """What is done to recordings, before anything is estimated.
 
@@ -81,6 +99,12 @@ class PreparationPlan:
     decisions: tuple[Decision, ...]
     stuck: bool = False
 
+    def __post_init__(self) -> None:
+        # JSON has no infinity: no limit comes back as NaN.
+        low, high = self.clipped
+        limits = (-np.inf if np.isnan(low) else low, np.inf if np.isnan(high) else high)
+        object.__setattr__(self, "clipped", limits)
+
 
 @dataclass(frozen=True, eq=False)
 class PreparedRecord:
@@ -104,13 +128,18 @@ class PreparedRecord:
         return FitSettings(self.plan.objective)
 
 
-def decide_preparation(recordings: Sequence[Recording]) -> PreparationPlan:
+def decide_preparation(
+    recordings: Sequence[Recording],
+    given: GivenPreparation = GivenPreparation(),
+) -> PreparationPlan:
     """Decide how recordings of one system are prepared.
 
     Parameters
     ----------
     recordings : sequence of Recording
         Samples that are not finite are breaks.
+    given : GivenPreparation
+        What is not decided here.
 
     Raises
     ------
@@ -124,7 +153,11 @@ def decide_preparation(recordings: Sequence[Recording]) -> PreparationPlan:
             f"their sampling rates differ: {', '.join(f'{rate:g} Hz' for rate in sorted(rates))}",
             "give recordings of one rate",
         )
-    starts, about_start = _decide_starts(recordings)
+    if given.start is None:
+        starts, about_start = _decide_starts(recordings)
+    else:
+        starts = (given.start,) * len(recordings)
+        about_start = given_by_configuration("start", str(given.start))
     clipped, about_clipping = _decide_clipping(recordings, starts)
     stuck, about_stuck = _decide_stuck(recordings, starts)
     plan = PreparationPlan(starts, 1, clipped, "quadratic", 0.0, 0.0, 1.0, 1.0, (), stuck)
@@ -151,11 +184,18 @@ def decide_preparation(recordings: Sequence[Recording]) -> PreparationPlan:
         input_scale=power_of_two_scale(u - u.mean()),
         output_scale=power_of_two_scale(y - y.mean()),
     )
-    stretches = list(first_samples(prepare(recordings, plan).stretches, MOST_DECIMATED))
-    factor, about_factor = _decide_decimation(stretches)
+    if given.factor is None:
+        stretches = list(first_samples(prepare(recordings, plan).stretches, MOST_DECIMATED))
+        factor, about_factor = _decide_decimation(stretches)
+    else:
+        factor, about_factor = given.factor, given_by_configuration("decimation", str(given.factor))
     plan = replace(plan, factor=factor)
-    stretches = list(first_samples(prepare(recordings, plan).stretches, MOST_SAMPLES))
-    objective, about_objective = _decide_objective(stretches)
+    if given.objective is None:
+        stretches = list(first_samples(prepare(recordings, plan).stretches, MOST_SAMPLES))
+        objective, about_objective = _decide_objective(stretches)
+    else:
+        objective = given.objective
+        about_objective = given_by_configuration("objective", objective)
     decisions = (about_start, about_clipping, about_factor, about_objective, about_stuck)
     return replace(plan, objective=objective, decisions=decisions)
 
@@ -211,19 +251,35 @@ def _scaled(stretch: Stretch, plan: PreparationPlan) -> Stretch:
 def _raw_stretches(recordings: Sequence[Recording], plan: PreparationPlan) -> list[Stretch]:
     """Samples between breaks, in recorded units and at the recorded rate."""
     found = []
-    low, high = plan.clipped
     for number, (recording, start) in enumerate(zip(recordings, plan.starts, strict=True)):
-        u, y = recording.input, recording.output
-        good = np.isfinite(u) & np.isfinite(y)
-        good[good] &= (y[good] > low) & (y[good] < high)
-        good[:start] = False
-        if plan.stuck:
-            good &= ~_standing_still(y)
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]).astype(int)))
-        for begin, end in edges.reshape(-1, 2):
+        for begin, end in ranges_between_breaks(recording, start, plan):
             if end - begin >= SHORTEST_STRETCH * plan.factor:
-                found.append(Stretch(u[begin:end], y[begin:end], number))
+                kept = slice(begin, end)
+                found.append(Stretch(recording.input[kept], recording.output[kept], number))
     return found
+
+
+def ranges_between_breaks(
+    recording: Recording, start: int, plan: PreparationPlan
+) -> list[tuple[int, int]]:
+    """First sample of each stretch and the one after its last, at the recorded rate.
+
+    Parameters
+    ----------
+    recording : Recording
+    start : int
+        First sample kept.
+    plan : PreparationPlan
+    """
+    u, y = recording.input, recording.output
+    low, high = plan.clipped
+    good = np.isfinite(u) & np.isfinite(y)
+    good[good] &= (y[good] > low) & (y[good] < high)
+    good[:start] = False
+    if plan.stuck:
+        good &= ~_standing_still(y)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]).astype(int)))
+    return [(int(begin), int(end)) for begin, end in edges.reshape(-1, 2)]
 
 
 def _decide_starts(recordings: Sequence[Recording]) -> tuple[tuple[int, ...], Decision]:

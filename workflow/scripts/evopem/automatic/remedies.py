@@ -65,11 +65,22 @@ class Trial:
 
 @dataclass(frozen=True)
 class Remedied:
-    """The choice after all remedies, what was tried, and what stays failed."""
+    """The choice after all remedies, what was tried, and what stays failed.
+
+    Attributes
+    ----------
+    choice : Choice
+    trials : tuple of Trial
+    failed : tuple of str
+    plant_kept : bool
+        Whether the noise model was fitted to the errors of simulation of a plant that stays as it
+        was estimated without one.
+    """
 
     choice: Choice
     trials: tuple[Trial, ...]
     failed: tuple[str, ...]
+    plant_kept: bool = False
 
 
 def act_on_checks(scorer: Scorer, choice: Choice) -> Remedied:
@@ -87,7 +98,7 @@ def act_on_checks(scorer: Scorer, choice: Choice) -> Remedied:
     current = choice.candidate
     scorer.remember([current])
     first, first_score = current, _score(current, choice)
-    budget, own_noise_model = MOST_TRIALS, False
+    budget, own_noise_model, plant_kept = MOST_TRIALS, False, False
     for check, is_failed, remedies in (
         ("cancelling roots", _cancels, _fewer_roots),
         ("white residuals", _is_coloured, _further_noise),
@@ -126,8 +137,11 @@ def act_on_checks(scorer: Scorer, choice: Choice) -> Remedied:
                 break
         if check == "white residuals" and is_failed(scorer, best) and first.orders.nf:
             # The plant's last fit comes first: it is not changed afterwards.
-            best = _with_own_noise_model(scorer, scorer.on_all_samples(best), trials)
-            own_noise_model = True
+            plant = scorer.on_all_samples(best)
+            best = _with_own_noise_model(scorer, plant, trials)
+            own_noise_model, plant_kept = True, best is not plant
+        elif best is not current:
+            plant_kept = False
         current = best
     failed = tuple(
         check
@@ -140,7 +154,7 @@ def act_on_checks(scorer: Scorer, choice: Choice) -> Remedied:
     )
     if not own_noise_model:
         current = scorer.on_all_samples(current)
-    return Remedied(replace(choice, candidate=current), tuple(trials), failed)
+    return Remedied(replace(choice, candidate=current), tuple(trials), failed, plant_kept)
 
 
 def _with_own_noise_model(scorer: Scorer, candidate: Candidate, trials: list[Trial]) -> Candidate:
@@ -174,6 +188,8 @@ def _with_own_noise_model(scorer: Scorer, candidate: Candidate, trials: list[Tri
             noise_variance=noise.model.noise_variance,
             structure="bj",
         )
+        if not scorer.limits.allow("bj", model.orders):
+            continue
         found = replace(
             candidate,
             structure="bj",
@@ -183,7 +199,7 @@ def _with_own_noise_model(scorer: Scorer, candidate: Candidate, trials: list[Tri
             model=model,
         )
         white = whiteness_probability(model, scorer.stretches)
-        taken = found.bic < best.bic
+        taken = bool(found.bic < best.bic)
         trials.append(
             Trial(
                 "white residuals",

@@ -9,13 +9,16 @@ from typing import Any
 
 import yaml
 
+from evopem.config.automatic_keys import built_in_keys, check_automatic_keys, laid_over
 from evopem.config.dataset_names import check_names
 from evopem.config.sample_sheet import Origin, expand, shard_of
 from evopem.config.schema import check_schema
 from evopem.config.settings import (
     Configuration,
+    DatasetSettings,
     OrderGrid,
     PreparationSettings,
+    Recipe,
     RunSettings,
     Structure,
 )
@@ -24,9 +27,11 @@ from evopem.config.strict_yaml import Keys
 from evopem.config.structure_keys import check_structure_keys, check_transforms, with_ranges
 from evopem.config.structures import has_input
 from evopem.config.values import ALL_SAMPLES, normalized
-from evopem.config.yaml_form import analysis_keys, settings_of
+from evopem.config.yaml_form import ANALYSIS_KEYS, analysis_keys, settings_of
 from evopem.errors import InputError
 from evopem.files.json_form import from_json, to_json
+
+BUILT_IN_RECIPE: Recipe = "chapter"
 
 
 def complete(config: Keys, schema_path: str | Path, source: str = "config.yaml") -> Configuration:
@@ -75,6 +80,16 @@ def _completed(config: Keys, origin: Origin, source: str) -> Configuration:
     for name, given in config["datasets"].items():
         place = f"datasets.{name}"
         written = with_ranges(given)
+        if written.get("recipe", defaults.get("recipe", BUILT_IN_RECIPE)) == "auto":
+            datasets[name] = _automatic(name, written, defaults, source)
+            continue
+        if "purpose" in written:
+            raise InputError(
+                source,
+                "the chapter's recipe knows no purpose",
+                "remove the key, or write recipe: auto",
+                f"{place}.purpose",
+            )
         own_structure = written.get("structure", structure)
         check_structure_keys(written, own_structure, source, place)
         own_source = complete_source(written, source, place, has_input(own_structure))
@@ -92,6 +107,25 @@ def _completed(config: Keys, origin: Origin, source: str) -> Configuration:
     names = [field.name for field in fields(RunSettings)]
     run = {name: config[name] for name in names if name in config}
     return Configuration(datasets, from_json(RunSettings, run, source))
+
+
+def _automatic(name: str, written: Keys, defaults: Keys, source: str) -> DatasetSettings:
+    """The settings of a data set of the automatic recipe."""
+    place = f"datasets.{name}"
+    check_automatic_keys(defaults, source, "defaults")
+    check_automatic_keys(written, source, place)
+    for keys, at in ((defaults, "defaults"), (written, place)):
+        if "structure" in keys:
+            check_structure_keys(keys, keys["structure"], source, at)
+    own_source = complete_source(written, source, place)
+    lowest = built_in_keys()
+    if "validation_file" in written:
+        lowest["split"] = {"estimation": ALL_SAMPLES}
+    own = {key: value for key, value in written.items() if key in ANALYSIS_KEYS}
+    analysis = laid_over(laid_over(lowest, defaults), own)
+    _check_analysis(written, analysis, source, place)
+    _check_something_left(written, analysis, source, place)
+    return settings_of(name, own_source | analysis)
 
 
 def _every_key(structure: Structure) -> dict[str, Any]:

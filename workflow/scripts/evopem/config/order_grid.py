@@ -11,13 +11,15 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from evopem.config.settings import (
+    AutomaticSettings,
     DatasetSettings,
     OrderGrid,
+    PreparationSettings,
     Range,
     SampleRequirements,
     ScoringWindow,
 )
-from evopem.config.structures import STRUCTURES, phases_of
+from evopem.config.structures import AUTOMATIC_PHASES, STRUCTURES, phases_of
 from evopem.errors import InputError
 
 AUTO_JOINT_UPPER = 14
@@ -29,6 +31,36 @@ CandidateOrders = dict[str, int]
 
 DELAY_REFINED_IN = "nb"
 """The phase whose selection is compared with other lags of B."""
+
+
+def phases_of_dataset(settings: DatasetSettings) -> tuple[str, ...]:
+    """The phases of a data set, in their order."""
+    if settings.automatic is not None:
+        return AUTOMATIC_PHASES
+    return phases_of(settings.order_grid.structure)
+
+
+def phase_of_orders_of(settings: DatasetSettings) -> str:
+    """The phase of a data set with models of every plant order."""
+    if settings.automatic is not None:
+        return AUTOMATIC_PHASES[0]
+    return phase_of_orders(settings.order_grid.structure)
+
+
+def given_preparation(
+    preparation: PreparationSettings, automatic: AutomaticSettings
+) -> dict[str, int | str | None]:
+    """What the configuration decides of an automatic preparation.
+
+    Differences are taken back sample by sample, so that differenced signals are not decimated.
+    """
+    transforms = preparation.transforms
+    fixed = automatic.rate_given or transforms.difference or transforms.difference_input
+    return {
+        "start": 0 if automatic.start_given else None,
+        "factor": 1 if fixed else None,
+        "objective": automatic.objective,
+    }
 
 
 def phase_of_orders(structure: str) -> str:

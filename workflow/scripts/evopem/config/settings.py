@@ -16,6 +16,8 @@ Structure = Literal["fir", "arx", "arma", "armax", "ararx", "ararmax", "oe", "bj
 Objective = Literal["absolute", "quadratic"]
 Initialization = Literal["arx", "incremental_order"]
 Refine = Literal["worst", "all", "best", "random"]
+Recipe = Literal["auto", "chapter"]
+Purpose = Literal["auto", "simulation", "prediction", "modes"]
 
 
 @dataclass(frozen=True)
@@ -255,8 +257,52 @@ class SampleRequirements:
 
 
 @dataclass(frozen=True)
+class AutomaticSettings:
+    """What the configuration decides of an automatic identification.
+
+    Attributes
+    ----------
+    purpose : {"auto", "simulation", "prediction", "modes"}
+        What the model is for; ``auto`` is simulation.
+    structure : str, optional
+        None, here and below, where the recording decides.
+    nk, joint, nc, nd, nb : (lower, upper), optional
+        Limits of the orders; ``joint`` is that of the degree of A or F.
+    start_given : bool
+        Whether ``split.discard`` says where the recording begins.
+    rate_given : bool
+        Whether ``resample`` says at which rate the model is.
+    objective : {"absolute", "quadratic"}, optional
+    """
+
+    purpose: Purpose = "auto"
+    structure: Structure | None = None
+    nk: Range | None = None
+    joint: Range | None = None
+    nc: Range | None = None
+    nd: Range | None = None
+    nb: Range | None = None
+    start_given: bool = False
+    rate_given: bool = False
+    objective: Objective | None = None
+
+
+@dataclass(frozen=True)
 class DatasetSettings:
-    """All settings of one data set."""
+    """All settings of one data set.
+
+    Attributes
+    ----------
+    name : str
+    source : RecordedSource or SyntheticSource
+    preparation : PreparationSettings
+    spectrum : SpectrumSettings
+    order_grid : OrderGrid
+        Of the chapter's recipe alone.
+    search : SearchSettings
+    automatic : AutomaticSettings, optional
+        Of the automatic recipe; None for the chapter's.
+    """
 
     name: str
     source: RecordedSource | SyntheticSource
@@ -264,6 +310,12 @@ class DatasetSettings:
     spectrum: SpectrumSettings
     order_grid: OrderGrid
     search: SearchSettings
+    automatic: AutomaticSettings | None = None
+
+    @property
+    def recipe(self) -> Recipe:
+        """Which of the two recipes identifies the data set."""
+        return "chapter" if self.automatic is None else "auto"
 
 
 @dataclass(frozen=True)

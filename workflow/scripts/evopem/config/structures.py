@@ -25,6 +25,39 @@ ORDER_NAMES = STRUCTURES["general"]
 PHASES = ("delay", "joint", "nc", "nd", "na", "nb")
 """Every phase of an order search, in their order: each takes its predecessor's selection."""
 
+AUTOMATIC_PHASES = ("structures", "chosen")
+"""What the automatic recipe has in their place: all structures, and the chosen model."""
+
+# The structures that the automatic recipe searches, each with those whose optima serve as starts.
+AUTOMATIC_STRUCTURES: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "fir": (),
+        "arx": (),
+        "armax": ("arx",),
+        "oe": ("armax",),
+        "ararx": ("arx",),
+        "ararmax": ("armax",),
+        "bj": ("armax", "oe"),
+    }
+)
+
+
+def searched_structures(wanted: str | None) -> tuple[str, ...]:
+    """The structures that are searched for one of them, itself last; all of them for None.
+
+    Examples
+    --------
+    >>> searched_structures("oe")
+    ('arx', 'armax', 'oe')
+    """
+    if wanted is None:
+        return tuple(AUTOMATIC_STRUCTURES)
+    needed = {wanted}
+    for structure in reversed(list(AUTOMATIC_STRUCTURES)):
+        if structure in needed:
+            needed.update(AUTOMATIC_STRUCTURES[structure])
+    return tuple(each for each in AUTOMATIC_STRUCTURES if each in needed)
+
 
 def has_input(structure: str) -> bool:
     """Whether a structure has an input."""

@@ -9,6 +9,7 @@ from typing import Any
 
 import yaml
 
+from evopem.config.automatic_keys import automatic_content, automatic_keys
 from evopem.config.settings import (
     ChannelSettings,
     DatasetSettings,
@@ -29,13 +30,19 @@ CHANNEL_KEYS = tuple(field.name for field in fields(ChannelSettings))
 FILE_KEYS = ("file", *CHANNEL_KEYS, "validation_file")
 SYNTHESIS_KEYS = tuple(field.name for field in fields(SyntheticSource))
 GRID_KEYS = ("structure", "level", "delay", "orders")
-ANALYSIS_KEYS = ("resample", "transforms", "split", "spectrum", *GRID_KEYS, "search")
+ANALYSIS_KEYS = (
+    *("recipe", "purpose", "resample", "transforms", "split", "spectrum"),
+    *(*GRID_KEYS, "search"),
+)
 
 NO_RESAMPLING = "none"
 
 
 def settings_of(name: str, keys: Keys) -> DatasetSettings:
-    """Build the settings of a data set from its complete, checked keys."""
+    """Build the settings of a data set from its complete, checked keys.
+
+    Of an automatic recipe, keys that are missing are decided from the recording.
+    """
     source: dict[str, Any]
     if "file" in keys:
         # A missing input is none: complete keys have one wherever the structure has.
@@ -44,18 +51,21 @@ def settings_of(name: str, keys: Keys) -> DatasetSettings:
         source["validation_file"] = keys.get("validation_file")
     else:
         source = {key: keys[key] for key in SYNTHESIS_KEYS if key in keys}
-    resample = keys["resample"]
+    resample = keys.get("resample", NO_RESAMPLING)
+    automatic = keys.get("recipe") == "auto"
+    grid = {} if automatic else {key: keys[key] for key in GRID_KEYS if key in keys}
     content = {
         "name": name,
         "source": source,
         "preparation": {
             "transforms": keys["transforms"],
-            "split": keys["split"],
+            "split": ({"discard": 0} if automatic else {}) | dict(keys["split"]),
             "resample": None if resample == NO_RESAMPLING else resample,
         },
         "spectrum": keys["spectrum"],
-        "order_grid": {key: keys[key] for key in GRID_KEYS if key in keys},
+        "order_grid": grid,
         "search": keys["search"],
+        "automatic": automatic_content(keys) if automatic else None,
     }
     return from_json(DatasetSettings, content, f"datasets.{name}")
 
@@ -71,7 +81,9 @@ def keys_of(settings: DatasetSettings) -> dict[str, Any]:
     else:
         own = to_json(source)
     present = {key: value for key, value in own.items() if value is not None}
-    return present | analysis_keys(settings.preparation, settings)
+    if settings.automatic is not None:
+        return present | automatic_keys(settings, settings.automatic)
+    return present | {"recipe": "chapter"} | analysis_keys(settings.preparation, settings)
 
 
 def analysis_keys(

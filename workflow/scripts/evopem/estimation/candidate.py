@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from evopem.config.structures import plant_order
 from evopem.estimation.criteria import Criteria
 from evopem.estimation.polynomial_estimate import PolynomialEstimate
 from evopem.estimation.search.problem import SearchDiagnostics, SearchResult
@@ -112,3 +113,22 @@ class PhaseSelection:
     def selected(self) -> Candidate:
         """The selected candidate."""
         return next(each for each in self.candidates if each.orders == self.orders)
+
+    def over_orders(self, structure: str) -> tuple[Candidate, ...]:
+        """The models of every plant order; of several structures, the best of each order by BIC.
+
+        Parameters
+        ----------
+        structure : str
+            The structure that is looked at, where the phase has several of them.
+        """
+        structures = {each.orders.structure for each in self.candidates}
+        if len(structures) == 1:
+            return self.candidates
+        best: dict[int, Candidate] = {}
+        for each in self.candidates:
+            order = getattr(each.orders, plant_order(structure))
+            own = each.orders.structure == structure
+            if own and (order not in best or each.criteria.bic < best[order].criteria.bic):
+                best[order] = each
+        return tuple(best[order] for order in sorted(best))

@@ -7,6 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,8 @@ from evopem.version import __version__
 
 Array = NDArray[np.float64]
 Roots = NDArray[np.complex128]
+
+LevelOfSimulation = Literal["constant", "state", "none"]
 
 _LIBRARIES = ("numpy", "scipy", "numba")
 
@@ -58,6 +61,9 @@ class ModelRecord:
         Coefficients, all but ``b`` with their leading 1, ``b`` from lag nk on.
     level : float
         Constant of the equation; 0 where none was estimated.
+    level_of_simulation : {"constant", "state", "none"}
+        Level of other samples than those of the estimation: that of the equation, one that is
+        fitted to them along with the initial state, or none.
     sampling_rate : float
         Hz.
     noise_variance : float
@@ -92,6 +98,7 @@ class ModelRecord:
     d: Array
     f: Array
     level: float
+    level_of_simulation: LevelOfSimulation
     sampling_rate: float
     noise_variance: float
     covariance: Array | None
@@ -114,7 +121,11 @@ class ModelRecord:
 
     @classmethod
     def of(
-        cls, estimate: PolynomialEstimate, settings: SearchSettings, transforms: Transforms
+        cls,
+        estimate: PolynomialEstimate,
+        settings: SearchSettings,
+        transforms: Transforms,
+        level: LevelOfSimulation = "none",
     ) -> ModelRecord:
         """The record of an estimate."""
         model = estimate.model
@@ -126,6 +137,7 @@ class ModelRecord:
             d=model.d,
             f=model.f,
             level=model.level,
+            level_of_simulation=level,
             sampling_rate=model.sampling_rate,
             noise_variance=model.noise_variance,
             covariance=None if model.covariance is None else model.covariance.matrix,

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 import pandas as pd
 
 from evopem.config.structures import (
+    AUTOMATIC_PHASES,
+    ORDER_NAMES,
     STRUCTURES,
     phases_of,
     plant_order,
@@ -121,6 +123,48 @@ def draw_phases(candidates: pd.DataFrame, structure: str = "armax") -> Figure:
             if column == 0:
                 axes.set_ylabel(label)
         panels[1, column].set_xlabel("k")
+    return figure
+
+
+@styled
+def draw_structures(candidates: pd.DataFrame) -> Figure:
+    """RSS and BIC against the number of coefficients, one line for each structure.
+
+    A line joins the best candidates of a structure with each number of coefficients.
+
+    Parameters
+    ----------
+    candidates : pandas.DataFrame
+        As in ``candidates.csv``, of the automatic recipe.
+    """
+    figure = new_figure(3.4)
+    panels = figure.subplots(1, 2)
+    tried = candidates[candidates["phase"] == AUTOMATIC_PHASES[0]]
+    orders = [name for name in ORDER_NAMES if name != "nk"]
+    counted = tried.assign(
+        coefficients=tried[orders].sum(axis=1), structure=tried["model"].str.split("(").str[0]
+    )
+    for axes, (column, label) in zip(panels, CRITERIA, strict=True):
+        for number, (structure, group) in enumerate(counted.groupby("structure", sort=False)):
+            best = group.groupby("coefficients")[column].min()
+            round_, style = divmod(number, len(FAMILY))
+            axes.plot(
+                best.index,
+                best,
+                color=FAMILY[style],
+                linestyle=FAMILY_LINES[style],
+                marker=FAMILY_MARKERS[(style + round_) % len(FAMILY)],
+                markersize=3.5,
+                linewidth=1.1,
+                label=structure,
+            )
+        chosen = counted[counted["selected"]]
+        axes.plot(chosen["coefficients"], chosen[column], "o", color=ERROR, markersize=6.5)
+        _whole_numbers(axes)
+        axes.set_xlabel("Coefficients")
+        axes.set_ylabel(label)
+        logarithmic_if_wide(axes, counted[column])
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper right", ncols=7)
     return figure
 
 

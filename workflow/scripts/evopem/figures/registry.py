@@ -35,7 +35,7 @@ from evopem.figures.frequency_domain import (
     draw_spectrum,
 )
 from evopem.figures.horizons import draw_horizons
-from evopem.figures.order_criteria import draw_delay, draw_phases
+from evopem.figures.order_criteria import draw_delay, draw_phases, draw_structures
 from evopem.figures.panels import Panel
 from evopem.figures.pole_zero_map import draw_poles_zeros
 from evopem.figures.residual_correlation import draw_residuals
@@ -167,6 +167,12 @@ def _output_is_transformed(results: DatasetResults) -> bool:
     return results.model.transforms.changes_output
 
 
+def _has_poles_over_orders(results: DatasetResults) -> bool:
+    if results.decisions is not None:
+        return results.model.orders.structure != "fir"
+    return "joint" in results.phases
+
+
 def _stabilization(results: DatasetResults) -> Figure:
     return draw_stabilization(
         stabilization_table(results),
@@ -179,7 +185,13 @@ def _stabilization(results: DatasetResults) -> Figure:
 
 
 def _structure(results: DatasetResults) -> str:
-    return results.settings.order_grid.structure
+    return results.model.orders.structure
+
+
+def _phases(results: DatasetResults) -> Figure:
+    if results.decisions is not None:
+        return draw_structures(results.candidates)
+    return draw_phases(results.candidates, _structure(results))
 
 
 REPORT_FIGURES = (
@@ -215,7 +227,7 @@ REPORT_FIGURES = (
         _stabilization,
         stabilization_table,
         panels.stabilization,
-        lambda results: "joint" in results.phases,
+        _has_poles_over_orders,
     ),
     ReportFigure(
         "frequency_response",
@@ -324,9 +336,9 @@ REPORT_FIGURES = (
     ),
     ReportFigure(
         "phases",
-        "RSS and BIC of the phases of the orders; the selected orders are marked.",
+        "RSS and BIC of the candidates of the order search; the selected orders are marked.",
         (_FILES.candidates,),
-        lambda results: draw_phases(results.candidates, _structure(results)),
+        _phases,
         phases_table,
     ),
     ReportFigure(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -33,6 +35,28 @@ def estimate_simulation_state(
     remainder = np.asarray(output, dtype=float) - model.simulate(input)
     columns = _delayed(model.plant_denominator, [1.0], model.state_dimension, len(remainder))
     return _fitted(columns, remainder)
+
+
+def simulate_with_fitted_level(
+    model: PolynomialModel,
+    input: Array,  # noqa: A002
+    output: Array,
+) -> Array:
+    """Simulation, (N,), from the initial state and the level with which it fits an output best.
+
+    Least squares over the whole stretch.  The level takes the place of the model's own.
+
+    Parameters
+    ----------
+    model : PolynomialModel
+        With a stable plant.
+    input, output : (N,) arrays
+    """
+    response = replace(model, level=0.0).simulate(input)
+    remainder = np.asarray(output, dtype=float) - response
+    state = _delayed(model.plant_denominator, [1.0], model.state_dimension, len(remainder))
+    columns = np.column_stack([state, np.ones(len(remainder))])
+    return np.asarray(response + columns @ _fitted(columns, remainder))
 
 
 def estimate_prediction_states(

@@ -9,11 +9,27 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-from evopem.config.order_grid import phase_of_orders, sample_requirements, scoring_window
-from evopem.config.settings import DatasetSettings, RecordedSource
-from evopem.config.structures import phases_of
+from evopem.automatic.preparation import GivenPreparation
+from evopem.config.order_grid import (
+    given_preparation,
+    phase_of_orders_of,
+    phases_of_dataset,
+    sample_requirements,
+    scoring_window,
+)
+from evopem.config.settings import AutomaticSettings, DatasetSettings, RecordedSource
+from evopem.config.structures import searched_structures
 from evopem.config.yaml_form import read_settings
 from evopem.pipeline.acquisition import read_recording
+from evopem.pipeline.automatic_model import collect_decisions, estimate_chosen
+from evopem.pipeline.automatic_preparation import apply_preparation, decide_preparation
+from evopem.pipeline.automatic_search import (
+    act_on_checks,
+    compare_structures,
+    decide_delay,
+    decide_folds,
+    search_structure,
+)
 from evopem.pipeline.candidates import tabulate_candidates
 from evopem.pipeline.configuration import write_configuration
 from evopem.pipeline.model import complete_model
@@ -33,32 +49,74 @@ def stages(
     files: DatasetFiles, settings: DatasetSettings, log: Log | None = None, cores: int = 1
 ) -> dict[str, Stage]:
     """List the stages of a data set by their names, in their order, ready to be called."""
-    window, search = scoring_window(settings), settings.search
-    structure = settings.order_grid.structure
-    phases = phases_of(structure)
-    validated = isinstance(settings.source, RecordedSource) and settings.source.validation_file
-    listed: dict[str, Stage] = {
+    automatic = settings.automatic
+    window = None if automatic else scoring_window(settings)
+    phases = phases_of_dataset(settings)
+    return {
         "configuration": partial(write_configuration, files, settings),
         **_acquisition(files, settings),
+        **(
+            _automatic_stages(files, settings, automatic, log)
+            if automatic
+            else _stages_of_the_chapter(files, settings, log, cores)
+        ),
+        "model": partial(complete_model, files, settings.search, window, phases),
+        "candidates": partial(tabulate_candidates, files, phases),
+        "validation": partial(validate_model, files, phase_of_orders_of(settings)),
+        "summary": partial(summarize_dataset, files, phases),
+        "figures": partial(_draw_figures, files),
+        "report": partial(_write_report, files),
+    }
+
+
+def _stages_of_the_chapter(
+    files: DatasetFiles, settings: DatasetSettings, log: Log | None, cores: int
+) -> dict[str, Stage]:
+    """From the recording to the selection of the last phase."""
+    listed: dict[str, Stage] = {
         "preparation": partial(
             prepare_signals,
             files,
             settings.preparation,
             sample_requirements(settings),
-            bool(validated),
+            _is_validated(settings),
         ),
         "spectrum": partial(estimate_spectrum, files, settings.spectrum),
     }
-    for phase in phases:
+    for phase in phases_of_dataset(settings):
         listed[phase] = partial(_search_phase, files, phase, settings, log, cores)
-    return listed | {
-        "model": partial(complete_model, files, search, window, phases),
-        "candidates": partial(tabulate_candidates, files, phases),
-        "validation": partial(validate_model, files, phase_of_orders(structure)),
-        "summary": partial(summarize_dataset, files, phases),
-        "figures": partial(_draw_figures, files),
-        "report": partial(_write_report, files),
+    return listed
+
+
+def _automatic_stages(
+    files: DatasetFiles, settings: DatasetSettings, automatic: AutomaticSettings, log: Log | None
+) -> dict[str, Stage]:
+    """From the recording to the chosen model, one stage for each decision."""
+    given = GivenPreparation(**given_preparation(settings.preparation, automatic))  # type: ignore[arg-type]
+    preparation, validated = settings.preparation, _is_validated(settings)
+    searched = searched_structures(automatic.structure)
+    wanted = (automatic.structure,) if automatic.structure else searched
+    listed: dict[str, Stage] = {
+        "plan": partial(decide_preparation, files, preparation, given, validated),
+        "preparation": partial(apply_preparation, files, preparation, validated),
+        "spectrum": partial(estimate_spectrum, files, settings.spectrum),
+        "folds": partial(decide_folds, files),
+        "delay": partial(decide_delay, files, automatic.nk),
     }
+    for structure in searched:
+        listed[structure] = partial(search_structure, files, structure, automatic)
+    return listed | {
+        "structures": partial(compare_structures, files, wanted, automatic),
+        "remedies": partial(act_on_checks, files, automatic),
+        "chosen": partial(estimate_chosen, files, settings.search, log),
+        "decisions": partial(collect_decisions, files, searched),
+    }
+
+
+def _is_validated(settings: DatasetSettings) -> bool:
+    """Whether there is an independent recording for validation."""
+    source = settings.source
+    return isinstance(source, RecordedSource) and bool(source.validation_file)
 
 
 def identify_recording(

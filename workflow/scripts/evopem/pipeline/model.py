@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
+from typing import cast
 
-from evopem.config.settings import ScoringWindow, SearchSettings
+from evopem.automatic.chosen import window_of
+from evopem.automatic.preparation import PreparationPlan
+from evopem.automatic.remedies import Remedied
+from evopem.config.settings import Objective, ScoringWindow, SearchSettings
 from evopem.estimation.candidate import PhaseSelection
-from evopem.estimation.model_record import ModelRecord
+from evopem.estimation.model_record import LevelOfSimulation, ModelRecord
 from evopem.estimation.order_selection import complete_estimate
 from evopem.files.atomic import write_table
 from evopem.files.json_form import load, save
@@ -21,13 +26,35 @@ from evopem.signals.preparation import load_prepared
 
 
 def complete_model(
-    files: DatasetFiles, search: SearchSettings, window: ScoringWindow, phases: Sequence[str]
+    files: DatasetFiles,
+    search: SearchSettings,
+    window: ScoringWindow | None,
+    phases: Sequence[str],
 ) -> None:
-    """Complete the selected candidate, and write it for evopem, MATLAB and spreadsheets."""
-    selection = load(PhaseSelection, files.phase(phases[-1]))
+    """Complete the selected candidate, and write it for evopem, MATLAB and spreadsheets.
+
+    Parameters
+    ----------
+    files : DatasetFiles
+    search : SearchSettings
+    window : ScoringWindow, optional
+        None for the automatic recipe, whose decisions hold what is needed instead.
+    phases : sequence of str
+    """
+    selected = load(PhaseSelection, files.phase(phases[-1])).selected
     prepared = load_prepared(files.prepared, files.transforms)
-    estimate = complete_estimate(selection.selected, prepared.estimation, search, window)
-    save(ModelRecord.of(estimate, search, prepared.transforms), files.model)
+    level: LevelOfSimulation = "constant" if selected.with_level else "none"
+    if window is None:
+        plan = load(PreparationPlan, files.decision("preparation"))
+        search = replace(search, objective=cast("Objective", plan.objective))
+        level = load(Remedied, files.decision("remedies")).choice.level
+        estimate = complete_estimate(
+            selected, prepared.estimation, search, window_of(selected.orders)
+        )
+        estimate = replace(estimate, at_stability_bound=selected.at_stability_bound)
+    else:
+        estimate = complete_estimate(selected, prepared.estimation, search, window)
+    save(ModelRecord.of(estimate, search, prepared.transforms, level), files.model)
     save_model_mat(estimate.model, files.model_mat)
     write_table(files.modes, modes_table(estimate.model))
     write_table(files.frequency_response, frequency_response_table(estimate.model))

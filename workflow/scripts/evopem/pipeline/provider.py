@@ -14,17 +14,20 @@ from typing import Any, Protocol
 
 from evopem.config import order_grid, resources
 from evopem.config.dataset_names import RESERVED_NAMES
+from evopem.config.order_grid import phases_of_dataset
 from evopem.config.settings import (
+    AutomaticSettings,
     Configuration,
     DatasetSettings,
     OrderGrid,
     RecordedSource,
 )
-from evopem.config.structures import phases_of
+from evopem.config.structures import AUTOMATIC_STRUCTURES, searched_structures
 from evopem.files.json_form import to_json
 from evopem.results.layout import OVERVIEW, DatasetFiles
 from evopem.results.replaced_recordings import was_read_from
 
+_DECISIONS = ("preparation", "folds", "delay", "comparison", "remedies")
 _RESERVED = "|".join(map(re.escape, RESERVED_NAMES))
 DATASET_PATTERN = rf"(?!(?:{_RESERVED})/)[A-Za-z0-9][A-Za-z0-9_.-]*"
 """The form of a data set's name. A folder with a reserved name belongs to no data set."""
@@ -49,6 +52,14 @@ class Wildcards(Protocol):
 
     def get(self, name: str) -> str | None:
         """Value of a wildcard, None where the job has no such one."""
+
+
+def _structure_of(dataset: DatasetSettings) -> str:
+    """The structure on which the results depend, with the automatic recipe before it."""
+    automatic = dataset.automatic
+    if automatic is None:
+        return dataset.order_grid.structure
+    return f"automatic_{automatic.structure}" if automatic.structure else "automatic"
 
 
 @dataclass(frozen=True)
@@ -98,6 +109,17 @@ class Provider:
         """Names of the data sets that are simulated."""
         return frozenset(self.config.datasets) - self.recorded
 
+    @cached_property
+    def automatic(self) -> frozenset[str]:
+        """Names of the data sets of the automatic recipe."""
+        datasets = self.config.datasets.items()
+        return frozenset(name for name, dataset in datasets if dataset.automatic is not None)
+
+    @cached_property
+    def by_chapter(self) -> frozenset[str]:
+        """Names of the data sets of the chapter's recipe."""
+        return frozenset(self.config.datasets) - self.automatic
+
     @property
     def with_report(self) -> bool:
         """Whether figures and reports are made."""
@@ -139,9 +161,20 @@ class Provider:
             if dataset in self.validated
             else []
         )
-        phases = own.phases(self.config.datasets[dataset].order_grid.structure)
-        read = [own.recording, *validation, own.prepared, *phases]
+        settings = self.config.datasets[dataset]
+        phases = [own.phase(each) for each in phases_of_dataset(settings)]
+        decisions = [] if settings.automatic is None else self._decisions(dataset, own)
+        read = [own.recording, *validation, own.prepared, *phases, *decisions]
         return [*read, *own.results, *(own.pages if self.with_report else []), *truth]
+
+    def _decisions(self, dataset: str, own: DatasetFiles) -> list[str]:
+        """All files of decisions of one data set."""
+        searches = [own.search(each) for each in self._structures(dataset)]
+        return [own.stretches, *map(own.decision, _DECISIONS), *searches, own.decisions]
+
+    def _structures(self, dataset: str) -> tuple[str, ...]:
+        automatic = self.config.datasets[dataset].automatic
+        return searched_structures(automatic.structure if automatic else None)
 
     @property
     def kinds(self) -> list[Kind]:
@@ -150,7 +183,7 @@ class Provider:
         for name, dataset in self.config.datasets.items():
             source = "recorded" if name in self.recorded else "synthetic"
             source = "validated" if name in self.validated else source
-            members.setdefault((source, dataset.order_grid.structure), []).append(name)
+            members.setdefault((source, _structure_of(dataset)), []).append(name)
         return [
             Kind(
                 name=f"{source}_{structure}",
@@ -173,7 +206,7 @@ class Provider:
             result
             for own in map(DatasetFiles.of_dataset, self.config.datasets)
             for result in (own.config, own.candidates, *([own.report] if self.with_report else []))
-        ]
+        ] + [DatasetFiles.of_dataset(name).decisions for name in sorted(self.automatic)]
 
     def one_of(self, names: frozenset[str]) -> str:
         """A wildcard constraint that matches these names and no other data set's.
@@ -232,7 +265,12 @@ class Provider:
         return {"truth": FILES.truth} if wildcards.dataset in self.synthetic else {}
 
     def window(self, wildcards: Wildcards) -> object:
-        """The samples on which the candidates of a data set are compared."""
+        """The samples on which the candidates of a data set are compared.
+
+        None for the automatic recipe, whose chosen model has its own.
+        """
+        if self._of(wildcards).automatic is not None:
+            return None
         return to_json(order_grid.scoring_window(self._of(wildcards)))
 
     def requirements(self, wildcards: Wildcards) -> object:
@@ -253,7 +291,7 @@ class Provider:
 
     def phases(self, wildcards: Wildcards) -> list[str]:
         """Names of the phases of a data set, in their order."""
-        return list(phases_of(self._of(wildcards).order_grid.structure))
+        return list(phases_of_dataset(self._of(wildcards)))
 
     def selections(self, wildcards: Wildcards) -> list[str]:
         """The outputs of all phases of a data set."""
@@ -265,7 +303,7 @@ class Provider:
 
     def phase_of_orders(self, wildcards: Wildcards) -> str:
         """The phase over whose models the modes are compared."""
-        return order_grid.phase_of_orders(self._of(wildcards).order_grid.structure)
+        return order_grid.phase_of_orders_of(self._of(wildcards))
 
     def models_of_orders(self, wildcards: Wildcards) -> str:
         """The output of that phase."""
@@ -289,6 +327,56 @@ class Provider:
         if order_grid.needs_resonances(wildcards.phase, self._of(wildcards).order_grid):
             inputs["spectrum"] = FILES.spectrum_summary
         return inputs
+
+    def given_preparation(self, wildcards: Wildcards) -> dict[str, Any]:
+        """What the configuration decides of an automatic preparation."""
+        settings = self._of(wildcards)
+        automatic = settings.automatic or AutomaticSettings()
+        return order_grid.given_preparation(settings.preparation, automatic)
+
+    def automatic_settings(self, *names: str) -> Callable[[Wildcards], dict[str, Any]]:
+        """A function that gives some settings of the automatic recipe, the others built in."""
+
+        def provide(wildcards: Wildcards) -> dict[str, Any]:
+            own: dict[str, Any] = to_json(self._of(wildcards).automatic)
+            return {name: own[name] for name in names}
+
+        return provide
+
+    def wanted_structures(self, wildcards: Wildcards) -> list[str]:
+        """The structures among which the automatic recipe chooses."""
+        automatic = self._of(wildcards).automatic
+        structure = automatic.structure if automatic else None
+        return [structure] if structure else list(self._structures(wildcards.dataset))
+
+    def structures(self, wildcards: Wildcards) -> list[str]:
+        """The structures that the automatic recipe searches."""
+        return list(self._structures(wildcards.dataset))
+
+    def wanted_searches(self, wildcards: Wildcards) -> list[str]:
+        """The outputs of the searches of these structures."""
+        return [FILES.search(each) for each in self.wanted_structures(wildcards)]
+
+    def searches(self, wildcards: Wildcards) -> list[str]:
+        """The outputs of the searches of all structures."""
+        return [FILES.search(each) for each in self.structures(wildcards)]
+
+    def nested_searches(self, wildcards: Wildcards) -> list[str]:
+        """The outputs of the searches whose optima a structure's search starts from."""
+        nested = AUTOMATIC_STRUCTURES[str(wildcards.get("structure"))]
+        return [FILES.search(each) for each in nested]
+
+    def chosen(self, wildcards: Wildcards) -> dict[str, str]:
+        """What the completed model of an automatic recipe is described by."""
+        if self._of(wildcards).automatic is None:
+            return {}
+        return {"plan": FILES.decision("preparation"), "remedies": FILES.decision("remedies")}
+
+    def decisions(self, wildcards: Wildcards) -> dict[str, str]:
+        """The decisions of an automatic recipe, for its report."""
+        if self._of(wildcards).automatic is None:
+            return {}
+        return {"decisions": FILES.decisions}
 
     def reading_memory(self, wildcards: Wildcards, attempt: int) -> int:
         """MB of a job that reads a recording once."""

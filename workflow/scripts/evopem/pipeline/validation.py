@@ -24,15 +24,16 @@ def validate_model(files: DatasetFiles, phase: str) -> None:
     """
     record = load(ModelRecord, files.model)
     prepared = load_prepared(files.prepared, files.transforms)
-    models = load(PhaseSelection, files.phase(phase))
+    models = load(PhaseSelection, files.phase(phase)).over_orders(record.orders.structure)
     spectrum = load(SpectrumSummary, files.spectrum_summary)
     validation, tables = validate(
         record.model,
         prepared,
         record.window.loss_start,
         record.search.settings.objective,
-        [each.model for each in models.candidates if each.orders != record.orders],
+        [each.model for each in models if each.orders != record.orders],
         SpectrumSettings(spectrum.time_halfbandwidth, spectrum.nfft),
+        free_level=record.level_of_simulation == "state",
     )
     save(validation, files.validation)
     write_table(files.residual_autocorrelation, tables.residual_autocorrelation)

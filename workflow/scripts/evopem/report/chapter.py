@@ -24,7 +24,8 @@ def stands_in_for_the_chapter(settings: DatasetSettings) -> bool:
     """Whether a data set is an ARMAX model of the simulated arm, as the chapter's recording."""
     source = settings.source
     of_arm = isinstance(source, SyntheticSource) and source.synthesis == "flexible_arm"
-    return of_arm and settings.order_grid.structure == "armax"
+    by_chapter = settings.automatic is None and settings.order_grid.structure == "armax"
+    return of_arm and by_chapter
 
 
 def compare_with_chapter(results: DatasetResults) -> list[tuple[str, str, str]]:

@@ -15,6 +15,7 @@ from evopem.report import chapter, equations, provenance
 from evopem.report.downloads import Download, csv_download
 from evopem.report.inline_svg import inline_svg
 from evopem.report.mode_table import mode_rows
+from evopem.report.sentences.about_decisions import about_decisions, decision_rows
 from evopem.report.sentences.about_model import (
     frequency_response,
     mode_lines,
@@ -183,6 +184,9 @@ def build_report(
             if figure.applies(results)
         },
         candidates=results.candidates.to_dict("records"),
+        decisions=decision_rows(results),
+        trials=results.decisions.trials if results.decisions else (),
+        decision_remarks=about_decisions(results),
         provenance=provenance.terms(results, commit),
         stages=provenance.stages(results, wall_clock),
         command=provenance.command(commit),

@@ -19,7 +19,11 @@ PHASE_STAGES = {
     "nd": "Search of nd",
     "na": "Search of na",
     "nb": "Search of nb",
+    "structures": "Search of all structures",
+    "chosen": "Search of the chosen model",
 }
+# The folder of times of a phase, where it has another name.
+TIMES = {"structures": "decisions"}
 # All stages where they ran as one job.
 ONE_JOB = "identification"
 BEFORE = (("recording", "Reading"), ("preparation", "Preparation"), ("spectrum", "Spectrum"))
@@ -49,7 +53,8 @@ def stages(results: DatasetResults, wall_clock: Mapping[str, float]) -> list[Sta
     for phase, selection in results.phases.items():
         tried = [candidate.diagnostics for candidate in selection.candidates]
         evaluations = sum(diagnostics.evaluations for diagnostics in tried)
-        rows.append(Stage(PHASE_STAGES[phase], wall_clock.get(phase), len(tried), evaluations))
+        seconds = wall_clock.get(TIMES.get(phase, phase))
+        rows.append(Stage(PHASE_STAGES[phase], seconds, len(tried), evaluations))
     rows += [Stage(name, wall_clock.get(stage)) for stage, name in AFTER]
     if ONE_JOB in wall_clock:
         rows.append(Stage("All stages, in one job", wall_clock[ONE_JOB]))

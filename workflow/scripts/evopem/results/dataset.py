@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pandas as pd
 
-from evopem.config.order_grid import phase_of_orders
+from evopem.automatic.record import DecisionRecord
+from evopem.config.order_grid import phase_of_orders_of, phases_of_dataset
 from evopem.config.settings import DatasetSettings
-from evopem.config.structures import phases_of
 from evopem.errors import InputError
 from evopem.estimation.candidate import Candidate, PhaseSelection
 from evopem.estimation.model_record import ModelRecord
@@ -52,6 +52,8 @@ class DatasetResults:
     validation : Validation
     validation_tables : ValidationTables
     truth : Truth, optional
+    decisions : DecisionRecord, optional
+        Of the automatic recipe.
     """
 
     settings: DatasetSettings
@@ -69,6 +71,7 @@ class DatasetResults:
     validation: Validation
     validation_tables: ValidationTables
     truth: Truth | None
+    decisions: DecisionRecord | None = None
 
     @property
     def name(self) -> str:
@@ -82,8 +85,9 @@ class DatasetResults:
 
     @property
     def models_of_orders(self) -> PhaseSelection:
-        """The phase over whose models the modes are compared."""
-        return self.phases[phase_of_orders(self.settings.order_grid.structure)]
+        """The models over which the modes are compared, and the selected one."""
+        phase = self.phases[phase_of_orders_of(self.settings)]
+        return replace(phase, candidates=phase.over_orders(self.model.orders.structure))
 
     @property
     def checks(self) -> list[Check]:
@@ -115,7 +119,7 @@ def read_dataset_results(files: DatasetFiles, settings: DatasetSettings) -> Data
     def optional_info(path: str) -> RecordingInfo | None:
         return load(RecordingInfo, path) if Path(path).exists() else None
 
-    phases = phases_of(settings.order_grid.structure)
+    phases = phases_of_dataset(settings)
     return DatasetResults(
         settings=settings,
         recording=load_recording(files.recording),
@@ -137,6 +141,7 @@ def read_dataset_results(files: DatasetFiles, settings: DatasetSettings) -> Data
             horizons=read_table(files.horizons),
         ),
         truth=load(Truth, files.truth) if Path(files.truth).exists() else None,
+        decisions=None if settings.automatic is None else load(DecisionRecord, files.decisions),
     )
 
 

@@ -136,6 +136,24 @@ class DatasetFiles:
         """Selections and candidates of all phases of a structure, in their order."""
         return [self.phase(phase) for phase in phases_of(structure)]
 
+    def decision(self, subject: str) -> str:
+        """One decision of the automatic recipe."""
+        return f"{self.folder}/decisions/{subject}.json"
+
+    def search(self, structure: str) -> str:
+        """The search of one structure's orders by the automatic recipe."""
+        return self.decision(f"search/{structure}")
+
+    @property
+    def stretches(self) -> str:
+        """Prepared estimation samples of the automatic recipe, between breaks."""
+        return f"{self.folder}/decisions/stretches.npz"
+
+    @property
+    def decisions(self) -> str:
+        """All decisions of the automatic recipe, and its trials of remedies."""
+        return f"{self.folder}/decisions.json"
+
     @property
     def candidates(self) -> str:
         """Every candidate of every phase."""

@@ -61,9 +61,9 @@ class Transforms:
         Values the differences start from, at the first validation sample.
     estimation_samples, validation_samples : int
         Numbers of prepared samples.
-    validation_source : {"cut", "file"}
-        ``cut``: the validation samples follow the estimation samples without a gap; ``file``:
-        they come from another recording.
+    validation_source : {"cut", "gap", "file"}
+        ``cut``: the validation samples follow the estimation samples without a gap; ``gap``: they
+        follow later in the recording; ``file``: they come from another recording.
     """
 
     sampling_rate: float
@@ -81,7 +81,7 @@ class Transforms:
     validation_difference_input_initial: tuple[float, ...]
     estimation_samples: int
     validation_samples: int
-    validation_source: Literal["cut", "file"]
+    validation_source: Literal["cut", "gap", "file"]
 
     @property
     def changes_output(self) -> bool:

@@ -9,7 +9,11 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.polynomial_states import estimate_prediction_states, estimate_simulation_state
+from evopem.models.polynomial_states import (
+    estimate_prediction_states,
+    estimate_simulation_state,
+    simulate_with_fitted_level,
+)
 from evopem.signals.preparation import PreparedData
 from evopem.signals.recording import Recording
 from evopem.validation.recorded_units import RecordedSeries
@@ -63,11 +67,15 @@ def held_out_samples(
 
 
 def responses_of(
-    model: PolynomialModel, prepared: PreparedData, held_out: HeldOutSamples
+    model: PolynomialModel,
+    prepared: PreparedData,
+    held_out: HeldOutSamples,
+    free_level: bool = False,
 ) -> Responses:
     """Predict and simulate the validation samples.
 
-    The prediction of samples that follow the estimation samples directly knows all the past.
+    The prediction of samples that follow the estimation samples directly knows all the past.  With
+    a free level the simulation fits its level to the validation samples, too.
     """
     estimation, validation = prepared.estimation, prepared.validation
     seen = len(held_out.output) - len(validation.output)
@@ -80,16 +88,20 @@ def responses_of(
         input=validation.input,
         output=validation.output,
         predicted=predicted,
-        simulated=_simulated(model, validation),
+        simulated=_simulated(model, validation, free_level),
         continued=continued,
         unscored=0 if prepared.contiguous else unscored_samples(model),
     )
 
 
-def _simulated(model: PolynomialModel, validation: Recording) -> NDArray[np.float64]:
+def _simulated(
+    model: PolynomialModel, validation: Recording, free_level: bool
+) -> NDArray[np.float64]:
     """Response to the validation input from the state that fits the validation output best."""
     if not model.has_input:
         return np.full(len(validation.output), np.nan)
+    if free_level:
+        return simulate_with_fitted_level(model, validation.input, validation.output)
     state = estimate_simulation_state(model, validation.input, validation.output)
     return model.simulate(validation.input, state)
 

@@ -198,6 +198,7 @@ def validate(
     others: Sequence[PolynomialModel] = (),
     spectrum: SpectrumSettings | None = None,
     lags: int = 1200,
+    free_level: bool = False,
 ) -> tuple[Validation, ValidationTables]:
     """Validate a model on the estimation samples and on samples it was not estimated from.
 
@@ -217,6 +218,9 @@ def validate(
         Of the multitaper estimate of the coherence.
     lags : int
         Largest lag of the residual autocorrelation; cut to the number of residuals less one.
+    free_level : bool
+        Whether the simulation fits its level to the validation samples, as it fits the initial
+        state.
 
     Returns
     -------
@@ -264,7 +268,7 @@ def validate(
     noise_parameters = orders.na + orders.nc + orders.nd
     tested_lags = ljung_box_lags(residuals.size, noise_parameters, largest)
     held_out = held_out_samples(model, prepared, states)
-    responses = responses_of(model, prepared, held_out)
+    responses = responses_of(model, prepared, held_out, free_level)
     scored = slice(responses.unscored, None)
     measured = responses.output[scored]
     if measured.size == 0:

@@ -210,7 +210,7 @@ class PolynomialProblem:
         if o.nf == 0:
             return np.empty((0, self.errors.dimension)), 0
         orders = PolynomialOrders(na=o.nf, nb=o.nb, nc=max(o.nc, o.nf), nk=o.nk)
-        problem = PolynomialProblem(self._errors_of(orders))
+        problem = type(self)(self._errors_of(orders))
         starts, used = problem._from_denominators(next(problem._denominators()))
         descents = problem.descend(starts)
         best = descents.points[np.argmin(descents.values)]
@@ -234,7 +234,7 @@ class PolynomialProblem:
             return nothing, 0
         orders = replace(o, nb=max(o.nb - 2, 1))
         orders = replace(orders, nf=order - 2) if name == "f" else replace(orders, na=order - 2)
-        smaller = PolynomialProblem(self._errors_of(orders))
+        smaller = type(self)(self._errors_of(orders))
         starts, used = smaller._estimates
         descents = smaller.descend(starts)
         best = descents.points[np.argmin(descents.values)]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from evopem.config.structures import plant_order, varied_order
+from evopem.config.structures import plant_order, structure_name, varied_order
 from evopem.figures.figure_data import stabilization_poles
 from evopem.figures.order_criteria import tied_text
 from evopem.models.stabilization import PERSISTENT_ORDERS, persistent_frequencies
@@ -46,6 +46,17 @@ def phases(results: DatasetResults) -> list[str]:
     """The selection of each phase of the orders, beside the smallest RSS."""
     paragraphs = []
     structure = results.model.orders.structure
+    if results.decisions is not None:
+        names = dict.fromkeys(
+            structure_name(each.orders.structure)
+            for each in results.phases["structures"].candidates
+        )
+        return [
+            f"{enumeration(list(names))} models of growing order were tried until nothing was"
+            f" gained. {_reason(results, 'structures')} {_reason(results, 'chosen')}",
+            "RSS and BIC are those of one-step errors on the same estimation samples; between"
+            " structures the errors on held-out samples decide, which the decisions list.",
+        ]
     for phase in results.phases:
         if phase == "delay":
             continue

@@ -68,11 +68,11 @@ def _division(transforms: Transforms) -> str:
     lead = "The first "
     if transforms.discard:
         lead = f"The first {plural(transforms.discard, 'sample')} are discarded. The next "
-    where = (
-        "those of an independent recording"
-        if transforms.validation_source == "file"
-        else "those that follow without a gap"
-    )
+    where = {
+        "file": "those of an independent recording",
+        "gap": "later ones of the same recording",
+        "cut": "those that follow without a gap",
+    }[transforms.validation_source]
     return (
         f"{lead}{plural(transforms.estimation_samples, 'sample')} are used for estimation;"
         f" {plural(transforms.validation_samples, 'sample')}, {where}, are used for validation."

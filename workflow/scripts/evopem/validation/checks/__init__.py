@@ -7,6 +7,7 @@ exist, ``passed`` is None and the statement says which one.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from evopem.validation.checks.check import SIGNIFICANCE, Check, p_text
@@ -21,6 +22,7 @@ from evopem.validation.checks.excitation import (
 from evopem.validation.checks.recording import saturation
 from evopem.validation.checks.residuals import (
     INDEPENDENT_OF_INPUT,
+    WHITE,
     input_independence,
     outliers,
     whiteness,
@@ -32,7 +34,7 @@ from evopem.validation.checks.roots import (
     stability,
     stability_bound,
 )
-from evopem.validation.checks.search import repeatability, search_ranges
+from evopem.validation.checks.search import STRUCTURES_PHASE, repeatability, search_ranges
 from evopem.validation.checks.spectral_peaks import spectral_peaks
 
 if TYPE_CHECKING:
@@ -50,6 +52,9 @@ OF_THE_INPUT = (
     INPUT_COMPARABLE,
     DISTINCT,
 )
+
+# The automatic recipe has tried what the advice of these would be.
+REMEDIED = (WHITE, INDEPENDENT_OF_INPUT, DISTINCT)
 
 __all__ = ["SIGNIFICANCE", "Check", "checks", "p_text"]
 
@@ -94,6 +99,19 @@ def checks(
         outliers(model, validation),
         saturation(recording),
     ]
+    if STRUCTURES_PHASE in phases:
+        judged = [_after_remedies(check) for check in judged]
     if model.model.has_input:
         return judged
     return [check for check in judged if check.name not in OF_THE_INPUT]
+
+
+def _after_remedies(check: Check) -> Check:
+    """A failed check whose remedies the workflow has tried."""
+    if check.passed is not False or check.name not in REMEDIED:
+        return check
+    return replace(
+        check,
+        advice="The remedies that were tried stand in decisions.json, with what each of them"
+        " brought. Look for nonlinearity, disturbances or feedback in the record.",
+    )

@@ -23,6 +23,7 @@ MAX_OUTLIER_PERCENT = 0.1
 MAX_OUTLIER_PERCENT_ABSOLUTE = 5.0
 
 
+WHITE = "White residuals"
 INDEPENDENT_OF_INPUT = "Residuals independent of the input"
 # Structures that claim nothing of the noise.
 WITHOUT_NOISE_MODEL = ("fir", "oe")
@@ -47,7 +48,7 @@ def _least_share(lags: int) -> float:
 
 def whiteness(model: ModelRecord, validation: Validation) -> Check:
     """Residual autocorrelations as small as those of white noise, jointly and one by one."""
-    name = "White residuals"
+    name = WHITE
     share, lags = validation.autocorrelation_share_inside95, validation.lags
     test = validation.ljung_box
     passed = white(validation)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from evopem.config.structures import varied_order
+from evopem.config.structures import AUTOMATIC_PHASES, plant_order, varied_order
 from evopem.validation.checks.check import Check
 
 if TYPE_CHECKING:
@@ -21,6 +21,7 @@ RANGES = {
     "na": ("orders.na", 0),
     "nb": ("orders.nb", 1),
 }
+STRUCTURES_PHASE, CHOSEN_PHASE = AUTOMATIC_PHASES
 # Estimated probability of an undiscovered minimum above which a search is not called repeatable.
 MAX_UNDISCOVERED_PROBABILITY = 0.01
 
@@ -28,6 +29,8 @@ MAX_UNDISCOVERED_PROBABILITY = 0.01
 def search_ranges(phases: Mapping[str, PhaseSelection]) -> Check:
     """No selected order at an end of its range, unless the order cannot go beyond that end."""
     name = "Orders inside their search ranges"
+    if STRUCTURES_PHASE in phases:
+        return _grown_ranges(name, phases)
     at_end, inside, fixed = [], [], []
     for phase, selection in phases.items():
         key, least = RANGES[phase]
@@ -56,6 +59,51 @@ def search_ranges(phases: Mapping[str, PhaseSelection]) -> Check:
         )
     remark = f" Fixed by the configuration: {', '.join(fixed)}." if fixed else ""
     return Check(name, True, f"Inside: {'; '.join(inside)}.{remark}")
+
+
+def _grown_ranges(name: str, phases: Mapping[str, PhaseSelection]) -> Check:
+    """The automatic recipe's ranges begin at 1 and grow until nothing is gained."""
+    orders = phases[CHOSEN_PHASE].orders
+    structure = orders.structure
+    order = plant_order(structure)
+    tried = [
+        getattr(each.orders, order)
+        for each in phases[STRUCTURES_PHASE].candidates
+        if each.orders.structure == structure
+    ]
+    value = getattr(orders, order)
+    if not tried:
+        return Check(
+            name,
+            None,
+            f"{orders} came of a remedy: no range of {structure.upper()} models was searched.",
+            "Compare it with the candidates of the other structures.",
+        )
+    low, high = min(tried), max(tried)
+    text = f"{order} = {value}; {order} from {low} to {high} was tried"
+    if low == high:
+        return Check(
+            name,
+            None,
+            f"The configuration fixes the order: {text}.",
+            "Give “orders” a range, if the orders are not known.",
+        )
+    if value >= high:
+        return Check(
+            name,
+            False,
+            f"At the upper end: {text}, as far as the record, the limits of the configuration and"
+            " the budget go.",
+            "Record longer, or give “orders.joint” a higher upper end if it was given.",
+        )
+    if value == low > 1:
+        return Check(
+            name,
+            False,
+            f"At the lower end: {text}.",
+            "Lower the lower end of “orders.joint”: a smaller model may be as good.",
+        )
+    return Check(name, True, f"Inside: {text}, until nothing was gained.")
 
 
 def repeatability(diagnostics: SearchDiagnostics) -> Check:

@@ -1,0 +1,106 @@
+"""The automatic recipe: what is written decides, what is missing is left to the recording."""
+
+from pathlib import Path
+
+import pytest
+import yaml
+
+from evopem.config.defaults import complete
+from evopem.config.settings import AutomaticSettings, SplitSettings, TransformSettings
+from evopem.config.structures import searched_structures
+from evopem.config.yaml_form import keys_of, settings_of, yaml_text
+from evopem.errors import InputError
+
+SCHEMA = Path(__file__).parents[2] / "workflow" / "schemas" / "config.schema.yaml"
+PUMP = "file: pump.csv, input: torque, output: speed, sampling_rate: 200"
+
+
+def settings(keys="", defaults=""):
+    text = f"defaults: {{{defaults}}}\ndatasets: {{pump: {{{PUMP}, recipe: auto{keys}}}}}"
+    return complete(yaml.safe_load(text), SCHEMA).datasets["pump"]
+
+
+def refusal(keys):
+    with pytest.raises(InputError) as caught:
+        settings(keys)
+    return str(caught.value)
+
+
+def test_a_source_alone_leaves_every_decision_to_the_recording():
+    pump = settings()
+    assert pump.recipe == "auto"
+    assert pump.automatic == AutomaticSettings()
+    assert pump.preparation.transforms == TransformSettings("none", 0, 0)
+    assert pump.preparation.split == SplitSettings(0, 0.8)
+    assert pump.preparation.resample is None
+
+
+@pytest.mark.parametrize(
+    ("keys", "decided"),
+    [
+        (", structure: oe", {"structure": "oe"}),
+        (", delay: {nk: 2}", {"nk": (2, 2)}),
+        (", orders: {joint: [2, 5], nb: 3}", {"joint": (2, 5), "nb": (3, 3)}),
+        (", orders: {joint: auto}", {}),
+        (", resample: none", {"rate_given": True}),
+        (", split: {discard: 30}", {"start_given": True}),
+        (", search: {objective: absolute}", {"objective": "absolute"}),
+        (", purpose: prediction", {"purpose": "prediction"}),
+    ],
+)
+def test_a_key_decides_itself_and_nothing_else(keys, decided):
+    assert settings(keys).automatic == AutomaticSettings(**decided)
+
+
+def test_defaults_decide_for_every_data_set():
+    pump = settings(", orders: {nb: 3}", "orders: {nb: 2, nc: 1}, split: {estimation: 0.5}")
+    assert pump.automatic == AutomaticSettings(nb=(3, 3), nc=(1, 1))
+    assert pump.preparation.split == SplitSettings(0, 0.5)
+
+
+@pytest.mark.parametrize(
+    "keys",
+    [
+        "",
+        ", validation_file: other.csv",
+        ", structure: bj, orders: {nc: [1, 3]}, delay: {nk: 1}, purpose: modes",
+        ", split: {discard: 0.1}, resample: 50, search: {objective: quadratic, seed: 4}",
+        ", transforms: {difference: 1, difference_input: 1}",
+    ],
+)
+def test_the_complete_configuration_gives_the_same_settings(keys):
+    pump = settings(keys)
+    assert settings_of("pump", keys_of(pump)) == pump
+    assert complete(yaml.safe_load(yaml_text(pump)), SCHEMA).datasets == {"pump": pump}
+
+
+@pytest.mark.parametrize(
+    ("keys", "words"),
+    [
+        (", structure: general", "datasets.pump.structure: the automatic recipe does not search"),
+        (", structure: arma", "structure arma has no input, and the automatic recipe needs one"),
+        (", level: false", "datasets.pump.level: the automatic recipe always estimates a level"),
+        (", orders: {na: 2}", "datasets.pump.orders.na: the automatic recipe has no such range"),
+        (", delay: {orders: 3}", "datasets.pump.delay.orders: the automatic recipe has no such"),
+        (", structure: oe, orders: {nc: 2}", "datasets.pump.orders.nc: structure oe has no such"),
+        (", purpose: control", "give what the model is for, auto, simulation, prediction or modes"),
+        (", split: {estimation: 1.0}", "takes all samples, so none are left to validate on"),
+    ],
+)
+def test_what_the_recipe_does_not_have_is_refused_in_a_sentence(keys, words):
+    sentence = refusal(keys)
+    assert words in sentence
+    assert sentence.endswith(".")
+    assert sentence.count("\n") == 0
+
+
+def test_a_purpose_without_the_automatic_recipe_is_refused():
+    text = f"datasets: {{pump: {{{PUMP}, recipe: chapter, purpose: modes}}}}"
+    with pytest.raises(InputError, match="the chapter's recipe knows no purpose"):
+        complete(yaml.safe_load(text), SCHEMA)
+
+
+def test_a_structure_brings_those_that_its_search_starts_from():
+    assert searched_structures("fir") == ("fir",)
+    assert searched_structures("bj") == ("arx", "armax", "oe", "bj")
+    assert len(searched_structures(None)) == 7

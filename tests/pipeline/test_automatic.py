@@ -1,0 +1,78 @@
+"""The automatic recipe in one process: a record with clipped samples, from file to report."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from evopem.automatic.record import DecisionRecord
+from evopem.config.settings import (
+    AutomaticSettings,
+    ChannelSettings,
+    DatasetSettings,
+    OrderGrid,
+    PreparationSettings,
+    RecordedSource,
+    SearchSettings,
+    SpectrumSettings,
+    SplitSettings,
+    TransformSettings,
+)
+from evopem.estimation.model_record import ModelRecord
+from evopem.files.json_form import load
+from evopem.pipeline.identification import identify_recording, stages
+from evopem.results.layout import DatasetFiles
+
+STAGES = (
+    *("configuration", "recording", "plan", "preparation", "spectrum", "folds", "delay", "arx"),
+    *("structures", "remedies", "chosen", "decisions", "model", "candidates", "validation"),
+    *("summary", "figures", "report"),
+)
+POLES = [1.0, -1.5, 0.7]
+
+
+def settings_of(file):
+    return DatasetSettings(
+        "pump",
+        RecordedSource(file, ChannelSettings(sampling_rate=10.0)),
+        PreparationSettings(TransformSettings("none", 0, 0), SplitSettings(0, 0.8)),
+        SpectrumSettings(nfft=512),
+        OrderGrid(),
+        SearchSettings(evaluations=500, max_root_radius=0.9999999),
+        AutomaticSettings(structure="arx", joint=(1, 4)),
+    )
+
+
+@pytest.fixture(scope="module")
+def clipped(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("clipped")
+    u, e = np.random.default_rng(2).standard_normal((2, 700))
+    y = lfilter([0.0, 1.0], POLES, np.repeat(u[:100], 7)) + lfilter([1.0], POLES, 0.3 * e)
+    y = np.minimum(y, np.quantile(y, 0.97))
+    file = folder / "pump.csv"
+    rows = np.column_stack([np.repeat(u[:100], 7), y])
+    np.savetxt(file, rows, delimiter=",", header="u,y", comments="", fmt="%.10g")
+    files = DatasetFiles(str(folder / "results" / "pump"))
+    identify_recording(files, settings_of(str(file)), with_report=True)
+    return files
+
+
+def test_the_stages_are_listed_in_their_order(clipped):
+    assert tuple(stages(clipped, settings_of("pump.csv"))) == STAGES
+
+
+def test_clipped_samples_are_breaks_and_the_model_comes_from_all_stretches(clipped):
+    record = load(DecisionRecord, clipped.decisions)
+    assert "stretches with breaks between them" in record.remarks[0]
+    model = load(ModelRecord, clipped.model)
+    assert model.transforms.estimation_samples < 500
+    # The longest stretch alone is a fraction of the record.
+    assert model.model.poles()[:2] == pytest.approx(np.roots(POLES), abs=0.08)
+
+
+def test_the_report_shows_the_decisions(clipped):
+    page = Path(clipped.report).read_text(encoding="utf-8")
+    assert 'data-name="Decisions"' in page
+    assert "become breaks" in page
+    assert "stretches with breaks between them" in page

@@ -1,0 +1,155 @@
+"""The automatic recipe in real runs: from three keys to results, and what a changed key redoes."""
+
+import json
+import shutil
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from evopem.automatic.record import DecisionRecord
+from evopem.estimation.model_record import ModelRecord
+from evopem.files.json_form import load
+from evopem.models.structures import PolynomialOrders
+
+from .conftest import Folder
+
+THREE_KEYS = {"recipe": "auto", "file": "pump.csv", "input": "u", "output": "y"}
+THREE_KEYS |= {"sampling_rate": 50}
+# A short record of a second-order system with white measurement noise: an output-error model.
+SAMPLES = 400
+
+
+def write_recording(path):
+    from scipy.signal import lfilter
+
+    generator = np.random.default_rng(5)
+    u = np.repeat(generator.standard_normal(SAMPLES // 4), 4)
+    y = lfilter([0.0, 1.0, 0.5], [1.0, -1.5, 0.7], u) + 0.2 * generator.standard_normal(SAMPLES)
+    rows = np.column_stack([u, y + 3.0])
+    np.savetxt(path, rows, delimiter=",", header="u,y", comments="", fmt="%.10g")
+
+
+def configuration(**keys):
+    return {"report": "none", "datasets": {"pump": THREE_KEYS | keys}}
+
+
+@pytest.fixture(scope="module")
+def identified(tmp_path_factory):
+    """A finished run of a structure of one's own, with three keys more than the source."""
+    folder = Folder(Path(tempfile.mkdtemp(dir=tmp_path_factory.getbasetemp())))
+    write_recording(folder.path / "pump.csv")
+    folder.configure(configuration())
+    folder.finish("--cores", "2")
+    return folder
+
+
+@pytest.fixture
+def again(identified, tmp_path):
+    path = tmp_path / "again"
+    shutil.copytree(identified.path, path, copy_function=shutil.copy2)
+    return Folder(path)
+
+
+def results_of(folder):
+    """Contents of all files of the data set but those that tell of its jobs."""
+    root = folder.results / "pump"
+    files = (path for path in root.rglob("*") if path.is_file() and path.name[0] != ".")
+    parts = {path.relative_to(root): path for path in files}
+    return {
+        str(name): path.read_bytes()
+        for name, path in parts.items()
+        if name.parts[0] not in ("logs", "benchmarks", "checksums")
+    }
+
+
+def test_three_keys_find_the_system(identified):
+    files = identified.files_of("pump")
+    model = load(ModelRecord, files.model)
+    (mode,) = [each for each in model.modes if each.damping_ratio < 0.5]
+    pole = np.log(max(np.roots([1.0, -1.5, 0.7]), key=np.imag)) * 50
+    assert mode.frequency_hz == pytest.approx(abs(pole) / (2 * np.pi), rel=0.03)
+    summary = json.loads(Path(files.summary).read_text())
+    # What remains is the measurement noise.
+    assert summary["simulation_error_percent"] < 12.0
+    subjects = [each.subject for each in load(DecisionRecord, files.decisions).decisions]
+    assert {"start", "clipping", "decimation", "objective", "folds", "delay"} <= set(subjects)
+    assert model.orders == PolynomialOrders(nb=2, nf=2, nk=1)
+    assert {f"orders of {name}" for name in ("fir", "arx", "armax", "oe", "bj")} <= set(subjects)
+
+
+def test_the_graph_is_known_before_it_runs(folder):
+    write_recording(folder.path / "pump.csv")
+    folder.configure(configuration())
+    planned = folder.planned()
+    assert planned["search_structure"] == 7
+    assert "estimate_candidates" not in planned
+    folder.configure(configuration(structure="oe"))
+    assert folder.planned()["search_structure"] == 3
+
+
+def test_one_job_for_all_stages_gives_the_same_files(identified, folder):
+    write_recording(folder.path / "pump.csv")
+    folder.configure(configuration() | {"one_job_per": "recording"})
+    folder.finish("--cores", "1")
+    assert results_of(folder) == results_of(identified)
+
+
+def test_nothing_is_left_to_do(again):
+    assert again.planned() == {}
+
+
+@pytest.mark.parametrize(
+    ("keys", "unchanged", "redone"),
+    [
+        (
+            {"purpose": "prediction"},
+            {"decide_preparation", "decide_delay", "search_structure", "estimate_spectrum"},
+            {"compare_structures", "act_on_checks", "estimate_chosen", "complete_model"},
+        ),
+        (
+            {"delay": {"nk": 1}},
+            {"decide_preparation", "apply_preparation", "decide_folds", "estimate_spectrum"},
+            {"decide_delay", "search_structure", "compare_structures"},
+        ),
+        (
+            {"search": {"seed": 2}},
+            {"search_structure", "compare_structures", "act_on_checks"},
+            {"estimate_chosen", "complete_model"},
+        ),
+        (
+            {"split": {"discard": 10}},
+            {"read_recording"},
+            {"decide_preparation", "apply_preparation", "search_structure"},
+        ),
+    ],
+)
+def test_a_changed_key_redoes_what_depends_on_it(again, keys, unchanged, redone):
+    again.configure(configuration(**keys))
+    planned = set(again.planned())
+    assert redone <= planned
+    assert not unchanged & planned
+
+
+def test_a_key_overrides_its_decision(again):
+    again.configure(configuration(structure="arx", delay={"nk": 1}, orders={"joint": [2, 4]}))
+    again.finish("--cores", "2")
+    files = again.files_of("pump")
+    orders = load(ModelRecord, files.model).orders
+    assert orders.structure == "arx"
+    assert orders.nk == 1
+    assert 2 <= orders.na <= 4
+    delay = next(
+        each for each in load(DecisionRecord, files.decisions).decisions if each.subject == "delay"
+    )
+    assert delay.sentence == "Given by the configuration."
+
+
+def test_a_signal_that_does_not_vary_is_refused_in_one_sentence(folder):
+    rows = np.column_stack([np.r_[np.zeros(390), np.ones(10)], np.arange(400.0) % 7])
+    np.savetxt(folder.path / "pump.csv", rows, delimiter=",", header="u,y", comments="")
+    folder.configure(configuration())
+    run = folder.run("--cores", "1")
+    assert run.returncode != 0
+    assert 'input "u": every sample is 0, so there is nothing to identify' in run.stdout

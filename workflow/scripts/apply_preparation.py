@@ -1,0 +1,19 @@
+"""Prepare both parts of a recording as it was decided."""
+
+from typing import TYPE_CHECKING
+
+from evopem.config.settings import PreparationSettings
+from evopem.files.job import job
+from evopem.files.json_form import from_json
+from evopem.pipeline.automatic_preparation import apply_preparation
+from evopem.results.layout import DatasetFiles
+
+if TYPE_CHECKING:
+    from snakemake.iocontainers import snakemake
+
+with job(snakemake.log[0], snakemake.input, snakemake.output):
+    apply_preparation(
+        DatasetFiles.of_log(snakemake.log[0]),
+        from_json(PreparationSettings, snakemake.params.preparation),
+        has_validation_recording=bool(snakemake.input.get("validation_recording")),
+    )

@@ -1,0 +1,219 @@
+"""The chosen model, estimated once more by the global search, and all others as candidates."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evopem.automatic.fit import NOISE_RADIUS, StretchProblem, fit_at
+from evopem.automatic.orders import Candidate as ScoredCandidate
+from evopem.automatic.preparation import PreparedRecord
+from evopem.automatic.remedies import Remedied
+from evopem.automatic.stretch_errors import StretchErrors
+from evopem.config.settings import ScoringWindow, SearchSettings
+from evopem.config.structures import AUTOMATIC_PHASES
+from evopem.errors import InputError
+from evopem.estimation.candidate import Candidate, PhaseSelection
+from evopem.estimation.criteria import criteria_of
+from evopem.estimation.order_selection import REPEAT_FACTOR
+from evopem.estimation.pem.polynomial_objective import PolynomialErrors
+from evopem.estimation.polynomial_estimate import describe
+from evopem.estimation.search.memetic import memetic_search
+from evopem.estimation.search.problem import (
+    SearchDiagnostics,
+    SearchResult,
+    descended,
+    pooled,
+)
+from evopem.models.polynomial import PolynomialModel
+from evopem.models.polynomial_states import estimate_prediction_states
+from evopem.models.structures import PolynomialOrders
+from evopem.signals.recording import Recording
+from evopem.validation.checks.search import MAX_UNDISCOVERED_PROBABILITY
+
+Array = NDArray[np.float64]
+
+STRUCTURES, CHOSEN = AUTOMATIC_PHASES
+
+
+def window_of(orders: PolynomialOrders) -> ScoringWindow:
+    """The chosen model counts every residual whose past is measured."""
+    return ScoringWindow(orders.first_residual, orders.first_residual)
+
+
+def in_prepared_units(model: PolynomialModel, record: PreparedRecord) -> PolynomialModel:
+    """A model of scaled stretches as a model of the prepared samples."""
+    plan = record.plan
+    return replace(
+        model,
+        b=model.b * (plan.output_scale / plan.input_scale),
+        level=model.level * plan.output_scale,
+        noise_variance=model.noise_variance * plan.output_scale**2,
+        sampling_rate=record.sampling_rate,
+    )
+
+
+def select_structure(
+    candidates: Sequence[ScoredCandidate],
+    chosen: ScoredCandidate,
+    reason: str,
+    record: PreparedRecord,
+    data: Recording,
+    first_scored: int,
+) -> PhaseSelection:
+    """All candidates of all structures on the same samples, and the one that was chosen.
+
+    Parameters
+    ----------
+    candidates : sequence of Candidate
+    chosen : Candidate
+    reason : str
+        Why it was chosen, in a sentence.
+    record : PreparedRecord
+    data : Recording
+        The prepared estimation samples.
+    first_scored : int
+        First residual of the criteria.
+    """
+    described = [_described(each, record, data, first_scored) for each in candidates]
+    orders = _named_orders(chosen)
+    return PhaseSelection(STRUCTURES, orders, reason, tuple(described))
+
+
+def estimate_chosen(
+    remedied: Remedied,
+    record: PreparedRecord,
+    data: Recording,
+    search: SearchSettings,
+    log: Callable[[str], None] | None = None,
+) -> PhaseSelection:
+    """Search the chosen orders globally, from the chosen model and from independent starts.
+
+    Where the noise model was fitted to the errors of simulation of a plant, the plant is searched
+    by itself and the noise model stays.
+
+    Parameters
+    ----------
+    remedied : Remedied
+    record : PreparedRecord
+        All stretches.
+    data : Recording
+        The prepared estimation samples, the longest stretch.
+    search : SearchSettings
+        With the objective that was decided.
+    log : callable, optional
+        Receives one line a generation.
+
+    Raises
+    ------
+    InputError
+        When no start has finite prediction errors.
+    """
+    chosen = remedied.choice.candidate
+    orders = _named_orders(chosen)
+    searched, model = orders, chosen.model
+    if remedied.plant_kept:
+        searched = PolynomialOrders(nb=orders.nb, nf=orders.nf, nk=orders.nk, structure="oe")
+        model = replace(model, c=np.ones(1), d=np.ones(1), structure="oe")
+    errors = StretchErrors(
+        *(record.stretches, searched, search.objective, search.max_root_radius),
+        *(min(search.max_root_radius, NOISE_RADIUS), True),
+    )
+    starts = StretchProblem(errors, [model], own_starts=False).starts()
+    if len(starts) == 0:
+        raise InputError(
+            "search.max_root_radius",
+            f"the chosen model has a root of a radius above {search.max_root_radius:g}",
+            "raise it",
+        )
+    known = descended(StretchProblem(errors), starts[0])
+    result = _searched(errors, known, search, 1, log)
+    if not _is_repeatable(result):
+        longer = replace(search, evaluations=REPEAT_FACTOR * search.evaluations)
+        result = _searched(errors, result, longer, 2, log)
+    best = fit_at(errors, result.point, searched.structure).model
+    if remedied.plant_kept:
+        best = replace(best, c=chosen.model.c, d=chosen.model.d, structure=orders.structure)
+    candidate = _on_longest_stretch(in_prepared_units(best, record), orders, result, search, data)
+    lower = known.value - result.value
+    reason = f"{orders} was chosen among all structures, and searched globally: " + (
+        f"its objective fell by {lower:.2g} percentage points."
+        if lower > 1e-6 * abs(known.value)
+        else "no lower minimum than that of the chosen model was found."
+    )
+    return PhaseSelection(CHOSEN, orders, reason, (candidate,))
+
+
+def _searched(
+    errors: StretchErrors,
+    earlier: SearchResult,
+    search: SearchSettings,
+    number: int,
+    log: Callable[[str], None] | None,
+) -> SearchResult:
+    """A global search, combined with an earlier one; its draws are keyed by orders and number."""
+    problem, o = StretchProblem(errors), errors.orders
+    key = (o.na, o.nb, o.nc, o.nd, o.nf, o.nk, number)
+    generator = np.random.default_rng(np.random.SeedSequence(search.seed, spawn_key=key))
+    found = memetic_search(
+        problem, search, generator, log, earlier.value, recombine=problem.recombine
+    )
+    return pooled(earlier, found)
+
+
+def _is_repeatable(result: SearchResult) -> bool:
+    """Whether independent restarts confirm a minimum, and another one is improbable."""
+    found = result.diagnostics
+    undiscovered = found.undiscovered_probability
+    return found.n_confirming > 0 and undiscovered <= MAX_UNDISCOVERED_PROBABILITY
+
+
+def _on_longest_stretch(
+    model: PolynomialModel,
+    orders: PolynomialOrders,
+    result: SearchResult,
+    search: SearchSettings,
+    data: Recording,
+) -> Candidate:
+    """A model as the estimate of the prepared samples, from the states that fit them."""
+    window = window_of(orders)
+    errors = PolynomialErrors(
+        *(data.input, data.output, orders, search.objective),
+        *(window.residual_start, window.loss_start, search.max_root_radius),
+        *(min(search.max_root_radius, NOISE_RADIUS), True),
+    )
+    states = estimate_prediction_states(model, data.input, data.output)
+    point = np.concatenate([model.parameters, [model.level], *states])
+    return Candidate.of(describe(errors, replace(result, point=point), data.sampling_rate), CHOSEN)
+
+
+def _described(
+    scored: ScoredCandidate, record: PreparedRecord, data: Recording, first_scored: int
+) -> Candidate:
+    """A candidate of a structure's search with its criteria on the longest stretch."""
+    model = in_prepared_units(scored.model, record)
+    objective = record.plan.objective
+    plant, noise = estimate_prediction_states(model, data.input, data.output)
+    residuals = model.residuals(data.input, data.output, plant, noise)
+    start = max(first_scored, scored.orders.first_residual)
+    criteria = criteria_of(residuals[start:], data.output[start:], objective, scored.parameters)
+    diagnostics = SearchDiagnostics(0, 0, (), 0, 0, 0, 1.0, ())
+    return Candidate(
+        phase=STRUCTURES,
+        orders=_named_orders(scored),
+        model=model,
+        criteria=criteria,
+        with_level=True,
+        plant_state=plant,
+        noise_state=noise,
+        minimum=criteria.objective,
+        at_stability_bound=False,
+        diagnostics=diagnostics,
+    )
+
+
+def _named_orders(scored: ScoredCandidate) -> PolynomialOrders:
+    return replace(scored.orders, structure=scored.structure)

@@ -1,0 +1,32 @@
+"""The contents of ``decisions.json``: what was decided, tried, and left undone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from evopem.automatic.decision import Decision
+from evopem.automatic.remedies import Trial
+
+
+@dataclass(frozen=True)
+class DecisionRecord:
+    """All decisions of one data set, in their order.
+
+    Attributes
+    ----------
+    purpose : {"simulation", "prediction", "modes"}
+        What the model is for.
+    decisions : tuple of Decision
+    trials : tuple of Trial
+        Remedies of failed checks.
+    failed : tuple of str
+        Checks that no remedy made hold.
+    remarks : tuple of str
+        Sentences about the record that the decisions led to.
+    """
+
+    purpose: str
+    decisions: tuple[Decision, ...]
+    trials: tuple[Trial, ...]
+    failed: tuple[str, ...]
+    remarks: tuple[str, ...]

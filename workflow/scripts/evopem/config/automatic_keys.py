@@ -1,0 +1,122 @@
+"""The keys of the automatic recipe: what is written decides, what is missing is decided."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from evopem.config.settings import (
+    AutomaticSettings,
+    DatasetSettings,
+    SearchSettings,
+    SpectrumSettings,
+)
+from evopem.config.strict_yaml import Keys
+from evopem.config.structures import AUTOMATIC_STRUCTURES, has_input
+from evopem.errors import InputError
+from evopem.files.json_form import to_json
+
+# Poles this close to the unit circle act as integrators in any record.
+MAX_ROOT_RADIUS = 1.0 - 1e-7
+_ORDERS = ("joint", "nc", "nd", "nb")
+
+
+def built_in_keys() -> dict[str, Any]:
+    """The keys of an automatic recipe that have built-in values."""
+    search = to_json(SearchSettings(max_root_radius=MAX_ROOT_RADIUS))
+    del search["objective"]
+    return {
+        "recipe": "auto",
+        "purpose": "auto",
+        "transforms": {"box_cox": "none", "difference": 0, "difference_input": 0},
+        "split": {"estimation": 0.8},
+        "spectrum": to_json(SpectrumSettings()),
+        "search": search,
+    }
+
+
+def laid_over(lower: Keys, upper: Keys) -> dict[str, Any]:
+    """Lay one mapping over another, keeping the keys of both."""
+    merged = dict(lower)
+    for key, value in upper.items():
+        below = merged.get(key)
+        if isinstance(value, Mapping) and isinstance(below, Mapping):
+            merged[key] = laid_over(below, value)
+        else:
+            merged[key] = value
+    return merged
+
+
+def check_automatic_keys(written: Keys, source: str, place: str) -> None:
+    """Refuse keys that the automatic recipe does not have.
+
+    Raises
+    ------
+    InputError
+    """
+    structure = written.get("structure")
+    if structure is not None and structure not in AUTOMATIC_STRUCTURES:
+        problem = (
+            f"the automatic recipe does not search structure {structure}"
+            if has_input(structure)
+            else f"structure {structure} has no input, and the automatic recipe needs one"
+        )
+        raise InputError(
+            source,
+            problem,
+            f"write recipe: chapter, or one of {', '.join(AUTOMATIC_STRUCTURES)}",
+            f"{place}.structure",
+        )
+    if written.get("level") is False:
+        raise InputError(
+            source,
+            "the automatic recipe always estimates a level",
+            "remove the key, or write recipe: chapter",
+            f"{place}.level",
+        )
+    for group, known in (("orders", _ORDERS), ("delay", ("nk",))):
+        for key in written.get(group, {}):
+            if key not in known:
+                raise InputError(
+                    source,
+                    "the automatic recipe has no such range",
+                    f"remove it, or give one of {', '.join(known)}",
+                    f"{place}.{group}.{key}",
+                )
+
+
+def automatic_content(keys: Keys) -> dict[str, Any]:
+    """The content of :class:`.AutomaticSettings` of complete keys."""
+    orders = keys.get("orders", {})
+    limits = {name: orders.get(name) for name in _ORDERS if orders.get(name) != "auto"}
+    return {
+        "purpose": keys["purpose"],
+        "structure": keys.get("structure"),
+        "nk": keys.get("delay", {}).get("nk"),
+        **limits,
+        "start_given": "discard" in keys["split"],
+        "rate_given": "resample" in keys,
+        "objective": keys["search"].get("objective"),
+    }
+
+
+def automatic_keys(settings: DatasetSettings, automatic: AutomaticSettings) -> dict[str, Any]:
+    """The keys that give these settings; what is decided from the recording is left out."""
+    preparation = to_json(settings.preparation)
+    split, search = dict(preparation["split"]), to_json(settings.search)
+    if not automatic.start_given:
+        del split["discard"]
+    if automatic.objective is None:
+        del search["objective"]
+    keys: dict[str, Any] = {"recipe": "auto", "purpose": automatic.purpose}
+    if automatic.rate_given:
+        keys["resample"] = preparation["resample"] or "none"
+    keys |= {"transforms": preparation["transforms"], "split": split}
+    keys["spectrum"] = to_json(settings.spectrum)
+    if automatic.structure is not None:
+        keys["structure"] = automatic.structure
+    if automatic.nk is not None:
+        keys["delay"] = {"nk": list(automatic.nk)}
+    limits = {name: getattr(automatic, name) for name in _ORDERS}
+    given = {name: list(limit) for name, limit in limits.items() if limit is not None}
+    return keys | ({"orders": given} if given else {}) | {"search": search}

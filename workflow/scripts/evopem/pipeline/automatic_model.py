@@ -1,0 +1,75 @@
+"""The model that the automatic recipe chose, and the record of its decisions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import cast
+
+from threadpoolctl import threadpool_limits
+
+from evopem.automatic.chosen import estimate_chosen as search_chosen
+from evopem.automatic.decision import Decision
+from evopem.automatic.folds import FoldPlan
+from evopem.automatic.orders import StructureSearch
+from evopem.automatic.preparation import PreparationPlan
+from evopem.automatic.record import DecisionRecord
+from evopem.automatic.remedies import Remedied
+from evopem.automatic.stretches import total_samples
+from evopem.automatic.structures import Comparison
+from evopem.config.settings import Objective, SearchSettings
+from evopem.files.json_form import load, save
+from evopem.pipeline.automatic_preparation import load_record
+from evopem.pipeline.automatic_search import DelayDecision
+from evopem.results.layout import DatasetFiles
+from evopem.signals.preparation import load_prepared
+
+Log = Callable[[str], None]
+
+
+def estimate_chosen(files: DatasetFiles, search: SearchSettings, log: Log | None = None) -> None:
+    """Search the chosen structure and orders once more, globally."""
+    record = load_record(files)
+    data = load_prepared(files.prepared, files.transforms).estimation
+    remedied = load(Remedied, files.decision("remedies"))
+    settings = replace(search, objective=cast("Objective", record.plan.objective))
+    with threadpool_limits(limits=1, user_api="blas"):
+        selection = search_chosen(remedied, record, data, settings, log)
+    save(selection, files.phase(selection.phase))
+
+
+def collect_decisions(files: DatasetFiles, structures: Sequence[str]) -> None:
+    """Put all decisions of a data set into one file, in their order."""
+    plan = load(PreparationPlan, files.decision("preparation"))
+    comparison = load(Comparison, files.decision("comparison"))
+    remedied = load(Remedied, files.decision("remedies"))
+    decisions: tuple[Decision, ...] = (
+        *plan.decisions,
+        load(FoldPlan, files.decision("folds")).decision,
+        load(DelayDecision, files.decision("delay")).decision,
+        *(load(StructureSearch, files.search(each)).decision for each in structures),
+        *comparison.decisions,
+    )
+    choice = remedied.choice
+    record = DecisionRecord(
+        choice.purpose, decisions, remedied.trials, remedied.failed, _remarks(files, choice.level)
+    )
+    save(record, files.decisions)
+
+
+def _remarks(files: DatasetFiles, level: str) -> tuple[str, ...]:
+    stretches = load_record(files).stretches
+    remarks = []
+    if len(stretches) > 1:
+        longest = max(each.samples for each in stretches)
+        remarks.append(
+            f"The estimation samples are {len(stretches)} stretches with breaks between them: the"
+            f" model comes from all {total_samples(stretches)} samples, residual tests, intervals"
+            f" and spectrum from the longest stretch of {longest} samples."
+        )
+    if level == "state":
+        remarks.append(
+            "The level drifts: simulations of other samples fit their level along with the initial"
+            " state."
+        )
+    return tuple(remarks)

@@ -1,0 +1,106 @@
+"""Delay, orders and structure by the automatic recipe: one file for each decision."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from threadpoolctl import threadpool_limits
+
+from evopem.automatic.chosen import select_structure
+from evopem.automatic.decision import Decision, given_by_configuration
+from evopem.automatic.folds import FoldPlan
+from evopem.automatic.folds import decide_folds as decide_common_folds
+from evopem.automatic.limits import OrderLimits
+from evopem.automatic.orders import NESTED, Scorer, StructureSearch
+from evopem.automatic.orders import decide_delay as decide_common_delay
+from evopem.automatic.orders import search_structure as search
+from evopem.automatic.remedies import act_on_checks as act
+from evopem.automatic.structures import Comparison, Purpose
+from evopem.automatic.structures import compare_structures as compare
+from evopem.config.settings import AutomaticSettings, Range
+from evopem.errors import InputError
+from evopem.files.json_form import load, save
+from evopem.pipeline.automatic_preparation import load_record
+from evopem.results.layout import DatasetFiles
+from evopem.signals.preparation import load_prepared
+
+
+@dataclass(frozen=True)
+class DelayDecision:
+    """The delay from which structures are searched, in samples, and why."""
+
+    delay: int
+    decision: Decision
+
+
+def decide_folds(files: DatasetFiles) -> None:
+    """Decide how held-out samples are divided."""
+    with threadpool_limits(limits=1, user_api="blas"):
+        save(decide_common_folds(load_record(files).stretches), files.decision("folds"))
+
+
+def decide_delay(files: DatasetFiles, limits: Range | None) -> None:
+    """Decide the delay, within the limits of the configuration."""
+    if limits is not None and limits[0] == limits[1]:
+        about = given_by_configuration("delay", str(limits[0]))
+        save(DelayDecision(limits[0], about), files.decision("delay"))
+        return
+    with threadpool_limits(limits=1, user_api="blas"):
+        delay, decision = decide_common_delay(load_record(files).stretches)
+    if limits is not None:
+        delay = min(max(delay, limits[0]), limits[1])
+    save(DelayDecision(delay, decision), files.decision("delay"))
+
+
+def search_structure(files: DatasetFiles, structure: str, settings: AutomaticSettings) -> None:
+    """Search the orders of one structure, from the optima of those nested in it."""
+    smaller = {each: load(StructureSearch, files.search(each)) for each in NESTED[structure]}
+    delay = load(DelayDecision, files.decision("delay")).delay
+    with threadpool_limits(limits=1, user_api="blas"):
+        scorer = _scorer(files, OrderLimits.of_search(settings))
+        save(search(scorer, structure, delay, smaller), files.search(structure))
+
+
+def compare_structures(
+    files: DatasetFiles, structures: Sequence[str], settings: AutomaticSettings
+) -> None:
+    """Choose a model for each purpose among the candidates of all structures.
+
+    Raises
+    ------
+    InputError
+        When the recording is too short for every structure.
+    """
+    searches = [load(StructureSearch, files.search(each)) for each in structures]
+    with threadpool_limits(limits=1, user_api="blas"):
+        scorer = _scorer(files, OrderLimits.of_choice(settings))
+        try:
+            comparison = compare(scorer, searches)
+        except ValueError as error:
+            raise InputError(
+                f"datasets.{files.name}", str(error), "give a longer recording"
+            ) from None
+        chosen = comparison.choice(settings.purpose).candidate
+        about = next(each for each in comparison.decisions if each.choice == chosen.name)
+        selection = select_structure(
+            *(comparison.candidates, chosen, about.sentence, load_record(files)),
+            *(load_prepared(files.prepared, files.transforms).estimation, scorer.window),
+        )
+    save(comparison, files.decision("comparison"))
+    save(selection, files.phase(selection.phase))
+
+
+def act_on_checks(files: DatasetFiles, settings: AutomaticSettings) -> None:
+    """Apply remedies to the model for the purpose until its checks hold or nothing helps."""
+    comparison = load(Comparison, files.decision("comparison"))
+    purpose: Purpose = settings.purpose
+    with threadpool_limits(limits=1, user_api="blas"):
+        scorer = _scorer(files, OrderLimits.of_choice(settings))
+        save(act(scorer, comparison.choice(purpose)), files.decision("remedies"))
+
+
+def _scorer(files: DatasetFiles, limits: OrderLimits) -> Scorer:
+    record = load_record(files)
+    folds = load(FoldPlan, files.decision("folds"))
+    return Scorer(record.stretches, folds, record.settings, limits)

@@ -1,0 +1,56 @@
+"""The decisions of the automatic recipe, as rows and sentences."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from evopem.automatic.decision import Decision
+from evopem.report.numbers import number
+from evopem.results.dataset import DatasetResults
+
+# Alternatives that the table shows beside the choice.
+MOST_RIVALS = 3
+
+
+@dataclass(frozen=True)
+class DecisionRow:
+    """One row of the table of decisions."""
+
+    subject: str
+    choice: str
+    rivals: str
+    criterion: str
+    sentence: str
+
+
+def decision_rows(results: DatasetResults) -> list[DecisionRow]:
+    """All decisions in their order; empty for the chapter's recipe."""
+    record = results.decisions
+    return [] if record is None else [_row(each) for each in record.decisions]
+
+
+def about_decisions(results: DatasetResults) -> list[str]:
+    """What the decisions led to, and what no remedy helped against."""
+    record = results.decisions
+    if record is None:
+        return []
+    sentences = [f"The model is for {record.purpose}.", *record.remarks]
+    if record.failed:
+        sentences.append(
+            f"No remedy that was tried made these hold: {', '.join(record.failed)}. The checks say"
+            " what that means for the model."
+        )
+    return [" ".join(sentences)]
+
+
+def _row(decision: Decision) -> DecisionRow:
+    scored = [each for each in decision.alternatives if math.isfinite(each.score)]
+    rivals = sorted(scored, key=lambda each: each.score)[: MOST_RIVALS + 1]
+    own = next((each for each in scored if each.name == decision.choice), None)
+    if own is not None and own not in rivals:
+        rivals = [*rivals[:MOST_RIVALS], own]
+    shown = "; ".join(f"{each.name}: {number(each.score, 4)}" for each in rivals)
+    return DecisionRow(
+        decision.subject, decision.choice, shown, decision.criterion, decision.sentence
+    )
