@@ -9,6 +9,7 @@ from typing import Any
 
 import yaml
 
+from evopem.config.fit_keys import FIT_KEYS, keys_of_fit
 from evopem.config.settings import (
     ChannelSettings,
     DatasetSettings,
@@ -29,7 +30,7 @@ CHANNEL_KEYS = tuple(field.name for field in fields(ChannelSettings))
 FILE_KEYS = ("file", *CHANNEL_KEYS, "validation_file")
 SYNTHESIS_KEYS = tuple(field.name for field in fields(SyntheticSource))
 GRID_KEYS = ("structure", "level", "delay", "orders")
-ANALYSIS_KEYS = ("resample", "transforms", "split", "spectrum", *GRID_KEYS, "search")
+ANALYSIS_KEYS = ("resample", "transforms", "split", "spectrum", *GRID_KEYS, "search", *FIT_KEYS)
 
 NO_RESAMPLING = "none"
 
@@ -56,6 +57,7 @@ def settings_of(name: str, keys: Keys) -> DatasetSettings:
         "spectrum": keys["spectrum"],
         "order_grid": {key: keys[key] for key in GRID_KEYS if key in keys},
         "search": keys["search"],
+        "fit": {key: keys[key] for key in FIT_KEYS if key in keys},
     }
     return from_json(DatasetSettings, content, f"datasets.{name}")
 
@@ -71,7 +73,7 @@ def keys_of(settings: DatasetSettings) -> dict[str, Any]:
     else:
         own = to_json(source)
     present = {key: value for key, value in own.items() if value is not None}
-    return present | analysis_keys(settings.preparation, settings)
+    return present | analysis_keys(settings.preparation, settings) | keys_of_fit(settings.fit)
 
 
 def analysis_keys(

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.config.settings import ScoringWindow, SearchSettings
+from evopem.config.settings import FitSettings, ScoringWindow, SearchSettings
 from evopem.errors import InputError
 from evopem.estimation.criteria import Criteria
 from evopem.estimation.polynomial_estimate import PolynomialEstimate
@@ -45,6 +45,39 @@ class SearchRecord:
     settings: SearchSettings
     diagnostics: SearchDiagnostics
     at_stability_bound: bool
+
+
+@dataclass(frozen=True)
+class FitRecord:
+    """What a model was fitted for, and what its constraints cost.
+
+    Attributes
+    ----------
+    settings : FitSettings
+        Focus and constraints.
+    objective : float
+        Objective of the errors in focus, percent, priors not included.
+    objective_without : float, optional
+        The same at the optimum without the constraints.
+    active : tuple of str
+        Equalities, priors, and the inequalities at whose bound the model lies.
+    """
+
+    settings: FitSettings
+    objective: float
+    objective_without: float | None
+    active: tuple[str, ...]
+
+    @classmethod
+    def of(cls, estimate: PolynomialEstimate, settings: FitSettings) -> FitRecord:
+        """The record of an estimate."""
+        effect = estimate.constraints
+        return cls(
+            settings,
+            estimate.focus_objective,
+            effect.objective_without if effect else None,
+            effect.active if effect else (),
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +116,8 @@ class ModelRecord:
         Version of this package.
     versions : dict
         Versions of the libraries behind the numbers.
+    fit : FitRecord, optional
+        Where the model was fitted with a focus or constraints.
     """
 
     orders: PolynomialOrders
@@ -111,10 +146,15 @@ class ModelRecord:
     transforms: Transforms
     evopem: str
     versions: dict[str, str]
+    fit: FitRecord | None = None
 
     @classmethod
     def of(
-        cls, estimate: PolynomialEstimate, settings: SearchSettings, transforms: Transforms
+        cls,
+        estimate: PolynomialEstimate,
+        settings: SearchSettings,
+        transforms: Transforms,
+        fit: FitSettings | None = None,
     ) -> ModelRecord:
         """The record of an estimate."""
         model = estimate.model
@@ -146,6 +186,7 @@ class ModelRecord:
             evopem=__version__,
             versions={"python": platform.python_version()}
             | {library: version(library) for library in _LIBRARIES},
+            fit=FitRecord.of(estimate, fit) if fit and fit.changes_model else None,
         )
 
     @property

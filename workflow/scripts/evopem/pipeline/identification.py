@@ -45,13 +45,14 @@ def stages(
             settings.preparation,
             sample_requirements(settings),
             bool(validated),
+            (settings.fit, settings.order_grid) if settings.fit.changes_model else None,
         ),
         "spectrum": partial(estimate_spectrum, files, settings.spectrum),
     }
     for phase in phases:
         listed[phase] = partial(_search_phase, files, phase, settings, log, cores)
     return listed | {
-        "model": partial(complete_model, files, search, window, phases),
+        "model": partial(complete_model, files, search, window, phases, settings.fit),
         "candidates": partial(tabulate_candidates, files, phases),
         "validation": partial(validate_model, files, phase_of_orders(structure)),
         "summary": partial(summarize_dataset, files, phases),
