@@ -1,18 +1,9 @@
 """A run with constraints and one with a focus, and what is refused before it."""
 
-import json
-from pathlib import Path
-
 import numpy as np
-import pandas as pd
 import pytest
 
-import evopem
-from evopem.config.settings import SearchSettings
-from evopem.estimation.model_record import ModelRecord
-from evopem.files.json_form import load
 from evopem.models.polynomial import PolynomialModel
-from evopem.signals.preparation import load_prepared
 from evopem.synthesis.polynomial import polynomial_record
 
 from .conftest import Folder

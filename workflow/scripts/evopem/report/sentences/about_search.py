@@ -27,7 +27,7 @@ def search(results: DatasetResults) -> list[str]:
         _restarts(diagnostics),
         "The descents that converged ended at"
         f" {plural(diagnostics.n_local_optima, 'local optimum', 'distinct local optima')}.",
-        _multistart(diagnostics),
+        *([] if _descents_only(diagnostics) else [_multistart(diagnostics)]),
     ]
     if model.search.at_stability_bound:
         sentences.append(
@@ -56,8 +56,19 @@ def _convergence(diagnostics: SearchDiagnostics) -> list[str]:
     ]
 
 
+def _descents_only(diagnostics: SearchDiagnostics) -> bool:
+    """Whether a model was fitted without a search of its own, from one that was found before."""
+    return diagnostics.generations == 0
+
+
 def _restarts(diagnostics: SearchDiagnostics) -> str:
     others = diagnostics.n_restarts - 1
+    if _descents_only(diagnostics):
+        return (
+            "The model was then fitted for its focus and constraints by descents from"
+            f" {plural(diagnostics.n_restarts, 'point')};"
+            f" {diagnostics.n_confirming} beside the best ended at the same optimum."
+        )
     lead = f"The search had {plural(diagnostics.generations, 'generation')} in"
     if others < 1:
         return f"{lead} a single restart, so no other restart confirms the optimum."
