@@ -11,7 +11,6 @@ from threadpoolctl import threadpool_limits
 
 from evopem.config.constraints import Constraints
 from evopem.config.settings import ScoringWindow, SearchSettings
-from evopem.estimation.constraint_checks import Focus, check_fit
 from evopem.estimation.estimation_task import (
     EstimationTask,
 )
@@ -23,6 +22,7 @@ from evopem.estimation.polynomial_estimate import (
 from evopem.estimation.prediction_estimate import prediction_estimate
 from evopem.estimation.search.problem import SearchResult
 from evopem.estimation.simulation_estimate import simulation_estimate
+from evopem.models.constraint_checks import Focus, check_fit
 from evopem.models.structures import PolynomialOrders, orders_of
 
 Array = NDArray[np.float64]

@@ -190,6 +190,14 @@ class ModelRecord:
         )
 
     @property
+    def may_be_unstable(self) -> bool:
+        """Whether constraints let poles lie on or outside the unit circle."""
+        constraints = self.fit.settings.constraints if self.fit else None
+        return constraints is not None and (
+            constraints.stability == "free" or bool(constraints.fixed_poles)
+        )
+
+    @property
     def model(self) -> PolynomialModel:
         """The model itself."""
         return PolynomialModel(

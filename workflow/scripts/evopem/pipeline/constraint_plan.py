@@ -15,7 +15,7 @@ from evopem.config.order_grid import joint_orders, joint_range
 from evopem.config.settings import DatasetSettings, FitSettings, OrderGrid, RecordedSource
 from evopem.config.structures import phases_of
 from evopem.errors import InputError
-from evopem.estimation.constraint_checks import check_fit as check
+from evopem.models.constraint_checks import check_fit as check
 from evopem.models.structures import PolynomialOrders, orders_of
 
 

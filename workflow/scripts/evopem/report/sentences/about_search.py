@@ -20,7 +20,7 @@ def search(results: DatasetResults) -> list[str]:
     sentences = [
         f"The search of {plural(len(results.candidates), 'candidate')} took {count(evaluations)}"
         " evaluations of the objective.",
-        *_convergence(diagnostics),
+        *([] if _descents_only(diagnostics) else _convergence(diagnostics)),
         f"Its objective (“{model.search.settings.objective}”) is"
         f" {percent(model.criteria.objective, 4)}, and the fit on the estimation samples"
         f" {percent(model.criteria.fit_percent, 4)}.",
@@ -29,7 +29,7 @@ def search(results: DatasetResults) -> list[str]:
         f" {plural(diagnostics.n_local_optima, 'local optimum', 'distinct local optima')}.",
         *([] if _descents_only(diagnostics) else [_multistart(diagnostics)]),
     ]
-    if model.search.at_stability_bound:
+    if model.search.at_stability_bound and not model.may_be_unstable:
         sentences.append(
             "A root of A, C, D or F lies at the stability bound, the largest radius allowed: the"
             " bound determines it, and not the data."

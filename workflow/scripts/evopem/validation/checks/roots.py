@@ -36,21 +36,13 @@ def stability(model: ModelRecord) -> Check:
         model.poles,
         "Do not simulate with this model. Estimate again with a smaller “search.max_root_radius”.",
     )
-    if check.passed is not False or not _unstable_allowed(model):
+    if check.passed is not False or not model.may_be_unstable:
         return check
     return Check(
         check.name,
         None,
         f"{check.statement} The constraints require or allow such a pole.",
         "Errors of the initial state and of the input do not decay in a simulation.",
-    )
-
-
-def _unstable_allowed(model: ModelRecord) -> bool:
-    """Whether constraints let poles lie beyond the stability bound."""
-    constraints = model.fit.settings.constraints if model.fit else None
-    return constraints is not None and (
-        constraints.stability == "free" or bool(constraints.fixed_poles)
     )
 
 
@@ -100,7 +92,7 @@ def stability_bound(model: ModelRecord) -> Check:
         return Check(name, True, f"The model has no roots that could lie at {bound}.")
     if not model.search.at_stability_bound:
         return Check(name, True, f"No root of {letters} lies at {bound}.")
-    if _unstable_allowed(model):
+    if model.may_be_unstable:
         return Check(
             name,
             None,
