@@ -9,7 +9,7 @@ UPGRADE ?=
 COMPILE := $(BIN)/uv pip compile pyproject.toml $(EXTRAS) --universal --python-version 3.11 \
 	--generate-hashes --no-emit-index-url --no-emit-find-links --no-header --quiet
 
-.PHONY: report test test-slurm lint format lock audit fuzz bench screenshots clean
+.PHONY: report test test-slurm lint format docs lock audit fuzz bench screenshots clean
 .DEFAULT_GOAL := report
 
 report: $(VENV)/installed  ## run config.yaml from data to report
@@ -26,18 +26,22 @@ test-slurm: $(VENV)/installed-dev  ## run the tests on SLURM, started for them w
 lint: $(VENV)/installed-dev  ## check style, types and the workflow
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
-	$(BIN)/snakefmt --check Snakefile workflow/rules benchmarks/fletcher_powell/Snakefile benchmarks/fletcher_powell/common.smk
+	$(BIN)/snakefmt --check Snakefile workflow/Snakefile workflow/rules benchmarks/fletcher_powell/Snakefile benchmarks/fletcher_powell/common.smk
 	$(BIN)/mypy
 	$(BIN)/snakemake --lint
 
 format: $(VENV)/installed-dev  ## bring every file into the style
 	$(BIN)/ruff check --fix
 	$(BIN)/ruff format
-	$(BIN)/snakefmt Snakefile workflow/rules benchmarks/fletcher_powell/Snakefile benchmarks/fletcher_powell/common.smk
+	$(BIN)/snakefmt Snakefile workflow/Snakefile workflow/rules benchmarks/fletcher_powell/Snakefile benchmarks/fletcher_powell/common.smk
+
+docs: $(VENV)/installed-docs  ## build the documentation site into site/; a warning is an error
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build
 
 lock: $(VENV)/installed-dev  ## bring the lock files in line with pyproject.toml; UPGRADE=--upgrade takes the newest versions
 	$(COMPILE) $(UPGRADE) --output-file requirements.lock
 	$(COMPILE) benchmarks/fletcher_powell/requirements.txt $(UPGRADE) --group dev --constraint requirements.lock --output-file requirements-dev.lock
+	$(COMPILE) $(UPGRADE) --group docs --constraint requirements-dev.lock --output-file requirements-docs.lock
 
 audit: $(VENV)/installed-dev  ## ask the advisory database about every pinned version (online)
 	$(BIN)/uv tool run pip-audit --disable-pip --require-hashes --requirement requirements.lock
@@ -68,4 +72,8 @@ $(VENV)/installed: requirements.lock $(BIN)/python
 
 $(VENV)/installed-dev: requirements-dev.lock $(VENV)/installed
 	$(BIN)/python -m pip install --quiet --require-hashes -r requirements-dev.lock
+	@touch $@
+
+$(VENV)/installed-docs: requirements-docs.lock $(VENV)/installed-dev
+	$(BIN)/python -m pip install --quiet --require-hashes -r requirements-docs.lock
 	@touch $@

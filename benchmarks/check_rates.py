@@ -16,7 +16,6 @@ from concurrent.futures import Executor, ProcessPoolExecutor
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +27,7 @@ sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
 from scipy.special import chdtrc  # noqa: E402
 
 from evopem import PolynomialOrders, SearchSettings, estimate  # noqa: E402
-from evopem.config.settings import ScoringWindow  # noqa: E402
+from evopem.config.settings import PreparationSettings, ScoringWindow  # noqa: E402
 from evopem.estimation.delay_refinement import Fit, refine_delay  # noqa: E402
 from evopem.estimation.pem.covariance import jacobian_blocks  # noqa: E402
 from evopem.models.parameter_covariance import wald_p_value  # noqa: E402
@@ -108,8 +107,8 @@ def whiteness_record(seed: int, noise: float, objective: str) -> tuple[float, ..
 
 def arm_record(seed: int, orders: tuple[int, int, int, int]) -> tuple[float, ...]:
     recording, _ = flexible_arm(seed=seed, samples=5000)
-    stationarity = {"box_cox": 1.1, "difference": 2, "difference_input": 0}
-    data = prepare(recording, stationarity, {"discard": 500, "estimation": 0.8}).estimation
+    # The transforms of the chapter's case, which are the built-in ones.
+    data = prepare(recording, PreparationSettings()).estimation
     return tests_of_whiteness(data.input, data.output, orders, "absolute")
 
 
@@ -343,7 +342,7 @@ def splits(pool: Executor, records: int) -> Iterator[str]:
         yield f"| {kind} | {percent(hits)} |"
 
 
-def delay_record(seed: int) -> tuple[tuple[int, ...], tuple[int, ...]]:
+def delay_record(seed: int) -> tuple[int, PolynomialOrders]:
     recording, _ = armax(seed=seed, samples=4500)
 
     def fit(orders: PolynomialOrders) -> Fit:
@@ -358,18 +357,17 @@ def delay_record(seed: int) -> tuple[tuple[int, ...], tuple[int, ...]]:
 
     start = min((fit(armax_orders(7, 7, 7, nk)) for nk in (2, 3, 4)), key=lambda found: found.bic)
     end = refine_delay(start, 4380, 2, fit).fit
-    both = (start.model.orders, end.model.orders)
-    return both[0].nk, tuple(vars(both[1]).values())  # type: ignore[return-value]
+    return start.model.orders.nk, end.model.orders
 
 
 def delays(pool: Executor, records: int) -> Iterator[str]:
     count = min(records, 60)
-    found: list[Any] = list(pool.map(delay_record, range(1, count + 1), chunksize=2))
+    found = list(pool.map(delay_record, range(1, count + 1), chunksize=2))
     yield "## Delay where the common order leaves slack"
     yield ""
     yield f"ARMAX(7,6,7,3), {count} records of 4500 samples, models (7,7,7,nk) with nk = 2, 3, 4."
     right = np.array([nk == 3 for nk, _ in found])
-    exact = np.array([orders == (7, 6, 7, 3) for _, orders in found])
+    exact = np.array([orders == armax_orders(7, 6, 7, 3) for _, orders in found])
     yield f"The smallest BIC has the true delay in {percent(right)} % of the records; after the"
     yield f"refinement the orders are exact in {percent(exact)} %."
 

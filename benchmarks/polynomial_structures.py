@@ -36,6 +36,7 @@ from evidence_section import replace_section  # noqa: E402
 from filtered_polynomials import FilteredPolynomials  # noqa: E402
 
 from evopem import PolynomialModel, PolynomialOrders, SearchSettings, estimate  # noqa: E402
+from evopem.config.structures import ORDER_NAMES  # noqa: E402
 from evopem.estimation.pem.polynomial_objective import PolynomialErrors  # noqa: E402
 from evopem.models.polynomial_states import estimate_simulation_state  # noqa: E402
 from evopem.models.structures import orders_of  # noqa: E402
@@ -69,7 +70,7 @@ def limited(function: Callable[..., object], *arguments: object, **named: object
 
 
 def named(orders: PolynomialOrders) -> dict[str, int]:
-    return {name: order for name in vars(orders) if (order := getattr(orders, name))}
+    return {name: order for name in ORDER_NAMES if (order := getattr(orders, name))}
 
 
 def errors_of_record(structure: str, seed: int) -> tuple[Array, Array, Array]:

@@ -13,7 +13,7 @@ from __future__ import annotations
 import argparse
 import sys
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import astuple, dataclass
+from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 
@@ -94,9 +94,9 @@ def order_search(data: Recording, settings: DatasetSettings) -> Candidate:
     window, search = scoring_window(settings), settings.search
     selection: PhaseSelection | None = None
     for phase in PHASES:
-        previous = astuple(selection.orders) if selection else None
+        previous = asdict(selection.orders) if selection else None
         listed = candidate_orders(phase, settings.order_grid, previous)
-        orders = [armax_orders(*each) for each in listed]
+        orders = [armax_orders(**each) for each in listed]
         candidates = estimate_candidates(data, orders, phase, search, window)
         selection = select_candidate(candidates, phase, data, search, window)
     assert selection is not None

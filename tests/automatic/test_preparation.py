@@ -24,13 +24,22 @@ def test_a_plain_record_is_left_as_it_is():
         "clipping": "none",
         "decimation": "1",
         "objective": "quadratic",
+        "stuck samples": "no",
     }
 
 
 def test_samples_before_the_first_change_are_left_out():
     u, y, _ = output_error_record(300)
     u, y = np.concatenate([np.zeros(40), u]), np.concatenate([np.full(40, y[0]), y])
-    assert decide_preparation([Recording(u, y, 10.0)]).starts[0] in (38, 39, 40)
+    assert decide_preparation([Recording(u, y, 10.0)]).starts[0] in (28, 29, 30)
+
+
+def test_a_step_from_rest_is_not_clipped():
+    u = np.concatenate([np.zeros(20), np.ones(60)])
+    y = lfilter([0.0, 0.1], [1.0, -0.9], u)
+    plan = decide_preparation([Recording(u, y, 10.0)])
+    assert choices(plan)["clipping"] == "none"
+    assert plan.starts[0] in (9, 10)
 
 
 def test_missing_samples_are_breaks_and_are_not_filled():
@@ -51,11 +60,25 @@ def test_clipped_samples_are_breaks():
     assert plan.clipped == (-np.inf, limit)
 
 
+def test_a_stuck_sensor_makes_breaks():
+    u, y, _ = output_error_record(400)
+    y[100:140] = y[100]
+    record = Recording(u, y, 10.0)
+    prepared = prepare([record], decide_preparation([record]))
+    assert [each.samples for each in prepared.stretches] == [100, 260]
+
+
+def test_quantised_samples_are_not_stuck():
+    u, y, _ = output_error_record(400)
+    coarse = np.round(lfilter([0.02], [1.0, -0.98], y), 1)
+    assert not decide_preparation([Recording(u, coarse, 10.0)]).stuck
+
+
 def test_decimation_of_an_oversampled_record_is_scored():
     generator = np.random.default_rng(2)
-    u = lfilter([0.02], [1.0, -0.98], generator.standard_normal(1000))
+    u = lfilter([0.02], [1.0, -0.98], generator.standard_normal(600))
     y = lfilter([0.0, 0.001], np.poly([0.985 * np.exp(0.05j), 0.985 * np.exp(-0.05j)]).real, u)
-    y = noisy(y, generator.standard_normal(1000), 3.0)
+    y = noisy(y, generator.standard_normal(600), 3.0)
     decision = decide_preparation([Recording(u, y, 500.0)]).decisions[2]
     assert decision.subject == "decimation"
     scores = {each.name: each.score for each in decision.alternatives}

@@ -97,3 +97,19 @@ def test_built_in_settings_of_the_search_are_those_of_the_package():
     arm = config.datasets["arm"]
     assert isinstance(arm, DatasetSettings)
     assert arm.search == SearchSettings()
+
+
+def test_every_key_has_a_description():
+    """An editor shows it, and an error ends with it."""
+
+    def resolved(node):
+        return KEYS["$defs"][node["$ref"].rpartition("/")[2]] if "$ref" in node else node
+
+    def walk(node, place):
+        node = resolved(node)
+        assert node.get("description"), place
+        for key, below in node.get("properties", {}).items():
+            walk(below, f"{place}.{key}")
+
+    walk(KEYS, "config")
+    walk({"$ref": "#/$defs/dataset"}, "datasets.NAME")

@@ -22,7 +22,7 @@ SEARCH = SearchSettings(objective="quadratic", mu=4, lambda_=4, nu=4, evaluation
 def model(b, errors, nk=3):
     covariance = ParameterCovariance(np.diag(np.r_[0.1, errors, 0.1]), np.zeros((len(b) + 2, 0)))
     return PolynomialModel(
-        np.array([1.0, 0.5]), np.array(b), np.array([1.0, 0.2]), nk, 1.0, 1.0, covariance
+        np.array([1.0, 0.5]), np.array(b), np.array([1.0, 0.2]), nk=nk, covariance=covariance
     )
 
 
@@ -40,11 +40,11 @@ def test_ends_that_are_not_clearly_significant_are_compared():
 
 
 def test_ends_that_are_not_known_are_compared():
-    unknown = PolynomialModel(np.array([1.0, 0.5]), np.ones(2), np.ones(1), 1)
+    unknown = PolynomialModel(np.array([1.0, 0.5]), np.ones(2), np.ones(1), nk=1)
     assert len(delay_alternatives(unknown, 1000, 1)) == 2
     infinite = ParameterCovariance(0.01 * np.eye(4), np.eye(4)[:, 1:2])
     unidentified = PolynomialModel(
-        np.array([1.0, 0.5]), np.ones(2), np.ones(2), 1, 1.0, 1.0, infinite
+        np.array([1.0, 0.5]), np.ones(2), np.ones(2), nk=1, covariance=infinite
     )
     assert t_ratios_of_ends(unidentified) == pytest.approx((0.0, 100.0))
     assert delay_alternatives(unidentified, 1000, 1) == [armax_orders(1, 1, 1, 2)]

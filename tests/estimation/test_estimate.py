@@ -104,7 +104,7 @@ def test_criteria_are_those_of_the_residuals(objective):
     settings = SearchSettings(objective=objective)
     found = estimate(u, y, (2, 2, 1, 1), settings=settings, window=ScoringWindow(10, 50))
     assert found.window == ScoringWindow(10, 50)
-    e = found.model.residuals(u, y, found.noise_state, 10)[50:]
+    e = found.model.residuals(u, y, noise_state=found.noise_state, start=10)[50:]
     scored = y[50:]
     np.testing.assert_allclose(found.residuals[50:], e, atol=1e-9)
     assert np.isnan(found.residuals[:10]).all()

@@ -13,8 +13,12 @@ import pytest
 
 from evopem.figures import REPORT_FIGURES, draw_all
 from evopem.figures.convergence import draw_convergence
+from evopem.figures.figure_data import gain_table, residual_spectrum_table
 from evopem.figures.frequency_domain import (
+    complex_plane,
     draw_frequency_response,
+    draw_nyquist,
+    draw_residual_spectrum,
     draw_spectrum,
     unwrapped_gaps,
 )
@@ -23,7 +27,9 @@ from evopem.figures.pole_zero_map import draw_poles_zeros
 from evopem.figures.residual_correlation import draw_residuals
 from evopem.figures.stabilization_diagram import draw_stabilization
 from evopem.figures.style import svg_text
-from evopem.figures.time_domain import draw_record, draw_simulation
+from evopem.figures.summary import draw_gain_and_data, draw_measured_and_simulated, shown_samples
+from evopem.figures.time_domain import draw_record, draw_simulation, draw_simulation_as_recorded
+from evopem.figures.time_responses import draw_step_and_impulse, settling_part
 from evopem.results.layout import FIGURES
 from evopem.signals.preparation import PreparedData
 from evopem.signals.recording import Recording
@@ -248,6 +254,156 @@ def test_stabilization_marks_each_status_and_the_selected_order():
     assert list(drawn["stable in frequency and damping"].get_ydata()) == [6]
     assert [text.get_text() for text in axes.texts] == ["selected"]
     assert axes.texts[0].xy[1] == 5
+
+
+def test_the_first_screen_shows_the_simulation_and_the_gain_over_the_data(results):
+    table, modes = results.validation_tables.simulation, results.model.modes
+    (axes,) = draw_measured_and_simulated(table, modes, 100.0, "tip (V)").axes
+    kept = shown_samples(modes, 100.0)
+    shown = table[table["simulated"].notna()].iloc[:kept]
+    for column in ("output", "simulated"):
+        assert_drawn(axes, shown["time_s"], shown[column])
+    (axes,) = draw_gain_and_data(results.frequency_response, results.spectrum, [5.0, 37.0]).axes
+    # The response has more points than are drawn: its extremes are.
+    drawn = lines(axes)["model G"].get_ydata()
+    assert drawn.max() == pytest.approx(results.frequency_response["gain"].max())
+    marked = [line.get_xdata()[0] for line in axes.get_lines() if len(line.get_xdata()) == 2]
+    assert marked == [5.0, 37.0]
+    thinned = gain_table(results)
+    for source, whole in (
+        ("model", results.frequency_response["gain"]),
+        ("multitaper", results.spectrum["frequency_response_gain"]),
+    ):
+        own = thinned[thinned["source"] == source]["gain"]
+        assert (own.min(), own.max()) == (whole.min(), whole.max())
+
+
+def test_step_and_impulse_are_those_of_the_transfer_function(results):
+    from scipy.signal import dlti, dstep
+
+    model = results.model.model
+    table = settling_part(results.time_response)
+    numerator = np.zeros(max(len(model.delayed_b), len(model.a)))
+    denominator = np.zeros_like(numerator)
+    numerator[: len(model.delayed_b)] = model.delayed_b
+    denominator[: len(model.a)] = model.a
+    system = dlti(numerator, denominator, dt=1 / 100.0)
+    times, (step,) = dstep(system, n=len(table))
+    np.testing.assert_allclose(table["step"], step[:, 0], atol=1e-9)
+    np.testing.assert_allclose(table["time_s"], times)
+    impulse = table["impulse"].abs()
+    assert impulse.iloc[-5:].max() < 0.02 * impulse.max()
+    for axes, column in zip(draw_step_and_impulse(table).axes, ("step", "impulse"), strict=True):
+        assert_drawn(axes, table["time_s"], table[column])
+        band = axes.collections[0].get_paths()[0].vertices[:, 1]
+        assert band.max() == pytest.approx(table[f"{column}_upper"].max())
+
+
+@pytest.fixture(scope="module")
+def of_noise_alone(results):
+    """The same results as if the model had no input, whose noise filter is left."""
+    record = results.model
+    plain = replace(
+        record, orders=replace(record.orders, nb=0, nk=0, structure="arma"), b=np.empty(0)
+    )
+    response, in_time = results.frequency_response.copy(), results.time_response.copy()
+    response[["gain", "gain_lower", "gain_upper", "phase_deg"]] = np.nan
+    in_time[["step", "impulse"]] = np.nan
+    tables = results.validation_tables
+    simulation = tables.simulation.assign(
+        simulated=np.nan, simulation_error=np.nan, recorded_simulated=np.nan
+    )
+    return replace(
+        results,
+        model=replace(plain, covariance_factor=None),
+        settings=replace(
+            results.settings, order_grid=replace(results.settings.order_grid, structure="arma")
+        ),
+        phases={name: results.phases[name] for name in ("joint", "nc")},
+        spectrum=results.spectrum[["frequency_hz", "density", "lower", "upper"]],
+        frequency_response=response,
+        time_response=in_time,
+        validation_tables=replace(tables, simulation=simulation),
+    )
+
+
+def test_without_an_input_the_noise_filter_and_the_prediction_are_drawn(of_noise_alone):
+    results = of_noise_alone
+    shown = {figure.name: figure for figure in REPORT_FIGURES if figure.applies(results)}
+    assert set(FIGURES) - set(shown) == {"nyquist", "delay"}
+    noise = results.frequency_response["noise_gain"]
+    gain = shown["gain"].table(results)
+    assert set(gain["source"]) == {"noise filter"}
+    assert gain["gain"].max() == noise.max()
+    drawn = lines(shown["gain"].draw(results).axes[0])
+    assert drawn["noise filter H"].get_ydata().max() == noise.max()
+    assert "multitaper" not in drawn
+    first = shown["measured_and_simulated"].table(results)
+    assert list(first.columns) == ["time_s", "output", "predicted"]
+    assert first["predicted"].notna().all()
+    (axes,) = shown["step_and_impulse"].draw(results).axes
+    part = settling_part(results.time_response)
+    assert_drawn(axes, part["time_s"], part["noise_impulse"])
+
+
+def test_what_a_page_draws_without_an_input_is_in_its_tables(of_noise_alone):
+    for figure in REPORT_FIGURES:
+        if not figure.applies(of_noise_alone):
+            continue
+        table = figure.table(of_noise_alone)
+        for panel in figure.panels(of_noise_alone):
+            for curve in panel.curves:
+                if curve.source:
+                    continue
+                rows = table
+                if curve.where and curve.where[1] != "not 0":
+                    rows = table[table[curve.where[0]] == curve.where[1]]
+                assert {panel.x, curve.column, *curve.band} <= set(table.columns), figure.name
+                # Of the status of a pole there may be no row.
+                assert figure.name == "stabilization" or rows[curve.column].notna().any()
+
+
+def test_the_nyquist_diagram_shows_the_frequency_response_in_the_complex_plane(results):
+    table = results.frequency_response
+    response = results.model.model.frequency_response(table["frequency_hz"])
+    parts = complex_plane(table["gain"], table["phase_deg"])
+    np.testing.assert_allclose(parts[:, 0] + 1j * parts[:, 1], response, rtol=1e-6, atol=1e-9)
+    (axes,) = draw_nyquist(table, results.spectrum, "V/A").axes
+    assert_drawn(axes, parts[:, 0], parts[:, 1])
+    assert axes.get_xlabel() == "Real part of G (V/A)"
+
+
+def test_the_level_of_white_noise_goes_through_the_residual_spectrum(results):
+    table = residual_spectrum_table(results)
+    step = table["frequency_hz"].iloc[1]
+    errors = results.validation_tables.simulation["prediction_error"]
+    assert table["density"].sum() * step == pytest.approx(errors.var(ddof=0), rel=1e-6)
+    assert table["density"].mean() == pytest.approx(table["white_level"].iloc[0], rel=0.01)
+    (axes,) = draw_residual_spectrum(table, "V").axes
+    assert_drawn(axes, table["frequency_hz"][1:], table["white_level"][1:])
+    assert "too few residuals" in words(draw_residual_spectrum(table.iloc[:0]))
+
+
+def test_the_simulation_is_drawn_in_recorded_units(results):
+    table = results.validation_tables.simulation
+    (axes,) = draw_simulation_as_recorded(table, "tip (V)").axes
+    for column in ("recorded_output", "recorded_predicted", "recorded_simulated"):
+        assert_drawn(axes, table["time_s"], table[column])
+
+
+def test_panels_name_columns_of_their_figures_tables(results):
+    """The page draws a panel from these columns of the figure's own table or of a named one."""
+    tables = {figure.name: figure.table(results) for figure in REPORT_FIGURES}
+    drawn = 0
+    for figure in REPORT_FIGURES:
+        for panel in figure.panels(results):
+            for curve in panel.curves:
+                table = tables[curve.source or figure.name]
+                assert {panel.x, curve.column, *curve.band, *curve.where[:1]} <= set(table)
+                if curve.where and curve.where[1] != "not 0":
+                    assert curve.where[1] in set(table[curve.where[0]])
+                drawn += 1
+    assert drawn > 30
 
 
 def test_convergence_ends_where_the_search_did(results):

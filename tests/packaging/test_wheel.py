@@ -11,9 +11,12 @@ from pathlib import Path
 
 import pytest
 
+import evopem
+
 ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "workflow" / "scripts" / "evopem"
 TEMPLATES = ROOT / "workflow" / "templates"
+SCHEMAS = ROOT / "workflow" / "schemas"
 COMPILING = "evopem: compiling the numerical kernels (about 10 s, once after an installation)\n"
 
 # The example's `input` and `output`: a record of the model whose orders the example gives.
@@ -99,12 +102,17 @@ def python(wheel, tmp_path_factory):
     return interpreter
 
 
-def test_every_module_and_template_is_in_the_wheel(wheel):
+def test_every_module_template_and_schema_is_in_the_wheel(wheel):
     with zipfile.ZipFile(wheel) as archive:
         packed = {name for name in archive.namelist() if ".dist-info/" not in name}
     modules = {f"evopem/{path.relative_to(PACKAGE)}" for path in PACKAGE.rglob("*.py")}
-    templates = {f"evopem/templates/{path.name}" for path in TEMPLATES.iterdir()}
-    assert packed == modules | templates | {"evopem/py.typed"}
+    templates = {
+        f"evopem/templates/{path.relative_to(TEMPLATES).as_posix()}"
+        for path in TEMPLATES.rglob("*")
+        if path.is_file()
+    }
+    schemas = {f"evopem/schemas/{path.name}" for path in SCHEMAS.iterdir()}
+    assert packed == modules | templates | schemas | {"evopem/py.typed"}
 
 
 def test_the_example_of_the_readme_runs_without_any_extra(python, identified, tmp_path):
@@ -125,6 +133,22 @@ def test_the_example_of_the_readme_runs_without_any_extra(python, identified, tm
     # The compiled code is kept: the second run prints the same, in silence.
     again, messages = run_python(python, RECORD + without_control + RESULTS, tmp_path)
     assert (json.loads(again), messages) == (results, "")
+
+
+def test_the_command_names_the_extra_that_it_needs(python, tmp_path):
+    command = python.parent / "evopem"
+    version = subprocess.run([command, "--version"], capture_output=True, text=True, check=True)
+    assert version.stdout == f"evopem {evopem.__version__}\n"
+    (tmp_path / "data.csv").write_text("u,y\n" + "1,2\n2,1\n" * 100)
+    arguments = ("data.csv", "--input", "u", "--output", "y", "--rate", "100")
+    run = subprocess.run(
+        [command, *arguments], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert (run.returncode, run.stdout) == (1, "")
+    assert run.stderr.endswith('are not installed; run pip install "evopem[report]".\n')
+    # Looking into recordings needs no extra.
+    written = subprocess.run([command, "init", "."], cwd=tmp_path, capture_output=True, check=True)
+    assert b"Wrote config.yaml" in written.stdout
 
 
 def test_the_extra_control_completes_the_example(python, wheel, identified, tmp_path):

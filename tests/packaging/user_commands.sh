@@ -61,4 +61,22 @@ say "pip install PATH"
 python -m pip install --quiet --no-deps "$checkout"
 cd "$work"
 python -c "import evopem; print(evopem.load('own/results/truth/model.json').orders)"
+say "evopem data.csv --input u --output y --rate 100"
+mkdir -p recorded
+python - <<'PYTHON'
+import numpy as np
+from evopem.synthesis.armax import armax
+
+recording, _ = armax(seed=1, samples=700)
+columns = np.column_stack([recording.input, recording.output])
+np.savetxt("recorded/data.csv", columns, delimiter=",", header="u,y", comments="")
+PYTHON
+cd recorded
+evopem data.csv --input u --output y --rate 100 --config ../own/config.yaml | tee printed.txt
+grep --quiet "report  results/data/report.html" printed.txt
+[[ -s results/data/report.html ]]
+say "evopem init FOLDER"
+rm -r results
+evopem init .
+grep --quiet "file: data.csv" config.yaml
 say "Every command succeeded."

@@ -53,7 +53,7 @@ def contents(files):
 
 def test_it_makes_every_result_and_leaves_no_parts(arm):
     made = set(map(str, contents(arm)))
-    steps = {arm.recording, arm.prepared, *map(arm.phase, PHASES), arm.truth}
+    steps = {arm.recording, arm.prepared, *arm.phases("armax"), arm.truth}
     assert made == steps | set(arm.results) | set(arm.pages)
 
 
@@ -126,7 +126,7 @@ def test_a_recorded_file_without_a_report(tmp_path, arm, monkeypatch):
     files = DatasetFiles.of_dataset("bench")
     identify_recording(files, settings, with_report=False)
     made = set(map(str, (path for path in contents(files))))
-    steps = {files.recording, files.prepared, *map(files.phase, PHASES)}
+    steps = {files.recording, files.prepared, *files.phases("armax")}
     own = {files.validation_recording, files.validation_recording_info}
     assert made == steps | set(files.results) | own
     assert load(Transforms, files.transforms).validation_source == "file"

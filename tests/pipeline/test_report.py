@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from evopem.config.structures import PHASES
 from evopem.pipeline.figures import draw_figures
 from evopem.pipeline.identification import stages
 from evopem.pipeline.report import commit_of, write_report
@@ -60,8 +61,9 @@ def test_the_commit_and_changes_to_it_are_named(workflow):
 
 
 def test_the_times_shown_are_those_of_the_stages(identified):
-    shown = {stage for stage, _ in (*BEFORE, *AFTER)} | set(PHASE_STAGES)
+    shown = {stage for stage, _ in (*BEFORE, *AFTER)}
     assert shown <= set(stages(identified.files, identified.results.settings))
+    assert tuple(PHASE_STAGES) == PHASES
 
 
 def test_figures_and_times_are_read_from_the_folder_of_the_data_set(identified, tmp_path):

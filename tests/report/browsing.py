@@ -100,6 +100,24 @@ def thousand(summary, tmp_path_factory):
     return file
 
 
+@pytest.fixture(scope="session")
+def several(summary, tmp_path_factory):
+    """A list of four data sets in two groups, one of them incomplete, that differ in one thing."""
+    passed = tuple(replace(check, passed=True) for check in summary.checks)
+    failed = tuple(replace(check, passed=check.name != "White residuals") for check in passed)
+    high = tuple(replace(mode, frequency_hz=100.5) for mode in summary.modes)
+    problem = 'bench.csv, line 7: "x" is not a number; correct it.'
+    entries = {
+        "arm-1": replace(summary, checks=passed),
+        "arm-2": replace(summary, checks=failed),
+        "bench-1": replace(summary, checks=passed, modes=high),
+        "bench-2": IncompleteDataset("failed", problem, "logs/recording.log"),
+    }
+    file = tmp_path_factory.mktemp("pages") / "several.html"
+    file.write_text(build_index(entries, TEMPLATES), encoding="utf-8")
+    return file
+
+
 def visit(browser, file, width=1440, scheme="light"):
     browser.execute_cdp_cmd(
         "Emulation.setDeviceMetricsOverride",

@@ -6,6 +6,8 @@ from pathlib import Path
 import pytest
 from browsing import needs_chromium, visit
 
+from evopem.config.structures import ORDER_NAMES
+
 pytest.importorskip("selenium", reason="selenium is not installed")
 pytestmark = needs_chromium
 
@@ -74,6 +76,7 @@ def test_a_table_is_copied_with_numbers_at_full_precision(browser, report, resul
     for row, mode in zip(rows, results.model.modes, strict=True):
         assert float(row[1]) == pytest.approx(mode.frequency_hz, rel=1e-11)
         assert float(row[4]) == pytest.approx(100 * mode.damping_se, rel=1e-11)
+    browser.execute_script("document.querySelectorAll('details').forEach(d => d.open = true)")
     press(browser, "Copy table: Time of each stage")
     assert "\u202f" not in copied(browser)
 
@@ -81,8 +84,8 @@ def test_a_table_is_copied_with_numbers_at_full_precision(browser, report, resul
 def column(browser, table, index):
     return browser.execute_script(
         """return Array.from(document.querySelector(`table[data-name="${arguments[0]}"]`)
-            .tBodies[0].rows).map(row => row.cells[arguments[1]].dataset.value ??
-                row.cells[arguments[1]].textContent)""",
+            .tBodies[0].rows).map(row => row.cells[arguments[1]]?.dataset.value ??
+                row.cells[arguments[1]]?.textContent ?? '')""",
         table,
         index,
     )
@@ -112,6 +115,7 @@ def test_tables_sort_by_keyboard(browser, report):
 
 def test_what_has_no_number_stays_at_the_end(browser, report):
     visit(browser, report)
+    browser.execute_script("document.querySelectorAll('details').forEach(d => d.open = true)")
     button = browser.find_element(
         "xpath", '//table[@data-name="Time of each stage"]//button[text()="Evaluations"]'
     )
@@ -127,7 +131,7 @@ def test_a_thousand_data_sets_are_searched_and_sorted(browser, thousand):
     """The worst stand first; a search leaves the rows that hold all its words."""
     visit(browser, thousand)
     names = column(browser, "Data sets", 0)
-    errors = [float(value) for value in column(browser, "Data sets", 3) if value]
+    errors = [float(value) for value in column(browser, "Data sets", 2) if value]
     assert names[0] == "bench-999"
     assert errors == sorted(errors, reverse=True)
     assert len(errors) == 999
@@ -136,7 +140,7 @@ def test_a_thousand_data_sets_are_searched_and_sorted(browser, thousand):
         return browser.execute_script(
             """const field = document.querySelector('input[type=search]');
             field.value = arguments[0];
-            field.dispatchEvent(new Event('input'));
+            field.dispatchEvent(new Event('input', {bubbles: true}));
             const rows = [...document.querySelector('tbody').rows].filter(row => !row.hidden);
             return rows.map(row => row.cells[0].textContent);""",
             words,
@@ -166,5 +170,125 @@ def test_a_figures_numbers_are_saved_from_the_page(browser, report, tmp_path):
     browser.execute_script("arguments[0].click()", link)
     saved = tmp_path / "bench-delay.csv"
     WebDriverWait(browser, 10).until(lambda _: saved.is_file())
-    assert list(pd.read_csv(saved))[:4] == ["na", "nb", "nc", "nk"]
+    assert list(pd.read_csv(saved))[:6] == list(ORDER_NAMES)
     assert browser.current_url == report.as_uri()
+
+
+def choose(browser, **fields):
+    """Fill in filters and return the names of the rows that are left."""
+    return browser.execute_script(
+        """for (const [name, value] of Object.entries(arguments[0])) {
+            const field = document.querySelector(`[data-filter="${name}"]`);
+            field.value = value;
+            field.dispatchEvent(new Event('input', {bubbles: true}));
+        }
+        const rows = [...document.querySelector('tbody').rows].filter(row => !row.hidden);
+        return rows.map(row => row.cells[0].textContent);""",
+        fields,
+    )
+
+
+def test_data_sets_are_filtered_by_check_group_and_frequency(browser, several):
+    visit(browser, several)
+    assert set(choose(browser)) == {"arm-1", "arm-2", "bench-1", "bench-2"}
+    assert choose(browser, failed="White residuals") == ["arm-2"]
+    assert set(choose(browser, failed="", group="bench")) == {"bench-1", "bench-2"}
+    assert choose(browser, group="", **{"from": "100", "to": "101"}) == ["bench-1"]
+    assert choose(browser, **{"from": "", "to": ""}, text="line 7") == ["bench-2"]
+    assert len(choose(browser, text="")) == 4
+
+
+def picture(browser, figure):
+    """The canvases of a figure as text."""
+    return browser.execute_script(
+        "return [...document.querySelectorAll(`#${arguments[0]} canvas`)].map(c => c.toDataURL())",
+        figure,
+    )
+
+
+def settle(browser):
+    """Wait until what was asked for is painted."""
+    browser.execute_async_script("requestAnimationFrame(() => setTimeout(arguments[0], 100))")
+
+
+def bring(browser, figure):
+    """Bring a figure to the screen and wait until it is drawn."""
+    from selenium.webdriver.support.ui import WebDriverWait
+
+    browser.execute_script("document.getElementById(arguments[0]).scrollIntoView()", figure)
+    WebDriverWait(browser, 10).until(
+        lambda _: browser.find_elements("css selector", f"#{figure} canvas")
+    )
+    settle(browser)
+
+
+def test_figures_zoom_together_over_the_frequency(browser, report):
+    from selenium.webdriver.common.keys import Keys
+
+    visit(browser, report)
+    for figure in ("spectrum", "frequency_response"):
+        bring(browser, figure)
+    before = {name: picture(browser, name) for name in ("spectrum", "frequency_response")}
+    assert len(before["frequency_response"]) == 3
+    browser.find_element(
+        "css selector", '#frequency_response button[aria-label="Zoom in: Frequency response"]'
+    ).send_keys(Keys.ENTER)
+    settle(browser)
+    for name, pictures in before.items():
+        for old, new in zip(pictures, picture(browser, name), strict=True):
+            assert old != new, name
+    browser.find_element(
+        "css selector", '#spectrum button[aria-label="Whole range: Spectrum of the output"]'
+    ).send_keys(Keys.ENTER)
+    settle(browser)
+    assert {name: picture(browser, name) for name in before} == before
+
+
+def test_a_curve_is_hidden_and_shown_by_its_name(browser, report):
+    from selenium.webdriver.common.keys import Keys
+
+    visit(browser, report)
+    bring(browser, "simulation")
+    before = picture(browser, "simulation")
+    name = browser.find_element("css selector", "#simulation .legend button")
+    assert name.text == "measured"
+    name.send_keys(Keys.ENTER)
+    assert name.get_attribute("aria-pressed") == "false"
+    settle(browser)
+    assert picture(browser, "simulation")[0] != before[0]
+    name.send_keys(Keys.SPACE)
+    settle(browser)
+    assert picture(browser, "simulation") == before
+
+
+def test_the_cursor_reads_the_values_of_the_table(browser, report, results):
+    from selenium.webdriver import ActionChains
+
+    visit(browser, report)
+    bring(browser, "simulation")
+    over = browser.find_element("css selector", "#simulation .u-over")
+    ActionChains(browser).move_to_element(over).perform()
+    at, measured = browser.execute_script(
+        """const panel = document.querySelector('#simulation .panel');
+        return [panel.querySelector('.where').textContent,
+                panel.querySelector('output').textContent];"""
+    )
+    time = float(at.removeprefix("at "))
+    table = results.validation_tables.simulation
+    row = table.iloc[(table["time_s"] - time).abs().argmin()]
+    assert row["time_s"] == pytest.approx(time, rel=1e-3)
+    assert float(measured.replace("\u2212", "-")) == pytest.approx(row["output"], rel=1e-3)
+
+
+def test_figures_follow_a_change_of_the_theme(browser, report):
+    visit(browser, report, scheme="light")
+    bring(browser, "gain")
+    before = picture(browser, "gain")
+    browser.execute_cdp_cmd(
+        "Emulation.setEmulatedMedia",
+        {"features": [{"name": "prefers-color-scheme", "value": "dark"}]},
+    )
+    bring(browser, "gain")
+    after = picture(browser, "gain")
+    assert len(after) == len(before) == 1
+    assert after != before

@@ -4,9 +4,11 @@ import math
 import re
 from dataclasses import replace
 
+import pytest
 from test_pages import HOSTILE, TEMPLATES, Page
 
 from evopem.report import build_index
+from evopem.report.index_page import group_of
 from evopem.results.fleet import IncompleteDataset
 from evopem.validation.checks import Check
 
@@ -28,15 +30,17 @@ def test_the_worst_come_first_and_each_links_its_report(summary):
         HOSTILE: replace(
             summary, checks=outcomes(False, False, None), simulation_error_percent=math.nan
         ),
-        "gone": IncompleteDataset("failed", "gone.csv: <no> file"),
+        "gone": IncompleteDataset("failed", "gone.csv: <no> file", "logs/recording.log"),
+        "never": IncompleteDataset("unfinished", "not all of its jobs have run"),
     }
     html = build_index(entries, TEMPLATES)
     page = Page(html)
     links = [
-        reference for reference in page.references if reference.endswith(("report.html", "logs/"))
+        reference for reference in page.references if reference.endswith(("report.html", ".log"))
     ]
     assert links == [
-        "gone/logs/",
+        "gone/logs/recording.log",
+        "gone/logs/recording.log",
         "%3Cscript%3Ealert%28%22x%22%29%3C%2Fscript%3E%27%26/report.html",
         "failed%20much/report.html",
         "failed%20little/report.html",
@@ -58,3 +62,47 @@ def test_each_row_has_the_numbers_of_its_data_set(summary):
     assert f"{summary.simulation_error_percent:.1f}" in page.text
     assert str(summary.orders) in page.text
     assert "bench/model.json" in page.references
+
+
+def test_each_row_has_its_modes_and_gain(summary):
+    html = build_index({"bench": summary}, TEMPLATES)
+    for mode, trusted in zip(summary.modes, summary.trusted, strict=True):
+        shown = f"{mode.frequency_hz:.3g}"
+        assert (f"<strong>{shown}</strong>" in html) == trusted
+        assert shown in html
+    assert html.count("<svg") == 1
+    assert html.count('class="mark"') == sum(summary.trusted)
+    top = max(summary.gain_db)
+    assert f"Gain from 0 to 50 Hz, from {top:.0f} down to" in html.replace("−", "-")
+
+
+@pytest.mark.parametrize(
+    ("name", "group"),
+    [
+        ("bench-12", "bench"),
+        ("bench12", "bench"),
+        ("gearbox_left_3", "gearbox"),
+        ("2024-05-run", "2024"),
+        ("7", "7"),
+        ("-x", "-x"),
+    ],
+)
+def test_names_that_begin_alike_form_a_group(name, group):
+    assert group_of(name) == group
+
+
+def test_groups_are_shown_where_they_divide_the_data_sets(summary):
+    def grouped(*names):
+        page = Page(build_index(dict.fromkeys(names, summary), TEMPLATES))
+        return "Data set Group" in page.text
+
+    assert grouped("arm-1", "arm-2", "bench-1")
+    assert not grouped("arm-1", "arm-2")
+    assert not grouped("arm", "bench")
+
+
+def test_a_gain_that_is_zero_or_unknown_is_drawn_or_left_out(summary):
+    flat = replace(summary, gain_db=(-math.inf, 3.0, 3.0))
+    assert build_index({"a": flat}, TEMPLATES).count("<svg") == 1
+    unknown = replace(summary, gain_db=(math.nan, math.nan))
+    assert build_index({"a": unknown}, TEMPLATES).count("<svg") == 0

@@ -73,9 +73,9 @@ def test_thinned_numbers_say_so_and_keep_the_extremes(long_page, long_results):
         for name, link in links.items()
     }
     assert max(map(len, tables.values())) <= 5000
-    # Recording, spectrum, frequency response and simulation.
-    assert long_page.count("thinned from") == 4
-    assert f"thinned from {SAMPLES // 5:,}".replace(",", "\u202f") in long_page
+    # Recording, spectrum, frequency response, Nyquist diagram, and both simulations.
+    assert long_page.count("all extremes kept") == 6
+    assert f" of {SAMPLES // 5:,}, all extremes kept".replace(",", "\u202f", 1) in long_page
     whole = long_results.validation_tables.simulation
     for column in ("output", "simulated", "prediction_error"):
         assert tables["simulation"][column].max() == pytest.approx(whole[column].max(), rel=1e-5)

@@ -168,7 +168,7 @@ def test_phases_give_the_smallest_rss_beside_the_selection(results):
         f" {percent(selected.criteria.rss, 4)}; the smallest RSS, {percent(least['rss'], 4)}, is at"
         f" {least['nc']}. ARMAX"
     )
-    assert joint.startswith("Joint order k = na = nb = nc, searched from 6 to 8")
+    assert joint.startswith("Joint order na = nb = nc = k, searched from 6 to 8")
     assert nb.startswith("Number of B coefficients, nb, searched from 5 to 7")
     assert "BIC decides" in last
     only = replace(results.phases["nc"], candidates=(selected,), reason="It is the only candidate.")
@@ -227,7 +227,9 @@ def test_a_mode_that_outlasts_the_recording_gets_a_sentence(results):
 def with_coefficients(results, a, b, c, covariance=None):
     if covariance is not None:
         covariance = ParameterCovariance.from_matrix(covariance)
-    model = PolynomialModel(np.array(a), np.array(b), np.array(c), 1, 100.0, 1.0, covariance)
+    model = PolynomialModel(
+        np.array(a), np.array(b), np.array(c), nk=1, sampling_rate=100.0, covariance=covariance
+    )
     return with_model(
         results, a=model.a, b=model.b, c=model.c, orders=model.orders, covariance_factor=covariance
     )
@@ -344,13 +346,3 @@ def test_the_results_beside_those_of_the_chapter(results):
         ("Model", str(orders), "ARMAX(7,6,7,3)"),
     ]
     assert not chapter.stands_in_for_the_chapter(results.settings)
-    *_, last = about_orders.phases(
-        replace(
-            results,
-            settings=replace(
-                results.settings,
-                source=replace(results.settings.source, synthesis="flexible_arm"),
-            ),
-        )
-    )
-    assert last.endswith("selected the joint order 7, then nc = 7, then nb = 6.")

@@ -5,6 +5,7 @@ import shutil
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 
@@ -79,6 +80,11 @@ def test_a_summary_holds_the_results(identified, summary):
     assert summary.simulation_error_percent == results.validation.simulation_error_percent
     assert list(summary.checks) == results.checks
     assert sum(summary.n_checks(passed) for passed in (True, False, None)) == len(results.checks)
+    assert len(summary.trusted) == len(summary.modes)
+    assert sum(summary.trusted) == len(results.trusted_modes) > 0
+    model = results.model.model
+    peak = np.abs(model.frequency_response(np.linspace(0, 50, 20001)[1:])).max()
+    assert max(summary.gain_db) == pytest.approx(20 * np.log10(peak), abs=0.2)
     assert set(summary.made_from) == {"recording.json", "model.json", "validation.json"}
 
 
@@ -124,7 +130,8 @@ def test_complete_data_sets_are_listed(files, summary):
     collect_fleet(["a"], TEMPLATES, "report.html", *OVERVIEW)
     assert rows()["a"]["status"] == "complete"
     html = Path(OVERVIEW[0]).read_text()
-    assert f'<a href="a/report.html">a</a></th><td>{summary.orders}</td>' in html
+    assert '<a href="a/report.html">a</a></th>' in html
+    assert f"<td>{summary.orders}</td>" in html
     assert f"{summary.n_checks(passed=True)} passed" in html
     assert unfinished(files)["a"] == rows()["a"]
 
@@ -138,11 +145,13 @@ def test_a_damaged_summary_ends_the_list_of_complete_data_sets(files):
 def test_a_data_set_that_was_complete_and_fails_is_not_listed_as_complete(files):
     """The files of its old results are still there, all but the outputs of the job that failed."""
     fail(files.log("model"), files.model)
+    Path(files.log("model")).write_text("all that the job said")
     row = unfinished(files)["a"]
     assert (row["status"], row["problem"], row["na"]) == ("failed", SENTENCE, "")
     html = Path(OVERVIEW[0]).read_text()
     assert SENTENCE in html
-    assert 'href="a/logs/"' in html
+    assert 'href="a/logs/model.log"' in html
+    assert 'href="a/report.html"' not in html
 
 
 def test_a_failed_part_of_a_phase_is_known_by_the_jobs_that_are_left(files):

@@ -74,7 +74,7 @@ def test_a_model_meets_its_constraints_and_records_them(run):
     errors = record.parameter_standard_errors
     assert errors[0] == pytest.approx(errors[1], rel=1e-9)
     page = Path(files.report).read_text(encoding="utf-8")
-    assert "<h2>Constraints</h2>" in page
+    assert ">Constraints</h3>" in page
     assert "z = 1" in page
 
 
@@ -107,7 +107,7 @@ def test_a_focus_is_that_of_the_python_interface(run):
     assert direct.focus_objective == pytest.approx(record.fit.objective, rel=1e-6)
     selected = load(PhaseSelection, files.phase("nb")).selected
     assert record.criteria.objective > selected.criteria.objective
-    assert "<h2>Focus</h2>" in Path(files.report).read_text(encoding="utf-8")
+    assert ">Focus</h3>" in Path(files.report).read_text(encoding="utf-8")
 
 
 def test_other_constraints_repeat_the_model_and_not_the_search(run):

@@ -15,9 +15,15 @@ from .conftest import TINY, jobs_of_each_rule
 def test_one_job_makes_what_the_stages_make(finished, folder):
     folder.configure(TINY | {"one_job_per": "recording", "candidates_per_job": "auto"})
     printed = folder.finish("--cores", "2")
-    assert jobs_of_each_rule(printed) == {"identify_synthetic_recording": 1}
+    assert jobs_of_each_rule(printed) == {"identify_synthetic_armax": 1}
     made, staged = (each.files_of("truth") for each in (folder, finished))
-    results = [*staged.results, staged.recording, staged.prepared, staged.truth, *staged.phases]
+    results = [
+        *staged.results,
+        staged.recording,
+        staged.prepared,
+        staged.truth,
+        *staged.phases("armax"),
+    ]
     results += staged.figures
     for path in map(Path, results):
         same = Path(made.folder) / path.relative_to(staged.folder)
@@ -26,6 +32,8 @@ def test_one_job_makes_what_the_stages_make(finished, folder):
     files = {path.relative_to(made.folder) for path in Path(made.folder).rglob("*.*")}
     assert not [path for path in files if path.name.startswith("part-")]
     assert folder.planned() == {}
+    Path(made.phase("nc")).unlink()  # no other job of the run needs it
+    assert folder.planned() == {"identify_synthetic_armax": 1}
 
 
 def table(folder):
@@ -45,14 +53,14 @@ def test_a_fleet_in_shards_with_a_bad_recording_is_listed_and_later_complete(fol
     keys = {"one_job_per": "recording", "report": "none"}
     folder.configure({"datasets": "recordings.csv", "defaults": TINY["defaults"], **keys})
 
-    assert folder.planned("--config", "shard=1/2") == {"identify_recording": 2}
+    assert folder.planned("--config", "shard=1/2") == {"identify_recorded_armax": 2}
     printed = folder.finish("--cores", "1", "--nolock", "--config", "shard=2/2")
-    assert jobs_of_each_rule(printed) == {"identify_recording": 1}
+    assert jobs_of_each_rule(printed) == {"identify_recorded_armax": 1}
     assert (folder.results / "r2" / "summary.json").exists()
     assert not (folder.results / "index.html").exists()
 
     run = folder.run("--cores", "2")
-    assert jobs_of_each_rule(run.stdout) == {"identify_recording": 2, "collect_fleet": 1}
+    assert jobs_of_each_rule(run.stdout) == {"identify_recorded_armax": 2, "collect_fleet": 1}
     assert run.returncode != 0
     assert "Traceback" not in run.stdout
     listed = {row["dataset"]: row for row in table(folder)}
@@ -64,7 +72,7 @@ def test_a_fleet_in_shards_with_a_bad_recording_is_listed_and_later_complete(fol
 
     recordings.write_text(rows.replace("data/3.csv", "data/1.csv"))
     printed = folder.finish("--cores", "2")
-    assert jobs_of_each_rule(printed) == {"identify_recording": 1, "collect_fleet": 1}
+    assert jobs_of_each_rule(printed) == {"identify_recorded_armax": 1, "collect_fleet": 1}
     assert {row["status"] for row in table(folder)} == {"complete"}
     frequencies = [row["frequency_hz"] for row in table(folder) if row["dataset"] == "r3"]
     model = load(ModelRecord, folder.files_of("r3").model)

@@ -1,5 +1,7 @@
 """The workflow as a module of another project, with that project's configuration and data."""
 
+import os
+import shutil
 import subprocess
 import sys
 
@@ -16,7 +18,7 @@ SNAKEFILE = """
 configfile: "project.yaml"
 
 module identification:
-    snakefile: {snakefile!r}
+    snakefile: {snakefile}
     config: config["identification"]
     {prefix}
 
@@ -32,6 +34,8 @@ rule everything:
     input: "first_mode.txt", rules.identification_all.input
 """
 
+CHECKOUT = repr(str(ROOT / "Snakefile"))
+
 
 @pytest.fixture
 def project(tmp_path):
@@ -40,10 +44,10 @@ def project(tmp_path):
     # Not a configuration of this workflow, and not even one that it would accept.
     (tmp_path / "config.yaml").write_text("project: of somebody else\nproject: twice\n")
 
-    def write(prefix="", **more):
+    def write(prefix="", snakefile=CHECKOUT, **more):
         folder = f"{prefix}/" if prefix else ""
         given = f"prefix: {prefix!r}" if prefix else ""
-        text = SNAKEFILE.format(snakefile=str(ROOT / "Snakefile"), prefix=given, folder=folder)
+        text = SNAKEFILE.format(snakefile=snakefile, prefix=given, folder=folder)
         (tmp_path / "Snakefile").write_text(text)
         source = {"file": "measured/bench.csv", "sampling_rate": 100}
         config = {"defaults": TINY["defaults"], "datasets": {"bench": source}} | more
@@ -53,10 +57,11 @@ def project(tmp_path):
     return write
 
 
-def snakemake(folder, *arguments):
+def snakemake(folder, *arguments, environment=()):
     return subprocess.run(
         [sys.executable, "-m", "snakemake", "--nocolor", "--cores", "1", *arguments],
         cwd=folder,
+        env={**os.environ, **dict(environment)},
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
@@ -92,3 +97,38 @@ def test_an_error_names_the_modules_configuration(project):
     assert run.returncode != 0
     assert "config of the module, candidates_per_job: 0 is below 1" in run.stdout
     assert "Traceback" not in run.stdout
+
+
+@pytest.fixture
+def repository(tmp_path):
+    """The workflow in a repository of its own, with a tag."""
+    folder = tmp_path / "repository"
+    ignored = shutil.ignore_patterns("__pycache__", "*.egg-info")
+    for part in ("workflow", "benchmarks"):
+        shutil.copytree(ROOT / part, folder / part, ignore=ignored)
+    author = ("-c", "user.name=a", "-c", "user.email=a@b.c")
+    for command in (("init",), ("add", "."), (*author, "commit", "-m", "1"), ("tag", "v1")):
+        subprocess.run(["git", "-C", folder, *command], check=True, capture_output=True)
+    return folder
+
+
+def test_a_tagged_repository_is_used_with_the_installed_package(
+    project, repository, recorded, tmp_path
+):
+    """As from a hosting service: nothing of the workflow is a file beside the Snakefile."""
+    address = f'gitfile({str(repository)!r}, path="workflow/Snakefile", tag="v1")'
+    folder = project(snakefile=address, one_job_per="recording")
+    np.savetxt(folder / "measured" / "bench.csv", recorded, delimiter=",", fmt="%.17g")
+    missing = snakemake(folder, "--dry-run")
+    assert missing.returncode != 0
+    assert "its package evopem is not installed" in missing.stdout
+
+    installed = tmp_path / "installed"
+    shutil.copytree(ROOT / "workflow" / "scripts" / "evopem", installed / "evopem")
+    for part in ("templates", "schemas"):
+        shutil.copytree(ROOT / "workflow" / part, installed / "evopem" / part)
+    # The trigger `code` stops Snakemake with a TypeError of its own where a module is a gitfile.
+    triggers = ("--rerun-triggers", "mtime", "params", "input", "software-env")
+    run = snakemake(folder, *triggers, environment={"PYTHONPATH": str(installed)})
+    assert run.returncode == 0, run.stdout
+    assert "<svg" in (folder / "results" / "bench" / "report.html").read_text()

@@ -85,7 +85,7 @@ def threads(count):
 
 
 def needs(*resources):
-    rule = "identify_synthetic_recording"
+    rule = "identify_synthetic_armax"
     return ("--set-resources", *(f"{rule}:{resource}" for resource in resources))
 
 

@@ -73,8 +73,8 @@ def test_the_results_of_a_structure_are_read_back(run, name):
     files = run.files_of(name)
     model = evopem.load(files.model)
     assert model.structure == name
-    found = sorted(path.stem for path in Path(files.phases).glob("*.json"))
-    assert found == sorted(PHASES[name])
+    found = sorted(map(str, Path(files.phase_folder).glob("*.json")))
+    assert found == sorted(map(files.phase, PHASES[name]))
     plant = model.f if name != "arma" else model.a
     assert plant == pytest.approx(RESONANCE, abs=0.05)
     assert load(DatasetSummary, files.summary).orders == model.orders
@@ -98,6 +98,24 @@ def test_the_tables_say_what_belongs_to_plant_and_noise(run, name):
     assert (response["noise_gain_lower"] <= response["noise_gain"] * (1 + 1e-12)).all()
     in_time = pd.read_csv(files.time_response)
     assert in_time["step_upper"].notna().all() == has_input
+
+
+@pytest.mark.parametrize(
+    ("name", "shown", "hidden"),
+    [
+        ("oe", ["Measured and simulated", "Nyquist", "which no noise model uses"], []),
+        ("bj", ["Measured and simulated", "Nyquist", "of the noise filter alone"], []),
+        (
+            "arma",
+            ["Measured and predicted", "Gain of the noise filter", "the spectrum of the output"],
+            ["Nyquist", "simulation from the input", "Response to the input", ">Delay<"],
+        ),
+    ],
+)
+def test_the_report_shows_what_a_structure_has(run, name, shown, hidden):
+    page = Path(run.files_of(name).report).read_text(encoding="utf-8")
+    assert [words for words in shown if words not in page] == []
+    assert [words for words in hidden if words in page] == []
 
 
 def test_coloured_residuals_are_no_fault_of_an_output_error_model(run):

@@ -1,5 +1,6 @@
 """The checked configuration, and the functions with which rules read it."""
 
+import importlib.util
 import os
 import re
 import sys
@@ -8,13 +9,21 @@ from pathlib import Path
 from snakemake.exceptions import WorkflowError
 from snakemake.io import IOFile
 
-WORKFLOW = Path(str(workflow.current_basedir)).parent
-SCRIPTS = WORKFLOW / "scripts"
-sys.path.insert(0, str(SCRIPTS))
+SCRIPTS = Path(str(workflow.current_basedir)).parent / "scripts"
+IN_CHECKOUT = SCRIPTS.is_dir()
+if IN_CHECKOUT:
+    sys.path.insert(0, str(SCRIPTS))
+elif importlib.util.find_spec("evopem") is None:
+    sys.exit(
+        f"{workflow.current_basedir}: this workflow is used from a repository, and its package evopem"
+        " is not installed; install the same version of it beside Snakemake"
+        " (pip install 'evopem[workflow]'), or use a checkout."
+    )
 
 from evopem.config.defaults import complete
 from evopem.config.environment import check_environment, job_environment
 from evopem.config.rule_digest import code_version
+from evopem.config.schema import schema_file
 from evopem.config.strict_yaml import check_yaml_files
 from evopem.errors import InputError
 from evopem.files.termination import interrupt_on_hangup
@@ -23,6 +32,7 @@ from evopem.pipeline.provider import FILES as files
 from evopem.pipeline.provider import Provider
 from evopem.results.layout import FIGURES, OVERVIEW, PHASES, DatasetFiles, check_folders
 from evopem.results.replaced_recordings import mark_replaced_recordings
+from evopem.version import __version__
 
 os.environ.update(job_environment(os.environ, Path.cwd()))
 
@@ -48,7 +58,7 @@ try:
     provider = Provider(
         complete(
             config,
-            WORKFLOW / "schemas" / "config.schema.yaml",
+            schema_file(),
             source=" and ".join(map(str, CONFIG_FILES)),
         )
     )
@@ -62,9 +72,9 @@ if workflow.is_main_process:
     interrupt_on_hangup()
     mark_replaced_recordings(provider.config.datasets)
 
-TEMPLATES = sorted(
-    path for path in (WORKFLOW / "templates").rglob("*") if path.is_file()
-)
+# Beside the schema: in a checkout below `workflow`, else in the installed package.
+TEMPLATE_FOLDER = schema_file().parents[1] / "templates"
+TEMPLATES = sorted(path for path in TEMPLATE_FOLDER.rglob("*") if path.is_file())
 
 
 def recorded_file(key):
@@ -91,7 +101,12 @@ def estimation_cores(wildcards):
 
 
 def code(script, *templates):
-    """A digest of a script and of all code behind it: a rule reruns when it changes."""
+    """A digest of a script and of all code behind it: a rule reruns when it changes.
+
+    Of an installed package it is the version.
+    """
+    if not IN_CHECKOUT:
+        return __version__
     return code_version(SCRIPTS / f"{script}.py", templates)
 
 
@@ -126,9 +141,7 @@ def collect_unfinished():
         return
     left = datasets_of(workflow.dag.needrun_jobs())
     required = {name: provider.results(name) for name in provider.config.datasets}
-    fleet.collect_unfinished(
-        required, WORKFLOW / "templates", provider.page, pending=left
-    )
+    fleet.collect_unfinished(required, TEMPLATE_FOLDER, provider.page, pending=left)
     # Older than all results and without Snakemake's record of their inputs, they are made again
     # even if the contents of these inputs stay the same. (Snakemake ignores a time of 0.)
     for file in filter(os.path.exists, provider.lists):

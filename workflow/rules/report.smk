@@ -16,6 +16,7 @@ rule draw_figures:
         candidates=files.candidates,
         model=files.model,
         frequency_response=files.frequency_response,
+        time_response=files.time_response,
         validation=files.validation,
         residual_autocorrelation=files.residual_autocorrelation,
         cross_correlation=files.cross_correlation,

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 from evopem.files.job import job
 from evopem.pipeline.fleet import collect_fleet
+from evopem.report.templates import template_folder
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
@@ -12,7 +13,7 @@ if TYPE_CHECKING:
 with job(snakemake.log[0], snakemake.input.summaries, snakemake.output):
     collect_fleet(
         [Path(file).parent.name for file in snakemake.input.summaries],
-        Path(snakemake.scriptdir).parent / "templates",
+        template_folder(),
         snakemake.params.page,
         snakemake.output.index,
         snakemake.output.csv,

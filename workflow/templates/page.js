@@ -1,5 +1,5 @@
 "use strict";
-// Sorting, searching and copying. The page is complete without this script, which adds its own buttons.
+// Sorting, filtering and copying. The page is complete without this script, which adds its own buttons.
 (() => {
   const status = document.getElementById("status");
   const say = (words) => { status.textContent = words; };
@@ -85,31 +85,66 @@
     return lines.map((cells) => cells.join("\t")).join("\n");
   };
 
-  // A search field: rows that do not contain all its words, in any case, are hidden.
-  const searchField = (table) => {
-    const label = document.createElement("label");
-    const field = document.createElement("input");
-    field.type = "search";
-    label.append("Search ", field);
-    const rows = [...table.tBodies[0].rows].map((row) => [row, plain(row).toLowerCase()]);
-    field.addEventListener("input", () => {
-      const sought = field.value.toLowerCase().split(/\s+/).filter(Boolean);
-      let shown = 0;
-      for (const [row, text] of rows) {
-        row.hidden = !sought.every((word) => text.includes(word));
-        shown += row.hidden ? 0 : 1;
+  // Filters of a table: a row is shown that contains all words of the search in any case, failed the
+  // chosen check, belongs to the chosen group, and has a mode in the chosen range of frequencies.
+  const filter = (place) => {
+    const table = document.querySelector(`table[data-name="${place.dataset.filters}"]`);
+    const rows = [...table.tBodies[0].rows].map((row) => ({
+      row,
+      text: plain(row).toLowerCase(),
+      failed: row.dataset.failed ? row.dataset.failed.split("|") : [],
+      group: row.dataset.group,
+      modes: row.dataset.modes.split(" ").filter(Boolean).map(Number),
+    }));
+    const field = (name) => place.querySelector(`[data-filter="${name}"]`);
+    const offer = (name, values) => {
+      const counts = new Map();
+      values.forEach((value) => counts.set(value, (counts.get(value) ?? 0) + 1));
+      for (const [value, count] of [...counts].sort((one, other) => words.compare(one[0], other[0]))) {
+        field(name).append(new Option(`${value} (${count})`, value));
       }
+      field(name).closest("label").hidden = counts.size < (name === "group" ? 2 : 1);
+    };
+    offer("failed", rows.flatMap((each) => each.failed));
+    offer("group", rows.map((each) => each.group).filter(Boolean));
+    const apply = () => {
+      const sought = field("text").value.toLowerCase().split(/\s+/).filter(Boolean);
+      const [failed, group] = [field("failed").value, field("group").value];
+      const [from, to] = [field("from").value, field("to").value];
+      const inRange = (mode) => (from === "" || mode >= Number(from)) && (to === "" || mode <= Number(to));
+      let shown = 0;
+      for (const each of rows) {
+        each.row.hidden = !(
+          sought.every((word) => each.text.includes(word))
+          && (!failed || each.failed.includes(failed))
+          && (!group || each.group === group)
+          && ((from === "" && to === "") || each.modes.some(inRange))
+        );
+        shown += each.row.hidden ? 0 : 1;
+      }
+      place.querySelector("[data-shown]").textContent = shown < rows.length ? `${shown} of ${rows.length} shown` : "";
       say(`${shown} of ${rows.length} rows shown.`);
-    });
-    const place = document.createElement("p");
-    place.className = "tools";
-    place.append(label);
-    return place;
+    };
+    place.addEventListener("input", apply);
+    place.hidden = false;
+  };
+
+  // The name of its column on every cell, for narrow screens, where a row becomes a list.
+  const label = (table, head) => {
+    const names = head.map((cell) => cell.dataset.head ?? plain(cell));
+    for (const row of table.tBodies[0].rows) {
+      columns(row).forEach((cell, index) => { cell.dataset.label ??= names[index]; });
+    }
+    const narrow = matchMedia(`(max-width: ${table.dataset.stackBelow ?? 640}px)`);
+    const stack = () => table.classList.toggle("stacked", narrow.matches);
+    narrow.addEventListener("change", stack);
+    stack();
   };
 
   for (const table of document.querySelectorAll("table")) {
     const head = columns(table.tHead.rows[table.tHead.rows.length - 1]);
     const caption = table.dataset.name;
+    label(table, head);
     head.forEach((cell, index) => {
       if (cell.tagName !== "TH") return;
       const sort = document.createElement("button");
@@ -140,6 +175,45 @@
     tools.append(button("Copy table", (own) => copy(asText(table, head), own, caption)));
     tools.firstChild.setAttribute("aria-label", `Copy table: ${caption}`);
     table.closest(".scroll").after(tools);
-    if (table.dataset.search !== undefined) table.closest(".scroll").before(searchField(table));
+  }
+
+  document.querySelectorAll("[data-filters]").forEach(filter);
+
+  // What is wider than its place says that it scrolls.
+  const cue = (place) => {
+    const told = place.previousElementSibling?.classList.contains("cue");
+    const scrolls = place.clientWidth > 0 && place.scrollWidth > place.clientWidth + 1;
+    place.classList.toggle("wider", scrolls);
+    if (scrolls && !told) {
+      const words = document.createElement("p");
+      words.className = "cue";
+      words.textContent = "Scroll sideways for more →";
+      place.before(words);
+    } else if (told) {
+      place.previousElementSibling.hidden = !scrolls;
+    }
+  };
+  const sizes = new ResizeObserver((entries) => entries.forEach((entry) => cue(entry.target)));
+  document.querySelectorAll(".scroll").forEach((place) => sizes.observe(place));
+
+  // The contents mark the part that is being read: the last one that begins above a third of the screen.
+  const links = [...document.querySelectorAll(".contents a")];
+  const parts = links.map((link) => document.querySelector(link.hash));
+  const mark = () => {
+    let current = parts.findLastIndex((part) => part.getBoundingClientRect().top < innerHeight / 3);
+    if (innerHeight + scrollY >= document.documentElement.scrollHeight - 2) current = parts.length - 1;
+    links.forEach((link, index) => {
+      if (index === Math.max(current, 0)) link.setAttribute("aria-current", "true");
+      else link.removeAttribute("aria-current");
+    });
+  };
+  if (links.length) {
+    let waiting = false;
+    addEventListener("scroll", () => {
+      if (waiting) return;
+      waiting = true;
+      requestAnimationFrame(() => { waiting = false; mark(); });
+    }, { passive: true });
+    mark();
   }
 })();

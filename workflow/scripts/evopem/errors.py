@@ -21,6 +21,11 @@ class InputError(ValueError):
         What to do about it, in a clause without a full stop.
     place : str, optional
         Where in the source: a line, a column, a sample, a channel.
+
+    Examples
+    --------
+    >>> print(InputError("data.csv", "the file is empty", "export it again"))
+    data.csv: the file is empty; export it again.
     """
 
     def __init__(self, source: str, problem: str, remedy: str, place: str = "") -> None:

@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 from evopem.automatic.stretch_errors import StretchErrors
 from evopem.automatic.stretches import Stretch
 from evopem.estimation.pem.batch_bfgs import Descent
+from evopem.estimation.pem.covariance import estimate_covariance
 from evopem.estimation.search.polynomial_problem import DESCENDED, PAIRS, PolynomialProblem
 from evopem.estimation.search.staged_descent import Stage, staged_descent
 from evopem.estimation.search.starting_polynomials import random_denominators
+from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.structures import PolynomialOrders
 
@@ -24,6 +26,8 @@ PLANT_RADIUS = 1.0 - 1e-7
 NOISE_RADIUS = 0.9999
 # One stage is enough for the quadratic objective, whose corner needs no smoothing.
 SWEEP_STAGES = (Stage(0.1, 1e-7, 1e-7),)
+# Scores of folds need no more digits than these descents give.
+FOLD_STAGES = (Stage(0.1, 1e-7, 1e-4),)
 
 
 @dataclass(frozen=True)
@@ -72,11 +76,32 @@ class Fit:
         """Coefficients and levels."""
         return self.orders.parameters + len(self.levels)
 
-    def mean_square(self, first: int = 0) -> float:
-        """Mean square of the residuals from sample ``first`` of each stretch on."""
+    def residuals_from(self, first: int = 0) -> Array:
+        """The residuals from sample ``first`` of each stretch on."""
         start = self.orders.first_residual
-        kept = np.concatenate([each[max(first - start, 0) :] for each in self.residuals])
-        return float(kept @ kept / max(len(kept), 1))
+        return np.concatenate([each[max(first - start, 0) :] for each in self.residuals])
+
+
+def log_loss(errors: Array, objective: str) -> float:
+    """Twice the smallest negative log-likelihood of an error, over the scale of its distribution.
+
+    Of the normal distribution for the quadratic objective, of Laplace's for the absolute one: twice
+    the logarithm of the root mean square, or mean absolute, error and a constant.
+
+    Parameters
+    ----------
+    errors : (N,) array
+    objective : {"absolute", "quadratic"}
+    """
+    tiny, huge = np.finfo(float).tiny, np.finfo(float).max
+    with np.errstate(all="ignore"):
+        if objective == "absolute":
+            size, constant = float(np.mean(np.abs(errors))), 2.0 * np.log(2.0) + 2.0
+        else:
+            size = float(np.sqrt(np.mean(errors**2)))
+            constant = float(np.log(2.0 * np.pi)) + 1.0
+    size = size if np.isfinite(size) else huge
+    return 2.0 * float(np.log(max(size, tiny))) + constant
 
 
 class StretchProblem(PolynomialProblem):
@@ -117,18 +142,18 @@ class StretchProblem(PolynomialProblem):
         points, values = points[finite], values[finite]
         return points[np.argsort(values, kind="stable")]
 
-    def sweep_descent(self, points: Array) -> Descent:
+    def sweep_descent(self, points: Array, stages: tuple[Stage, ...] = SWEEP_STAGES) -> Descent:
         """One BFGS from each point."""
-        stages = SWEEP_STAGES
         largest = float(np.min(self.values(points)))
         return staged_descent(self.errors, points, stages, largest)
 
     def _adapted(self, model: PolynomialModel) -> Array:
         """A model as points of these orders: coefficients cut off or filled up with zeros."""
         o = self.errors.orders
+        same = model.orders == o
         plant = model.plant_denominator[1:]
         noise = model.noise_denominator[1:]
-        if o.na and o.nf:
+        if same or (o.na and o.nf):
             kinds = [{"a": model.a[1:], "f": model.f[1:], "c": model.c[1:], "d": model.d[1:]}]
         elif o.nf:
             kinds = [{"f": plant, "c": model.c[1:], "d": noise}, {"f": plant}]
@@ -181,6 +206,7 @@ def fit(
     models: Sequence[PolynomialModel] = (),
     own_starts: bool = True,
     structure: str | None = None,
+    stages: tuple[Stage, ...] = SWEEP_STAGES,
 ) -> Fit:
     """Fit a model of given orders by descents from estimates and from other models.
 
@@ -195,6 +221,8 @@ def fit(
         Whether descents start from estimates by linear algebra as well.
     structure : str, optional
         Name that the model gets; by default the smallest structure with these orders.
+    stages : tuple of Stage
+        How the descents end.
 
     Raises
     ------
@@ -209,7 +237,7 @@ def fit(
     starts = problem.starts()
     if len(starts) == 0:
         raise ValueError(f"no start of {orders} has finite prediction errors")
-    descents = problem.sweep_descent(starts)
+    descents = problem.sweep_descent(starts, stages)
     point = descents.points[int(np.argmin(descents.values))]
     return fit_at(errors, point, structure or orders.structure)
 
@@ -229,3 +257,40 @@ def fit_at(errors: StretchErrors, point: Array, structure: str) -> Fit:
     )
     value = float(errors.values(point[None, :])[0])
     return Fit(model, tuple(map(float, levels)), residuals, value)
+
+
+def plant_covariance(
+    model: PolynomialModel, stretches: Sequence[Stretch], settings: FitSettings
+) -> ParameterCovariance | None:
+    """Covariance of the plant, ``[f_1.., b_0..]``, or with A where there is no F.
+
+    None where it cannot be computed.
+
+    Parameters
+    ----------
+    model : PolynomialModel
+        At or near an optimum of these stretches.
+    stretches : sequence of Stretch
+    settings : FitSettings
+    """
+    orders = model.orders
+    try:
+        errors = StretchErrors(
+            *(stretches, orders, settings.objective),
+            *(PLANT_RADIUS, NOISE_RADIUS, settings.level),
+        )
+        point = StretchProblem(errors, [model], own_starts=False).starts()[0]
+        triangle = np.asarray(np.linalg.qr(errors.jacobian(point), mode="r"))
+        residuals = errors.residuals(point)
+        output = np.concatenate([each.output for each in errors.stretches])
+        covariance = estimate_covariance(
+            triangle, residuals, output, orders.parameters, 0, settings.objective
+        )
+    except (ValueError, IndexError, np.linalg.LinAlgError):
+        return None
+    if covariance is None:
+        return None
+    parts = errors.parts()
+    denominator = parts["f"] if orders.nf else parts["a"]
+    rows = np.concatenate([np.arange(p.start, p.stop) for p in (denominator, parts["b"])])
+    return ParameterCovariance(covariance.factor[rows], covariance.null_space[rows])

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.automatic.decision import Alternative, Decision
-from evopem.automatic.fit import FitSettings, fit
+from evopem.automatic.fit import FOLD_STAGES, FitSettings, fit
 from evopem.automatic.simulation import prediction_errors, simulated
 from evopem.automatic.stretches import Fold, Stretch, folds_of, total_samples
 from evopem.models.polynomial import PolynomialModel
@@ -39,10 +39,11 @@ class FoldPlan:
 
 @dataclass(frozen=True)
 class HeldOutScores:
-    """Root mean square errors on held-out samples, relative to the output's standard deviation.
+    """Errors on held-out samples, relative to the output's deviation from its mean, in percent.
 
-    The geometric mean over the designs of folds, in percent.  Sums of squares are divided by the
-    samples less the states that were fitted to the held-out samples.
+    Root mean square errors for the quadratic objective, mean absolute ones for the absolute; the
+    geometric mean over the designs of folds.  Sums are divided by the samples less the states that
+    were fitted to the held-out samples.
 
     Attributes
     ----------
@@ -122,21 +123,29 @@ def held_out_scores(
         Fitted to all stretches; the descents start there.
     settings : FitSettings
     """
-    scale = float(np.std(np.concatenate([each.output for each in stretches]))) or 1.0
+    absolute = settings.objective == "absolute"
+    output = np.concatenate([each.output for each in stretches])
+    scale = float(np.mean(np.abs(output - output.mean())) if absolute else np.std(output)) or 1.0
+    shortest = min(SHORTEST_BLOCK, total_samples(stretches) // 4)
     logarithms, of_folds = [], []
     for folds, blocks in plan.designs:
         of_design = []
-        for fold in folds_of(stretches, folds, blocks, SHORTEST_BLOCK):
+        for fold in folds_of(stretches, folds, blocks, shortest):
             try:
-                found = fit(fold.training, model.orders, settings, [model], own_starts=False).model
+                found = fit(
+                    *(fold.training, model.orders, settings, [model]),
+                    *(False, model.structure, FOLD_STAGES),
+                ).model
             except (ValueError, np.linalg.LinAlgError):
                 return HeldOutScores.none()
-            of_design.append(np.sum([_errors_on(found, each) for each in fold.held_out], axis=0))
+            of_design.append(
+                np.sum([_errors_on(found, each, absolute) for each in fold.held_out], axis=0)
+            )
         sums, counts = np.sum(of_design, axis=0)
         if not (counts > 0).all():
             return HeldOutScores.none()
-        logarithms.append(_logarithms(sums, counts, scale))
-        of_folds += [_logarithms(errors[0], errors[1], scale) for errors in of_design]
+        logarithms.append(_logarithms(sums, counts, scale, absolute))
+        of_folds += [_logarithms(errors[0], errors[1], scale, absolute) for errors in of_design]
     simulation, free_level, prediction = 100.0 * np.exp(np.mean(logarithms, axis=0))
     by_kind = np.transpose(of_folds)
     return HeldOutScores(
@@ -148,26 +157,31 @@ def held_out_scores(
     )
 
 
-def _logarithms(sums: Array, counts: Array, scale: float) -> Array:
-    """Logarithms of root mean squares, relative to a scale and bounded."""
+def _logarithms(sums: Array, counts: Array, scale: float, absolute: bool) -> Array:
+    """Logarithms of root mean squares or mean absolute values, relative to a scale and bounded."""
     with np.errstate(all="ignore"):
-        ratios = np.sqrt(sums / counts) / scale
+        means = sums / counts
+        ratios = (means if absolute else np.sqrt(means)) / scale
     return np.log(np.clip(np.nan_to_num(ratios, nan=LARGEST_ERROR), 1e-12, LARGEST_ERROR))
 
 
-def _errors_on(model: PolynomialModel, stretch: Stretch) -> Array:
-    """Sums of squared errors of the three kinds, and the samples less the fitted states, (2, 3)."""
+def _errors_on(model: PolynomialModel, stretch: Stretch, absolute: bool) -> Array:
+    """Sums of squared or absolute errors of the three kinds, and samples less states, (2, 3)."""
+
+    def total(errors: Array) -> float:
+        return float(np.sum(np.abs(errors)) if absolute else errors @ errors)
+
     n, states = stretch.samples, model.state_dimension
     sums, counts = np.zeros(3), np.zeros(3)
     for kind, free_level in enumerate((False, True)):
         remaining = n - states - int(free_level)
         if remaining > n // 4:
-            errors = simulated(model, stretch, free_level) - stretch.output
-            sums[kind], counts[kind] = errors @ errors, remaining
+            errors = simulated(model, stretch, free_level, absolute) - stretch.output
+            sums[kind], counts[kind] = total(errors), remaining
     errors = prediction_errors(model, stretch)
     remaining = len(errors) - model.orders.nf - model.orders.noise_states
     if remaining > n // 4:
-        sums[2], counts[2] = errors @ errors, remaining
+        sums[2], counts[2] = total(errors), remaining
     return np.array([sums, counts])
 
 

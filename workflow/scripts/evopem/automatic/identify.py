@@ -87,7 +87,10 @@ class Identification:
         """
         plan = self.prepared.plan
         parts = [
-            simulated(self.choice.candidate.model, each, self.choice.level == "state")
+            simulated(
+                *(self.choice.candidate.model, each, self.choice.level == "state"),
+                plan.objective == "absolute",
+            )
             for each in prepare_validation(recording, plan)
         ]
         return np.concatenate(parts) * plan.output_scale + plan.output_offset

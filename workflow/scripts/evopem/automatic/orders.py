@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from evopem.automatic.decision import Alternative, Decision
-from evopem.automatic.fit import Fit, FitSettings, fit
+from evopem.automatic.fit import Fit, FitSettings, fit, log_loss
 from evopem.automatic.folds import FoldPlan, HeldOutScores, held_out_scores
 from evopem.automatic.simulation import simulated
-from evopem.automatic.stretches import Stretch, total_samples
+from evopem.automatic.stretches import Stretch, first_samples, total_samples
 from evopem.config.structures import ORDER_NAMES
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.structures import PolynomialOrders
@@ -30,6 +30,11 @@ SAMPLES_PER_PARAMETER = 8
 # Samples times parameters of all candidates of a structure, and of a refinement: the cost of a fit
 # with its folds is about proportional to it.  Long records stop at lower orders.
 MOST_WORK = 1_100_000
+# Candidates whose errors, one step ahead and of simulations, are both this much above the lowest of
+# all (a factor of 3 in the criterion's logarithm of squares) are not scored on folds.
+REACH = 2.0 * np.log(3.0)
+# Samples of a record on which orders and structures are compared.
+MOST_SAMPLES = 6000
 # Structures whose optima serve as starts of others.
 NESTED: Mapping[str, tuple[str, ...]] = {
     "fir": (),
@@ -94,6 +99,7 @@ def decide_delay(stretches: Sequence[Stretch]) -> tuple[int, Decision]:
     ----------
     stretches : sequence of Stretch
     """
+    stretches = first_samples(stretches, MOST_SAMPLES)
     longest = min(LONGEST_DELAY, max(each.samples for each in stretches) // 8)
     top = min(FIRST_DELAYS, longest)
     while True:
@@ -142,6 +148,9 @@ def _arx_bic(stretches: Sequence[Stretch], order: int, delay: int, first: int) -
 class Scorer:
     """Fits and scores models of one record, each orders once.
 
+    Structures and orders of a long record are compared on its first ``MOST_SAMPLES`` samples;
+    :meth:`on_all_samples` fits what was chosen to all.
+
     Parameters
     ----------
     stretches : sequence of Stretch
@@ -150,9 +159,10 @@ class Scorer:
     """
 
     def __init__(self, stretches: Sequence[Stretch], plan: FoldPlan, settings: FitSettings) -> None:
-        self.stretches, self.plan, self.settings = tuple(stretches), plan, settings
-        self.samples = total_samples(stretches)
-        self.window = min(4 * max(PATH), min(each.samples for each in stretches) // 4)
+        self.whole, self.plan, self.settings = tuple(stretches), plan, settings
+        self.stretches = first_samples(stretches, MOST_SAMPLES)
+        self.samples = total_samples(self.stretches)
+        self.window = min(4 * max(PATH), min(each.samples for each in self.stretches) // 4)
         self._known: dict[tuple[str, PolynomialOrders], Candidate] = {}
 
     @property
@@ -185,35 +195,57 @@ class Scorer:
                 found = fit(self.stretches, orders, self.settings, models, own_starts, structure)
             except (ValueError, np.linalg.LinAlgError):
                 return None
-            scores = held_out_scores(self.stretches, self.plan, found.model, self.settings)
-            self._known[key] = self._described(structure, found, scores)
+            described = self._described(structure, found)
+            if self._within_reach(described):
+                scores = held_out_scores(self.stretches, self.plan, found.model, self.settings)
+                described = replace(described, scores=scores)
+            self._known[key] = described
         return self._known[key]
+
+    def _within_reach(self, candidate: Candidate) -> bool:
+        """Whether one of the criteria is near enough to the best of all to be worth folds."""
+        known = [*self._known.values(), candidate]
+        return (
+            candidate.bic <= min(each.bic for each in known) + REACH
+            or candidate.simulation_bic <= min(each.simulation_bic for each in known) + REACH
+        )
+
+    def on_all_samples(self, candidate: Candidate) -> Candidate:
+        """The same orders, fitted to the whole record where the scores come from a part of it."""
+        if self.samples == total_samples(self.whole):
+            return candidate
+        models = [candidate.model]
+        try:
+            found = fit(
+                *(self.whole, candidate.orders, self.settings, models),
+                *(False, candidate.structure),
+            )
+        except (ValueError, np.linalg.LinAlgError):
+            return candidate
+        return replace(candidate, model=found.model)
 
     def remember(self, candidates: Sequence[Candidate]) -> None:
         """Take candidates as known that were scored before, with the same settings."""
         for each in candidates:
             self._known.setdefault((each.structure, each.orders), each)
 
-    def _described(self, structure: str, found: Fit, scores: HeldOutScores) -> Candidate:
+    def _described(self, structure: str, found: Fit) -> Candidate:
         count = self.samples - self.window * len(self.stretches)
         penalty = found.parameters * np.log(count) / count
+        objective = self.settings.objective
+        robust = objective == "absolute"
         simulation_errors = np.concatenate(
-            [simulated(found.model, each, free_level=True) - each.output for each in self.stretches]
+            [simulated(found.model, s, True, robust) - s.output for s in self.stretches]
         )
         return Candidate(
             structure,
             found.orders,
             found.parameters,
-            _logarithm(found.mean_square(self.window)) + penalty,
-            _logarithm(float(np.mean(simulation_errors**2))) + penalty,
-            scores,
+            log_loss(found.residuals_from(self.window), objective) + penalty,
+            log_loss(simulation_errors, objective) + penalty,
+            HeldOutScores.none(),
             found.model,
         )
-
-
-def _logarithm(mean_square: float) -> float:
-    finite = mean_square if np.isfinite(mean_square) else np.finfo(float).max
-    return float(np.log(max(finite, np.finfo(float).tiny)))
 
 
 def search_structure(

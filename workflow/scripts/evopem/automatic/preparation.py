@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.automatic.decision import Alternative, Decision, lowest
-from evopem.automatic.fit import FitSettings, fit
+from evopem.automatic.fit import FOLD_STAGES, FitSettings, fit, log_loss
 from evopem.automatic.folds import SHORTEST_BLOCK
+from evopem.automatic.orders import MOST_SAMPLES
 from evopem.automatic.simulation import simulated
-from evopem.automatic.stretches import Stretch, folds_of, total_samples
+from evopem.automatic.stretches import Stretch, first_samples, folds_of, total_samples
 from evopem.errors import InputError
 from evopem.estimation.criteria import power_of_two_scale
 from evopem.models.structures import PolynomialOrders
@@ -31,12 +32,20 @@ LEAST_SAMPLES = 200
 # Decimation must pay: relative gain of the simulation error.
 LEAST_GAIN = 0.05
 PROBES, MOST_FACTORS = (2, 4, 6), 3
+# Samples of a long record on which factors are compared.
+MOST_DECIMATED = 20_000
+# Samples that are kept of a rest before the first change: they tell the level of the rest.
+KEPT_REST = 10
 # Samples at a limit of the output, against those at the levels beside it.
 CLIPPED_RATIO, CLIPPED_RUN, MOST_CLIPPED = 10.0, 5, 0.3
-# The absolute objective is used where outliers dominate: the standard deviation of the residuals
-# is this many times their robust standard deviation, 1.4826 times the median distance.
-OUTLIER_RATIO = 2.0
-PROBE_ORDER = 8
+# Equal samples in sequence that stand still, the largest share of them, and the largest share of
+# other samples that repeat the one before in a record where standing still means something.
+STUCK_RUN, MOST_STUCK, REPEATED = 15, 0.5, 0.01
+# Orders of the ARX models whose residuals decide between the objectives, as far as there are
+# SAMPLES_PER_ORDER samples for each, and how much likelier Laplace's distribution must be than the
+# normal one for the absolute objective, as a logarithm.
+OBJECTIVE_ORDERS, SAMPLES_PER_ORDER = (2, 4, 8, 12, 16), 25
+LEAST_EVIDENCE = 3.0
 
 
 @dataclass(frozen=True)
@@ -57,6 +66,8 @@ class PreparationPlan:
     input_scale, output_scale : float
         Powers of two by which the samples are divided.
     decisions : tuple of Decision
+    stuck : bool
+        Whether stretches in which the output stands still are breaks.
     """
 
     starts: tuple[int, ...]
@@ -68,6 +79,7 @@ class PreparationPlan:
     input_scale: float
     output_scale: float
     decisions: tuple[Decision, ...]
+    stuck: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,9 +124,10 @@ def decide_preparation(recordings: Sequence[Recording]) -> PreparationPlan:
             f"their sampling rates differ: {', '.join(f'{rate:g} Hz' for rate in sorted(rates))}",
             "give recordings of one rate",
         )
-    clipped, about_clipping = _decide_clipping(recordings)
     starts, about_start = _decide_starts(recordings)
-    plan = PreparationPlan(starts, 1, clipped, "quadratic", 0.0, 0.0, 1.0, 1.0, ())
+    clipped, about_clipping = _decide_clipping(recordings, starts)
+    stuck, about_stuck = _decide_stuck(recordings, starts)
+    plan = PreparationPlan(starts, 1, clipped, "quadratic", 0.0, 0.0, 1.0, 1.0, (), stuck)
     stretches = _raw_stretches(recordings, plan)
     if not stretches:
         raise InputError(
@@ -138,10 +151,12 @@ def decide_preparation(recordings: Sequence[Recording]) -> PreparationPlan:
         input_scale=power_of_two_scale(u - u.mean()),
         output_scale=power_of_two_scale(y - y.mean()),
     )
-    factor, about_factor = _decide_decimation(prepare(recordings, plan).stretches)
+    stretches = list(first_samples(prepare(recordings, plan).stretches, MOST_DECIMATED))
+    factor, about_factor = _decide_decimation(stretches)
     plan = replace(plan, factor=factor)
-    objective, about_objective = _decide_objective(prepare(recordings, plan).stretches)
-    decisions = (about_start, about_clipping, about_factor, about_objective)
+    stretches = list(first_samples(prepare(recordings, plan).stretches, MOST_SAMPLES))
+    objective, about_objective = _decide_objective(stretches)
+    decisions = (about_start, about_clipping, about_factor, about_objective, about_stuck)
     return replace(plan, objective=objective, decisions=decisions)
 
 
@@ -168,7 +183,7 @@ def prepare_validation(recording: Recording, plan: PreparationPlan) -> tuple[Str
     recording : Recording
     plan : PreparationPlan
     """
-    others = replace(plan, starts=(0,), clipped=(-np.inf, np.inf))
+    others = replace(plan, starts=(0,), clipped=(-np.inf, np.inf), stuck=False)
     return prepare((recording,), others).stretches
 
 
@@ -202,6 +217,8 @@ def _raw_stretches(recordings: Sequence[Recording], plan: PreparationPlan) -> li
         good = np.isfinite(u) & np.isfinite(y)
         good[good] &= (y[good] > low) & (y[good] < high)
         good[:start] = False
+        if plan.stuck:
+            good &= ~_standing_still(y)
         edges = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]).astype(int)))
         for begin, end in edges.reshape(-1, 2):
             if end - begin >= SHORTEST_STRETCH * plan.factor:
@@ -217,7 +234,8 @@ def _decide_starts(recordings: Sequence[Recording]) -> tuple[tuple[int, ...], De
         still = (u == u[0]) & (y == y[0])
         still |= ~(np.isfinite(u) & np.isfinite(y))
         leading = int(np.argmin(still)) if not still.all() else 0
-        starts.append(max(leading - 1, 0) if np.isfinite(y[max(leading - 1, 0)]) else leading)
+        kept = max(leading - KEPT_REST, 0)
+        starts.append(kept if np.isfinite(y[kept:leading]).all() else leading)
     alternatives = (
         Alternative("0", 0.0),
         *(Alternative(str(start), float(start)) for start in sorted(set(starts)) if start),
@@ -234,9 +252,16 @@ def _decide_starts(recordings: Sequence[Recording]) -> tuple[tuple[int, ...], De
     )
 
 
-def _decide_clipping(recordings: Sequence[Recording]) -> tuple[tuple[float, float], Decision]:
+def _decide_clipping(
+    recordings: Sequence[Recording], starts: Sequence[int]
+) -> tuple[tuple[float, float], Decision]:
     """Breaks at a limit of the output where far more samples lie than beside it."""
-    y = np.concatenate([each.output[np.isfinite(each.output)] for each in recordings])
+    # A rest before the first change is not clipped.
+    outputs = [
+        each.output[start + KEPT_REST if start else 0 :]
+        for each, start in zip(recordings, starts, strict=True)
+    ]
+    y = np.concatenate([each[np.isfinite(each)] for each in outputs])
     levels, counts = np.unique(y, return_counts=True)
     limits, alternatives = [-np.inf, np.inf], [Alternative("none", 0.0)]
     if levels.size > MAX_DESIGNED_LEVELS:
@@ -244,7 +269,7 @@ def _decide_clipping(recordings: Sequence[Recording]) -> tuple[tuple[float, floa
             near = counts[::order][:6]
             share = near[0] / y.size
             ratio = float(near[0] / np.mean(near[1:]))
-            runs = max(_longest_run(each.output, levels[::order][0]) for each in recordings)
+            runs = max(_longest_run(each, levels[::order][0]) for each in outputs)
             if ratio > CLIPPED_RATIO and runs >= CLIPPED_RUN and share < MOST_CLIPPED:
                 limits[side] = float(levels[::order][0])
                 alternatives.append(Alternative(f"at {limits[side]:g}", share))
@@ -259,6 +284,32 @@ def _decide_clipping(recordings: Sequence[Recording]) -> tuple[tuple[float, floa
         *("clipping", choice, tuple(alternatives), "share of samples at the limit", sentence)
     )
     return (limits[0], limits[1]), decision
+
+
+def _decide_stuck(recordings: Sequence[Recording], starts: Sequence[int]) -> tuple[bool, Decision]:
+    """Breaks where the output repeats one value for long, in a record without other repetitions."""
+    outputs = [each.output[start:] for each, start in zip(recordings, starts, strict=True)]
+    still = np.concatenate([_standing_still(y) for y in outputs])
+    repeated = np.concatenate([np.append(y[1:] == y[:-1], False) for y in outputs])
+    share, others = float(np.mean(still)), float(np.mean(repeated & ~still))
+    found = 0.0 < share < MOST_STUCK and others < REPEATED
+    sentence = (
+        "The output stands still for long stretches of a record without other repetitions: they "
+        "become breaks."
+        if found
+        else "No stretch in which the output stands still is distinguished from the rest."
+    )
+    alternatives = (Alternative("no", others), Alternative("yes", share))
+    criterion = "share of samples that repeat the one before: scattered ones, in long stretches"
+    choice = "yes" if found else "no"
+    return found, Decision("stuck samples", choice, alternatives, criterion, sentence)
+
+
+def _standing_still(signal: Array) -> NDArray[np.bool_]:
+    """Samples in runs of at least ``STUCK_RUN`` equal values."""
+    edges = np.concatenate([[0], np.flatnonzero(np.diff(signal) != 0.0) + 1, [len(signal)]])
+    lengths = np.diff(edges)
+    return np.repeat(lengths >= STUCK_RUN, lengths)
 
 
 def _longest_run(signal: Array, value: float) -> int:
@@ -300,7 +351,8 @@ def _power_edge(stretches: Sequence[Stretch]) -> float:
     longest = max(stretches, key=lambda each: each.samples)
     y = longest.output - longest.output.mean()
     power = np.abs(np.fft.rfft(y * np.hanning(len(y)))) ** 2
-    floor = min(float(np.mean(band)) for band in np.array_split(power, BANDS))
+    bands = np.array_split(power, min(BANDS, len(power)))
+    floor = min(float(np.mean(band)) for band in bands)
     above = np.cumsum(power - floor)
     reached = np.flatnonzero(above >= POWER_SHARE * above[-1])
     return float(reached[0] / len(y)) if len(reached) else 0.5
@@ -321,7 +373,7 @@ def _decimated_error(stretches: Sequence[Stretch], factor: int) -> float:
             squares, reference = 0.0, 0.0
             for fold in folds_of(lower, 2, 1, SHORTEST_BLOCK):
                 try:
-                    model = fit(fold.training, orders, settings).model
+                    model = fit(fold.training, orders, settings, stages=FOLD_STAGES).model
                 except (ValueError, np.linalg.LinAlgError):
                     squares = np.inf
                     break
@@ -347,28 +399,44 @@ def _smoothed(signal: Array, factor: int) -> Array:
 
 
 def _decide_objective(stretches: Sequence[Stretch]) -> tuple[str, Decision]:
-    """The absolute objective where a few residuals of an ARX model stand out."""
-    order = min(PROBE_ORDER, max(total_samples(stretches) // 30, 1))
-    try:
-        found = fit(stretches, PolynomialOrders(na=order, nb=order), FitSettings())
-        ratio = _spread_ratio(np.concatenate(found.residuals))
-    except (ValueError, np.linalg.LinAlgError):
-        ratio = 1.0
-    objective = "absolute" if ratio > OUTLIER_RATIO else "quadratic"
+    """The objective whose distribution of residuals is the likelier one.
+
+    Least squares is the maximum-likelihood estimate for normal residuals, least absolute deviations
+    that for residuals of Laplace's distribution.  Both are fitted to ARX models, which whiten the
+    residuals; each objective is represented by the order at which it is likeliest.
+    """
+    criterion = "negative log-likelihood of a residual by its BIC"
+    likelihoods = {
+        objective: _arx_likelihood(stretches, objective) for objective in ("quadratic", "absolute")
+    }
+    alternatives = tuple(Alternative(name, value) for name, value in likelihoods.items())
+    samples = total_samples(stretches)
+    evidence = samples * (likelihoods["quadratic"] - likelihoods["absolute"])
+    objective = "absolute" if evidence > LEAST_EVIDENCE else "quadratic"
     sentence = (
-        f"The residuals of an ARX model of order {order} have a standard deviation {ratio:.2g} "
-        "times their robust one"
-        + (
-            ": outliers dominate, and the absolute objective is used."
-            if objective == "absolute"
-            else "; outliers do not call for the absolute objective."
-        )
+        "The residuals of ARX models are likelier to have Laplace's distribution than a normal one:"
+        " a few large ones stand out, and the absolute objective is used."
+        if objective == "absolute"
+        else "The residuals of ARX models are not likelier to have Laplace's distribution than a"
+        " normal one: outliers do not call for the absolute objective."
     )
-    alternatives = (Alternative("quadratic", ratio), Alternative("absolute", ratio))
-    criterion = "standard deviation of residuals over their robust one"
     return objective, Decision("objective", objective, alternatives, criterion, sentence)
 
 
-def _spread_ratio(residuals: Array) -> float:
-    robust = 1.4826 * float(np.median(np.abs(residuals - np.median(residuals))))
-    return float(np.std(residuals)) / robust if robust > 0.0 else 1.0
+def _arx_likelihood(stretches: Sequence[Stretch], objective: str) -> float:
+    """Lowest negative log-likelihood of a residual over ARX orders, with the penalty of BIC."""
+    samples = total_samples(stretches)
+    orders = [n for n in OBJECTIVE_ORDERS if n * SAMPLES_PER_ORDER <= samples] or [1]
+    settings, lowest_value = FitSettings(objective), np.inf
+    for n in orders:
+        try:
+            found = fit(stretches, PolynomialOrders(na=n, nb=n + 1), settings)
+        except (ValueError, np.linalg.LinAlgError):
+            continue
+        residuals = np.concatenate(found.residuals)
+        count = len(residuals)
+        value = 0.5 * (
+            log_loss(residuals, objective) + found.parameters * np.log(count) / max(count, 1)
+        )
+        lowest_value = min(lowest_value, value)
+    return lowest_value

@@ -6,21 +6,28 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from evopem.automatic.fit import FitSettings, fit
+from evopem.automatic.fit import FitSettings, fit, log_loss, plant_covariance
 from evopem.automatic.orders import Candidate, Scorer
 from evopem.automatic.residuals import input_correlation, whiteness_probability
 from evopem.automatic.simulation import simulated
 from evopem.automatic.stretches import Stretch, total_samples
 from evopem.automatic.structures import Choice, Level
 from evopem.config.structures import ORDER_NAMES
+from evopem.models.polynomials import roots
 from evopem.models.structures import PolynomialOrders
+from evopem.validation.checks.roots import (
+    COINCIDENT_DISTANCE,
+    MAX_CANCELLATION_DISTANCE,
+    indistinguishable,
+)
 
 # Probability below which residuals are not white, and a cross-correlation, in its 95 % bounds, that
 # is not passed by chance in one of 26 lags (1 %).
 NOT_WHITE, CORRELATED = 0.01, 1.8
-# A pole and a zero closer than this, relative to the distance from the circle, may cancel.
-CANCELLING = 0.02
+# Poles and zeros that are left out where some cancel.
+FEWER_ROOTS = (1, 2, 3, 4, 6, 8)
 # A remedy is taken only if the error for the purpose grows by no more than this share.
 TOLERATED = 0.02
 NOISE_ORDERS = (1, 2, 3, 4, 6, 8, 10, 12)
@@ -80,7 +87,7 @@ def act_on_checks(scorer: Scorer, choice: Choice) -> Remedied:
     current = choice.candidate
     scorer.remember([current])
     first, first_score = current, _score(current, choice)
-    budget = MOST_TRIALS
+    budget, own_noise_model = MOST_TRIALS, False
     for check, is_failed, remedies in (
         ("cancelling roots", _cancels, _fewer_roots),
         ("white residuals", _is_coloured, _further_noise),
@@ -118,7 +125,9 @@ def act_on_checks(scorer: Scorer, choice: Choice) -> Remedied:
             if taken and holds:
                 break
         if check == "white residuals" and is_failed(scorer, best) and first.orders.nf:
-            best = _with_own_noise_model(scorer, best, trials)
+            # The plant's last fit comes first: it is not changed afterwards.
+            best = _with_own_noise_model(scorer, scorer.on_all_samples(best), trials)
+            own_noise_model = True
         current = best
     failed = tuple(
         check
@@ -129,6 +138,8 @@ def act_on_checks(scorer: Scorer, choice: Choice) -> Remedied:
         )
         if is_failed(scorer, current)
     )
+    if not own_noise_model:
+        current = scorer.on_all_samples(current)
     return Remedied(replace(choice, candidate=current), tuple(trials), failed)
 
 
@@ -154,7 +165,7 @@ def _with_own_noise_model(scorer: Scorer, candidate: Candidate, trials: list[Tri
         except (ValueError, np.linalg.LinAlgError):
             continue
         parameters = candidate.orders.nb + candidate.orders.nf + orders.parameters + 1
-        mean_square = max(noise.mean_square(), np.finfo(float).tiny)
+        loss = log_loss(noise.residuals_from(), scorer.settings.objective)
         model = replace(
             candidate.model,
             c=noise.model.c,
@@ -168,7 +179,7 @@ def _with_own_noise_model(scorer: Scorer, candidate: Candidate, trials: list[Tri
             structure="bj",
             orders=model.orders,
             parameters=parameters,
-            bic=float(np.log(mean_square) + parameters * np.log(count) / count),
+            bic=float(loss + parameters * np.log(count) / count),
             model=model,
         )
         white = whiteness_probability(model, scorer.stretches)
@@ -215,17 +226,28 @@ def _depends_on_input(scorer: Scorer, candidate: Candidate) -> bool:
     return input_correlation(candidate.model, scorer.stretches) > CORRELATED
 
 
-def _cancels(_: Scorer, candidate: Candidate) -> bool:
-    poles, zeros = candidate.model.poles(), candidate.model.zeros()
-    if not len(poles) or not len(zeros):
+def _cancels(scorer: Scorer, candidate: Candidate) -> bool:
+    """Whether a pole and a zero do not differ significantly, as the check of the report has it."""
+    model = candidate.model
+    denominator = model.f if model.orders.nf else model.a
+    poles, zeros = _upper(roots(denominator[1:])), _upper(model.zeros())
+    pairs = [(p, z) for p in poles for z in zeros if abs(p - z) < MAX_CANCELLATION_DISTANCE]
+    if not pairs:
         return False
-    return bool(np.min(np.abs(poles[:, None] - zeros[None, :])) < CANCELLING)
+    covariance = plant_covariance(model, scorer.stretches, scorer.settings)
+    if covariance is None:
+        return any(abs(p - z) < COINCIDENT_DISTANCE for p, z in pairs)
+    return any(indistinguishable(p, z, denominator, model.b, covariance) for p, z in pairs)
+
+
+def _upper(all_roots: NDArray[np.complex128]) -> list[complex]:
+    return [complex(root) for root in all_roots if root.imag >= 0.0]
 
 
 def _fewer_roots(candidate: Candidate) -> Iterator[tuple[str, str, PolynomialOrders]]:
     o = candidate.orders
     name = "nf" if o.nf else "na"
-    for fewer in (1, 2):
+    for fewer in FEWER_ROOTS:
         if getattr(o, name) > fewer and o.nb > fewer:
             changed = {name: getattr(o, name) - fewer, "nb": o.nb - fewer}
             yield f"{fewer} pole and zero less", candidate.structure, _changed(o, **changed)

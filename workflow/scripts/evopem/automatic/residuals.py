@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from evopem.automatic.fit import log_loss
 from evopem.automatic.simulation import prediction_errors
 from evopem.automatic.stretches import Stretch
 from evopem.models.polynomial import PolynomialModel
@@ -32,6 +33,15 @@ def whiteness_probability(model: PolynomialModel, stretches: Sequence[Stretch]) 
     n = len(e)
     statistic = n * (n + 2) * float(np.sum(rho**2 / (n - np.arange(1, lags + 1))))
     return float(chi2.sf(statistic, lags))
+
+
+def heaviness(model: PolynomialModel, stretches: Sequence[Stretch]) -> float:
+    """How much likelier a residual is under Laplace's distribution than under a normal one.
+
+    The mean logarithm of the ratio, each distribution at its likeliest scale.
+    """
+    e = _residuals(model, stretches)
+    return 0.5 * (log_loss(e, "quadratic") - log_loss(e, "absolute"))
 
 
 def feedback_probability(model: PolynomialModel, stretches: Sequence[Stretch]) -> float:
@@ -69,7 +79,10 @@ def input_correlation(model: PolynomialModel, stretches: Sequence[Stretch]) -> f
 
     stretch = max(stretches, key=lambda each: each.samples)
     e = prediction_errors(model, stretch)
-    table = cross_correlation(e, stretch.input[len(stretch.input) - len(e) :], LAGS)
+    u = stretch.input[len(stretch.input) - len(e) :]
+    if len(e) < 3 or not (np.ptp(e) > 0.0 and np.ptp(u) > 0.0):
+        return 0.0
+    table = cross_correlation(e, u, min(LAGS, len(e) // 5))
     past = table[table["lag"] >= 0]
     ratio = np.abs(past["cross_correlation"]) / past["bound95"]
     return float(np.max(ratio))

@@ -14,7 +14,13 @@ from evopem.models.polynomial_states import estimate_prediction_states
 Array = NDArray[np.float64]
 
 
-def simulated(model: PolynomialModel, stretch: Stretch, free_level: bool = False) -> Array:
+# Iterations of reweighted least squares towards least absolute deviations.
+REWEIGHTINGS = 5
+
+
+def simulated(
+    model: PolynomialModel, stretch: Stretch, free_level: bool = False, robust: bool = False
+) -> Array:
     """Simulation from the initial state that fits the stretch, (N,).
 
     The level is filtered through 1/A from rest instead of being added as ``level / A(1)``: the
@@ -26,6 +32,8 @@ def simulated(model: PolynomialModel, stretch: Stretch, free_level: bool = False
     stretch : Stretch
     free_level : bool
         Whether the level belongs to the state and is fitted to the stretch as well.
+    robust : bool
+        Whether the state has the least absolute instead of the least squared errors.
     """
     from scipy.signal import lfilter
 
@@ -45,6 +53,11 @@ def simulated(model: PolynomialModel, stretch: Stretch, free_level: bool = False
     if columns.shape[1]:
         remainder = stretch.output - response
         state = np.linalg.lstsq(columns, remainder, rcond=1e-10)[0]
+        for _ in range(REWEIGHTINGS if robust else 0):
+            size = np.abs(remainder - columns @ state)
+            weights = 1.0 / np.sqrt(np.maximum(size, 0.1 * np.mean(size) + 1e-300))
+            weighted = columns * weights[:, None]
+            state = np.linalg.lstsq(weighted, remainder * weights, rcond=1e-10)[0]
         response = response + columns @ state
     return np.asarray(response)
 

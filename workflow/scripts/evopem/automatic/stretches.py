@@ -46,6 +46,24 @@ def total_samples(stretches: Sequence[Stretch]) -> int:
     return sum(each.samples for each in stretches)
 
 
+def first_samples(stretches: Sequence[Stretch], most: int) -> tuple[Stretch, ...]:
+    """The first samples of each stretch, in proportion to its length, ``most`` together.
+
+    Parameters
+    ----------
+    stretches : sequence of Stretch
+    most : int
+    """
+    total = total_samples(stretches)
+    if total <= most:
+        return tuple(stretches)
+    kept = [max(each.samples * most // total, min(each.samples, 20)) for each in stretches]
+    return tuple(
+        Stretch(each.input[:n], each.output[:n], each.recording)
+        for each, n in zip(stretches, kept, strict=True)
+    )
+
+
 def folds_of(
     stretches: Sequence[Stretch], count: int, blocks_per_fold: int, shortest: int
 ) -> tuple[Fold, ...]:

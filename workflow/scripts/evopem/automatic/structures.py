@@ -3,28 +3,43 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
 from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.orders import Candidate, Scorer, StructureSearch, refine_orders
-from evopem.automatic.residuals import feedback_probability, whiteness_probability
+from evopem.automatic.residuals import (
+    feedback_probability,
+    heaviness,
+    input_correlation,
+    whiteness_probability,
+)
 
 Purpose = Literal["simulation", "prediction", "modes", "auto"]
 Level = Literal["constant", "state"]
 
-# Structures without a model of the noise: their BIC says little about the plant.
-WITHOUT_NOISE_MODEL = ("fir", "oe")
 # Models whose simulation errors are within one standard error of the lowest, and within this share,
 # are as good.
 AS_GOOD = 0.1
 # Folds that are independent of each other, of those in all designs.
 INDEPENDENT_FOLDS = 4
-# Under feedback an output-error model is biased and simulates the feedback's part of the noise.
-SIGNIFICANT_FEEDBACK, WHITE, MOST_UNDER_FEEDBACK = 1e-3, 0.05, 1.35
+# Probabilities of feedback and of residuals as coloured as these by chance, and a cross-correlation
+# with past inputs, in its 95 % bounds.
+SIGNIFICANT_FEEDBACK, WHITE, INDEPENDENT = 1e-3, 0.05, 1.8
+# Evidence of a residual for Laplace's distribution against the normal one, as a logarithm, from
+# which tails are heavy: 0.07 for Laplace's itself, -0.05 for the normal one.
+HEAVY = 0.1
+# Largest held-out simulation errors, against the lowest ones, of a model that is taken for its
+# likelihood: where its residuals are valid, where the record was made under feedback, and where
+# disturbances are heavy-tailed; those ring in simulations, and an output-error model takes them for
+# the response to the input.
+MOST_WHEN_VALID, MOST_UNDER_FEEDBACK, MOST_UNDER_HEAVY_TAILS = 1.25, 1.35, 3.0
 FINALISTS = 2
+# A difference of BIC, not divided by the samples, that is strong evidence (Kass & Raftery 1995),
+# and the share by which a simulation error must fall to overrule a choice without strong evidence.
+STRONG, CLEAR_GAIN = 6.0, 0.02
 
 
 @dataclass(frozen=True)
@@ -88,14 +103,15 @@ def compare_structures(scorer: Scorer, searches: Sequence[StructureSearch]) -> C
         candidates.extend(refine_orders(scorer, finalist, score))
     candidates = list(dict.fromkeys(candidates))
     simulation, about_simulation = _for_simulation(scorer, candidates, level)
+    level, about_level = _level_of(simulation, level, about_level)
     prediction = min(candidates, key=lambda each: each.scores.prediction)
     with_poles = [each for each in candidates if each.orders.na + each.orders.nf >= 2]
     modes = min(with_poles or candidates, key=lambda each: each.bic)
     return Comparison(
         (
-            Choice("simulation", simulation, level),
-            Choice("prediction", prediction, "constant"),
-            Choice("modes", modes, "constant"),
+            Choice("simulation", scorer.on_all_samples(simulation), level),
+            Choice("prediction", scorer.on_all_samples(prediction), "constant"),
+            Choice("modes", scorer.on_all_samples(modes), "constant"),
         ),
         tuple(candidates),
         (
@@ -131,6 +147,23 @@ def _decide_level(candidates: Sequence[Candidate]) -> tuple[Level, Decision]:
     return level, Decision("level", level, alternatives, criterion, sentence)
 
 
+def _level_of(candidate: Candidate, level: Level, decision: Decision) -> tuple[Level, Decision]:
+    """The level as a state after all, where the chosen model simulates clearly better with it.
+
+    A level passes through 1/A: where A has roots near 1, its small error in the equation is a large
+    one in simulations.
+    """
+    constant, free = candidate.scores.simulation, candidate.scores.free_level
+    if level == "state" or not free < (1.0 - CLEAR_GAIN) * constant:
+        return level, decision
+    sentence = (
+        f"{candidate.name} simulates held-out samples better when their level is fitted to them "
+        "with the initial state."
+    )
+    alternatives = (Alternative("constant", constant), Alternative("state", free))
+    return "state", replace(decision, choice="state", alternatives=alternatives, sentence=sentence)
+
+
 def _best_of_structures(
     candidates: Sequence[Candidate], score: Callable[[Candidate], float]
 ) -> list[Candidate]:
@@ -144,6 +177,80 @@ def _for_simulation(
 ) -> tuple[Candidate, Decision]:
     score = _score_of(level)
     best = min(candidates, key=score)
+    chosen, sentence = (
+        _under_heavy_tails(scorer, candidates, score)
+        or _by_likelihood(scorer, candidates, score)
+        or _by_simulation(scorer, candidates, best, level)
+    )
+    decision = _named(
+        *("structure for simulation", chosen, candidates),
+        *(score, "simulation error on held-out samples, %", sentence),
+    )
+    return chosen, decision
+
+
+def _under_heavy_tails(
+    scorer: Scorer, candidates: Sequence[Candidate], score: Callable[[Candidate], float]
+) -> tuple[Candidate, str] | None:
+    """The lowest BIC, where heavy-tailed disturbances pass through the poles of the plant."""
+    likeliest = min(candidates, key=lambda each: each.bic)
+    lowest_score = min(map(score, candidates))
+    if (
+        scorer.settings.objective != "absolute"
+        or likeliest.orders.na == 0
+        or heaviness(likeliest.model, scorer.stretches) < HEAVY
+        or not score(likeliest) < MOST_UNDER_HEAVY_TAILS * lowest_score
+    ):
+        return None
+    return likeliest, (
+        "The disturbances are heavy-tailed and pass through the poles of the plant: simulation "
+        f"errors are not robust against them. {likeliest.name} has the lowest BIC, of the absolute "
+        "one-step errors."
+    )
+
+
+def _by_likelihood(
+    scorer: Scorer, candidates: Sequence[Candidate], score: Callable[[Candidate], float]
+) -> tuple[Candidate, str] | None:
+    """The model of the lowest BIC, where nothing speaks against it.
+
+    Maximum likelihood is efficient where the residuals are white and independent of the input, and
+    unbiased under feedback.  Simulation errors contain the noise as a whole; where it is narrow in
+    frequency, they differ by chance by far more than the models do.
+    """
+    likeliest = min(candidates, key=lambda each: each.bic)
+    ratio = score(likeliest) / min(map(score, candidates))
+    white = whiteness_probability(likeliest.model, scorer.stretches)
+    if not (ratio < MOST_UNDER_FEEDBACK and white > WHITE):
+        return None
+    feedback = feedback_probability(likeliest.model, scorer.stretches)
+    if feedback < SIGNIFICANT_FEEDBACK:
+        return likeliest, (
+            f"The input depends on past residuals (p = {feedback:.1g}): the record was made under "
+            f"feedback, where simulation errors are biased. {likeliest.name} has the lowest BIC "
+            "and white residuals."
+        )
+    correlation = input_correlation(likeliest.model, scorer.stretches)
+    if not (ratio < MOST_WHEN_VALID and correlation < INDEPENDENT):
+        return None
+    sentence = (
+        f"{likeliest.name} has the lowest BIC, and its residuals are white and independent of the "
+        "input."
+    )
+    near = [e for e in candidates if scorer.samples * (e.bic - likeliest.bic) < STRONG]
+    better = min(near, key=score)
+    if not score(better) < (1.0 - CLEAR_GAIN) * score(likeliest):
+        return likeliest, sentence
+    return better, (
+        f"{sentence} {better.name}, against which the BIC gives no strong evidence, simulates "
+        "held-out samples better."
+    )
+
+
+def _by_simulation(
+    scorer: Scorer, candidates: Sequence[Candidate], best: Candidate, level: Level
+) -> tuple[Candidate, str]:
+    """The lowest BIC of those that simulate held-out samples as well as the best."""
     equal = [each for each in candidates if _as_good(each, best, level)]
     chosen = min(equal, key=lambda each: each.bic)
     reason = "has the lowest BIC of these, and white residuals"
@@ -151,33 +258,12 @@ def _for_simulation(
         # No model of these describes the noise, so that one-step errors say little of the plant.
         chosen = min(equal, key=lambda each: each.simulation_bic)
         reason = "has the lowest BIC of simulation errors of these, whose residuals are not white"
-    sentence = f"{best.name} simulates held-out samples with the lowest error."
-    if chosen is not best:
-        sentence = (
-            f"{chosen.name} simulates held-out samples as well as {best.name}, within a standard "
-            f"error, and {reason}."
-        )
-    likeliest = min(candidates, key=lambda each: each.bic)
-    if chosen.structure in WITHOUT_NOISE_MODEL or chosen.bic > likeliest.bic:
-        white = whiteness_probability(likeliest.model, scorer.stretches)
-        feedback = feedback_probability(likeliest.model, scorer.stretches)
-        if (
-            likeliest.structure not in WITHOUT_NOISE_MODEL
-            and feedback < SIGNIFICANT_FEEDBACK
-            and white > WHITE
-            and score(likeliest) < MOST_UNDER_FEEDBACK * score(best)
-        ):
-            chosen = likeliest
-            sentence = (
-                f"The input depends on past residuals (p = {feedback:.1g}): the record was made "
-                f"under feedback, where simulation errors are biased. {chosen.name} has the lowest "
-                "BIC and white residuals."
-            )
-    decision = _named(
-        *("structure for simulation", chosen, candidates),
-        *(score, "simulation error on held-out samples, %", sentence),
+    if chosen is best:
+        return best, f"{best.name} simulates held-out samples with the lowest error."
+    return chosen, (
+        f"{chosen.name} simulates held-out samples as well as {best.name}, within a standard error,"
+        f" and {reason}."
     )
-    return chosen, decision
 
 
 def _as_good(candidate: Candidate, best: Candidate, level: Level) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
 from typing import Any
 
 import jsonschema
@@ -12,6 +13,17 @@ import yaml
 
 from evopem.config.strict_yaml import Keys
 from evopem.errors import InputError
+
+
+def schema_file() -> Path:
+    """The JSON schema of the configuration, as YAML.
+
+    It is in a subpackage of an installed evopem, and in ``workflow/schemas`` in a checkout.
+    """
+    package = Path(__file__).resolve().parents[1]
+    installed = package / "schemas"
+    folder = installed if installed.is_dir() else package.parents[1] / "schemas"
+    return folder / "config.schema.yaml"
 
 
 def _full_pattern(

@@ -1,1 +1,1 @@
-"""Prediction-error estimation of ARMAX models by a global memetic search."""
+"""Prediction-error estimation of linear models by a global memetic search."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections import defaultdict
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -15,7 +16,7 @@ from evopem.estimation.delay_refinement import Fit, refine_delay
 from evopem.estimation.focused_estimate import estimate_focused
 from evopem.estimation.polynomial_estimate import PolynomialEstimate
 from evopem.estimation.search.incremental_order import padded
-from evopem.estimation.search.problem import same_optimum
+from evopem.estimation.search.problem import SearchResult, same_optimum
 from evopem.estimation.structured_estimate import descended_from, described, estimate
 from evopem.models.structures import PolynomialOrders
 from evopem.signals.recording import Recording
@@ -70,17 +71,7 @@ def estimate_candidates(
             )
         if log is not None:
             log(f"{phase}: {order}, candidate {position + 1} of {len(orders)}")
-        found = estimate(
-            data.input if order.nb else None,
-            data.output,
-            order,
-            data.sampling_rate,
-            structure=order.structure,
-            settings=settings,
-            window=window,
-            level=level,
-            log=log,
-        )
+        found = _search(data, order, settings, window, level, log)
         candidates.append(Candidate.of(found, phase))
         if log is not None:
             criteria = found.criteria
@@ -97,19 +88,38 @@ def repeat_search(
 ) -> Candidate:
     """Search again, independently, with :data:`REPEAT_FACTOR` times the evaluations."""
     orders = candidate.orders
-    found = estimate(
-        data.input if orders.nb else None,
-        data.output,
-        orders,
-        data.sampling_rate,
-        structure=orders.structure,
-        level=candidate.with_level,
-        settings=replace(settings, evaluations=REPEAT_FACTOR * settings.evaluations),
-        window=window,
-        earlier=candidate.search,
-        log=log,
-    )
+    more = replace(settings, evaluations=REPEAT_FACTOR * settings.evaluations)
+    level, earlier = candidate.with_level, candidate.search
+    found = _search(data, orders, more, window, level, log, earlier)
     return Candidate.of(found, candidate.phase)
+
+
+def _search(
+    data: Recording,
+    orders: PolynomialOrders,
+    settings: SearchSettings,
+    window: ScoringWindow,
+    level: bool,
+    log: Callable[[str], None] | None,
+    earlier: SearchResult | None = None,
+) -> PolynomialEstimate:
+    """The search for one model, in samples whose level has been subtracted."""
+    with warnings.catch_warnings():
+        # A subtracted level need not be the mean: a response that begins or ends in the record
+        # moves the mean alone.
+        warnings.filterwarnings("ignore", "the mean of the output")
+        return estimate(
+            data.input if orders.nb else None,
+            data.output,
+            orders,
+            data.sampling_rate,
+            structure=orders.structure,
+            level=level,
+            settings=settings,
+            window=window,
+            earlier=earlier,
+            log=log,
+        )
 
 
 def reoptimize_from(

@@ -9,14 +9,22 @@ import numpy as np
 import pandas as pd
 
 from evopem.config.structures import ORDER_NAMES, plant_order
+from evopem.errors import InputError
+from evopem.figures.frequency_domain import complex_plane
 from evopem.figures.style import extremes
+from evopem.figures.summary import shown_samples, simulated_or_predicted
 from evopem.models.confidence_ellipse import Polynomial, uncertain_roots
 from evopem.models.stabilization import StabilizationPole, stabilization
+from evopem.signals.spectral.multitaper import multitaper_spectrum
 
 if TYPE_CHECKING:
     from evopem.results.dataset import DatasetResults
     from evopem.signals.recording import Recording
 
+# Bins of the gain on the first screen; twice as many points show all its extremes.
+GAIN_BINS = 300
+# Length of the transforms of the residual spectrum: coarse, since white noise has no lines.
+RESIDUAL_NFFT = 1024
 ORDERS = list(ORDER_NAMES)
 ROOTS: tuple[tuple[Polynomial, str], ...] = (
     ("A", "pole"),
@@ -119,6 +127,60 @@ def residuals_table(results: DatasetResults) -> pd.DataFrame:
 def simulation_table(results: DatasetResults) -> pd.DataFrame:
     """Validation samples, simulated and predicted."""
     return results.validation_tables.simulation
+
+
+def measured_and_simulated_table(results: DatasetResults) -> pd.DataFrame:
+    """The first scored validation samples, measured and simulated; without an input, predicted."""
+    table = results.validation_tables.simulation
+    computed = simulated_or_predicted(table)
+    scored = table[table[computed].notna()]
+    kept = shown_samples(results.model.modes, results.model.sampling_rate)
+    return scored[["time_s", "output", computed]].iloc[:kept]
+
+
+def gain_table(results: DatasetResults) -> pd.DataFrame:
+    """Gain of the model and of the multitaper estimate, thinned to their extremes.
+
+    Of a model without input that of the noise filter.
+    """
+    table = frequency_response_table(results)[
+        ["source", "frequency_hz", "gain", "gain_lower", "gain_upper"]
+    ]
+    if results.model.model.has_input:
+        table = table[table["source"] != "noise filter"]
+    thin = [
+        rows.iloc[extremes(rows["gain"], GAIN_BINS)]
+        for _, rows in table.groupby("source", sort=False)
+    ]
+    return pd.concat(thin, ignore_index=True)
+
+
+def nyquist_table(results: DatasetResults) -> pd.DataFrame:
+    """Real and imaginary part of the frequency response of the model and of the data."""
+    table = frequency_response_table(results)
+    table = table[table["source"] != "noise filter"]
+    parts = complex_plane(table["gain"], table["phase_deg"])
+    return table[["source", "frequency_hz"]].assign(real=parts[:, 0], imag=parts[:, 1])
+
+
+def simulation_as_recorded_table(results: DatasetResults) -> pd.DataFrame:
+    """Validation samples in the units of the recording, simulated and predicted."""
+    columns = ["time_s", "recorded_output", "recorded_simulated", "recorded_predicted"]
+    return results.validation_tables.simulation[columns]
+
+
+def residual_spectrum_table(results: DatasetResults) -> pd.DataFrame:
+    """Spectrum of the one-step errors on the validation samples; empty where there are too few."""
+    columns = ["frequency_hz", "density", "lower", "upper", "white_level"]
+    errors = results.validation_tables.simulation["prediction_error"].dropna().to_numpy()
+    rate = results.model.sampling_rate
+    try:
+        found = multitaper_spectrum(errors, rate, nfft=RESIDUAL_NFFT)
+    except InputError:
+        return pd.DataFrame(columns=columns, dtype=float)
+    values = (found.frequencies, found.density, found.lower, found.upper)
+    table = pd.DataFrame(dict(zip(columns, values, strict=False)))
+    return table.assign(white_level=2.0 * float(np.var(errors)) / rate)
 
 
 def horizons_table(results: DatasetResults) -> pd.DataFrame:

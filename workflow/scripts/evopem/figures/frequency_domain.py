@@ -19,6 +19,7 @@ from evopem.figures.style import (
     extremes,
     logarithmic,
     new_figure,
+    say_nothing_to_draw,
     styled,
     with_unit,
 )
@@ -36,6 +37,7 @@ BINS = 400
 MOST_LABELS = 8
 # Labels closer than this share of the band would overlap.
 LABEL_WIDTH = 0.1
+PLANT, NOISE_FILTER = "model G", "noise filter H"
 
 
 def _thinned(table: pd.DataFrame, *columns: str) -> pd.DataFrame:
@@ -157,36 +159,17 @@ def draw_frequency_response(
     Of a model without input the response of the noise filter is drawn.
     """
     figure = new_figure(5.2)
-    label = "model G"
-    if response["gain"].isna().all():
-        label, spectrum = "noise filter H", None
-        columns = {
-            f"noise_{name}": name for name in ("gain", "gain_lower", "gain_upper", "phase_deg")
-        }
-        response = response[["frequency_hz", *columns]].rename(columns=columns)
+    response, label = plant_or_noise_filter(response)
+    if label == NOISE_FILTER:
+        spectrum = None
     gain, phase, coherence = figure.subplots(3, 1, sharex=True, height_ratios=(1.7, 1.1, 0.7))
-    if spectrum is not None:
-        _draw_nonparametric(gain, phase, coherence, spectrum[spectrum["frequency_hz"] > 0])
-    shown = _thinned(response[response["frequency_hz"] > 0], "gain")
-    if shown["gain_lower"].notna().any():
-        floor = 1e-3 * float(shown["gain"].min())
-        gain.fill_between(
-            shown["frequency_hz"],
-            shown["gain_lower"].clip(lower=floor),
-            shown["gain_upper"],
-            color=MODEL,
-            alpha=0.28,
-            linewidth=0,
-            label="95 % band",
-        )
-    gain.plot(shown["frequency_hz"], shown["gain"], color=MODEL, linewidth=1.5, label=label)
-    phase.plot(*unwrapped_gaps(shown["frequency_hz"], shown["phase_deg"]), color=MODEL)
+    estimate = None if spectrum is None else with_positive_frequency(spectrum)
     for axes in (gain, phase):
         mark_truth(axes, truth)
-    _gain_limits(gain, shown["gain"])
-    logarithmic(gain)
-    gain.set_ylabel(with_unit("Gain", unit))
-    gain.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, borderaxespad=0.1)
+    shown = draw_gain(gain, response, estimate, unit, label)
+    if estimate is not None:
+        _draw_phase_and_coherence(phase, coherence, estimate)
+    phase.plot(*unwrapped_gaps(shown["frequency_hz"], shown["phase_deg"]), color=MODEL)
     phase.set_ylabel("Phase (°)")
     phase.set_ylim(-190, 190)
     phase.set_yticks([-180, -90, 0, 90, 180])
@@ -197,14 +180,58 @@ def draw_frequency_response(
     return figure
 
 
-def _draw_nonparametric(gain: Axes, phase: Axes, coherence: Axes, spectrum: pd.DataFrame) -> None:
+def with_positive_frequency(table: pd.DataFrame) -> pd.DataFrame:
+    """The rows of a table above 0 Hz."""
+    return table[table["frequency_hz"] > 0]
+
+
+def plant_or_noise_filter(response: pd.DataFrame) -> tuple[pd.DataFrame, str]:
+    """The response of G and its label; of a model without input those of the noise filter H.
+
+    Parameters
+    ----------
+    response : pandas.DataFrame
+        As in ``frequency_response.csv``.
+    """
+    if response["gain"].notna().any():
+        return response, PLANT
+    columns = {f"noise_{name}": name for name in ("gain", "gain_lower", "gain_upper", "phase_deg")}
+    return response[["frequency_hz", *columns]].rename(columns=columns), NOISE_FILTER
+
+
+def draw_gain(
+    axes: Axes, response: pd.DataFrame, spectrum: pd.DataFrame | None, unit: str, label: str
+) -> pd.DataFrame:
+    """Draw a gain with its band over the multitaper estimate; return what was drawn of the gain."""
+    if spectrum is not None:
+        axes.plot(
+            *decimate(spectrum["frequency_hz"], spectrum["frequency_response_gain"], BINS),
+            color=MUTED,
+            linewidth=0.7,
+            label="multitaper",
+        )
+    shown = _thinned(with_positive_frequency(response), "gain")
+    if shown["gain_lower"].notna().any():
+        floor = 1e-3 * float(shown["gain"].min())
+        axes.fill_between(
+            shown["frequency_hz"],
+            shown["gain_lower"].clip(lower=floor),
+            shown["gain_upper"],
+            color=MODEL,
+            alpha=0.28,
+            linewidth=0,
+            label="95 % band",
+        )
+    axes.plot(shown["frequency_hz"], shown["gain"], color=MODEL, linewidth=1.5, label=label)
+    _gain_limits(axes, shown["gain"])
+    logarithmic(axes)
+    axes.set_ylabel(with_unit("Gain", unit))
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, borderaxespad=0.1)
+    return shown
+
+
+def _draw_phase_and_coherence(phase: Axes, coherence: Axes, spectrum: pd.DataFrame) -> None:
     frequency = spectrum["frequency_hz"]
-    gain.plot(
-        *decimate(frequency, spectrum["frequency_response_gain"], BINS),
-        color=MUTED,
-        linewidth=0.7,
-        label="multitaper",
-    )
     x, y = unwrapped_gaps(frequency, spectrum["frequency_response_phase_deg"])
     phase.plot(x, y, color=MUTED, linewidth=0.7)
     x, y = decimate(frequency, spectrum["coherence"], BINS)
@@ -227,3 +254,92 @@ def unwrapped_gaps(frequency: pd.Series, degrees: pd.Series) -> tuple[np.ndarray
     return np.insert(x, jumps, x[jumps - 1] if jumps.size else []), np.insert(
         wrapped, jumps, np.nan
     )
+
+
+@styled
+def draw_nyquist(response: pd.DataFrame, spectrum: pd.DataFrame, unit: str = "") -> Figure:
+    """G in the complex plane over positive frequencies, with the multitaper estimate.
+
+    Parameters
+    ----------
+    response, spectrum : pandas.DataFrame
+        As in ``frequency_response.csv`` and ``spectrum.csv``.
+    unit : str
+        Unit of the gain, "" when not stated.
+    """
+    figure = new_figure(4.6, 5.6)
+    axes = figure.subplots()
+    if response["gain"].isna().all():
+        say_nothing_to_draw(axes, "The model has no input.")
+        return figure
+    model = complex_plane(response["gain"], response["phase_deg"])
+    estimate = with_positive_frequency(spectrum)
+    points = complex_plane(
+        estimate["frequency_response_gain"], estimate["frequency_response_phase_deg"]
+    )
+    # Neighbouring points of the multitaper estimate are almost the same within its bandwidth.
+    step = max(1, len(points) // BINS)
+    axes.plot(*points[::step].T, ".", color=MUTED, markersize=2.5, label="multitaper")
+    axes.plot(*model.T, color=MODEL, linewidth=1.3, label="model G")
+    reach = 1.15 * float(np.abs(model).max(initial=0.0)) or 1.0
+    axes.set_xlim(-reach, reach)
+    axes.set_ylim(-reach, reach)
+    axes.set_aspect("equal")
+    for line in (axes.axhline, axes.axvline):
+        line(0, color=INK, linewidth=0.6)
+    axes.plot(-1, 0, "+", color=ERROR, markersize=8, label="−1")
+    axes.set_xlabel(with_unit("Real part of G", unit))
+    axes.set_ylabel(with_unit("Imaginary part of G", unit))
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderaxespad=0.1)
+    return figure
+
+
+def complex_plane(gain: pd.Series, phase_deg: pd.Series) -> np.ndarray:
+    """Real and imaginary parts, (N, 2), of a response given by gain and phase in degrees."""
+    angle = np.radians(np.asarray(phase_deg, dtype=float))
+    size = np.asarray(gain, dtype=float)
+    return np.column_stack([size * np.cos(angle), size * np.sin(angle)])
+
+
+@styled
+def draw_residual_spectrum(table: pd.DataFrame, unit: str = "") -> Figure:
+    """Spectrum of the residuals with its 95 % band, and the level of white noise.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        ``frequency_hz``, ``density``, ``lower``, ``upper`` and ``white_level``.
+    unit : str
+        Unit of the prepared output, "" when not stated.
+    """
+    figure = new_figure(2.9)
+    axes = figure.subplots()
+    if table.empty:
+        say_nothing_to_draw(axes, "There are too few residuals for a spectrum.")
+        return figure
+    shown = _thinned(with_positive_frequency(table), "density")
+    axes.fill_between(
+        shown["frequency_hz"],
+        shown["lower"],
+        shown["upper"],
+        color=MODEL,
+        alpha=0.22,
+        linewidth=0,
+        label="95 % band",
+    )
+    axes.plot(shown["frequency_hz"], shown["density"], color=INK, linewidth=0.9, label="residuals")
+    axes.plot(
+        shown["frequency_hz"],
+        shown["white_level"],
+        color=ERROR,
+        linewidth=1.0,
+        linestyle=(0, (4, 2)),
+        label="white noise of the same variance",
+    )
+    logarithmic(axes)
+    axes.set_xlim(0, shown["frequency_hz"].max())
+    axes.set_xlabel("Frequency (Hz)")
+    squared = f"({unit})²/Hz" if unit else "per Hz"
+    axes.set_ylabel(with_unit("Power spectral density", squared))
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderaxespad=0.1)
+    return figure

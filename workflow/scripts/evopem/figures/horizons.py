@@ -24,6 +24,8 @@ def draw_horizons(horizons: pd.DataFrame, simulation_error: float = math.nan) ->
     simulation_error : float
         Percent; NaN where there is no simulation.
     """
+    from matplotlib.ticker import NullLocator
+
     figure = new_figure(2.8)
     axes = figure.subplots()
     axes.plot(
@@ -44,6 +46,8 @@ def draw_horizons(horizons: pd.DataFrame, simulation_error: float = math.nan) ->
             label="simulation",
         )
     axes.set_xscale("log")
+    axes.set_xticks(horizons["horizon"], horizons["horizon"].astype(str))
+    axes.xaxis.set_minor_locator(NullLocator())
     logarithmic_if_wide(axes, horizons["error_percent"])
     axes.margins(y=0.12)
     axes.set_xlabel("Horizon k (samples)")

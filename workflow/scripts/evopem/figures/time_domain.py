@@ -51,7 +51,7 @@ def draw_record(recording: Recording, prepared: PreparedData) -> Figure:
     for row, (values, label) in enumerate(before[-rows:]):
         x, y = decimate(time, values)
         axes[row, 0].plot(x, y, color=INK, linewidth=0.6)
-        axes[row, 0].set_ylabel(_folded(label))
+        axes[row, 0].set_ylabel(folded(label))
     axes[0, 0].set_title("As recorded")
     axes[-1, 0].set_xlabel("Time (s)")
     estimation, validation = prepared.estimation, prepared.validation
@@ -72,7 +72,7 @@ def draw_record(recording: Recording, prepared: PreparedData) -> Figure:
     )
     for row, (estimated, held_out, label) in enumerate(after[-rows:]):
         _estimation_and_validation(axes[row, 1], estimated, held_out, estimation.sampling_rate)
-        axes[row, 1].set_ylabel(_folded(label))
+        axes[row, 1].set_ylabel(folded(label))
     axes[0, 1].set_title("As used")
     axes[-1, 1].set_xlabel(
         "Time (s)" if prepared.contiguous else "Time (s); the validation recording follows"
@@ -93,7 +93,7 @@ def _estimation_and_validation(
         axes.axvline(time[estimation.size], color=ERROR, linewidth=0.8, linestyle=(0, (3, 2)))
 
 
-def _folded(label: str, width: int = 26) -> str:
+def folded(label: str, width: int = 26) -> str:
     """Break a long label into lines."""
     return "\n".join(textwrap.wrap(label, width, break_on_hyphens=False)[:3]) or label
 
@@ -131,8 +131,8 @@ def draw_simulation(simulation: pd.DataFrame, sampling_rate: float, label: str) 
     )
     span = shown["time_s"].iloc[-1] - shown["time_s"].iloc[0] if len(shown) else 0.0
     second.set_title(f"The first {span:.3g} s of validation data")
-    second.set_ylabel(_folded(label))
-    _legend_above(second)
+    second.set_ylabel(folded(label))
+    legend_above(second)
     second.tick_params(labelbottom=False)
     error.sharex(second)
     _lines(
@@ -144,7 +144,7 @@ def draw_simulation(simulation: pd.DataFrame, sampling_rate: float, label: str) 
     error.set_title("Errors in that time")
     error.set_ylabel("Error")
     error.set_xlabel("Time from the first validation sample (s)")
-    _legend_above(error)
+    legend_above(error)
     _lines(
         whole,
         simulation,
@@ -156,8 +156,8 @@ def draw_simulation(simulation: pd.DataFrame, sampling_rate: float, label: str) 
     )
     whole.set_title("All validation data")
     whole.set_xlabel("Time from the first validation sample (s)")
-    whole.set_ylabel(_folded(label))
-    _legend_above(whole)
+    whole.set_ylabel(folded(label))
+    legend_above(whole)
     return figure
 
 
@@ -170,6 +170,33 @@ def _lines(
         axes.plot(x, y, color=colour, linestyle=style, linewidth=width, label=label)
 
 
-def _legend_above(axes: Axes) -> None:
+@styled
+def draw_simulation_as_recorded(simulation: pd.DataFrame, label: str) -> Figure:
+    """Validation data in the units of the recording: measured, predicted and simulated.
+
+    Parameters
+    ----------
+    simulation : pandas.DataFrame
+        As in ``simulation.csv``.
+    label : str
+        Name of the recorded output with its unit.
+    """
+    figure = new_figure(2.9)
+    axes = figure.subplots()
+    _lines(
+        axes,
+        simulation,
+        ("recorded_output", INK, "-", "measured"),
+        ("recorded_predicted", MODEL, DASHED, "predicted one step ahead"),
+        ("recorded_simulated", ERROR, DASHED, "simulated"),
+    )
+    axes.set_xlabel("Time from the first validation sample (s)")
+    axes.set_ylabel(folded(label))
+    axes.margins(x=0.01)
+    legend_above(axes)
+    return figure
+
+
+def legend_above(axes: Axes) -> None:
     """Put the legend above the panel, where it hides no data."""
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, borderaxespad=0.1)

@@ -20,6 +20,7 @@ def job(
     log_file: str | Path,
     inputs: Iterable[str | Path] = (),
     outputs: Iterable[str | Path] = (),
+    ends_with_parent: bool = True,
 ) -> Iterator[logging.Logger]:
     """Run the work of a job, with its messages in a log file.
 
@@ -36,6 +37,9 @@ def job(
         Those that are results are verified against their checksums before the work begins.
     outputs : iterable of path
         Their checksums are written when the work is done.
+    ends_with_parent : bool
+        Whether the process ends when the one that started it does, as a job of Snakemake must. A
+        command outlives the terminal that it was started in, if the user wants it to.
 
     Yields
     ------
@@ -58,7 +62,8 @@ def job(
         sys.stderr.write(f"{error}\n")
         sys.exit(1)
 
-    end_with_parent()
+    if ends_with_parent:
+        end_with_parent()
     try:
         start_record(record, logs)
         handler = _log_handler(log_file)

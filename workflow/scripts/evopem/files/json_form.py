@@ -62,9 +62,9 @@ def from_json(kind: type[T], content: object, source: str = "the content") -> T:
 
     Examples
     --------
-    >>> from evopem.models.structures import PolynomialOrders, armax_orders
+    >>> from evopem.models.structures import PolynomialOrders
     >>> from_json(PolynomialOrders, {"na": 2, "nb": 1, "nc": 2, "nk": 3})
-    armax_orders(na=2, nb=1, nc=2, nk=3)
+    PolynomialOrders(na=2, nb=1, nc=2, nd=0, nf=0, nk=3, structure='armax')
     >>> from_json(PolynomialOrders, {"na": 2.5, "nb": 1, "nc": 2, "nk": 3}, "model.json")
     Traceback (most recent call last):
     ...
@@ -98,7 +98,7 @@ def load(kind: type[T], path: str | Path) -> T:
     >>> with TemporaryDirectory() as folder:
     ...     save(armax_orders(2, 1, 2, 3), f"{folder}/orders.json")
     ...     load(PolynomialOrders, f"{folder}/orders.json")
-    armax_orders(na=2, nb=1, nc=2, nk=3)
+    PolynomialOrders(na=2, nb=1, nc=2, nd=0, nf=0, nk=3, structure='armax')
     """
     try:
         content = json.loads(Path(path).read_text(encoding="utf-8"))

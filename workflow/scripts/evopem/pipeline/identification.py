@@ -26,6 +26,7 @@ from evopem.pipeline.validation import validate_model
 from evopem.results.layout import DatasetFiles
 
 Stage = Callable[[], None]
+Announce = Callable[[str, int, int], None]
 
 
 def stages(
@@ -67,11 +68,31 @@ def identify_recording(
     with_report: bool,
     log: Log | None = None,
     cores: int = 1,
+    announce: Announce | None = None,
 ) -> None:
-    """Take one data set from its recording to its results."""
-    for name, stage in stages(files, settings, log, cores).items():
-        if with_report or name not in ("figures", "report"):
-            stage()
+    """Take one data set from its recording to its results.
+
+    Parameters
+    ----------
+    files : DatasetFiles
+    settings : DatasetSettings
+    with_report : bool
+        Whether figures and report are made.
+    log : callable, optional
+        Receives progress in words.
+    cores : int
+    announce : callable, optional
+        Receives each stage before it begins: its name, its number from 1, and how many there are.
+    """
+    listed = {
+        name: stage
+        for name, stage in stages(files, settings, log, cores).items()
+        if with_report or name not in ("figures", "report")
+    }
+    for number, (name, stage) in enumerate(listed.items(), start=1):
+        if announce is not None:
+            announce(name, number, len(listed))
+        stage()
 
 
 def run_stage(name: str, folder: str | Path, log: Log | None = print) -> None:

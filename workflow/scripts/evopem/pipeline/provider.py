@@ -34,6 +34,14 @@ FILES = DatasetFiles.of_dataset("{dataset}")
 """The files of a data set, with the wildcard in their paths."""
 
 
+RECORDED_FILES = {
+    "synthetic": (),
+    "recorded": ("file",),
+    "validated": ("file", "validation_file"),
+}
+"""The keys of the recorded files of a data set, by its source."""
+
+
 class Wildcards(Protocol):
     """The wildcards of a job."""
 
@@ -42,6 +50,28 @@ class Wildcards(Protocol):
 
     def get(self, name: str) -> str | None:
         """Value of a wildcard, None where the job has no such one."""
+
+
+@dataclass(frozen=True)
+class Kind:
+    """Data sets with the same recorded files and results: one rule can identify them.
+
+    Attributes
+    ----------
+    name : str
+        Source and structure, such as ``recorded_armax``.
+    members : frozenset of str
+        Names of the data sets.
+    recorded : tuple of str
+        Keys of the recorded files.
+    results : list of str
+        Paths with the wildcard of the data set.
+    """
+
+    name: str
+    members: frozenset[str]
+    recorded: tuple[str, ...]
+    results: list[str]
 
 
 @dataclass(frozen=True)
@@ -91,25 +121,46 @@ class Provider:
         several = len(self.config.datasets) > 1
         return [*OVERVIEW] if several or any(map(resources.is_file, OVERVIEW)) else []
 
-    def results(self, dataset: str) -> list[str]:
+    def results(self, dataset: str, files: DatasetFiles | None = None) -> list[str]:
         """The results of one data set, those that other jobs read among them.
 
         Snakemake does not make a missing file again that only finished jobs needed. All are asked
         for, so that whatever was deleted is made again.
+
+        Parameters
+        ----------
+        dataset : str
+        files : DatasetFiles, optional
+            The paths, by default with the name of the data set in them.
         """
-        own = DatasetFiles.of_dataset(dataset)
+        own = files or DatasetFiles.of_dataset(dataset)
         truth = [own.truth] if dataset in self.synthetic else []
         validation = (
             [own.validation_recording, own.validation_recording_info]
             if dataset in self.validated
             else []
         )
-        # One job makes the folder of all phases, which alone it can declare.
-        one_job = self.config.run.one_job_per == "recording"
-        structure = self.config.datasets[dataset].order_grid.structure
-        phases = [own.phases] if one_job else [own.phase(each) for each in phases_of(structure)]
+        phases = own.phases(self.config.datasets[dataset].order_grid.structure)
         read = [own.recording, *validation, own.prepared, *phases]
         return [*read, *own.results, *(own.pages if self.with_report else []), *truth]
+
+    @property
+    def kinds(self) -> list[Kind]:
+        """The data sets, divided into kinds whose recorded files and results are the same ones."""
+        members: dict[tuple[str, str], list[str]] = {}
+        for name, dataset in self.config.datasets.items():
+            source = "recorded" if name in self.recorded else "synthetic"
+            source = "validated" if name in self.validated else source
+            members.setdefault((source, dataset.order_grid.structure), []).append(name)
+        return [
+            Kind(
+                name=f"{source}_{structure}",
+                members=frozenset(names),
+                recorded=RECORDED_FILES[source],
+                results=self.results(names[0], FILES),
+            )
+            for (source, structure), names in members.items()
+        ]
 
     @property
     def last_results(self) -> list[str]:

@@ -3,13 +3,47 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+import re
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import quote
 
+from evopem.report.numbers import number
 from evopem.report.templates import environment
 from evopem.results.fleet import DatasetSummary, Entry
+
+# Size of a row's plot of the gain, and the decibels that it shows at most.
+WIDTH, HEIGHT = 120, 30
+DEEPEST = 80.0
+
+
+@dataclass(frozen=True)
+class ListedMode:
+    """A mode of a row."""
+
+    frequency_hz: float
+    trusted: bool
+
+
+@dataclass(frozen=True)
+class Sparkline:
+    """The gain of a model as a small plot.
+
+    Attributes
+    ----------
+    path : str
+        Of the gain, in SVG.
+    marks : list of str
+        Abscissae of the trusted modes.
+    label : str
+        Description for screen readers.
+    """
+
+    path: str
+    marks: list[str]
+    label: str
 
 
 @dataclass(frozen=True)
@@ -19,8 +53,11 @@ class IndexRow:
     Attributes
     ----------
     name : str
+    group : str
+        Data sets whose names begin alike have one group.
     href : str
-        Relative address of the data set's page; of its logs where its results are not complete.
+        Relative address of the data set's page; of a log where its results are not complete, and
+        empty where there is none.
     problem : str
         Why the results are not complete; empty where they are.
     orders : str
@@ -28,11 +65,15 @@ class IndexRow:
         NaN where not known.
     passed, failed, not_judged : int
         Numbers of checks.
-    concerns : tuple of str
-        Names of the checks that failed or could not be judged.
+    concerns, failed_checks : tuple of str
+        Names of the checks that failed or could not be judged, and of those that failed.
+    modes : tuple of ListedMode
+        By frequency.
+    sparkline : Sparkline, optional
     """
 
     name: str
+    group: str
     href: str
     problem: str = ""
     orders: str = ""
@@ -42,6 +83,14 @@ class IndexRow:
     failed: int = 0
     not_judged: int = 0
     concerns: tuple[str, ...] = ()
+    failed_checks: tuple[str, ...] = ()
+    modes: tuple[ListedMode, ...] = ()
+    sparkline: Sparkline | None = None
+
+    @property
+    def frequencies(self) -> list[float]:
+        """Natural frequencies in Hz."""
+        return [mode.frequency_hz for mode in self.modes]
 
     @property
     def rank(self) -> tuple[bool, int, int, float, str]:
@@ -76,15 +125,32 @@ def build_index(
     rows = sorted(
         (_row(name, entry, page) for name, entry in entries.items()), key=lambda row: row.rank
     )
-    return environment(template_directory).get_template("index.html.j2").render(rows=rows)
+    sizes = Counter(row.group for row in rows)
+    return (
+        environment(template_directory)
+        .get_template("index.html.j2")
+        .render(rows=rows, grouped=len(sizes) > 1 and max(sizes.values()) > 1)
+    )
+
+
+def group_of(name: str) -> str:
+    """What a name begins with: up to its first separator or, without one, to its last letter."""
+    head = re.split(r"[-_./ ]", name.strip(), maxsplit=1)[0]
+    return re.sub(r"\d+$", "", head) or head or name
 
 
 def _row(name: str, entry: Entry, page: str) -> IndexRow:
-    folder = quote(name, safe="")
+    folder, group = quote(name, safe=""), group_of(name)
     if not isinstance(entry, DatasetSummary):
-        return IndexRow(name, f"{folder}/logs/", problem=entry.problem)
+        href = f"{folder}/{quote(entry.log)}" if entry.log else ""
+        return IndexRow(name, group, href, problem=entry.problem)
+    modes = tuple(
+        ListedMode(mode.frequency_hz, trusted)
+        for mode, trusted in zip(entry.modes, entry.trusted, strict=True)
+    )
     return IndexRow(
         name,
+        group,
         f"{folder}/{page}",
         orders=str(entry.orders),
         prediction_error_percent=entry.prediction_error_percent,
@@ -93,4 +159,32 @@ def _row(name: str, entry: Entry, page: str) -> IndexRow:
         failed=entry.n_checks(passed=False),
         not_judged=entry.n_checks(passed=None),
         concerns=tuple(check.name for check in entry.checks if check.passed is not True),
+        failed_checks=tuple(check.name for check in entry.checks if check.passed is False),
+        modes=modes,
+        sparkline=_sparkline(entry.gain_db, modes, entry.sampling_rate / 2),
     )
+
+
+def _sparkline(
+    gain_db: Sequence[float], modes: Sequence[ListedMode], highest: float
+) -> Sparkline | None:
+    """The gain over frequency, from its largest value down to at most :data:`DEEPEST` below."""
+    known = [gain for gain in gain_db if math.isfinite(gain)]
+    if len(known) < 2:
+        return None
+    top = max(known)
+    bottom = max(min(known), top - DEEPEST)
+    span = max(top - bottom, 1.0)
+    points = []
+    for place, gain in enumerate(gain_db):
+        x = WIDTH * (place + 0.5) / len(gain_db)
+        inside = max(gain, bottom) if math.isfinite(gain) else bottom
+        y = 1 + (HEIGHT - 2) * (top - inside) / span
+        points.append(f"{x:.0f} {y:.1f}".replace(".0", ""))
+    marks = [
+        f"{WIDTH * mode.frequency_hz / highest:.1f}"
+        for mode in modes
+        if mode.trusted and mode.frequency_hz < highest
+    ]
+    label = f"Gain from 0 to {number(highest)} Hz, from {top:.0f} down to {bottom:.0f} dB"
+    return Sparkline("M" + "L".join(points), marks, label.replace("-", "−"))

@@ -2,46 +2,85 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from markupsafe import Markup
 
+from evopem.figures.panels import as_json_form
 from evopem.figures.registry import REPORT_FIGURES, ReportFigure
 from evopem.report import chapter, equations, provenance
 from evopem.report.downloads import Download, csv_download
 from evopem.report.fit_table import constraint_rows, fit_sentences
 from evopem.report.inline_svg import inline_svg
 from evopem.report.mode_table import mode_rows
-from evopem.report.sentences.about_model import frequency_response, modes, poles
+from evopem.report.sentences.about_model import (
+    frequency_response,
+    mode_lines,
+    modes,
+    poles,
+)
 from evopem.report.sentences.about_orders import delay, phases, stabilization
 from evopem.report.sentences.about_recording import recording, transform_effects
 from evopem.report.sentences.about_search import search
 from evopem.report.sentences.about_spectrum import spectrum
-from evopem.report.sentences.about_validation import (
-    horizons,
-    output_transformed,
-    residuals,
-    simulation,
-)
+from evopem.report.sentences.about_validation import horizons, residuals, simulation
+from evopem.report.sentences.about_verdict import verdict
 from evopem.report.templates import environment
 from evopem.results.dataset import DatasetResults
 
-# Heading and sentences of each figure's section, in the order of the chapter.
+
+def nothing(_: DatasetResults) -> list[str]:
+    """No sentences, where the figure and its caption say all."""
+    return []
+
+
+# Heading and sentences of each figure.
 SECTIONS: dict[str, tuple[str, Callable[[DatasetResults], list[str]]]] = {
-    "record": ("Recording", recording),
+    "measured_and_simulated": ("Measured and simulated", nothing),
+    "gain": ("Gain over the data", nothing),
+    "poles_zeros": ("Poles and zeros", poles),
+    "stabilization": ("Stabilization over the orders", stabilization),
+    "frequency_response": ("Frequency response", frequency_response),
+    "step_and_impulse": ("Step and impulse", nothing),
+    "nyquist": ("Nyquist diagram", nothing),
+    "simulation": ("Simulation", simulation),
+    "simulation_as_recorded": ("In recorded units", nothing),
+    "horizons": ("Prediction over longer horizons", horizons),
+    "residuals": ("Correlation of the residuals", residuals),
+    "residual_spectrum": ("Spectrum of the residuals", nothing),
+    "record": ("Signals", recording),
     "spectrum": ("Spectrum of the output", spectrum),
     "delay": ("Delay", delay),
     "phases": ("Orders, in phases", phases),
-    "poles_zeros": ("Poles and zeros", poles),
-    "frequency_response": ("Frequency response", frequency_response),
-    "residuals": ("Residuals", residuals),
-    "simulation": ("Simulation", simulation),
-    "horizons": ("Prediction over longer horizons", horizons),
-    "stabilization": ("Stabilization over the orders", stabilization),
-    "convergence": ("Search", search),
+    "convergence": ("Search of the selected model", search),
 }
+# Headings that are others for a model without input.
+WITHOUT_INPUT = {
+    "measured_and_simulated": "Measured and predicted",
+    "gain": "Gain of the noise filter",
+    "step_and_impulse": "Impulse response",
+    "simulation": "Prediction",
+    "residuals": "Autocorrelation of the residuals",
+    "response": "Noise filter",
+    "errors": "Prediction",
+}
+# The parts of the page after the verdict.
+CONTENTS = (
+    ("model", "Model"),
+    ("modes", "Modes"),
+    ("response", "Response to the input"),
+    ("errors", "Prediction and simulation"),
+    ("residual_tests", "Residuals"),
+    ("recording", "Recording"),
+    ("selection", "Choice of the orders"),
+    ("chapter", "Comparison with the chapter"),
+    ("provenance", "Provenance"),
+)
+# Figures whose sentences are for experts and wait to be opened.
+FOR_EXPERTS = frozenset(SECTIONS) - {"stabilization"}
 
 
 @dataclass(frozen=True)
@@ -59,6 +98,10 @@ class Section:
         The data of the figure as CSV.
     svg : Markup, optional
         None where the figure was not drawn.
+    panels : str
+        What the page draws for a reader to zoom, as JSON; empty where it does not.
+    for_experts : bool
+        Whether the paragraphs wait to be opened.
     """
 
     id: str
@@ -68,6 +111,8 @@ class Section:
     data: list[str]
     download: Download
     svg: Markup | None
+    panels: str
+    for_experts: bool
 
 
 def build_report(
@@ -106,12 +151,14 @@ def build_report(
     rows = mode_rows(results.model.modes, true_modes, chapter.MODES if stand_in else ())
     return page.render(
         results=results,
+        contents=_contents(results, stand_in),
         config_text=config_text,
         chapter_orders=chapter.ORDERS if stand_in else None,
         chapter_comparison=chapter.compare_with_chapter(results) if stand_in else [],
         modes=rows,
         mode_remarks=modes(results, rows),
         has_truth=bool(true_modes),
+        has_input=model.has_input,
         equation=equations.equation(model),
         orders_note=equations.orders_note(model),
         polynomials=equations.polynomials(model),
@@ -129,13 +176,15 @@ def build_report(
         passed=[check for check in checks if check.passed is True],
         failed=[check for check in checks if check.passed is False],
         not_judged=[check for check in checks if check.passed is None],
-        output_transformed=output_transformed(results.model.transforms),
+        verdict=verdict(results),
+        evidence=mode_lines(results),
+        output_transformed=results.model.transforms.changes_output,
         effects=transform_effects(results.model.transforms),
-        sections=[
-            _section(figure, results, figures)
+        sections={
+            figure.name: _section(figure, results, figures)
             for figure in REPORT_FIGURES
-            if _applies(figure.name, results)
-        ],
+            if figure.applies(results)
+        },
         candidates=results.candidates.to_dict("records"),
         provenance=provenance.terms(results, commit),
         stages=provenance.stages(results, wall_clock),
@@ -143,21 +192,31 @@ def build_report(
     )
 
 
-def _applies(name: str, results: DatasetResults) -> bool:
-    """Whether a figure belongs to the structure: there may be no delay and no joint order."""
-    needed = {"delay": "delay", "stabilization": "joint"}.get(name)
-    return needed is None or needed in results.phases
+def _contents(results: DatasetResults, stand_in: bool) -> dict[str, str]:
+    """Headings of the parts of the page, by their ids."""
+    return {
+        part: _heading(part, title, results)
+        for part, title in CONTENTS
+        if stand_in or part != "chapter"
+    }
+
+
+def _heading(name: str, title: str, results: DatasetResults) -> str:
+    return title if results.model.model.has_input else WITHOUT_INPUT.get(name, title)
 
 
 def _section(figure: ReportFigure, results: DatasetResults, figures: Mapping[str, str]) -> Section:
     title, sentences = SECTIONS[figure.name]
-    svg = figures.get(figure.name)
+    caption = figure.caption_of(results)
+    svg, panels = figures.get(figure.name), figure.panels(results)
     return Section(
         id=figure.name,
-        title=title,
+        title=_heading(figure.name, title, results),
         paragraphs=sentences(results),
-        caption=figure.caption,
+        caption=caption,
         data=figure.data_files,
         download=csv_download(figure.table(results), results.name, figure.name),
-        svg=None if svg is None else inline_svg(svg, figure.name, figure.caption),
+        svg=None if svg is None else inline_svg(svg, figure.name, caption),
+        panels=json.dumps(as_json_form(panels), ensure_ascii=False) if panels and svg else "",
+        for_experts=figure.name in FOR_EXPERTS,
     )

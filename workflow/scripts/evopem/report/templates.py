@@ -1,4 +1,4 @@
-"""The Jinja environment of the pages: filters for numbers, and the only script."""
+"""The Jinja environment of the pages: filters for numbers, and the scripts."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ def template_folder() -> Path:
     return installed if installed.is_dir() else package.parents[1] / "templates"
 
 
-def environment(template_directory: Path) -> Environment:
+def environment(folder: Path) -> Environment:
     """The environment that renders the templates of a folder; names are escaped."""
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
     environment = Environment(
-        loader=FileSystemLoader(template_directory),
+        loader=FileSystemLoader(folder),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
@@ -48,13 +48,21 @@ def environment(template_directory: Path) -> Environment:
         with_error=numbers.with_error,
         root=numbers.root,
         hertz=numbers.hertz,
-        script=_script(template_directory / "page.js"),
+        page_script=_script(folder / "page.js"),
+        figures_script=_script(
+            folder / "uplot" / "uPlot.iife.min.js",
+            folder / "figures.js",
+            licence=folder / "uplot" / "LICENSE",
+        ),
     )
     return environment
 
 
-def _script(file: Path) -> dict[str, str]:
-    """The script of the page, and the digest by which the content policy allows it."""
-    text = file.read_text(encoding="utf-8")
+def _script(*files: Path, licence: Path | None = None) -> dict[str, str]:
+    """A script of the page, and the digest by which the content policy allows it."""
+    parts = [file.read_text(encoding="utf-8") for file in files]
+    if licence is not None:
+        parts.insert(0, f"/*\n{licence.read_text(encoding='utf-8')}\n*/")
+    text = "\n".join(parts)
     digest = b64encode(hashlib.sha256(text.encode()).digest()).decode()
     return {"text": text, "digest": f"sha256-{digest}"}

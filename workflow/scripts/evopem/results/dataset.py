@@ -21,6 +21,8 @@ from evopem.signals.recording_info import RecordingInfo
 from evopem.signals.spectral.summary import SpectrumSummary
 from evopem.synthesis.truth import Truth
 from evopem.validation.checks import Check, checks
+from evopem.validation.mode_evidence import ModeEvidence
+from evopem.validation.mode_trust import doubts
 from evopem.validation.validation import Validation, ValidationTables
 
 
@@ -45,6 +47,8 @@ class DatasetResults:
     model : ModelRecord
     frequency_response : pandas.DataFrame
         As in ``frequency_response.csv``.
+    time_response : pandas.DataFrame
+        As in ``time_response.csv``.
     validation : Validation
     validation_tables : ValidationTables
     truth : Truth, optional
@@ -61,6 +65,7 @@ class DatasetResults:
     candidates: pd.DataFrame
     model: ModelRecord
     frequency_response: pd.DataFrame
+    time_response: pd.DataFrame
     validation: Validation
     validation_tables: ValidationTables
     truth: Truth | None
@@ -91,6 +96,12 @@ class DatasetResults:
             self.recording_info,
         )
 
+    @property
+    def trusted_modes(self) -> list[ModeEvidence]:
+        """The modes that the data give no reason to doubt."""
+        rate = self.model.sampling_rate
+        return [each for each in self.validation.modes if not doubts(each, rate)]
+
 
 def read_dataset_results(files: DatasetFiles, settings: DatasetSettings) -> DatasetResults:
     """Read the results of one data set.
@@ -117,6 +128,7 @@ def read_dataset_results(files: DatasetFiles, settings: DatasetSettings) -> Data
         candidates=read_table(files.candidates),
         model=load(ModelRecord, files.model),
         frequency_response=read_table(files.frequency_response),
+        time_response=read_table(files.time_response),
         validation=load(Validation, files.validation),
         validation_tables=ValidationTables(
             residual_autocorrelation=read_table(files.residual_autocorrelation),

@@ -8,15 +8,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+import numpy as np
+
 from evopem.config.structures import ORDER_NAMES
 from evopem.errors import InputError
 from evopem.files.checksums import sha256_of_file, verify_checksums
 from evopem.files.json_form import load
 from evopem.files.unfinished import unfinished_jobs
-from evopem.models.structures import PolynomialOrders
 from evopem.models.modes import Mode
+from evopem.models.structures import PolynomialOrders
 from evopem.results.layout import DatasetFiles
 from evopem.validation.checks import Check, checks
+from evopem.validation.mode_trust import doubts
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -30,6 +33,10 @@ if TYPE_CHECKING:
 # Text that a spreadsheet program would take for a formula when it begins a cell (OWASP, "CSV
 # injection"), with the full-width forms of the signs.
 _FORMULA_START = tuple("=+-@＝＋－＠\t\r\n")
+
+
+# Bands of the gain in a summary.
+GAIN_BANDS = 60
 
 
 @dataclass(frozen=True)
@@ -49,6 +56,12 @@ class DatasetSummary:
     continued_simulation_error_percent : float, optional
     checks : tuple of Check
     modes : tuple of Mode
+    trusted : tuple of bool
+        For each mode whether the data give no reason to doubt it.
+    gain_db : tuple of float
+        Gain of the model in decibels: the largest in each of :data:`GAIN_BANDS` equal bands from
+        0 Hz to half the sampling rate, for a small plot. Of a model without input, of its noise
+        filter.
     made_from : dict of str to str
         SHA-256 of files that the summary was made from, by their names in the data set's folder.
     """
@@ -65,6 +78,8 @@ class DatasetSummary:
     continued_simulation_error_percent: float | None
     checks: tuple[Check, ...]
     modes: tuple[Mode, ...]
+    trusted: tuple[bool, ...]
+    gain_db: tuple[float, ...]
     made_from: dict[str, str]
 
     def n_checks(self, passed: bool | None) -> int:
@@ -82,10 +97,13 @@ class IncompleteDataset:
         ``unfinished`` where the run ended before its jobs, or a job of it could not start.
     problem : str
         What is wrong, in a sentence.
+    log : str
+        The log that says more, relative to the data set's folder; empty where there is none.
     """
 
     status: Literal["failed", "unfinished"]
     problem: str
+    log: str = ""
 
 
 Entry = DatasetSummary | IncompleteDataset
@@ -125,8 +143,28 @@ def summarize(
         continued_simulation_error_percent=validation.continued_simulation_error_percent,
         checks=tuple(checks(model, validation, spectrum, phases, recording)),
         modes=tuple(model.modes),
+        trusted=tuple(_trusted(model, validation)),
+        gain_db=_gain_outline(model),
         made_from={Path(file).name: sha256_of_file(file) for file in made_from},
     )
+
+
+def _trusted(model: ModelRecord, validation: Validation) -> list[bool]:
+    evidence = {each.mode.pole: each for each in validation.modes}
+    return [
+        mode.pole in evidence and not doubts(evidence[mode.pole], model.sampling_rate)
+        for mode in model.modes
+    ]
+
+
+def _gain_outline(model: ModelRecord) -> tuple[float, ...]:
+    """The largest gain of each band, in decibels to one decimal."""
+    bands = np.linspace(0.0, model.sampling_rate / 2, 32 * GAIN_BANDS + 1)[1:]
+    own = model.model
+    response = own.frequency_response if own.has_input else own.noise_response
+    gain = np.abs(response(bands)).reshape(GAIN_BANDS, -1).max(axis=1)
+    with np.errstate(divide="ignore"):
+        return tuple(np.round(20.0 * np.log10(gain), 1).tolist())
 
 
 def read_summaries(datasets: Iterable[DatasetFiles]) -> dict[str, DatasetSummary]:
@@ -270,6 +308,8 @@ def _reason(files: DatasetFiles, missing: str | None) -> IncompleteDataset:
     """Why the results of a data set are not complete."""
     jobs = unfinished_jobs(Path(files.folder) / "logs")
     if jobs:
-        return IncompleteDataset("failed", jobs[0].sentence)
+        log = f"logs/{jobs[0].job}.log"
+        written = (Path(files.folder) / log).is_file()
+        return IncompleteDataset("failed", jobs[0].sentence, log if written else "")
     what = f"{missing} has not been made" if missing else "not all of its jobs have run"
     return IncompleteDataset("unfinished", f"{what}; run snakemake again.")

@@ -11,20 +11,26 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from evopem.config.dataset_names import RESULTS_FOLDER as FOLDER
-from evopem.config.structures import PHASES
+from evopem.config.structures import PHASES, phases_of
 from evopem.errors import InputError
 
 FIGURES = (
+    "measured_and_simulated",
+    "gain",
+    "poles_zeros",
+    "stabilization",
+    "frequency_response",
+    "step_and_impulse",
+    "nyquist",
+    "simulation",
+    "simulation_as_recorded",
+    "horizons",
+    "residuals",
+    "residual_spectrum",
     "record",
     "spectrum",
     "delay",
     "phases",
-    "poles_zeros",
-    "frequency_response",
-    "residuals",
-    "simulation",
-    "horizons",
-    "stabilization",
     "convergence",
 )
 """The figures of the report, in its order."""
@@ -115,16 +121,20 @@ class DatasetFiles:
 
     def part(self, phase: str, part: int | str) -> str:
         """Candidates of one job of a phase."""
-        return f"{self.folder}/phases/{phase}/part-{part}.json"
+        return f"{self.phase_folder}/{phase}/part-{part}.json"
+
+    @property
+    def phase_folder(self) -> str:
+        """Folder with the files of all phases."""
+        return f"{self.folder}/phases"
 
     def phase(self, phase: str) -> str:
         """Selection and all candidates of a phase."""
-        return f"{self.folder}/phases/{phase}.json"
+        return f"{self.phase_folder}/{phase}.json"
 
-    @property
-    def phases(self) -> str:
-        """Folder with the selections of all phases."""
-        return f"{self.folder}/phases"
+    def phases(self, structure: str) -> list[str]:
+        """Selections and candidates of all phases of a structure, in their order."""
+        return [self.phase(phase) for phase in phases_of(structure)]
 
     @property
     def candidates(self) -> str:

@@ -83,6 +83,11 @@ class Transforms:
     validation_samples: int
     validation_source: Literal["cut", "file"]
 
+    @property
+    def changes_output(self) -> bool:
+        """Whether the prepared output differs from the recorded one by more than its mean."""
+        return self.box_cox is not None or self.difference > 0
+
 
 @dataclass(frozen=True)
 class PreparedData:

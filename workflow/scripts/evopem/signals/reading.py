@@ -9,10 +9,11 @@ import itertools
 import os
 import signal
 import warnings
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,8 @@ from evopem.signals.recording import (
     without_input,
 )
 from evopem.signals.timestamps import is_time, sampling_rate_of
+
+T = TypeVar("T")
 
 FORMATS = {
     ".csv": "text",
@@ -103,6 +106,17 @@ def read_recording(
         When the file cannot be read as its format; a channel is not there or not a signal
         of finite numbers; input, output and time are not three different signals; or the
         sampling rate is unknown or contradicted by the time stamps.
+
+    Examples
+    --------
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     file = Path(folder) / "data.csv"
+    ...     samples = [f"{i / 100},{i % 3},{i % 5}" for i in range(10)]
+    ...     _ = file.write_text("\\n".join(["time,u,y", *samples]))
+    ...     recording = read_recording(file, "u", "y", time="time")
+    >>> recording.sampling_rate, recording.output
+    (100.0, array([0., 1., 2., 3., 4., 0., 1., 2., 3., 4.]))
     """
     path = Path(path)
     source = str(path)
@@ -119,7 +133,9 @@ def read_recording(
     options = _text_options(format_of(path), source, header_lines, decimal_mark)
     wanted = {"input": input, "output": output, "time": time}
     references = {role: each for role, each in wanted.items() if each is not None}
-    found = _read_channels(path, list(references.values()), options)
+    found: list[Channel] = _read(
+        path, lambda reader, local: reader.read(local, list(references.values()), **options)
+    )
     channels = dict(zip(references, found, strict=True))
     signals = {role: _signal(channels[role], role, source) for role in channels if role != "time"}
     if input is not None and signals["input"].size != signals["output"].size:
@@ -156,6 +172,30 @@ def read_recording(
                 f'{role} "{getattr(recording, f"{role}_name")}"',
             )
     return recording
+
+
+def channel_names(path: str | Path) -> list[str]:
+    """Names of all channels of a measured file, in the order of their numbers.
+
+    A channel without a name has an empty one.
+
+    Raises
+    ------
+    InputError
+        When the file cannot be read as its format.
+    """
+    return _read(Path(path), lambda reader, local: reader.names(local))
+
+
+def read_channels(path: str | Path, references: Sequence[Reference]) -> list[Channel]:
+    """Read channels of a measured file as the file holds them, without any check of their values.
+
+    Raises
+    ------
+    InputError
+        When the file cannot be read as its format, or there is no such channel.
+    """
+    return _read(Path(path), lambda reader, local: reader.read(local, references))
 
 
 def sha256(path: str | Path) -> str:
@@ -212,19 +252,22 @@ def _text_options(
     return options
 
 
-def _read_channels(
-    path: Path, references: list[Reference], options: dict[str, Any]
-) -> list[Channel]:
+def _read(path: Path, use: Callable[[ModuleType, Path], T]) -> T:
+    """Call a function with the reader of a file and the path as the system's calls take it."""
     local = local_path(path)
     try:
-        return _read_local(local, references, options)
+        reader = _reader_of(local)
+        if format_of(local) in COMPILED and hasattr(os, "fork"):
+            _refuse_crashing(reader, local, use)
+        return use(reader, local)
     except InputError as refused:
         if local == path or refused.source != str(local):
             raise
         raise InputError(str(path), refused.problem, refused.remedy, refused.place) from None
 
 
-def _read_local(path: Path, references: list[Reference], options: dict[str, Any]) -> list[Channel]:
+def _reader_of(path: Path) -> ModuleType:
+    """The module that reads a file, which must be there and be what its extension says."""
     format_name = format_of(path)
     try:
         path.stat()
@@ -251,14 +294,12 @@ def _read_local(path: Path, references: list[Reference], options: dict[str, Any]
                 f"its content is {label}, which the extension does not say",
                 "give the file the extension of its format",
             )
-    reader = importlib.import_module(f"evopem.signals.readers.{format_name}")
-    if format_name in COMPILED and hasattr(os, "fork"):
-        _refuse_crashing(reader, path, references)
-    channels: list[Channel] = reader.read(path, references, **options)
-    return channels
+    return importlib.import_module(f"evopem.signals.readers.{format_name}")
 
 
-def _refuse_crashing(reader: ModuleType, path: Path, references: list[Reference]) -> None:
+def _refuse_crashing(
+    reader: ModuleType, path: Path, use: Callable[[ModuleType, Path], object]
+) -> None:
     """Refuse a file that crashes its reader, by reading it first in a separate process.
 
     A damaged file can make compiled code access invalid memory, as in scipy's reader of MATLAB
@@ -273,7 +314,7 @@ def _refuse_crashing(reader: ModuleType, path: Path, references: list[Reference]
             signal.signal(fatal, signal.SIG_DFL)
         os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
         with contextlib.suppress(BaseException):
-            reader.read(path, references)
+            use(reader, path)
         os._exit(0)
     if os.waitpid(child, 0)[1] != 0:
         refuse_unreadable(path, f"{COMPILED[reader.__name__.rpartition('.')[2]]} file")

@@ -91,6 +91,11 @@ class ModeEvidence:
         return self.coherence > self.coherence_limit
 
     @property
+    def has_input(self) -> bool:
+        """Whether the model of the mode has an input."""
+        return self.input_test.samples > 0
+
+    @property
     def origin(self) -> str:
         """What drives the mode: ``input``, ``noise``, ``neither`` or ``not judged``."""
         if self.reached:

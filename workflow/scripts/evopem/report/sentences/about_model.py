@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,17 +12,26 @@ from evopem.models.confidence_ellipse import uncertain_roots
 from evopem.models.modes import Mode
 from evopem.models.polynomial import PolynomialModel
 from evopem.report.mode_table import ModeRow
-from evopem.report.numbers import THIN, count, enumeration, fixed, hertz, number, plural
+from evopem.report.numbers import (
+    THIN,
+    count,
+    enumeration,
+    fixed,
+    hertz,
+    is_number,
+    number,
+    plural,
+)
 from evopem.report.numbers import root as root_text
 from evopem.report.sentences.about_recording import difference_gain
 from evopem.results.dataset import DatasetResults
 from evopem.signals.preparation import Transforms
+from evopem.validation.mode_evidence import ModeEvidence
+from evopem.validation.mode_trust import STRONG_DAMPING, doubts
 
 # Below this number of time constants of a mode in the estimation samples, its asymptotic standard
 # errors are too small (docs/evidence/coverage.md: 87 to 94 % coverage at 1.5, 94 to 96 % at 14).
 FEW_TIME_CONSTANTS = 3.0
-# Damping ratio above which a pair of poles is hardly a resonance.
-STRONG_DAMPING = 0.5
 # Factor on the gain below which differencing is named as the reason of a missed mode.
 STRONG_ATTENUATION = 0.1
 # Frequencies at which the gain is evaluated for its maximum and trend.
@@ -43,6 +53,52 @@ def modes(results: DatasetResults, rows: Sequence[ModeRow]) -> list[str]:
     return [" ".join(sentences)] if sentences else []
 
 
+@dataclass(frozen=True)
+class ModeLine:
+    """A mode on the first screen: whether it can be trusted, and why.
+
+    Attributes
+    ----------
+    mode : Mode
+    trusted : bool
+    why : str
+    """
+
+    mode: Mode
+    trusted: bool
+    why: str
+
+
+def mode_lines(results: DatasetResults) -> list[ModeLine]:
+    """Every mode with what the data say about it: those of the plant, then the noise filter's own.
+
+    A pole of D is no part of the response to the input, and only modes of the plant are tested.
+    """
+    rate = results.model.sampling_rate
+    evidence = {each.mode.pole: each for each in results.validation.modes}
+    lines = []
+    for mode in results.model.modes:
+        if mode.pole not in evidence:
+            lines.append(ModeLine(mode, False, "could not be tested on validation samples"))
+            continue
+        reasons = doubts(evidence[mode.pole], rate)
+        lines.append(ModeLine(mode, not reasons, "; ".join(reasons) or _seen(evidence[mode.pole])))
+    return lines + [
+        ModeLine(mode, False, "of the noise filter alone, and not tested on validation samples")
+        for mode in results.model.model.modes_of_polynomial("d")
+    ]
+
+
+def _seen(evidence: ModeEvidence) -> str:
+    """Where a trusted mode shows."""
+    where = "the input drives it" if evidence.reached else "disturbances drive it, not the input"
+    if not evidence.has_input:
+        where = "it improves the prediction of validation samples"
+    if not is_number(evidence.recurrence):
+        return where
+    return f"{where}; {fixed(100 * evidence.recurrence, 0)}{THIN}% of the other orders have it"
+
+
 def _of_noise(results: DatasetResults) -> list[str]:
     """The modes that the noise filter has beside those of A."""
     model = results.model.model
@@ -55,15 +111,31 @@ def _of_noise(results: DatasetResults) -> list[str]:
 
 def _origins(results: DatasetResults, rows: Sequence[ModeRow]) -> list[str]:
     """Which modes the input drives, which belong to the noise, and which recur at other orders."""
+    with_input = results.model.model.has_input
     numbers = {row.estimate.pole: n for n, row in enumerate(rows, start=1) if row.estimate}
     tested = results.validation.modes
     judged = [(numbers[each.mode.pole], each) for each in tested if each.mode.pole in numbers]
     sentences = []
     for origin, words in (
         ("input", "respond to the input on the validation samples"),
-        ("noise", "do not respond to the input; the noise model needs them"),
-        ("neither", "neither respond to the input nor does the noise model need them"),
-        ("not judged", "could not be tested for a response to the input"),
+        (
+            "noise",
+            "do not respond to the input; the noise model needs them"
+            if with_input
+            else "improve the prediction of the validation samples",
+        ),
+        (
+            "neither",
+            "neither respond to the input nor does the noise model need them"
+            if with_input
+            else "do not improve the prediction of the validation samples",
+        ),
+        (
+            "not judged",
+            "could not be tested for a response to the input"
+            if with_input
+            else "could not be tested on the validation samples",
+        ),
     ):
         places = [str(place) for place, each in judged if each.origin == origin]
         if places:

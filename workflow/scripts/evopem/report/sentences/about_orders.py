@@ -8,12 +8,6 @@ from evopem.config.structures import plant_order, varied_order
 from evopem.figures.figure_data import stabilization_poles
 from evopem.figures.order_criteria import tied_text
 from evopem.models.stabilization import PERSISTENT_ORDERS, persistent_frequencies
-from evopem.report.chapter import (
-    COEFFICIENTS_OF_B,
-    JOINT_ORDER,
-    ORDER_OF_C,
-    stands_in_for_the_chapter,
-)
 from evopem.report.numbers import THIN, enumeration, hertz, number, percent, plural
 from evopem.results.dataset import DatasetResults
 
@@ -38,8 +32,8 @@ def delay(results: DatasetResults) -> list[str]:
         sentences.append(
             f"Over the orders {tried[order].min()} to {tried[order].max()} the BIC of nk ="
             f" {selected} varies by {number(spread[selected], 2)}, that of the other delays by"
-            f" {low if low == high else f'{low} to {high}'}. The chapter takes a small variation"
-            " over the orders as a sign of the right delay."
+            f" {low if low == high else f'{low} to {high}'}. A small variation speaks for a"
+            " delay."
         )
     if results.truth is not None:
         true, found = results.truth.delay_samples, results.model.orders.nk
@@ -72,11 +66,6 @@ def phases(results: DatasetResults) -> list[str]:
     paragraphs.append(
         "BIC decides. RSS is shown for comparison: it does not penalise the number of coefficients."
     )
-    if stands_in_for_the_chapter(results.settings):
-        paragraphs.append(
-            f"On its own recording the chapter selected the joint order {JOINT_ORDER}, then"
-            f" nc = {ORDER_OF_C}, then nb = {COEFFICIENTS_OF_B}."
-        )
     return paragraphs
 
 

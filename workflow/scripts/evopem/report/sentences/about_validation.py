@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from evopem.report.numbers import count, is_number, number, p_value, percent, plural, times
 from evopem.results.dataset import DatasetResults
-from evopem.signals.preparation import Transforms
 from evopem.validation.checks.residuals import WITHOUT_NOISE_MODEL
 from evopem.validation.residual_tests import WhitenessTest
 from evopem.validation.validation import CrossCorrelationTest, Validation
@@ -104,15 +103,10 @@ def horizons(results: DatasetResults) -> list[str]:
     return [text]
 
 
-def output_transformed(transforms: Transforms) -> bool:
-    """Whether the prepared output differs from the recorded one by more than its mean."""
-    return transforms.box_cox is not None or transforms.difference > 0
-
-
 def _recorded(results: DatasetResults) -> list[str]:
     """The simulation in recorded units, where transforms make that another quantity."""
     recorded = results.validation.recorded
-    if not output_transformed(results.model.transforms):
+    if not results.model.transforms.changes_output:
         return []
     text = (
         "In the units of the recording the one-step error is"

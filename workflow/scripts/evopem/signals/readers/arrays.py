@@ -75,12 +75,8 @@ def channels_of(
     """
     units = units or {}
     rates = _stated_rates({**arrays, **(attributes or {})}, units)
-    places = [
-        (name, column)
-        for name, array in arrays.items()
-        for column in _columns_of(array.shape, array.dtype)
-    ]
-    names = [name if column is None else f"{name}:{column + 1}" for name, column in places]
+    places = _places(arrays)
+    names = [_name(*place) for place in places]
     channels = []
     for reference in references:
         if isinstance(reference, str) and reference not in names and reference in arrays:
@@ -98,6 +94,24 @@ def channels_of(
             )
         )
     return channels
+
+
+def names_of(arrays: Mapping[str, StoredArray]) -> list[str]:
+    """The channels among named arrays, as :func:`channels_of` counts and names them."""
+    return [_name(*place).lstrip(":") for place in _places(arrays)]
+
+
+def _places(arrays: Mapping[str, StoredArray]) -> list[tuple[str, int | None]]:
+    """The array of each channel, and its column there (from 0), None for a vector."""
+    return [
+        (name, column)
+        for name, array in arrays.items()
+        for column in _columns_of(array.shape, array.dtype)
+    ]
+
+
+def _name(array: str, column: int | None) -> str:
+    return array if column is None else f"{array}:{column + 1}"
 
 
 def _columns_of(shape: tuple[int, ...], dtype: np.dtype) -> list[int | None]:

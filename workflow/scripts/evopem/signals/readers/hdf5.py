@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from math import ceil, prod
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evopem.errors import InputError
-from evopem.signals.readers.arrays import RATE_NAMES, channels_of
+from evopem.signals.readers.arrays import RATE_NAMES, channels_of, names_of
 from evopem.signals.readers.channels import Channel, Reference, library, refuse_unreadable
+
+T = TypeVar("T")
 
 _COMPLEX_FIELDS = ("real", "imag")
 
@@ -88,6 +90,30 @@ def read(path: Path, references: Sequence[Reference]) -> list[Channel]:
         When the file is damaged or no HDF5, h5py is missing, there is no such dataset, or the
         values of one are missing or stored in another file.
     """
+    wanted = [one.lstrip("/") if isinstance(one, str) else one for one in references]
+    return _in_file(
+        path,
+        lambda arrays, units, attributes: channels_of(
+            path, arrays, wanted, "dataset", units, attributes
+        ),
+    )
+
+
+def names(path: Path) -> list[str]:
+    """Paths of all channels in the order of their numbers.
+
+    Raises
+    ------
+    InputError
+        As for :func:`read`.
+    """
+    return _in_file(path, lambda arrays, *_: names_of(arrays))
+
+
+def _in_file(
+    path: Path, use: Callable[[dict[str, StoredDataset], dict[str, str], dict[str, Any]], T]
+) -> T:
+    """Call a function with the datasets, units and rates of a file while it is open."""
     h5py = library("h5py", path)
     try:
         file = h5py.File(path, "r")
@@ -111,8 +137,7 @@ def read(path: Path, references: Sequence[Reference]) -> list[Channel]:
 
         try:
             file.visititems(collect)
-            wanted = [one.lstrip("/") if isinstance(one, str) else one for one in references]
-            return channels_of(path, arrays, wanted, "dataset", units, attributes)
+            return use(arrays, units, attributes)
         except InputError:
             raise
         except Exception:

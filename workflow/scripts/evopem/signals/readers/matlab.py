@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evopem.errors import InputError
-from evopem.signals.readers.arrays import channels_of
+from evopem.signals.readers.arrays import StoredArray, channels_of, names_of
 from evopem.signals.readers.channels import Channel, Reference, library, refuse_unreadable
 from evopem.signals.readers.hdf5 import StoredDataset
+
+T = TypeVar("T")
 
 _HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _HDF5_OFFSETS = (0, 512)
@@ -31,11 +33,27 @@ def read(path: Path, references: Sequence[Reference]) -> list[Channel]:
         When the file is damaged or no MATLAB file, h5py is needed and missing, or there is
         no such variable.
     """
+    return _in_file(path, lambda variables: channels_of(path, variables, references, "variable"))
+
+
+def names(path: Path) -> list[str]:
+    """Names of all channels in the order of their numbers.
+
+    Raises
+    ------
+    InputError
+        As for :func:`read`.
+    """
+    return _in_file(path, names_of)
+
+
+def _in_file(path: Path, use: Callable[[Mapping[str, StoredArray]], T]) -> T:
+    """Call a function with the variables of a file of either version."""
     with path.open("rb") as file:
         beginning = file.read(_HDF5_OFFSETS[-1] + len(_HDF5_SIGNATURE))
     if any(beginning.startswith(_HDF5_SIGNATURE, offset) for offset in _HDF5_OFFSETS):
-        return _read_hdf5(path, references)
-    return channels_of(path, _read_level_5(path), references, "variable")
+        return _in_hdf5(path, use)
+    return use(_read_level_5(path))
 
 
 def _read_level_5(path: Path) -> dict[str, NDArray[Any]]:
@@ -67,7 +85,7 @@ def _flatten(name: str, value: Any, variables: dict[str, NDArray[Any]]) -> None:
             _flatten(f"{name}.{field}", value.reshape(-1)[0][field], variables)
 
 
-def _read_hdf5(path: Path, references: Sequence[Reference]) -> list[Channel]:
+def _in_hdf5(path: Path, use: Callable[[Mapping[str, StoredArray]], T]) -> T:
     h5py = library("h5py", path)
     variables: dict[str, StoredDataset] = {}
     sparse: list[str] = []
@@ -89,7 +107,7 @@ def _read_hdf5(path: Path, references: Sequence[Reference]) -> list[Channel]:
     try:
         with h5py.File(path, "r") as file:
             file.visititems(collect)
-            return channels_of(path, variables, references, "variable")
+            return use(variables)
     except InputError:
         raise
     except Exception:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.signals.readers.arrays import channels_of
+from evopem.signals.readers.arrays import channels_of, names_of
 from evopem.signals.readers.channels import Channel, Reference, refuse_unreadable
 
 
@@ -24,14 +24,22 @@ def read(path: Path, references: Sequence[Reference]) -> list[Channel]:
     InputError
         When the file is damaged, of another format, or there is no such array.
     """
+    return channels_of(path, _arrays(path), references, "array")
+
+
+def names(path: Path) -> list[str]:
+    """Names of all channels in the order of their numbers, texts such as "1" without names."""
+    return names_of(_arrays(path))
+
+
+def _arrays(path: Path) -> dict[str, NDArray[Any]]:
     try:
         content = np.load(path, allow_pickle=False)
-        arrays = _members(content) if isinstance(content, np.lib.npyio.NpzFile) else _alone(content)
+        return _members(content) if isinstance(content, np.lib.npyio.NpzFile) else _alone(content)
     except Exception:
         # numpy and zipfile meet damage with ValueError, EOFError, BadZipFile, zlib.error,
         # RuntimeError (encrypted), NotImplementedError (packed in another way), MemoryError …
         refuse_unreadable(path, "numpy file without Python objects")
-    return channels_of(path, arrays, references, "array")
 
 
 def _members(content: Any) -> dict[str, NDArray[Any]]:

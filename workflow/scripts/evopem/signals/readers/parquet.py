@@ -55,3 +55,19 @@ def read(path: Path, references: Sequence[Reference]) -> list[Channel]:
                 column = column.cast(arrow.float64())
             channels.append(Channel(names[index], column.to_numpy()))
     return channels
+
+
+def names(path: Path) -> list[str]:
+    """Names of all columns in the order of their numbers.
+
+    Raises
+    ------
+    InputError
+        As for :func:`read`.
+    """
+    arrow = library("pyarrow", path)
+    parquet = library("pyarrow.parquet", path)
+    try:
+        return list(parquet.read_schema(path).names)
+    except (arrow.ArrowException, OSError):
+        refuse_unreadable(path, "Parquet file")

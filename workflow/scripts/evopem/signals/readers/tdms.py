@@ -32,17 +32,8 @@ def read(path: Path, references: Sequence[Reference]) -> list[Channel]:
         When the file is damaged, breaks off or is no TDMS, nptdms is missing, or there is
         no such channel.
     """
-    nptdms = library("nptdms", path)
-    try:
-        content = nptdms.TdmsFile.read(path)
-        stored = [channel for group in content.groups() for channel in group.channels()]
-        incomplete = content.file_status.incomplete_final_segment
-    except Exception:
-        # nptdms meets damage with struct.error, ValueError, KeyError, OverflowError …
-        refuse_unreadable(path, "TDMS file")
-    if incomplete:
-        raise InputError(str(path), "the file breaks off", "copy or export it again")
-    full_names = [f"{channel.group_name}/{channel.name}" for channel in stored]
+    stored = _stored(path)
+    full_names = _full_names(stored)
     short_names = [channel.name for channel in stored]
     channels = []
     for reference in references:
@@ -61,6 +52,36 @@ def read(path: Path, references: Sequence[Reference]) -> list[Channel]:
             )
         )
     return channels
+
+
+def names(path: Path) -> list[str]:
+    """``group/channel`` of all channels in the order of their numbers.
+
+    Raises
+    ------
+    InputError
+        As for :func:`read`.
+    """
+    return _full_names(_stored(path))
+
+
+def _stored(path: Path) -> list[Any]:
+    """All channels of a file."""
+    nptdms = library("nptdms", path)
+    try:
+        content = nptdms.TdmsFile.read(path)
+        stored = [channel for group in content.groups() for channel in group.channels()]
+        incomplete = content.file_status.incomplete_final_segment
+    except Exception:
+        # nptdms meets damage with struct.error, ValueError, KeyError, OverflowError …
+        refuse_unreadable(path, "TDMS file")
+    if incomplete:
+        raise InputError(str(path), "the file breaks off", "copy or export it again")
+    return stored
+
+
+def _full_names(stored: Sequence[Any]) -> list[str]:
+    return [f"{channel.group_name}/{channel.name}" for channel in stored]
 
 
 def _sampling_rate(properties: Mapping[str, Any]) -> tuple[float | None, str]:

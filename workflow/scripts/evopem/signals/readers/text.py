@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import NoReturn
@@ -60,6 +61,47 @@ def read(
         field that is needed is not a finite number; a line may be a heading or a comment as
         well as a sample; the decimal mark is ambiguous; or there is no such column.
     """
+    table = _table(path, references, header_lines, decimal_mark)
+    dialect, data, columns = table.dialect, table.data, table.names
+    places = [_find_column(path, reference, columns) for reference in references]
+    taken = _columns(path, data, dialect, len(columns), places)
+    channels = []
+    for place, fields in zip(places, taken, strict=True):
+        if decimal_mark is None:
+            refuse_ambiguous_thousands(path, fields, dialect, place)
+        values = _values(path, fields, dialect, data, place)
+        _refuse_row_numbers(path, values, columns, place)
+        channels.append(Channel(columns[place], values, table.units[place]))
+    return channels
+
+
+def names(path: Path) -> list[str]:
+    """Headings of all columns in their order; empty texts for columns without one.
+
+    Raises
+    ------
+    InputError
+        As for :func:`read`, apart from what is wrong with the values.
+    """
+    return _table(path, [], None, None).names
+
+
+@dataclass(frozen=True)
+class _Table:
+    """The rows of numbers of a text table, and what stands above its columns."""
+
+    dialect: Dialect
+    data: Sequence[Row]
+    names: list[str]
+    units: list[str]
+
+
+def _table(
+    path: Path,
+    references: Sequence[Reference],
+    header_lines: int | None,
+    decimal_mark: str | None,
+) -> _Table:
     lines = read_lines(path)
     sample = _lower_half(lines.rows)
     dialect = choose_dialect(sample, lines.separator, decimal_mark)
@@ -74,15 +116,7 @@ def read(
     closed = width > 1 and (not names or not names[-1]) and _ends_empty(sample, dialect, width)
     columns = width - closed
     names, units = (names or [""] * width)[:columns], (units or [""] * width)[:columns]
-    places = [_find_column(path, reference, names) for reference in references]
-    channels = []
-    for place, fields in zip(places, _columns(path, data, dialect, columns, places), strict=True):
-        if decimal_mark is None:
-            refuse_ambiguous_thousands(path, fields, dialect, place)
-        values = _values(path, fields, dialect, data, place)
-        _refuse_row_numbers(path, values, names, place)
-        channels.append(Channel(names[place], values, units[place]))
-    return channels
+    return _Table(dialect, data, names, units)
 
 
 def _lower_half(rows: Sequence[Row]) -> list[Row]:

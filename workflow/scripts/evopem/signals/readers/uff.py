@@ -38,6 +38,31 @@ def read(path: Path, references: Sequence[Reference]) -> list[Channel]:
         When the file is damaged, breaks off or holds no dataset 58, pyuff is missing, the
         dataset is no real time record, or there is no such dataset.
     """
+    file, sets, known = _datasets(path)
+    channels = []
+    for reference in references:
+        index = _find_dataset(path, reference, known)
+        try:
+            dataset = file.read_sets(sets[index])
+        except Exception:
+            refuse_unreadable(path, "universal file")
+        channels.append(_channel(path, dataset, index + 1, known[index]))
+    return channels
+
+
+def names(path: Path) -> list[str]:
+    """The most telling name of each dataset of type 58, in the order of their numbers.
+
+    Raises
+    ------
+    InputError
+        As for :func:`read`.
+    """
+    return [every[0] for every in _datasets(path)[2]]
+
+
+def _datasets(path: Path) -> tuple[Any, list[int], list[list[str]]]:
+    """The file, the positions of its datasets of type 58, and all names of each."""
     pyuff = library("pyuff", path)
     _refuse_broken_off(path)
     try:
@@ -51,16 +76,7 @@ def read(path: Path, references: Sequence[Reference]) -> list[Channel]:
         raise InputError(
             str(path), "holds no dataset of type 58", "export the time records as dataset 58"
         )
-    names = [_names_of(header) for header in headers]
-    channels = []
-    for reference in references:
-        index = _find_dataset(path, reference, names)
-        try:
-            dataset = file.read_sets(sets[index])
-        except Exception:
-            refuse_unreadable(path, "universal file")
-        channels.append(_channel(path, dataset, index + 1, names[index]))
-    return channels
+    return file, sets, [_names_of(header) for header in headers]
 
 
 def _refuse_broken_off(path: Path) -> None:

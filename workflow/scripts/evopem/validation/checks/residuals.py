@@ -28,12 +28,30 @@ INDEPENDENT_OF_INPUT = "Residuals independent of the input"
 WITHOUT_NOISE_MODEL = ("fir", "oe")
 
 
+def white(validation: Validation) -> bool | None:
+    """Whether the residuals are as white as a test can tell; None where it was not possible."""
+    share, lags = validation.autocorrelation_share_inside95, validation.lags
+    if math.isnan(share) or math.isnan(validation.ljung_box.p_value) or lags < 1:
+        return None
+    return validation.ljung_box.p_value >= SIGNIFICANCE and share >= _least_share(lags)
+
+
+def _least_share(lags: int) -> float:
+    """Least share of autocorrelations inside their 95 % bounds.
+
+    Those of white noise are nearly independent, so the share is binomial; three standard deviations
+    are allowed.
+    """
+    return 0.95 - 3.0 * math.sqrt(0.95 * 0.05 / lags)
+
+
 def whiteness(model: ModelRecord, validation: Validation) -> Check:
     """Residual autocorrelations as small as those of white noise, jointly and one by one."""
     name = "White residuals"
     share, lags = validation.autocorrelation_share_inside95, validation.lags
     test = validation.ljung_box
-    if math.isnan(share) or math.isnan(test.p_value) or lags < 1:
+    passed = white(validation)
+    if passed is None:
         return Check(
             name,
             None,
@@ -42,10 +60,6 @@ def whiteness(model: ModelRecord, validation: Validation) -> Check:
             f" of {test.expected:.3g}.",
             "Use a longer record or fewer parameters.",
         )
-    # The autocorrelations of white noise are nearly independent, so the share is binomial; three
-    # standard deviations are allowed.
-    least = 0.95 - 3.0 * math.sqrt(0.95 * 0.05 / lags)
-    passed = test.p_value >= SIGNIFICANCE and share >= least
     structure = model.orders.structure
     if structure in WITHOUT_NOISE_MODEL:
         return Check(
@@ -62,7 +76,7 @@ def whiteness(model: ModelRecord, validation: Validation) -> Check:
         passed,
         f"Ljung-Box test of whiteness over {test.lags} lags: {p_text(test.p_value)}."
         f" {100 * share:.1f} % of {lags} autocorrelations lie inside their 95 % bounds"
-        f" (at least {100 * least:.1f} % required).",
+        f" (at least {100 * _least_share(lags):.1f} % required).",
         ""
         if passed
         else f"The noise model is incomplete: raise the upper end of {_noise_keys(structure)}, or"

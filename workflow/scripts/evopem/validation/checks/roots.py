@@ -146,7 +146,9 @@ def cancellation(model: ModelRecord) -> Check:
         f"{_root_text(pole)} and {_root_text(zero)}"
         for distance, pole, zero, letter in pairs
         if distance < MAX_CANCELLATION_DISTANCE
-        and _indistinguishable(pole, zero, own, letter, covariance)
+        and indistinguishable(
+            pole, zero, getattr(own, letter), own.b, _with_numerator(own, letter, covariance)
+        )
     ]
     if indistinct:
         return Check(
@@ -164,18 +166,36 @@ def cancellation(model: ModelRecord) -> Check:
     )
 
 
-def _indistinguishable(
+def _with_numerator(
+    model: PolynomialModel, letter: str, covariance: ParameterCovariance
+) -> ParameterCovariance:
+    """Covariance of the coefficients of A or F and of those of B."""
+    index = np.arange(model.orders.parameters)
+    return covariance.part(np.concatenate([index[model.part(letter)], index[model.part("b")]]))
+
+
+def indistinguishable(
     pole: complex,
     zero: complex,
-    model: PolynomialModel,
-    letter: str,
+    a: NDArray[np.float64],
+    b: NDArray[np.float64],
     covariance: ParameterCovariance,
 ) -> bool:
-    """Whether the 95 % confidence region of a pole, of A or F, minus a zero contains 0."""
-    gradient = np.zeros(model.orders.parameters, dtype=complex)
+    """Whether the 95 % confidence region of pole minus zero contains 0.
+
+    Parameters
+    ----------
+    pole, zero : complex
+        Both real, or both with positive imaginary parts.
+    a : (na + 1,) array
+        Denominator, leading 1 included.
+    b : (nb,) array
+        Numerator.
+    covariance : ParameterCovariance
+        Of ``[a_1.., b_0..]``.
+    """
     with np.errstate(divide="ignore", invalid="ignore"):
-        gradient[model.part(letter)] = root_gradient(getattr(model, letter), pole)[1:]
-        gradient[model.part("b")] = -root_gradient(model.b, zero)
+        gradient = np.concatenate([root_gradient(a, pole)[1:], -root_gradient(b, zero)])
     if not np.all(np.isfinite(gradient)):
         return True  # a repeated root has no derivative: its position is not determined
     difference = pole - zero

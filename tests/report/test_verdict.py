@@ -1,0 +1,175 @@
+"""The verdict follows from the errors, the checks and the modes, and says what it rests on."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from evopem.report.sentences.about_verdict import DESIRABLE, ESSENTIAL, verdict
+from evopem.validation.checks import Check
+from evopem.validation.mode_evidence import NO_TEST
+from evopem.validation.mode_trust import doubts
+
+
+def with_validation(results, **changes):
+    return replace(results, validation=replace(results.validation, **changes))
+
+
+def with_checks(monkeypatch, results, **outcomes):
+    """Every check passed, but those whose outcome is given by name."""
+    named = {name.replace("_", " "): passed for name, passed in outcomes.items()}
+    listed = [Check(c.name, named.get(c.name, True), c.statement) for c in results.checks]
+    monkeypatch.setattr(type(results), "checks", property(lambda _: listed))
+
+
+def answers(found):
+    return {use.name: use.answer for use in found.uses}
+
+
+def test_the_checks_that_a_verdict_rests_on_exist(results):
+    names = {check.name for check in results.checks}
+    for needed in (*ESSENTIAL.values(), *DESIRABLE.values()):
+        assert set(needed) <= names
+
+
+@pytest.mark.parametrize(
+    ("error", "answer"), [(10.0, "good"), (45.0, "care"), (80.0, "no"), (np.nan, "no")]
+)
+def test_the_error_of_the_simulation_decides(results, monkeypatch, error, answer):
+    with_checks(monkeypatch, results)
+    found = verdict(with_validation(results, simulation_error_percent=error))
+    assert answers(found)["simulation of the transformed output"] == answer
+    (use,) = [u for u in found.uses if u.name == "simulation of the transformed output"]
+    assert ("off by" in use.reason) == np.isfinite(error)
+
+
+@pytest.mark.parametrize(
+    ("check", "passed", "use", "answer"),
+    [
+        ("Stable", False, "the frequency response", "no"),
+        ("White_residuals", False, "one-step prediction", "care"),
+        ("White_residuals", None, "standard errors", "care"),
+        ("Residuals_independent_of_the_input", False, "the frequency response", "care"),
+        ("Roots_inside_the_stability_bound", False, "standard errors", "no"),
+        ("Response_to_the_input_significant", False, "simulation of the transformed output", "no"),
+    ],
+)
+def test_a_check_that_did_not_pass_takes_its_uses_away(
+    results, monkeypatch, check, passed, use, answer
+):
+    with_checks(monkeypatch, results)
+    before = answers(verdict(with_validation(results, simulation_error_percent=5.0)))
+    assert before[use] == "good"
+    with_checks(monkeypatch, results, **{check: passed})
+    found = verdict(with_validation(results, simulation_error_percent=5.0))
+    assert answers(found)[use] == answer
+    (named,) = [each for each in found.uses if each.name == use]
+    assert f"“{check.replace('_', ' ')}”" in named.reason
+
+
+def test_the_sentence_names_every_use_with_its_answer(results):
+    found = verdict(results)
+    good = ", ".join(use.name for use in found.of("good")[:-1])
+    assert found.sentence.startswith(f"Good for {good}")
+    for use in found.uses:
+        assert use.name in found.sentence
+    assert [use.answer for use in found.uses] == sorted(
+        (use.answer for use in found.uses), key=("good", "care", "no").index
+    )
+
+
+def of_structure(results, structure, **orders):
+    """The results as if the model had another structure."""
+    record = results.model
+    return replace(
+        results,
+        model=replace(record, orders=replace(record.orders, structure=structure, **orders)),
+    )
+
+
+def test_without_a_noise_model_a_prediction_is_as_good_as_the_simulation(results, monkeypatch):
+    with_checks(monkeypatch, results)
+    output_error = of_structure(results, "oe")
+    white = replace(results.validation.ljung_box, p_value=0.5)
+    good = {"ljung_box": white, "autocorrelation_share_inside95": 0.95}
+    for changes, answer in (
+        (good | {"prediction_error_percent": 10.0}, "good"),
+        (good | {"prediction_error_percent": 80.0}, "no"),
+        (
+            good | {"prediction_error_percent": 10.0, "ljung_box": replace(white, p_value=1e-9)},
+            "care",
+        ),
+    ):
+        found = verdict(with_validation(output_error, **changes))
+        assert answers(found)["one-step prediction"] == answer
+        assert answers(found)["standard errors"] == "good"
+    reasons = {use.name: use.reason for use in found.uses}
+    assert "no noise model" in reasons["one-step prediction"]
+    assert "colour" in reasons["standard errors"]
+
+
+def test_a_model_without_input_is_judged_by_prediction_and_spectrum(results, monkeypatch):
+    with_checks(monkeypatch, results)
+    record = results.model
+    alone = replace(
+        of_structure(results, "arma", nb=0, nk=0),
+        frequency_response=results.frequency_response.assign(gain=np.nan),
+    )
+    alone = replace(alone, model=replace(alone.model, b=record.b[:0], covariance_factor=None))
+    found = answers(verdict(alone))
+    assert not [name for name in found if "simulation" in name or "response" in name]
+    assert found["one-step prediction"] == found["the spectrum of the output"] == "good"
+
+
+def test_an_untransformed_output_has_one_simulation(results):
+    record = results.model
+    plain = replace(record.transforms, box_cox=None, difference=0)
+    found = verdict(replace(results, model=replace(record, transforms=plain)))
+    assert [name for name in answers(found) if "simulation" in name] == [
+        "simulation from the input"
+    ]
+
+
+def test_a_model_without_a_trusted_mode_says_so(results):
+    found = verdict(with_validation(results, modes=()))
+    assert answers(found)["modes"] == "no"
+
+
+def test_nothing_good_is_said_plainly(results, monkeypatch):
+    with_checks(
+        monkeypatch,
+        results,
+        Stable=False,
+        Invertible=False,
+        Roots_inside_the_stability_bound=False,
+    )
+    assert verdict(with_validation(results, modes=())).sentence == (
+        "This model is good for nothing that was tested."
+    )
+
+
+def test_reasons_to_doubt_a_mode(results):
+    rate = results.model.sampling_rate
+    trusted = results.trusted_modes[0]
+    assert doubts(trusted, rate) == []
+
+    def of(**changes):
+        return doubts(replace(trusted, **changes), rate)
+
+    mode = trusted.mode
+    assert of(mode=replace(mode, damping_ratio=0.7)) == ["decays too fast to be a resonance"]
+    assert of(mode=replace(mode, damping_ratio=-0.01)) == ["does not decay"]
+    assert of(mode=replace(mode, frequency_se_hz=np.nan)) == ["has no known standard error"]
+    assert of(mode=replace(mode, frequency_se_hz=mode.frequency_hz)) == [
+        "has a frequency known to no better than 10 %"
+    ]
+    assert of(reached=False, needed_by_noise=False) == [
+        "shows neither in the response to the input nor in the noise"
+    ]
+    assert of(reached=False, needed_by_noise=True) == []
+    assert of(reached=False, needed_by_noise=False, input_test=NO_TEST) == [
+        "does not improve the prediction of validation samples"
+    ]
+    assert of(reached=None, needed_by_noise=None) == ["could not be tested on validation samples"]
+    assert of(stable=False, recurrence=0.5) == ["was found at only 50 % of the other orders"]
+    assert of(stable=None) == []

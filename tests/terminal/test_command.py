@@ -1,0 +1,135 @@
+"""The command `evopem`, as a user types it."""
+
+import importlib.util
+import os
+import subprocess
+import sys
+
+import pytest
+import yaml
+
+import evopem
+from evopem.config.defaults import complete
+from evopem.config.schema import schema_file
+from evopem.config.yaml_form import read_settings
+from evopem.report.numbers import with_error
+from evopem.terminal.command import main
+
+from .conftest import SMALL
+
+RUN = ("data.csv", "--input", "u", "--output", "y", "--rate", "100", "--config", "small.yaml")
+
+
+def run(folder, *arguments):
+    """Run the command in a process of its own."""
+    paths = {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    return subprocess.run(
+        [sys.executable, "-m", "evopem.terminal.command", *arguments],
+        cwd=folder,
+        env=os.environ | paths,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def test_one_command_identifies_a_recording(folder):
+    ended = run(folder, *RUN)
+    assert ended.returncode == 0, ended.stderr
+    model = evopem.load(folder / "results" / "data" / "model.json")
+    for mode in model.modes():
+        assert with_error(mode.frequency_hz, mode.frequency_se_hz) in ended.stdout
+    assert ended.stdout.startswith("data: ")
+    assert ended.stdout.endswith("report  results/data/report.html\n")
+    assert (folder / "results" / "data" / "report.html").stat().st_size > 100_000
+    # Progress is on standard error alone, a line for each stage where there is no terminal.
+    stages = [line for line in ended.stderr.splitlines() if line.startswith("[")]
+    assert len(stages) == 14
+    assert stages[-1].startswith("[14/14]")
+
+
+def test_the_settings_are_those_of_the_same_keys_in_a_configuration(folder, capsys):
+    assert main(RUN) == 0
+    capsys.readouterr()
+    keys = {"file": "data.csv", "input": "u", "output": "y", "sampling_rate": 100}
+    written = {"defaults": SMALL, "datasets": {"data": keys}}
+    expected = complete(written, schema_file()).datasets["data"]
+    assert read_settings(folder / "results" / "data" / "config.yaml") == expected
+
+
+def test_results_of_another_recording_are_not_overwritten(folder, capsys):
+    assert main(RUN) == 0
+    before = (folder / "results" / "data" / "model.json").read_bytes()
+    (folder / "other").mkdir()
+    (folder / "data.csv").rename(folder / "other" / "data.csv")
+    capsys.readouterr()
+    assert main(["other/data.csv", *RUN[1:]]) == 1
+    assert "it holds the results of data.csv" in capsys.readouterr().err
+    assert (folder / "results" / "data" / "model.json").read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["no.csv", *RUN[1:]], "no.csv: there is no such file"),
+        (["data.csv", "--input", "q", *RUN[3:]], 'data.csv: there is no column "q"'),
+        ([*RUN[:5], "--rate", "-3"], "--rate: -3 is not above 0"),
+        ([*RUN[:5], "--rate", "50", "--config", "no.yaml"], "no.yaml: there is no such file"),
+        (["data.csv", "--input", "u", "--output", "u"], "--output: u is both input and output"),
+    ],
+)
+def test_bad_input_is_said_in_one_sentence(folder, arguments, sentence):
+    ended = run(folder, *arguments)
+    assert ended.returncode == 1
+    said = [line for line in ended.stderr.splitlines() if not line.startswith("[")]
+    assert len(said) == 1
+    assert said[0].startswith(sentence)
+    assert said[0].endswith(".")
+
+
+def test_a_missing_extra_is_named(folder, monkeypatch, capsys):
+    found = importlib.util.find_spec
+    missing = {"pandas", "jinja2"}
+    monkeypatch.setattr(
+        importlib.util, "find_spec", lambda name: None if name in missing else found(name)
+    )
+    assert main(RUN) == 1
+    said = capsys.readouterr().err
+    assert "pandas, jinja2, which are not installed" in said
+    assert 'pip install "evopem[report]"' in said
+    assert not (folder / "results").exists()
+
+
+def test_version_and_help_need_no_library(tmp_path):
+    code = (
+        "import sys\n"
+        "for name in ('numpy', 'scipy', 'numba', 'pandas'):\n"
+        "    sys.modules[name] = None\n"
+        "from evopem.terminal.command import main\n"
+        "main(sys.argv[1:])\n"
+    )
+    paths = {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    for option, shown in (("--version", evopem.__version__), ("--help", "--rate HZ")):
+        ended = subprocess.run(
+            [sys.executable, "-c", code, option],
+            cwd=tmp_path,
+            env=os.environ | paths,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert (ended.returncode, ended.stderr) == (0, "")
+        assert shown in ended.stdout
+
+
+def test_init_writes_a_configuration_that_is_accepted(folder, capsys):
+    assert main(["init"]) == 0
+    written = (folder / "config.yaml").read_text()
+    settings = complete(yaml.safe_load(written), schema_file()).datasets["data"]
+    channels = settings.source.channels
+    assert (channels.input, channels.output, channels.time) == ("u", "y", "time")
+    assert "# 100 Hz" in written
+    # It is the user's from then on.
+    assert main(["init"]) == 1
+    assert "exists already" in capsys.readouterr().err
+    assert (folder / "config.yaml").read_text() == written

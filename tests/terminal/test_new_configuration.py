@@ -1,0 +1,85 @@
+"""`evopem init`: what it writes for recordings of every kind, in a folder with other files."""
+
+import numpy as np
+import pytest
+import scipy.io
+import yaml
+
+from evopem.config.defaults import complete
+from evopem.config.schema import schema_file
+from evopem.errors import InputError
+from evopem.signals.reading import read_recording
+from evopem.terminal.new_configuration import configuration_text, write_configuration
+
+RNG = np.random.default_rng(1)
+SAMPLES = 300
+U, Y = RNG.standard_normal((2, SAMPLES))
+
+
+def settings_of(text):
+    return complete(yaml.safe_load(text), schema_file()).datasets
+
+
+def test_what_was_found_is_what_the_readers_read(tmp_path):
+    scipy.io.savemat(tmp_path / "bench.mat", {"torque": U, "speed": Y, "fs": 250.0})
+    np.savez(tmp_path / "arm.npz", y=Y, u=U, sampling_rate=50.0)
+    (tmp_path / "deeper").mkdir()
+    stamps = np.arange(SAMPLES) * 0.004
+    table = np.column_stack([stamps, U, Y])
+    np.savetxt(tmp_path / "deeper" / "log 1.csv", table, delimiter=";", header="t [s];force;x")
+    datasets = settings_of(configuration_text(tmp_path))
+    assert set(datasets) == {"bench", "arm", "log_1"}
+    rates = {}
+    for name, settings in datasets.items():
+        one = settings.source.channels
+        recording = read_recording(
+            tmp_path / settings.source.file, one.input, one.output, time=one.time
+        )
+        np.testing.assert_allclose(recording.input, U)
+        np.testing.assert_allclose(recording.output, Y)
+        rates[name] = recording.sampling_rate
+    assert rates == {"bench": 250.0, "arm": 50.0, "log_1": 250.0}
+
+
+def test_what_is_not_certain_is_left_to_the_user(tmp_path):
+    np.savetxt(tmp_path / "plain.txt", np.column_stack([U, Y]))
+    counted = np.column_stack([np.arange(SAMPLES), U, Y])
+    np.savetxt(tmp_path / "counted.csv", counted, delimiter=",", header="tick,a,b", comments="")
+    text = configuration_text(tmp_path)
+    assert "input: 1  # a guess by the order of the channels" in text
+    assert "# sampling_rate: 100  # Hz; to be set: the file states none" in text
+    assert "# time_unit: ms  # to be set: the time stamps are whole numbers" in text
+    assert settings_of(text)["counted"].source.channels.time == "tick"
+
+
+def test_other_files_are_left_out_and_named(tmp_path):
+    np.savetxt(tmp_path / "data.csv", np.column_stack([U, Y]), delimiter=",")
+    (tmp_path / "README.txt").write_text("measured on a Monday\n")
+    np.savetxt(tmp_path / "single.csv", U)
+    constant = np.column_stack([U, np.full(SAMPLES, 2.5)])
+    np.savetxt(tmp_path / "dead.csv", constant, delimiter=",")
+    (tmp_path / "results" / "data").mkdir(parents=True)
+    np.savetxt(tmp_path / "results" / "data" / "modes.csv", np.column_stack([U, Y]))
+    text = configuration_text(tmp_path)
+    assert set(settings_of(text)) == {"data"}
+    left_out = text.partition("# Left out:\n")[2].splitlines()
+    assert [line.split(":")[0] for line in left_out] == [
+        "# README.txt",
+        "# dead.csv",
+        "# single.csv",
+    ]
+
+
+@pytest.mark.parametrize("name", ["y", "no", "12", "a: b", "#1", "Größe [N]", "'quoted'"])
+def test_a_channel_of_any_name_is_quoted_where_yaml_needs_it(tmp_path, name):
+    np.savez(tmp_path / "data.npz", **{"u": U, name: Y})
+    channels = settings_of(configuration_text(tmp_path))["data"].source.channels
+    assert {channels.input, channels.output} == {"u", name}
+
+
+def test_a_folder_without_recordings_is_refused(tmp_path):
+    with pytest.raises(InputError, match="there is no recording of two signals"):
+        write_configuration(tmp_path)
+    with pytest.raises(InputError, match="is not a folder"):
+        write_configuration(tmp_path / "missing")
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,46 @@
+"""The few lines about a data set agree with its summary."""
+
+import pytest
+
+from evopem.report.numbers import with_error
+from evopem.report.sentences.about_verdict import verdict
+from evopem.results.fleet import IncompleteDataset, summarize
+from evopem.terminal.results_text import results_text, run_text
+
+
+@pytest.fixture
+def summary(identified):
+    results = identified.results
+    return summarize(
+        results.model,
+        results.validation,
+        results.spectrum_summary,
+        results.phases,
+        results.recording_info,
+    )
+
+
+def test_a_data_set_has_its_verdict_its_modes_and_its_failed_checks(identified):
+    results = identified.results
+    text = results_text(results, "results/bench/report.html")
+    words = " ".join(text.split())
+    assert words.startswith(f"bench: {' '.join(verdict(results).sentence.split())}")
+    for mode in results.model.modes:
+        assert with_error(mode.frequency_hz, mode.frequency_se_hz) in text
+    for check in results.checks:
+        assert (f"failed {check.name}:" in words) == (check.passed is False)
+    doubted = len(results.model.modes) - len(results.trusted_modes)
+    assert text.count("not to be trusted: see the report") == doubted
+    assert str(results.model.orders) in text
+    assert text.endswith("report  results/bench/report.html")
+    assert max(map(len, text.splitlines())) <= 100
+
+
+def test_many_data_sets_have_a_line_each(summary):
+    entries = {f"set{number}": summary for number in range(45)}
+    entries["set1"] = IncompleteDataset("failed", "set1.csv: the file is empty; export it again.")
+    lines = run_text(entries, "report.html", ["results/index.html"]).splitlines()
+    assert lines[1] == "set1: failed. set1.csv: the file is empty; export it again."
+    assert lines[40] == "… and 5 more"
+    assert lines[-1] == "All data sets: results/index.html"
+    assert len(lines) == 43

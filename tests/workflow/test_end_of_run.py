@@ -1,0 +1,36 @@
+"""What a run shows: a line for each job, and what came out, instead of lists of files."""
+
+import shutil
+
+
+def test_a_run_ends_with_its_results(copy):
+    printed = copy.finish("--forcerun", "write_report")
+    assert "write_report truth" in printed
+    assert "input: results/" not in printed
+    end = printed.partition("steps (100%) done\n")[2]
+    assert end.lstrip().startswith("truth: ")
+    assert "errors  one step ahead" in end
+    assert "report  results/truth/report.html" in end
+    # Every detail is in the log file of the run, and on the terminal where it is asked for.
+    (log,) = sorted((copy.path / ".snakemake" / "log").glob("*"))[-1:]
+    assert "input: results/truth/config.yaml" in log.read_text()
+    assert "input: results/" in copy.finish("--forcerun", "write_report", "--verbose")
+
+
+def test_a_dry_run_is_that_of_snakemake(copy):
+    printed = copy.finish("--dry-run", "--forcerun", "write_report")
+    assert "input: results/truth/config.yaml" in printed
+    assert "errors  one step ahead" not in printed
+
+
+def test_a_failed_run_says_what_came_of_each_data_set(copy):
+    shutil.rmtree(copy.results / "truth")
+    (copy.path / "empty.csv").touch()
+    config = (copy.path / "config.yaml").read_text()
+    (copy.path / "config.yaml").write_text(f"{config}  bad: {{file: empty.csv}}\n")
+    run = copy.run("--cores", "2")
+    assert run.returncode != 0
+    end = run.stdout.rpartition("steps (")[2]
+    assert "report  results/truth/report.html" in end
+    assert "bad: failed. empty.csv: the file is empty; export or copy it again.\n" in end
+    assert "All data sets: results/index.html" in end

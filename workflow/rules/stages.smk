@@ -1,0 +1,50 @@
+"""The hooks of a run, and the rules of all stages in their order."""
+
+
+include: "terminal.smk"
+
+
+onstart:
+    shorten_job_messages()
+    mark_unfinished()
+
+
+onsuccess:
+    list_other_targets()
+    print_results()
+
+
+onerror:
+    collect_unfinished()
+    print_results()
+
+
+if provider.config.run.one_job_per == "recording":
+
+    include: "recording.smk"
+
+else:
+
+    include: "acquisition.smk"
+    include: "preparation.smk"
+    include: "spectrum.smk"
+    include: "order_search.smk"
+    include: "model.smk"
+    include: "validation.smk"
+    include: "report.smk"
+
+
+include: "fleet.smk"
+
+
+# A benchmark beside the workflow: `snakemake fletcher_powell` runs it, a plain `snakemake` does not.
+# It runs from its own folder, so that there is none where the workflow is used from a repository.
+if IN_CHECKOUT:
+
+    module fletcher_powell:
+        snakefile:
+            "../../benchmarks/fletcher_powell/Snakefile"
+
+    use rule * from fletcher_powell exclude all as fletcher_powell_*
+
+    use rule all from fletcher_powell as fletcher_powell

@@ -1,0 +1,123 @@
+"""What a measured file holds, before anything is known of it: channels, times and rate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from evopem.errors import InputError
+from evopem.signals.readers.channels import Channel, Reference
+from evopem.signals.reading import channel_names, read_channels
+from evopem.signals.timestamps import STEP_TOLERANCE, sampling_rate_of
+
+
+@dataclass(frozen=True)
+class SignalColumn:
+    """A channel that may be an input or an output.
+
+    Attributes
+    ----------
+    reference : int or str
+        Its name where that is unique in the file, else its number from 1.
+    unit : str
+        As the file states it; empty when it does not.
+    samples : int
+    sampling_rate : float, optional
+        Hz, where the file states one for this channel.
+    """
+
+    reference: Reference
+    unit: str
+    samples: int
+    sampling_rate: float | None
+
+
+@dataclass(frozen=True)
+class TimeColumn:
+    """A channel of uniform time stamps.
+
+    Attributes
+    ----------
+    reference : int or str
+    sampling_rate : float, optional
+        Hz; None where the unit of the stamps is not certain.
+    problem : str
+        Why the rate is not certain, in a sentence; empty where it is.
+    """
+
+    reference: Reference
+    sampling_rate: float | None
+    problem: str
+
+
+@dataclass(frozen=True)
+class FileContents:
+    """What a measured file holds.
+
+    Attributes
+    ----------
+    signals : tuple of SignalColumn
+        Channels of finite real numbers that are not constant, in the order of the file.
+    time : TimeColumn, optional
+        The first channel of time stamps.
+    """
+
+    signals: tuple[SignalColumn, ...]
+    time: TimeColumn | None
+
+
+def inspect_file(path: str | Path) -> FileContents:
+    """Read all channels of a measured file and tell times from signals.
+
+    A channel that increases by the same step from sample to sample, or holds dates, is taken for a
+    time. A channel that cannot be read, or holds text or a constant, is left out.
+
+    Raises
+    ------
+    InputError
+        When the file cannot be read as its format.
+    """
+    names = channel_names(path)
+    signals: list[SignalColumn] = []
+    time: TimeColumn | None = None
+    for number, name in enumerate(names, start=1):
+        reference = name if name and names.count(name) == 1 else number
+        try:
+            (channel,) = read_channels(path, [number])
+        except InputError:
+            continue
+        if _is_time(channel):
+            time = time or _time_column(channel, reference, str(path))
+        elif _is_signal(channel):
+            signals.append(
+                SignalColumn(reference, channel.unit, channel.values.size, channel.sampling_rate)
+            )
+    return FileContents(tuple(signals), time)
+
+
+def _is_time(channel: Channel) -> bool:
+    values = channel.values
+    if values.dtype.kind in "Mm":
+        return values.size > 1
+    if values.dtype.kind not in "fiu" or values.size < 3:
+        return False
+    steps = np.diff(values.astype(np.float64))
+    usual = float(np.median(steps))
+    return usual > 0.0 and bool((np.abs(steps - usual) <= STEP_TOLERANCE * usual).all())
+
+
+def _time_column(channel: Channel, reference: Reference, source: str) -> TimeColumn:
+    try:
+        rate = sampling_rate_of(channel.values, source, channel.name, channel.unit)
+    except InputError as error:
+        return TimeColumn(reference, None, f"{error.problem}; {error.remedy}.")
+    return TimeColumn(reference, rate, "")
+
+
+def _is_signal(channel: Channel) -> bool:
+    values = channel.values
+    if values.dtype.kind not in "fiub" or values.size < 2:
+        return False
+    return bool(np.isfinite(values).all()) and bool((values != values[0]).any())

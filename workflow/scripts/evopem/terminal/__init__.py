@@ -1,0 +1,1 @@
+"""The command ``evopem``: its arguments, and what it prints."""

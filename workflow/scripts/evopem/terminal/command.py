@@ -1,0 +1,251 @@
+"""The command ``evopem``: one recording from the terminal, or a configuration for many."""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import os
+import sys
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from evopem.config.dataset_names import RESULTS_FOLDER
+from evopem.config.defaults import complete
+from evopem.config.environment import check_environment, job_environment
+from evopem.config.schema import schema_file
+from evopem.config.settings import DatasetSettings, RecordedSource
+from evopem.config.strict_yaml import check_yaml_files
+from evopem.config.yaml_form import read_settings
+from evopem.errors import InputError
+from evopem.files.job import job
+from evopem.results.layout import DatasetFiles
+from evopem.terminal.progress import ProgressLine
+from evopem.version import __version__
+
+_REPORT_PACKAGES = ("pandas", "matplotlib", "jinja2")
+_INTERRUPTED = 130
+_DESCRIPTION = """\
+Identify a dynamic system from a recording of its input and output: an ARMAX model, natural
+frequencies and damping ratios with standard errors, and a report that says how far to trust them.
+"""
+_EPILOG = """\
+examples:
+  evopem data.csv --input u --output y --rate 100
+  evopem bench.mat --input iq_adx --output omega_max --rate 2500
+  evopem log.csv --input 2 --output 3 --time 1
+  evopem init measurements      write measurements/config.yaml for many recordings
+
+The results lie in results/<name of the file>/; open report.html first. The file may be text, .mat,
+.npz, .npy, .parquet, .h5, .tdms or .uff.
+"""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command; what cannot be used is said in one sentence, with exit code 1.
+
+    Parameters
+    ----------
+    arguments : sequence of str, optional
+        Those of the process by default.
+
+    Returns
+    -------
+    int
+        Exit code: 0, 1 for input that cannot be used, 2 for wrong arguments, 130 interrupted.
+    """
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    for stream in (sys.stdout, sys.stderr):
+        # A terminal that has no minus sign or narrow space shows a question mark instead.
+        with suppress(AttributeError):
+            stream.reconfigure(errors="replace")  # type: ignore[union-attr]
+    try:
+        if given[:1] == ["init"]:
+            return _init(given[1:])
+        return _identify(_parser().parse_args(given))
+    except InputError as error:
+        sys.stderr.write(f"{error}\n")
+        return 1
+    except KeyboardInterrupt:
+        sys.stderr.write("\ninterrupted\n")
+        return _INTERRUPTED
+    except BrokenPipeError:  # `evopem … | head`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        "evopem",
+        usage="evopem FILE --input CHANNEL --output CHANNEL [--rate HZ | --time CHANNEL] …\n"
+        "       evopem init [FOLDER]",
+        description=_DESCRIPTION,
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", action="version", version=f"evopem {__version__}")
+    parser.add_argument("file", metavar="FILE", help="the recording")
+    channel = "number from 1, or name of a column, variable or channel"
+    parser.add_argument(
+        "--input", required=True, type=_channel, metavar="CHANNEL", help=f"the input: {channel}"
+    )
+    parser.add_argument(
+        "--output", required=True, type=_channel, metavar="CHANNEL", help="the output, likewise"
+    )
+    rate = parser.add_mutually_exclusive_group()
+    rate.add_argument(
+        "--rate", type=float, metavar="HZ", help="sampling rate, where the file states none"
+    )
+    rate.add_argument("--time", type=_channel, metavar="CHANNEL", help="the channel of times")
+    parser.add_argument(
+        "--results",
+        default=RESULTS_FOLDER,
+        metavar="FOLDER",
+        help="where the folder of the results is made (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--config",
+        metavar="YAML",
+        help="a config.yaml whose `defaults:` are used in place of the built-in settings",
+    )
+    return parser
+
+
+def _channel(text: str) -> int | str:
+    return int(text) if text.isascii() and text.isdigit() else text
+
+
+def _init(given: Sequence[str]) -> int:
+    parser = argparse.ArgumentParser(
+        "evopem init",
+        description="Write a commented config.yaml for a folder of recordings by looking into "
+        "them: channels, times and sampling rates. An existing one is not overwritten.",
+    )
+    parser.add_argument("folder", nargs="?", default=".", metavar="FOLDER", help="default: here")
+    folder = parser.parse_args(given).folder
+    # Readers need numpy, which the rest of this module does not.
+    from evopem.terminal.new_configuration import write_configuration
+
+    written = write_configuration(folder)
+    print(f"Wrote {written}: check the inputs, outputs and sampling rates in it.")
+    return 0
+
+
+def _identify(arguments: argparse.Namespace) -> int:
+    _check_packages()
+    check_environment(os.environ)
+    # Before numpy is imported, which reads it.
+    os.environ.update(job_environment(os.environ, Path.cwd()))
+    settings = _settings(arguments)
+    files = DatasetFiles(str(Path(arguments.results) / settings.name))
+    _check_folder(files, settings)
+    from evopem.pipeline.identification import identify_recording
+    from evopem.results.dataset import read_dataset_results
+    from evopem.terminal.results_text import results_text
+
+    progress = ProgressLine(sys.stderr)
+    phases = files.phases(settings.order_grid.structure)
+    outputs = [*files.results, *files.pages, files.recording, files.prepared, *phases]
+    try:
+        with job(files.log("identification"), (), outputs, ends_with_parent=False) as logger:
+            identify_recording(
+                files,
+                settings,
+                with_report=True,
+                log=logger.info,
+                cores=_cores(),
+                announce=progress.announce,
+            )
+    finally:
+        progress.close()
+    print(results_text(read_dataset_results(files, settings), files.report))
+    return 0
+
+
+def _check_packages() -> None:
+    """Refuse to begin what a missing package would end.
+
+    Raises
+    ------
+    InputError
+        Naming the extra that brings it.
+    """
+    missing = [name for name in _REPORT_PACKAGES if importlib.util.find_spec(name) is None]
+    if missing:
+        raise InputError(
+            "evopem",
+            f"the validation and the report need {', '.join(missing)}, which "
+            f"{'is' if len(missing) == 1 else 'are'} not installed",
+            'run pip install "evopem[report]"',
+        )
+
+
+def _settings(arguments: argparse.Namespace) -> DatasetSettings:
+    """The settings that a data set of these keys has in a configuration."""
+    from evopem.terminal.new_configuration import dataset_name
+
+    keys: dict[str, Any] = {
+        "file": arguments.file,
+        "input": arguments.input,
+        "output": arguments.output,
+    }
+    keys |= {} if arguments.rate is None else {"sampling_rate": arguments.rate}
+    keys |= {} if arguments.time is None else {"time": arguments.time}
+    name = dataset_name(Path(arguments.file))
+    content: dict[str, Any] = {"datasets": {name: keys}}
+    defaults = _defaults(arguments.config)
+    if defaults is not None:
+        content["defaults"] = defaults
+    try:
+        return complete(content, schema_file(), arguments.config or "evopem").datasets[name]
+    except InputError as error:
+        key = error.place.removeprefix(f"datasets.{name}.")
+        if key == error.place:
+            raise
+        option = {"sampling_rate": "--rate", "file": "FILE"}.get(key, f"--{key}")
+        raise InputError(option, error.problem, error.remedy) from None
+
+
+def _defaults(path: str | None) -> Any:
+    if path is None:
+        return None
+    if not Path(path).exists():
+        raise InputError(path, "there is no such file", "correct the path after --config")
+    check_yaml_files([path])
+    return yaml.safe_load(Path(path).read_text(encoding="utf-8")).get("defaults")
+
+
+def _check_folder(files: DatasetFiles, settings: DatasetSettings) -> None:
+    """Refuse to overwrite the results of another recording.
+
+    Raises
+    ------
+    InputError
+    """
+    folder = Path(files.folder)
+    if folder.exists() and not folder.is_dir():
+        raise InputError(str(folder), "is a file, and the results need this folder", "move it")
+    if not Path(files.config).exists():
+        return
+    other, own = read_settings(files.config).source, settings.source
+    file = other.file if isinstance(other, RecordedSource) else "a synthetic recording"
+    if not isinstance(own, RecordedSource) or Path(file).absolute() != Path(own.file).absolute():
+        raise InputError(
+            str(folder),
+            f"it holds the results of {file}",
+            "choose another folder with --results",
+        )
+
+
+def _cores() -> int:
+    """The cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,212 @@
+"""A commented ``config.yaml`` for a folder of recordings, written by looking into them."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from evopem.config.dataset_names import MAX_LENGTH, RESERVED_NAMES, RESULTS_FOLDER
+from evopem.config.schema import schema_file
+from evopem.errors import InputError
+from evopem.signals.inspection import FileContents, SignalColumn, TimeColumn, inspect_file
+from evopem.signals.reading import FORMATS
+
+CONFIGURATION = "config.yaml"
+
+_RESULTS = {"config.yaml", "recording.json", "transforms.json"}
+"""Files of which a folder with results of evopem holds all."""
+_INPUT_NAMES = {"u", "in", "input", "excitation", "command", "drive", "stimulus"}
+_OUTPUT_NAMES = {"y", "out", "output", "response"}
+_HEAD = """\
+# yaml-language-server: $schema={schema}
+# Written by `evopem init` from what the files hold. Check input, output and sampling rate of each
+# data set, remove what is no recording of yours, and run, in this folder:
+#   snakemake --snakefile PATH/Snakefile --directory .
+# where PATH is the checkout of evopem. Keys that are left out have built-in values; those of the
+# analysis (resample, transforms, split, spectrum, delay, orders, search) may also stand under
+# `defaults:` for all data sets.
+datasets:
+"""
+
+
+def write_configuration(folder: str | Path) -> Path:
+    """Write ``config.yaml`` into a folder of recordings.
+
+    Returns
+    -------
+    Path
+        The file.
+
+    Raises
+    ------
+    InputError
+        When the folder is none, holds a ``config.yaml`` already, or holds no file of a known
+        format that can be read.
+    """
+    folder = Path(folder)
+    target = folder / CONFIGURATION
+    if not folder.is_dir():
+        raise InputError(str(folder), "is not a folder", "give the folder of the recordings")
+    if target.exists() or target.is_symlink():
+        raise InputError(
+            str(target), "exists already", "move it away, or edit it: it is not overwritten"
+        )
+    text = configuration_text(folder)
+    try:
+        with target.open("x", encoding="utf-8") as file:
+            file.write(text)
+    except OSError as error:
+        raise InputError(
+            str(target), f"cannot be written ({error.strerror})", "check the permissions"
+        ) from None
+    return target
+
+
+def configuration_text(folder: Path) -> str:
+    """The configuration for all recordings of a folder.
+
+    Raises
+    ------
+    InputError
+        When there is none.
+    """
+    entries: list[str] = []
+    unread: list[str] = []
+    names = _Names()
+    for path in recorded_files(folder):
+        shown = path.relative_to(folder).as_posix()
+        try:
+            contents = inspect_file(path)
+        except InputError as error:
+            unread.append(f"# {_comment(f'{shown}: {error.problem}; {error.remedy}.')}")
+            continue
+        if len(contents.signals) < 2 or {"{", "}"} & set(shown):
+            unread.append(f"# {_comment(_unusable(shown, contents))}")
+            continue
+        entries.append(_entry(names.of(path), shown, contents))
+    if not entries:
+        seen = f" ({len(unread)} of a known extension hold none)" if unread else ""
+        raise InputError(
+            str(folder),
+            f"there is no recording of two signals in this folder{seen}",
+            f"give a folder with files of {' '.join(FORMATS)}",
+        )
+    if unread:
+        entries.append("\n".join(["# Left out:", *unread]) + "\n")
+    return _HEAD.format(schema=schema_file()) + "\n".join(entries)
+
+
+def recorded_files(folder: Path) -> list[Path]:
+    """The files of a folder and its subfolders whose extension is that of a known format.
+
+    Hidden folders and those of results are left out.
+    """
+    found = []
+    for top, folders, files in os.walk(folder):
+        if set(files) >= _RESULTS:
+            folders.clear()
+            continue
+        folders[:] = sorted(
+            name for name in folders if not name.startswith(".") and name != RESULTS_FOLDER
+        )
+        found += [Path(top) / name for name in sorted(files) if not name.startswith(".")]
+    return [path for path in found if path.suffix.lower() in FORMATS]
+
+
+class _Names:
+    """Names of data sets, each one used once and a folder on every file system."""
+
+    def __init__(self) -> None:
+        self.used = set(RESERVED_NAMES)
+
+    def of(self, path: Path) -> str:
+        """A name after a file."""
+        base = dataset_name(path)
+        name, number = base, 2
+        while name.lower() in self.used:
+            name, number = f"{base}_{number}", number + 1
+        self.used.add(name.lower())
+        return name
+
+
+def dataset_name(path: Path) -> str:
+    """The name of a data set after its file."""
+    name = re.sub(r"[^A-Za-z0-9_.-]+", "_", path.stem).lstrip("_.-").rstrip(".")
+    return name[: MAX_LENGTH - 10] or "recording"
+
+
+def _entry(name: str, file: str, contents: FileContents) -> str:
+    source, target, sure = _channels(contents.signals)
+    others = [each for each in contents.signals if each not in (source, target)]
+    lines = [f"  {name}:", f"    file: {_scalar(file)}"]
+    guess = "" if sure else "  # a guess by the order of the channels"
+    lines.append(f"    input: {_scalar(source.reference)}{_unit(source)}{guess}")
+    lines.append(f"    output: {_scalar(target.reference)}{_unit(target)}{guess}")
+    lines += _rate(source, target, contents.time)
+    if others:
+        listed = ", ".join(_scalar(each.reference) for each in others)
+        lines.append(f"    # other channels: {_comment(listed)}")
+    lines.append(f"    # {source.samples} samples")
+    return "\n".join(lines) + "\n"
+
+
+def _channels(signals: Sequence[SignalColumn]) -> tuple[SignalColumn, SignalColumn, bool]:
+    """Input and output, and whether their names say so; else the first two signals."""
+    sources = _named(signals, _INPUT_NAMES)
+    targets = _named(signals, _OUTPUT_NAMES)
+    if len(sources) == 1 and len(targets) == 1:
+        return sources[0], targets[0], True
+    source = sources[0] if sources else next(each for each in signals if each not in targets[:1])
+    target = next((each for each in targets if each != source), None)
+    return source, target or next(each for each in signals if each != source), False
+
+
+def _named(signals: Iterable[SignalColumn], words: set[str]) -> list[SignalColumn]:
+    found = []
+    for signal in signals:
+        parts = re.split(r"[^a-z]+", str(signal.reference).casefold())
+        if words & set(parts):
+            found.append(signal)
+    return found
+
+
+def _rate(source: SignalColumn, target: SignalColumn, time: TimeColumn | None) -> list[str]:
+    own = {source.sampling_rate, target.sampling_rate}
+    if time is not None:
+        column = f"    time: {_scalar(time.reference)}"
+        if time.sampling_rate is not None:
+            return [f"{column}  # {time.sampling_rate:g} Hz"]
+        return [column, f"    # time_unit: ms  # to be set: {_comment(time.problem)}"]
+    if len(own) == 1 and None not in own:
+        return [f"    # sampling rate: {own.pop():g} Hz, as the file states"]
+    return ["    # sampling_rate: 100  # Hz; to be set: the file states none"]
+
+
+def _unusable(shown: str, contents: FileContents) -> str:
+    if len(contents.signals) < 2:
+        number = len(contents.signals)
+        return f"{shown}: {number} of its channels can be an input or an output; two are needed."
+    return f"{shown}: braces have a meaning of their own in a workflow; rename the file."
+
+
+def _unit(signal: SignalColumn) -> str:
+    return f"  # {_comment(signal.unit)}" if signal.unit else ""
+
+
+def _scalar(reference: int | str) -> str:
+    """A number, or a text that YAML takes for this text and nothing else."""
+    if isinstance(reference, int):
+        return str(reference)
+    plain = re.fullmatch(r"[A-Za-z_][A-Za-z0-9_./-]*", reference)
+    reserved = {"y", "n", "yes", "no", "on", "off", "true", "false", "null"}
+    if plain and reference.lower() not in reserved:
+        return reference
+    return json.dumps(reference, ensure_ascii=False)
+
+
+def _comment(text: str) -> str:
+    """A text on one line, without what a terminal or YAML would obey."""
+    return re.sub(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]+", " ", text)

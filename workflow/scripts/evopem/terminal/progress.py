@@ -1,0 +1,57 @@
+"""The line that says how far an identification has come."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+from typing import TextIO
+
+_STAGES = {
+    "configuration": "settings",
+    "recording": "reading the recording",
+    "validation_recording": "reading the validation recording",
+    "preparation": "preparing the samples",
+    "spectrum": "spectrum",
+    "delay": "searching the delay",
+    "joint": "searching the joint order",
+    "nc": "searching the order of C",
+    "nb": "searching the order of B",
+    "model": "model and its uncertainty",
+    "candidates": "table of candidates",
+    "validation": "validation",
+    "summary": "checks",
+    "figures": "figures",
+    "report": "report",
+}
+
+
+@dataclass
+class ProgressLine:
+    """One line that each stage overwrites; a line for each stage where there is no terminal.
+
+    Attributes
+    ----------
+    stream : TextIO
+        Standard error, so that the results alone can be piped on.
+    """
+
+    stream: TextIO
+    _started: float = field(default_factory=time.monotonic)
+    _width: int = 0
+
+    def announce(self, stage: str, number: int, stages: int) -> None:
+        """Say that a stage begins: its name, its number from 1, and how many there are."""
+        elapsed = time.monotonic() - self._started
+        text = f"[{number}/{stages}] {elapsed:5.1f} s  {_STAGES.get(stage, stage)}"
+        if not self.stream.isatty():
+            self.stream.write(f"{text}\n")
+        else:
+            self.stream.write(f"\r{text:<{self._width}}")
+            self._width = len(text)
+        self.stream.flush()
+
+    def close(self) -> None:
+        """Remove the line from the terminal."""
+        if self.stream.isatty() and self._width:
+            self.stream.write(f"\r{'':<{self._width}}\r")
+            self.stream.flush()

@@ -1,0 +1,48 @@
+"""Whether a mode can be trusted: reasons to doubt it, from what the data say about it."""
+
+from __future__ import annotations
+
+import math
+
+from evopem.validation.mode_evidence import ModeEvidence
+
+# Damping ratio above which a pair of poles is hardly a resonance.
+STRONG_DAMPING = 0.5
+# Largest half width of the 95 % interval of a frequency, relative to the frequency.
+WIDEST_INTERVAL = 0.1
+
+
+def doubts(evidence: ModeEvidence, sampling_rate: float) -> list[str]:
+    """Reasons to doubt a mode, each a predicate such as "decays too fast to be a resonance".
+
+    A mode is trusted when there is none: it is an underdamped resonance below half the sampling
+    rate, the input drives it or the noise model needs it on held-out samples, three quarters of the
+    models of other orders have it, and its frequency is known to within 10 %.
+
+    Parameters
+    ----------
+    evidence : ModeEvidence
+    sampling_rate : float
+        Hz.
+    """
+    mode, found = evidence.mode, []
+    if mode.damping_ratio > STRONG_DAMPING or mode.frequency_hz > sampling_rate / 2:
+        found.append("decays too fast to be a resonance")
+    if mode.damping_ratio <= 0:
+        found.append("does not decay")
+    if evidence.origin == "neither":
+        found.append(
+            "shows neither in the response to the input nor in the noise"
+            if evidence.has_input
+            else "does not improve the prediction of validation samples"
+        )
+    elif evidence.origin == "not judged":
+        found.append("could not be tested on validation samples")
+    if evidence.stable is False:
+        found.append(f"was found at only {100 * evidence.recurrence:.0f} % of the other orders")
+    half_width = 1.96 * mode.frequency_se_hz
+    if not math.isfinite(half_width):
+        found.append("has no known standard error")
+    elif half_width > WIDEST_INTERVAL * mode.frequency_hz:
+        found.append("has a frequency known to no better than 10 %")
+    return found

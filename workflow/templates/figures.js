@@ -1,0 +1,342 @@
+"use strict";
+// Figures to look into. Each is drawn from the CSV in its own link when it comes near the screen; the
+// SVG stays for print, and for readers without a script.
+(() => {
+  const COLOURS = ["ink", "muted", "grid", "model", "error", "truth", "fourth", "fifth"];
+  const NEAR = "600px"; // a figure is drawn when it is that close to the screen
+  const groups = new Map(); // plots with the same abscissa, by the name of their group
+  const drawn = new Map(); // plots and observers of each figure
+
+  const colours = () => {
+    const style = getComputedStyle(document.documentElement);
+    return Object.fromEntries(
+      COLOURS.map((role) => [role, style.getPropertyValue(`--figure-${role}`).trim()]),
+    );
+  };
+  const fade = (colour, share) => {
+    const [r, g, b] = [1, 3, 5].map((at) => parseInt(colour.slice(at, at + 2), 16));
+    return `rgba(${r}, ${g}, ${b}, ${share})`;
+  };
+
+  // Tables of the project have no quoted cells with commas or line breaks.
+  const read = (address) => {
+    const text = decodeURIComponent(address.slice(address.indexOf(",") + 1));
+    const [head, ...rows] = text.trim().split("\n").map((line) => line.split(","));
+    return Object.fromEntries(head.map((name, at) => [name, rows.map((row) => row[at])]));
+  };
+  const toNumber = (cell) => (cell === undefined || cell === "" ? null : Number(cell));
+
+  const wrapped = (angle) => (angle === null ? null : ((((angle + 180) % 360) + 360) % 360) - 180);
+
+  // One table [x, y, lower, upper] of a curve, by ascending x.
+  const series = (own, panel, curve) => {
+    const table = curve.source ? read(document.querySelector(`#${curve.source} a[download]`).href) : own;
+    const [column, value] = curve.where;
+    let rows = table[panel.x].map((_, at) => at);
+    if (value === "not 0") rows = rows.filter((at) => Number(table[column][at]) !== 0);
+    else if (column) rows = rows.filter((at) => table[column][at] === value);
+    const positive = (number) => (panel.logarithmic && !(number > 0) ? null : number);
+    const take = (name) => rows.map((at) => {
+      const number = toNumber(table[name][at]);
+      if (number === null) return null;
+      return panel.wrapped ? wrapped(number) : positive(curve.factor * number);
+    });
+    const x = rows.map((at) => toNumber(table[panel.x][at]));
+    const y = take(curve.column);
+    const inside = (at) => !panel.highest || x[at] <= panel.highest;
+    const known = (at) => inside(at) && x[at] !== null && !Number.isNaN(x[at]) && table[curve.column][rows[at]] !== "";
+    const order = x.map((_, at) => at).filter(known).sort((a, b) => x[a] - x[b]);
+    const sorted = [x, y, ...curve.band.map(take)]
+      .map((values) => order.map((at) => values[at]));
+    return apart(sorted);
+  };
+
+  // Poles of several orders may have one frequency; an abscissa must not repeat.
+  const apart = (columns) => {
+    const x = columns[0];
+    for (let at = 1; at < x.length; at += 1) {
+      if (x[at] <= x[at - 1]) x[at] = x[at - 1] + Math.abs(x[at - 1] || 1) * 1e-12;
+    }
+    return columns;
+  };
+
+  const superscript = (digits) => [...String(digits)].map((c) => "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"["-0123456789".indexOf(c)]).join("");
+  const show = (value) => {
+    if (value === null || value === undefined) return "–";
+    const size = Math.abs(value);
+    if (size !== 0 && (size < 1e-3 || size >= 1e5)) {
+      const [mantissa, power] = value.toExponential(3).split("e");
+      return `${Number(mantissa)}·10${superscript(Number(power))}`.replace(/^-/, "−");
+    }
+    return String(Number(value.toPrecision(4))).replace(/^-/, "−");
+  };
+  const tick = (value) => (value === null ? "" : show(value).replace(/^1·/, ""));
+
+  // The value nearest to the cursor of a curve that shares the abscissa with others.
+  const nearest = (values, at) => {
+    for (let off = 0; off < 12; off += 1) {
+      for (const place of [at - off, at + off]) {
+        if (typeof values[place] === "number") return values[place];
+      }
+    }
+    return null;
+  };
+
+  const PATHS = {
+    line: () => undefined,
+    points: () => () => null,
+    stems: () => uPlot.paths.bars({ size: [0.5, 2, 1] }),
+    steps: () => uPlot.paths.stepped({ align: 1 }),
+  };
+
+  const button = (words, label, act) => {
+    const made = document.createElement("button");
+    made.type = "button";
+    made.textContent = words;
+    if (label) {
+      made.setAttribute("aria-label", label);
+      made.title = label;
+    }
+    made.addEventListener("click", () => act(made));
+    return made;
+  };
+
+  const draw = (panel, table, place, name) => {
+    const paint = colours();
+    const heading = document.createElement("p");
+    heading.className = "panel-title";
+    heading.textContent = [panel.title, panel.y_label].filter(Boolean).join(": ");
+    const legend = document.createElement("p");
+    legend.className = "legend";
+    const room = document.createElement("div");
+    place.append(heading, legend, room);
+
+    const tables = panel.curves.map((curve) => series(table, panel, curve));
+    const data = uPlot.join(tables);
+    const plotted = [{ label: panel.x_label }];
+    const bands = [];
+    const owners = []; // for each curve the numbers of its series
+    panel.curves.forEach((curve) => {
+      const colour = paint[curve.colour];
+      const dots = curve.kind === "points";
+      const first = plotted.length;
+      plotted.push({
+        label: curve.label,
+        scale: curve.source ? "behind" : "y",
+        stroke: colour,
+        width: dots ? 0 : curve.colour === "muted" ? 1 : 1.6,
+        dash: curve.dashed ? [6, 4] : undefined,
+        fill: curve.kind === "stems" ? colour : undefined,
+        paths: PATHS[curve.kind](),
+        points: { show: dots, size: panel.wrapped ? 3 : 7, width: 0, fill: colour, stroke: colour },
+      });
+      curve.band.forEach(() => plotted.push({ label: "", points: { show: false } }));
+      if (curve.band.length) {
+        bands.push({ series: [first + 2, first + 1], fill: fade(colour, 0.25) });
+      }
+      owners.push([...Array(1 + curve.band.length).keys()].map((at) => first + at));
+    });
+
+    const marks = (plot) => {
+      const { ctx, bbox } = plot;
+      ctx.save();
+      ctx.strokeStyle = paint.model;
+      ctx.setLineDash([2, 4]);
+      for (const mark of panel.marks) {
+        const x = Math.round(plot.valToPos(mark, "x", true));
+        if (x < bbox.left || x > bbox.left + bbox.width) continue;
+        ctx.beginPath();
+        ctx.moveTo(x, bbox.top);
+        ctx.lineTo(x, bbox.top + bbox.height);
+        ctx.stroke();
+      }
+      ctx.strokeStyle = paint.error;
+      for (const level of panel.levels) {
+        const y = Math.round(plot.valToPos(level, "y", true));
+        ctx.beginPath();
+        ctx.moveTo(bbox.left, y);
+        ctx.lineTo(bbox.left + bbox.width, y);
+        ctx.stroke();
+      }
+      ctx.restore();
+    };
+
+    const decades = (_, splits) => splits.map((value) => {
+      const power = Math.log10(value);
+      return Math.abs(power - Math.round(power)) < 1e-9 ? value : null;
+    });
+    const axis = (size, label) => ({
+      ...(label ? { label, labelSize: 20, labelFont: "12px system-ui, sans-serif" } : {}),
+      font: "12px system-ui, sans-serif",
+      stroke: paint.ink,
+      grid: { stroke: paint.grid, width: 1 },
+      ticks: { stroke: paint.grid, width: 1, size: 4 },
+      values: (_, values) => values.map(tick),
+      size,
+      gap: 4,
+    });
+    const values = [];
+    const cursor = (plot) => {
+      const at = plot.cursor.idx;
+      where.textContent = at === null || at === undefined ? "" : `at ${show(plot.data[0][at])}`;
+      values.forEach(({ out, number }) => {
+        out.textContent = at === null || at === undefined ? "" : show(nearest(plot.data[number], at));
+      });
+    };
+    const fixed = panel.limits.length === 2;
+    const yAxis = axis(58);
+    if (panel.logarithmic) {
+      yAxis.filter = decades;
+      yAxis.grid.filter = decades;
+      yAxis.ticks.filter = decades;
+    }
+    if (panel.wrapped) yAxis.splits = () => [-180, -90, 0, 90, 180];
+    const yScale = panel.logarithmic ? { distr: 3 } : {};
+    if (fixed) yScale.range = panel.limits;
+    const options = {
+      width: Math.max(place.clientWidth, 200),
+      height: panel.height,
+      padding: [8, 18, 0, 0],
+      legend: { show: false },
+      cursor: { drag: { x: true, y: false }, sync: panel.linked ? { key: panel.linked, scales: ["x", null] } : undefined },
+      scales: { x: { time: false }, y: yScale, behind: { distr: 3 } },
+      axes: [axis(30, panel.x_label), yAxis],
+      series: plotted,
+      bands,
+      hooks: { draw: [marks], setCursor: [cursor], setScale: [follow] },
+    };
+    const where = document.createElement("span");
+    where.className = "where";
+    const plot = new uPlot(options, data, room);
+    const finite = data[0].filter((x) => x !== null);
+    plot.whole = [finite[0], finite.at(-1)];
+    plot.group = panel.linked;
+    plot.root.querySelector(".u-over").title = `${name}: drag to zoom, double-click for the whole range`;
+
+    panel.curves.forEach((curve, at) => {
+      const same = (number) => panel.curves[number].label === "";
+      if (same(at)) return;
+      const numbers = [...owners[at]];
+      for (let next = at + 1; next < owners.length && same(next); next += 1) numbers.push(...owners[next]);
+      const swatch = document.createElement("i");
+      swatch.className = curve.kind === "points" ? "dot" : curve.dashed ? "dash" : "";
+      swatch.style.color = paint[curve.colour];
+      const out = document.createElement("output");
+      values.push({ out, number: owners[at][0] });
+      const toggle = button("", "", (own) => {
+        const shown = own.getAttribute("aria-pressed") !== "true";
+        own.setAttribute("aria-pressed", String(shown));
+        numbers.forEach((number) => plot.setSeries(number, { show: shown }));
+      });
+      toggle.setAttribute("aria-pressed", "true");
+      toggle.append(swatch, curve.label);
+      legend.append(toggle, out);
+    });
+    legend.append(where);
+    return plot;
+  };
+
+  // Plots of one group show the same part of their abscissa.
+  let following = false;
+  const follow = (plot, scale) => {
+    if (scale !== "x" || following || !plot.group) return;
+    const { min, max } = plot.scales.x;
+    following = true;
+    for (const other of groups.get(plot.group) ?? []) {
+      if (other !== plot) other.setScale("x", { min, max });
+    }
+    following = false;
+  };
+
+  const zoom = (plots, factor) => {
+    for (const plot of plots) {
+      const { min, max } = plot.scales.x;
+      const [low, high] = plot.whole;
+      const middle = (min + max) / 2;
+      const half = ((max - min) / 2) * factor;
+      plot.setScale("x", { min: Math.max(low, middle - half), max: Math.min(high, middle + half) });
+    }
+  };
+  const shift = (plots, share) => {
+    for (const plot of plots) {
+      const { min, max } = plot.scales.x;
+      const [low, high] = plot.whole;
+      const by = Math.min(Math.max(share * (max - min), low - min), high - max);
+      plot.setScale("x", { min: min + by, max: max + by });
+    }
+  };
+
+  const open = (figure) => {
+    const link = figure.querySelector("a[download]");
+    const name = figure.dataset.name;
+    const live = document.createElement("div");
+    live.className = "live";
+    live.setAttribute("role", "group");
+    live.setAttribute("aria-label", `Figure: ${name}`);
+    figure.prepend(live);
+    figure.classList.add("is-live");
+    const table = read(link.href);
+    const plots = JSON.parse(figure.dataset.panels).map((panel) => {
+      const place = document.createElement("div");
+      place.className = "panel";
+      live.append(place);
+      const plot = draw(panel, table, place, name);
+      if (panel.linked) {
+        if (!groups.has(panel.linked)) groups.set(panel.linked, new Set());
+        const mates = groups.get(panel.linked);
+        const mate = mates.values().next().value;
+        mates.add(plot);
+        if (mate) plot.setScale("x", { min: mate.scales.x.min, max: mate.scales.x.max });
+      }
+      return plot;
+    });
+    const tools = document.createElement("p");
+    tools.className = "zoom";
+    // Plots that follow another one need no step of their own.
+    const leaders = () => [...new Map(plots.map((plot, at) => [plot.group || at, plot])).values()];
+    tools.append(
+      button("←", `Move left: ${name}`, () => shift(leaders(), -0.25)),
+      button("+", `Zoom in: ${name}`, () => zoom(leaders(), 0.5)),
+      button("−", `Zoom out: ${name}`, () => zoom(leaders(), 2)),
+      button("→", `Move right: ${name}`, () => shift(leaders(), 0.25)),
+      button("↔", `Whole range: ${name}`, () => leaders().forEach((plot) => plot.setScale("x", { min: plot.whole[0], max: plot.whole[1] }))),
+    );
+    live.prepend(tools);
+    const observer = new ResizeObserver(() => {
+      for (const plot of plots) {
+        const width = plot.root.parentElement.clientWidth;
+        if (width && width !== plot.width) plot.setSize({ width, height: plot.height });
+      }
+    });
+    observer.observe(live);
+    drawn.set(figure, { plots, observer, live });
+  };
+
+  const close = (figure) => {
+    const { plots, observer, live } = drawn.get(figure);
+    observer.disconnect();
+    for (const plot of plots) {
+      groups.get(plot.group)?.delete(plot);
+      plot.destroy();
+    }
+    live.remove();
+    drawn.delete(figure);
+  };
+
+  const figures = document.querySelectorAll("figure[data-panels]");
+  const near = new IntersectionObserver((entries) => {
+    for (const entry of entries) {
+      if (!entry.isIntersecting) continue;
+      near.unobserve(entry.target);
+      open(entry.target);
+    }
+  }, { rootMargin: NEAR });
+  figures.forEach((figure) => near.observe(figure));
+
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
+    for (const figure of [...drawn.keys()]) {
+      close(figure);
+      open(figure);
+    }
+  });
+})();
