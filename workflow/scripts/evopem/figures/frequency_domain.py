@@ -283,7 +283,7 @@ def draw_nyquist(response: pd.DataFrame, spectrum: pd.DataFrame, unit: str = "")
     step = max(1, len(points) // BINS)
     axes.plot(*points[::step].T, ".", color=MUTED, markersize=2.5, label="multitaper")
     axes.plot(*model.T, color=MODEL, linewidth=1.3, label="model G")
-    magnitudes = np.abs(model)
+    magnitudes = np.abs(model).max(axis=1)
     # At 0 Hz the response of an integrator is infinite, or as large as rounding makes it.
     if not magnitudes[0] < UNBOUNDED * magnitudes[1:].max(initial=0.0):
         magnitudes = magnitudes[1:]
