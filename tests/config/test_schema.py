@@ -7,6 +7,7 @@ from typing import Literal, get_args, get_origin, get_type_hints
 import pytest
 import yaml
 
+from evopem.config.constraints import Constraints
 from evopem.config.defaults import complete
 from evopem.config.settings import (
     ChannelSettings,
@@ -34,6 +35,7 @@ MAPPINGS = {
     "delay": DelaySettings,
     "orders": OrderSettings,
     "search": SearchSettings,
+    "constraints": Constraints,
 }
 
 
@@ -48,7 +50,8 @@ def test_the_keys_of_a_mapping_are_the_fields_of_its_settings(mapping, kind):
 
 
 def test_the_keys_of_a_data_set_are_its_source_and_its_analysis():
-    assert set(ANALYSIS_KEYS) == {"recipe", "purpose", "resample", "structure", "level", *MAPPINGS}
+    keys = {"recipe", "purpose", "resample", "structure", "level", "focus", *MAPPINGS}
+    assert set(ANALYSIS_KEYS) == keys
     source = names(RecordedSource, ChannelSettings, SyntheticSource) - {"channels"}
     assert set(KEYS["$defs"]["dataset"]["properties"]) == source | set(ANALYSIS_KEYS)
     assert set(KEYS["properties"]["defaults"]["properties"]) == set(ANALYSIS_KEYS)

@@ -8,11 +8,13 @@ from hypothesis import given
 from hypothesis import settings as examples
 from hypothesis import strategies as st
 
+from evopem.config.constraints import Constraints, FixedPole, Prior
 from evopem.config.defaults import complete
 from evopem.config.settings import (
     ChannelSettings,
     DatasetSettings,
     DelaySettings,
+    FitSettings,
     OrderGrid,
     OrderSettings,
     PreparationSettings,
@@ -57,6 +59,23 @@ sources = (
     )
     | st.builds(SyntheticSource, st.just("flexible_arm"), sampling_rate=rates)
 )
+bands = st.tuples(st.floats(0, 10), st.floats(10, 100))
+fits = st.builds(
+    FitSettings,
+    focus=st.sampled_from(["prediction", "simulation"]) | st.integers(1, 1000),
+    constraints=st.none()
+    | st.builds(
+        Constraints,
+        max_pole_radius=st.floats(0.5, 2),
+        forbidden_bands=st.lists(bands, max_size=2).map(tuple),
+        static_gain_bounds=st.none() | st.tuples(st.none(), st.floats(-9, 9)),
+        fixed_coefficients=st.dictionaries(st.sampled_from(["a1", "b0"]), st.floats(-9, 9)),
+        fixed_poles=st.lists(st.builds(FixedPole, st.floats(-1, 1)), max_size=2).map(tuple),
+        priors=st.lists(
+            st.builds(Prior, words, st.floats(-9, 9), st.floats(0.1, 9)), max_size=2
+        ).map(tuple),
+    ),
+)
 datasets = st.builds(
     DatasetSettings,
     name=st.from_regex(r"[a-z0-9][a-z0-9_-]{0,12}", fullmatch=True),
@@ -97,6 +116,7 @@ datasets = st.builds(
         max_root_radius=st.floats(0.5, 0.99999),
         n_initial_discard=st.integers(0, 1000),
     ),
+    fit=fits,
 )
 
 

@@ -28,6 +28,7 @@ from evopem.config.strict_yaml import check_yaml_files
 from evopem.config.structures import AUTOMATIC_PHASES, AUTOMATIC_STRUCTURES
 from evopem.errors import InputError
 from evopem.files.termination import interrupt_on_hangup
+from evopem.pipeline.planned_fits import check_planned_fits
 from evopem.pipeline.provider import FILES as files
 from evopem.pipeline.provider import Provider
 from evopem.results.layout import FIGURES, OVERVIEW, PHASES, DatasetFiles, check_folders
@@ -63,6 +64,7 @@ try:
         )
     )
     check_folders(provider.config.datasets)
+    check_planned_fits(provider.config.datasets, " and ".join(map(str, CONFIG_FILES)))
 except InputError as error:
     sys.exit(str(error))
 

@@ -2,7 +2,7 @@
 
 
 rule complete_model:
-    """Give the selected candidate its covariance, modes and frequency response."""
+    """Give the selected candidate its covariance, modes and responses, after its focus and constraints."""
     input:
         unpack(provider.chosen),
         phase=provider.last_selection,
@@ -34,12 +34,13 @@ rule complete_model:
         "../envs/evopem.yaml"
     threads: 1
     resources:
-        mem_mb=provider.reading_memory,
-        runtime=provider.reading_time,
+        mem_mb=provider.model_memory,
+        runtime=provider.model_time,
     params:
         window=provider.window,
         search=provider.settings("search"),
         phases=provider.phases,
+        fit=provider.settings("fit"),
         code=code("complete_model"),
     script:
         "../scripts/complete_model.py"

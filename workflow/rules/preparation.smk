@@ -25,6 +25,7 @@ rule prepare_signals:
     params:
         preparation=provider.settings("preparation"),
         requirements=provider.requirements,
+        fit=provider.fit_to_check,
         code=code("prepare_signals"),
     script:
         "../scripts/prepare_signals.py"

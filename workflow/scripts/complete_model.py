@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from evopem.config.settings import ScoringWindow, SearchSettings
+from evopem.config.settings import FitSettings, ScoringWindow, SearchSettings
 from evopem.files.job import job
 from evopem.files.json_form import from_json
 from evopem.pipeline.model import complete_model
@@ -18,4 +18,5 @@ with job(snakemake.log[0], snakemake.input, snakemake.output):
         from_json(SearchSettings, snakemake.params.search),
         from_json(ScoringWindow, window) if window else None,
         snakemake.params.phases,
+        from_json(FitSettings, snakemake.params.fit),
     )

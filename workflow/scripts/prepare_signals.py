@@ -2,7 +2,12 @@
 
 from typing import TYPE_CHECKING
 
-from evopem.config.settings import PreparationSettings, SampleRequirements
+from evopem.config.settings import (
+    FitSettings,
+    OrderGrid,
+    PreparationSettings,
+    SampleRequirements,
+)
 from evopem.files.job import job
 from evopem.files.json_form import from_json
 from evopem.pipeline.preparation import prepare_signals
@@ -17,4 +22,5 @@ with job(snakemake.log[0], snakemake.input, snakemake.output):
         from_json(PreparationSettings, snakemake.params.preparation),
         from_json(SampleRequirements, snakemake.params.requirements),
         has_validation_recording=bool(snakemake.input.get("validation_recording")),
+        fit=from_json(tuple[FitSettings, OrderGrid] | None, snakemake.params.fit),
     )

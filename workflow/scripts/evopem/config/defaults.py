@@ -11,6 +11,7 @@ import yaml
 
 from evopem.config.automatic_keys import built_in_keys, check_automatic_keys, laid_over
 from evopem.config.dataset_names import check_names
+from evopem.config.fit_keys import merged_fit
 from evopem.config.sample_sheet import Origin, expand, shard_of
 from evopem.config.schema import check_schema
 from evopem.config.settings import (
@@ -100,7 +101,7 @@ def _completed(config: Keys, origin: Origin, source: str) -> Configuration:
         _check_analysis(written, analysis, source, place)
         check_transforms(analysis, own_structure, source, place)
         _check_something_left(written, analysis, source, place)
-        datasets[name] = settings_of(name, own_source | analysis)
+        datasets[name] = settings_of(name, own_source | analysis | merged_fit(defaults, written))
     check_paths(config["datasets"], source)
     if "shard" in config:
         datasets = shard_of(datasets, config["shard"], source)
@@ -125,7 +126,7 @@ def _automatic(name: str, written: Keys, defaults: Keys, source: str) -> Dataset
     analysis = laid_over(laid_over(lowest, defaults), own)
     _check_analysis(written, analysis, source, place)
     _check_something_left(written, analysis, source, place)
-    return settings_of(name, own_source | analysis)
+    return settings_of(name, own_source | analysis | merged_fit(defaults, written))
 
 
 def _every_key(structure: Structure) -> dict[str, Any]:

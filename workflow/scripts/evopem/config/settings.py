@@ -8,6 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from evopem.config.constraints import Constraints
+
 Range = tuple[int, int]
 """Lower and upper end of a range of orders, both included."""
 
@@ -15,6 +17,7 @@ Synthesis = Literal["flexible_arm", "armax"]
 Structure = Literal["fir", "arx", "arma", "armax", "ararx", "ararmax", "oe", "bj", "general"]
 Objective = Literal["absolute", "quadratic"]
 Initialization = Literal["arx", "incremental_order"]
+Focus = Literal["prediction", "simulation"] | int
 Refine = Literal["worst", "all", "best", "random"]
 Recipe = Literal["auto", "chapter"]
 Purpose = Literal["auto", "simulation", "prediction", "modes"]
@@ -221,6 +224,26 @@ class SearchSettings:
 
 
 @dataclass(frozen=True)
+class FitSettings:
+    """What the model of the selected orders is fitted for, and what it must meet.
+
+    Attributes
+    ----------
+    focus : {"prediction", "simulation"} or int
+        Errors of one step, of simulation, or of predictions that many samples ahead.
+    constraints : Constraints, optional
+    """
+
+    focus: Focus = "prediction"
+    constraints: Constraints | None = None
+
+    @property
+    def changes_model(self) -> bool:
+        """Whether the selected candidate is estimated again."""
+        return self != FitSettings()
+
+
+@dataclass(frozen=True)
 class ScoringWindow:
     """The samples on which models are compared.
 
@@ -310,6 +333,7 @@ class DatasetSettings:
     spectrum: SpectrumSettings
     order_grid: OrderGrid
     search: SearchSettings
+    fit: FitSettings = FitSettings()
     automatic: AutomaticSettings | None = None
 
     @property

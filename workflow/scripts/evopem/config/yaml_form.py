@@ -10,6 +10,7 @@ from typing import Any
 import yaml
 
 from evopem.config.automatic_keys import automatic_content, automatic_keys
+from evopem.config.fit_keys import FIT_KEYS, keys_of_fit
 from evopem.config.settings import (
     ChannelSettings,
     DatasetSettings,
@@ -32,7 +33,7 @@ SYNTHESIS_KEYS = tuple(field.name for field in fields(SyntheticSource))
 GRID_KEYS = ("structure", "level", "delay", "orders")
 ANALYSIS_KEYS = (
     *("recipe", "purpose", "resample", "transforms", "split", "spectrum"),
-    *(*GRID_KEYS, "search"),
+    *(*GRID_KEYS, "search", *FIT_KEYS),
 )
 
 NO_RESAMPLING = "none"
@@ -66,6 +67,7 @@ def settings_of(name: str, keys: Keys) -> DatasetSettings:
         "order_grid": grid,
         "search": keys["search"],
         "automatic": automatic_content(keys) if automatic else None,
+        "fit": {key: keys[key] for key in FIT_KEYS if key in keys},
     }
     return from_json(DatasetSettings, content, f"datasets.{name}")
 
@@ -81,9 +83,10 @@ def keys_of(settings: DatasetSettings) -> dict[str, Any]:
     else:
         own = to_json(source)
     present = {key: value for key, value in own.items() if value is not None}
+    fit = keys_of_fit(settings.fit)
     if settings.automatic is not None:
-        return present | automatic_keys(settings, settings.automatic)
-    return present | {"recipe": "chapter"} | analysis_keys(settings.preparation, settings)
+        return present | automatic_keys(settings, settings.automatic) | fit
+    return present | {"recipe": "chapter"} | analysis_keys(settings.preparation, settings) | fit
 
 
 def analysis_keys(

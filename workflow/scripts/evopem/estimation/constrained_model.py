@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from evopem.config.constraints import Constraints, FixedPole
 from evopem.errors import InputError
-from evopem.estimation.constraint_checks import coefficient_index
 from evopem.estimation.pem.constrained_parameters import (
     ConstrainedParameters,
     Gain,
@@ -19,6 +18,7 @@ from evopem.estimation.pem.constrained_parameters import (
 )
 from evopem.estimation.pem.pole_region import UNBOUNDED_RADIUS, Band, PoleRegion
 from evopem.estimation.pem.priors import Priors, PriorTerm
+from evopem.models.constraint_checks import coefficient_index
 from evopem.models.structures import PolynomialOrders
 
 Array = NDArray[np.float64]

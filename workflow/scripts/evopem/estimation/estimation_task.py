@@ -12,6 +12,7 @@ from evopem.config.constraints import Constraints
 from evopem.config.settings import SearchSettings
 from evopem.estimation.pem.k_step_errors import KStepErrors
 from evopem.estimation.pem.polynomial_objective import PolynomialErrors
+from evopem.estimation.search.problem import SearchResult
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.structures import PolynomialOrders
 
@@ -21,7 +22,10 @@ Log = Callable[[str], None]
 
 @dataclass(frozen=True)
 class EstimationTask:
-    """A record, orders and settings, checked."""
+    """A record, orders and settings, checked.
+
+    ``optimum`` is that of one-step prediction without constraints, where it is known already.
+    """
 
     errors: PolynomialErrors
     structure: str
@@ -29,6 +33,7 @@ class EstimationTask:
     settings: SearchSettings
     constraints: Constraints
     log: Log | None
+    optimum: SearchResult | None = None
 
     @property
     def orders(self) -> PolynomialOrders:

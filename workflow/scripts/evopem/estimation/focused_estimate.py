@@ -11,7 +11,6 @@ from threadpoolctl import threadpool_limits
 
 from evopem.config.constraints import Constraints
 from evopem.config.settings import ScoringWindow, SearchSettings
-from evopem.estimation.constraint_checks import check_constraints
 from evopem.estimation.estimation_task import (
     EstimationTask,
 )
@@ -21,12 +20,13 @@ from evopem.estimation.polynomial_estimate import (
     check_record,
 )
 from evopem.estimation.prediction_estimate import prediction_estimate
+from evopem.estimation.search.problem import SearchResult
 from evopem.estimation.simulation_estimate import simulation_estimate
+from evopem.models.constraint_checks import Focus, check_fit
 from evopem.models.structures import PolynomialOrders, orders_of
 
 Array = NDArray[np.float64]
 Log = Callable[[str], None]
-Focus = str | int
 
 
 def estimate_focused(
@@ -41,6 +41,7 @@ def estimate_focused(
     level: bool = False,
     focus: Focus = "prediction",
     constraints: Constraints | None = None,
+    optimum: SearchResult | None = None,
     log: Log | None = None,
 ) -> PolynomialEstimate:
     """Find the polynomial model with the smallest errors in focus that meets constraints.
@@ -52,6 +53,8 @@ def estimate_focused(
     focus : {"prediction", "simulation"} or int
         Errors of one step, of simulation, or of predictions that many samples ahead.
     constraints : Constraints, optional
+    optimum : SearchResult, optional
+        Of one-step prediction without constraints, to start from instead of searching it.
 
     Returns
     -------
@@ -78,10 +81,8 @@ def estimate_focused(
         raise ValueError(f"structure {structure!r} with nb = {o.nb} needs an input")
     u = np.zeros_like(y) if input is None else np.ascontiguousarray(input, dtype=float)
     window = window or ScoringWindow(o.first_residual, o.first_residual)
-    horizon = _horizon(focus, o)
     check_record(u, y, o, settings, window)
-    if constraints is not None:
-        check_constraints(constraints, o, sampling_rate)
+    horizon = check_fit(focus, constraints, o, sampling_rate)
     radius = settings.max_root_radius
     errors = PolynomialErrors(
         u,
@@ -95,7 +96,7 @@ def estimate_focused(
         level,
     )
     known = constraints or Constraints()
-    task = EstimationTask(errors, structure, sampling_rate, settings, known, log)
+    task = EstimationTask(errors, structure, sampling_rate, settings, known, log, optimum)
     # The bits of a result must not depend on how many threads the machine's BLAS would take.
     with threadpool_limits(limits=1, user_api="blas"):
         found = (
@@ -103,20 +104,3 @@ def estimate_focused(
         )
     effect = found.constraints if constraints is not None else None
     return replace(found, focus=focus, constraints=effect)
-
-
-def _horizon(focus: Focus, orders: PolynomialOrders) -> int | None:
-    """Samples ahead; None for simulation where that differs from prediction."""
-    whole = isinstance(focus, int) and not isinstance(focus, bool) and focus >= 1
-    if not whole and focus not in ("prediction", "simulation"):
-        raise ValueError(
-            f'focus must be "prediction", "simulation" or a number of samples, not {focus!r}'
-        )
-    if focus == "simulation" and orders.nb == 0:
-        raise ValueError("a model without input has nothing to simulate; use focus='prediction'")
-    if orders.na == 0 and orders.nc == 0 and orders.nd == 0:
-        # The noise is white: predictions are simulations, whatever the horizon.
-        return 1
-    if focus == "simulation":
-        return None
-    return int(focus) if whole else 1

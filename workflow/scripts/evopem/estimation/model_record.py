@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.config.settings import ScoringWindow, SearchSettings
+from evopem.config.settings import FitSettings, ScoringWindow, SearchSettings
 from evopem.errors import InputError
 from evopem.estimation.criteria import Criteria
 from evopem.estimation.polynomial_estimate import PolynomialEstimate
@@ -48,6 +48,39 @@ class SearchRecord:
     settings: SearchSettings
     diagnostics: SearchDiagnostics
     at_stability_bound: bool
+
+
+@dataclass(frozen=True)
+class FitRecord:
+    """What a model was fitted for, and what its constraints cost.
+
+    Attributes
+    ----------
+    settings : FitSettings
+        Focus and constraints.
+    objective : float
+        Objective of the errors in focus, percent, priors not included.
+    objective_without : float, optional
+        The same at the optimum without the constraints.
+    active : tuple of str
+        Equalities, priors, and the inequalities at whose bound the model lies.
+    """
+
+    settings: FitSettings
+    objective: float
+    objective_without: float | None
+    active: tuple[str, ...]
+
+    @classmethod
+    def of(cls, estimate: PolynomialEstimate, settings: FitSettings) -> FitRecord:
+        """The record of an estimate."""
+        effect = estimate.constraints
+        return cls(
+            settings,
+            estimate.focus_objective,
+            effect.objective_without if effect else None,
+            effect.active if effect else (),
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,6 +122,8 @@ class ModelRecord:
         Version of this package.
     versions : dict
         Versions of the libraries behind the numbers.
+    fit : FitRecord, optional
+        Where the model was fitted with a focus or constraints.
     """
 
     orders: PolynomialOrders
@@ -118,6 +153,7 @@ class ModelRecord:
     transforms: Transforms
     evopem: str
     versions: dict[str, str]
+    fit: FitRecord | None = None
 
     @classmethod
     def of(
@@ -126,6 +162,7 @@ class ModelRecord:
         settings: SearchSettings,
         transforms: Transforms,
         level: LevelOfSimulation = "none",
+        fit: FitSettings | None = None,
     ) -> ModelRecord:
         """The record of an estimate."""
         model = estimate.model
@@ -158,6 +195,15 @@ class ModelRecord:
             evopem=__version__,
             versions={"python": platform.python_version()}
             | {library: version(library) for library in _LIBRARIES},
+            fit=FitRecord.of(estimate, fit) if fit and fit.changes_model else None,
+        )
+
+    @property
+    def may_be_unstable(self) -> bool:
+        """Whether constraints let poles lie on or outside the unit circle."""
+        constraints = self.fit.settings.constraints if self.fit else None
+        return constraints is not None and (
+            constraints.stability == "free" or bool(constraints.fixed_poles)
         )
 
     @property

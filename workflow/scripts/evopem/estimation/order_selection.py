@@ -9,10 +9,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from evopem.config.settings import ScoringWindow, SearchSettings
+from evopem.config.settings import FitSettings, ScoringWindow, SearchSettings
 from evopem.errors import InputError
 from evopem.estimation.candidate import Candidate, PhaseSelection
 from evopem.estimation.delay_refinement import Fit, refine_delay
+from evopem.estimation.focused_estimate import estimate_focused
 from evopem.estimation.polynomial_estimate import PolynomialEstimate
 from evopem.estimation.search.incremental_order import padded
 from evopem.estimation.search.problem import SearchResult, same_optimum
@@ -136,10 +137,36 @@ def reoptimize_from(
 
 
 def complete_estimate(
-    candidate: Candidate, data: Recording, settings: SearchSettings, window: ScoringWindow
+    candidate: Candidate,
+    data: Recording,
+    settings: SearchSettings,
+    window: ScoringWindow,
+    fit: FitSettings | None = None,
 ) -> PolynomialEstimate:
-    """The full estimate of a candidate, with residuals and covariance, without a search."""
+    """The full estimate of a candidate, with residuals and covariance, without a search.
+
+    With a focus or constraints, descents for these start from the candidate.
+
+    Raises
+    ------
+    InputError
+        When no model of the candidate's orders meets the constraints.
+    """
     orders, level = candidate.orders, candidate.with_level
+    if fit is not None and fit.changes_model:
+        return estimate_focused(
+            data.input if orders.nb else None,
+            data.output,
+            orders.structure,
+            orders,
+            data.sampling_rate,
+            settings=settings,
+            window=window,
+            level=level,
+            focus=fit.focus,
+            constraints=fit.constraints,
+            optimum=candidate.search,
+        )
     return described(candidate.search, data, orders, settings, window, level)
 
 

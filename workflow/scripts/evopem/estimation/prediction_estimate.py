@@ -45,7 +45,7 @@ from evopem.estimation.search.linear_completion import LINEAR_STEPS, solve_linea
 from evopem.estimation.search.memetic import memetic_search
 from evopem.estimation.search.multistart import multistart
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
-from evopem.estimation.search.problem import SearchResult
+from evopem.estimation.search.problem import SearchResult, descended
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomials import roots
 
@@ -64,8 +64,8 @@ def prediction_estimate(task: EstimationTask, horizon: int) -> tuple[PolynomialE
     problem, scales = scaled_problem(task.errors)
     scaled = problem.errors
     b_scale = float(scales[scaled.parts()["b"]][0]) if task.orders.nb else 1.0
-    free = _unconstrained(task, problem, horizon, b_scale)
     k_errors = errors_ahead(scaled, horizon)
+    # Before the search, because it refuses constraints that no model meets.
     parameters = constrained_parameters(
         task.constraints,
         task.orders,
@@ -75,6 +75,7 @@ def prediction_estimate(task: EstimationTask, horizon: int) -> tuple[PolynomialE
         b_scale,
     )
     priors = priors_of(task.constraints, parameters, task.orders, task.sampling_rate, b_scale)
+    free = _unconstrained(task, problem, horizon, b_scale, scales)
     k_residuals = scored_residuals(k_errors, free.point)
     deviation = loss_deviation(k_residuals, scaled.dimension, scaled.objective)
     if priors.terms and not np.isfinite(deviation):
@@ -120,12 +121,10 @@ def prediction_estimate(task: EstimationTask, horizon: int) -> tuple[PolynomialE
 
 
 def _unconstrained(
-    task: EstimationTask, problem: PolynomialProblem, horizon: int, b_scale: float
+    task: EstimationTask, problem: PolynomialProblem, horizon: int, b_scale: float, scales: Array
 ) -> SearchResult:
     """The optimum without constraints, but with unstable plants where these are allowed."""
-    found = memetic_search(
-        problem, task.settings, task.generator(0), task.log, recombine=problem.recombine
-    )
+    found = _one_step_optimum(task, problem, scales)
     if horizon == 1 and task.constraints.stability == "required":
         return found
     scaled = problem.errors
@@ -155,6 +154,19 @@ def _unconstrained(
     z = np.array([parameters.unbounded(parameters.coordinates(point)) for point in starts])
     found = multistart(constrained, z, found.value)
     return replace(found, point=constrained.points(found.point[None, :])[0])
+
+
+def _one_step_optimum(
+    task: EstimationTask, problem: PolynomialProblem, scales: Array
+) -> SearchResult:
+    """The optimum of one-step prediction: searched, or refined where it is known."""
+    if task.optimum is None:
+        return memetic_search(
+            problem, task.settings, task.generator(0), task.log, recombine=problem.recombine
+        )
+    # The search of ARMAX models counts other first residuals.
+    ended = descended(problem, task.optimum.point / scales)
+    return replace(ended, diagnostics=task.optimum.diagnostics)
 
 
 def _least_squares_start(errors: PolynomialErrors) -> Array:

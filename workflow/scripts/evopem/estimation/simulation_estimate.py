@@ -54,17 +54,14 @@ NO_SEARCH = SearchDiagnostics(0, 0, (), 0, 0, 0, 1.0, ())
 def simulation_estimate(task: EstimationTask) -> PolynomialEstimate:
     """The estimate for simulation errors: output error, then the noise model given the plant."""
     o, errors = task.orders, task.errors
-    if task.constraints.stability == "free":
-        raise InputError(
-            "constraints",
-            "simulation errors need a stable plant",
-            "fit for prediction, or fix the pole that is not stable",
-            "stability",
-        )
     of_plant, of_noise = _divided_constraints(task.constraints, o)
     plant_orders = PolynomialOrders(nb=o.nb, nf=o.na + o.nf, nk=o.nk)
     plant_task = replace(
-        task, errors=errors.of_orders(plant_orders), structure="oe", constraints=of_plant
+        task,
+        errors=errors.of_orders(plant_orders),
+        structure="oe",
+        constraints=of_plant,
+        optimum=None,
     )
     plant, fit = prediction_estimate(plant_task, 1)
     problem, scales = scaled_problem(errors)
@@ -104,18 +101,6 @@ def _divided_constraints(
         p for p in constraints.priors if p.quantity[0] in "cd" and p.quantity[1:].isdecimal()
     )
     plant_priors = tuple(p for p in constraints.priors if p not in noise_priors)
-    if orders.na and orders.nf:
-        named = [k for k in of_plant if k[0] in "af"]
-        named += [
-            p.quantity for p in plant_priors if p.quantity[0] in "af" and p.quantity[1:].isdecimal()
-        ]
-        if named:
-            raise InputError(
-                "constraints",
-                "a fit for simulation determines only the product of A and F",
-                "leave it out, or use a structure with one of the two",
-                named[0],
-            )
     if orders.na:
         of_plant = {f"f{k[1:]}" if k[0] == "a" else k: v for k, v in of_plant.items()}
         plant_priors = tuple(

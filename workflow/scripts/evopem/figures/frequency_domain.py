@@ -38,6 +38,8 @@ MOST_LABELS = 8
 # Labels closer than this share of the band would overlap.
 LABEL_WIDTH = 0.1
 PLANT, NOISE_FILTER = "model G", "noise filter H"
+# A response at 0 Hz that exceeds all others by this factor is that of an integrator.
+UNBOUNDED = 1e6
 
 
 def _thinned(table: pd.DataFrame, *columns: str) -> pd.DataFrame:
@@ -281,7 +283,11 @@ def draw_nyquist(response: pd.DataFrame, spectrum: pd.DataFrame, unit: str = "")
     step = max(1, len(points) // BINS)
     axes.plot(*points[::step].T, ".", color=MUTED, markersize=2.5, label="multitaper")
     axes.plot(*model.T, color=MODEL, linewidth=1.3, label="model G")
-    reach = 1.15 * float(np.abs(model).max(initial=0.0)) or 1.0
+    magnitudes = np.abs(model).max(axis=1)
+    # At 0 Hz the response of an integrator is infinite, or as large as rounding makes it.
+    if not magnitudes[0] < UNBOUNDED * magnitudes[1:].max(initial=0.0):
+        magnitudes = magnitudes[1:]
+    reach = 1.15 * float(magnitudes.max(initial=0.0)) or 1.0
     axes.set_xlim(-reach, reach)
     axes.set_ylim(-reach, reach)
     axes.set_aspect("equal")

@@ -356,7 +356,9 @@ class PolynomialModel:
     ) -> NDArray[np.complex128]:
         z = np.exp(-2j * np.pi * np.asarray(frequencies, dtype=float) / self.sampling_rate)
         polyval = np.polynomial.polynomial.polyval
-        return np.asarray(polyval(z, numerator) / polyval(z, denominator), dtype=complex)
+        # At a pole on the unit circle the response is infinite.
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray(polyval(z, numerator) / polyval(z, denominator), dtype=complex)
 
     def to_control(self):  # type: ignore[no-untyped-def]
         """``G`` as a discrete-time ``control.TransferFunction``; needs python-control.

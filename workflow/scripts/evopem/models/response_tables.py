@@ -57,6 +57,13 @@ def frequency_response_table(model: PolynomialModel) -> dict[str, Array]:
     }
 
 
+def _unwrapped(angles: Array) -> Array:
+    """Continuous angles, NaN where there is none, as at the frequency of an integrator."""
+    known, unwrapped = np.isfinite(angles), np.full(len(angles), np.nan)
+    unwrapped[known] = np.unwrap(angles[known])
+    return unwrapped
+
+
 def _response_columns(
     model: PolynomialModel, which: Filter, frequencies: Array
 ) -> dict[str, Array]:
@@ -70,7 +77,7 @@ def _response_columns(
         "gain": np.abs(response),
         "gain_lower": lower,
         "gain_upper": upper,
-        "phase_deg": np.degrees(np.unwrap(np.angle(response))),
+        "phase_deg": np.degrees(_unwrapped(np.angle(response))),
         "phase_se_deg": np.degrees(phase_error),
     }
 

@@ -60,7 +60,7 @@ def stages(
             if automatic
             else _stages_of_the_chapter(files, settings, log, cores)
         ),
-        "model": partial(complete_model, files, settings.search, window, phases),
+        "model": partial(complete_model, files, settings.search, window, phases, settings.fit),
         "candidates": partial(tabulate_candidates, files, phases),
         "validation": partial(validate_model, files, phase_of_orders_of(settings)),
         "summary": partial(summarize_dataset, files, phases),
@@ -80,6 +80,7 @@ def _stages_of_the_chapter(
             settings.preparation,
             sample_requirements(settings),
             _is_validated(settings),
+            (settings.fit, settings.order_grid) if settings.fit.changes_model else None,
         ),
         "spectrum": partial(estimate_spectrum, files, settings.spectrum),
     }

@@ -9,7 +9,7 @@ from typing import cast
 from evopem.automatic.chosen import window_of
 from evopem.automatic.preparation import PreparationPlan
 from evopem.automatic.remedies import Remedied
-from evopem.config.settings import Objective, ScoringWindow, SearchSettings
+from evopem.config.settings import FitSettings, Objective, ScoringWindow, SearchSettings
 from evopem.estimation.candidate import PhaseSelection
 from evopem.estimation.model_record import LevelOfSimulation, ModelRecord
 from evopem.estimation.order_selection import complete_estimate
@@ -30,8 +30,11 @@ def complete_model(
     search: SearchSettings,
     window: ScoringWindow | None,
     phases: Sequence[str],
+    fit: FitSettings,
 ) -> None:
     """Complete the selected candidate, and write it for evopem, MATLAB and spreadsheets.
+
+    With a focus or constraints, the model of its orders is estimated for these.
 
     Parameters
     ----------
@@ -40,6 +43,7 @@ def complete_model(
     window : ScoringWindow, optional
         None for the automatic recipe, whose decisions hold what is needed instead.
     phases : sequence of str
+    fit : FitSettings
     """
     selected = load(PhaseSelection, files.phase(phases[-1])).selected
     prepared = load_prepared(files.prepared, files.transforms)
@@ -49,12 +53,12 @@ def complete_model(
         search = replace(search, objective=cast("Objective", plan.objective))
         level = load(Remedied, files.decision("remedies")).choice.level
         estimate = complete_estimate(
-            selected, prepared.estimation, search, window_of(selected.orders)
+            selected, prepared.estimation, search, window_of(selected.orders), fit
         )
         estimate = replace(estimate, at_stability_bound=selected.at_stability_bound)
     else:
-        estimate = complete_estimate(selected, prepared.estimation, search, window)
-    save(ModelRecord.of(estimate, search, prepared.transforms, level), files.model)
+        estimate = complete_estimate(selected, prepared.estimation, search, window, fit)
+    save(ModelRecord.of(estimate, search, prepared.transforms, level, fit), files.model)
     save_model_mat(estimate.model, files.model_mat)
     write_table(files.modes, modes_table(estimate.model))
     write_table(files.frequency_response, frequency_response_table(estimate.model))

@@ -3,7 +3,13 @@
 from __future__ import annotations
 
 from evopem.config.order_grid import check_samples
-from evopem.config.settings import PreparationSettings, SampleRequirements
+from evopem.config.settings import (
+    FitSettings,
+    OrderGrid,
+    PreparationSettings,
+    SampleRequirements,
+)
+from evopem.pipeline.constraint_plan import check_fit
 from evopem.results.layout import DatasetFiles
 from evopem.signals.preparation import prepare, save_prepared
 from evopem.signals.recording import load_recording
@@ -15,14 +21,16 @@ def prepare_signals(
     settings: PreparationSettings,
     requirements: SampleRequirements,
     has_validation_recording: bool,
+    fit: tuple[FitSettings, OrderGrid] | None = None,
 ) -> None:
     """Make both signals stationary, and divide them for estimation and validation.
 
     Raises
     ------
     InputError
-        When a transform cannot be applied, too few samples are left for the order grid, or the
-        validation recording shares its samples with the estimation recording.
+        When a transform cannot be applied, too few samples are left for the order grid, the
+        constraints contradict the sampling rate of the recording, or the validation recording
+        shares its samples with the estimation recording.
     """
     place = f"datasets.{files.name}"
     recording = load_recording(files.recording)
@@ -31,4 +39,6 @@ def prepare_signals(
         check_independent(recording, validation, f"{place}.validation_file")
     prepared = prepare(recording, settings, validation, place)
     check_samples(requirements, prepared.estimation.samples, prepared.validation.samples, place)
+    if fit is not None:
+        check_fit(*fit, prepared.estimation.sampling_rate, place, "")
     save_prepared(prepared, files.prepared, files.transforms)

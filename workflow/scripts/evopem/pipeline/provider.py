@@ -24,6 +24,7 @@ from evopem.config.settings import (
 )
 from evopem.config.structures import AUTOMATIC_STRUCTURES, searched_structures
 from evopem.files.json_form import to_json
+from evopem.pipeline.constraint_plan import known_rate
 from evopem.results.layout import OVERVIEW, DatasetFiles
 from evopem.results.replaced_recordings import was_read_from
 
@@ -277,6 +278,12 @@ class Provider:
         """What a record must have for the largest candidate of its data set."""
         return to_json(order_grid.sample_requirements(self._of(wildcards)))
 
+    def fit_to_check(self, wildcards: Wildcards) -> object:
+        """Constraints and order grid, where constraints in Hz wait for the sampling rate."""
+        settings = self._of(wildcards)
+        waits = settings.fit.constraints is not None and known_rate(settings) is None
+        return to_json((settings.fit, settings.order_grid)) if waits else None
+
     def phase_grid(self, wildcards: Wildcards) -> object:
         """The part of the order grid that a phase uses."""
         grid = order_grid.grid_of_phase(wildcards.phase, self._of(wildcards).order_grid)
@@ -384,6 +391,18 @@ class Provider:
 
     def reading_time(self, wildcards: Wildcards, attempt: int) -> int:
         """Minutes of a job that reads a recording once."""
+        return resources.reading_time(self._of(wildcards), attempt)
+
+    def model_memory(self, wildcards: Wildcards, attempt: int) -> int:
+        """MB of the job that completes the model, and estimates it where there are constraints."""
+        if self._of(wildcards).fit.changes_model:
+            return resources.estimation_memory(self._of(wildcards), 1, attempt)
+        return resources.reading_memory(self._of(wildcards), attempt)
+
+    def model_time(self, wildcards: Wildcards, attempt: int) -> int:
+        """Minutes of that job."""
+        if self._of(wildcards).fit.changes_model:
+            return resources.estimation_time(self._of(wildcards), "joint", 1, 1, attempt)
         return resources.reading_time(self._of(wildcards), attempt)
 
     def estimation_memory(self, wildcards: Wildcards, threads: int, attempt: int) -> int:

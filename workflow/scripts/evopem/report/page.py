@@ -13,6 +13,7 @@ from evopem.figures.panels import as_json_form
 from evopem.figures.registry import REPORT_FIGURES, ReportFigure
 from evopem.report import chapter, equations, provenance
 from evopem.report.downloads import Download, csv_download
+from evopem.report.fit_table import constraint_rows, fit_sentences
 from evopem.report.inline_svg import inline_svg
 from evopem.report.mode_table import mode_rows
 from evopem.report.sentences.about_decisions import about_decisions, decision_rows
@@ -170,6 +171,8 @@ def build_report(
             ("python", "Python", equations.python(model)),
             ("json", "JSON", equations.as_json(model)),
         ],
+        constraints=constraint_rows(results.model.fit),
+        fit_sentences=fit_sentences(results.model.fit),
         checks=checks,
         passed=[check for check in checks if check.passed is True],
         failed=[check for check in checks if check.passed is False],

@@ -77,7 +77,7 @@ def multistart(errors: PredictionErrors, starts: Array, largest_value: float) ->
             restart_minima=tuple(float(minimum) for minimum in minima),
             n_confirming=count_confirming(tuple(minima.tolist()), value),
             n_local_optima=count_distinct(converged_values(descents)),
-            n_multistart=len(starts),
+            n_multistart=0,
             undiscovered_probability=1.0,
             convergence=((evaluations, value),),
         ),

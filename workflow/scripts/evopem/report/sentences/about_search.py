@@ -20,16 +20,16 @@ def search(results: DatasetResults) -> list[str]:
     sentences = [
         f"The search of {plural(len(results.candidates), 'candidate')} took {count(evaluations)}"
         " evaluations of the objective.",
-        *_convergence(diagnostics),
+        *([] if _descents_only(diagnostics) else _convergence(diagnostics)),
         f"Its objective (“{model.search.settings.objective}”) is"
         f" {percent(model.criteria.objective, 4)}, and the fit on the estimation samples"
         f" {percent(model.criteria.fit_percent, 4)}.",
         _restarts(diagnostics),
         "The descents that converged ended at"
         f" {plural(diagnostics.n_local_optima, 'local optimum', 'distinct local optima')}.",
-        _multistart(diagnostics),
+        *([] if _descents_only(diagnostics) else [_multistart(diagnostics)]),
     ]
-    if model.search.at_stability_bound:
+    if model.search.at_stability_bound and not model.may_be_unstable:
         sentences.append(
             "A root of A, C, D or F lies at the stability bound, the largest radius allowed: the"
             " bound determines it, and not the data."
@@ -56,8 +56,19 @@ def _convergence(diagnostics: SearchDiagnostics) -> list[str]:
     ]
 
 
+def _descents_only(diagnostics: SearchDiagnostics) -> bool:
+    """Whether a model was fitted without a search of its own, from one that was found before."""
+    return diagnostics.generations == 0
+
+
 def _restarts(diagnostics: SearchDiagnostics) -> str:
     others = diagnostics.n_restarts - 1
+    if _descents_only(diagnostics):
+        return (
+            "The model was then fitted for its focus and constraints by descents from"
+            f" {plural(diagnostics.n_restarts, 'point')};"
+            f" {diagnostics.n_confirming} beside the best ended at the same optimum."
+        )
     lead = f"The search had {plural(diagnostics.generations, 'generation')} in"
     if others < 1:
         return f"{lead} a single restart, so no other restart confirms the optimum."

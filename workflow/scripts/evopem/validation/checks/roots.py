@@ -29,12 +29,20 @@ DISTINCT = "Poles and zeros distinct"
 
 
 def stability(model: ModelRecord) -> Check:
-    """All poles of the plant, roots of A and F, inside the unit circle."""
-    return _inside_unit_circle(
+    """All poles of the plant, roots of A and F, inside the unit circle, unless allowed outside."""
+    check = _inside_unit_circle(
         "Stable",
         _letters(model, "af"),
         model.poles,
         "Do not simulate with this model. Estimate again with a smaller “search.max_root_radius”.",
+    )
+    if check.passed is not False or not model.may_be_unstable:
+        return check
+    return Check(
+        check.name,
+        None,
+        f"{check.statement} The constraints require or allow such a pole.",
+        "Errors of the initial state and of the input do not decay in a simulation.",
     )
 
 
@@ -84,6 +92,13 @@ def stability_bound(model: ModelRecord) -> Check:
         return Check(name, True, f"The model has no roots that could lie at {bound}.")
     if not model.search.at_stability_bound:
         return Check(name, True, f"No root of {letters} lies at {bound}.")
+    if model.may_be_unstable:
+        return Check(
+            name,
+            None,
+            f"A root of {letters} lies at or beyond {bound}, and the constraints fix or allow such"
+            " roots.",
+        )
     return Check(
         name,
         False,

@@ -9,6 +9,33 @@ from evopem.config.constraints import Constraints, FixedPole, Prior
 from evopem.errors import InputError
 from evopem.models.structures import PolynomialOrders
 
+Focus = str | int
+
+
+def check_fit(
+    focus: Focus, constraints: Constraints | None, orders: PolynomialOrders, sampling_rate: float
+) -> int | None:
+    """Refuse a focus and constraints that contradict each other or the orders.
+
+    Returns
+    -------
+    int or None
+        Samples ahead; None for simulation where that differs from prediction.
+
+    Raises
+    ------
+    InputError
+        Naming ``focus``, or ``constraints`` and a key of them.
+    ValueError
+        When the focus is none of those known.
+    """
+    horizon = _horizon(focus, orders)
+    if constraints is not None:
+        check_constraints(constraints, orders, sampling_rate)
+        if horizon is None:
+            _check_simulation(constraints, orders)
+    return horizon
+
 
 def check_constraints(
     constraints: Constraints, orders: PolynomialOrders, sampling_rate: float
@@ -37,6 +64,50 @@ def check_constraints(
         )
     for number, prior in enumerate(constraints.priors):
         _check_prior(prior, f"priors[{number}]", constraints, orders, sampling_rate)
+
+
+def _horizon(focus: Focus, orders: PolynomialOrders) -> int | None:
+    whole = isinstance(focus, int) and not isinstance(focus, bool) and focus >= 1
+    if not whole and focus not in ("prediction", "simulation"):
+        raise ValueError(
+            f'focus must be "prediction", "simulation" or a number of samples, not {focus!r}'
+        )
+    if focus == "simulation" and orders.nb == 0:
+        raise InputError(
+            "focus",
+            "a model without input has nothing to simulate",
+            "use prediction, or a number of samples",
+        )
+    if orders.na == 0 and orders.nc == 0 and orders.nd == 0:
+        # The noise is white: predictions are simulations, whatever the horizon.
+        return 1
+    if focus == "simulation":
+        return None
+    return int(focus) if whole else 1
+
+
+def _check_simulation(constraints: Constraints, orders: PolynomialOrders) -> None:
+    """Refuse what a fit for simulation, in two stages, cannot meet."""
+    if constraints.stability == "free":
+        raise _refused(
+            "stability",
+            "simulation errors need a stable plant",
+            "fit for prediction, or fix the pole that is not stable",
+        )
+    if not (orders.na and orders.nf):
+        return
+    named = [f"fixed_coefficients.{name}" for name in constraints.fixed_coefficients]
+    quantities = [prior.quantity for prior in constraints.priors]
+    named += [f"priors[{i}]" for i, name in enumerate(quantities) if name[1:].isdecimal()]
+    letters = [name[0] for name in constraints.fixed_coefficients]
+    letters += [name[0] for name in quantities if name[1:].isdecimal()]
+    for key, letter in zip(named, letters, strict=True):
+        if letter in "af":
+            raise _refused(
+                key,
+                "a fit for simulation determines only the product of A and F",
+                "leave it out, or use a structure with one of the two",
+            )
 
 
 def coefficient_index(name: str, orders: PolynomialOrders) -> tuple[str, int] | None:

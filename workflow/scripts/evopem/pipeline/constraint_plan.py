@@ -1,0 +1,100 @@
+"""Focus and constraints that contradict the orders of a search, refused before it.
+
+Nothing here imports numpy, so preparation does not depend on the code of estimation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from itertools import product
+
+from evopem.config.constraints import Constraints
+from evopem.config.order_grid import joint_orders, joint_range
+from evopem.config.settings import DatasetSettings, FitSettings, OrderGrid, RecordedSource
+from evopem.config.structures import phases_of
+from evopem.errors import InputError
+from evopem.models.constraint_checks import check_fit as check
+from evopem.models.structures import PolynomialOrders, orders_of
+
+
+def known_rate(settings: DatasetSettings) -> float | None:
+    """Sampling rate of the prepared samples in Hz; None where only the recording states it."""
+    source = settings.source
+    if settings.preparation.resample is not None:
+        return settings.preparation.resample
+    if isinstance(source, RecordedSource):
+        return source.channels.sampling_rate
+    return source.sampling_rate
+
+
+def check_fit(
+    fit: FitSettings, grid: OrderGrid, sampling_rate: float | None, source: str, place: str
+) -> None:
+    """Refuse a focus or constraints that some model of a grid cannot have.
+
+    Parameters
+    ----------
+    fit : FitSettings
+    grid : OrderGrid
+    sampling_rate : float or None
+        Hz; None leaves out what depends on it.
+    source : str
+        What holds the keys, for an error.
+    place : str
+        What leads to the keys, with a dot at its end, or nothing.
+
+    Raises
+    ------
+    InputError
+        Naming the key and the orders.
+    """
+    constraints = fit.constraints
+    if constraints is not None and sampling_rate is None:
+        constraints = _without_frequencies(constraints)
+    for orders in selectable_orders(grid):
+        with naming_key(orders, source, place):
+            check(fit.focus, constraints, orders, sampling_rate or 1.0)
+
+
+@contextmanager
+def naming_key(orders: PolynomialOrders, source: str, place: str) -> Iterator[None]:
+    """Give an error of the estimation, which names its argument, the key and the orders."""
+    try:
+        yield
+    except InputError as error:
+        key = ".".join(filter(None, (error.source, error.place)))
+        problem = error.problem
+        if str(orders) not in problem:
+            problem += f" (for {orders}, which the order search may select)"
+        raise InputError(source, problem, error.remedy, place + key) from None
+
+
+def selectable_orders(grid: OrderGrid) -> Iterator[PolynomialOrders]:
+    """The orders that a search may select: all joint orders, and the ends of the other ranges.
+
+    The comparison with neighbouring lags of B at its end may select another nb.
+    """
+    phases = phases_of(grid.structure)
+    joint = range(1, 2)
+    if "joint" in phases:
+        lower, upper = joint_range(grid.orders.joint, None)
+        joint = range(lower, upper + 1)
+    names = [phase for phase in phases if phase not in ("delay", "joint")]
+    ends = [sorted(set(getattr(grid.orders, name))) for name in names]
+    for k, *values in product(joint, *ends):
+        orders = joint_orders(k, grid) | dict(zip(names, values, strict=True))
+        if any(value for name, value in orders.items() if name != "nk"):
+            yield orders_of(grid.structure, orders)
+
+
+def _without_frequencies(constraints: Constraints) -> Constraints:
+    """The constraints whose meaning does not depend on the sampling rate."""
+    return replace(
+        constraints,
+        frequency_band=None,
+        forbidden_bands=(),
+        fixed_poles=tuple(pole for pole in constraints.fixed_poles if pole.real is not None),
+        priors=tuple(p for p in constraints.priors if p.quantity not in ("frequency", "damping")),
+    )

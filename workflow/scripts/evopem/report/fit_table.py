@@ -1,0 +1,106 @@
+"""What the model was fitted for, its constraints, and what these cost."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from evopem.config.constraints import Constraints, FixedPole, Prior
+from evopem.estimation.model_record import FitRecord
+from evopem.report.numbers import number, percent, plural
+
+
+@dataclass(frozen=True)
+class ConstraintRow:
+    """A constraint as the report shows it: its key, its value with unit, and its effect."""
+
+    key: str
+    value: str
+    effect: str
+
+
+def constraint_rows(fit: FitRecord | None) -> list[ConstraintRow]:
+    """List the constraints that were given for a model."""
+    if fit is None or fit.settings.constraints is None:
+        return []
+    return [
+        ConstraintRow(key, value, _effect(key, fit.active))
+        for key, value in _values(fit.settings.constraints)
+    ]
+
+
+def fit_sentences(fit: FitRecord | None) -> list[str]:
+    """The focus, and what all constraints together cost in fit."""
+    if fit is None:
+        return []
+    sentences = []
+    focus = fit.settings.focus
+    if focus != "prediction":
+        ahead = f"of predictions {plural(focus, 'sample')} ahead" if isinstance(focus, int) else ""
+        sentences.append(
+            "The order search compared models fitted for one-step prediction. The model of the"
+            f" selected orders was then fitted for small errors {ahead or 'of simulation'}:"
+            f" their objective is {percent(fit.objective, 4)} on the estimation samples."
+        )
+    if fit.settings.constraints is not None:
+        sentences.append(
+            "The order search did not know the constraints; the model of the selected orders meets"
+            f" them. Its objective is {percent(fit.objective, 5)}; without them it is"
+            f" {percent(fit.objective_without, 5)}."
+            " Standard errors are zero across active constraints and count a prior as an"
+            " observation."
+        )
+    return sentences
+
+
+def _effect(key: str, active: tuple[str, ...]) -> str:
+    if key.startswith("priors"):
+        return "weighted"
+    if key in active or key.partition("[")[0] in active:
+        return "active"
+    return "not active"
+
+
+def _values(constraints: Constraints) -> Iterator[tuple[str, str]]:
+    """The constraints that were given, with their units."""
+    c = constraints
+    if c.stability == "free":
+        yield "stability", "free"
+    if c.max_pole_radius is not None:
+        yield "max_pole_radius", number(c.max_pole_radius)
+    if c.min_damping_ratio is not None:
+        yield "min_damping_ratio", number(c.min_damping_ratio)
+    if c.frequency_band is not None:
+        yield "frequency_band", _band(c.frequency_band)
+    if c.forbidden_bands:
+        yield "forbidden_bands", "; ".join(map(_band, c.forbidden_bands))
+    if c.real_poles != "any":
+        yield "real_poles", c.real_poles
+    if c.static_gain is not None:
+        yield "static_gain", f"{number(c.static_gain)} (output/input)"
+    if c.static_gain_bounds is not None:
+        lower, upper = ("none" if each is None else number(each) for each in c.static_gain_bounds)
+        yield "static_gain_bounds", f"{lower} to {upper} (output/input)"
+    for name, value in c.fixed_coefficients.items():
+        yield f"fixed_coefficients.{name}", number(value)
+    if c.fixed_poles:
+        yield "fixed_poles", "; ".join(map(_pole, c.fixed_poles))
+    for index, prior in enumerate(c.priors):
+        yield f"priors[{index}]", _prior(prior)
+
+
+def _band(band: tuple[float, float]) -> str:
+    return f"{number(band[0])} to {number(band[1])} Hz"
+
+
+def _pole(pole: FixedPole) -> str:
+    if pole.real is not None:
+        return f"z = {number(pole.real)}"
+    return f"{number(pole.frequency_hz)} Hz, damping ratio {number(pole.damping_ratio)}"
+
+
+def _prior(prior: Prior) -> str:
+    unit = " Hz" if prior.quantity == "frequency" else ""
+    mode = "" if prior.mode_hz is None else f" of the mode near {number(prior.mode_hz)} Hz"
+    known = f"{number(prior.mean)} ± {number(prior.standard_deviation)}{unit}"
+    return f"{prior.quantity}{mode}: {known}"
