@@ -10,6 +10,7 @@ from scipy.signal import lfilter
 from evopem.automatic.preparation import decide_preparation, prepare
 from evopem.errors import InputError
 from evopem.signals.recording import Recording
+from evopem.synthesis.flexible_arm import flexible_arm
 
 
 def choices(plan):
@@ -84,6 +85,14 @@ def test_decimation_of_an_oversampled_record_is_scored():
     scores = {each.name: each.score for each in decision.alternatives}
     assert len(scores) > 1
     assert scores[decision.choice] <= 1.05 * min(scores.values())
+
+
+def test_an_output_that_drifts_is_not_taken_for_oversampled():
+    """Nearly all power of the arm's output is drift below 1 Hz; its modes reach up to 37 Hz."""
+    recording, _ = flexible_arm(1, 4000)
+    decision = decide_preparation([recording]).decisions[2]
+    assert decision.choice == "1"
+    assert "coherent up to 0.4" in decision.sentence
 
 
 def test_a_plan_is_applied_at_the_lower_rate():

@@ -18,6 +18,7 @@ from evopem.errors import InputError
 from evopem.estimation.criteria import power_of_two_scale
 from evopem.models.structures import PolynomialOrders
 from evopem.signals.recording import MAX_DESIGNED_LEVELS, Recording
+from evopem.signals.spectral.frequency_response import multitaper_frequency_response
 
 Array = NDArray[np.float64]
 
@@ -27,6 +28,8 @@ SHORTEST_STRETCH = 20
 # sampling rate, by factors that leave LEAST_SAMPLES samples.
 POWER_SHARE, OVERSAMPLED = 0.999, 8.0
 BANDS = 20
+# Bands in which the coherence is judged, and the share of lines that exceed its limit by chance.
+COHERENCE_BANDS, COHERENT_BY_CHANCE = 40, 0.01
 FACTORS = (2, 4, 5, 8, 10, 16, 20)
 LEAST_SAMPLES = 200
 # Decimation must pay: relative gain of the simulation error.
@@ -381,7 +384,15 @@ def _decide_decimation(stretches: Sequence[Stretch]) -> tuple[int, Decision]:
     samples = total_samples(stretches)
     largest = 1.0 / (OVERSAMPLED / 2.0 * max(edge, 1e-9))
     factors = [f for f in FACTORS if f <= largest and samples / f >= LEAST_SAMPLES]
-    factors = factors[-MOST_FACTORS:]
+    coherent = _coherence_edge(stretches) if factors else 0.0
+    if factors and factors[0] * coherent > 0.5:
+        sentence = (
+            f"Input and output are coherent up to {coherent:.3g} of the sampling rate, though "
+            f"{100 * POWER_SHARE:g} % of the output's power lie below {edge:.3g} of it: a lower "
+            "rate would lose dynamics."
+        )
+        return 1, Decision("decimation", "1", (Alternative("1", np.nan),), criterion, sentence)
+    factors = [f for f in factors if f * coherent <= 0.5][-MOST_FACTORS:]
     if not factors:
         sentence = (
             f"{100 * POWER_SHARE:g} % of the output's power reach up to {edge:.3g} of the sampling "
@@ -412,6 +423,30 @@ def _power_edge(stretches: Sequence[Stretch]) -> float:
     above = np.cumsum(power - floor)
     reached = np.flatnonzero(above >= POWER_SHARE * above[-1])
     return float(reached[0] / len(y)) if len(reached) else 0.5
+
+
+def _coherence_edge(stretches: Sequence[Stretch]) -> float:
+    """Upper end of the highest band where input and output are coherent, as a share of the rate.
+
+    A band is coherent where more than half of its lines exceed what independent signals exceed in
+    1 % (Thomson 1982).  An output that drifts has nearly all its power far below the frequencies of
+    its modes; coherence does not depend on power.  0 where no band is coherent.
+    """
+    longest = max(stretches, key=lambda each: each.samples)
+    try:
+        found = multitaper_frequency_response(
+            longest.input - longest.input.mean(),
+            longest.output - longest.output.mean(),
+            1.0,
+            nfft=max(8192, 1 << (longest.samples - 1).bit_length()),
+        )
+    except InputError:
+        return 0.0
+    tapers = np.maximum(found.degrees_of_freedom / 2.0, 1.5)
+    above = found.coherence > 1.0 - COHERENT_BY_CHANCE ** (1.0 / (tapers - 1.0))
+    bands = np.array_split(above, COHERENCE_BANDS)
+    coherent = [number for number, band in enumerate(bands, 1) if np.mean(band) > 0.5]
+    return 0.5 * max(coherent, default=0) / COHERENCE_BANDS
 
 
 def _decimated_error(stretches: Sequence[Stretch], factor: int) -> float:
