@@ -16,6 +16,7 @@ import yaml
 from evopem.config.dataset_names import RESULTS_FOLDER
 from evopem.config.defaults import complete
 from evopem.config.environment import check_environment, job_environment
+from evopem.config.order_grid import phases_of_dataset
 from evopem.config.schema import schema_file
 from evopem.config.settings import DatasetSettings, RecordedSource
 from evopem.config.strict_yaml import check_yaml_files
@@ -147,7 +148,7 @@ def _identify(arguments: argparse.Namespace) -> int:
     from evopem.terminal.results_text import results_text
 
     progress = ProgressLine(sys.stderr)
-    phases = files.phases(settings.order_grid.structure)
+    phases = [files.phase(each) for each in phases_of_dataset(settings)]
     outputs = [*files.results, *files.pages, files.recording, files.prepared, *phases]
     try:
         with job(files.log("identification"), (), outputs, ends_with_parent=False) as logger:
