@@ -101,7 +101,7 @@ def judged(tmp_path_factory):
 
 
 @pytest.mark.parametrize("name", REPRESENTATIVE)
-def test_a_run_says_the_sentence_once_and_searches_nothing(judged, name):
+def test_a_run_says_the_sentence_when_it_fails_and_at_its_end_and_searches_nothing(judged, name):
     folder, run, _ = judged
     results = folder.results / name
     logs = [log.read_text() for log in (results / "logs").glob("*.log")]
@@ -111,7 +111,7 @@ def test_a_run_says_the_sentence_once_and_searches_nothing(judged, name):
     # Not counting the log with its times, which is shown as well. Snakemake writes its own messages
     # in pieces: a sentence may stand behind the first one.
     said = re.findall(rf"(?<!\d\d:\d\d:\d\d ){re.escape(sentence)}\n", run.stdout)
-    assert len(said) == 1
+    assert len(said) == 2
     assert not (results / "phases").exists()
 
 

@@ -39,7 +39,7 @@ def print_results():
     if not names:
         return
     from evopem.results.fleet import read_entry
-    from evopem.terminal.results_text import run_text
+    from evopem.terminal.results_text import run_text, show
 
     left = datasets_of(workflow.dag.needrun_jobs())
     entries = {
@@ -49,4 +49,4 @@ def print_results():
         for name in provider.config.datasets
         if name in names
     }
-    print(f"\n{run_text(entries, provider.page, provider.lists)}\n", flush=True)
+    show(f"\n{run_text(entries, provider.page, provider.lists)}\n")

@@ -110,7 +110,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--config",
         metavar="YAML",
-        help="a config.yaml whose `defaults:` are used in place of the built-in settings",
+        help="a config.yaml whose `defaults:` are used in place of the automatic recipe",
     )
     return parser
 
@@ -145,7 +145,7 @@ def _identify(arguments: argparse.Namespace) -> int:
     _check_folder(files, settings)
     from evopem.pipeline.identification import identify_recording
     from evopem.results.dataset import read_dataset_results
-    from evopem.terminal.results_text import results_text
+    from evopem.terminal.results_text import results_text, show
 
     progress = ProgressLine(sys.stderr)
     phases = [files.phase(each) for each in phases_of_dataset(settings)]
@@ -162,7 +162,7 @@ def _identify(arguments: argparse.Namespace) -> int:
             )
     finally:
         progress.close()
-    print(results_text(read_dataset_results(files, settings), files.report))
+    show(results_text(read_dataset_results(files, settings), files.report))
     return 0
 
 
@@ -197,9 +197,12 @@ def _settings(arguments: argparse.Namespace) -> DatasetSettings:
     keys |= {} if arguments.time is None else {"time": arguments.time}
     name = dataset_name(Path(arguments.file))
     content: dict[str, Any] = {"datasets": {name: keys}}
-    defaults = _defaults(arguments.config)
-    if defaults is not None:
-        content["defaults"] = defaults
+    if arguments.config is None:
+        content["defaults"] = {"recipe": "auto"}
+    else:
+        defaults = _defaults(arguments.config)
+        if defaults is not None:
+            content["defaults"] = defaults
     try:
         return complete(content, schema_file(), arguments.config or "evopem").datasets[name]
     except InputError as error:
@@ -210,9 +213,7 @@ def _settings(arguments: argparse.Namespace) -> DatasetSettings:
         raise InputError(option, error.problem, error.remedy) from None
 
 
-def _defaults(path: str | None) -> Any:
-    if path is None:
-        return None
+def _defaults(path: str) -> Any:
     if not Path(path).exists():
         raise InputError(path, "there is no such file", "correct the path after --config")
     check_yaml_files([path])

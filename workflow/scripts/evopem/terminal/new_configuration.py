@@ -25,9 +25,11 @@ _HEAD = """\
 # Written by `evopem init` from what the files hold. Check input, output and sampling rate of each
 # data set, remove what is no recording of yours, and run, in this folder:
 #   snakemake --snakefile PATH/Snakefile --directory .
-# where PATH is the checkout of evopem. Keys that are left out have built-in values; those of the
-# analysis (resample, transforms, split, spectrum, delay, orders, search) may also stand under
-# `defaults:` for all data sets.
+# where PATH is the checkout of evopem. What no key says is decided from the recording. Keys of the
+# analysis (such as structure, resample, split) decide it instead, for one data set or, under
+# `defaults:`, for all.
+defaults:
+  recipe: auto
 datasets:
 """
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 import textwrap
 from collections.abc import Mapping, Sequence
 
@@ -18,6 +19,20 @@ _WIDTH = 96
 _SHOWN_WHOLE = 3
 """Up to so many data sets are shown with their modes, more with a line each."""
 _SHOWN = 40
+_PLAIN = str.maketrans(
+    {"\u202f": " ", "\u2009": " ", "\u00a0": " ", "\u2212": "-", "\u2013": "-", "\u00b1": "+-"}
+    | {"\u201c": '"', "\u201d": '"', "\u2019": "'", "\u2026": "..."}
+)
+
+
+def show(text: str) -> None:
+    """Print text; characters that the terminal's encoding lacks become the nearest ones it has."""
+    encoding = sys.stdout.encoding or "utf-8"
+    try:
+        text.encode(encoding)
+    except UnicodeEncodeError:
+        text = text.translate(_PLAIN).encode(encoding, "replace").decode(encoding)
+    print(text, flush=True)
 
 
 def results_text(results: DatasetResults, page: str) -> str:
