@@ -22,8 +22,8 @@ from evopem.files.termination import interrupt_on_hangup
 interrupt_on_hangup()
 job = subprocess.Popen([sys.executable, "-c", sys.argv[1]], stdout=subprocess.PIPE)
 job.stdout.readline()
-print(job.pid, flush=True)
 try:
+    print(job.pid, flush=True)
     time.sleep(60)
 except KeyboardInterrupt:
     sys.exit(3)
