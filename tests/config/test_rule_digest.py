@@ -107,7 +107,7 @@ def test_scripts_reach_their_part_of_the_package_and_no_more():
         (
             "signals/spectral/multitaper.py",
             {"estimate_spectrum"},
-            {"prepare_signals", "estimate_candidates", "complete_model"},
+            {"prepare_signals", "estimate_candidates"},
         ),
         ("figures/style.py", {"draw_figures"}, {"estimate_spectrum", "validate_model"}),
         ("validation/scores.py", {"validate_model"}, {"estimate_candidates", "complete_model"}),

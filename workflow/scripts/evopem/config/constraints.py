@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -91,7 +90,7 @@ class Constraints:
     real_poles: Literal["any", "positive", "none"] = "any"
     static_gain: float | None = None
     static_gain_bounds: tuple[float | None, float | None] | None = None
-    fixed_coefficients: Mapping[str, float] = field(default_factory=dict)
+    fixed_coefficients: dict[str, float] = field(default_factory=dict)
     fixed_poles: tuple[FixedPole, ...] = ()
     priors: tuple[Prior, ...] = ()
 

@@ -333,8 +333,8 @@ class DatasetSettings:
     spectrum: SpectrumSettings
     order_grid: OrderGrid
     search: SearchSettings
-    fit: FitSettings = FitSettings()
     automatic: AutomaticSettings | None = None
+    fit: FitSettings = FitSettings()
 
     @property
     def recipe(self) -> Recipe:
