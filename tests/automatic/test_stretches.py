@@ -1,12 +1,14 @@
 """Stretches, folds, and one model fitted to several stretches."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from records import error_percent, output_error_record
 from scipy.optimize import approx_fprime
 
 from evopem.automatic.fit import FitSettings, fit
-from evopem.automatic.simulation import simulated, with_level_as_state
+from evopem.automatic.simulation import simulated
 from evopem.automatic.stretch_errors import StretchErrors
 from evopem.automatic.stretches import Stretch, folds_of, total_samples
 from evopem.estimation.pem.polynomial_objective import PolynomialErrors
@@ -80,6 +82,19 @@ def test_an_integrator_is_fitted_and_simulated():
     held = Stretch(u[300:], y[300:])
     assert abs(found.model.poles()[0]) > 0.99
     assert error_percent(held.output, simulated(found.model, held, free_level=True)) < 20.0
+
+
+def with_level_as_state(model):
+    """The same model with ``1 - q^-1`` in numerator and denominator, and no level.
+
+    The further state is a constant, fitted along by the estimate of the initial state.
+    """
+    difference = np.array([1.0, -1.0])
+    b = np.convolve(model.b, difference)
+    if model.orders.nf or not model.orders.na:
+        return replace(model, b=b, f=np.convolve(model.f, difference), level=0.0)
+    a, c = np.convolve(model.a, difference), np.convolve(model.c, difference)
+    return replace(model, a=a, b=b, c=c, level=0.0)
 
 
 @pytest.mark.parametrize("orders", [(0, 2, 0, 0, 2, 1), (2, 2, 1, 0, 0, 1)])

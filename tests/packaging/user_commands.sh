@@ -72,11 +72,14 @@ columns = np.column_stack([recording.input, recording.output])
 np.savetxt("recorded/data.csv", columns, delimiter=",", header="u,y", comments="")
 PYTHON
 cd recorded
-evopem data.csv --input u --output y --rate 100 --config ../own/config.yaml | tee printed.txt
-grep --quiet "report  results/data/report.html" printed.txt
-[[ -s results/data/report.html ]]
+for settings in "" "--config ../own/config.yaml"; do
+    # shellcheck disable=SC2086 - no settings are no argument
+    evopem data.csv --input u --output y --rate 100 $settings | tee printed.txt
+    grep --quiet "report  results/data/report.html" printed.txt
+    [[ -s results/data/report.html ]]
+    rm -r results
+done
 say "evopem init FOLDER"
-rm -r results
 evopem init .
 grep --quiet "file: data.csv" config.yaml
 say "Every command succeeded."

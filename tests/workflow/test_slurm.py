@@ -164,10 +164,10 @@ def test_a_run_that_is_stopped_leaves_no_job_and_goes_on_later(runs):
             (number,) = jobs_of(folder)
             subprocess.run(["scancel", number], check=True)
         os.killpg(runs.running["cancelled"].pid, signal.SIGINT)
-        _, code = runs.end("cancelled", seconds=60)
+        _, code = runs.end("cancelled")
         assert code != 0
-        until(lambda: not jobs_of(folder), "the end of all jobs", seconds=60)
-        until(lambda: script_of(folder) is None, "the end of all processes", seconds=60)
+        until(lambda: not jobs_of(folder), "the end of all jobs")
+        until(lambda: script_of(folder) is None, "the end of all processes")
         assert not (folder.results / "truth" / "model.json").exists()
         runs.start("cancelled", ONE_JOB, *ON_SLURM)
     output, code = runs.end("cancelled")
@@ -205,7 +205,7 @@ def test_an_array_job_takes_a_fleet_in_shards(runs, recorded):
     array_job = [str(ROOT / "profiles" / "slurm" / "array_job.sh"), "2", "--time=5", "--mem=1000"]
     runs.folders["fleet"] = folder
     runs.start("fleet", config, command=array_job)
-    output, code = runs.end("fleet", seconds=60)
+    output, code = runs.end("fleet")
     assert code == 0, output
     until(lambda: not jobs_of(folder), "the end of the array job", seconds=240)
     with (folder.results / "fleet.csv").open() as stream:

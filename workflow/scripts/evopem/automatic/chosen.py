@@ -44,18 +44,6 @@ def window_of(orders: PolynomialOrders) -> ScoringWindow:
     return ScoringWindow(orders.first_residual, orders.first_residual)
 
 
-def in_prepared_units(model: PolynomialModel, record: PreparedRecord) -> PolynomialModel:
-    """A model of scaled stretches as a model of the prepared samples."""
-    plan = record.plan
-    return replace(
-        model,
-        b=model.b * (plan.output_scale / plan.input_scale),
-        level=model.level * plan.output_scale,
-        noise_variance=model.noise_variance * plan.output_scale**2,
-        sampling_rate=record.sampling_rate,
-    )
-
-
 def select_structure(
     candidates: Sequence[ScoredCandidate],
     chosen: ScoredCandidate,
@@ -137,7 +125,7 @@ def estimate_chosen(
     best = fit_at(errors, result.point, searched.structure).model
     if remedied.plant_kept:
         best = replace(best, c=chosen.model.c, d=chosen.model.d, structure=orders.structure)
-    candidate = _on_longest_stretch(in_prepared_units(best, record), orders, result, search, data)
+    candidate = _on_longest_stretch(record.in_its_units(best), orders, result, search, data)
     lower = known.value - result.value
     reason = f"{orders} was chosen among all structures, and searched globally: " + (
         f"its objective fell by {lower:.2g} percentage points."
@@ -194,7 +182,7 @@ def _described(
     scored: ScoredCandidate, record: PreparedRecord, data: Recording, first_scored: int
 ) -> Candidate:
     """A candidate of a structure's search with its criteria on the longest stretch."""
-    model = in_prepared_units(scored.model, record)
+    model = record.in_its_units(scored.model)
     objective = record.plan.objective
     plant, noise = estimate_prediction_states(model, data.input, data.output)
     residuals = model.residuals(data.input, data.output, plant, noise)

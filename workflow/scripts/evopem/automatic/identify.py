@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import get_args
 
 import numpy as np
@@ -14,7 +14,6 @@ from evopem.automatic.decision import Decision
 from evopem.automatic.folds import decide_folds
 from evopem.automatic.orders import (
     NESTED,
-    Candidate,
     Scorer,
     StructureSearch,
     decide_delay,
@@ -199,7 +198,7 @@ def identify_recordings(
         remedied = act_on_checks(scorer, comparison.choice(purpose))
     choice = remedied.choice
     return Identification(
-        model=recorded_units(choice.candidate, prepared),
+        model=prepared.in_its_units(choice.candidate.model),
         choice=choice,
         others=tuple(each for each in comparison.choices if each.purpose != choice.purpose),
         prepared=prepared,
@@ -212,18 +211,6 @@ def identify_recordings(
         ),
         trials=remedied.trials,
         failed=remedied.failed,
-    )
-
-
-def recorded_units(candidate: Candidate, prepared: PreparedRecord) -> PolynomialModel:
-    """A candidate's model in the units of the recording; offsets stay taken from the signals."""
-    plan, model = prepared.plan, candidate.model
-    return replace(
-        model,
-        b=model.b * (plan.output_scale / plan.input_scale),
-        level=model.level * plan.output_scale,
-        noise_variance=model.noise_variance * plan.output_scale**2,
-        sampling_rate=prepared.sampling_rate,
     )
 
 

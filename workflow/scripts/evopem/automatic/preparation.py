@@ -16,6 +16,7 @@ from evopem.automatic.simulation import simulated
 from evopem.automatic.stretches import Stretch, first_samples, folds_of, total_samples
 from evopem.errors import InputError
 from evopem.estimation.criteria import power_of_two_scale
+from evopem.models.polynomial import PolynomialModel
 from evopem.models.structures import PolynomialOrders
 from evopem.signals.recording import MAX_DESIGNED_LEVELS, Recording
 from evopem.signals.spectral.frequency_response import multitaper_frequency_response
@@ -129,6 +130,16 @@ class PreparedRecord:
     def settings(self) -> FitSettings:
         """What all fits have in common."""
         return FitSettings(self.plan.objective)
+
+    def in_its_units(self, model: PolynomialModel) -> PolynomialModel:
+        """A model of the scaled stretches in the units of the recording, less the offsets."""
+        return replace(
+            model,
+            b=model.b * (self.plan.output_scale / self.plan.input_scale),
+            level=model.level * self.plan.output_scale,
+            noise_variance=model.noise_variance * self.plan.output_scale**2,
+            sampling_rate=self.sampling_rate,
+        )
 
 
 def decide_preparation(
@@ -429,7 +440,7 @@ def _coherence_edge(stretches: Sequence[Stretch]) -> float:
     """Upper end of the highest band where input and output are coherent, as a share of the rate.
 
     A band is coherent where more than half of its lines exceed what independent signals exceed in
-    1 % (Thomson 1982).  An output that drifts has nearly all its power far below the frequencies of
+    1 %.  An output that drifts has nearly all its power far below the frequencies of
     its modes; coherence does not depend on power.  0 where no band is coherent.
     """
     longest = max(stretches, key=lambda each: each.samples)
@@ -442,8 +453,7 @@ def _coherence_edge(stretches: Sequence[Stretch]) -> float:
         )
     except InputError:
         return 0.0
-    tapers = np.maximum(found.degrees_of_freedom / 2.0, 1.5)
-    above = found.coherence > 1.0 - COHERENT_BY_CHANCE ** (1.0 / (tapers - 1.0))
+    above = found.coherence > found.coherence_limit(COHERENT_BY_CHANCE)
     bands = np.array_split(above, COHERENCE_BANDS)
     coherent = [number for number, band in enumerate(bands, 1) if np.mean(band) > 0.5]
     return 0.5 * max(coherent, default=0) / COHERENCE_BANDS

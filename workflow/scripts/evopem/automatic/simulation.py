@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -69,21 +67,3 @@ def prediction_errors(model: PolynomialModel, stretch: Stretch) -> Array:
     states = estimate_prediction_states(model, stretch.input, stretch.output)
     errors = model.residuals(stretch.input, stretch.output, *states)
     return errors[model.orders.first_residual :]
-
-
-def with_level_as_state(model: PolynomialModel) -> PolynomialModel:
-    """The same model with ``1 - q^-1`` in numerator and denominator, and no level.
-
-    The further state is a constant: a simulation from the initial state that fits other samples
-    has their level, as :func:`simulated` with a free level.  The noise model stays the same.
-
-    Parameters
-    ----------
-    model : PolynomialModel
-    """
-    difference = np.array([1.0, -1.0])
-    b = np.convolve(model.b, difference)
-    if model.orders.nf or not model.orders.na:
-        return replace(model, b=b, f=np.convolve(model.f, difference), level=0.0)
-    a, c = np.convolve(model.a, difference), np.convolve(model.c, difference)
-    return replace(model, a=a, b=b, c=c, level=0.0)

@@ -20,10 +20,11 @@ from evopem.estimation.pem.covariance import (
 )
 from evopem.estimation.pem.kernels import MIN_NC
 from evopem.estimation.pem.minimum_norm import minimum_norm_point
-from evopem.estimation.pem.objective import OBJECTIVES, PredictionErrorProblem
+from evopem.estimation.pem.objective import PredictionErrorProblem
 from evopem.estimation.polynomial_estimate import PolynomialEstimate
-from evopem.estimation.search.armax_problem import INITIALIZATIONS, ArmaxProblem
-from evopem.estimation.search.memetic import REFINE, memetic_search
+from evopem.estimation.requirements import check_search_settings, check_signals, check_window
+from evopem.estimation.search.armax_problem import ArmaxProblem
+from evopem.estimation.search.memetic import memetic_search
 from evopem.estimation.search.problem import SearchResult, descended, pooled
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomials import max_root_radius as largest_radius
@@ -297,10 +298,7 @@ def _warn_of_level(output: Array) -> None:
 def _check(
     u: Array, y: Array, orders: PolynomialOrders, settings: SearchSettings, window: ScoringWindow
 ) -> None:
-    if u.ndim != 1 or u.shape != y.shape:
-        raise ValueError(f"input and output must be of one length, not {u.shape} and {y.shape}")
-    if not (np.isfinite(u).all() and np.isfinite(y).all()):
-        raise ValueError("input and output must be finite")
+    check_signals(u, y)
     for name, signal in (("input", u), ("output", y)):
         largest = float(np.max(np.abs(signal)))
         if largest and not 1.0 / LARGEST < largest < LARGEST:
@@ -308,23 +306,8 @@ def _check(
                 f"the largest magnitude of the {name} is {largest:g}; scale it between "
                 f"{1.0 / LARGEST:g} and {LARGEST:g}"
             )
-    for name, known in (
-        ("objective", OBJECTIVES),
-        ("refine", REFINE),
-        ("initialization", INITIALIZATIONS),
-    ):
-        value = getattr(settings, name)
-        if value not in known:
-            raise ValueError(f"{name} must be one of {known}, not {value!r}")
-    if not 0.0 < settings.max_root_radius < 1.0:
-        raise ValueError(
-            f"max_root_radius must lie between 0 and 1, not {settings.max_root_radius}"
-        )
-    first = max(orders.first_residual, orders.nc)
-    if window.residual_start < first:
-        raise ValueError(f"{orders} has no residual before sample {first}")
-    if window.loss_start < window.residual_start:
-        raise ValueError(f"the loss starts at {window.loss_start}, before the first residual")
+    check_search_settings(settings)
+    check_window(window, max(orders.first_residual, orders.nc), orders)
     scored = len(y) - window.loss_start
     if scored <= orders.parameters:
         raise ValueError(

@@ -11,14 +11,8 @@ from threadpoolctl import threadpool_limits
 
 from evopem.config.constraints import Constraints
 from evopem.config.settings import ScoringWindow, SearchSettings
-from evopem.estimation.estimation_task import (
-    EstimationTask,
-)
-from evopem.estimation.pem.polynomial_objective import PolynomialErrors
-from evopem.estimation.polynomial_estimate import (
-    PolynomialEstimate,
-    check_record,
-)
+from evopem.estimation.estimation_task import EstimationTask
+from evopem.estimation.polynomial_estimate import PolynomialEstimate, checked_errors
 from evopem.estimation.prediction_estimate import prediction_estimate
 from evopem.estimation.search.problem import SearchResult
 from evopem.estimation.simulation_estimate import simulation_estimate
@@ -76,25 +70,8 @@ def estimate_focused(
     """
     o = orders_of(structure, orders)
     settings = settings or SearchSettings()
-    y = np.ascontiguousarray(output, dtype=float)
-    if input is None and o.nb:
-        raise ValueError(f"structure {structure!r} with nb = {o.nb} needs an input")
-    u = np.zeros_like(y) if input is None else np.ascontiguousarray(input, dtype=float)
-    window = window or ScoringWindow(o.first_residual, o.first_residual)
-    check_record(u, y, o, settings, window)
+    errors = checked_errors(input, output, o, settings, window, level)
     horizon = check_fit(focus, constraints, o, sampling_rate)
-    radius = settings.max_root_radius
-    errors = PolynomialErrors(
-        u,
-        y,
-        o,
-        settings.objective,
-        window.residual_start,
-        window.loss_start,
-        radius,
-        radius,
-        level,
-    )
     known = constraints or Constraints()
     task = EstimationTask(errors, structure, sampling_rate, settings, known, log, optimum)
     # The bits of a result must not depend on how many threads the machine's BLAS would take.

@@ -18,11 +18,10 @@ from evopem.estimation.criteria import (
 )
 from evopem.estimation.pem.autoregression import autoregression
 from evopem.estimation.pem.covariance import estimate_covariance, innovation_variance
-from evopem.estimation.pem.objective import OBJECTIVES
 from evopem.estimation.pem.polynomial_objective import PolynomialErrors
 from evopem.estimation.pem.robust_covariance import MOST_COLOURING, coloured_covariance
-from evopem.estimation.search.armax_problem import INITIALIZATIONS
-from evopem.estimation.search.memetic import REFINE, memetic_search
+from evopem.estimation.requirements import check_search_settings, check_signals, check_window
+from evopem.estimation.search.memetic import memetic_search
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
 from evopem.estimation.search.problem import SearchResult, descended, pooled
 from evopem.models.parameter_covariance import ParameterCovariance
@@ -151,15 +150,9 @@ def estimate_polynomial(
     """
     o = orders_of(structure, orders)
     settings = settings or SearchSettings()
-    y = np.ascontiguousarray(output, dtype=float)
-    if input is None and o.nb:
-        raise ValueError(f"structure {structure!r} with nb = {o.nb} needs an input")
-    u = np.zeros_like(y) if input is None else np.ascontiguousarray(input, dtype=float)
-    window = window or ScoringWindow(o.first_residual, o.first_residual)
-    check_record(u, y, o, settings, window)
     # The bits of a result must not depend on how many threads the machine's BLAS would take.
     with threadpool_limits(limits=1, user_api="blas"):
-        errors = polynomial_errors(u, y, o, settings, window, level)
+        errors = checked_errors(input, output, o, settings, window, level)
         problem, scales = scaled_problem(errors)
         key = (o.na, o.nb, o.nc, o.nd, o.nf, o.nk, int(level), *((1,) if earlier else ()))
         sequence = np.random.SeedSequence(settings.seed, spawn_key=key)
@@ -172,6 +165,30 @@ def estimate_polynomial(
         if earlier is not None:
             found = pooled(earlier, found)
         return describe(errors, found, sampling_rate)
+
+
+def checked_errors(
+    input: ArrayLike | None,  # noqa: A002
+    output: ArrayLike,
+    orders: PolynomialOrders,
+    settings: SearchSettings,
+    window: ScoringWindow | None,
+    level: bool,
+) -> PolynomialErrors:
+    """The prediction-error problem of signals as a user gives them.
+
+    Raises
+    ------
+    ValueError
+        When the record is too short for the orders, or a setting is outside its range.
+    """
+    y = np.ascontiguousarray(output, dtype=float)
+    if input is None and orders.nb:
+        raise ValueError(f"structure {orders.structure!r} with nb = {orders.nb} needs an input")
+    u = np.zeros_like(y) if input is None else np.ascontiguousarray(input, dtype=float)
+    window = window or ScoringWindow(orders.first_residual, orders.first_residual)
+    _check(u, y, orders, settings, window)
+    return polynomial_errors(u, y, orders, settings, window, level)
 
 
 def polynomial_errors(
@@ -239,30 +256,13 @@ def scaled_problem(errors: PolynomialErrors) -> tuple[PolynomialProblem, Array]:
     return PolynomialProblem(scaled), scales
 
 
-def check_record(
+def _check(
     u: Array, y: Array, orders: PolynomialOrders, settings: SearchSettings, window: ScoringWindow
 ) -> None:
     """Refuse a record or settings that :func:`estimate_polynomial` cannot use."""
-    if u.ndim != 1 or u.shape != y.shape:
-        raise ValueError(f"input and output must be of one length, not {u.shape} and {y.shape}")
-    if not (np.isfinite(u).all() and np.isfinite(y).all()):
-        raise ValueError("input and output must be finite")
-    for name, known in (
-        ("objective", OBJECTIVES),
-        ("refine", REFINE),
-        ("initialization", INITIALIZATIONS),
-    ):
-        value = getattr(settings, name)
-        if value not in known:
-            raise ValueError(f"{name} must be one of {known}, not {value!r}")
-    if not 0.0 < settings.max_root_radius < 1.0:
-        raise ValueError(
-            f"max_root_radius must lie between 0 and 1, not {settings.max_root_radius}"
-        )
-    if window.residual_start < orders.first_residual:
-        raise ValueError(f"{orders} has no residual before sample {orders.first_residual}")
-    if window.loss_start < window.residual_start:
-        raise ValueError(f"the loss starts at {window.loss_start}, before the first residual")
+    check_signals(u, y)
+    check_search_settings(settings)
+    check_window(window, orders.first_residual, orders)
     estimated = orders.parameters + orders.nf + orders.noise_states
     counted = len(y) - window.loss_start
     if counted <= estimated:

@@ -48,6 +48,21 @@ def _thinned(table: pd.DataFrame, *columns: str) -> pd.DataFrame:
     return table.iloc[kept]
 
 
+def _draw_density(axes: Axes, shown: pd.DataFrame, label: str, width: float) -> None:
+    """Draw a spectral density with its 95 % band."""
+    frequencies = shown["frequency_hz"]
+    axes.fill_between(
+        frequencies,
+        shown["lower"],
+        shown["upper"],
+        color=MODEL,
+        alpha=0.22,
+        linewidth=0,
+        label="95 % band",
+    )
+    axes.plot(frequencies, shown["density"], color=INK, linewidth=width, label=label)
+
+
 def mark_truth(axes: Axes, truth: Truth | None) -> None:
     """Draw vertical lines at the true natural frequencies, if there is a truth."""
     for number, mode in enumerate(truth.modes if truth else ()):
@@ -84,16 +99,7 @@ def draw_spectrum(
     axes = figure.subplots()
     shown = spectrum[(spectrum["frequency_hz"] > 0) & (spectrum["density"] > 0)]
     shown = _thinned(shown, "density")
-    axes.fill_between(
-        shown["frequency_hz"],
-        shown["lower"],
-        shown["upper"],
-        color=MODEL,
-        alpha=0.22,
-        linewidth=0,
-        label="95 % band",
-    )
-    axes.plot(shown["frequency_hz"], shown["density"], color=INK, linewidth=1.0, label="estimate")
+    _draw_density(axes, shown, "estimate", 1.0)
     logarithmic(axes)
     axes.set_xlim(0, shown["frequency_hz"].max())
     mark_truth(axes, truth)
@@ -324,16 +330,7 @@ def draw_residual_spectrum(table: pd.DataFrame, unit: str = "") -> Figure:
         say_nothing_to_draw(axes, "There are too few residuals for a spectrum.")
         return figure
     shown = _thinned(with_positive_frequency(table), "density")
-    axes.fill_between(
-        shown["frequency_hz"],
-        shown["lower"],
-        shown["upper"],
-        color=MODEL,
-        alpha=0.22,
-        linewidth=0,
-        label="95 % band",
-    )
-    axes.plot(shown["frequency_hz"], shown["density"], color=INK, linewidth=0.9, label="residuals")
+    _draw_density(axes, shown, "residuals", 0.9)
     axes.plot(
         shown["frequency_hz"],
         shown["white_level"],

@@ -102,7 +102,8 @@ def invert_box_cox(
     """
     from scipy.special import inv_boxcox
 
-    return inv_boxcox(signal, parameter) - shift
+    # boxcox takes the logarithm below 1e-19, inv_boxcox the exponential at zero only.
+    return inv_boxcox(signal, parameter if abs(parameter) >= 1e-19 else 0.0) - shift
 
 
 def likeliest_box_cox(signal: NDArray[np.float64], shift: float, source: str = "box_cox") -> float:

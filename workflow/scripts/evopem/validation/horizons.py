@@ -97,12 +97,8 @@ def horizon_fits(
     True
     """
     states = estimate_prediction_states(model, input, output)
-    fits = []
-    for horizon in horizons:
-        predicted = model.predict(input, output, horizon, *states)
-        known = ~np.isnan(predicted)
-        fits.append(fit_percent(output[known], predicted[known]))
-    return np.array(fits)
+    first = model.orders.first_residual
+    return 100.0 - horizon_errors(model, input, output, horizons, states, first)
 
 
 def simulation_fit(model: PolynomialModel, input: Array, output: Array) -> float:  # noqa: A002

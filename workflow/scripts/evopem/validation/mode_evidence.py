@@ -304,16 +304,9 @@ def _factor(root: complex) -> Array:
 
 
 def _coherence(response: FrequencyResponse | None, frequency: float) -> tuple[float, float]:
-    """Coherence nearest to a frequency, and its 99 % point where there is none.
-
-    Of n independent estimates the squared coherence exceeds ``1 - 0.01^(1/(n - 1))`` with
-    probability 1 % (Carter 1987; Thomson 1982).
-    """
+    """Coherence nearest to a frequency, and its 99 % point where there is none."""
     if response is None:
         return math.nan, math.nan
     index = int(np.argmin(np.abs(response.frequencies - frequency)))
-    estimates = response.degrees_of_freedom[index] / 2.0
-    if not estimates > 1.0:
-        return math.nan, math.nan
-    limit = 1.0 - SIGNIFICANCE ** (1.0 / (estimates - 1.0))
-    return float(response.coherence[index]), float(limit)
+    limit = float(response.coherence_limit(SIGNIFICANCE)[index])
+    return math.nan if math.isnan(limit) else float(response.coherence[index]), limit

@@ -51,6 +51,17 @@ class FrequencyResponse:
     coherence: Floats
     degrees_of_freedom: Floats
 
+    def coherence_limit(self, probability: float) -> Floats:
+        """What the squared coherence of independent signals exceeds with a probability.
+
+        Of n independent estimates it exceeds ``1 - p^(1/(n - 1))`` with probability p (Carter 1987;
+        Thomson 1982).  NaN where there is no more than one estimate.
+        """
+        estimates = self.degrees_of_freedom / 2.0
+        with np.errstate(divide="ignore"):
+            limit = 1.0 - probability ** (1.0 / (estimates - 1.0))
+        return np.where(estimates > 1.0, limit, np.nan)
+
 
 def multitaper_frequency_response(
     input: Floats,  # noqa: A002
