@@ -24,6 +24,13 @@ from evopem.config.settings import (
     Structure,
 )
 from evopem.config.source_keys import check_paths, complete_source
+from evopem.config.state_space_keys import (
+    check_single_channel,
+    complete_state_space,
+    is_state_space,
+    single_channel_defaults,
+)
+from evopem.config.state_space_settings import StateSpaceDataset
 from evopem.config.strict_yaml import Keys
 from evopem.config.structure_keys import check_structure_keys, check_transforms, with_ranges
 from evopem.config.structures import has_input
@@ -71,15 +78,20 @@ def complete(config: Keys, schema_path: str | Path, source: str = "config.yaml")
 def _completed(config: Keys, origin: Origin, source: str) -> Configuration:
     """Fill in every value of a configuration that the schema accepts."""
     check_names(config["datasets"], origin)
-    defaults = with_ranges(config.get("defaults", {}))
+    given_defaults = config.get("defaults", {})
+    defaults = with_ranges(single_channel_defaults(given_defaults))
     structure = defaults.get("structure", OrderGrid().structure)
     if "structure" in defaults:
         check_structure_keys(defaults, structure, source, "defaults")
     everything = _every_key(structure)
     _check_analysis(defaults, _merged(everything, defaults), source, "defaults")
-    datasets = {}
+    datasets: dict[str, DatasetSettings | StateSpaceDataset] = {}
     for name, given in config["datasets"].items():
         place = f"datasets.{name}"
+        if is_state_space(given, given_defaults):
+            datasets[name] = complete_state_space(name, given, given_defaults, source)
+            continue
+        check_single_channel(given, source, place)
         written = with_ranges(given)
         if written.get("recipe", defaults.get("recipe", BUILT_IN_RECIPE)) == "auto":
             datasets[name] = _automatic(name, written, defaults, source)

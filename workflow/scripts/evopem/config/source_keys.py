@@ -154,8 +154,7 @@ def _completed_file(
     if not with_input:
         completed |= {"input": None, "output": 1}
     completed |= {key: written[key] for key in own_keys}
-    for key in ("file", "validation_file"):
-        _check_path(completed[key] or "", source, f"{place}.{key}")
+    check_file_paths(completed, source, place)
     for one, other in (("input", "output"), ("time", "input"), ("time", "output")):
         if completed[one] is not None and completed[one] == completed[other]:
             raise InputError(
@@ -165,6 +164,17 @@ def _completed_file(
                 f"{place}.{other}",
             )
     return completed
+
+
+def check_file_paths(keys: Keys, source: str, place: str) -> None:
+    """Refuse paths of recorded files that no workflow can read.
+
+    Raises
+    ------
+    InputError
+    """
+    for key in ("file", "validation_file"):
+        _check_path(keys.get(key) or "", source, f"{place}.{key}")
 
 
 def _check_path(path: str, source: str, place: str) -> None:

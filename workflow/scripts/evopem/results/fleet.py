@@ -50,7 +50,8 @@ class DatasetSummary:
     sampling_rate : float
         Hz, after all transforms.
     estimation_samples, validation_samples : int
-    orders : PolynomialOrders
+    orders : PolynomialOrders, optional
+        None for a state-space model.
     bic : float
     prediction_error_percent, simulation_error_percent : float
     continued_simulation_error_percent : float, optional
@@ -64,6 +65,8 @@ class DatasetSummary:
         filter.
     made_from : dict of str to str
         SHA-256 of files that the summary was made from, by their names in the data set's folder.
+    state_space : str, optional
+        A state-space model in a few words.
     """
 
     file: str | None
@@ -71,7 +74,7 @@ class DatasetSummary:
     sampling_rate: float
     estimation_samples: int
     validation_samples: int
-    orders: PolynomialOrders
+    orders: PolynomialOrders | None
     bic: float
     prediction_error_percent: float
     simulation_error_percent: float
@@ -81,6 +84,12 @@ class DatasetSummary:
     trusted: tuple[bool, ...]
     gain_db: tuple[float, ...]
     made_from: dict[str, str]
+    state_space: str | None = None
+
+    @property
+    def model(self) -> str:
+        """The model in a few words."""
+        return self.state_space or str(self.orders)
 
     def n_checks(self, passed: bool | None) -> int:
         """Number of checks with an outcome: passed, failed (False) or not judged (None)."""
@@ -284,8 +293,8 @@ def _rows(name: str, entry: Entry) -> list[dict[str, object]]:
         "sampling_rate": entry.sampling_rate,
         "estimation_samples": entry.estimation_samples,
         "validation_samples": entry.validation_samples,
-        "model": str(entry.orders),
-        **{name: getattr(entry.orders, name) for name in ORDER_NAMES},
+        "model": entry.model,
+        **{name: getattr(entry.orders, name, None) for name in ORDER_NAMES},
         "bic": entry.bic,
         **{error: getattr(entry, error) for error in _ERRORS},
         "failed_checks": entry.n_checks(passed=False),

@@ -163,7 +163,7 @@ def prepare(
     differences, differences_input = transforms.difference, transforms.difference_input
     lost = max(differences, differences_input)
     own = validation_recording is None
-    start, stop = _estimation_range(records[0].samples - lost, split, own, f"{key}split")
+    start, stop = estimation_range(records[0].samples - lost, split, own, f"{key}split")
     start, stop = start + lost, stop + lost
     if own:
         validation_range = (stop, records[0].samples)
@@ -306,7 +306,7 @@ def _check_differences(transforms: TransformSettings, source: str) -> None:
             )
 
 
-def _estimation_range(
+def estimation_range(
     available: int, split: SplitSettings, cut: bool, source: str
 ) -> tuple[int, int]:
     """First estimation sample and the one after the last, among the differenced samples."""

@@ -6,12 +6,15 @@ import re
 import sys
 import textwrap
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 from evopem.config.yaml_form import read_settings
-from evopem.report.numbers import count, number, percent, plural, with_error
+from evopem.files.json_form import load
+from evopem.models.modes import Mode
+from evopem.report.numbers import count, is_number, number, percent, plural, with_error
 from evopem.report.sentences.about_verdict import verdict
 from evopem.results.dataset import DatasetResults, read_dataset_results
-from evopem.results.fleet import Entry, IncompleteDataset
+from evopem.results.fleet import DatasetSummary, Entry, IncompleteDataset
 from evopem.results.layout import DatasetFiles
 from evopem.validation.checks import Check
 
@@ -61,6 +64,36 @@ def results_text(results: DatasetResults, page: str) -> str:
     return "\n".join(lines)
 
 
+def state_space_text(summary: DatasetSummary, name: str, page: str) -> str:
+    """The lines about one data set with several channels.
+
+    Parameters
+    ----------
+    summary : DatasetSummary
+    name : str
+    page : str
+        The file to open next.
+    """
+    failed = summary.n_checks(passed=False)
+    outcome = plural(failed, "failed check") if failed else "no failed check"
+    errors = [f"one step ahead {percent(summary.prediction_error_percent)}"]
+    if is_number(summary.simulation_error_percent):
+        errors.append(f"simulation {percent(summary.simulation_error_percent)}")
+    lines = [
+        f"{name}: {outcome}",
+        "",
+        *_modes_of(summary.modes, summary.trusted),
+        "",
+        f"  model   {summary.model}, from {count(summary.estimation_samples)} samples at "
+        f"{summary.sampling_rate:g} Hz",
+        f"  errors  {', '.join(errors)} on {count(summary.validation_samples)} validation samples, "
+        "mean over the outputs",
+        *_failed(summary.checks),
+        f"  report  {page}",
+    ]
+    return "\n".join(lines)
+
+
 def run_text(entries: Mapping[str, Entry], page: str, lists: Sequence[str]) -> str:
     """What came out for the data sets of a run.
 
@@ -78,7 +111,7 @@ def run_text(entries: Mapping[str, Entry], page: str, lists: Sequence[str]) -> s
         blocks = [
             _line(name, entry)
             if isinstance(entry, IncompleteDataset)
-            else results_text(_read(name), files[name])
+            else _text_of(name, files[name])
             for name, entry in entries.items()
         ]
     else:
@@ -88,9 +121,11 @@ def run_text(entries: Mapping[str, Entry], page: str, lists: Sequence[str]) -> s
     return "\n\n".join([*blocks, *([f"All data sets: {lists[0]}"] if lists else [])])
 
 
-def _read(name: str) -> DatasetResults:
+def _text_of(name: str, page: str) -> str:
     files = DatasetFiles.of_dataset(name)
-    return read_dataset_results(files, read_settings(files.config))
+    if Path(files.modes_json).exists():
+        return state_space_text(load(DatasetSummary, files.summary), name, page)
+    return results_text(read_dataset_results(files, read_settings(files.config)), page)
 
 
 def _line(name: str, entry: Entry) -> str:
@@ -102,19 +137,23 @@ def _line(name: str, entry: Entry) -> str:
 
 
 def _mode_table(results: DatasetResults) -> list[str]:
+    trusted = {each.mode.pole for each in results.trusted_modes}
     modes = results.model.modes
+    return _modes_of(modes, [mode.pole in trusted for mode in modes])
+
+
+def _modes_of(modes: Sequence[Mode], trusted: Sequence[bool]) -> list[str]:
     if not modes:
         return ["  The model has no oscillating mode."]
-    trusted = {each.mode.pole for each in results.trusted_modes}
     rows = [("mode", "frequency (Hz)", "damping (%)", "")]
     rows += [
         (
             str(position),
             with_error(mode.frequency_hz, mode.frequency_se_hz),
             with_error(100.0 * mode.damping_ratio, 100.0 * mode.damping_se),
-            "" if mode.pole in trusted else "not to be trusted: see the report",
+            "" if trust else "not to be trusted: see the report",
         )
-        for position, mode in enumerate(modes, start=1)
+        for position, (mode, trust) in enumerate(zip(modes, trusted, strict=True), start=1)
     ]
     widths = [max(len(row[column]) for row in rows) for column in range(4)]
     return [

@@ -242,10 +242,7 @@ def sweep_state_space_orders(
         Whether the two-fold simulation errors are computed; else they are NaN.
     """
     settings = settings or StateSpaceSettings()
-    steps = {int(step) for step in np.diff(orders)} or {1}
-    if len(steps) > 1 or not steps <= {1, 2}:
-        raise ValueError(f"orders must ascend in steps of one or of two, not {tuple(orders)}")
-    span = range(min(orders), max(orders) + 1, steps.pop())
+    span = _span(orders)
     with threadpool_limits(limits=1, user_api="blas"):
         prepared = _prepared(inputs, outputs, delays, level)
         errors = _errors(prepared, span[-1], form, settings)
@@ -262,6 +259,77 @@ def sweep_state_space_orders(
         simulation_error=scores,
         estimates=tuple(estimates),
     )
+
+
+def estimates_of_orders(
+    inputs: ArrayLike | Sequence[ArrayLike] | None,
+    outputs: ArrayLike | Sequence[ArrayLike],
+    orders: Sequence[int],
+    *,
+    form: Form = "innovations",
+    delays: int | Sequence[int] = 1,
+    settings: StateSpaceSettings | None = None,
+    log: Callable[[str], None] | None = None,
+) -> Iterator[StateSpaceEstimate]:
+    """The estimates of :func:`sweep_state_space_orders`, one after the other as they are needed.
+
+    Parameters
+    ----------
+    inputs, outputs, orders, form, delays, settings, log
+        As there; a level is estimated, and the sampling rate is 1 Hz.
+    """
+    settings = settings or StateSpaceSettings()
+    with threadpool_limits(limits=1, user_api="blas"):
+        prepared = _prepared(inputs, outputs, delays, True)
+        span = _span(orders)
+        errors = _errors(prepared, span[-1], form, settings)
+        for problem, found in _swept(errors, prepared, span, settings, log):
+            yield _described(problem, found, prepared, 1.0, (), ())
+
+
+def models_of_orders(
+    inputs: ArrayLike | Sequence[ArrayLike] | None,
+    outputs: ArrayLike | Sequence[ArrayLike],
+    orders: Sequence[int],
+    *,
+    form: Form = "innovations",
+    delays: int | Sequence[int] = 1,
+    settings: StateSpaceSettings | None = None,
+    fold: int = 0,
+) -> Iterator[StateSpaceModel]:
+    """Models of consecutive orders, each from estimates and from its smaller neighbours.
+
+    Fewer starts are descended from than by :func:`sweep_state_space_orders`.
+
+    Parameters
+    ----------
+    inputs, outputs, orders, form, delays, settings
+        As there; a level is estimated.
+    fold : int
+        Number of a part of the record, which its draws belong to.
+    """
+    settings = settings or StateSpaceSettings()
+    span = _span(orders)
+    with threadpool_limits(limits=1, user_api="blas"):
+        prepared = _prepared(inputs, outputs, delays, True)
+        errors = _errors(prepared, span[-1], form, settings)
+        for problem, found in _swept(errors, prepared, span, settings, None, fold, WIDTH):
+            projection = problem.projection(found.point)
+            yield model_of(problem, projection, 1.0, prepared.shifts, (), ())
+
+
+def errors_on(model: StateSpaceModel, inputs: Array, outputs: Array) -> tuple[Array, Array]:
+    """:func:`simulation_errors` and :func:`prediction_errors` of other samples."""
+    with np.errstate(all="ignore"):
+        return simulation_errors(model, inputs, outputs), prediction_errors(model, inputs, outputs)
+
+
+def _span(orders: Sequence[int]) -> range:
+    """Orders as a range."""
+    steps = {int(step) for step in np.diff(orders)} or {1}
+    if len(steps) > 1 or not steps <= {1, 2}:
+        raise ValueError(f"orders must ascend in steps of one or of two, not {tuple(orders)}")
+    return range(min(orders), max(orders) + 1, steps.pop())
 
 
 def simulation_errors(model: StateSpaceModel, inputs: Array, outputs: Array) -> Array:
@@ -491,11 +559,12 @@ def _swept(
     settings: StateSpaceSettings,
     log: Callable[[str], None] | None,
     fold: int = 0,
+    width: int = FINAL_WIDTH,
 ) -> Iterator[tuple[StateSpaceErrors, SearchResult]]:
     """The best optimum of each order that the rungs of a ladder reach."""
     models = StartingModels(errors, orders[-1], _cost(errors) <= HEAVY)
     generator = _generator(settings, orders[-1], errors.form, prepared, 1 + fold)
-    for problem, optima in rungs(errors, models, generator, FINAL_WIDTH, orders):
+    for problem, optima in rungs(errors, models, generator, width, orders):
         if not optima:
             continue
         best = optima[0]
