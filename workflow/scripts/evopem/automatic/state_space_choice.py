@@ -6,8 +6,8 @@ its BIC, and on the training part of each fold for its errors on held-out sample
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -22,15 +22,20 @@ from evopem.config.state_space_settings import (
 from evopem.errors import InputError
 from evopem.estimation.state_space.delays import estimate_delays
 from evopem.estimation.state_space.estimate import (
+    StateSpaceEstimate,
     StateSpaceSettings,
+    descend_from,
     errors_on,
     estimates_of_orders,
     models_of_orders,
 )
+from evopem.estimation.state_space.noise_model import RISES, noise_model, side_by_side
+from evopem.models.state_space import Form, StateSpaceModel
 from evopem.signals.multichannel import MultichannelRecording
 
 Array = NDArray[np.float64]
 Log = Callable[[str], None]
+ModelsOf = Callable[[Sequence[MultichannelRecording], int], Iterator[tuple[int, StateSpaceModel]]]
 
 # Designs of folds, each a number of folds of consecutive samples: few long ones show errors of the
 # gain and of slow poles, many leave more samples to fit.  Large records have the first alone.
@@ -39,9 +44,11 @@ LARGE = 100_000
 SHORTEST_FOLD = 40
 # Largest orders tried of plant and noise model, and output values for each parameter of the largest
 # model.
-MOST_STATES, MOST_NOISE_STATES, VALUES_PER_PARAMETER = 20, 12, 5
-# Orders above this are tried in steps of two, and a search ends after so many orders of higher BIC.
-SINGLE_STEPS, RISES = 10, 2
+MOST_STATES, MOST_NOISE_STATES, VALUES_PER_PARAMETER = 20, 10, 5
+# Above this largest order they are tried in steps of two.
+SINGLE_STEPS = 10
+# Weighting of the output-error models that Box-Jenkins models begin with.
+OUTPUT_ERROR_WEIGHTING: OutputWeighting = "noise"
 # Errors beyond this, in percent, are all the same: useless.
 LARGEST_ERROR = 1e3
 # A smaller order is taken whose score is within this share of the lowest.
@@ -171,9 +178,9 @@ def searched_orders(
 
 def noise_orders(estimation: MultichannelRecording) -> tuple[int, ...]:
     """The orders that are tried for a noise model beside an output-error model."""
-    samples, ny = estimation.outputs.shape
+    samples = estimation.samples
     affordable = min(MOST_NOISE_STATES, samples // 12, samples // VALUES_PER_PARAMETER // 2)
-    if samples * ny > LARGE:
+    if _is_large(estimation):
         return tuple(range(2, max(affordable, 2) + 1, 2))
     return tuple(range(1, max(affordable, 1) + 1))
 
@@ -196,12 +203,15 @@ def search_variant(
     settings : StateSpaceSettings
     log : callable, optional
     """
+    if variant.form == "box_jenkins":
+        return _search_box_jenkins(estimation, variant, delays, orders, settings, log)
+    form: Form = "output_error" if variant.form == "output_error" else "innovations"
     found: dict[int, float] = {}
     for estimate in estimates_of_orders(
         estimation.inputs if estimation.has_input else None,
         estimation.outputs,
         orders,
-        form=variant.form,
+        form=form,
         delays=tuple(delays),
         settings=settings,
         log=log,
@@ -210,17 +220,162 @@ def search_variant(
         if list(found.values()).index(min(found.values())) < len(found) - RISES:
             break
     orders = _up_to_lowest(found)
-    scores = [
-        _design_scores(estimation, count, variant, delays, orders, settings, log)
-        for count in _designs(estimation)
-    ]
+
+    def models(
+        parts: Sequence[MultichannelRecording], fold: int
+    ) -> Iterator[tuple[int, StateSpaceModel]]:
+        for model in models_of_orders(
+            [part.inputs for part in parts] if estimation.has_input else None,
+            [part.outputs for part in parts],
+            orders,
+            form=form,
+            delays=tuple(delays),
+            settings=settings,
+            fold=fold,
+        ):
+            yield model.order, model
+
+    return _scored(estimation, variant, orders, found, models, log)
+
+
+def _search_box_jenkins(
+    estimation: MultichannelRecording,
+    variant: Variant,
+    delays: Sequence[int],
+    orders: Sequence[int],
+    settings: StateSpaceSettings,
+    log: Log | None,
+) -> VariantSearch:
+    """The same for innovations form next to output-error models, whose orders these are.
+
+    None on large records, where a descent takes too long.
+    """
+    if _is_large(estimation):
+        return VariantSearch(variant, (), (), (), (), ())
+    found: dict[int, float] = {}
+    noise: dict[int, int] = {}
+    plants = models_of_orders(
+        estimation.inputs,
+        estimation.outputs,
+        orders,
+        form="output_error",
+        delays=tuple(delays),
+        settings=replace(settings, weighting=OUTPUT_ERROR_WEIGHTING),
+    )
+    for plant in plants:
+        try:
+            estimate = estimate_box_jenkins(estimation, plant, delays, settings, polish=False)
+        except ValueError:
+            continue
+        noise[plant.order] = estimate.model.order - plant.order
+        found[plant.order] = estimate.bic
+        if log is not None:
+            log(f"{variant.name}: {plant.order} and {noise[plant.order]} states")
+        if list(found.values()).index(min(found.values())) < len(found) - RISES:
+            break
+    if not found:
+        return VariantSearch(variant, (), (), (), (), ())
+    orders = _up_to_lowest(found)
+
+    def models(
+        parts: Sequence[MultichannelRecording], fold: int
+    ) -> Iterator[tuple[int, StateSpaceModel]]:
+        inputs, outputs = [part.inputs for part in parts], [part.outputs for part in parts]
+        for plant in models_of_orders(
+            inputs,
+            outputs,
+            range(orders[0], orders[-1] + 1, orders[1] - orders[0] if len(orders) > 1 else 1),
+            form="output_error",
+            delays=tuple(delays),
+            settings=replace(settings, weighting=OUTPUT_ERROR_WEIGHTING),
+            fold=fold,
+        ):
+            if plant.order not in noise:
+                continue
+            same = (noise[plant.order],) if noise[plant.order] else ()
+            try:
+                found = _box_jenkins(inputs, outputs, plant, delays, same, settings, polish=False)
+            except ValueError:
+                continue
+            yield plant.order, found.model
+
+    return _scored(estimation, variant, orders, found, models, log)
+
+
+def estimate_box_jenkins(
+    estimation: MultichannelRecording,
+    plant: StateSpaceModel,
+    delays: Sequence[int],
+    settings: StateSpaceSettings,
+    polish: bool = True,
+) -> StateSpaceEstimate:
+    """The optimum of innovations form next to a plant with its noise model.
+
+    Parameters
+    ----------
+    estimation : MultichannelRecording
+    plant : StateSpaceModel
+        Of output-error form.
+    delays : sequence of int
+    settings : StateSpaceSettings
+    polish : bool
+        Whether the descent goes on to the last digits.
+
+    Raises
+    ------
+    ValueError
+        When the record is too short, or the descent finds no stable model.
+    """
+    tried = noise_orders(estimation)
+    found = _box_jenkins(
+        [estimation.inputs], [estimation.outputs], plant, delays, tried, settings, polish
+    )
+    model = replace(
+        found.model,
+        sampling_rate=estimation.sampling_rate,
+        input_names=estimation.input_names,
+        output_names=estimation.output_names,
+    )
+    return replace(found, model=model)
+
+
+def _box_jenkins(
+    inputs: Sequence[Array],
+    outputs: Sequence[Array],
+    plant: StateSpaceModel,
+    delays: Sequence[int],
+    orders: Sequence[int],
+    settings: StateSpaceSettings,
+    polish: bool,
+) -> StateSpaceEstimate:
+    noise = noise_model(plant, inputs, outputs, orders, settings) if orders else None
+    start = plant if noise is None else side_by_side(plant, noise)
+    return descend_from(
+        start, list(inputs), list(outputs), delays=tuple(delays), settings=settings, polish=polish
+    )
+
+
+def _scored(
+    estimation: MultichannelRecording,
+    variant: Variant,
+    orders: tuple[int, ...],
+    bic: Mapping[int, float],
+    models: ModelsOf,
+    log: Log | None,
+) -> VariantSearch:
+    """The search of a variant with the errors of its models on held-out samples."""
+    scores = []
+    for count in _designs(estimation):
+        scores.append(_design_scores(estimation, count, orders, models))
+        if log is not None:
+            log(f"{variant.name}: {count} folds")
     with np.errstate(divide="ignore"):
         mean = np.exp(np.mean(np.log(np.array(scores)), axis=0))
     return VariantSearch(
         variant,
         orders,
-        tuple(found),
-        tuple(map(float, found.values())),
+        tuple(bic),
+        tuple(map(float, bic.values())),
         tuple(map(float, mean[0])),
         tuple(map(float, mean[1])),
     )
@@ -258,6 +413,7 @@ def choose(searches: Sequence[VariantSearch], choices: StateSpaceChoices) -> Sta
     best = tuple(
         Alternative(each.variant.name, float(np.nanmin(getattr(each, purpose))))
         for each in searches
+        if each.orders
     )
     own = next(each for each in searches if each.variant == variant)
     orders = tuple(
@@ -289,20 +445,13 @@ def _up_to_lowest(bic: Mapping[int, float]) -> tuple[int, ...]:
 
 
 def _designs(estimation: MultichannelRecording) -> tuple[int, ...]:
-    values = estimation.samples * (estimation.inputs.shape[1] + estimation.outputs.shape[1])
-    if values > LARGE:
+    if _is_large(estimation):
         return DESIGNS[:1]
     return tuple(n for n in DESIGNS if estimation.samples >= n * SHORTEST_FOLD) or DESIGNS[:1]
 
 
 def _design_scores(
-    estimation: MultichannelRecording,
-    count: int,
-    variant: Variant,
-    delays: Sequence[int],
-    orders: Sequence[int],
-    settings: StateSpaceSettings,
-    log: Log | None,
+    estimation: MultichannelRecording, count: int, orders: Sequence[int], models: ModelsOf
 ) -> Array:
     """Errors of simulation and prediction by order, over all folds of one design, (2, orders)."""
     edges = np.linspace(0, estimation.samples, count + 1).round().astype(int)
@@ -317,27 +466,22 @@ def _design_scores(
         power = np.sum((held.outputs - held.outputs.mean(axis=0)) ** 2, axis=0)
         reference += power
         seen = set()
-        for model in models_of_orders(
-            [part.inputs for part in parts] if estimation.has_input else None,
-            [part.outputs for part in parts],
-            orders,
-            form=variant.form,
-            delays=tuple(delays),
-            settings=settings,
-            fold=100 * count + fold,
-        ):
-            at = place[model.order]
+        for order, model in models(parts, 100 * count + fold):
+            at = place[order]
             seen.add(at)
             for row, relative in enumerate(errors_on(model, held.inputs, held.outputs)):
                 squares[row, at] += (np.minimum(relative, LARGEST_ERROR) / 100.0) ** 2 * power
         for at in set(place.values()) - seen:
             squares[:, at] = np.inf
-        if log is not None:
-            log(f"{variant.name}: fold {fold + 1} of {count}")
     errors: Array = 100.0 * np.sqrt(squares / reference).mean(axis=2)
     if not estimation.has_input:
         errors[0] = np.nan
     return errors
+
+
+def _is_large(estimation: MultichannelRecording) -> bool:
+    channels = estimation.inputs.shape[1] + estimation.outputs.shape[1]
+    return estimation.samples * channels > LARGE
 
 
 def _listed(delays: Sequence[int]) -> str:

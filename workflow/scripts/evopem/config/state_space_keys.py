@@ -241,7 +241,7 @@ def _check_keys(written: Keys, source: str, place: str) -> None:
         )
         raise InputError(source, problem, "give the file of a recording", place)
     known = {"orders": ("nx",), "delay": ("nk",), "search": _SEARCH_KEYS}
-    paths = [(key, KEYS, key) for key in written]
+    paths: list[tuple[str, tuple[str, ...], str]] = [(key, KEYS, key) for key in written]
     for group, names in known.items():
         paths += [(key, names, f"{group}.{key}") for key in written.get(group, {})]
     for key, names, path in paths:
@@ -352,10 +352,10 @@ def _check_without_input(own: Keys, written: Keys, source: str, place: str) -> N
     for key in ("input_unit", "delay"):
         if key in written:
             raise InputError(source, "there is no input", "remove the key", f"{place}.{key}")
-    if own.get("form") == "output_error":
+    if own.get("form", "innovations") != "innovations":
         raise InputError(
             source,
-            "an output-error model without input has nothing to simulate",
+            f"form {own['form']} has a plant that inputs drive",
             "write innovations, or remove the key",
             f"{place}.form",
         )

@@ -8,7 +8,7 @@ from typing import Literal
 from evopem.config.settings import Purpose, Range, SplitSettings
 
 Reference = int | str
-StateSpaceForm = Literal["innovations", "output_error"]
+StateSpaceForm = Literal["innovations", "output_error", "box_jenkins"]
 OutputWeighting = Literal["determinant", "noise", "power"]
 
 Vector = tuple[float, float, float]
@@ -75,8 +75,9 @@ class StateSpaceChoices:
     ----------
     purpose : {"auto", "simulation", "prediction", "modes"}
         What the model is for; ``auto`` is simulation, or prediction without inputs.
-    form : {"innovations", "output_error"}, optional
-        None, here and below, where the recording decides.
+    form : {"innovations", "output_error", "box_jenkins"}, optional
+        ``box_jenkins`` is the optimum of innovations form next to an output-error model with its
+        noise model.  None, here and below, where the recording decides.
     weighting : {"determinant", "noise", "power"}, optional
     orders : (lower, upper), optional
         Limits of the number of states.
@@ -174,7 +175,11 @@ class StateSpaceDataset:
     geometry: Geometry | None = None
 
 
-VARIANTS = (("innovations", "determinant"), ("output_error", "noise"))
+VARIANTS = (
+    ("innovations", "determinant"),
+    ("output_error", "noise"),
+    ("box_jenkins", "determinant"),
+)
 """Forms with their weightings of the outputs that are searched where nothing is given."""
 
 
@@ -185,10 +190,10 @@ def searched_variants(dataset: StateSpaceDataset) -> tuple[tuple[str, str], ...]
     --------
     >>> source = StateSpaceSource("a.csv", ChannelLists((1,), (2, 3)))
     >>> searched_variants(StateSpaceDataset("a", source))
-    (('innovations', 'determinant'), ('output_error', 'noise'))
+    (('innovations', 'determinant'), ('output_error', 'noise'), ('box_jenkins', 'determinant'))
     >>> choices = StateSpaceChoices(weighting="power")
     >>> searched_variants(StateSpaceDataset("a", source, choices=choices))
-    (('innovations', 'power'), ('output_error', 'power'))
+    (('innovations', 'power'), ('output_error', 'power'), ('box_jenkins', 'power'))
     """
     choices = dataset.choices
     forms = [form for form, _ in VARIANTS if choices.form in (None, form)]

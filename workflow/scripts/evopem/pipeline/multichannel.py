@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
 
 from threadpoolctl import threadpool_limits
 
@@ -12,12 +14,14 @@ from evopem.automatic.multichannel_preparation import (
     decide_multichannel_preparation,
 )
 from evopem.automatic.state_space_choice import (
+    OUTPUT_ERROR_WEIGHTING,
     DelayChoice,
     StateSpaceChoice,
     Variant,
     VariantSearch,
     choose,
     decide_delays,
+    estimate_box_jenkins,
     noise_orders,
     search_variant,
     searched_orders,
@@ -35,10 +39,11 @@ from evopem.config.state_space_settings import (
 from evopem.errors import InputError
 from evopem.estimation.state_space.estimate import StateSpaceSettings, estimate_state_space
 from evopem.estimation.state_space.model_record import ModesRecord, StateSpaceModelRecord
-from evopem.estimation.state_space.noise_model import with_noise_model
+from evopem.estimation.state_space.noise_model import noise_model, side_by_side
 from evopem.files.atomic import write_table, write_text
 from evopem.files.json_form import load, save
 from evopem.models.matlab import save_state_space_mat
+from evopem.models.state_space import Form, StateSpaceModel
 from evopem.models.state_space_tables import shaped_modes_table
 from evopem.results.layout import DatasetFiles
 from evopem.results.multichannel import (
@@ -47,7 +52,7 @@ from evopem.results.multichannel import (
     read_multichannel_results,
     summarize_multichannel,
 )
-from evopem.signals.multichannel import load_multichannel, save_multichannel
+from evopem.signals.multichannel import MultichannelRecording, load_multichannel, save_multichannel
 from evopem.signals.multichannel_preparation import (
     MultichannelData,
     divide_multichannel,
@@ -189,28 +194,34 @@ def estimate_chosen_state_space(
     choice = load(StateSpaceChoice, files.decision("comparison"))
     delays = load(DelayChoice, files.decision("delays")).delays
     settings = _settings(search, choice.variant)
+    form: Form = "innovations" if choice.variant.form == "innovations" else "output_error"
+    first = settings
+    if choice.variant.form == "box_jenkins":
+        first = replace(settings, weighting=OUTPUT_ERROR_WEIGHTING)
     try:
         estimate = estimate_state_space(
             estimation.inputs if estimation.has_input else None,
             estimation.outputs,
             choice.order,
             estimation.sampling_rate,
-            form=choice.variant.form,
+            form=form,
             delays=delays,
-            settings=settings,
+            settings=first,
             input_names=estimation.input_names,
             output_names=estimation.output_names,
             log=log,
         )
+        if choice.variant.form == "box_jenkins":
+            estimate = estimate_box_jenkins(estimation, estimate.model, delays, settings)
         model = estimate.model
         if choice.variant.form == "output_error":
-            model, _ = with_noise_model(estimate, noise_orders(estimation), settings, log)
+            model = _with_noise_model(estimation, model, settings)
     except ValueError as error:
         raise _too_short(f"datasets.{files.name}", error) from None
     record = StateSpaceModelRecord.of(
         estimate,
         model,
-        choice.variant.weighting,
+        (choice.variant.form, choice.variant.weighting),
         (estimation.input_units, estimation.output_units),
         search,
         data.transforms,
@@ -222,6 +233,16 @@ def estimate_chosen_state_space(
     write_table(files.modes, shaped_modes_table(modes.modes, modes.input_names, modes.output_names))
     with threadpool_limits(limits=1, user_api="blas"):
         write_table(files.frequency_response, frequency_response_rows(record, estimation))
+
+
+def _with_noise_model(
+    estimation: MultichannelRecording, plant: StateSpaceModel, settings: StateSpaceSettings
+) -> StateSpaceModel:
+    """A plant beside the noise model of its residuals, where they are not white."""
+    noise = noise_model(
+        plant, [estimation.inputs], [estimation.outputs], noise_orders(estimation), settings
+    )
+    return plant if noise is None else side_by_side(plant, noise)
 
 
 def validate_state_space(files: DatasetFiles) -> None:
@@ -259,7 +280,11 @@ def write_state_space_report(
 
     results = read_multichannel_results(files, settings, [each.name for each in variants])
     templates = template_folder()
-    page = build_state_space_report(results, templates, commit_of(templates.parent))
+    from evopem.report.wall_clock import read_wall_clock
+
+    wall_clock = read_wall_clock(Path(files.folder) / "benchmarks")
+    commit = commit_of(templates.parent)
+    page = build_state_space_report(results, wall_clock, templates, commit)
     write_text(files.report, page)
 
 

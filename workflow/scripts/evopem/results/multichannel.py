@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -171,7 +172,7 @@ def summarize_multichannel(files: DatasetFiles) -> DatasetSummary:
 
 def frequency_response_rows(
     record: StateSpaceModelRecord, estimation: MultichannelRecording
-) -> dict[str, list[float] | list[str]]:
+) -> dict[str, list[Any]]:
     """Gains and phases of every pair of output and input, the model's and the measured ones.
 
     One row for each frequency of each pair; without an input none.
@@ -182,9 +183,11 @@ def frequency_response_rows(
     estimation : MultichannelRecording
         Samples behind the measured response.
     """
-    names = ("frequency_hz", "output", "input", "gain", "gain_lower", "gain_upper", "phase_deg")
-    names += ("measured_gain", "measured_phase_deg", "coherence")
-    rows: dict[str, list[float] | list[str]] = {name: [] for name in names}
+    names = (
+        *("frequency_hz", "output", "input", "gain", "gain_lower", "gain_upper", "phase_deg"),
+        *("measured_gain", "measured_phase_deg", "coherence"),
+    )
+    rows: dict[str, list[Any]] = {name: [] for name in names}
     if not estimation.has_input:
         return rows
     plant = record.plant
@@ -196,8 +199,8 @@ def frequency_response_rows(
     for row, output in enumerate(record.output_names):
         for column, input_ in enumerate(record.input_names):
             own = measured.response[:, row, column]
-            rows["output"] += [output] * count  # type: ignore[operator]
-            rows["input"] += [input_] * count  # type: ignore[operator]
+            rows["output"] += [output] * count
+            rows["input"] += [input_] * count
             for name, values in (
                 ("frequency_hz", measured.frequencies),
                 ("gain", np.abs(response[:, row, column])),

@@ -116,7 +116,8 @@ def divide_multichannel(
         for each in (estimation, held_out)
     ]
     return MultichannelData(
-        *centred,
+        centred[0],
+        centred[1],
         MultichannelTransforms(
             sampling_rate=parts[0].sampling_rate,
             recorded_rate=recorded_rate,

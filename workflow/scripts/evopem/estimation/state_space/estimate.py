@@ -29,6 +29,8 @@ from evopem.estimation.state_space.levenberg_marquardt import Optimum, descend
 from evopem.estimation.state_space.problem import (
     POLISH_STEPS,
     POLISH_TOLERANCE,
+    STEPS,
+    TOLERANCE,
     StartingModels,
     StateSpaceProblem,
     converted,
@@ -37,6 +39,7 @@ from evopem.estimation.state_space.problem import (
     rungs,
 )
 from evopem.estimation.state_space.sections import largest_radius
+from evopem.estimation.state_space.starting_points import from_matrices
 from evopem.models.state_space import Form, StateSpaceModel
 
 Array = NDArray[np.float64]
@@ -316,6 +319,53 @@ def models_of_orders(
         for problem, found in _swept(errors, prepared, span, settings, None, fold, WIDTH):
             projection = problem.projection(found.point)
             yield model_of(problem, projection, 1.0, prepared.shifts, (), ())
+
+
+def descend_from(
+    model: StateSpaceModel,
+    inputs: ArrayLike | Sequence[ArrayLike],
+    outputs: ArrayLike | Sequence[ArrayLike],
+    sampling_rate: float = 1.0,
+    *,
+    delays: int | Sequence[int] = 1,
+    settings: StateSpaceSettings | None = None,
+    input_names: Sequence[str] = (),
+    output_names: Sequence[str] = (),
+    polish: bool = True,
+) -> StateSpaceEstimate:
+    """The optimum of innovations form that a descent from a model ends at.
+
+    Parameters
+    ----------
+    model : StateSpaceModel
+        Of innovations form, in the units of the records, with the same delays.
+    inputs, outputs, delays, settings, input_names, output_names
+        As of :func:`estimate_state_space`; a level is estimated.
+    sampling_rate : float
+        Hz.
+    polish : bool
+        Whether the descent goes on to the last digits.
+    """
+    settings = settings or StateSpaceSettings()
+    steps, tolerance = (POLISH_STEPS, POLISH_TOLERANCE) if polish else (STEPS, TOLERANCE)
+    with threadpool_limits(limits=1, user_api="blas"):
+        prepared = _prepared(inputs, outputs, delays, True)
+        errors = _errors(prepared, model.order, "innovations", settings)
+        record = errors.record
+        drives = np.column_stack(
+            [
+                (model.B - model.K @ model.D) * record.input_scales,
+                model.K * record.output_scales,
+            ]
+        )
+        found = descend(errors, from_matrices(errors, model.predictor, drives), steps, tolerance)
+        if not np.isfinite(found.criterion):
+            raise ValueError("the descent found no stable model")
+        value = errors.percent(found.criterion)
+        diagnostics = _without_generations(value, found.evaluations, 1)
+        names = tuple(input_names), tuple(output_names)
+        result = SearchResult(found.point, value, diagnostics)
+        return _described(errors, result, prepared, sampling_rate, *names)
 
 
 def errors_on(model: StateSpaceModel, inputs: Array, outputs: Array) -> tuple[Array, Array]:

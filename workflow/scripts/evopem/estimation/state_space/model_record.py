@@ -21,6 +21,11 @@ from evopem.version import __version__
 
 Array = NDArray[np.float64]
 
+_FORMS = {
+    "innovations": "innovations",
+    "output_error": "output error",
+    "box_jenkins": "innovations next to Box-Jenkins",
+}
 _LIBRARIES = ("numpy", "scipy", "numba")
 
 
@@ -97,7 +102,7 @@ class StateSpaceModelRecord:
         cls,
         estimate: StateSpaceEstimate,
         model: StateSpaceModel,
-        weighting: str,
+        variant: tuple[str, str],
         units: tuple[tuple[str, ...], tuple[str, ...]],
         settings: StateSpaceSearchSettings,
         transforms: MultichannelTransforms,
@@ -108,8 +113,8 @@ class StateSpaceModelRecord:
             Ts=1.0 / model.sampling_rate,
             noise_covariance=model.noise_covariance,
             input_delays=model.input_delays or (0,) * model.inputs,
-            form=estimate.model.form,
-            weighting=weighting,
+            form=variant[0],
+            weighting=variant[1],
             plant_states=estimate.model.order,
             input_names=model.input_names,
             output_names=model.output_names,
@@ -162,7 +167,7 @@ class StateSpaceModelRecord:
     def text(self) -> str:
         """The model in a few words, such as "state space, 8 states (output error)"."""
         noise = len(self.A) - self.plant_states
-        form = "output error" if self.form == "output_error" else "innovations"
+        form = _FORMS[self.form]
         states = f"{self.plant_states} state{'s' * (self.plant_states != 1)}"
         return f"state space, {states} ({form}{f', noise model of {noise}' if noise else ''})"
 

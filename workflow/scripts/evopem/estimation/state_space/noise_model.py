@@ -10,79 +10,62 @@ the state-space counterpart of a Box-Jenkins model (Ljung 1999, section 4.3).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evopem.estimation.state_space.estimate import (
-    StateSpaceEstimate,
     StateSpaceSettings,
-    sweep_state_space_orders,
+    estimates_of_orders,
 )
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.state_space import StateSpaceModel
 
 Array = NDArray[np.float64]
 
-
-@dataclass(frozen=True, eq=False)
-class NoiseOrders:
-    """The orders of a noise model, by BIC; order 0 is white noise."""
-
-    orders: tuple[int, ...]
-    bic: tuple[float, ...]
-
-    @property
-    def best(self) -> int:
-        """The order with the lowest BIC."""
-        return self.orders[int(np.argmin(self.bic))]
+# A search of orders ends after so many of higher BIC.
+RISES = 2
 
 
-def with_noise_model(
-    estimate: StateSpaceEstimate,
+def noise_model(
+    plant: StateSpaceModel,
+    inputs: Sequence[Array],
+    outputs: Sequence[Array],
     orders: Sequence[int],
     settings: StateSpaceSettings,
-    log: Callable[[str], None] | None = None,
-) -> tuple[StateSpaceModel, NoiseOrders]:
-    """Add the noise model of lowest BIC to an output-error model.
+) -> StateSpaceModel | None:
+    """The noise model of lowest BIC for the residuals of a plant; None where they are white.
 
     Parameters
     ----------
-    estimate : StateSpaceEstimate
-        In output-error form.
+    plant : StateSpaceModel
+        Of output-error form.
+    inputs, outputs : sequences of (N, nu) and (N, ny) arrays
+        The records that it was estimated from.
     orders : sequence of int
-        Orders of the noise model, ascending in steps of one or two; white noise is tried as well.
+        Of the noise model, ascending in steps of one or two.
     settings : StateSpaceSettings
-    log : callable, optional
-
-    Returns
-    -------
-    model : StateSpaceModel
-        The model itself where its residuals are white.
-    orders : NoiseOrders
     """
-    plant = estimate.model
-    residuals = [each[np.isfinite(each).all(axis=1)] for each in estimate.residuals]
+    lost = max(plant.input_delays, default=0)
+    residuals = [
+        (y - plant.simulate(u, plant.simulation_state(u, y)))[lost:]
+        for u, y in zip(inputs, outputs, strict=True)
+    ]
+    residuals = [each - each.mean(axis=0) for each in residuals]
     joined = np.vstack(residuals)
-    white = float(np.linalg.slogdet(joined.T @ joined / len(joined))[1])
-    found = sweep_state_space_orders(
-        None,
-        residuals,
-        orders,
-        plant.sampling_rate,
-        level=False,
-        settings=replace(settings, weighting="determinant"),
-        folds=False,
-        log=log,
-    )
-    reached = tuple(each.model.order for each in found.estimates)
-    tried = NoiseOrders((0, *reached), (white, *map(float, found.bic)))
-    if tried.best == 0:
-        return plant, tried
-    noise = next(each.model for each in found.estimates if each.model.order == tried.best)
-    return side_by_side(plant, noise), tried
+    lowest, best = float(np.linalg.slogdet(joined.T @ joined / len(joined))[1]), None
+    rises = 0
+    for estimate in estimates_of_orders(
+        None, residuals, orders, settings=replace(settings, weighting="determinant")
+    ):
+        rises += 1
+        if estimate.bic < lowest:
+            lowest, best, rises = estimate.bic, estimate.model, 0
+        if rises >= RISES:
+            break
+    return best
 
 
 def side_by_side(plant: StateSpaceModel, noise: StateSpaceModel) -> StateSpaceModel:
@@ -142,7 +125,8 @@ def _covariance(
     n = plant.order
     of_plant = _places(model, slice(0, n), model.inputs)
     of_noise = _places(model, slice(n, model.order), 0)
-    factors, null_spaces = [], []
+    factors: list[Array] = []
+    null_spaces: list[Array] = []
     for part, places, names in (
         (plant, of_plant, ("A", "B", "C", "D", "K", "level")),
         (noise, of_noise, ("A", "C", "K")),

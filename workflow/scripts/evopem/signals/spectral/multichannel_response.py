@@ -62,5 +62,5 @@ def multichannel_response(recording: MultichannelRecording, nfft: int) -> Multic
     explained = np.einsum("fij,fij->fi", response, s_yu.conj()).real
     with np.errstate(divide="ignore", invalid="ignore"):
         coherence = np.clip(explained / s_yy, 0.0, 1.0)
-    frequencies = np.fft.rfftfreq(nfft, 1.0 / recording.sampling_rate)
+    frequencies = np.fft.rfftfreq(nfft, 1.0 / recording.sampling_rate).astype(np.float64)
     return MultichannelResponse(frequencies, response, coherence)
