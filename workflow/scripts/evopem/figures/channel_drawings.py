@@ -213,12 +213,13 @@ def assurance_matrix(assurance: Sequence[Sequence[float]], names: Sequence[str],
         Of the modes, short.
     label : str
     """
-    size = HEAD + CELL * len(names)
+    width, height = HEAD + CELL * len(names), 24 + CELL * len(names)
     parts = []
     for row, (name, values) in enumerate(zip(names, assurance, strict=True)):
         y = 20 + CELL * row
         parts.append(
-            f'<text x="{HEAD - 6:g}" y="{y + CELL / 2 + 4:g}" text-anchor="end">{escape(name)}</text>'
+            f'<text x="{HEAD - 6:g}" y="{y + CELL / 2 + 4:g}" text-anchor="end">'
+            f"{escape(name)}</text>"
             f'<text x="{HEAD + CELL * (row + 0.5):g}" y="14" text-anchor="middle">{row + 1}</text>'
         )
         for column, value in enumerate(values):
@@ -231,7 +232,9 @@ def assurance_matrix(assurance: Sequence[Sequence[float]], names: Sequence[str],
                 f'<text class="{"strong" if known > 0.55 else ""}" x="{x + CELL / 2:g}"'
                 f' y="{y + CELL / 2 + 4:g}" text-anchor="middle">{text}</text>'
             )
-    return _svg(size, 24 + CELL * len(names), label, "".join(parts), "assurance")
+    drawn = _svg(width, height, label, "".join(parts), "assurance")
+    # In its own size: a matrix of few modes would fill the page.
+    return drawn.replace("<svg ", f'<svg width="{width:g}" ', 1)
 
 
 CHART_WIDTH, CHART_HEIGHT = 420.0, 200.0

@@ -30,7 +30,7 @@ from evopem.validation.checks.state_space import mode_doubts
 from evopem.validation.multichannel import OutputValidation
 
 # Validation samples that a panel shows, and points of a line at most.
-SHOWN_SAMPLES, POINTS = 300, 300
+SHOWN_SAMPLES, POINTS = 200, 300
 # Decibels that a frequency response is shown over.
 DECIBELS = 80.0
 # Outputs that a mode is seen at and inputs that it is driven by, named at most.
@@ -164,6 +164,7 @@ def _output_panels(results: MultichannelResults) -> list[OutputPanel]:
             ("measured", table[f"output_{output.name}"].to_numpy()[::step]),
             ("model", table[f"{kind}_{output.name}"].to_numpy()[::step]),
         ]
+        signals.append(("difference", signals[0][1] - signals[1][1]))
         svg = series_panel(times, signals, "s", f"{output.name}, measured and {kind}")
         panels.append(OutputPanel(output, Markup(svg)))
     return panels

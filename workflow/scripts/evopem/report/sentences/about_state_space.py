@@ -19,6 +19,13 @@ from evopem.results.multichannel import MultichannelResults
 
 # Modes that a sentence names at most.
 MOST_NAMED = 8
+# The checks that standard errors rest on; without the first there are none.
+_OF_INTERVALS = (
+    "Roots inside the stability bound",
+    "White residuals",
+    "Residuals independent of the input",
+    "Search repeatable",
+)
 
 
 def state_space_verdict(results: MultichannelResults) -> Verdict:
@@ -34,7 +41,13 @@ def state_space_verdict(results: MultichannelResults) -> Verdict:
         if results.model.input_names
         else []
     )
-    uses = [*of_inputs, _prediction(results, failed), _modes(results), _intervals(failed)]
+    unknown = {check.name for check in results.checks if check.passed is None}
+    uses = [
+        *of_inputs,
+        _prediction(results, failed),
+        _modes(results),
+        _intervals(failed, unknown),
+    ]
     return Verdict(sentence_of(uses), sorted(uses, key=lambda use: ANSWERS.index(use.answer)))
 
 
@@ -95,22 +108,13 @@ def _modes(results: MultichannelResults) -> Use:
     return Use(f"{name} {places}, with shapes", "good", reason)
 
 
-def _intervals(failed: set[str]) -> Use:
+def _intervals(failed: set[str], unknown: set[str]) -> Use:
     against = [
-        name
-        for name in (
-            "Roots inside the stability bound",
-            "White residuals",
-            "Residuals independent of the input",
-            "Search repeatable",
-        )
-        if name in failed
+        f"{word}: {enumeration([f'“{name}”' for name in _OF_INTERVALS if name in names])}"
+        for word, names in (("failed", failed), ("not judged", unknown))
+        if names.intersection(_OF_INTERVALS)
     ]
-    answer: Answer = "no" if "Roots inside the stability bound" in against else "care"
     if not against:
         return Use("standard errors", "good", "white residuals, repeatable optimum")
-    return Use(
-        "standard errors",
-        answer,
-        f"failed: {enumeration([f'“{name}”' for name in against])}",
-    )
+    answer: Answer = "no" if _OF_INTERVALS[0] in failed else "care"
+    return Use("standard errors", answer, joined(*against))
