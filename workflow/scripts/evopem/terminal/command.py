@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import importlib.util
 import os
 import sys
 from collections.abc import Sequence
@@ -23,11 +22,11 @@ from evopem.config.strict_yaml import check_yaml_files
 from evopem.config.yaml_form import read_settings
 from evopem.errors import InputError
 from evopem.files.job import job
+from evopem.pipeline.packages import FOR_REPORT, check_packages
+from evopem.pipeline.progress import ProgressLine
 from evopem.results.layout import DatasetFiles
-from evopem.terminal.progress import ProgressLine
 from evopem.version import __version__
 
-_REPORT_PACKAGES = ("pandas", "matplotlib", "jinja2")
 _INTERRUPTED = 130
 _DESCRIPTION = """\
 Identify a dynamic system from a recording of its input and output: an ARMAX model, natural
@@ -136,7 +135,7 @@ def _init(given: Sequence[str]) -> int:
 
 
 def _identify(arguments: argparse.Namespace) -> int:
-    _check_packages()
+    check_packages(FOR_REPORT, "evopem", "the validation and the report")
     check_environment(os.environ)
     # Before numpy is imported, which reads it.
     os.environ.update(job_environment(os.environ, Path.cwd()))
@@ -144,8 +143,9 @@ def _identify(arguments: argparse.Namespace) -> int:
     files = DatasetFiles(str(Path(arguments.results) / settings.name))
     _check_folder(files, settings)
     from evopem.pipeline.identification import identify_recording
+    from evopem.report.results_text import results_text
     from evopem.results.dataset import read_dataset_results
-    from evopem.terminal.results_text import results_text, show
+    from evopem.terminal.results_text import show
 
     progress = ProgressLine(sys.stderr)
     phases = [files.phase(each) for each in phases_of_dataset(settings)]
@@ -164,24 +164,6 @@ def _identify(arguments: argparse.Namespace) -> int:
         progress.close()
     show(results_text(read_dataset_results(files, settings), files.report))
     return 0
-
-
-def _check_packages() -> None:
-    """Refuse to begin what a missing package would end.
-
-    Raises
-    ------
-    InputError
-        Naming the extra that brings it.
-    """
-    missing = [name for name in _REPORT_PACKAGES if importlib.util.find_spec(name) is None]
-    if missing:
-        raise InputError(
-            "evopem",
-            f"the validation and the report need {', '.join(missing)}, which "
-            f"{'is' if len(missing) == 1 else 'are'} not installed",
-            'run pip install "evopem[report]"',
-        )
 
 
 def _settings(arguments: argparse.Namespace) -> DatasetSettings:
