@@ -183,7 +183,7 @@ def test_an_output_alone_gives_a_noise_model():
         ({"strukture": "oe"}, r"strukture: there is no such key \(did you mean structure\?\)"),
         ({"structure": "foo"}, "structure: foo is not known"),
         ({"file": "x.csv"}, "file: it is no key of the analysis"),
-        ({"name": "a/b"}, "the data set name 'a/b' cannot be the name of a folder"),
+        ({"name": "a/b"}, "name: the data set name 'a/b' cannot be the name of a folder"),
         ({"validation": 3.0}, "validation: it is neither a table nor a pair of signals"),
         ({"sampling_rate": None}, "sampling_rate: it is not known; give it in Hz"),
     ],

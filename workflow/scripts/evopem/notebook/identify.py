@@ -201,7 +201,8 @@ def _settings(
         return complete(content, schema_file(), "identify").datasets[name]
     except InputError as error:
         key = error.place.removeprefix(f"datasets.{name}").lstrip(".")
-        raise InputError(key or "identify", error.problem, error.remedy) from None
+        place = "name" if key == "datasets" else key or "identify"
+        raise InputError(place, error.problem, error.remedy) from None
 
 
 def _of_signals(error: InputError, root: Path) -> InputError:

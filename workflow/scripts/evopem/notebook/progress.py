@@ -7,7 +7,7 @@ import importlib.util
 import sys
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 
 from evopem.pipeline.identification import Announce
 from evopem.pipeline.progress import ProgressLine, stage_title
@@ -24,13 +24,20 @@ def progress(shown: bool) -> Iterator[Announce | None]:
     if not shown:
         yield None
         return
-    bars = {"tqdm": _tqdm, "rich": _rich}
-    # A file of messages gets lines.
-    if not (sys.stderr.isatty() or "ipykernel" in sys.modules):
-        bars = {}
-    bar = next((make for name, make in bars.items() if importlib.util.find_spec(name)), _line)
-    with bar() as announce:
+    with _way()() as announce:
         yield announce
+
+
+def _way() -> Callable[[], AbstractContextManager[Announce]]:
+    """A bar on a terminal and in a notebook; lines in a file of messages."""
+    in_notebook = "ipykernel" in sys.modules
+    if not (sys.stderr.isatty() or in_notebook):
+        return _line
+    if importlib.util.find_spec("tqdm"):
+        return _tqdm
+    if in_notebook:  # where rich needs widgets
+        return _display
+    return _rich if importlib.util.find_spec("rich") else _line
 
 
 @contextmanager
@@ -68,7 +75,26 @@ def _rich() -> Iterator[Announce]:
 
 
 @contextmanager
-def _line() -> Iterator[Callable[[str, int, int], None]]:
+def _display() -> Iterator[Announce]:
+    """One line of a notebook's own output, empty at the end."""
+    shown = importlib.import_module("IPython.display").display
+
+    def text(line: str) -> dict[str, str]:
+        return {"text/plain": line}
+
+    handle = shown(text(""), raw=True, display_id=True)
+
+    def announce(stage: str, number: int, stages: int) -> None:
+        handle.update(text(f"{number}/{stages} {stage_title(stage)}"), raw=True)
+
+    try:
+        yield announce
+    finally:
+        handle.update(text(""), raw=True)
+
+
+@contextmanager
+def _line() -> Iterator[Announce]:
     line = ProgressLine(sys.stderr)
     try:
         yield line.announce

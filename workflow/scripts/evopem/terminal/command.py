@@ -38,6 +38,7 @@ examples:
   evopem bench.mat --input iq_adx --output omega_max --rate 2500
   evopem log.csv --input 2 --output 3 --time 1
   evopem init measurements      write measurements/config.yaml for many recordings
+  evopem compare results/a results/b      lay results side by side on one page
 
 The results lie in results/<name of the file>/; open report.html first. The file may be text, .mat,
 .npz, .npy, .parquet, .h5, .tdms or .uff.
@@ -65,6 +66,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         if given[:1] == ["init"]:
             return _init(given[1:])
+        if given[:1] == ["compare"]:
+            return _compare(given[1:])
         return _identify(_parser().parse_args(given))
     except InputError as error:
         sys.stderr.write(f"{error}\n")
@@ -81,7 +84,8 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         "evopem",
         usage="evopem FILE --input CHANNEL --output CHANNEL [--rate HZ | --time CHANNEL] …\n"
-        "       evopem init [FOLDER]",
+        "       evopem init [FOLDER]\n"
+        "       evopem compare FOLDER FOLDER … [--page FILE]",
         description=_DESCRIPTION,
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
@@ -131,6 +135,29 @@ def _init(given: Sequence[str]) -> int:
 
     written = write_configuration(folder)
     print(f"Wrote {written}: check the inputs, outputs and sampling rates in it.")
+    return 0
+
+
+def _compare(given: Sequence[str]) -> int:
+    parser = argparse.ArgumentParser(
+        "evopem compare",
+        description="Lay the results of two to six data sets side by side: errors and verdicts, "
+        "frequency responses over each other, modes matched by frequency, and checks.",
+    )
+    parser.add_argument("folders", nargs="+", metavar="FOLDER", help="results, such as results/arm")
+    parser.add_argument(
+        "--page", default="comparison.html", metavar="FILE", help="default: %(default)s"
+    )
+    arguments = parser.parse_args(given)
+    check_packages(FOR_REPORT, "evopem", "the figures and the page")
+    check_environment(os.environ)
+    os.environ.update(job_environment(os.environ, Path.cwd()))
+    from evopem.pipeline.comparison import compare_datasets
+    from evopem.report.comparison_text import comparison_text
+    from evopem.terminal.results_text import show
+
+    comparison = compare_datasets(arguments.folders, arguments.page)
+    show(f"{comparison_text(comparison)}\n\n  page  {arguments.page}")
     return 0
 
 
