@@ -144,7 +144,15 @@ def read_settings(path: str | Path) -> DatasetSettings:
     try:
         content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
         ((name, keys),) = content["datasets"].items()
+        if keys.get("structure") == "state_space":
+            raise InputError(
+                str(path),
+                "holds a data set with several channels, and one with a single output is needed",
+                "name another folder",
+            )
         return settings_of(name, keys)
+    except InputError:
+        raise
     except (OSError, yaml.YAMLError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise InputError(
             str(path),

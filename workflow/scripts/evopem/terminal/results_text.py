@@ -1,24 +1,19 @@
-"""The results of a data set in a few lines: verdict, modes, errors, failed checks, report."""
+"""What a run prints at its end: the results of its data sets, or a line for each."""
 
 from __future__ import annotations
 
-import re
 import sys
-import textwrap
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from evopem.config.yaml_form import read_settings
 from evopem.files.json_form import load
-from evopem.models.modes import Mode
-from evopem.report.numbers import count, is_number, number, percent, plural, with_error
-from evopem.report.sentences.about_verdict import verdict
-from evopem.results.dataset import DatasetResults, read_dataset_results
+from evopem.report.numbers import number, plural
+from evopem.report.results_text import results_text, state_space_text
+from evopem.results.dataset import read_dataset_results
 from evopem.results.fleet import DatasetSummary, Entry, IncompleteDataset
 from evopem.results.layout import DatasetFiles
-from evopem.validation.checks import Check
 
-_WIDTH = 96
 _SHOWN_WHOLE = 3
 """Up to so many data sets are shown with their modes, more with a line each."""
 _SHOWN = 40
@@ -36,62 +31,6 @@ def show(text: str) -> None:
     except UnicodeEncodeError:
         text = text.translate(_PLAIN).encode(encoding, "replace").decode(encoding)
     print(text, flush=True)
-
-
-def results_text(results: DatasetResults, page: str) -> str:
-    """The lines about one data set.
-
-    Parameters
-    ----------
-    results : DatasetResults
-    page : str
-        The file to open next.
-    """
-    validation, transforms = results.validation, results.model.transforms
-    lines = [
-        *textwrap.wrap(f"{results.name}: {verdict(results).sentence}", _WIDTH),
-        "",
-        *_mode_table(results),
-        "",
-        f"  model   {results.model.orders}, from {count(transforms.estimation_samples)} samples at "
-        f"{results.model.sampling_rate:g} Hz",
-        f"  errors  one step ahead {percent(validation.prediction_error_percent)}, simulation "
-        f"{percent(validation.simulation_error_percent)} on {count(validation.samples)} "
-        "validation samples",
-        *_failed(results.checks),
-        f"  report  {page}",
-    ]
-    return "\n".join(lines)
-
-
-def state_space_text(summary: DatasetSummary, name: str, page: str) -> str:
-    """The lines about one data set with several channels.
-
-    Parameters
-    ----------
-    summary : DatasetSummary
-    name : str
-    page : str
-        The file to open next.
-    """
-    failed = summary.n_checks(passed=False)
-    outcome = plural(failed, "failed check") if failed else "no failed check"
-    errors = [f"one step ahead {percent(summary.prediction_error_percent)}"]
-    if is_number(summary.simulation_error_percent):
-        errors.append(f"simulation {percent(summary.simulation_error_percent)}")
-    lines = [
-        f"{name}: {outcome}",
-        "",
-        *_modes_of(summary.modes, summary.trusted),
-        "",
-        f"  model   {summary.model}, from {count(summary.estimation_samples)} samples at "
-        f"{summary.sampling_rate:g} Hz",
-        f"  errors  {', '.join(errors)} on {count(summary.validation_samples)} validation samples, "
-        "mean over the outputs",
-        *_failed(summary.checks),
-        f"  report  {page}",
-    ]
-    return "\n".join(lines)
 
 
 def run_text(entries: Mapping[str, Entry], page: str, lists: Sequence[str]) -> str:
@@ -134,44 +73,3 @@ def _line(name: str, entry: Entry) -> str:
     modes = ", ".join(f"{number(mode.frequency_hz)} Hz" for mode in entry.modes) or "no modes"
     failed = entry.n_checks(passed=False)
     return f"{name}: {plural(failed, 'failed check') if failed else 'no failed check'}; {modes}"
-
-
-def _mode_table(results: DatasetResults) -> list[str]:
-    trusted = {each.mode.pole for each in results.trusted_modes}
-    modes = results.model.modes
-    return _modes_of(modes, [mode.pole in trusted for mode in modes])
-
-
-def _modes_of(modes: Sequence[Mode], trusted: Sequence[bool]) -> list[str]:
-    if not modes:
-        return ["  The model has no oscillating mode."]
-    rows = [("mode", "frequency (Hz)", "damping (%)", "")]
-    rows += [
-        (
-            str(position),
-            with_error(mode.frequency_hz, mode.frequency_se_hz),
-            with_error(100.0 * mode.damping_ratio, 100.0 * mode.damping_se),
-            "" if trust else "not to be trusted: see the report",
-        )
-        for position, (mode, trust) in enumerate(zip(modes, trusted, strict=True), start=1)
-    ]
-    widths = [max(len(row[column]) for row in rows) for column in range(4)]
-    return [
-        "  "
-        + "   ".join(f"{text:<{width}}" for text, width in zip(row, widths, strict=True)).rstrip()
-        for row in rows
-    ]
-
-
-def _failed(checks: Sequence[Check]) -> list[str]:
-    """Each failed check with the first sentence of what was found."""
-    lines = []
-    for check in checks:
-        if check.passed is False:
-            found = re.split(r"(?<=[.;]) ", check.statement, maxsplit=1)[0]
-            lines += _wrapped(f"{check.name}: {found}", "  failed  ")
-    return lines
-
-
-def _wrapped(text: str, head: str) -> list[str]:
-    return textwrap.wrap(text, _WIDTH, initial_indent=head, subsequent_indent=" " * 10)
