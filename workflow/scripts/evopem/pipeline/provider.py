@@ -457,11 +457,15 @@ class Provider:
         return resources.reading_time(self._of(wildcards), attempt)
 
     def estimation_memory(self, wildcards: Wildcards, threads: int, attempt: int) -> int:
-        """MB of a job that estimates candidates."""
+        """MB of a job that estimates candidates, or models of several channels."""
+        if wildcards.dataset in self.state_space:
+            return self.state_space_memory(wildcards, attempt)
         return resources.estimation_memory(self._of(wildcards), threads, attempt)
 
     def estimation_time(self, wildcards: Wildcards, threads: int, attempt: int) -> int:
         """Minutes of a job that estimates the candidates of a phase, or of all of them."""
+        if wildcards.dataset in self.state_space:
+            return self.state_space_time(wildcards, attempt)
         return resources.estimation_time(
             self._of(wildcards),
             wildcards.get("phase"),
