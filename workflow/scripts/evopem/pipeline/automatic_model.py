@@ -15,7 +15,6 @@ from evopem.automatic.orders import StructureSearch
 from evopem.automatic.preparation import PreparationPlan
 from evopem.automatic.record import DecisionRecord
 from evopem.automatic.remedies import Remedied
-from evopem.automatic.stretches import total_samples
 from evopem.automatic.structures import Comparison
 from evopem.config.settings import Objective, SearchSettings
 from evopem.files.json_form import load, save
@@ -23,6 +22,7 @@ from evopem.pipeline.automatic_preparation import load_record
 from evopem.pipeline.automatic_search import DelayDecision
 from evopem.results.layout import DatasetFiles
 from evopem.signals.preparation import load_prepared
+from evopem.signals.stretches import total_samples
 
 Log = Callable[[str], None]
 
@@ -64,8 +64,8 @@ def _remarks(files: DatasetFiles, level: str) -> tuple[str, ...]:
         longest = max(each.samples for each in stretches)
         remarks.append(
             f"The estimation samples are {len(stretches)} stretches with breaks between them: the"
-            f" model comes from all {total_samples(stretches)} samples, residual tests, intervals"
-            f" and spectrum from the longest stretch of {longest} samples."
+            f" model comes from all {total_samples(stretches)} samples, each stretch with its own"
+            f" initial state, the spectrum from the longest stretch of {longest} samples."
         )
     if level == "state":
         remarks.append(
