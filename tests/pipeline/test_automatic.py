@@ -35,7 +35,7 @@ POLES = [1.0, -1.5, 0.7]
 def settings_of(file):
     return DatasetSettings(
         "pump",
-        RecordedSource(file, ChannelSettings(sampling_rate=10.0)),
+        RecordedSource((file,), ChannelSettings(sampling_rate=10.0)),
         PreparationSettings(TransformSettings("none", 0, 0), SplitSettings(0, 0.8)),
         SpectrumSettings(nfft=512),
         OrderGrid(),

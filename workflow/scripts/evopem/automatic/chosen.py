@@ -178,8 +178,15 @@ def _described_by_search(
         at_states = replace(result, point=joined.completed_by_states(model))
         return Candidate.of(describe_joined(joined, at_states, data.sampling_rate), CHOSEN)
     errors = PolynomialErrors(
-        *(data.input, data.output, orders, search.objective),
-        *(window.residual_start, window.loss_start, radius, noise_radius, True),
+        data.input,
+        data.output,
+        orders,
+        search.objective,
+        window.residual_start,
+        window.loss_start,
+        radius,
+        noise_radius,
+        level=True,
     )
     states = estimate_prediction_states(model, data.input, data.output)
     point = np.concatenate([model.parameters, [model.level], *states])
