@@ -78,12 +78,12 @@ TEMPLATE_FOLDER = schema_file().parents[1] / "templates"
 TEMPLATES = sorted(path for path in TEMPLATE_FOLDER.rglob("*") if path.is_file())
 
 
-def recorded_file(key):
-    """The recorded file of a data set: the user's own, which no module's prefix applies to."""
-    provide = provider.recorded_file(key)
+def recorded_files(key):
+    """The recorded files of a data set: the user's own, which no module's prefix applies to."""
+    provide = provider.recorded_files(key)
 
     def existing(wildcards):
-        return {name: local(path) for name, path in provide(wildcards).items()}
+        return {name: list(map(local, paths)) for name, paths in provide(wildcards).items()}
 
     return existing
 

@@ -12,7 +12,7 @@ import yaml
 from evopem.config.automatic_keys import built_in_keys, check_automatic_keys, laid_over
 from evopem.config.dataset_names import check_names
 from evopem.config.fit_keys import merged_fit
-from evopem.config.sample_sheet import Origin, expand, shard_of
+from evopem.config.sample_sheet import Origin, expand, shard_of, with_matching_files
 from evopem.config.schema import check_schema
 from evopem.config.settings import (
     Configuration,
@@ -23,6 +23,7 @@ from evopem.config.settings import (
     RunSettings,
     Structure,
 )
+from evopem.config.several_recordings import check_several_recordings
 from evopem.config.source_keys import check_paths, complete_source
 from evopem.config.strict_yaml import Keys
 from evopem.config.structure_keys import check_structure_keys, check_transforms, with_ranges
@@ -61,6 +62,7 @@ def complete(config: Keys, schema_path: str | Path, source: str = "config.yaml")
     datasets, origin = expand(config.get("datasets"), source)
     try:
         if "datasets" in config:
+            datasets = with_matching_files(datasets, source)
             config["datasets"] = normalized(datasets, source, ("datasets",))
         check_schema(config, schema, source)
         return _completed(config, origin, source)
@@ -103,6 +105,8 @@ def _completed(config: Keys, origin: Origin, source: str) -> Configuration:
         _check_something_left(written, analysis, source, place)
         datasets[name] = settings_of(name, own_source | analysis | merged_fit(defaults, written))
     check_paths(config["datasets"], source)
+    for each in datasets.values():
+        check_several_recordings(each, source)
     if "shard" in config:
         datasets = shard_of(datasets, config["shard"], source)
     names = [field.name for field in fields(RunSettings)]

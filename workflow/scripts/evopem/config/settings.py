@@ -58,11 +58,20 @@ class ChannelSettings:
 
 @dataclass(frozen=True)
 class RecordedSource:
-    """A recorded file, and an independent one for validation where there is one."""
+    """Recorded files of one system, and independent ones for validation where there are any.
 
-    file: str
+    Attributes
+    ----------
+    files : tuple of str
+        One, or several that are one data set.
+    channels : ChannelSettings
+        The same in all files.
+    validation_files : tuple of str
+    """
+
+    files: tuple[str, ...]
     channels: ChannelSettings
-    validation_file: str | None = None
+    validation_files: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -113,10 +122,14 @@ class SplitSettings:
         Samples, or a share of them, left out at the start.
     estimation : int or float
         Samples, or a share of those that remain, used for estimation.
+    by : {"recordings", "samples"}
+        How several recordings are divided: the last recordings validate, or the last samples of
+        each.
     """
 
     discard: int | float = 500
     estimation: int | float = 0.8
+    by: Literal["recordings", "samples"] = "recordings"
 
 
 @dataclass(frozen=True)
@@ -258,6 +271,12 @@ class ScoringWindow:
 
     residual_start: int
     loss_start: int
+
+    def from_first(self, first_residual: int) -> ScoringWindow:
+        """The same window for orders whose first residual may be later."""
+        return ScoringWindow(
+            max(self.residual_start, first_residual), max(self.loss_start, first_residual)
+        )
 
 
 @dataclass(frozen=True)

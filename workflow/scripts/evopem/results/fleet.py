@@ -131,8 +131,8 @@ def summarize(
         The files of these results; the summary holds their checksums.
     """
     return DatasetSummary(
-        file=recording.file.path if recording.file else None,
-        sha256=recording.file.sha256 if recording.file else None,
+        file=", ".join(each.path for each in recording.files) or None,
+        sha256=", ".join(each.sha256 for each in recording.files) or None,
         sampling_rate=model.sampling_rate,
         estimation_samples=model.transforms.estimation_samples,
         validation_samples=model.transforms.validation_samples,
