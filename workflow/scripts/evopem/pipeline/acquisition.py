@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 
 from evopem.config.settings import ChannelSettings
 from evopem.files.json_form import save
@@ -13,30 +14,36 @@ from evopem.signals.recording_info import describe_recorded_files
 
 
 def read_recording(
-    recorded: Sequence[str], channels: ChannelSettings, recording_file: str, info_file: str
+    recorded: Sequence[str],
+    channels: ChannelSettings,
+    recording_file: str,
+    info_file: str,
+    folder: str | Path = "",
 ) -> None:
     """Read the input and output channels of a recorded file, or of several that are one data set.
 
     Parameters
     ----------
     recorded : sequence of str
-        The recorded files.
+        The recorded files, as the settings name them.
     channels : ChannelSettings
     recording_file, info_file : str
         Where samples and origin are written.
+    folder : path
+        What relative paths are relative to; the working directory by default.
 
     Raises
     ------
     InputError
         When a file cannot be read, or the recordings are not of the same channels and rate.
     """
-    recordings = [_read(file, channels) for file in recorded]
+    recordings = [_read(Path(folder) / file, channels) for file in recorded]
     recording = joined(recordings, recorded) if len(recordings) > 1 else recordings[0]
     save_recording(recording, recording_file)
-    save(describe_recorded_files(recorded, recording, channels), info_file)
+    save(describe_recorded_files(recorded, recording, channels, folder), info_file)
 
 
-def _read(file: str, channels: ChannelSettings) -> Recording:
+def _read(file: Path, channels: ChannelSettings) -> Recording:
     return read_channels(
         file,
         input=channels.input,

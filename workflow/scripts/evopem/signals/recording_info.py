@@ -79,20 +79,33 @@ def describe_synthetic_recording(recording: Recording) -> RecordingInfo:
 
 
 def describe_recorded_files(
-    paths: Sequence[str | Path], recording: Recording, channels: ChannelSettings
+    names: Sequence[str | Path],
+    recording: Recording,
+    channels: ChannelSettings,
+    folder: str | Path = "",
 ) -> RecordingInfo:
-    """Origin and properties of a recording that was read from files, one for each stretch."""
+    """Origin and properties of a recording that was read from files, one for each stretch.
+
+    Parameters
+    ----------
+    names : sequence of path
+        What the settings call the files.
+    recording : Recording
+    channels : ChannelSettings
+    folder : path
+        What relative names are relative to; the working directory by default.
+    """
     origins = [
         FileOrigin(
             path=str(path),
-            sha256=sha256(path),
-            bytes=local_path(path).stat().st_size,
+            sha256=sha256(Path(folder) / path),
+            bytes=local_path(Path(folder) / path).stat().st_size,
             format=format_of(path),
             input_channel=channels.input,
             output_channel=channels.output,
             samples=stretch.samples,
         )
-        for path, stretch in zip(map(Path, paths), recording.stretches, strict=True)
+        for path, stretch in zip(map(Path, names), recording.stretches, strict=True)
     ]
     return _info(recording, "file", origins)
 
