@@ -127,7 +127,7 @@ def test_a_recording_does_not_validate_itself(tmp_path, other):
         ("{dataset}.csv", "the braces in"),
         ("", "there is nothing in it"),
         (3, "3 cannot be used"),
-        (["x.csv"], "cannot be used"),
+        ([["x.csv"]], "cannot be used"),
         (datetime.date(2024, 1, 31), "2024-01-31' cannot be used"),
     ],
 )

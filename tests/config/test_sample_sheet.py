@@ -107,7 +107,7 @@ def test_a_name_with_a_star_is_every_file_of_its_pattern():
     datasets = complete({"datasets": written}, SCHEMA).datasets
     assert list(datasets) == ["bench-10", "bench-7", "one"]
     assert datasets["bench-7"].source.files == ("data[1]/run_7.csv",)
-    assert datasets["bench-7"].source.validation_file == "check/7.csv"
+    assert datasets["bench-7"].source.validation_files == ("check/7.csv",)
     assert datasets["bench-10"].source.channels.sampling_rate == 9
 
 

@@ -83,7 +83,9 @@ def recorded_files(key):
     provide = provider.recorded_files(key)
 
     def existing(wildcards):
-        return {name: list(map(local, paths)) for name, paths in provide(wildcards).items()}
+        return {
+            name: list(map(local, paths)) for name, paths in provide(wildcards).items()
+        }
 
     return existing
 

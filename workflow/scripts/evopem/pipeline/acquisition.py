@@ -30,18 +30,17 @@ def read_recording(
     recording_file, info_file : str
         Where samples and origin are written.
     folder : path
-        What relative names are relative to; the working directory by default.
+        What relative paths are relative to; the working directory by default.
 
     Raises
     ------
     InputError
         When a file cannot be read, or the recordings are not of the same channels and rate.
     """
-    paths = [Path(folder) / file for file in recorded]
-    recordings = [_read(path, channels) for path in paths]
+    recordings = [_read(Path(folder) / file, channels) for file in recorded]
     recording = joined(recordings, recorded) if len(recordings) > 1 else recordings[0]
     save_recording(recording, recording_file)
-    save(describe_recorded_files(paths, recording, channels, recorded), info_file)
+    save(describe_recorded_files(recorded, recording, channels, folder), info_file)
 
 
 def _read(file: Path, channels: ChannelSettings) -> Recording:

@@ -79,34 +79,33 @@ def describe_synthetic_recording(recording: Recording) -> RecordingInfo:
 
 
 def describe_recorded_files(
-    paths: Sequence[str | Path],
+    names: Sequence[str | Path],
     recording: Recording,
     channels: ChannelSettings,
-    names: Sequence[str] = (),
+    folder: str | Path = "",
 ) -> RecordingInfo:
     """Origin and properties of a recording that was read from files, one for each stretch.
 
     Parameters
     ----------
-    paths : sequence of path
+    names : sequence of path
+        What the settings call the files.
     recording : Recording
     channels : ChannelSettings
-    names : sequence of str
-        What the settings call the files; their paths by default.
+    folder : path
+        What relative names are relative to; the working directory by default.
     """
     origins = [
         FileOrigin(
-            path=name,
-            sha256=sha256(path),
-            bytes=local_path(path).stat().st_size,
+            path=str(path),
+            sha256=sha256(Path(folder) / path),
+            bytes=local_path(Path(folder) / path).stat().st_size,
             format=format_of(path),
             input_channel=channels.input,
             output_channel=channels.output,
             samples=stretch.samples,
         )
-        for path, name, stretch in zip(
-            map(Path, paths), names or list(map(str, paths)), recording.stretches, strict=True
-        )
+        for path, stretch in zip(map(Path, names), recording.stretches, strict=True)
     ]
     return _info(recording, "file", origins)
 
