@@ -1,0 +1,156 @@
+"""Measure output-only identification; docs/evidence/output_only.md holds the tables it prints.
+
+    python benchmarks/output_only.py records FOLDER [--records 100]
+    PYTHON_WITH_PYOMA2 benchmarks/output_only.py peers FOLDER
+    python benchmarks/output_only.py own FOLDER
+    python benchmarks/output_only.py table FOLDER
+
+Each record is one of a random structure with six modes, two of which have a close neighbour, at
+four sensors, with 5 to 30 % of white sensor noise.  All methods get the same samples; evopem keeps
+the last quarter for its held-out tests.  A mode is found where its frequency is within 2 % of the
+truth and its shape has a MAC of at least 0.8 with the true one; each estimate is paired with one
+true mode at most.  What is left on either side is false or missed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
+
+RATE, SAMPLES = 100.0, 4000
+ORDERS = range(6, 17, 2)
+SAME_FREQUENCY, SAME_SHAPE = 0.02, 0.8
+# Names of pyOMA2's clusterings.
+CLUSTERINGS = ("Magalhaes", "Reynders", "Neu", "Kvaale", "Dederichs", "hier_avg")
+# Distances within which stable poles of pLSCF are linked.
+REACHES = (0.02, 0.05)
+
+
+def write_records(folder: Path, count: int) -> None:
+    from evopem.synthesis.vibrating_structure import random_structure
+
+    folder.mkdir(parents=True, exist_ok=True)
+    for number in range(count):
+        generator = np.random.default_rng(np.random.SeedSequence(20, spawn_key=(number,)))
+        structure = random_structure(generator)
+        noise = generator.uniform(0.05, 0.3)
+        np.savez(
+            folder / f"{number:03d}.npz",
+            y=structure.ambient_record(SAMPLES, RATE, noise, generator),
+            frequencies_hz=structure.frequencies_hz,
+            damping_ratios=structure.damping_ratios,
+            shapes=structure.shapes,
+            noise=noise,
+        )
+
+
+def found_modes(frequencies, dampings, shapes, **more):  # type: ignore[no-untyped-def]
+    """Modes of an estimate in the form of the files; shapes (ny, m)."""
+    shapes = np.asarray(shapes, dtype=complex)
+    return {
+        "frequencies_hz": np.asarray(frequencies, dtype=float).tolist(),
+        "damping_ratios": np.asarray(dampings, dtype=float).tolist(),
+        "shapes": [[[z.real, z.imag] for z in column] for column in shapes.T],
+    } | {name: np.asarray(values).tolist() for name, values in more.items()}
+
+
+def run_peers(folder: Path) -> None:
+    from pyoma2.algorithms import SSI, pLSCF
+    from pyoma2.algorithms.data.run_params import Clustering
+    from pyoma2.setup import SingleSetup
+
+    for file in sorted(folder.glob("???.npz")):
+        result_file = file.with_suffix(".peers.json")
+        if result_file.exists():
+            continue
+        y = np.load(file)["y"]
+        results = {}
+        setup = SingleSetup(y, fs=RATE)
+        begun = time.process_time()
+        ssi = SSI(name="ssi", method="cov", br=30, ordmax=60, step=2)
+        setup.add_algorithms(ssi)
+        setup.run_by_name("ssi")
+        seconds = time.process_time() - begun
+        for name in CLUSTERINGS:
+            begun = time.process_time()
+            try:
+                ssi.add_clustering(Clustering(name=name, quick=name))
+                ssi.run_clustering(name)
+                found = ssi.result.clustering_results[name]
+                results[f"SSI-cov, {name}"] = found_modes(found.Fn, found.Xi, found.Phi)
+            except Exception as error:
+                results[f"SSI-cov, {name}"] = found_modes([], [], np.zeros((4, 0)))
+                results[f"SSI-cov, {name}"]["error"] = str(error)
+            results[f"SSI-cov, {name}"]["seconds"] = seconds + time.process_time() - begun
+        begun = time.process_time()
+        plscf = pLSCF(name="plscf", ordmax=30, nxseg=1024, method_SD="cor")
+        setup.add_algorithms(plscf)
+        setup.run_by_name("plscf")
+        seconds = time.process_time() - begun
+        for reach in REACHES:
+            name = f"pLSCF, stable poles within {reach}"
+            results[name] = stable_groups(plscf.result, reach) | {"seconds": seconds}
+        result_file.write_text(json.dumps(results))
+        print(file.stem, {name: len(each["frequencies_hz"]) for name, each in results.items()})
+
+
+def stable_groups(result, reach):  # type: ignore[no-untyped-def]
+    """Modes of pLSCF: poles that pyOMA2 labels stable, linked where frequency and shape agree.
+
+    pyOMA2 has no clustering for pLSCF; this is the rule of Magalhaes, Cunha & Caetano (2009), which
+    it has for SSI: single linkage, ``|df|/f + 1 - MAC < reach``, and at least a third of the size
+    of the largest group.
+    """
+    from scipy.cluster.hierarchy import fcluster, linkage
+    from scipy.spatial.distance import squareform
+
+    rows, columns = np.nonzero((result.Lab == 1) & np.isfinite(result.Fn_poles))
+    f, z = result.Fn_poles[rows, columns], result.Xi_poles[rows, columns]
+    shapes = result.Phi_poles[rows, columns]
+    if len(f) < 2:
+        return found_modes(f, z, shapes.T)
+    unit = shapes / np.linalg.norm(shapes, axis=1)[:, None]
+    assurance = np.abs(unit.conj() @ unit.T) ** 2
+    distance = np.abs(f[:, None] - f) / np.maximum(f[:, None], f) + 1.0 - assurance
+    np.fill_diagonal(distance, 0.0)
+    distance = np.maximum(0.5 * (distance + distance.T), 0.0)
+    groups = fcluster(linkage(squareform(distance), "single"), reach, "distance")
+    sizes = np.bincount(groups)
+    kept = [group for group in np.unique(groups) if sizes[group] >= sizes.max() / 3]
+    chosen = []
+    for group in kept:
+        members = np.flatnonzero(groups == group)
+        chosen.append(members[np.argmin(distance[np.ix_(members, members)].sum(axis=1))])
+    return found_modes(f[chosen], z[chosen], shapes[chosen].T)
+
+
+def run_own(folder: Path) -> None:
+    from evopem.estimation.state_space.estimate import sweep_state_space_orders
+    from evopem.files.json_form import save
+    from evopem.validation.mode_table import mode_table
+
+    for file in sorted(folder.glob("???.npz")):
+        table_file = file.with_suffix(".table.json")
+        if table_file.exists():
+            continue
+        y = np.load(file)["y"]
+        kept = 3 * len(y) // 4
+        begun = time.process_time()
+        scores = sweep_state_space_orders(None, y[:kept], ORDERS, RATE, folds=False, width=3)
+        table = mode_table(scores, None, y, kept)
+        seconds = time.process_time() - begun
+        save(table, table_file)
+        print(f"{file.stem}: order {table.order}, {len(table.trusted)} of {len(table.modes)} modes "
+              f"trusted, {seconds:.0f} s", flush=True)
+
+
+if __name__ == "__main__":
+    run_own(Path(sys.argv[1]))
