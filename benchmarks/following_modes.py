@@ -30,7 +30,7 @@ STRUCTURE = VibratingStructure(
 
 
 def recorded_modes(structure: VibratingStructure, fleet: int, number: int) -> list[RecordedMode]:
-    """The modes of one recording, order known; those with damping above 20 % left out."""
+    """The modes of one recording, order known; those damped by more than 20 % are not trusted."""
     generator = np.random.default_rng(np.random.SeedSequence(22, spawn_key=(fleet, number)))
     y = structure.ambient_record(SAMPLES, RATE, 0.15, generator)
     scores = sweep_state_space_orders(None, y, [ORDER], RATE, folds=False, width=3)
@@ -63,9 +63,12 @@ def main() -> None:
         print(f"fleet {fleet}, {what}")
         for mode in follow_modes(recordings):
             error = np.median([each.frequency_se_hz for each in mode.modes])
-            print(f"  mode {mode.number}: {mode.frequency_hz:.3f} Hz in {len(mode.modes)} of {count}, "
-                  f"standard error {100 * error / mode.frequency_hz:.2f} %, "
-                  f"{' '.join(mode.warnings) or 'no warning'}", flush=True)
+            print(
+                f"  mode {mode.number}: {mode.frequency_hz:.3f} Hz in {len(mode.modes)}, "
+                f"standard error {100 * error / mode.frequency_hz:.2f} %, "
+                f"{' '.join(mode.warnings) or 'no warning'}",
+                flush=True,
+            )
 
 
 if __name__ == "__main__":

@@ -14,7 +14,6 @@ true mode at most.  What is left on either side is false or missed.
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 import time
@@ -148,9 +147,11 @@ def run_own(folder: Path) -> None:
         table = mode_table(scores, None, y, kept)
         seconds = time.process_time() - begun
         save(table, table_file)
-        print(f"{file.stem}: order {table.order}, {len(table.trusted)} of {len(table.modes)} modes "
-              f"trusted, {seconds:.0f} s", flush=True)
-
+        print(
+            f"{file.stem}: order {table.order}, {len(table.trusted)} of {len(table.modes)} modes "
+            f"trusted, {seconds:.0f} s",
+            flush=True,
+        )
 
 
 def coverage(records: int) -> None:
@@ -166,7 +167,10 @@ def coverage(records: int) -> None:
     apart = VibratingStructure(
         np.array([4.0, 9.0, 21.0]), np.array([0.02, 0.015, 0.01]), mixed[:, [0, 1, 3]]
     )
-    for kind, structure, order in (("state space, 3 outputs", close, 8), ("arma, 1 output", apart, 6)):
+    for kind, structure, order in (
+        ("state space, 3 outputs", close, 8),
+        ("arma, 1 output", apart, 6),
+    ):
         hits: dict[str, list[bool]] = {"frequency": [], "damping": [], "shape": []}
         missed = 0
         for record in range(records):

@@ -14,8 +14,10 @@ def entry(**conditions):
 
 
 def test_a_condition_orders_the_recordings_and_stays_out_of_their_settings():
-    config = {"follow": "temperature", "datasets": {
-        "a": entry(temperature=21.5), "b": entry(temperature=-3)}}
+    config = {
+        "follow": "temperature",
+        "datasets": {"a": entry(temperature=21.5), "b": entry(temperature=-3)},
+    }
     found = complete(config, schema_file())
     assert found.order == positions(to_json(found.order))
     assert found.order.places == {"a": 21.5, "b": -3.0}
@@ -31,11 +33,14 @@ def test_dates_become_days():
     assert "2026-03-01" in order.name
 
 
-@pytest.mark.parametrize(("entries", "follow", "expected"), [
-    ({"a": entry(load=1), "b": entry()}, "load", "b has no condition load"),
-    ({"a": entry(load=1), "b": entry(load="heavy")}, "load", "heavy is no date|1 is no date"),
-    ({"a": entry(load=[1])}, "load", "conditions.load"),
-])
+@pytest.mark.parametrize(
+    ("entries", "follow", "expected"),
+    [
+        ({"a": entry(load=1), "b": entry()}, "load", "b has no condition load"),
+        ({"a": entry(load=1), "b": entry(load="heavy")}, "load", "heavy is no date|1 is no date"),
+        ({"a": entry(load=[1])}, "load", "conditions.load"),
+    ],
+)
 def test_a_condition_that_cannot_order_is_refused(entries, follow, expected):
     with pytest.raises(InputError, match=expected):
         complete({"follow": follow, "datasets": entries}, schema_file())

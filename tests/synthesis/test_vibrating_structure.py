@@ -11,9 +11,7 @@ def test_velocities_have_the_covariance_and_spectral_peaks_of_the_continuous_str
     structure = VibratingStructure(np.array([3.0, 11.0]), np.array([0.05, 0.03]), shapes)
     y = structure.ambient_record(200_000, 50.0, 0.0, np.random.default_rng(1))
     w, z = 2.0 * np.pi * structure.frequencies_hz, structure.damping_ratios
-    dynamics = np.block(
-        [[np.zeros((2, 2)), np.eye(2)], [np.diag(-(w**2)), np.diag(-2.0 * z * w)]]
-    )
+    dynamics = np.block([[np.zeros((2, 2)), np.eye(2)], [np.diag(-(w**2)), np.diag(-2.0 * z * w)]])
     forces = np.vstack([np.zeros((2, 2)), shapes.T])
     states = solve_continuous_lyapunov(dynamics, -forces @ forces.T)
     expected = shapes @ states[2:, 2:] @ shapes.T

@@ -16,8 +16,10 @@ def test_a_step_is_found_at_its_place_with_its_size():
     (change,) = found.changes
     assert change.index == 25
     weights = errors**-2.0
-    before, after = (np.average(values[part], weights=weights[part]) for part in (
-        slice(None, 25), slice(25, None)))
+    before, after = (
+        np.average(values[part], weights=weights[part])
+        for part in (slice(None, 25), slice(25, None))
+    )
     assert change.before == pytest.approx(before)
     assert change.after == pytest.approx(after)
     expected = math.hypot(weights[:25].sum() ** -0.5, weights[25:].sum() ** -0.5)

@@ -143,7 +143,9 @@ def collect_unfinished():
         return
     left = datasets_of(workflow.dag.needrun_jobs())
     required = {name: provider.results(name) for name in provider.config.datasets}
-    fleet.collect_unfinished(required, TEMPLATE_FOLDER, provider.page, left, positions(provider.order))
+    fleet.collect_unfinished(
+        required, TEMPLATE_FOLDER, provider.page, left, positions(provider.order)
+    )
     # Older than all results and without Snakemake's record of their inputs, they are made again
     # even if the contents of these inputs stay the same. (Snakemake ignores a time of 0.)
     for file in filter(os.path.exists, provider.lists):

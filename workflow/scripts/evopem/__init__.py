@@ -29,12 +29,14 @@ if TYPE_CHECKING:
     from evopem.models.polynomial import PolynomialModel
     from evopem.models.state_space import StateSpaceModel
     from evopem.models.structures import PolynomialOrders
+    from evopem.validation.mode_table import ModeTable, mode_table
 
 __all__ = [
     "Constraints",
     "FixedPole",
     "Identification",
     "InputError",
+    "ModeTable",
     "PolynomialEstimate",
     "PolynomialModel",
     "PolynomialOrders",
@@ -50,6 +52,7 @@ __all__ = [
     "estimate_state_space",
     "identify",
     "load",
+    "mode_table",
     "sweep_state_space_orders",
 ]
 
@@ -71,6 +74,8 @@ _HOMES = {
     "identify": "evopem.automatic.identify",
     "estimate_delays": "evopem.estimation.state_space.delays",
     "estimate_state_space": "evopem.estimation.state_space.estimate",
+    "mode_table": "evopem.validation.mode_table",
+    "ModeTable": "evopem.validation.mode_table",
     "sweep_state_space_orders": "evopem.estimation.state_space.estimate",
 }
 

@@ -145,7 +145,7 @@ class Provider:
 
     @property
     def order(self) -> dict[str, Any]:
-        """What the recordings are ordered by where modes are followed; empty for their own order."""
+        """What recordings are ordered by where modes are followed; empty for their own order."""
         return to_json(self.config.order) if self.config.order else {}
 
     def results(self, dataset: str, files: DatasetFiles | None = None) -> list[str]:

@@ -54,7 +54,9 @@ def _chart(followed: FollowedMode, several: bool) -> FollowedChart:
     low = min(value - half for value, half in zip(values, halves, strict=True))
     high = max(value + half for value, half in zip(values, halves, strict=True))
     first, last = followed.places[0], followed.places[-1]
-    xs = [EDGE + (WIDTH - 2 * EDGE) * (p - first) / ((last - first) or 1.0) for p in followed.places]
+    xs = [
+        EDGE + (WIDTH - 2 * EDGE) * (p - first) / ((last - first) or 1.0) for p in followed.places
+    ]
 
     def y(value: float) -> float:
         return EDGE + (HEIGHT - 2 * EDGE) * (high - value) / ((high - low) or 1.0)

@@ -1,4 +1,4 @@
-"""Records of vibrating structures with known modes, shaken by forces that may be measured or not."""
+"""Records of vibrating structures with known modes, shaken by forces that nobody measured."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ RUN_IN = 2000
 
 @dataclass(frozen=True, eq=False)
 class VibratingStructure:
-    """A linear structure of proportional damping: ``q_k'' + 2 z_k w_k q_k' + w_k^2 q_k = phi_k' f``.
+    """A linear structure: ``q_k'' + 2 z_k w_k q_k' + w_k^2 q_k = phi_k' f`` for each mode.
 
     Attributes
     ----------

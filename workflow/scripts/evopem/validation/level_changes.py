@@ -2,14 +2,16 @@
 
 Estimates ``x_i`` with standard errors ``s_i``, in their order, have one level, up to a step; their
 scatter beyond the standard errors, from conditions that nobody recorded, is estimated from
-successive differences, which a step hardly touches, and tests allow for its own uncertainty.  Two tests share the level given: one for
-steps, one for single estimates away from the level of their neighbours.
+successive differences, which a step hardly touches, and tests allow for its own uncertainty.
+Two tests share the significance given: one for steps, one for single estimates away from the level
+of their neighbours.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -93,7 +95,7 @@ def find_levels(values: Array, standard_errors: Array, significance: float) -> L
     freedom = _freedom(variances, scatter)
     indices = sorted(_steps(values, variances, freedom, 0, 0.25 * significance))
     bounds = [0, *(index for index, _ in indices), len(values)]
-    parts = list(zip(bounds[:-1], bounds[1:], strict=True))
+    parts = list(pairwise(bounds))
     means = [_mean(values[a:b], variances[a:b]) for a, b in parts]
     changes = tuple(
         LevelChange(

@@ -176,7 +176,8 @@ def mode_table(
     chosen = min(scores.orders, key=lambda order: bics[order])
     modes = {order: model.modes() for order, model in models.items()}
     tests: dict[int, list[tuple[HeldOutTest, HeldOutTest]]] = {}
-    judged, row_of = [], {}
+    judged: list[JudgedMode] = []
+    row_of: dict[tuple[int, int], int] = {}
     for group in cluster_modes(modes):
         if chosen not in group and len(group) < PERSISTENT_ORDERS:
             continue
@@ -234,7 +235,9 @@ def held_out_mode_tests(
     free = _free_responses(model.poles(), len(outputs) - first)
     innovations = model.residuals(inputs, outputs, model.prediction_state(inputs, outputs))
     simulated = model.simulate(inputs)
-    by_input = [_response(mode, _delayed(model, inputs), mode.input_participation) for mode in modes]
+    by_input = [
+        _response(mode, _delayed(model, inputs), mode.input_participation) for mode in modes
+    ]
     by_noise = [_response(mode, innovations, mode.noise_participation) for mode in modes]
     rest_of_input = simulated - sum(by_input, np.zeros_like(outputs))
     rest_of_noise = outputs - innovations - simulated - sum(by_noise, np.zeros_like(outputs))

@@ -15,26 +15,48 @@ class EstimatedMode(Protocol):
     """A mode of a model with one output or several."""
 
     @property
-    def frequency_hz(self) -> float: ...
+    def frequency_hz(self) -> float:
+        """Undamped natural frequency."""
+        ...
+
     @property
-    def damping_ratio(self) -> float: ...
+    def damping_ratio(self) -> float:
+        """Damping ratio."""
+        ...
+
     @property
-    def frequency_se_hz(self) -> float: ...
+    def frequency_se_hz(self) -> float:
+        """Standard error of the frequency."""
+        ...
 
 
 class Evidence(Protocol):
     """What the data say about a mode; see :class:`.mode_evidence.ModeEvidence`."""
 
     @property
-    def mode(self) -> EstimatedMode: ...
+    def mode(self) -> EstimatedMode:
+        """The mode."""
+        ...
+
     @property
-    def has_input(self) -> bool: ...
+    def has_input(self) -> bool:
+        """Whether its model has an input."""
+        ...
+
     @property
-    def origin(self) -> str: ...
+    def origin(self) -> str:
+        """What drives it."""
+        ...
+
     @property
-    def recurrence(self) -> float: ...
+    def recurrence(self) -> float:
+        """Share of the other orders that have it."""
+        ...
+
     @property
-    def stable(self) -> bool | None: ...
+    def stable(self) -> bool | None:
+        """Whether that share is large enough."""
+        ...
 
 
 def doubts(evidence: Evidence, sampling_rate: float) -> list[str]:
