@@ -4,6 +4,7 @@
     PYTHON_WITH_PYOMA2 benchmarks/output_only.py peers FOLDER
     python benchmarks/output_only.py own FOLDER
     python benchmarks/output_only.py table FOLDER
+    python benchmarks/output_only.py coverage [--records 200]
 
 Each record is one of a random structure with six modes, two of which have a close neighbour, at
 four sensors, with 5 to 30 % of white sensor noise.  All methods get the same samples; evopem keeps
@@ -14,6 +15,7 @@ true mode at most.  What is left on either side is false or missed.
 
 from __future__ import annotations
 
+import argparse
 import json
 import sys
 import time
@@ -210,5 +212,102 @@ def coverage(records: int) -> None:
         print(f"| {kind} | {order} | {records} | {' | '.join(shares)} | {missed} |", flush=True)
 
 
+def paired(found, truth):  # type: ignore[no-untyped-def]
+    """Index of the true mode of each found one, -1 for a false one; each at most once."""
+    from scipy.optimize import linear_sum_assignment
+
+    frequencies = np.array(found["frequencies_hz"])
+    if not len(frequencies):
+        return np.empty(0, dtype=int)
+    shapes = np.array([[complex(*z) for z in shape] for shape in found["shapes"]])
+    shapes /= np.linalg.norm(shapes, axis=1)[:, None]
+    assurance = np.abs(shapes @ truth["shapes"]) ** 2
+    distance = np.abs(frequencies[:, None] / truth["frequencies_hz"] - 1.0)
+    same = (distance <= SAME_FREQUENCY) & (assurance >= SAME_SHAPE)
+    rows, columns = linear_sum_assignment(np.where(same, distance, 1e3))
+    pairs = np.full(len(frequencies), -1)
+    pairs[rows] = np.where(same[rows, columns], columns, -1)
+    return pairs
+
+
+def own_results(table):  # type: ignore[no-untyped-def]
+    """Modes of a table: all, those of the order that BIC chose, the trusted, and by criterion."""
+    chosen = {
+        "all groups": list(table.modes),
+        "order of BIC": [each for each in table.modes if each.order == table.order],
+        "trusted": [each for each in table.modes if each.trusted],
+        "trusted but for stability": [
+            each for each in table.modes if not [d for d in each.doubts if "other orders" not in d]
+        ],
+        "trusted but for held-out tests": [
+            each
+            for each in table.modes
+            if not [d for d in each.doubts if "validation samples" not in d]
+        ],
+    }
+    return {
+        f"evopem, {name}": found_modes(
+            [each.mode.frequency_hz for each in modes],
+            [each.mode.damping_ratio for each in modes],
+            np.array([each.mode.shape for each in modes]).reshape(len(modes), -1).T,
+        )
+        for name, modes in chosen.items()
+    }
+
+
+def print_table(folder: Path) -> None:
+    """False and missed modes of every method over the records that all have worked on."""
+    from evopem.files.json_form import load
+    from evopem.validation.mode_table import ModeTable
+
+    counts: dict[str, dict[str, list[float]]] = {}
+    files = [
+        file
+        for file in sorted(folder.glob("???.npz"))
+        if file.with_suffix(".table.json").exists() and file.with_suffix(".peers.json").exists()
+    ]
+    true_modes = 0
+    for file in files:
+        truth = dict(np.load(file))
+        true_modes += len(truth["frequencies_hz"])
+        results = own_results(load(ModeTable, file.with_suffix(".table.json")))
+        results |= json.loads(file.with_suffix(".peers.json").read_text())
+        for name, found in results.items():
+            pairs = paired(found, truth)
+            hit = pairs >= 0
+            own = counts.setdefault(
+                name, {"false": [], "missed": [], "f": [], "z": [], "exact": []}
+            )
+            own["false"].append(int((~hit).sum()))
+            own["missed"].append(len(truth["frequencies_hz"]) - int(hit.sum()))
+            own["exact"].append(float(hit.all() and hit.sum() == len(truth["frequencies_hz"])))
+            f, z = np.array(found["frequencies_hz"]), np.array(found["damping_ratios"])
+            own["f"] += list(f[hit] / truth["frequencies_hz"][pairs[hit]] - 1.0)
+            own["z"] += list(z[hit] / truth["damping_ratios"][pairs[hit]] - 1.0)
+    print(f"{len(files)} records, {true_modes} true modes")
+    print("| method | false | missed | all six and no other | frequency | damping |")
+    print("|---|---|---|---|---|---|")
+    for name, own in counts.items():
+        print(
+            f"| {name} | {sum(own['false'])} | {sum(own['missed'])} | {sum(own['exact']):.0f} | "
+            f"{100 * np.sqrt(np.mean(np.square(own['f']))):.2f} % | "
+            f"{100 * np.median(np.abs(own['z'])):.0f} % |"
+        )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("part", choices=("records", "peers", "own", "table", "coverage"))
+    parser.add_argument("folder", type=Path, nargs="?", default=Path("/tmp/output_only"))
+    parser.add_argument("--records", type=int, default=100)
+    arguments = parser.parse_args()
+    if arguments.part == "records":
+        write_records(arguments.folder, arguments.records)
+    elif arguments.part == "coverage":
+        coverage(arguments.records)
+    else:
+        {"peers": run_peers, "own": run_own, "table": print_table}[arguments.part](arguments.folder)
+
+
 if __name__ == "__main__":
-    coverage(int(sys.argv[1]))
+    main()

@@ -28,8 +28,8 @@ Complex = NDArray[np.complex128]
 
 # A mode that the chosen order lacks is listed where this many orders have it.
 PERSISTENT_ORDERS = 3
-# Orders beside the own one that recurrence is counted over at least, where so many were estimated.
-FEWEST_OTHERS = 3
+# Smaller orders that recurrence is counted over where none is larger.
+NEAREST = 3
 
 
 @dataclass(frozen=True)
@@ -68,8 +68,8 @@ class JudgedMode:
     orders : tuple of int
         Orders whose models have it.
     recurrence : float
-        Share of the larger orders that have it, or of the nearest ones where fewer than
-        :data:`FEWEST_OTHERS` are larger; NaN without other orders.
+        Share of the larger orders that have it, or of the :data:`NEAREST` smaller ones where none
+        is larger; NaN without other orders.
     stable : bool or None
         Whether that share is at least three quarters; None where it is not known.
     input_test : HeldOutTest
@@ -282,9 +282,8 @@ def _judged(
 
 def _recurrence(own: int, orders: Sequence[int], all_orders: Sequence[int]) -> float:
     """Share of the larger orders that have a mode; smaller ones lose true modes first."""
-    larger = [order for order in all_orders if order > own]
     smaller = sorted((order for order in all_orders if order < own), reverse=True)
-    others = larger + smaller[: max(FEWEST_OTHERS - len(larger), 0)]
+    others = [order for order in all_orders if order > own] or smaller[:NEAREST]
     return float(np.mean([order in orders for order in others])) if others else math.nan
 
 
