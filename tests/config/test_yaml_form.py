@@ -46,9 +46,14 @@ channels = st.builds(
     input_unit=words,
     output_unit=st.just(""),
 ) | st.builds(ChannelSettings, input=st.just(2), output=st.just(3), time=st.just("t"))
-files = words.filter(lambda name: not set("{}") & set(name))
+files = words.filter(lambda name: not set("{}*") & set(name))
 sources = (
-    st.builds(RecordedSource, files, channels, st.none() | st.just("independent.csv"))
+    st.builds(
+        RecordedSource,
+        st.tuples(files) | st.just(("run 1.csv", "run ü.csv")),
+        channels,
+        st.just(()) | st.just(("independent.csv",)),
+    )
     | st.builds(
         SyntheticSource,
         st.just("armax"),

@@ -4,7 +4,7 @@
 rule read_recording:
     """Read the input and output channels of a recorded file."""
     input:
-        unpack(recorded_file("file")),
+        unpack(recorded_files("file")),
     output:
         recording=files.recording,
         info=files.recording_info,
@@ -22,7 +22,7 @@ rule read_recording:
         mem_mb=provider.reading_memory,
         runtime=provider.reading_time,
     params:
-        file=provider.settings("source.file"),
+        recorded=provider.settings("source.files"),
         channels=provider.settings("source.channels"),
         code=code("read_recording"),
     script:
@@ -31,7 +31,7 @@ rule read_recording:
 
 use rule read_recording as read_validation_recording with:
     input:
-        unpack(recorded_file("validation_file")),
+        unpack(recorded_files("validation_file")),
     output:
         recording=files.validation_recording,
         info=files.validation_recording_info,
@@ -42,7 +42,7 @@ use rule read_recording as read_validation_recording with:
     wildcard_constraints:
         dataset=provider.one_of(provider.validated & provider.single_channel),
     params:
-        file=provider.settings("source.validation_file"),
+        recorded=provider.settings("source.validation_files"),
         channels=provider.settings("source.channels"),
         code=code("read_recording"),
 

@@ -4,7 +4,7 @@
 rule read_channels:
     """Read the input and output channels of a recorded file."""
     input:
-        unpack(recorded_file("file")),
+        unpack(recorded_files("file")),
     output:
         recording=files.recording,
         info=files.recording_info,
@@ -32,7 +32,7 @@ rule read_channels:
 
 use rule read_channels as read_validation_channels with:
     input:
-        unpack(recorded_file("validation_file")),
+        unpack(recorded_files("validation_file")),
     output:
         recording=files.validation_recording,
         info=files.validation_recording_info,

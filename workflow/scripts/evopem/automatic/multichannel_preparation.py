@@ -22,10 +22,10 @@ from evopem.automatic.preparation import (
     power_edge,
     smoothed,
 )
-from evopem.automatic.stretches import Stretch
 from evopem.estimation.state_space.estimate import StateSpaceSettings, sweep_state_space_orders
 from evopem.signals.multichannel import MultichannelRecording
 from evopem.signals.multichannel_preparation import MultichannelData
+from evopem.signals.stretches import Stretch
 
 Array = NDArray[np.float64]
 

@@ -137,7 +137,11 @@ def state_space_settings(name: str, keys: Keys) -> StateSpaceDataset:
     geometry = keys.get("geometry")
     return StateSpaceDataset(
         name=name,
-        source=StateSpaceSource(keys["file"], channels, keys.get("validation_file")),
+        source=StateSpaceSource(
+            _one(keys["file"]),
+            channels,
+            _one(keys["validation_file"]) if "validation_file" in keys else None,
+        ),
         split=from_json(SplitSettings, {"discard": 0, **keys["split"]}),
         resample=None if resample == "none" else float(resample),
         rate_given="resample" in keys,
@@ -167,7 +171,7 @@ def keys_of_state_space(settings: StateSpaceDataset) -> dict[str, Any]:
         "recipe": "auto",
         "purpose": choices.purpose,
         "resample": (settings.resample or "none") if settings.rate_given else None,
-        "split": to_json(settings.split),
+        "split": {key: getattr(settings.split, key) for key in ("discard", "estimation")},
         "structure": STRUCTURE,
         "form": choices.form,
         "weighting": choices.weighting,
@@ -240,6 +244,14 @@ def _check_keys(written: Keys, source: str, place: str) -> None:
             else "the key file is missing"
         )
         raise InputError(source, problem, "give the file of a recording", place)
+    for key in ("file", "validation_file"):
+        if isinstance(written.get(key), list) and len(written[key]) > 1:
+            raise InputError(
+                source,
+                f"there are {len(written[key])} files, and several channels are read from one",
+                "name one file",
+                f"{place}.{key}",
+            )
     known = {"orders": ("nx",), "delay": ("nk",), "search": _SEARCH_KEYS}
     paths: list[tuple[str, tuple[str, ...], str]] = [(key, KEYS, key) for key in written]
     for group, names in known.items():
@@ -271,6 +283,13 @@ def _check_keys(written: Keys, source: str, place: str) -> None:
 
 
 def _check_split(own: Keys, written: Keys, source: str, place: str) -> None:
+    if "by" in written.get("split", {}):
+        raise InputError(
+            source,
+            "the key is for several recordings, and a data set with several channels has one",
+            "remove it",
+            f"{place}.split.by",
+        )
     for key, value in own["split"].items():
         if isinstance(value, float) and value > 1:
             raise InputError(
@@ -372,6 +391,11 @@ def _listed(given: Any) -> tuple[Reference, ...]:
     if isinstance(given, list | tuple):
         return tuple(given)
     return () if given == NO_INPUT else (given,)
+
+
+def _one(file: Any) -> str:
+    """A path that may stand in a list."""
+    return str(file[0] if isinstance(file, list | tuple) else file)
 
 
 def _range(given: Any) -> tuple[int, int] | None:

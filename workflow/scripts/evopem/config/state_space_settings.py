@@ -66,6 +66,16 @@ class StateSpaceSource:
     channels: ChannelLists
     validation_file: str | None = None
 
+    @property
+    def files(self) -> tuple[str, ...]:
+        """The recorded file, as of sources that may have several."""
+        return (self.file,)
+
+    @property
+    def validation_files(self) -> tuple[str, ...]:
+        """The file for validation; none where there is none."""
+        return (self.validation_file,) if self.validation_file else ()
+
 
 @dataclass(frozen=True)
 class StateSpaceChoices:

@@ -15,7 +15,6 @@ from evopem.automatic.orders import StructureSearch
 from evopem.automatic.preparation import PreparationPlan
 from evopem.automatic.record import DecisionRecord
 from evopem.automatic.remedies import Remedied
-from evopem.automatic.stretches import total_samples
 from evopem.automatic.structures import Comparison
 from evopem.config.settings import Objective, SearchSettings
 from evopem.files.json_form import load, save
@@ -23,6 +22,7 @@ from evopem.pipeline.automatic_preparation import load_record
 from evopem.pipeline.automatic_search import DelayDecision
 from evopem.results.layout import DatasetFiles
 from evopem.signals.preparation import load_prepared
+from evopem.signals.stretches import total_samples
 
 Log = Callable[[str], None]
 
@@ -59,15 +59,23 @@ def collect_decisions(files: DatasetFiles, structures: Sequence[str]) -> None:
 
 def _remarks(files: DatasetFiles, level: str) -> tuple[str, ...]:
     stretches = load_record(files).stretches
+    recordings = len({each.recording for each in stretches})
     remarks = []
-    if len(stretches) > 1:
+    if recordings > 1:
+        remarks.append(
+            f"The estimation samples are those of {recordings} recordings: one model comes from all"
+            f" {total_samples(stretches)} of them, each recording with a level and an initial state"
+            " of its own. Simulations of other recordings fit their level along with the initial"
+            " state. The spectrum is that of the longest stretch."
+        )
+    elif len(stretches) > 1:
         longest = max(each.samples for each in stretches)
         remarks.append(
             f"The estimation samples are {len(stretches)} stretches with breaks between them: the"
-            f" model comes from all {total_samples(stretches)} samples, residual tests, intervals"
-            f" and spectrum from the longest stretch of {longest} samples."
+            f" model comes from all {total_samples(stretches)} samples, each stretch with its own"
+            f" initial state, the spectrum from the longest stretch of {longest} samples."
         )
-    if level == "state":
+    if level == "state" and recordings == 1:
         remarks.append(
             "The level drifts: simulations of other samples fit their level along with the initial"
             " state."

@@ -20,8 +20,8 @@ from evopem.signals.multichannel import (
     multichannel_from_arrays,
     multichannel_names,
 )
-from evopem.signals.preparation import estimation_range
 from evopem.signals.resampling import resample_recording
+from evopem.signals.sections import estimation_range
 from evopem.signals.shared_samples import check_independent
 
 Array = NDArray[np.float64]

@@ -56,6 +56,8 @@ class MultichannelInfo:
         Hz.
     inputs, outputs : tuple of ChannelInfo
     file : FileFacts
+    further_files : tuple of FileFacts
+        None: a recording of several channels is one file.
     """
 
     samples: int
@@ -63,6 +65,7 @@ class MultichannelInfo:
     inputs: tuple[ChannelInfo, ...]
     outputs: tuple[ChannelInfo, ...]
     file: FileFacts
+    further_files: tuple[FileFacts, ...] = ()
 
 
 def read_multichannel(path: str | Path, channels: ChannelLists) -> MultichannelRecording:

@@ -230,6 +230,7 @@ def sweep_state_space_orders(
     input_names: Sequence[str] = (),
     output_names: Sequence[str] = (),
     folds: bool = True,
+    width: int = FINAL_WIDTH,
     log: Callable[[str], None] | None = None,
 ) -> OrderScores:
     """Estimate several orders cheaply, each from estimates and from its smaller neighbours.
@@ -243,6 +244,8 @@ def sweep_state_space_orders(
         Ascending, one after the other or every other one.
     folds : bool
         Whether the two-fold simulation errors are computed; else they are NaN.
+    width : int
+        Estimates of each order that are descended from.
     """
     settings = settings or StateSpaceSettings()
     span = _span(orders)
@@ -251,11 +254,11 @@ def sweep_state_space_orders(
         errors = _errors(prepared, span[-1], form, settings)
         names = tuple(input_names), tuple(output_names)
         estimates = []
-        for problem, found in _swept(errors, prepared, span, settings, log):
+        for problem, found in _swept(errors, prepared, span, settings, width, log):
             estimates.append(_described(problem, found, prepared, sampling_rate, *names))
         scores = np.full(len(span), np.nan)
         if folds:
-            scores = _two_fold_errors(prepared, span, form, settings, sampling_rate)
+            scores = _two_fold_errors(prepared, span, form, settings, width, sampling_rate)
     return OrderScores(
         orders=tuple(span),
         bic=np.array([estimate.bic for estimate in estimates]),
@@ -286,7 +289,7 @@ def estimates_of_orders(
         prepared = _prepared(inputs, outputs, delays, True)
         span = _span(orders)
         errors = _errors(prepared, span[-1], form, settings)
-        for problem, found in _swept(errors, prepared, span, settings, log):
+        for problem, found in _swept(errors, prepared, span, settings, FINAL_WIDTH, log):
             yield _described(problem, found, prepared, 1.0, (), ())
 
 
@@ -316,7 +319,7 @@ def models_of_orders(
     with threadpool_limits(limits=1, user_api="blas"):
         prepared = _prepared(inputs, outputs, delays, True)
         errors = _errors(prepared, span[-1], form, settings)
-        for problem, found in _swept(errors, prepared, span, settings, None, fold, WIDTH):
+        for problem, found in _swept(errors, prepared, span, settings, WIDTH, None, fold):
             projection = problem.projection(found.point)
             yield model_of(problem, projection, 1.0, prepared.shifts, (), ())
 
@@ -607,9 +610,9 @@ def _swept(
     prepared: _Prepared,
     orders: range,
     settings: StateSpaceSettings,
+    width: int,
     log: Callable[[str], None] | None,
     fold: int = 0,
-    width: int = FINAL_WIDTH,
 ) -> Iterator[tuple[StateSpaceErrors, SearchResult]]:
     """The best optimum of each order that the rungs of a ladder reach."""
     models = StartingModels(errors, orders[-1], _cost(errors) <= HEAVY)
@@ -631,6 +634,7 @@ def _two_fold_errors(
     orders: range,
     form: str,
     settings: StateSpaceSettings,
+    width: int,
     sampling_rate: float,
 ) -> Array:
     """Simulation error of each order over both halves, percent."""
@@ -643,7 +647,7 @@ def _two_fold_errors(
         errors = _errors(half, orders[-1], form, settings)
         power = np.array([[np.sum((y - y.mean(axis=0)) ** 2, axis=0)] for y in test[1]])[:, 0]
         reference += power.sum(axis=0)
-        for problem, found in _swept(errors, half, orders, settings, None, 1 + fold):
+        for problem, found in _swept(errors, half, orders, settings, width, None, 1 + fold):
             model = model_of(
                 problem, problem.projection(found.point), sampling_rate, half.shifts, (), ()
             )
