@@ -68,6 +68,8 @@ class DatasetSummary:
         SHA-256 of files that the summary was made from, by their names in the data set's folder.
     state_space : str, optional
         A state-space model in a few words.
+    shapes : tuple of tuples of complex
+        Of each mode the shape over several outputs; empty for one output.
     """
 
     file: str | None
@@ -86,6 +88,7 @@ class DatasetSummary:
     gain_db: tuple[float, ...]
     made_from: dict[str, str]
     state_space: str | None = None
+    shapes: tuple[tuple[complex, ...], ...] = ()
 
     @property
     def model(self) -> str:
@@ -181,9 +184,19 @@ def recorded_modes(summary: DatasetSummary) -> list[RecordedMode]:
     """The modes of a data set, as they are followed over recordings."""
     return [
         RecordedMode(
-            mode.frequency_hz, mode.damping_ratio, mode.frequency_se_hz, mode.damping_se, trusted
+            mode.frequency_hz,
+            mode.damping_ratio,
+            mode.frequency_se_hz,
+            mode.damping_se,
+            trusted,
+            shape,
         )
-        for mode, trusted in zip(summary.modes, summary.trusted, strict=True)
+        for mode, trusted, shape in zip(
+            summary.modes,
+            summary.trusted,
+            summary.shapes or ((),) * len(summary.modes),
+            strict=True,
+        )
     ]
 
 

@@ -162,6 +162,7 @@ def summarize_multichannel(files: DatasetFiles) -> DatasetSummary:
             for mode in shaped
         ),
         trusted=tuple(not mode_doubts(mode) for mode in shaped),
+        shapes=tuple(tuple(map(complex, mode.shape)) for mode in shaped),
         gain_db=_gain_outline(record),
         made_from={
             Path(file).name: sha256_of_file(file)
