@@ -66,8 +66,9 @@ def test_clipped_samples_are_breaks_and_the_model_comes_from_all_stretches(clipp
     record = load(DecisionRecord, clipped.decisions)
     assert "stretches with breaks between them" in record.remarks[0]
     model = load(ModelRecord, clipped.model)
-    assert model.transforms.estimation_samples < 500
-    # The longest stretch alone is a fraction of the record.
+    origins = model.transforms.estimation_stretches
+    assert len(origins) > 1
+    assert model.transforms.estimation_samples == sum(each.samples for each in origins)
     assert model.model.poles()[:2] == pytest.approx(np.roots(POLES), abs=0.08)
 
 
