@@ -138,13 +138,16 @@ def datasets_of(jobs):
 
 def collect_unfinished():
     """List all data sets while results are missing; the next run makes the lists again."""
+    from evopem.config.conditions import positions
     from evopem.pipeline import fleet
 
     if workflow.touch or not provider.lists:
         return
     left = datasets_of(workflow.dag.needrun_jobs())
     required = {name: provider.results(name) for name in provider.config.datasets}
-    fleet.collect_unfinished(required, TEMPLATE_FOLDER, provider.page, pending=left)
+    fleet.collect_unfinished(
+        required, TEMPLATE_FOLDER, provider.page, left, positions(provider.order)
+    )
     # Older than all results and without Snakemake's record of their inputs, they are made again
     # even if the contents of these inputs stay the same. (Snakemake ignores a time of 0.)
     for file in filter(os.path.exists, provider.lists):

@@ -10,6 +10,7 @@ from typing import Any
 import yaml
 
 from evopem.config.automatic_keys import built_in_keys, check_automatic_keys, laid_over
+from evopem.config.conditions import order_of
 from evopem.config.dataset_names import check_names
 from evopem.config.fit_keys import merged_fit
 from evopem.config.sample_sheet import Origin, expand, shard_of, with_matching_files
@@ -80,9 +81,10 @@ def _completed(config: Keys, origin: Origin, source: str) -> Configuration:
     everything = _every_key(structure)
     _check_analysis(defaults, _merged(everything, defaults), source, "defaults")
     datasets = {}
+    conditions = {name: given.get("conditions", {}) for name, given in config["datasets"].items()}
     for name, given in config["datasets"].items():
         place = f"datasets.{name}"
-        written = with_ranges(given)
+        written = with_ranges({key: given[key] for key in given if key != "conditions"})
         if written.get("recipe", defaults.get("recipe", BUILT_IN_RECIPE)) == "auto":
             datasets[name] = _automatic(name, written, defaults, source)
             continue
@@ -111,7 +113,8 @@ def _completed(config: Keys, origin: Origin, source: str) -> Configuration:
         datasets = shard_of(datasets, config["shard"], source)
     names = [field.name for field in fields(RunSettings)]
     run = {name: config[name] for name in names if name in config}
-    return Configuration(datasets, from_json(RunSettings, run, source))
+    order = order_of(conditions, config["follow"], source) if "follow" in config else None
+    return Configuration(datasets, from_json(RunSettings, run, source), order)
 
 
 def _automatic(name: str, written: Keys, defaults: Keys, source: str) -> DatasetSettings:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from evopem.config.conditions import Positions
 from evopem.config.constraints import Constraints
 
 Range = tuple[int, int]
@@ -376,12 +377,15 @@ class RunSettings:
     report : {"html", "none"}
     shard : str, optional
         Number of a shard and of all shards, such as ``3/40``.
+    follow : str, optional
+        Name of the condition that recordings are ordered by where modes are followed.
     """
 
     candidates_per_job: int | Literal["auto"] = "auto"
     one_job_per: Literal["stage", "recording"] = "stage"
     report: Literal["html", "none"] = "html"
     shard: str | None = None
+    follow: str | None = None
 
 
 @dataclass(frozen=True)
@@ -390,3 +394,4 @@ class Configuration:
 
     datasets: dict[str, DatasetSettings]
     run: RunSettings
+    order: Positions | None = None

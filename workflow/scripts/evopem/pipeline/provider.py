@@ -143,6 +143,11 @@ class Provider:
         several = len(self.config.datasets) > 1
         return [*OVERVIEW] if several or any(map(resources.is_file, OVERVIEW)) else []
 
+    @property
+    def order(self) -> dict[str, Any]:
+        """What recordings are ordered by where modes are followed; empty for their own order."""
+        return to_json(self.config.order) if self.config.order else {}
+
     def results(self, dataset: str, files: DatasetFiles | None = None) -> list[str]:
         """The results of one data set, those that other jobs read among them.
 

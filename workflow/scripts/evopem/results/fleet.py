@@ -17,6 +17,7 @@ from evopem.files.json_form import load
 from evopem.files.unfinished import unfinished_jobs
 from evopem.models.modes import Mode
 from evopem.models.structures import PolynomialOrders
+from evopem.results.followed_modes import RecordedMode
 from evopem.results.layout import DatasetFiles
 from evopem.validation.checks import Check, checks
 from evopem.validation.mode_trust import doubts
@@ -165,6 +166,16 @@ def _gain_outline(model: ModelRecord) -> tuple[float, ...]:
     gain = np.abs(response(bands)).reshape(GAIN_BANDS, -1).max(axis=1)
     with np.errstate(divide="ignore"):
         return tuple(np.round(20.0 * np.log10(gain), 1).tolist())
+
+
+def recorded_modes(summary: DatasetSummary) -> list[RecordedMode]:
+    """The modes of a data set, as they are followed over recordings."""
+    return [
+        RecordedMode(
+            mode.frequency_hz, mode.damping_ratio, mode.frequency_se_hz, mode.damping_se, trusted
+        )
+        for mode, trusted in zip(summary.modes, summary.trusted, strict=True)
+    ]
 
 
 def read_summaries(datasets: Iterable[DatasetFiles]) -> dict[str, DatasetSummary]:

@@ -341,7 +341,7 @@ def validate(
                 others,
             )
         ),
-        peaks=peak_evidence(model, estimation, spectrum or SpectrumSettings()),
+        peaks=peak_evidence(model, estimation.longest, spectrum or SpectrumSettings()),
         split=split_spectra(
             inputs,
             prepared.validation.input if model.has_input else np.zeros(measured.size),
