@@ -24,6 +24,7 @@ rule read_recording:
     params:
         recorded=provider.settings("source.files"),
         channels=provider.settings("source.channels"),
+        told=provider.settings("source.channels_from_file"),
         code=code("read_recording"),
     script:
         "../scripts/read_recording.py"
@@ -32,6 +33,7 @@ rule read_recording:
 use rule read_recording as read_validation_recording with:
     input:
         unpack(recorded_files("validation_file")),
+        unpack(provider.told_channels),
     output:
         recording=files.validation_recording,
         info=files.validation_recording_info,
@@ -44,6 +46,7 @@ use rule read_recording as read_validation_recording with:
     params:
         recorded=provider.settings("source.validation_files"),
         channels=provider.settings("source.channels"),
+        told=provider.settings("source.channels_from_file"),
         code=code("read_recording"),
 
 

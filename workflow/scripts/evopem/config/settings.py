@@ -71,11 +71,14 @@ class RecordedSource:
     channels : ChannelSettings
         The same in all files.
     validation_files : tuple of str
+    channels_from_file : bool
+        Whether input, output and time are told from the first file, where it has a time.
     """
 
     files: tuple[str, ...]
     channels: ChannelSettings
     validation_files: tuple[str, ...] = ()
+    channels_from_file: bool = False
 
 
 @dataclass(frozen=True)

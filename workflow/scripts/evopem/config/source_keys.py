@@ -18,6 +18,9 @@ from evopem.files.json_form import to_json
 _CHANNEL_DEFAULTS = {"input": 1, "output": 2, "input_unit": "", "output_unit": ""}
 
 
+_RATE_KEYS = ("sampling_rate", "time")
+
+
 def complete_source(
     written: Keys, source: str, place: str, with_input: bool = True
 ) -> dict[str, Any]:
@@ -170,6 +173,8 @@ def _completed_file(
     if not with_input:
         completed |= {"input": None, "output": 1}
     completed |= {key: written[key] for key in own_keys}
+    if with_input and not any(key in written for key in ("input", "output", *_RATE_KEYS)):
+        completed |= {"input": None, "output": None}  # told from the file
     check_file_paths(completed, source, place)
     for one, other in (("input", "output"), ("time", "input"), ("time", "output")):
         if completed[one] is not None and completed[one] == completed[other]:

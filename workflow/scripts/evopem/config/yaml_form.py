@@ -48,7 +48,10 @@ def settings_of(name: str, keys: Keys) -> DatasetSettings:
     if "file" in keys:
         # A missing input is none: complete keys have one wherever the structure has.
         channels = {"input": None} | {key: keys[key] for key in CHANNEL_KEYS if key in keys}
-        source = {"files": files_of(keys["file"]), "channels": channels}
+        told = keys.get("output") is None
+        if told:
+            channels |= {"input": 1, "output": 2}
+        source = {"channels_from_file": told, "files": files_of(keys["file"]), "channels": channels}
         source["validation_files"] = files_of(keys.get("validation_file"))
     else:
         source = {key: keys[key] for key in SYNTHESIS_KEYS if key in keys}
@@ -80,6 +83,8 @@ def keys_of(settings: DatasetSettings) -> dict[str, Any]:
         own["validation_file"] = _one_or_list(source.validation_files)
         if source.channels.input is None:
             own["input_unit"] = None
+        if source.channels_from_file:
+            own |= {"input": None, "output": None}
     else:
         own = to_json(source)
     present = {key: value for key, value in own.items() if value is not None}

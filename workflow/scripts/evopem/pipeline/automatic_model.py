@@ -6,10 +6,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import cast
 
+import numpy as np
 from threadpoolctl import threadpool_limits
 
 from evopem.automatic.chosen import estimate_chosen as search_chosen
-from evopem.automatic.decision import Decision
+from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.folds import FoldPlan
 from evopem.automatic.orders import StructureSearch
 from evopem.automatic.preparation import PreparationPlan
@@ -22,6 +23,7 @@ from evopem.pipeline.automatic_preparation import load_record
 from evopem.pipeline.automatic_search import DelayDecision
 from evopem.results.layout import DatasetFiles
 from evopem.signals.preparation import load_prepared
+from evopem.signals.recording_info import RecordingInfo
 from evopem.signals.stretches import total_samples
 
 Log = Callable[[str], None]
@@ -44,6 +46,7 @@ def collect_decisions(files: DatasetFiles, structures: Sequence[str]) -> None:
     comparison = load(Comparison, files.decision("comparison"))
     remedied = load(Remedied, files.decision("remedies"))
     decisions: tuple[Decision, ...] = (
+        *_about_channels(load(RecordingInfo, files.recording_info)),
         *plan.decisions,
         load(FoldPlan, files.decision("folds")).decision,
         load(DelayDecision, files.decision("delay")).decision,
@@ -55,6 +58,23 @@ def collect_decisions(files: DatasetFiles, structures: Sequence[str]) -> None:
         choice.purpose, decisions, remedied.trials, remedied.failed, _remarks(files, choice.level)
     )
     save(record, files.decisions)
+
+
+def _about_channels(recording: RecordingInfo) -> tuple[Decision, ...]:
+    """How input and output were told from the file; nothing where the configuration names them."""
+    roles = recording.roles
+    if roles is None:
+        return ()
+    pairs = (f"{roles.input} to {roles.output}", f"{roles.output} to {roles.input}")
+    test = roles.test
+    scores = (test.forward, test.backward) if test else (np.nan, np.nan)
+    criterion = (
+        f"p-value of the first one's past in predictions of the second, {test.lags} lags"
+        if test
+        else "names of the channels"
+    )
+    alternatives = tuple(map(Alternative, pairs, scores))
+    return (Decision("channels", pairs[0], alternatives, criterion, roles.sentence),)
 
 
 def _remarks(files: DatasetFiles, level: str) -> tuple[str, ...]:

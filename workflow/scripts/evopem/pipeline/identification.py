@@ -190,6 +190,7 @@ def _acquisition(
         "recording": partial(
             read_recording,
             *(source.files, source.channels, files.recording, files.recording_info, folder),
+            source.channels_from_file,
         )
     }
     if source.validation_files:
@@ -200,6 +201,8 @@ def _acquisition(
             files.validation_recording,
             files.validation_recording_info,
             folder,
+            source.channels_from_file,
+            files.recording_info,
         )
     return reading
 

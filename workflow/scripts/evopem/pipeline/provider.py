@@ -312,6 +312,12 @@ class Provider:
 
         return existing
 
+    def told_channels(self, wildcards: Wildcards) -> dict[str, str]:
+        """The origin of the estimation recording, where it tells the channels of the others."""
+        source = self._of(wildcards).source
+        told = isinstance(source, RecordedSource) and source.channels_from_file
+        return {"info": FILES.recording_info} if told else {}
+
     def validation_recording(self, file: str) -> Callable[[Wildcards], dict[str, str]]:
         """A function that gives a file of the validation recording, where there is one."""
 
