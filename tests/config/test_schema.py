@@ -23,8 +23,6 @@ from evopem.config.settings import (
     TransformSettings,
 )
 from evopem.config.state_space_keys import OWN_KEYS
-from evopem.config.state_space_keys import STRUCTURE as STATE_SPACE
-from evopem.config.state_space_settings import OutputWeighting, StateSpaceForm
 from evopem.config.structures import PHASES, STRUCTURES
 from evopem.config.yaml_form import ANALYSIS_KEYS
 
@@ -48,15 +46,15 @@ def names(*kinds):
 
 @pytest.mark.parametrize(("mapping", "kind"), MAPPINGS.items())
 def test_the_keys_of_a_mapping_are_the_fields_of_its_settings(mapping, kind):
-    of_several_channels = {"nx"} if mapping == "orders" else set()
-    assert set(KEYS["$defs"][mapping]["properties"]) == names(kind) | of_several_channels
+    of_state_space = {"nx"} if mapping == "orders" else set()
+    assert set(KEYS["$defs"][mapping]["properties"]) == names(kind) | of_state_space
 
 
 def test_the_keys_of_a_data_set_are_its_source_and_its_analysis():
     keys = {"recipe", "purpose", "resample", "structure", "level", "focus", *MAPPINGS}
     assert set(ANALYSIS_KEYS) == keys
     source = names(ChannelSettings, SyntheticSource) | {"file", "validation_file", "conditions"}
-    analysis = set(ANALYSIS_KEYS) | set(OWN_KEYS)
+    analysis = {*ANALYSIS_KEYS, *OWN_KEYS}
     assert set(KEYS["$defs"]["dataset"]["properties"]) == source | analysis
     assert set(KEYS["properties"]["defaults"]["properties"]) == analysis
 
@@ -92,9 +90,7 @@ def test_the_phases_are_the_grids_of_the_order_search():
 
 
 def test_the_structures_are_those_of_the_package():
-    assert set(KEYS["$defs"]["structure"]["enum"]) == {*STRUCTURES, STATE_SPACE}
-    assert set(KEYS["$defs"]["form"]["enum"]) == set(get_args(StateSpaceForm))
-    assert set(KEYS["$defs"]["weighting"]["enum"]) == set(get_args(OutputWeighting))
+    assert set(KEYS["$defs"]["structure"]["enum"]) == {*STRUCTURES, "state_space"}
     assert set(get_args(Structure)) == set(STRUCTURES)
 
 
