@@ -6,7 +6,7 @@ its BIC, and on the training part of each fold for its errors on held-out sample
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -27,7 +27,7 @@ from evopem.estimation.state_space.estimate import (
     descend_from,
     errors_on,
     estimates_of_orders,
-    models_of_orders,
+    refitted,
 )
 from evopem.estimation.state_space.noise_model import RISES, noise_model, side_by_side
 from evopem.models.state_space import Form, StateSpaceModel
@@ -35,7 +35,6 @@ from evopem.signals.multichannel import MultichannelRecording
 
 Array = NDArray[np.float64]
 Log = Callable[[str], None]
-ModelsOf = Callable[[Sequence[MultichannelRecording], int], Iterator[tuple[int, StateSpaceModel]]]
 
 # Designs of folds, each a number of folds of consecutive samples: few long ones show errors of the
 # gain and of slow poles, many leave more samples to fit.  Large records have the first alone.
@@ -206,8 +205,7 @@ def search_variant(
     if variant.form == "box_jenkins":
         return _search_box_jenkins(estimation, variant, delays, orders, settings, log)
     form: Form = "output_error" if variant.form == "output_error" else "innovations"
-    found: dict[int, float] = {}
-    for estimate in estimates_of_orders(
+    estimates = estimates_of_orders(
         estimation.inputs if estimation.has_input else None,
         estimation.outputs,
         orders,
@@ -215,27 +213,9 @@ def search_variant(
         delays=tuple(delays),
         settings=settings,
         log=log,
-    ):
-        found[estimate.model.order] = estimate.bic
-        if list(found.values()).index(min(found.values())) < len(found) - RISES:
-            break
-    orders = _up_to_lowest(found)
-
-    def models(
-        parts: Sequence[MultichannelRecording], fold: int
-    ) -> Iterator[tuple[int, StateSpaceModel]]:
-        for model in models_of_orders(
-            [part.inputs for part in parts] if estimation.has_input else None,
-            [part.outputs for part in parts],
-            orders,
-            form=form,
-            delays=tuple(delays),
-            settings=settings,
-            fold=fold,
-        ):
-            yield model.order, model
-
-    return _scored(estimation, variant, orders, found, models, log)
+    )
+    found = _until_bic_rises((each.model.order, each) for each in estimates)
+    return _scored(estimation, variant, found, delays, settings, log)
 
 
 def _search_box_jenkins(
@@ -252,9 +232,7 @@ def _search_box_jenkins(
     """
     if _is_large(estimation):
         return VariantSearch(variant, (), (), (), (), ())
-    found: dict[int, float] = {}
-    noise: dict[int, int] = {}
-    plants = models_of_orders(
+    plants = estimates_of_orders(
         estimation.inputs,
         estimation.outputs,
         orders,
@@ -262,44 +240,35 @@ def _search_box_jenkins(
         delays=tuple(delays),
         settings=replace(settings, weighting=OUTPUT_ERROR_WEIGHTING),
     )
-    for plant in plants:
-        try:
-            estimate = estimate_box_jenkins(estimation, plant, delays, settings, polish=False)
-        except ValueError:
-            continue
-        noise[plant.order] = estimate.model.order - plant.order
-        found[plant.order] = estimate.bic
-        if log is not None:
-            log(f"{variant.name}: {plant.order} and {noise[plant.order]} states")
-        if list(found.values()).index(min(found.values())) < len(found) - RISES:
-            break
-    if not found:
-        return VariantSearch(variant, (), (), (), (), ())
-    orders = _up_to_lowest(found)
 
-    def models(
-        parts: Sequence[MultichannelRecording], fold: int
-    ) -> Iterator[tuple[int, StateSpaceModel]]:
-        inputs, outputs = [part.inputs for part in parts], [part.outputs for part in parts]
-        for plant in models_of_orders(
-            inputs,
-            outputs,
-            range(orders[0], orders[-1] + 1, orders[1] - orders[0] if len(orders) > 1 else 1),
-            form="output_error",
-            delays=tuple(delays),
-            settings=replace(settings, weighting=OUTPUT_ERROR_WEIGHTING),
-            fold=fold,
-        ):
-            if plant.order not in noise:
-                continue
-            same = (noise[plant.order],) if noise[plant.order] else ()
+    def estimates() -> Iterator[tuple[int, StateSpaceEstimate]]:
+        for each in plants:
+            plant = each.model
             try:
-                found = _box_jenkins(inputs, outputs, plant, delays, same, settings, polish=False)
+                estimate = estimate_box_jenkins(estimation, plant, delays, settings)
             except ValueError:
                 continue
-            yield plant.order, found.model
+            if log is not None:
+                log(f"{variant.name}: {plant.order} of {estimate.model.order} states")
+            yield plant.order, estimate
 
-    return _scored(estimation, variant, orders, found, models, log)
+    return _scored(estimation, variant, _until_bic_rises(estimates()), delays, settings, log)
+
+
+def _until_bic_rises(
+    estimates: Iterable[tuple[int, StateSpaceEstimate]],
+) -> dict[int, StateSpaceEstimate]:
+    """The estimates by order, up to where the BIC has risen so often that the search ends."""
+    found: dict[int, StateSpaceEstimate] = {}
+    lowest = np.inf
+    rises = 0
+    for order, estimate in estimates:
+        found[order] = estimate
+        rises = 0 if estimate.bic < lowest else rises + 1
+        lowest = min(lowest, estimate.bic)
+        if rises >= RISES:
+            break
+    return found
 
 
 def estimate_box_jenkins(
@@ -307,7 +276,6 @@ def estimate_box_jenkins(
     plant: StateSpaceModel,
     delays: Sequence[int],
     settings: StateSpaceSettings,
-    polish: bool = True,
 ) -> StateSpaceEstimate:
     """The optimum of innovations form next to a plant with its noise model.
 
@@ -318,55 +286,44 @@ def estimate_box_jenkins(
         Of output-error form.
     delays : sequence of int
     settings : StateSpaceSettings
-    polish : bool
-        Whether the descent goes on to the last digits.
 
     Raises
     ------
     ValueError
         When the record is too short, or the descent finds no stable model.
     """
-    tried = noise_orders(estimation)
-    found = _box_jenkins(
-        [estimation.inputs], [estimation.outputs], plant, delays, tried, settings, polish
-    )
-    model = replace(
-        found.model,
-        sampling_rate=estimation.sampling_rate,
+    inputs, outputs = [estimation.inputs], [estimation.outputs]
+    noise = noise_model(plant, inputs, outputs, noise_orders(estimation), settings)
+    start = replace(plant, form="innovations", covariance=None)
+    return descend_from(
+        start if noise is None else side_by_side(plant, noise),
+        inputs,
+        outputs,
+        estimation.sampling_rate,
+        delays=tuple(delays),
+        settings=settings,
         input_names=estimation.input_names,
         output_names=estimation.output_names,
-    )
-    return replace(found, model=model)
-
-
-def _box_jenkins(
-    inputs: Sequence[Array],
-    outputs: Sequence[Array],
-    plant: StateSpaceModel,
-    delays: Sequence[int],
-    orders: Sequence[int],
-    settings: StateSpaceSettings,
-    polish: bool,
-) -> StateSpaceEstimate:
-    noise = noise_model(plant, inputs, outputs, orders, settings) if orders else None
-    start = plant if noise is None else side_by_side(plant, noise)
-    return descend_from(
-        start, list(inputs), list(outputs), delays=tuple(delays), settings=settings, polish=polish
     )
 
 
 def _scored(
     estimation: MultichannelRecording,
     variant: Variant,
-    orders: tuple[int, ...],
-    bic: Mapping[int, float],
-    models: ModelsOf,
+    estimates: Mapping[int, StateSpaceEstimate],
+    delays: Sequence[int],
+    settings: StateSpaceSettings,
     log: Log | None,
 ) -> VariantSearch:
-    """The search of a variant with the errors of its models on held-out samples."""
+    """The search of a variant, with errors on held-out samples up to the lowest BIC."""
+    if not estimates:
+        return VariantSearch(variant, (), (), (), (), ())
+    bic = {order: each.bic for order, each in estimates.items()}
+    orders = _up_to_lowest(bic)
+    models = [replace(estimates[order].model, covariance=None) for order in orders]
     scores = []
     for count in _designs(estimation):
-        scores.append(_design_scores(estimation, count, orders, models))
+        scores.append(_design_scores(estimation, count, models, delays, settings))
         if log is not None:
             log(f"{variant.name}: {count} folds")
     with np.errstate(divide="ignore"):
@@ -451,28 +408,44 @@ def _designs(estimation: MultichannelRecording) -> tuple[int, ...]:
 
 
 def _design_scores(
-    estimation: MultichannelRecording, count: int, orders: Sequence[int], models: ModelsOf
+    estimation: MultichannelRecording,
+    count: int,
+    models: Sequence[StateSpaceModel],
+    delays: Sequence[int],
+    settings: StateSpaceSettings,
 ) -> Array:
-    """Errors of simulation and prediction by order, over all folds of one design, (2, orders)."""
+    """Errors of simulation and prediction of each model, over all folds of one design.
+
+    The training part of a fold is fitted by a descent from the model of all samples: so it is
+    the same optimum that is scored.
+
+    Returns
+    -------
+    (2, models) array
+    """
     edges = np.linspace(0, estimation.samples, count + 1).round().astype(int)
-    ny = estimation.outputs.shape[1]
-    squares = np.zeros((2, len(orders), ny))
-    reference = np.zeros(ny)
-    place = {order: position for position, order in enumerate(orders)}
-    for fold, (first, stop) in enumerate(pairwise(edges)):
+    squares = np.zeros((2, len(models), estimation.outputs.shape[1]))
+    reference = np.zeros(estimation.outputs.shape[1])
+    for first, stop in pairwise(edges):
         held = estimation.between(first, stop)
         ends = (estimation.between(0, first), estimation.between(stop, estimation.samples))
         parts = [part for part in ends if part.samples >= SHORTEST_FOLD // 2]
         power = np.sum((held.outputs - held.outputs.mean(axis=0)) ** 2, axis=0)
         reference += power
-        seen = set()
-        for order, model in models(parts, 100 * count + fold):
-            at = place[order]
-            seen.add(at)
-            for row, relative in enumerate(errors_on(model, held.inputs, held.outputs)):
-                squares[row, at] += (np.minimum(relative, LARGEST_ERROR) / 100.0) ** 2 * power
-        for at in set(place.values()) - seen:
-            squares[:, at] = np.inf
+        for place, model in enumerate(models):
+            try:
+                fitted = refitted(
+                    model,
+                    [part.inputs for part in parts] if estimation.has_input else None,
+                    [part.outputs for part in parts],
+                    delays=tuple(delays),
+                    settings=settings,
+                )
+            except ValueError:
+                squares[:, place] = np.inf
+                continue
+            for row, relative in enumerate(errors_on(fitted, held.inputs, held.outputs)):
+                squares[row, place] += (np.minimum(relative, LARGEST_ERROR) / 100.0) ** 2 * power
     errors: Array = 100.0 * np.sqrt(squares / reference).mean(axis=2)
     if not estimation.has_input:
         errors[0] = np.nan
