@@ -50,8 +50,9 @@ SINGLE_STEPS = 10
 OUTPUT_ERROR_WEIGHTING: OutputWeighting = "noise"
 # Errors beyond this, in percent, are all the same: useless.
 LARGEST_ERROR = 1e3
-# A smaller order is taken whose score is within this share of the lowest.
-MARGIN = 0.01
+# A smaller order is taken whose score is within this share of the lowest, and a further form has to
+# gain this share.
+MARGIN, LEAST_GAIN = 0.01, 0.05
 LARGEST_DELAY = 10
 
 
@@ -339,13 +340,18 @@ def _scored(
 
 
 def choose(searches: Sequence[VariantSearch], choices: StateSpaceChoices) -> StateSpaceChoice:
-    """Choose the variant and the order with the lowest error on held-out samples.
+    """Choose the variant and the order by their errors on held-out samples.
 
     Parameters
     ----------
     searches : sequence of VariantSearch
         Simpler ones first.
     choices : StateSpaceChoices
+
+    Raises
+    ------
+    ValueError
+        When no variant has a model.
     """
     has_input = any(each.variant.form == "output_error" for each in searches) or any(
         np.isfinite(each.simulation).any() for each in searches
@@ -353,26 +359,24 @@ def choose(searches: Sequence[VariantSearch], choices: StateSpaceChoices) -> Sta
     purpose = choices.purpose
     if purpose in ("auto", "modes"):
         purpose = "simulation" if has_input else "prediction"
-    scored = [
-        (getattr(each, purpose)[position], order, rank, each.variant)
-        for rank, each in enumerate(searches)
-        for position, order in enumerate(each.orders)
-    ]
-    finite = [entry for entry in scored if np.isfinite(entry[0])] or scored
-    lowest_score = min(entry[0] for entry in finite)
-    near = [e for e in finite if e[3] == min(finite)[3] and e[0] <= (1.0 + MARGIN) * lowest_score]
-    _, order, _, variant = min(near or finite, key=lambda entry: (entry[1], entry[2]))
+    possible = [each for each in searches if each.orders]
+    if not possible:
+        raise ValueError("no model could be estimated")
+    own = possible[0]
+    for each in possible[1:]:
+        if _lowest(each, purpose) < (1.0 - LEAST_GAIN) * _lowest(own, purpose):
+            own = each
+    variant = own.variant
+    scores = np.array(getattr(own, purpose))
+    near = np.flatnonzero(np.isfinite(scores) & (scores <= (1.0 + MARGIN) * _lowest(own, purpose)))
+    # Where no score is known, BIC alone decides.
+    order = own.orders[int(near[0])] if len(near) else own.orders[-1]
     unit = (
         "simulation error on held-out samples, %"
         if purpose == "simulation"
         else "one-step error on held-out samples, %"
     )
-    best = tuple(
-        Alternative(each.variant.name, float(np.nanmin(getattr(each, purpose))))
-        for each in searches
-        if each.orders
-    )
-    own = next(each for each in searches if each.variant == variant)
+    best = tuple(Alternative(each.variant.name, _lowest(each, purpose)) for each in possible)
     orders = tuple(
         Alternative(str(n), float(score))
         for n, score in zip(own.orders, getattr(own, purpose), strict=True)
@@ -380,8 +384,8 @@ def choose(searches: Sequence[VariantSearch], choices: StateSpaceChoices) -> Sta
     decisions = (
         Decision(
             *("form and weighting", variant.name, best, unit),
-            f"Models of parts of the estimation samples are scored on the others; the lowest score"
-            f" is for {purpose}.",
+            "Models of parts of the estimation samples are scored on the others. A form takes the"
+            f" place of those before it if its lowest error is {100 * LEAST_GAIN:g} % smaller.",
         ),
         Decision(
             *("order", str(order), orders, unit),
@@ -390,6 +394,13 @@ def choose(searches: Sequence[VariantSearch], choices: StateSpaceChoices) -> Sta
         ),
     )
     return StateSpaceChoice(variant, order, purpose, decisions)
+
+
+def _lowest(search: VariantSearch, purpose: str) -> float:
+    """The lowest score of a variant; infinite where none is known."""
+    scores = np.array(getattr(search, purpose), dtype=float)
+    known = scores[np.isfinite(scores)]
+    return float(known.min()) if known.size else np.inf
 
 
 def _up_to_lowest(bic: Mapping[int, float]) -> tuple[int, ...]:
