@@ -342,7 +342,11 @@ def _same_plant(
 
 
 def refine_orders(
-    scorer: Scorer, start: Candidate, score: Callable[[Candidate], float], rounds: int = 2
+    scorer: Scorer,
+    start: Candidate,
+    score: Callable[[Candidate], float],
+    gain: float,
+    rounds: int = 2,
 ) -> list[Candidate]:
     """Change one order after the other as long as a score falls; all that was tried, best last.
 
@@ -352,6 +356,8 @@ def refine_orders(
     start : Candidate
     score : callable
         Smaller is better.
+    gain : float
+        Least fall of the score that counts.
     rounds : int
     """
     best, tried, work = start, [start], 0
@@ -368,7 +374,7 @@ def refine_orders(
         if not found:
             break
         lowest = min(found, key=score)
-        if not score(lowest) < (1.0 - GAIN) * score(best):
+        if not score(lowest) < score(best) - gain:
             break
         best = lowest
     return [*tried, best]

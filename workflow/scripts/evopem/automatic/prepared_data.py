@@ -12,13 +12,15 @@ from numpy.typing import NDArray
 from evopem.automatic.preparation import (
     PreparationPlan,
     PreparedRecord,
+    prepare,
     prepare_validation,
     ranges_between_breaks,
+    undifferenced,
 )
 from evopem.automatic.stretches import Stretch
 from evopem.errors import InputError
 from evopem.files.npz import load_arrays, save_arrays
-from evopem.signals.preparation import PreparedData
+from evopem.signals.preparation import PreparedData, Transforms
 from evopem.signals.recording import Recording
 from evopem.signals.transforms import difference, invert_difference
 
@@ -53,12 +55,18 @@ def prepared_data(divided: PreparedData, record: PreparedRecord, place: str) -> 
     estimation = max(record.stretches, key=lambda each: each.samples)
     validation = max(held_out, key=lambda each: each.samples)
     begin = _begin_of_longest(divided.estimation, plan)
-    follows = plan.factor == 1 and begin + estimation.samples == divided.estimation.samples
+    follows = (
+        plan.factor == 1
+        and plan.differences == 0
+        and begin + estimation.samples == divided.estimation.samples
+    )
     source = (
         "gap" if before.validation_source == "cut" and not follows else before.validation_source
     )
     rate = record.sampling_rate
     changed = rate != divided.estimation.sampling_rate
+    if plan.differences:
+        before = _differenced(before, divided, plan)
     transforms = replace(
         before,
         sampling_rate=rate,
@@ -67,10 +75,14 @@ def prepared_data(divided: PreparedData, record: PreparedRecord, place: str) -> 
         else before.resampled_from,
         input_mean=before.input_mean + plan.input_offset,
         output_mean=before.output_mean + plan.output_offset,
-        difference_initial=_initial(
+        difference_initial=before.difference_initial
+        if plan.differences
+        else _initial(
             divided.estimation.output + before.output_mean, before.difference_initial, begin
         ),
-        difference_input_initial=_initial(
+        difference_input_initial=before.difference_input_initial
+        if plan.differences
+        else _initial(
             divided.estimation.input + before.input_mean, before.difference_input_initial, begin
         ),
         discard=before.discard + begin,
@@ -117,6 +129,34 @@ def _begin_of_longest(recording: Recording, plan: PreparationPlan) -> int:
     """First sample of the longest stretch, before decimation."""
     ranges = ranges_between_breaks(recording, plan.starts[0], plan)
     return max(ranges, key=lambda each: each[1] - each[0])[0]
+
+
+def _differenced(before: Transforms, divided: PreparedData, plan: PreparationPlan) -> Transforms:
+    """The transforms with the differences of a plan, which have no mean of the signals."""
+    times = plan.differences
+    whole = replace(undifferenced(plan), input_scale=1.0, output_scale=1.0)
+    estimation, validation = (
+        max(stretches, key=lambda each: each.samples)
+        for stretches in (
+            prepare((divided.estimation,), whole).stretches,
+            prepare_validation(divided.validation, whole),
+        )
+    )
+
+    def initial(signal: Array, mean: float) -> tuple[float, ...]:
+        return difference(signal + mean, times)[1]
+
+    return replace(
+        before,
+        difference=times,
+        difference_input=times,
+        difference_initial=initial(estimation.output, before.output_mean),
+        difference_input_initial=initial(estimation.input, before.input_mean),
+        validation_difference_initial=initial(validation.output, before.output_mean),
+        validation_difference_input_initial=initial(validation.input, before.input_mean),
+        input_mean=0.0,
+        output_mean=0.0,
+    )
 
 
 def _initial(signal: Array, initial: tuple[float, ...], begin: int) -> tuple[float, ...]:

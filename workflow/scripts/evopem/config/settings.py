@@ -295,6 +295,8 @@ class AutomaticSettings:
         Whether ``split.discard`` says where the recording begins.
     rate_given : bool
         Whether ``resample`` says at which rate the model is.
+    differences_given : bool
+        Whether ``transforms`` say how often the channels are differenced.
     objective : {"absolute", "quadratic"}, optional
     """
 
@@ -307,6 +309,7 @@ class AutomaticSettings:
     nb: Range | None = None
     start_given: bool = False
     rate_given: bool = False
+    differences_given: bool = False
     objective: Objective | None = None
 
 
