@@ -104,7 +104,8 @@ def compare_structures(scorer: Scorer, searches: Sequence[StructureSearch]) -> C
             refine_orders(scorer, finalist, lambda each: float(np.log(score(each))), GAIN)
         )
     likeliest = min(candidates, key=lambda each: each.bic)
-    candidates.extend(refine_orders(scorer, likeliest, lambda each: each.bic, 0.0))
+    if whiteness_probability(likeliest.model, scorer.stretches) > WHITE:  # else BIC does not choose
+        candidates.extend(refine_orders(scorer, likeliest, lambda each: each.bic, 0.0))
     candidates = list(dict.fromkeys(candidates))
     simulation, about_simulation = _for_simulation(scorer, candidates, level)
     level, about_level = _level_of(simulation, level, about_level)
