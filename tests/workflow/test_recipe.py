@@ -15,7 +15,7 @@ from evopem.models.structures import PolynomialOrders
 
 from .conftest import Folder
 
-THREE_KEYS = {"recipe": "auto", "file": "pump.csv", "input": "u", "output": "y"}
+THREE_KEYS = {"file": "pump.csv", "input": "u", "output": "y"}
 THREE_KEYS |= {"sampling_rate": 50}
 # A short record of a second-order system with white measurement noise: an output-error model.
 SAMPLES = 400
