@@ -342,11 +342,7 @@ def _same_plant(
 
 
 def refine_orders(
-    scorer: Scorer,
-    start: Candidate,
-    score: Callable[[Candidate], float],
-    gain: float,
-    rounds: int = 2,
+    scorer: Scorer, start: Candidate, score: Callable[[Candidate], float], rounds: int = 2
 ) -> list[Candidate]:
     """Change one order after the other as long as a score falls; all that was tried, best last.
 
@@ -356,8 +352,6 @@ def refine_orders(
     start : Candidate
     score : callable
         Smaller is better.
-    gain : float
-        Least fall of the score that counts.
     rounds : int
     """
     best, tried, work = start, [start], 0
@@ -374,7 +368,7 @@ def refine_orders(
         if not found:
             break
         lowest = min(found, key=score)
-        if not score(lowest) < score(best) - gain:
+        if not score(lowest) < (1.0 - GAIN) * score(best):
             break
         best = lowest
     return [*tried, best]

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from evopem.automatic.decision import Alternative, Decision
-from evopem.automatic.orders import GAIN, Candidate, Scorer, StructureSearch, refine_orders
+from evopem.automatic.orders import Candidate, Scorer, StructureSearch, refine_orders
 from evopem.automatic.residuals import (
     feedback_probability,
     heaviness,
@@ -100,12 +100,7 @@ def compare_structures(scorer: Scorer, searches: Sequence[StructureSearch]) -> C
     score = _score_of(level)
     finalists = _best_of_structures(candidates, score)[:FINALISTS]
     for finalist in finalists:
-        candidates.extend(
-            refine_orders(scorer, finalist, lambda each: float(np.log(score(each))), GAIN)
-        )
-    likeliest = min(candidates, key=lambda each: each.bic)
-    if whiteness_probability(likeliest.model, scorer.stretches) > WHITE:  # else BIC does not choose
-        candidates.extend(refine_orders(scorer, likeliest, lambda each: each.bic, 0.0))
+        candidates.extend(refine_orders(scorer, finalist, score))
     candidates = list(dict.fromkeys(candidates))
     simulation, about_simulation = _for_simulation(scorer, candidates, level)
     level, about_level = _level_of(simulation, level, about_level)

@@ -312,6 +312,11 @@ class AutomaticSettings:
     differences_given: bool = False
     objective: Objective | None = None
 
+    @property
+    def other_purpose(self) -> Literal["simulation", "prediction"]:
+        """The purpose whose model is kept beside that for the purpose."""
+        return "prediction" if self.purpose in ("auto", "simulation") else "simulation"
+
 
 @dataclass(frozen=True)
 class DatasetSettings:
