@@ -20,10 +20,10 @@ from scipy.linalg import expm
 from scipy.signal import ss2tf
 
 from evopem.automatic.fit import FitSettings, fit
-from evopem.automatic.stretches import Stretch
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomials import root_gradient
 from evopem.models.structures import PolynomialOrders
+from evopem.signals.stretches import Stretch
 from evopem.signals.transforms import box_cox
 from evopem.synthesis.flexible_arm import (
     ARM_MODES,

@@ -9,9 +9,9 @@ from scipy.signal import lfilter
 
 from evopem.automatic.drift import decide_differences
 from evopem.automatic.preparation import GivenPreparation, decide_preparation, prepare
-from evopem.automatic.stretches import Stretch
 from evopem.errors import InputError
 from evopem.signals.recording import Recording
+from evopem.signals.stretches import Stretch
 from evopem.synthesis.flexible_arm import flexible_arm
 
 

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.simulation import simulated
-from evopem.automatic.stretches import Stretch, total_samples
 from evopem.models.polynomial import PolynomialModel
+from evopem.signals.stretches import Stretch, total_samples
 
 Array = NDArray[np.float64]
 

@@ -12,23 +12,24 @@ from numpy.typing import NDArray
 from evopem.automatic.preparation import (
     PreparationPlan,
     PreparedRecord,
+    kept_ranges,
     prepare,
     prepare_validation,
-    ranges_between_breaks,
     undifferenced,
 )
-from evopem.automatic.stretches import Stretch
 from evopem.errors import InputError
 from evopem.files.npz import load_arrays, save_arrays
-from evopem.signals.preparation import PreparedData, Transforms
+from evopem.signals.joining import separated
+from evopem.signals.preparation import Part, PreparedData, StretchOrigin
 from evopem.signals.recording import Recording
+from evopem.signals.stretches import Stretch
 from evopem.signals.transforms import difference, invert_difference
 
 Array = NDArray[np.float64]
 
 
 def prepared_data(divided: PreparedData, record: PreparedRecord, place: str) -> PreparedData:
-    """The longest stretch of the estimation samples, the validation samples, and the way back.
+    """The stretches of the estimation samples, the validation samples, and the way back.
 
     Parameters
     ----------
@@ -45,56 +46,123 @@ def prepared_data(divided: PreparedData, record: PreparedRecord, place: str) -> 
         When too few validation samples are left.
     """
     plan, before = record.plan, divided.transforms
-    held_out = prepare_validation(divided.validation, plan)
-    if not held_out:
-        raise InputError(
-            f"{place}.split",
-            f"{divided.validation.samples} validation samples are too few",
-            "leave more samples to validation, or record longer",
-        )
-    estimation = max(record.stretches, key=lambda each: each.samples)
-    validation = max(held_out, key=lambda each: each.samples)
-    begin = _begin_of_longest(divided.estimation, plan)
+    held_out = _held_out(divided.validation, plan, place)
+    begins = _begins(separated(divided.estimation), plan)
     follows = (
         plan.factor == 1
         and plan.differences == 0
-        and begin + estimation.samples == divided.estimation.samples
+        and len(begins) == 1
+        and begins[0] + record.stretches[0].samples == divided.estimation.samples
     )
     source = (
         "gap" if before.validation_source == "cut" and not follows else before.validation_source
     )
     rate = record.sampling_rate
     changed = rate != divided.estimation.sampling_rate
+    estimation = _prepared(divided.estimation, record.stretches, plan, rate)
+    validation = _prepared(divided.validation, held_out, plan, rate)
+    whole = replace(undifferenced(plan), input_scale=1.0, output_scale=1.0)
+    levels = prepare(separated(divided.estimation), whole).stretches
+    origins = _origins(divided, "estimation", record.stretches, begins, plan, levels)
+    several = len(begins) > 1 or bool(before.estimation_stretches)
+    levels_held_out = _held_out(divided.validation, whole, place)
+    starts = [0] * len(held_out)
+    of_held_out = _origins(divided, "validation", held_out, starts, plan, levels_held_out)
     if plan.differences:
-        before = _differenced(before, divided, plan)
+        before = replace(
+            before,
+            difference=plan.differences,
+            difference_input=plan.differences,
+            validation_difference_initial=of_held_out[0].difference_initial,
+            validation_difference_input_initial=of_held_out[0].difference_input_initial,
+        )
     transforms = replace(
         before,
         sampling_rate=rate,
         resampled_from=before.resampled_from or before.sampling_rate
         if changed
         else before.resampled_from,
-        input_mean=before.input_mean + plan.input_offset,
-        output_mean=before.output_mean + plan.output_offset,
-        difference_initial=before.difference_initial
-        if plan.differences
-        else _initial(
-            divided.estimation.output + before.output_mean, before.difference_initial, begin
-        ),
-        difference_input_initial=before.difference_input_initial
-        if plan.differences
-        else _initial(
-            divided.estimation.input + before.input_mean, before.difference_input_initial, begin
-        ),
-        discard=before.discard + begin,
+        input_mean=origins[0].input_mean,
+        output_mean=origins[0].output_mean,
+        difference_initial=origins[0].difference_initial,
+        difference_input_initial=origins[0].difference_input_initial,
+        discard=before.discard + begins[0],
         estimation_samples=estimation.samples,
         validation_samples=validation.samples,
         validation_source=source,
+        estimation_stretches=origins if several else (),
+        validation_stretches=of_held_out if before.validation_stretches else (),
     )
-    return PreparedData(
-        _recording(divided.estimation, estimation, plan, rate),
-        _recording(divided.validation, validation, plan, rate),
-        transforms,
+    return PreparedData(estimation, validation, transforms)
+
+
+def _held_out(validation: Recording, plan: PreparationPlan, place: str) -> list[Stretch]:
+    """The validation samples of each stretch, prepared."""
+    found: list[Stretch] = []
+    for recording, number in zip(separated(validation), validation.stretch_recordings, strict=True):
+        prepared = prepare_validation(recording, plan)
+        if not prepared:
+            raise InputError(
+                f"{place}.split",
+                f"{recording.samples} validation samples are too few",
+                "leave more samples to validation, or record longer",
+            )
+        found.extend(replace(each, recording=number) for each in prepared)
+    return found
+
+
+def _origins(
+    divided: PreparedData,
+    part: Part,
+    stretches: Sequence[Stretch],
+    begins: Sequence[int],
+    plan: PreparationPlan,
+    levels: Sequence[Stretch],
+) -> tuple[StretchOrigin, ...]:
+    """Where prepared stretches come from: each begins some samples after one of the part's own.
+
+    Those of the estimation samples have the number of the stretch that they were a part of.
+    ``levels`` are the same stretches before the differences of the plan.
+    """
+    recording = divided.estimation if part == "estimation" else divided.validation
+    transforms, sources = divided.transforms.of_stretches(part), recording.stretches
+    known = (
+        divided.transforms.estimation_stretches
+        if part == "estimation"
+        else divided.transforms.validation_stretches
     )
+    origins = []
+    listed = zip(stretches, begins, levels, strict=True)
+    for position, (stretch, begin, level) in enumerate(listed):
+        number = stretch.recording if part == "estimation" else position
+        source, own = sources[number], transforms[number]
+        first = known[number].first if known else divided.transforms.discard
+        if plan.differences:  # which no mean of the signals is left in
+            origins.append(
+                StretchOrigin(
+                    *(source.recording, (first + begin) // plan.factor, stretch.samples),
+                    *(plan.input_offset, plan.output_offset),
+                    difference(level.output + own.output_mean, plan.differences)[1],
+                    difference(level.input + own.input_mean, plan.differences)[1],
+                )
+            )
+            continue
+        origins.append(
+            StretchOrigin(
+                recording=source.recording,
+                first=(first + begin) // plan.factor,
+                samples=stretch.samples,
+                input_mean=own.input_mean + plan.input_offset,
+                output_mean=own.output_mean + plan.output_offset,
+                difference_initial=_initial(
+                    source.output + own.output_mean, own.difference_initial, begin
+                ),
+                difference_input_initial=_initial(
+                    source.input + own.input_mean, own.difference_input_initial, begin
+                ),
+            )
+        )
+    return tuple(origins)
 
 
 def save_stretches(stretches: Sequence[Stretch], path: str | Path) -> None:
@@ -125,38 +193,13 @@ def load_stretches(path: str | Path) -> tuple[Stretch, ...]:
     )
 
 
-def _begin_of_longest(recording: Recording, plan: PreparationPlan) -> int:
-    """First sample of the longest stretch, before decimation."""
-    ranges = ranges_between_breaks(recording, plan.starts[0], plan)
-    return max(ranges, key=lambda each: each[1] - each[0])[0]
-
-
-def _differenced(before: Transforms, divided: PreparedData, plan: PreparationPlan) -> Transforms:
-    """The transforms with the differences of a plan, which have no mean of the signals."""
-    times = plan.differences
-    whole = replace(undifferenced(plan), input_scale=1.0, output_scale=1.0)
-    estimation, validation = (
-        max(stretches, key=lambda each: each.samples)
-        for stretches in (
-            prepare((divided.estimation,), whole).stretches,
-            prepare_validation(divided.validation, whole),
-        )
-    )
-
-    def initial(signal: Array, mean: float) -> tuple[float, ...]:
-        return difference(signal + mean, times)[1]
-
-    return replace(
-        before,
-        difference=times,
-        difference_input=times,
-        difference_initial=initial(estimation.output, before.output_mean),
-        difference_input_initial=initial(estimation.input, before.input_mean),
-        validation_difference_initial=initial(validation.output, before.output_mean),
-        validation_difference_input_initial=initial(validation.input, before.input_mean),
-        input_mean=0.0,
-        output_mean=0.0,
-    )
+def _begins(recordings: Sequence[Recording], plan: PreparationPlan) -> list[int]:
+    """First sample of each stretch, in its recording before decimation."""
+    return [
+        begin
+        for recording, start in zip(recordings, plan.starts, strict=True)
+        for begin, _ in kept_ranges(recording, start, plan)
+    ]
 
 
 def _initial(signal: Array, initial: tuple[float, ...], begin: int) -> tuple[float, ...]:
@@ -166,12 +209,12 @@ def _initial(signal: Array, initial: tuple[float, ...], begin: int) -> tuple[flo
     return difference(invert_difference(signal, initial)[begin:], len(initial))[1]
 
 
-def _recording(
-    before: Recording, stretch: Stretch, plan: PreparationPlan, rate: float
+def _prepared(
+    before: Recording, stretches: Sequence[Stretch], plan: PreparationPlan, rate: float
 ) -> Recording:
-    return replace(
-        before,
-        input=stretch.input * plan.input_scale,
-        output=stretch.output * plan.output_scale,
-        sampling_rate=rate,
-    )
+    """Stretches in recorded units, less their offsets."""
+    in_units = [
+        replace(each, input=each.input * plan.input_scale, output=each.output * plan.output_scale)
+        for each in stretches
+    ]
+    return replace(before.with_stretches(in_units), sampling_rate=rate)
