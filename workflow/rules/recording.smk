@@ -9,7 +9,7 @@ for kind in provider.kinds:
         name:
             f"identify_{kind.name}"
         input:
-            *[unpack(recorded_file(key)) for key in kind.recorded],
+            *[unpack(recorded_files(key)) for key in kind.recorded],
         output:
             kind.results,
         log:

@@ -13,13 +13,14 @@ from evopem.automatic.fit import FOLD_STAGES, FitSettings, fit, log_loss
 from evopem.automatic.folds import SHORTEST_BLOCK
 from evopem.automatic.orders import MOST_SAMPLES
 from evopem.automatic.simulation import simulated
-from evopem.automatic.stretches import Stretch, first_samples, folds_of, total_samples
+from evopem.automatic.stretches import first_samples, folds_of
 from evopem.errors import InputError
 from evopem.estimation.criteria import power_of_two_scale
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.structures import PolynomialOrders
 from evopem.signals.recording import MAX_DESIGNED_LEVELS, Recording
 from evopem.signals.spectral.frequency_response import multitaper_frequency_response
+from evopem.signals.stretches import Stretch, total_samples
 
 Array = NDArray[np.float64]
 
@@ -266,17 +267,16 @@ def _raw_stretches(recordings: Sequence[Recording], plan: PreparationPlan) -> li
     """Samples between breaks, in recorded units and at the recorded rate."""
     found = []
     for number, (recording, start) in enumerate(zip(recordings, plan.starts, strict=True)):
-        for begin, end in ranges_between_breaks(recording, start, plan):
-            if end - begin >= SHORTEST_STRETCH * plan.factor:
-                kept = slice(begin, end)
-                found.append(Stretch(recording.input[kept], recording.output[kept], number))
+        for begin, end in kept_ranges(recording, start, plan):
+            kept = slice(begin, end)
+            found.append(Stretch(recording.input[kept], recording.output[kept], number))
     return found
 
 
-def ranges_between_breaks(
-    recording: Recording, start: int, plan: PreparationPlan
-) -> list[tuple[int, int]]:
-    """First sample of each stretch and the one after its last, at the recorded rate.
+def kept_ranges(recording: Recording, start: int, plan: PreparationPlan) -> list[tuple[int, int]]:
+    """First sample of each stretch that is long enough and the one after its last.
+
+    At the recorded rate.
 
     Parameters
     ----------
@@ -293,7 +293,9 @@ def ranges_between_breaks(
     if plan.stuck:
         good &= ~_standing_still(y)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]).astype(int)))
-    return [(int(begin), int(end)) for begin, end in edges.reshape(-1, 2)]
+    least = SHORTEST_STRETCH * plan.factor
+    ranges = [(int(begin), int(end)) for begin, end in edges.reshape(-1, 2)]
+    return [(begin, end) for begin, end in ranges if end - begin >= least]
 
 
 def _decide_starts(recordings: Sequence[Recording]) -> tuple[tuple[int, ...], Decision]:

@@ -17,7 +17,7 @@ def recording_bytes(settings: DatasetSettings) -> int:
     source = settings.source
     if not isinstance(source, RecordedSource):
         return 16 * source.samples
-    files = [Path(file) for file in (source.file, source.validation_file) if file]
+    files = [Path(file) for file in (*source.files, *source.validation_files)]
     return sum(file.stat().st_size for file in files if is_file(file))
 
 

@@ -103,7 +103,7 @@ class Provider:
     @cached_property
     def validated(self) -> frozenset[str]:
         """Names of the data sets with an independent recording for validation."""
-        return frozenset(name for name in self.recorded if self._file(name, "validation_file"))
+        return frozenset(name for name in self.recorded if self._files(name, "validation_file"))
 
     @cached_property
     def synthetic(self) -> frozenset[str]:
@@ -142,6 +142,11 @@ class Provider:
             return []
         several = len(self.config.datasets) > 1
         return [*OVERVIEW] if several or any(map(resources.is_file, OVERVIEW)) else []
+
+    @property
+    def order(self) -> dict[str, Any]:
+        """What recordings are ordered by where modes are followed; empty for their own order."""
+        return to_json(self.config.order) if self.config.order else {}
 
     def results(self, dataset: str, files: DatasetFiles | None = None) -> list[str]:
         """The results of one data set, those that other jobs read among them.
@@ -236,22 +241,31 @@ class Provider:
 
         return provide
 
-    def recorded_file(self, key: str) -> Callable[[Wildcards], dict[str, str]]:
-        """A function that gives the recorded file that a data set names under a key.
+    def recorded_files(self, key: str) -> Callable[[Wildcards], dict[str, list[str]]]:
+        """A function that gives the recorded files that a data set names under a key.
 
         A missing file is no input before its first reading: its job then says so in a sentence,
         and the other data sets continue, where Snakemake would stop them all. One that was read
         before stays an input, so that nothing made from it is lost.
         """
 
-        def existing(wildcards: Wildcards) -> dict[str, str]:
-            path = self._file(wildcards.dataset, key)
+        def existing(wildcards: Wildcards) -> dict[str, list[str]]:
             own = DatasetFiles.of_dataset(wildcards.dataset)
             info = own.recording_info if key == "file" else own.validation_recording_info
-            used = path and (resources.is_file(path) or was_read_from(path, info))
-            return {key: path} if path and used else {}
+            used = [
+                path
+                for path in self._files(wildcards.dataset, key)
+                if resources.is_file(path) or was_read_from(path, info)
+            ]
+            return {key: used} if used else {}
 
         return existing
+
+    def told_channels(self, wildcards: Wildcards) -> dict[str, str]:
+        """The origin of the estimation recording, where it tells the channels of the others."""
+        source = self._of(wildcards).source
+        told = isinstance(source, RecordedSource) and source.channels_from_file
+        return {"info": FILES.recording_info} if told else {}
 
     def validation_recording(self, file: str) -> Callable[[Wildcards], dict[str, str]]:
         """A function that gives a file of the validation recording, where there is one."""
@@ -422,6 +436,6 @@ class Provider:
     def _of(self, wildcards: Wildcards) -> DatasetSettings:
         return self.config.datasets[wildcards.dataset]
 
-    def _file(self, name: str, key: str) -> str | None:
-        path: str | None = getattr(self.config.datasets[name].source, key)
-        return path
+    def _files(self, name: str, key: str) -> tuple[str, ...]:
+        paths: tuple[str, ...] = getattr(self.config.datasets[name].source, f"{key}s")
+        return paths

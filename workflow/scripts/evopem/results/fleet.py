@@ -17,6 +17,7 @@ from evopem.files.json_form import load
 from evopem.files.unfinished import unfinished_jobs
 from evopem.models.modes import Mode
 from evopem.models.structures import PolynomialOrders
+from evopem.results.followed_modes import RecordedMode
 from evopem.results.layout import DatasetFiles
 from evopem.validation.checks import Check, checks
 from evopem.validation.mode_trust import doubts
@@ -131,8 +132,8 @@ def summarize(
         The files of these results; the summary holds their checksums.
     """
     return DatasetSummary(
-        file=recording.file.path if recording.file else None,
-        sha256=recording.file.sha256 if recording.file else None,
+        file=", ".join(each.path for each in recording.files) or None,
+        sha256=", ".join(each.sha256 for each in recording.files) or None,
         sampling_rate=model.sampling_rate,
         estimation_samples=model.transforms.estimation_samples,
         validation_samples=model.transforms.validation_samples,
@@ -165,6 +166,16 @@ def _gain_outline(model: ModelRecord) -> tuple[float, ...]:
     gain = np.abs(response(bands)).reshape(GAIN_BANDS, -1).max(axis=1)
     with np.errstate(divide="ignore"):
         return tuple(np.round(20.0 * np.log10(gain), 1).tolist())
+
+
+def recorded_modes(summary: DatasetSummary) -> list[RecordedMode]:
+    """The modes of a data set, as they are followed over recordings."""
+    return [
+        RecordedMode(
+            mode.frequency_hz, mode.damping_ratio, mode.frequency_se_hz, mode.damping_se, trusted
+        )
+        for mode, trusted in zip(summary.modes, summary.trusted, strict=True)
+    ]
 
 
 def read_summaries(datasets: Iterable[DatasetFiles]) -> dict[str, DatasetSummary]:

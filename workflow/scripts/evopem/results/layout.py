@@ -38,7 +38,8 @@ FIGURES = (
 INDEX = f"{FOLDER}/index.html"
 FLEET_CSV = f"{FOLDER}/fleet.csv"
 FLEET_PARQUET = f"{FOLDER}/fleet.parquet"
-OVERVIEW = (INDEX, FLEET_CSV, FLEET_PARQUET)
+FLEET_MODES = f"{FOLDER}/fleet_modes.csv"
+OVERVIEW = (INDEX, FLEET_CSV, FLEET_PARQUET, FLEET_MODES)
 """The lists of all data sets."""
 
 

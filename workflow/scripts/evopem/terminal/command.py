@@ -242,13 +242,18 @@ def _check_folder(files: DatasetFiles, settings: DatasetSettings) -> None:
     if not Path(files.config).exists():
         return
     other, own = read_settings(files.config).source, settings.source
-    file = other.file if isinstance(other, RecordedSource) else "a synthetic recording"
-    if not isinstance(own, RecordedSource) or Path(file).absolute() != Path(own.file).absolute():
+    held = other.files if isinstance(other, RecordedSource) else ("a synthetic recording",)
+    given = own.files if isinstance(own, RecordedSource) else ()
+    if list(map(_absolute, held)) != list(map(_absolute, given)):
         raise InputError(
             str(folder),
-            f"it holds the results of {file}",
+            f"it holds the results of {', '.join(held)}",
             "choose another folder with --results",
         )
+
+
+def _absolute(file: str) -> Path:
+    return Path(file).absolute()
 
 
 def _cores() -> int:

@@ -227,6 +227,7 @@ def sweep_state_space_orders(
     input_names: Sequence[str] = (),
     output_names: Sequence[str] = (),
     folds: bool = True,
+    width: int = FINAL_WIDTH,
     log: Callable[[str], None] | None = None,
 ) -> OrderScores:
     """Estimate several orders cheaply, each from estimates and from its smaller neighbours.
@@ -240,6 +241,8 @@ def sweep_state_space_orders(
         Ascending, one after the other or every other one.
     folds : bool
         Whether the two-fold simulation errors are computed; else they are NaN.
+    width : int
+        Estimates of each order that are descended from.
     """
     settings = settings or StateSpaceSettings()
     steps = {int(step) for step in np.diff(orders)} or {1}
@@ -251,11 +254,11 @@ def sweep_state_space_orders(
         errors = _errors(prepared, span[-1], form, settings)
         names = tuple(input_names), tuple(output_names)
         estimates = []
-        for problem, found in _swept(errors, prepared, span, settings, log):
+        for problem, found in _swept(errors, prepared, span, settings, width, log):
             estimates.append(_described(problem, found, prepared, sampling_rate, *names))
         scores = np.full(len(span), np.nan)
         if folds:
-            scores = _two_fold_errors(prepared, span, form, settings, sampling_rate)
+            scores = _two_fold_errors(prepared, span, form, settings, width, sampling_rate)
     return OrderScores(
         orders=tuple(span),
         bic=np.array([estimate.bic for estimate in estimates]),
@@ -489,13 +492,14 @@ def _swept(
     prepared: _Prepared,
     orders: range,
     settings: StateSpaceSettings,
+    width: int,
     log: Callable[[str], None] | None,
     fold: int = 0,
 ) -> Iterator[tuple[StateSpaceErrors, SearchResult]]:
     """The best optimum of each order that the rungs of a ladder reach."""
     models = StartingModels(errors, orders[-1], _cost(errors) <= HEAVY)
     generator = _generator(settings, orders[-1], errors.form, prepared, 1 + fold)
-    for problem, optima in rungs(errors, models, generator, FINAL_WIDTH, orders):
+    for problem, optima in rungs(errors, models, generator, width, orders):
         if not optima:
             continue
         best = optima[0]
@@ -512,6 +516,7 @@ def _two_fold_errors(
     orders: range,
     form: str,
     settings: StateSpaceSettings,
+    width: int,
     sampling_rate: float,
 ) -> Array:
     """Simulation error of each order over both halves, percent."""
@@ -524,7 +529,7 @@ def _two_fold_errors(
         errors = _errors(half, orders[-1], form, settings)
         power = np.array([[np.sum((y - y.mean(axis=0)) ** 2, axis=0)] for y in test[1]])[:, 0]
         reference += power.sum(axis=0)
-        for problem, found in _swept(errors, half, orders, settings, None, 1 + fold):
+        for problem, found in _swept(errors, half, orders, settings, width, None, 1 + fold):
             model = model_of(
                 problem, problem.projection(found.point), sampling_rate, half.shifts, (), ()
             )
