@@ -52,7 +52,8 @@ def test_the_keys_of_a_data_set_are_its_source_and_its_analysis():
     keys = {"recipe", "purpose", "resample", "structure", "level", "focus", *MAPPINGS}
     assert set(ANALYSIS_KEYS) == keys
     source = names(ChannelSettings, SyntheticSource) | {"file", "validation_file"}
-    assert set(KEYS["$defs"]["dataset"]["properties"]) == source | set(ANALYSIS_KEYS)
+    own = source | set(ANALYSIS_KEYS) | {"conditions"}
+    assert set(KEYS["$defs"]["dataset"]["properties"]) == own
     assert set(KEYS["properties"]["defaults"]["properties"]) == set(ANALYSIS_KEYS)
 
 
