@@ -41,6 +41,8 @@ class Candidate:
     at_stability_bound : bool
         Whether a root of A, C, D or F lies at the largest radius allowed.
     diagnostics : SearchDiagnostics
+    pruned : str
+        Why its search ended after the first pass; empty where it did not.
     """
 
     phase: str
@@ -53,6 +55,7 @@ class Candidate:
     minimum: float
     at_stability_bound: bool
     diagnostics: SearchDiagnostics
+    pruned: str = ""
 
     @classmethod
     def of(cls, estimate: PolynomialEstimate, phase: str) -> Candidate:

@@ -14,6 +14,7 @@ from evopem.errors import InputError
 from evopem.estimation.candidate import Candidate, PhaseSelection
 from evopem.estimation.delay_refinement import Fit, refine_delay
 from evopem.estimation.focused_estimate import estimate_focused
+from evopem.estimation.order_race import race
 from evopem.estimation.polynomial_estimate import PolynomialEstimate
 from evopem.estimation.search.incremental_order import padded
 from evopem.estimation.search.problem import SearchResult, same_optimum
@@ -87,10 +88,21 @@ def repeat_search(
     log: Callable[[str], None] | None = None,
 ) -> Candidate:
     """Search again, independently, with :data:`REPEAT_FACTOR` times the evaluations."""
-    orders = candidate.orders
     more = replace(settings, evaluations=REPEAT_FACTOR * settings.evaluations)
+    return continue_search(candidate, data, more, window, log)
+
+
+def continue_search(
+    candidate: Candidate,
+    data: Recording,
+    settings: SearchSettings,
+    window: ScoringWindow,
+    log: Callable[[str], None] | None = None,
+) -> Candidate:
+    """Search on, independently of what was found so far, and keep the better."""
+    orders = candidate.orders
     level, earlier = candidate.with_level, candidate.search
-    found = _search(data, orders, more, window, level, log, earlier)
+    found = _search(data, orders, settings, window, level, log, earlier)
     return Candidate.of(found, candidate.phase)
 
 
@@ -203,7 +215,20 @@ def select_candidate(
     def reoptimize(nested: Candidate, candidate: Candidate) -> Candidate:
         return reoptimize_from(nested, candidate, data, settings, window)
 
+    def search_on(candidate: Candidate) -> Candidate:
+        return continue_search(candidate, data, settings, window, log)
+
     ordered = sorted(candidates, key=lambda candidate: candidate.orders)
+    if settings.prune:
+        samples = len(data.output) - window.loss_start
+        ordered = race(
+            ordered,
+            phase,
+            samples,
+            settings,
+            search_on,
+            lambda each: _no_worse_than_nested(each, reoptimize),
+        )
     selection = settle(ordered, phase, repeat, reoptimize)
     if min_delay is None:
         return selection
@@ -276,7 +301,9 @@ def settle(
         doubtful = {
             row
             for row, candidate in enumerate(settled)
-            if _decides(candidate.orders, orders, phase) and candidate.diagnostics.n_confirming == 0
+            if _decides(candidate.orders, orders, phase)
+            and not candidate.pruned
+            and candidate.diagnostics.n_confirming == 0
         }
         if doubtful <= repeated:
             return PhaseSelection(phase, orders, reason, tuple(settled))
