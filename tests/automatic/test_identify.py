@@ -5,10 +5,10 @@ import pytest
 from records import error_percent, output_error_record
 from scipy.signal import lfilter
 
-import evopem
 from evopem.automatic.decision import Decision
 from evopem.automatic.fit import FitSettings
 from evopem.automatic.folds import FoldPlan, decide_folds
+from evopem.automatic.identify import identify
 from evopem.automatic.orders import Scorer, StructureSearch, decide_delay
 from evopem.automatic.simulation import simulated
 from evopem.automatic.stretches import Stretch
@@ -24,7 +24,7 @@ ABOUT = Decision("folds", "given", (), "none", "They are given.")
 @pytest.fixture(scope="module")
 def resonance():
     u, y, truth = output_error_record(300)
-    return evopem.identify(u[:SAMPLES] + 4.0, y[:SAMPLES] + 9.0, 10.0), u, y, truth
+    return identify(u[:SAMPLES] + 4.0, y[:SAMPLES] + 9.0, 10.0), u, y, truth
 
 
 def test_the_model_simulates_unseen_samples_near_the_truth(resonance):
@@ -50,7 +50,7 @@ def test_a_choice_has_a_json_form(resonance):
 
 def test_the_same_record_gives_the_same_bits(resonance):
     found, u, y, _ = resonance
-    again = evopem.identify(u[:SAMPLES] + 4.0, y[:SAMPLES] + 9.0, 10.0)
+    again = identify(u[:SAMPLES] + 4.0, y[:SAMPLES] + 9.0, 10.0)
     assert np.array_equal(again.model.parameters, found.model.parameters)
 
 
@@ -58,7 +58,7 @@ def test_the_arrays_are_not_changed_and_gaps_are_allowed():
     u, y, _ = output_error_record(80)
     y[30:35] = np.nan
     before = u.copy(), y.copy()
-    found = evopem.identify(u, y)
+    found = identify(u, y)
     assert len(found.prepared.stretches) == 2
     assert np.array_equal(u, before[0])
     assert np.array_equal(y, before[1], equal_nan=True)
@@ -101,4 +101,4 @@ def test_feedback_does_not_lead_to_an_output_error_model():
 def test_an_unknown_purpose_is_refused():
     u, y, _ = output_error_record(100)
     with pytest.raises(ValueError, match="purpose"):
-        evopem.identify(u, y, purpose="control")
+        identify(u, y, purpose="control")

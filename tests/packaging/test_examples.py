@@ -5,6 +5,7 @@ import inspect
 import pytest
 
 import evopem
+from evopem.automatic import identify
 from evopem.config import order_grid
 from evopem.files import json_form
 from evopem.models import polynomial, structures
@@ -25,6 +26,7 @@ FUNCTIONS = [
     evopem.estimate,
     evopem.load,
     evopem.identify,
+    identify.identify,
     structures.PolynomialOrders,
     structures.orders_of,
     polynomial.PolynomialModel,

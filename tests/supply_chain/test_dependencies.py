@@ -70,7 +70,9 @@ def test_the_licence_of_a_dependency_asks_nothing(name):
 
 
 # Parts of the package that need the extra `report`; all others are the numerics.
-OF_THE_EXTRA_REPORT = ("figures", "pipeline", "report", "results", "terminal", "validation")
+OF_THE_EXTRA_REPORT = (
+    *("figures", "notebook", "pipeline", "report", "results", "terminal", "validation"),
+)
 IMPORTS = """
 import importlib, pathlib, sys
 

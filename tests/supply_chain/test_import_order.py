@@ -12,7 +12,16 @@ PACKAGE = SCRIPTS / "evopem"
 # Each part may import those before it.
 PARTS = (
     *("errors", "version", "files", "config", "signals", "models", "synthesis", "estimation"),
-    *("validation", "automatic", "results", "figures", "report", "pipeline", "terminal"),
+    *(
+        "validation",
+        "automatic",
+        "results",
+        "figures",
+        "report",
+        "pipeline",
+        "notebook",
+        "terminal",
+    ),
 )
 
 

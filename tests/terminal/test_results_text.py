@@ -3,9 +3,10 @@
 import pytest
 
 from evopem.report.numbers import with_error
+from evopem.report.results_text import results_text
 from evopem.report.sentences.about_verdict import verdict
 from evopem.results.fleet import IncompleteDataset, summarize
-from evopem.terminal.results_text import results_text, run_text
+from evopem.terminal.results_text import run_text
 
 
 @pytest.fixture

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 from evopem.version import __version__
 
 if TYPE_CHECKING:
-    from evopem.automatic.identify import Identification, identify
     from evopem.config.constraints import Constraints, FixedPole, Prior
     from evopem.config.settings import ScoringWindow, SearchSettings
     from evopem.errors import InputError
@@ -29,11 +28,13 @@ if TYPE_CHECKING:
     from evopem.models.polynomial import PolynomialModel
     from evopem.models.state_space import StateSpaceModel
     from evopem.models.structures import PolynomialOrders
+    from evopem.notebook.identify import identify, read_results
+    from evopem.notebook.results import IdentificationResults
 
 __all__ = [
     "Constraints",
     "FixedPole",
-    "Identification",
+    "IdentificationResults",
     "InputError",
     "PolynomialEstimate",
     "PolynomialModel",
@@ -50,11 +51,12 @@ __all__ = [
     "estimate_state_space",
     "identify",
     "load",
+    "read_results",
     "sweep_state_space_orders",
 ]
 
 _HOMES = {
-    "Identification": "evopem.automatic.identify",
+    "IdentificationResults": "evopem.notebook.results",
     "Constraints": "evopem.config.constraints",
     "FixedPole": "evopem.config.constraints",
     "InputError": "evopem.errors",
@@ -68,7 +70,8 @@ _HOMES = {
     "StateSpaceModel": "evopem.models.state_space",
     "StateSpaceSettings": "evopem.estimation.state_space.estimate",
     "estimate": "evopem.estimation.structured_estimate",
-    "identify": "evopem.automatic.identify",
+    "identify": "evopem.notebook.identify",
+    "read_results": "evopem.notebook.identify",
     "estimate_delays": "evopem.estimation.state_space.delays",
     "estimate_state_space": "evopem.estimation.state_space.estimate",
     "sweep_state_space_orders": "evopem.estimation.state_space.estimate",

@@ -123,6 +123,9 @@ def identify(
 ) -> Identification:
     """Identify a system: preparation, structure, orders and delay are decided by evidence.
 
+    On the numerics alone, without validation samples, checks and report, which
+    :func:`evopem.identify` adds.
+
     Parameters
     ----------
     input, output : (N,) array_like, or sequences of them
@@ -144,12 +147,11 @@ def identify(
 
     Examples
     --------
-    >>> import evopem, numpy
     >>> from scipy.signal import lfilter
-    >>> generator = numpy.random.default_rng(1)
+    >>> generator = np.random.default_rng(1)
     >>> u, e = generator.standard_normal((2, 400))
     >>> y = lfilter([0.0, 1.0], [1.0, -1.5, 0.7], u) + 0.1 * e
-    >>> found = evopem.identify(u, y, 10.0)
+    >>> found = identify(u, y, 10.0)
     >>> round(found.model.modes()[0].frequency_hz, 2)
     0.78
     """

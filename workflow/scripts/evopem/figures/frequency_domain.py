@@ -15,10 +15,11 @@ from evopem.figures.style import (
     MODEL,
     MUTED,
     TRUTH,
+    Grid,
     decimate,
     extremes,
+    figure_of,
     logarithmic,
-    new_figure,
     say_nothing_to_draw,
     styled,
     with_unit,
@@ -30,6 +31,11 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+
+SPECTRUM = Grid(height=3.3)
+FREQUENCY_RESPONSE = Grid(height=5.2, rows=3, sharex=True, height_ratios=(1.7, 1.1, 0.7))
+NYQUIST = Grid(height=4.6, width=5.6)
+RESIDUAL_SPECTRUM = Grid(height=2.9)
 
 # Spectra are smooth over the bandwidth of the multitaper estimate, so few bins suffice.
 BINS = 400
@@ -82,6 +88,7 @@ def draw_spectrum(
     peaks: Sequence[SpectralPeak],
     unit: str = "",
     truth: Truth | None = None,
+    axes: Axes | None = None,
 ) -> Figure:
     """Multitaper spectrum of the output with its 95 % band and peaks (chapter figure 4).
 
@@ -94,9 +101,10 @@ def draw_spectrum(
         Unit of the prepared output, "" when not stated.
     truth : Truth, optional
         Its modes are marked.
+    axes : matplotlib.axes.Axes, optional
+        Where it is drawn; on a new figure by default.
     """
-    figure = new_figure(3.3)
-    axes = figure.subplots()
+    (axes,) = SPECTRUM.panels(axes)
     shown = spectrum[(spectrum["frequency_hz"] > 0) & (spectrum["density"] > 0)]
     shown = _thinned(shown, "density")
     _draw_density(axes, shown, "estimate", 1.0)
@@ -119,7 +127,7 @@ def draw_spectrum(
     squared = f"({unit})²/Hz" if unit else "per Hz"
     axes.set_ylabel(with_unit("Power spectral density", squared))
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, borderaxespad=0.1)
-    return figure
+    return figure_of(axes)
 
 
 def _name_peaks(axes: Axes, peaks: Sequence[SpectralPeak], highest: float) -> None:
@@ -148,6 +156,7 @@ def draw_frequency_response(
     spectrum: pd.DataFrame | None = None,
     unit: str = "",
     truth: Truth | None = None,
+    axes: Sequence[Axes] | None = None,
 ) -> Figure:
     """Gain and phase of G with its 95 % band, and the multitaper estimate (chapter figure 7).
 
@@ -161,19 +170,20 @@ def draw_frequency_response(
         Unit of the gain, "" when not stated.
     truth : Truth, optional
         Its modes are marked.
+    axes : sequence of three matplotlib.axes.Axes, optional
+        Where gain, phase and coherence are drawn; on a new figure by default.
 
     Notes
     -----
     Of a model without input the response of the noise filter is drawn.
     """
-    figure = new_figure(5.2)
     response, label = plant_or_noise_filter(response)
     if label == NOISE_FILTER:
         spectrum = None
-    gain, phase, coherence = figure.subplots(3, 1, sharex=True, height_ratios=(1.7, 1.1, 0.7))
+    gain, phase, coherence = FREQUENCY_RESPONSE.panels(axes)
     estimate = None if spectrum is None else with_positive_frequency(spectrum)
-    for axes in (gain, phase):
-        mark_truth(axes, truth)
+    for panel in (gain, phase):
+        mark_truth(panel, truth)
     shown = draw_gain(gain, response, estimate, unit, label)
     if estimate is not None:
         _draw_phase_and_coherence(phase, coherence, estimate)
@@ -185,7 +195,7 @@ def draw_frequency_response(
     coherence.set_ylim(0, 1.05)
     coherence.set_xlabel("Frequency (Hz)")
     coherence.set_xlim(0, float(shown["frequency_hz"].max()))
-    return figure
+    return figure_of(gain)
 
 
 def with_positive_frequency(table: pd.DataFrame) -> pd.DataFrame:
@@ -265,7 +275,9 @@ def unwrapped_gaps(frequency: pd.Series, degrees: pd.Series) -> tuple[np.ndarray
 
 
 @styled
-def draw_nyquist(response: pd.DataFrame, spectrum: pd.DataFrame, unit: str = "") -> Figure:
+def draw_nyquist(
+    response: pd.DataFrame, spectrum: pd.DataFrame, unit: str = "", axes: Axes | None = None
+) -> Figure:
     """G in the complex plane over positive frequencies, with the multitaper estimate.
 
     Parameters
@@ -274,12 +286,13 @@ def draw_nyquist(response: pd.DataFrame, spectrum: pd.DataFrame, unit: str = "")
         As in ``frequency_response.csv`` and ``spectrum.csv``.
     unit : str
         Unit of the gain, "" when not stated.
+    axes : matplotlib.axes.Axes, optional
+        Where it is drawn; on a new figure by default.
     """
-    figure = new_figure(4.6, 5.6)
-    axes = figure.subplots()
+    (axes,) = NYQUIST.panels(axes)
     if response["gain"].isna().all():
         say_nothing_to_draw(axes, "The model has no input.")
-        return figure
+        return figure_of(axes)
     model = complex_plane(response["gain"], response["phase_deg"])
     estimate = with_positive_frequency(spectrum)
     points = complex_plane(
@@ -303,7 +316,7 @@ def draw_nyquist(response: pd.DataFrame, spectrum: pd.DataFrame, unit: str = "")
     axes.set_xlabel(with_unit("Real part of G", unit))
     axes.set_ylabel(with_unit("Imaginary part of G", unit))
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderaxespad=0.1)
-    return figure
+    return figure_of(axes)
 
 
 def complex_plane(gain: pd.Series, phase_deg: pd.Series) -> np.ndarray:
@@ -314,7 +327,7 @@ def complex_plane(gain: pd.Series, phase_deg: pd.Series) -> np.ndarray:
 
 
 @styled
-def draw_residual_spectrum(table: pd.DataFrame, unit: str = "") -> Figure:
+def draw_residual_spectrum(table: pd.DataFrame, unit: str = "", axes: Axes | None = None) -> Figure:
     """Spectrum of the residuals with its 95 % band, and the level of white noise.
 
     Parameters
@@ -323,12 +336,13 @@ def draw_residual_spectrum(table: pd.DataFrame, unit: str = "") -> Figure:
         ``frequency_hz``, ``density``, ``lower``, ``upper`` and ``white_level``.
     unit : str
         Unit of the prepared output, "" when not stated.
+    axes : matplotlib.axes.Axes, optional
+        Where it is drawn; on a new figure by default.
     """
-    figure = new_figure(2.9)
-    axes = figure.subplots()
+    (axes,) = RESIDUAL_SPECTRUM.panels(axes)
     if table.empty:
         say_nothing_to_draw(axes, "There are too few residuals for a spectrum.")
-        return figure
+        return figure_of(axes)
     shown = _thinned(with_positive_frequency(table), "density")
     _draw_density(axes, shown, "residuals", 0.9)
     axes.plot(
@@ -345,4 +359,4 @@ def draw_residual_spectrum(table: pd.DataFrame, unit: str = "") -> Figure:
     squared = f"({unit})²/Hz" if unit else "per Hz"
     axes.set_ylabel(with_unit("Power spectral density", squared))
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderaxespad=0.1)
-    return figure
+    return figure_of(axes)

@@ -7,14 +7,27 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
-from evopem.figures.style import ERROR, MODEL, PAPER, logarithmic_if_wide, new_figure, styled
+from evopem.figures.style import (
+    ERROR,
+    MODEL,
+    PAPER,
+    Grid,
+    figure_of,
+    logarithmic_if_wide,
+    styled,
+)
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+HORIZONS = Grid(height=2.8)
 
 
 @styled
-def draw_horizons(horizons: pd.DataFrame, simulation_error: float = math.nan) -> Figure:
+def draw_horizons(
+    horizons: pd.DataFrame, simulation_error: float = math.nan, axes: Axes | None = None
+) -> Figure:
     """Error of k-step predictions against k, with that of the simulation.
 
     Parameters
@@ -23,11 +36,12 @@ def draw_horizons(horizons: pd.DataFrame, simulation_error: float = math.nan) ->
         As in ``horizons.csv``.
     simulation_error : float
         Percent; NaN where there is no simulation.
+    axes : matplotlib.axes.Axes, optional
+        Where it is drawn; on a new figure by default.
     """
     from matplotlib.ticker import NullLocator
 
-    figure = new_figure(2.8)
-    axes = figure.subplots()
+    (axes,) = HORIZONS.panels(axes)
     axes.plot(
         horizons["horizon"],
         horizons["error_percent"],
@@ -53,4 +67,4 @@ def draw_horizons(horizons: pd.DataFrame, simulation_error: float = math.nan) ->
     axes.set_xlabel("Horizon k (samples)")
     axes.set_ylabel("Relative error (%)")
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.1)
-    return figure
+    return figure_of(axes)

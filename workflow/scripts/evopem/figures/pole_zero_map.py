@@ -17,8 +17,9 @@ from evopem.figures.style import (
     MODEL,
     MUTED,
     TRUTH,
+    Grid,
+    figure_of,
     logarithmic,
-    new_figure,
     say_nothing_to_draw,
     styled,
 )
@@ -32,6 +33,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+POLES_ZEROS = Grid(height=3.9, columns=2, width_ratios=(1.25, 1.0))
+
 # Half the side of the frame around the unit circle.
 FRAME = 1.3
 # 95 % of a normal distribution lie within this many standard errors.
@@ -39,7 +42,9 @@ NORMAL_95 = 1.96
 
 
 @styled
-def draw_poles_zeros(model: PolynomialModel, truth: Truth | None = None) -> Figure:
+def draw_poles_zeros(
+    model: PolynomialModel, truth: Truth | None = None, axes: Sequence[Axes] | None = None
+) -> Figure:
     """Poles and zeros in the unit circle with 95 % ellipses, and the modes with 95 % intervals.
 
     Parameters
@@ -47,9 +52,10 @@ def draw_poles_zeros(model: PolynomialModel, truth: Truth | None = None) -> Figu
     model : PolynomialModel
     truth : Truth, optional
         Its poles and modes are drawn as well.
+    axes : sequence of two matplotlib.axes.Axes, optional
+        Where the map and the modes are drawn; on a new figure by default.
     """
-    figure = new_figure(3.9)
-    circle, damping = figure.subplots(1, 2, width_ratios=(1.25, 1.0))
+    circle, damping = POLES_ZEROS.panels(axes)
     _unit_circle(circle, model.sampling_rate)
     poles = [*uncertain_roots(model, "A"), *uncertain_roots(model, "F")]
     zeros = uncertain_roots(model, "B")
@@ -74,7 +80,7 @@ def draw_poles_zeros(model: PolynomialModel, truth: Truth | None = None) -> Figu
         loc="lower left", bbox_to_anchor=(-0.05, 1.0), ncols=2, columnspacing=1.0, borderaxespad=0.1
     )
     _modes(damping, model.modes(), truth.modes if truth else (), model.sampling_rate / 2)
-    return figure
+    return figure_of(circle)
 
 
 def _in_frame(root: complex) -> bool:

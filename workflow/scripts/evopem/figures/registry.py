@@ -40,7 +40,7 @@ from evopem.figures.panels import Panel
 from evopem.figures.pole_zero_map import draw_poles_zeros
 from evopem.figures.residual_correlation import draw_residuals
 from evopem.figures.stabilization_diagram import draw_stabilization
-from evopem.figures.style import save_svg, with_unit
+from evopem.figures.style import save_svg, svg_text, with_unit
 from evopem.figures.summary import draw_gain_and_data, draw_measured_and_simulated
 from evopem.figures.time_domain import draw_record, draw_simulation, draw_simulation_as_recorded
 from evopem.figures.time_responses import draw_step_and_impulse, responses_of, settling_part
@@ -351,6 +351,11 @@ REPORT_FIGURES = (
     ),
 )
 """The figures in the order of :data:`evopem.results.layout.FIGURES`."""
+
+
+def svg_texts(results: DatasetResults) -> dict[str, str]:
+    """Every figure of one data set as SVG, by name."""
+    return {figure.name: svg_text(figure.draw(results)) for figure in REPORT_FIGURES}
 
 
 def draw_all(results: DatasetResults, directory: Path) -> list[Path]:

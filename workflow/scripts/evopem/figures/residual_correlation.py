@@ -2,28 +2,46 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import pandas as pd
 
-from evopem.figures.style import ERROR, INK, MODEL, new_figure, say_nothing_to_draw, stems, styled
+from evopem.figures.style import (
+    ERROR,
+    INK,
+    MODEL,
+    Grid,
+    figure_of,
+    say_nothing_to_draw,
+    stems,
+    styled,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
+RESIDUALS = Grid(height=4.4, rows=2)
+
+
 @styled
-def draw_residuals(autocorrelation: pd.DataFrame, cross_correlation: pd.DataFrame) -> Figure:
+def draw_residuals(
+    autocorrelation: pd.DataFrame,
+    cross_correlation: pd.DataFrame,
+    axes: Sequence[Axes] | None = None,
+) -> Figure:
     """Residual autocorrelation and residual-input cross-correlation (chapter figure 6).
 
     Parameters
     ----------
     autocorrelation, cross_correlation : pandas.DataFrame
         As in ``residual_autocorrelation.csv`` and ``cross_correlation.csv``.
+    axes : sequence of two matplotlib.axes.Axes, optional
+        Where they are drawn; on a new figure by default.
     """
-    figure = new_figure(4.4)
-    upper, lower = figure.subplots(2, 1)
+    upper, lower = RESIDUALS.panels(axes)
     # Lag 0 is 1 by definition and would flatten all other lags.
     lags = autocorrelation[autocorrelation["lag"] > 0]
     _correlation(upper, lags, "autocorrelation")
@@ -39,7 +57,7 @@ def draw_residuals(autocorrelation: pd.DataFrame, cross_correlation: pd.DataFram
         lower.set_ylabel("Cross-correlation")
     lower.set_title("Cross-correlation of residuals and input")
     upper.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderaxespad=0.1)
-    return figure
+    return figure_of(upper)
 
 
 def _correlation(axes: Axes, table: pd.DataFrame, column: str) -> None:

@@ -13,8 +13,9 @@ from evopem.figures.style import (
     MODEL,
     MUTED,
     PAPER,
+    Grid,
     decimate,
-    new_figure,
+    figure_of,
     say_nothing_to_draw,
     styled,
 )
@@ -23,6 +24,8 @@ from evopem.synthesis.truth import Truth
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+STABILIZATION = Grid(height=3.5)
 
 # Status of a pole, label, marker, its colour and that of its inside.
 STATUS_STYLES = (
@@ -40,6 +43,7 @@ def draw_stabilization(
     selected_order: int | None = None,
     truth: Truth | None = None,
     order: str = "na",
+    axes: Axes | None = None,
 ) -> Figure:
     """Natural frequencies over the model order, with the spectrum of the output behind.
 
@@ -57,12 +61,13 @@ def draw_stabilization(
         Its modes are marked.
     order : str
         Name of the order.
+    axes : matplotlib.axes.Axes, optional
+        Where it is drawn; on a new figure by default.
     """
-    figure = new_figure(3.5)
-    axes = figure.subplots()
+    (axes,) = STABILIZATION.panels(axes)
     if poles.empty:
         say_nothing_to_draw(axes, "No candidate has an oscillating mode.")
-        return figure
+        return figure_of(axes)
     if spectrum is not None:
         _draw_behind(axes, spectrum)
     mark_truth(axes, truth)
@@ -95,7 +100,7 @@ def draw_stabilization(
     axes.set_xlabel("Natural frequency (Hz)")
     axes.set_ylabel(f"Order {order}")
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, borderaxespad=0.1)
-    return figure
+    return figure_of(axes)
 
 
 def _draw_behind(axes: Axes, spectrum: pd.DataFrame) -> None:

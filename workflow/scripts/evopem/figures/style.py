@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import wraps
 from itertools import pairwise
 from pathlib import Path
@@ -18,6 +19,7 @@ from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from evopem.errors import InputError
 from evopem.files.atomic import write_text
 
 if TYPE_CHECKING:
@@ -103,6 +105,66 @@ def styled(draw: Callable[P, T]) -> Callable[P, T]:
             return draw(*args, **kwargs)
 
     return wrapper
+
+
+@dataclass(frozen=True)
+class Grid:
+    """The panels of a figure.
+
+    Attributes
+    ----------
+    height, width : float
+        Inches.
+    rows, columns : int
+    sharex : bool
+        Whether all panels have one abscissa.
+    height_ratios, width_ratios : tuple of float, optional
+        Relative sizes of rows and columns.
+    """
+
+    height: float
+    width: float = WIDTH
+    rows: int = 1
+    columns: int = 1
+    sharex: bool = False
+    height_ratios: tuple[float, ...] | None = None
+    width_ratios: tuple[float, ...] | None = None
+
+    def on(self, figure: Figure) -> list[Axes]:
+        """Empty panels on an empty figure, row by row."""
+        grid = figure.subplots(
+            *(self.rows, self.columns),
+            sharex=self.sharex,
+            squeeze=False,
+            height_ratios=self.height_ratios,
+            width_ratios=self.width_ratios,
+        )
+        return list(grid.ravel())
+
+    def panels(self, axes: Axes | Sequence[Axes] | None = None) -> list[Axes]:
+        """The given panels, or those of a new figure that pyplot does not keep.
+
+        Raises
+        ------
+        InputError
+            When there are more or fewer than the figure has.
+        """
+        if axes is None:
+            return self.on(new_figure(self.height, self.width))
+        given = list(np.atleast_1d(np.asarray(axes, dtype=object)).ravel())
+        wanted = self.rows * self.columns
+        if len(given) != wanted:
+            raise InputError(
+                "axes",
+                f"there are {len(given)}, and this figure has {wanted}",
+                f"give {wanted}, or none for a new figure",
+            )
+        return given
+
+
+def figure_of(axes: Axes) -> Figure:
+    """The figure that axes stand on."""
+    return axes.figure  # type: ignore[return-value] # or a part of one, which is like it
 
 
 def new_figure(height: float, width: float = WIDTH) -> Figure:

@@ -13,15 +13,16 @@ from evopem.figures.frequency_domain import (
     plant_or_noise_filter,
     with_positive_frequency,
 )
-from evopem.figures.style import ERROR, INK, MODEL, decimate, new_figure, styled
+from evopem.figures.style import ERROR, INK, MODEL, Grid, decimate, figure_of, styled
 from evopem.figures.time_domain import DASHED, folded, legend_above
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from evopem.models.modes import Mode
 
-WIDTH, HEIGHT = 5.2, 3.1  # inches; two stand side by side
+SUMMARY = Grid(height=3.1, width=5.2)  # two stand side by side
 # So many periods of the lowest mode are shown, between the two limits in samples.
 PERIODS = 12
 FEWEST_SAMPLES, MOST_SAMPLES = 60, 400
@@ -29,7 +30,11 @@ FEWEST_SAMPLES, MOST_SAMPLES = 60, 400
 
 @styled
 def draw_measured_and_simulated(
-    simulation: pd.DataFrame, modes: Sequence[Mode], sampling_rate: float, label: str
+    simulation: pd.DataFrame,
+    modes: Sequence[Mode],
+    sampling_rate: float,
+    label: str,
+    axes: Axes | None = None,
 ) -> Figure:
     """Measured and simulated output over the first scored validation samples.
 
@@ -45,9 +50,10 @@ def draw_measured_and_simulated(
         Hz.
     label : str
         Name of the prepared output with its unit.
+    axes : matplotlib.axes.Axes, optional
+        Where it is drawn; on a new figure by default.
     """
-    figure = new_figure(HEIGHT, WIDTH)
-    axes = figure.subplots()
+    (axes,) = SUMMARY.panels(axes)
     computed = simulated_or_predicted(simulation)
     scored = simulation[simulation[computed].notna()]
     shown = scored.iloc[: shown_samples(modes, sampling_rate)]
@@ -61,7 +67,7 @@ def draw_measured_and_simulated(
     axes.set_ylabel(folded(label))
     axes.margins(x=0.01)
     legend_above(axes)
-    return figure
+    return figure_of(axes)
 
 
 def simulated_or_predicted(simulation: pd.DataFrame) -> str:
@@ -79,7 +85,11 @@ def shown_samples(modes: Sequence[Mode], sampling_rate: float) -> int:
 
 @styled
 def draw_gain_and_data(
-    response: pd.DataFrame, spectrum: pd.DataFrame, trusted: Sequence[float], unit: str = ""
+    response: pd.DataFrame,
+    spectrum: pd.DataFrame,
+    trusted: Sequence[float],
+    unit: str = "",
+    axes: Axes | None = None,
 ) -> Figure:
     """Gain of the model with its 95 % band over the multitaper estimate, with the modes marked.
 
@@ -93,9 +103,10 @@ def draw_gain_and_data(
         Frequencies of the modes that are marked, in Hz.
     unit : str
         Unit of the gain, "" when not stated.
+    axes : matplotlib.axes.Axes, optional
+        Where it is drawn; on a new figure by default.
     """
-    figure = new_figure(HEIGHT, WIDTH)
-    axes = figure.subplots()
+    (axes,) = SUMMARY.panels(axes)
     for place, frequency in enumerate(trusted):
         axes.axvline(
             frequency,
@@ -109,4 +120,4 @@ def draw_gain_and_data(
     draw_gain(axes, response, estimate, unit, label)
     axes.set_xlabel("Frequency (Hz)")
     axes.set_xlim(0, float(response["frequency_hz"].max()))
-    return figure
+    return figure_of(axes)

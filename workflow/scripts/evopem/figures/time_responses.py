@@ -7,10 +7,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from evopem.figures.style import MODEL, new_figure, styled, with_unit
+from evopem.figures.style import MODEL, Grid, figure_of, styled, with_unit
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+RESPONSE = Grid(height=2.6)
+BOTH_RESPONSES = Grid(height=4.2, rows=2, sharex=True)
 
 FEWEST_SAMPLES = 50
 # Share of its largest value below which an impulse response has settled.
@@ -61,21 +65,26 @@ def draw_step_and_impulse(
     unit : str
         Unit of the output for one unit of the input, "" when not stated.
     """
-    figure = new_figure(4.2 if len(responses) > 1 else 2.6)
-    panels = figure.subplots(len(responses), 1, sharex=True, squeeze=False)[:, 0]
+    panels = (BOTH_RESPONSES if len(responses) > 1 else RESPONSE).panels()
     for axes, (column, title) in zip(panels, responses, strict=True):
-        if table[f"{column}_lower"].notna().any():
-            axes.fill_between(
-                table["time_s"],
-                table[f"{column}_lower"],
-                table[f"{column}_upper"],
-                color=MODEL,
-                alpha=0.28,
-                linewidth=0,
-            )
-        axes.plot(table["time_s"], table[column], color=MODEL)
-        axes.set_title(title)
-        axes.set_ylabel(with_unit("Response", unit))
-        axes.margins(x=0.01)
+        draw_response(axes, table, column, title, unit)
     panels[-1].set_xlabel("Time (s)")
-    return figure
+    return figure_of(panels[-1])
+
+
+@styled
+def draw_response(axes: Axes, table: pd.DataFrame, column: str, title: str, unit: str = "") -> None:
+    """One response over time with its 95 % band, where that is known."""
+    if table[f"{column}_lower"].notna().any():
+        axes.fill_between(
+            table["time_s"],
+            table[f"{column}_lower"],
+            table[f"{column}_upper"],
+            color=MODEL,
+            alpha=0.28,
+            linewidth=0,
+        )
+    axes.plot(table["time_s"], table[column], color=MODEL)
+    axes.set_title(title)
+    axes.set_ylabel(with_unit("Response", unit))
+    axes.margins(x=0.01)

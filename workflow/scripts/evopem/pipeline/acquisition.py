@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from evopem.config.settings import ChannelSettings
 from evopem.files.json_form import save
 from evopem.signals.reading import read_recording as read_channels
@@ -10,20 +12,27 @@ from evopem.signals.recording_info import describe_recorded_file
 
 
 def read_recording(
-    file: str, channels: ChannelSettings, recording_file: str, info_file: str
+    file: str,
+    channels: ChannelSettings,
+    recording_file: str,
+    info_file: str,
+    folder: str | Path = "",
 ) -> None:
     """Read the input and output channels of a recorded file.
 
     Parameters
     ----------
     file : str
-        The recorded file.
+        The recorded file, as the settings name it.
     channels : ChannelSettings
     recording_file, info_file : str
         Where samples and origin are written.
+    folder : path
+        What a relative `file` is relative to; the working directory by default.
     """
+    path = Path(folder) / file
     recording = read_channels(
-        file,
+        path,
         input=channels.input,
         output=channels.output,
         sampling_rate=channels.sampling_rate,
@@ -35,4 +44,4 @@ def read_recording(
         decimal_mark=channels.decimal_mark,
     )
     save_recording(recording, recording_file)
-    save(describe_recorded_file(file, recording, channels), info_file)
+    save(describe_recorded_file(path, recording, channels, file), info_file)

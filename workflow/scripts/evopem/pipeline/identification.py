@@ -46,15 +46,22 @@ Announce = Callable[[str, int, int], None]
 
 
 def stages(
-    files: DatasetFiles, settings: DatasetSettings, log: Log | None = None, cores: int = 1
+    files: DatasetFiles,
+    settings: DatasetSettings,
+    log: Log | None = None,
+    cores: int = 1,
+    folder: str | Path = "",
 ) -> dict[str, Stage]:
-    """List the stages of a data set by their names, in their order, ready to be called."""
+    """List the stages of a data set by their names, in their order, ready to be called.
+
+    Parameters are those of :func:`identify_recording`.
+    """
     automatic = settings.automatic
     window = None if automatic else scoring_window(settings)
     phases = phases_of_dataset(settings)
     return {
         "configuration": partial(write_configuration, files, settings),
-        **_acquisition(files, settings),
+        **_acquisition(files, settings, folder),
         **(
             _automatic_stages(files, settings, automatic, log)
             if automatic
@@ -127,6 +134,7 @@ def identify_recording(
     log: Log | None = None,
     cores: int = 1,
     announce: Announce | None = None,
+    folder: str | Path = "",
 ) -> None:
     """Take one data set from its recording to its results.
 
@@ -141,10 +149,12 @@ def identify_recording(
     cores : int
     announce : callable, optional
         Receives each stage before it begins: its name, its number from 1, and how many there are.
+    folder : path
+        What relative paths of recorded files are relative to; the working directory by default.
     """
     listed = {
         name: stage
-        for name, stage in stages(files, settings, log, cores).items()
+        for name, stage in stages(files, settings, log, cores, folder).items()
         if with_report or name not in ("figures", "report")
     }
     for number, (name, stage) in enumerate(listed.items(), start=1):
@@ -169,14 +179,17 @@ def run_stage(name: str, folder: str | Path, log: Log | None = print) -> None:
     stages(files, read_settings(files.config), log)[name]()
 
 
-def _acquisition(files: DatasetFiles, settings: DatasetSettings) -> dict[str, Stage]:
+def _acquisition(
+    files: DatasetFiles, settings: DatasetSettings, folder: str | Path
+) -> dict[str, Stage]:
     source = settings.source
     if not isinstance(source, RecordedSource):
         transforms = settings.preparation.transforms
         return {"recording": partial(synthesize_recording, files, source, transforms)}
     reading: dict[str, Stage] = {
         "recording": partial(
-            read_recording, source.file, source.channels, files.recording, files.recording_info
+            read_recording,
+            *(source.file, source.channels, files.recording, files.recording_info, folder),
         )
     }
     if source.validation_file:
@@ -186,6 +199,7 @@ def _acquisition(files: DatasetFiles, settings: DatasetSettings) -> dict[str, St
             source.channels,
             files.validation_recording,
             files.validation_recording_info,
+            folder,
         )
     return reading
 

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import subprocess
+from collections.abc import Mapping
 from pathlib import Path
 
 from evopem.config.yaml_form import read_settings
 from evopem.files.atomic import write_text
 from evopem.report.page import build_report
+from evopem.report.templates import template_folder
 from evopem.report.wall_clock import read_wall_clock
-from evopem.results.dataset import read_dataset_results
+from evopem.results.dataset import DatasetResults, read_dataset_results
 from evopem.results.layout import FIGURES, DatasetFiles
 
 
@@ -25,7 +27,29 @@ def write_report(files: DatasetFiles, templates: Path) -> None:
     """
     results = read_dataset_results(files, read_settings(files.config))
     figures = {name: Path(files.figure(name)).read_text(encoding="utf-8") for name in FIGURES}
-    page = build_report(
+    write_text(files.report, report_page(files, results, figures, templates))
+
+
+def report_page(
+    files: DatasetFiles,
+    results: DatasetResults,
+    figures: Mapping[str, str],
+    templates: Path | None = None,
+) -> str:
+    """The report of results and figures that are at hand.
+
+    Parameters
+    ----------
+    files : DatasetFiles
+        Where the results lie.
+    results : DatasetResults
+    figures : mapping of str to str
+        SVG texts by the names of the figures.
+    templates : Path, optional
+        That of the package by default.
+    """
+    templates = templates or template_folder()
+    return build_report(
         results,
         figures,
         read_wall_clock(Path(files.folder) / "benchmarks"),
@@ -33,7 +57,6 @@ def write_report(files: DatasetFiles, templates: Path) -> None:
         templates,
         commit_of(templates.parent),
     )
-    write_text(files.report, page)
 
 
 def commit_of(workflow: Path) -> str:

@@ -68,12 +68,21 @@ def describe_synthetic_recording(recording: Recording) -> RecordingInfo:
 
 
 def describe_recorded_file(
-    path: str | Path, recording: Recording, channels: ChannelSettings
+    path: str | Path, recording: Recording, channels: ChannelSettings, name: str = ""
 ) -> RecordingInfo:
-    """Origin and properties of a recording that was read from a file."""
+    """Origin and properties of a recording that was read from a file.
+
+    Parameters
+    ----------
+    path : path
+    recording : Recording
+    channels : ChannelSettings
+    name : str
+        What the settings call the file; empty for its path.
+    """
     path = Path(path)
     origin = FileOrigin(
-        path=str(path),
+        path=name or str(path),
         sha256=sha256(path),
         bytes=local_path(path).stat().st_size,
         format=format_of(path),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import importlib.util
 import os
 import sys
 from collections.abc import Sequence
@@ -23,11 +22,11 @@ from evopem.config.strict_yaml import check_yaml_files
 from evopem.config.yaml_form import read_settings
 from evopem.errors import InputError
 from evopem.files.job import job
+from evopem.pipeline.packages import FOR_REPORT, check_packages
+from evopem.pipeline.progress import ProgressLine
 from evopem.results.layout import DatasetFiles
-from evopem.terminal.progress import ProgressLine
 from evopem.version import __version__
 
-_REPORT_PACKAGES = ("pandas", "matplotlib", "jinja2")
 _INTERRUPTED = 130
 _DESCRIPTION = """\
 Identify a dynamic system from a recording of its input and output: an ARMAX model, natural
@@ -39,6 +38,7 @@ examples:
   evopem bench.mat --input iq_adx --output omega_max --rate 2500
   evopem log.csv --input 2 --output 3 --time 1
   evopem init measurements      write measurements/config.yaml for many recordings
+  evopem compare results/a results/b      lay results side by side on one page
 
 The results lie in results/<name of the file>/; open report.html first. The file may be text, .mat,
 .npz, .npy, .parquet, .h5, .tdms or .uff.
@@ -66,6 +66,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         if given[:1] == ["init"]:
             return _init(given[1:])
+        if given[:1] == ["compare"]:
+            return _compare(given[1:])
         return _identify(_parser().parse_args(given))
     except InputError as error:
         sys.stderr.write(f"{error}\n")
@@ -82,7 +84,8 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         "evopem",
         usage="evopem FILE --input CHANNEL --output CHANNEL [--rate HZ | --time CHANNEL] …\n"
-        "       evopem init [FOLDER]",
+        "       evopem init [FOLDER]\n"
+        "       evopem compare FOLDER FOLDER … [--page FILE]",
         description=_DESCRIPTION,
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
@@ -135,8 +138,31 @@ def _init(given: Sequence[str]) -> int:
     return 0
 
 
+def _compare(given: Sequence[str]) -> int:
+    parser = argparse.ArgumentParser(
+        "evopem compare",
+        description="Lay the results of two to six data sets side by side: errors and verdicts, "
+        "frequency responses over each other, modes matched by frequency, and checks.",
+    )
+    parser.add_argument("folders", nargs="+", metavar="FOLDER", help="results, such as results/arm")
+    parser.add_argument(
+        "--page", default="comparison.html", metavar="FILE", help="default: %(default)s"
+    )
+    arguments = parser.parse_args(given)
+    check_packages(FOR_REPORT, "evopem", "the figures and the page")
+    check_environment(os.environ)
+    os.environ.update(job_environment(os.environ, Path.cwd()))
+    from evopem.pipeline.comparison import compare_datasets
+    from evopem.report.comparison_text import comparison_text
+    from evopem.terminal.results_text import show
+
+    comparison = compare_datasets(arguments.folders, arguments.page)
+    show(f"{comparison_text(comparison)}\n\n  page  {arguments.page}")
+    return 0
+
+
 def _identify(arguments: argparse.Namespace) -> int:
-    _check_packages()
+    check_packages(FOR_REPORT, "evopem", "the validation and the report")
     check_environment(os.environ)
     # Before numpy is imported, which reads it.
     os.environ.update(job_environment(os.environ, Path.cwd()))
@@ -144,8 +170,9 @@ def _identify(arguments: argparse.Namespace) -> int:
     files = DatasetFiles(str(Path(arguments.results) / settings.name))
     _check_folder(files, settings)
     from evopem.pipeline.identification import identify_recording
+    from evopem.report.results_text import results_text
     from evopem.results.dataset import read_dataset_results
-    from evopem.terminal.results_text import results_text, show
+    from evopem.terminal.results_text import show
 
     progress = ProgressLine(sys.stderr)
     phases = [files.phase(each) for each in phases_of_dataset(settings)]
@@ -164,24 +191,6 @@ def _identify(arguments: argparse.Namespace) -> int:
         progress.close()
     show(results_text(read_dataset_results(files, settings), files.report))
     return 0
-
-
-def _check_packages() -> None:
-    """Refuse to begin what a missing package would end.
-
-    Raises
-    ------
-    InputError
-        Naming the extra that brings it.
-    """
-    missing = [name for name in _REPORT_PACKAGES if importlib.util.find_spec(name) is None]
-    if missing:
-        raise InputError(
-            "evopem",
-            f"the validation and the report need {', '.join(missing)}, which "
-            f"{'is' if len(missing) == 1 else 'are'} not installed",
-            'run pip install "evopem[report]"',
-        )
 
 
 def _settings(arguments: argparse.Namespace) -> DatasetSettings:

@@ -29,6 +29,7 @@ from evopem.validation.excitation import excitation_order
 from evopem.validation.held_out_tests import HeldOutTest, input_significance
 from evopem.validation.horizons import horizon_errors, log_spaced_horizons
 from evopem.validation.mode_evidence import NO_TEST, ModeEvidence, mode_evidence
+from evopem.validation.peak_evidence import PeakEvidence, peak_evidence
 from evopem.validation.recorded_units import (
     RecordedErrors,
     recorded_errors,
@@ -143,6 +144,8 @@ class Validation:
     modes : tuple of ModeEvidence
         For each mode whether the input reaches it, whether it is stable over the orders, and
         whether the noise model needs it.
+    peaks : tuple of PeakEvidence
+        For each peak of the output's spectrum whether the model gives the output that much power.
     split : SplitSpectra
         The input's spectra in the estimation and the validation samples beside each other.
     horizons : tuple of HorizonError
@@ -166,6 +169,7 @@ class Validation:
     recorded: RecordedErrors
     input_test: HeldOutTest
     modes: tuple[ModeEvidence, ...]
+    peaks: tuple[PeakEvidence, ...]
     split: SplitSpectra
     horizons: tuple[HorizonError, ...]
 
@@ -215,7 +219,7 @@ def validate(
     others : sequence of PolynomialModel
         Models of other orders of the same samples, for the stability of the modes.
     spectrum : SpectrumSettings, optional
-        Of the multitaper estimate of the coherence.
+        Of the multitaper estimates of the output's spectrum and of the coherence.
     lags : int
         Largest lag of the residual autocorrelation; cut to the number of residuals less one.
     free_level : bool
@@ -341,6 +345,7 @@ def validate(
                 others,
             )
         ),
+        peaks=peak_evidence(model, estimation, spectrum or SpectrumSettings()),
         split=split_spectra(
             inputs,
             prepared.validation.input if model.has_input else np.zeros(measured.size),

@@ -20,8 +20,6 @@ MIN_LINES = 10
 PEAK_WIDTHS = (1, 4, 16)
 # Largest share of the frequency axis that an average extends over.
 MAX_AVERAGED_SHARE = 0.2
-# Share of records in which noise alone makes a peak as prominent as its `chance_db`.
-CHANCE_LEVEL = 0.01
 
 
 def spectral_peaks(spectrum: Spectrum) -> list[SpectralPeak]:
@@ -80,7 +78,6 @@ def spectral_peaks(spectrum: Spectrum) -> list[SpectralPeak]:
             prominence_db=float(found[index].prominence_db),
             lower=float(spectrum.lower[index]),
             upper=float(spectrum.upper[index]),
-            chance_db=float(found[index].chance_db),
         )
         for index in sorted(found)
     ]
@@ -146,7 +143,6 @@ class _Peak(NamedTuple):
     start: float
     stop: float
     prominence_db: float
-    chance_db: float
 
 
 def _prominent(averaged: Floats, spectrum: Spectrum, cells: int) -> list[_Peak]:
@@ -160,18 +156,11 @@ def _prominent(averaged: Floats, spectrum: Spectrum, cells: int) -> list[_Peak]:
     valleys = np.where(averaged[left] > averaged[right], left, right)
     independent = max(1.0, spectrum.frequencies[-1] / (cells * spectrum.resolution_hz))
     freedom = cells * spectrum.degrees_of_freedom
-
-    def spread(level: float) -> Floats:
-        """Prominence in dB that noise alone exceeds in this share of records."""
-        tail = level / (2.0 * independent)
-        high = chi2.isf(tail, freedom[tops]) / freedom[tops]
-        low = chi2.ppf(tail, freedom[valleys]) / freedom[valleys]
-        return 10.0 * np.log10(high / low)
-
+    tail = (1.0 - CONFIDENCE) / (2.0 * independent)
+    high = chi2.isf(tail, freedom[tops]) / freedom[tops]
+    low = chi2.ppf(tail, freedom[valleys]) / freedom[valleys]
     heights = found["prominences"]
-    # The density is searched at several widths, each of which can find a peak by chance.
-    chance = spread(CHANCE_LEVEL / len(PEAK_WIDTHS))
     return [
-        _Peak(int(tops[k]), found["left_ips"][k], found["right_ips"][k], heights[k], chance[k])
-        for k in np.flatnonzero(heights > spread(1.0 - CONFIDENCE))
+        _Peak(int(tops[k]), found["left_ips"][k], found["right_ips"][k], heights[k])
+        for k in np.flatnonzero(heights > 10.0 * np.log10(high / low))
     ]

@@ -20,8 +20,6 @@ class SpectralPeak:
         Density at the peak and its 95 % band (unit² / Hz).
     prominence_db : float
         Height above the higher of the two valleys between it and higher maxima.
-    chance_db : float
-        Prominence that noise alone exceeds in less than 1 % of records; 0 where it is not known.
     """
 
     frequency_hz: float
@@ -29,7 +27,6 @@ class SpectralPeak:
     prominence_db: float
     lower: float
     upper: float
-    chance_db: float = 0.0
 
 
 @dataclass(frozen=True)

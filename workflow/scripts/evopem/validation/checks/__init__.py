@@ -88,7 +88,7 @@ def checks(
         invertibility(model),
         whiteness(model, validation),
         input_independence(validation),
-        spectral_peaks(model, spectrum),
+        spectral_peaks(model, validation.peaks, spectrum),
         cancellation(model),
         search_ranges(phases),
         stability_bound(model),

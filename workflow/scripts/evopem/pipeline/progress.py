@@ -6,16 +6,24 @@ import time
 from dataclasses import dataclass, field
 from typing import TextIO
 
+from evopem.config.structures import STRUCTURES
+
 _STAGES = {
     "configuration": "settings",
     "recording": "reading the recording",
     "validation_recording": "reading the validation recording",
     "preparation": "preparing the samples",
     "spectrum": "spectrum",
+    "plan": "deciding how to prepare the samples",
+    "folds": "choosing the held-out samples",
     "delay": "searching the delay",
     "joint": "searching the joint order",
     "nc": "searching the order of C",
     "nb": "searching the order of B",
+    "structures": "comparing the structures",
+    "remedies": "acting on failed checks",
+    "chosen": "searching the chosen model globally",
+    "decisions": "decisions",
     "model": "model and its uncertainty",
     "candidates": "table of candidates",
     "validation": "validation",
@@ -23,6 +31,13 @@ _STAGES = {
     "figures": "figures",
     "report": "report",
 }
+
+
+def stage_title(stage: str) -> str:
+    """What a stage does, in words; a structure stands for the search of its orders."""
+    if stage in STRUCTURES:
+        return f"searching the orders of {stage.upper()} models"
+    return _STAGES.get(stage, stage)
 
 
 @dataclass
@@ -42,7 +57,7 @@ class ProgressLine:
     def announce(self, stage: str, number: int, stages: int) -> None:
         """Say that a stage begins: its name, its number from 1, and how many there are."""
         elapsed = time.monotonic() - self._started
-        text = f"[{number}/{stages}] {elapsed:5.1f} s  {_STAGES.get(stage, stage)}"
+        text = f"[{number}/{stages}] {elapsed:5.1f} s  {stage_title(stage)}"
         if not self.stream.isatty():
             self.stream.write(f"{text}\n")
         else:

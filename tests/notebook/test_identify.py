@@ -1,0 +1,249 @@
+"""`evopem.identify` on signals in memory, and what its results show, compare and keep."""
+
+import io
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+from scipy.signal import lfilter
+
+import evopem
+from evopem.config.defaults import complete
+from evopem.config.schema import schema_file
+from evopem.files.json_form import load
+from evopem.notebook.progress import _rich, progress
+from evopem.pipeline.identification import identify_recording
+from evopem.report.numbers import THIN
+from evopem.report.sentences.about_verdict import verdict
+from evopem.results.layout import DatasetFiles
+from evopem.signals.recording_info import RecordingInfo
+
+RATE = 10.0
+POLES = [1.0, -1.5, 0.7]
+QUICK = {
+    "structure": "oe",
+    "orders": {"joint": [1, 3], "nb": [1, 3]},
+    "search": {"evaluations": 300},
+    "spectrum": {"nfft": 512},
+}
+ROUND_PLOTS = (
+    *("measured_and_simulated", "gain", "nyquist", "step_response", "impulse_response"),
+    *("stabilization", "residual_spectrum", "spectrum", "horizons"),
+)
+WIDE_PLOTS = {"frequency_response": 3, "poles_zeros": 2, "residual_correlation": 2}
+
+
+def signals(samples=400, seed=1):
+    u, e = np.random.default_rng(seed).standard_normal((2, samples))
+    return u, 3.0 + lfilter([0.0, 1.0], POLES, u) + 0.1 * e
+
+
+@pytest.fixture(scope="module")
+def found():
+    u, y = signals()
+    table = pd.DataFrame({"u": u, "y": y}, index=np.arange(u.size) / RATE)
+    return evopem.identify(table, input="u", output="y", show_progress=False, **QUICK)
+
+
+@pytest.fixture(scope="module")
+def other():
+    u, y = signals()
+    keys = {**QUICK, "structure": "arx", "orders": {"joint": [1, 3]}}
+    return evopem.identify(u, y, RATE, name="arrays", show_progress=False, **keys)
+
+
+@pytest.fixture
+def pyplot():
+    import matplotlib as mpl
+
+    mpl.use("agg")
+    from matplotlib import pyplot
+
+    yield pyplot
+    pyplot.close("all")
+
+
+def test_the_model_is_that_of_the_truth_with_its_offset(found):
+    assert np.poly(found.model.poles()) == pytest.approx(np.array(POLES), abs=0.01)
+    assert found.simulation_error_percent < 8.0
+    assert found.modes["trusted"].tolist() == [True]
+    assert found.modes["frequency_hz"].iloc[0] == pytest.approx(0.785, abs=0.01)
+    assert {each.subject for each in found.decisions} >= {"delay", "folds"}
+    assert all(check.passed for check in found.checks if check.name != "Search repeatable")
+
+
+def test_the_workflow_finds_the_same_in_a_file_of_the_same_signals(found, tmp_path):
+    u, y = signals()
+    np.savez(tmp_path / "data.npz", u=u, y=y)
+    keys = {"file": str(tmp_path / "data.npz"), "input": "u", "output": "y", "sampling_rate": RATE}
+    content = {"datasets": {"data": {"recipe": "auto", **keys, **QUICK}}}
+    settings = complete(content, schema_file()).datasets["data"]
+    files = DatasetFiles(str(tmp_path / "results" / "data"))
+    identify_recording(files, settings, with_report=False)
+    again = evopem.read_results(files.folder)
+    assert np.array_equal(again.model.parameters, found.model.parameters)
+    assert again.modes.equals(found.modes)
+    assert again.verdict == found.verdict
+
+
+def test_it_shows_verdict_modes_and_errors(found):
+    shown = found._repr_html_()
+    assert verdict(found.results).sentence in shown
+    assert "<td>trusted</td>" in shown
+    assert "simulation" in shown
+    assert found.verdict.replace(THIN, " ") in " ".join(repr(found).split())
+
+
+@pytest.mark.parametrize("name", ROUND_PLOTS)
+def test_a_plot_takes_axes_and_gives_them_back(found, pyplot, name):
+    _, axes = pyplot.subplots()
+    assert getattr(found, f"plot_{name}")(axes) is axes
+    assert axes.has_data()
+    own = getattr(found, f"plot_{name}")()
+    assert own.figure.number in pyplot.get_fignums()
+
+
+@pytest.mark.parametrize("name", WIDE_PLOTS)
+def test_a_plot_of_several_panels_takes_as_many(found, pyplot, name):
+    _, axes = pyplot.subplots(WIDE_PLOTS[name], 1)
+    assert getattr(found, f"plot_{name}")(axes) == list(axes)
+    assert all(each.has_data() for each in axes)
+    with pytest.raises(
+        evopem.InputError, match=f"axes: there are 1, and this figure has {len(axes)}"
+    ):
+        getattr(found, f"plot_{name}")(axes[0])
+
+
+def test_models_are_compared(found, other, pyplot):
+    compared = found.compare(other)
+    assert list(compared.table.index) == ["data", "arrays"]
+    assert compared.table["simulation_error_percent"].iloc[0] == found.simulation_error_percent
+    first = compared.modes[compared.modes["mode"] == 1]
+    assert first["data set"].tolist() == ["data", "arrays"]
+    assert "All models were validated on the same samples." in repr(compared)
+    assert len(compared.plot_frequency_responses()[0].get_lines()) == 2
+    assert len(compared.plot_simulations().get_lines()) == 3
+    assert compared.plot_modes().has_data()
+    assert "<table" in compared._repr_html_()
+
+
+def test_the_report_is_that_of_the_workflow(found, tmp_path):
+    page = found.report(tmp_path / "file.html").read_text(encoding="utf-8")
+    assert verdict(found.results).sentence in page
+    assert page.count("<svg") > 10
+    assert "data.npz" in page
+    assert "/tmp/evopem-" not in page
+
+
+def test_what_is_saved_opens_again_and_can_be_repeated(found, tmp_path, monkeypatch):
+    folder = found.save(tmp_path / "kept")
+    again = evopem.read_results(folder)
+    assert again.modes.equals(found.modes)
+    assert found.save(folder) == folder
+    keys = yaml.safe_load((folder / "config.yaml").read_text())["datasets"]["data"]
+    monkeypatch.chdir(folder)
+    assert Path(keys["file"]).is_file()
+    info = load(RecordingInfo, folder / "recording.json")
+    assert info.file.path == keys["file"] == "data.npz"
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "thesis.tex").touch()
+    with pytest.raises(evopem.InputError, match="holds other files than results"):
+        found.save(tmp_path / "full")
+
+
+def test_an_independent_recording_validates(found):
+    u, y = signals(samples=200, seed=2)
+    own = signals()
+    validated = evopem.identify(*own, RATE, validation=(u, y), show_progress=False, **QUICK)
+    assert validated.results.model.transforms.validation_source == "file"
+    assert validated.results.model.transforms.estimation_samples == 400
+    assert not found.compare(validated).comparison.has_same_validation
+
+
+def test_an_output_alone_gives_a_noise_model():
+    e = np.random.default_rng(3).standard_normal(600)
+    y = lfilter([1.0, 0.5], POLES, e)
+    small = {"orders": {"joint": [2, 2], "nc": [1, 1]}, "transforms": {"difference": 0}}
+    noise = evopem.identify(
+        None, y, RATE, recipe="chapter", structure="arma", split={"discard": 0},
+        search={"evaluations": 200}, show_progress=False, **small,
+    )  # fmt: skip
+    assert noise.modes["frequency_hz"].iloc[0] == pytest.approx(0.785, abs=0.1)
+    with pytest.raises(evopem.InputError, match="the model has no input"):
+        noise.plot_step_response()
+
+
+@pytest.mark.parametrize(
+    ("keys", "sentence"),
+    [
+        ({"strukture": "oe"}, r"strukture: there is no such key \(did you mean structure\?\)"),
+        ({"structure": "foo"}, "structure: foo is not known"),
+        ({"file": "x.csv"}, "file: it is no key of the analysis"),
+        ({"name": "a/b"}, "name: the data set name 'a/b' cannot be the name of a folder"),
+        ({"validation": 3.0}, "validation: it is neither a table nor a pair of signals"),
+        ({"sampling_rate": None}, "sampling_rate: it is not known; give it in Hz"),
+    ],
+)
+def test_a_wrong_argument_is_said_in_a_sentence(keys, sentence):
+    with pytest.raises(evopem.InputError, match=sentence):
+        evopem.identify(*signals(), **{"sampling_rate": RATE, **keys})
+
+
+def test_a_bad_signal_is_named_as_it_was_handed_over():
+    u, y = signals()
+    y[30] = np.nan
+    with pytest.raises(
+        evopem.InputError, match=r'^data, output "output", sample 31: the value is nan'
+    ):
+        evopem.identify(u, y, RATE, show_progress=False)
+
+
+def test_progress_is_a_bar_or_lines(capsys):
+    with progress(shown=False) as announce:
+        assert announce is None
+    with progress(shown=True) as announce:
+        announce("oe", 3, 20)
+    assert "[3/20]" in (lines := capsys.readouterr().err)
+    assert "searching the orders of OE models" in lines
+
+
+def test_rich_shows_a_bar_on_a_terminal(monkeypatch):
+    console = pytest.importorskip("rich.console")
+    stream = io.StringIO()
+    terminal = console.Console(file=stream, force_terminal=True, width=90)
+    monkeypatch.setattr("rich.progress.get_console", lambda: terminal)
+    with _rich() as announce:
+        announce("model", 1, 2)
+    assert "model and its uncertainty" in stream.getvalue()
+
+
+def test_missing_packages_are_named_and_the_import_is_light():
+    code = """
+import sys
+for name in ("pandas", "matplotlib", "jinja2", "snakemake"):
+    sys.modules[name] = None
+import importlib.util
+real = importlib.util.find_spec
+importlib.util.find_spec = lambda name: None if sys.modules.get(name, 1) is None else real(name)
+import evopem
+try:
+    evopem.identify([1.0] * 50, [2.0] * 50, 1.0)
+except evopem.InputError as error:
+    print(error)
+"""
+    scripts = str(Path(evopem.__file__).parents[1])
+    run = subprocess.run(
+        [sys.executable, "-c", code],
+        env={"PYTHONPATH": scripts, "PATH": ""},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert run.stdout == (
+        "identify: the tables of the results need pandas, which is not installed; "
+        'run pip install "evopem[report]".\n'
+    )

@@ -1,0 +1,74 @@
+"""Models side by side: modes matched across all of them, and labels that tell them apart."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from evopem.errors import InputError
+from evopem.models.modes import Mode
+from evopem.results.comparison import Comparison
+
+
+@pytest.fixture(scope="module")
+def results(identified):
+    return identified.results
+
+
+def with_frequencies(results, *frequencies, name="other"):
+    """The same results with other modes and another name."""
+    modes = [Mode(hertz, 0.01, np.exp(0.1j * hertz), 0.01, 0.001) for hertz in frequencies]
+    return replace(
+        results,
+        model=replace(results.model, modes=modes),
+        settings=replace(results.settings, name=name),
+    )
+
+
+def test_modes_are_matched_across_all_models(results):
+    compared = Comparison.of(
+        [
+            with_frequencies(results, 5.0, 20.0, name="a"),
+            with_frequencies(results, 20.4, 37.0, name="b"),
+            with_frequencies(results, 5.1, 36.5, 45.0, name="c"),
+        ]
+    )
+    found = [[mode and mode.frequency_hz for mode in each.modes] for each in compared.modes]
+    assert found == [
+        [5.0, None, 5.1],
+        [20.0, 20.4, None],
+        [None, 37.0, 36.5],
+        [None, None, 45.0],
+    ]
+    assert compared.modes[0].spread_percent == pytest.approx(100 * 0.1 / 5.05)
+    assert np.isnan(compared.modes[3].spread_percent)
+    assert compared.mode_table["mode"].tolist() == [1, 1, 2, 2, 3, 3, 4]
+
+
+def test_models_of_one_name_are_told_apart(results):
+    compared = Comparison.of([results, results])
+    orders = str(results.model.orders)
+    assert compared.labels == (f"bench, {orders} (1)", f"bench, {orders} (2)")
+    assert compared.has_same_validation
+    assert Comparison.of([results, with_frequencies(results, 5.0)]).labels == ("bench", "other")
+
+
+def test_other_validation_samples_are_noticed(results):
+    tables = results.validation_tables
+    shifted = tables.simulation.assign(output=tables.simulation["output"] + 1.0)
+    other = replace(results, validation_tables=replace(tables, simulation=shifted))
+    assert not Comparison.of([results, other]).has_same_validation
+
+
+@pytest.mark.parametrize(
+    ("number", "labels", "sentence"),
+    [
+        (1, (), "compare: there are 1 models; give 2 to 6 of them."),
+        (7, (), "compare: there are 7 models; give 2 to 6 of them."),
+        (2, ("a", "a"), "labels: they are not one for each model, all different"),
+    ],
+)
+def test_what_cannot_be_compared_is_refused(results, number, labels, sentence):
+    with pytest.raises(InputError) as refused:
+        Comparison.of([results] * number, labels)
+    assert str(refused.value).startswith(sentence)

@@ -1,0 +1,56 @@
+"""Comparison: the results of several data sets on one page."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from urllib.parse import quote
+
+from evopem.config.yaml_form import read_settings
+from evopem.errors import InputError
+from evopem.files.atomic import write_text
+from evopem.report.comparison_page import build_comparison
+from evopem.report.templates import template_folder
+from evopem.results.comparison import Comparison
+from evopem.results.dataset import read_dataset_results
+from evopem.results.layout import DatasetFiles
+
+
+def compare_datasets(folders: Sequence[str], page: str) -> Comparison:
+    """Lay the results of data sets side by side, on a page with links to their reports.
+
+    Parameters
+    ----------
+    folders : sequence of str
+        Folders of results, such as ``results/arm``.
+    page : str
+        The file to write.
+
+    Raises
+    ------
+    InputError
+        When a folder holds no results, there are too few or too many, or the page cannot be
+        written.
+    """
+    found = [_files(folder) for folder in folders]
+    results = [read_dataset_results(files, read_settings(files.config)) for files in found]
+    comparison = Comparison.of(results)
+    reports = {
+        label: quote(Path(os.path.relpath(files.report, Path(page).parent)).as_posix())
+        for label, files in zip(comparison.labels, found, strict=True)
+        if Path(files.report).is_file()
+    }
+    write_text(page, build_comparison(comparison, template_folder(), reports))
+    return comparison
+
+
+def _files(folder: str) -> DatasetFiles:
+    files = DatasetFiles(folder)
+    if not Path(files.config).is_file():
+        raise InputError(
+            folder,
+            "holds no results of a data set",
+            "give folders such as results/arm, as the workflow or `evopem FILE` makes them",
+        )
+    return files

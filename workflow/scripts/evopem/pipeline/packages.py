@@ -1,0 +1,38 @@
+"""Packages that a stage needs and that come with an extra."""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Sequence
+
+from evopem.errors import InputError
+
+FOR_RESULTS = ("pandas",)
+FOR_FIGURES = ("pandas", "matplotlib")
+FOR_REPORT = ("pandas", "matplotlib", "jinja2")
+
+
+def check_packages(needed: Sequence[str], source: str, work: str) -> None:
+    """Refuse to begin what a missing package would end.
+
+    Parameters
+    ----------
+    needed : sequence of str
+    source : str
+        The command or function that was called.
+    work : str
+        What needs the packages, as the subject of a sentence.
+
+    Raises
+    ------
+    InputError
+        Naming the extra that brings them.
+    """
+    missing = [name for name in needed if importlib.util.find_spec(name) is None]
+    if missing:
+        raise InputError(
+            source,
+            f"{work} need {', '.join(missing)}, which "
+            f"{'is' if len(missing) == 1 else 'are'} not installed",
+            'run pip install "evopem[report]"',
+        )

@@ -1,0 +1,120 @@
+"""The output's spectrum at its peaks, against the spectrum that a model gives the output."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evopem.config.settings import SpectrumSettings
+from evopem.errors import InputError
+from evopem.models.polynomial import PolynomialModel
+from evopem.signals.recording import Recording
+from evopem.signals.spectral.multitaper import Spectrum, multitaper_spectrum
+from evopem.signals.spectral.peaks import spectral_peaks
+
+# Share of records in which a peak of a right model exceeds its `chance`.
+CHANCE_LEVEL = 0.01
+# Frequencies within ±W at which the noise model's density is averaged.
+NOISE_GRID = 33
+
+
+@dataclass(frozen=True)
+class PeakEvidence:
+    """The density of the output at a peak of its spectrum, compared with the model's.
+
+    Attributes
+    ----------
+    frequency_hz : float
+    excess : float
+        Density of the output over that of the model's response to the measured input and of its
+        noise; NaN where the model gives no finite density.
+    chance : float
+        Excess that chance reaches in 1 % of records, at whichever frequency.
+    """
+
+    frequency_hz: float
+    excess: float
+    chance: float
+
+
+def peak_evidence(
+    model: PolynomialModel, samples: Recording, settings: SpectrumSettings
+) -> tuple[PeakEvidence, ...]:
+    """Compare the peaks of the output's spectrum with the spectrum that the model gives it.
+
+    The model's density is the multitaper estimate of its simulated output, made like that of the
+    measured one, plus ``2 |H|² λ / fs`` averaged over ± W. Where the model is right and the noise
+    prevails, their ratio is a chi-square variable over its degrees of freedom (Percival & Walden
+    1993, section 7.4); where the response to the input prevails, it is nearer to one. The limit
+    counts every resolution cell (width 2W), because peaks are picked from all of them
+    (Bonferroni).
+
+    Parameters
+    ----------
+    model : PolynomialModel
+    samples : Recording
+        The samples behind the spectrum.
+    settings : SpectrumSettings
+
+    Returns
+    -------
+    tuple of PeakEvidence
+        By rising frequency; empty where no spectrum can be estimated.
+    """
+    from scipy.stats import chi2
+
+    rate, shape = samples.sampling_rate, (settings.time_halfbandwidth, settings.nfft)
+    try:
+        spectrum = multitaper_spectrum(samples.output, rate, *shape)
+    except InputError:
+        return ()
+    peaks = spectral_peaks(spectrum)
+    if not peaks:
+        return ()
+    index = np.searchsorted(spectrum.frequencies, [peak.frequency_hz for peak in peaks])
+    modelled = _response_density(model, samples, spectrum)[index] + _noise_density(
+        model, spectrum, index
+    )
+    cells = max(1.0, spectrum.frequencies[-1] / spectrum.resolution_hz)
+    freedom = spectrum.degrees_of_freedom[index]
+    limits = chi2.isf(CHANCE_LEVEL / cells, freedom) / freedom
+    with np.errstate(divide="ignore", invalid="ignore"):
+        excess = spectrum.density[index] / modelled
+    excess[~np.isfinite(modelled)] = math.nan
+    return tuple(
+        PeakEvidence(peak.frequency_hz, float(ratio), float(limit))
+        for peak, ratio, limit in zip(peaks, excess, limits, strict=True)
+    )
+
+
+def _response_density(
+    model: PolynomialModel, samples: Recording, spectrum: Spectrum
+) -> NDArray[np.float64]:
+    """Density of the simulated output; NaN where the simulation grows out of all numbers."""
+    if not model.has_input:
+        return np.zeros_like(spectrum.density)
+    simulated = model.simulate(samples.input)
+    if not np.isfinite(simulated).all():
+        return np.full_like(spectrum.density, math.nan)
+    try:
+        return multitaper_spectrum(
+            simulated, samples.sampling_rate, spectrum.time_halfbandwidth, spectrum.nfft
+        ).density
+    except InputError:
+        # A response that is constant.
+        return np.zeros_like(spectrum.density)
+
+
+def _noise_density(
+    model: PolynomialModel, spectrum: Spectrum, index: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    """One-sided density of the model's noise at some frequencies, averaged over ± W."""
+    half = spectrum.halfbandwidth_hz * np.linspace(-1.0, 1.0, NOISE_GRID)
+    nyquist = spectrum.frequencies[-1]
+    around = np.clip(spectrum.frequencies[index][:, None] + half, 0.0, nyquist)
+    gain = np.abs(model.noise_response(around.ravel())) ** 2
+    density = model.noise_variance / nyquist * gain.reshape(around.shape).mean(axis=1)
+    return np.asarray(density, np.float64)
