@@ -75,3 +75,12 @@ def test_the_search_of_all_candidates_in_words(results):
     )
     (text,) = about_search.search(replace(results, candidates=one))
     assert "1 was confirmed by another restart, and 1 has a root" in text
+    assert (
+        "left after a first pass"
+        not in about_search.search(replace(results, candidates=table.assign(pruned="")))[0]
+    )
+    (text,) = about_search.search(
+        replace(results, candidates=table.assign(pruned=["far"] + (len(table) - 1) * [None]))
+    )
+    assert "1 candidate that could not be selected" in text
+    assert "was left after a first pass" in text

@@ -91,10 +91,15 @@ def _multistart(diagnostics: SearchDiagnostics) -> str:
 def _all_candidates(candidates: pd.DataFrame) -> str:
     confirmed = int((candidates["n_confirming"] > 0).sum())
     bound = int(candidates["at_stability_bound"].sum())
+    left = int(candidates["pruned"].fillna("").ne("").sum())
+    pruned = (
+        f" {plural(left, 'candidate')} that could not be selected, whatever a full search had found,"
+        f" {'was' if left == 1 else 'were'} left after a first pass."
+    )
     return (
         f"Of all {plural(len(candidates), 'candidate')}, {count(confirmed)}"
         f" {'was' if confirmed == 1 else 'were'} confirmed by another restart, and"
         f" {count(bound)} {'has' if bound == 1 else 'have'} a root at the stability bound. The"
         " objective of a candidate that was not confirmed may lie above its global minimum, and its"
-        " criteria with it."
+        " criteria with it." + (pruned if left else "")
     )
