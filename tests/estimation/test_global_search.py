@@ -79,10 +79,18 @@ def test_a_neighbour_keeps_all_sections_but_one():
 
 
 @pytest.mark.parametrize(
-    ("agreeing", "restarts", "enough"), [(3, 3, True), (3, 6, True), (3, 7, False), (2, 2, False)]
+    ("agreeing", "restarts", "undiscovered", "enough"),
+    [
+        (3, 3, 0.03, True),
+        (3, 6, 0.03, True),
+        (3, 7, 0.03, False),
+        (2, 2, 0.03, False),
+        (4, 4, 0.031, False),
+        (5, 10, 0.031, True),
+    ],
 )
-def test_enough_restarts_are_three_and_half_of_all(agreeing, restarts, enough):
-    assert enough_agree(agreeing, restarts) is enough
+def test_enough_restarts_are_several_and_half_of_all(agreeing, restarts, undiscovered, enough):
+    assert enough_agree(agreeing, restarts, undiscovered) is enough
 
 
 def test_the_error_rate_is_an_upper_limit():

@@ -303,7 +303,7 @@ def open_search(orders, bic):
 
 
 def certified(orders, bic):
-    return candidate(orders, bic, n_confirming=2)
+    return candidate(orders, bic, n_confirming=4)
 
 
 def searched_on(searched, gain=0.0):

@@ -1,6 +1,6 @@
 """A race of the candidates of a phase: only those that may be selected are searched to the end.
 
-A first pass descends from a few random points for every candidate.  How much a full search may gain
+A first pass descends from 16 random points for every candidate.  How much a full search may gain
 on it is bounded by what was measured, and a candidate that would need more to be selected is left.
 A model is never left higher than a nested smaller one.
 """
@@ -26,7 +26,7 @@ Settle = Callable[[Sequence[Candidate]], list[Candidate]]
 
 
 def first_pass(settings: SearchSettings) -> SearchSettings:
-    """Settings of a search that ends after the descents from random points."""
+    """Settings of a search that ends after a batch of descents from random points."""
     return replace(settings, evaluations=1)
 
 

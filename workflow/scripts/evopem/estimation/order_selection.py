@@ -16,6 +16,7 @@ from evopem.estimation.delay_refinement import Fit, refine_delay
 from evopem.estimation.focused_estimate import estimate_focused
 from evopem.estimation.order_race import race
 from evopem.estimation.polynomial_estimate import PolynomialEstimate
+from evopem.estimation.search.certificate import is_certified
 from evopem.estimation.search.incremental_order import padded
 from evopem.estimation.search.problem import SearchResult, same_optimum
 from evopem.estimation.structured_estimate import descended_from, described, estimate
@@ -229,7 +230,7 @@ def select_candidate(
             search_on,
             lambda each: _no_worse_than_nested(each, reoptimize),
         )
-    selection = settle(ordered, phase, repeat, reoptimize)
+    selection = settle(ordered, phase, repeat, reoptimize, last=min_delay is not None)
     if min_delay is None:
         return selection
     return _with_refined_delay(selection, min_delay, data, settings, window, log)
@@ -251,7 +252,7 @@ def _with_refined_delay(
         (candidate,) = estimate_candidates(
             data, [orders], selection.phase, settings, window, log, level
         )
-        if candidate.diagnostics.n_confirming == 0:
+        if _is_doubtful(candidate, last=True):
             candidate = repeat_search(candidate, data, settings, window, log)
         found[orders] = candidate
         return with_covariance(candidate)
@@ -279,6 +280,7 @@ def settle(
     phase: str,
     repeat: Callable[[Candidate], Candidate],
     reoptimize: Callable[[Candidate, Candidate], Candidate],
+    last: bool = False,
 ) -> PhaseSelection:
     """Select a candidate, given how a search is repeated and how one is re-optimised.
 
@@ -291,6 +293,8 @@ def settle(
     reoptimize : callable
         Takes a nested smaller candidate and the larger one, and returns the latter after a
         descent from the former; see :func:`reoptimize_from`.
+    last : bool
+        Whether this is the last phase, whose selection has to be certified.
     """
     select = select_delay if phase == "delay" else select_order
     settled = list(candidates)
@@ -303,7 +307,7 @@ def settle(
             for row, candidate in enumerate(settled)
             if _decides(candidate.orders, orders, phase)
             and not candidate.pruned
-            and candidate.diagnostics.n_confirming == 0
+            and _is_doubtful(candidate, last)
         }
         if doubtful <= repeated:
             return PhaseSelection(phase, orders, reason, tuple(settled))
@@ -330,6 +334,12 @@ def _no_worse_than_nested(
         if nested:
             settled[row] = reoptimize(min(nested, key=lambda each: each.minimum), own)
     return settled
+
+
+def _is_doubtful(candidate: Candidate, last: bool) -> bool:
+    """Whether a selection that rests on a candidate has its search repeated."""
+    found = candidate.diagnostics
+    return not is_certified(found) if last else found.n_confirming == 0
 
 
 def _decides(orders: PolynomialOrders, selected: PolynomialOrders, phase: str) -> bool:

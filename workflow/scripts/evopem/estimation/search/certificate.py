@@ -11,8 +11,11 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from evopem.estimation.search.problem import SearchDiagnostics
 
-# Independent restarts that must end at the lowest value, and be at least half of all.
-AGREEING = 3
+# Independent restarts that must end at the lowest value, and be at least half of all: where
+# descents from random points found few optima, and where they found many.  Later restarts go on in
+# hops; the first ones may all fall into the widest funnel.
+AGREEING, AGREEING_OF_MANY_OPTIMA = 3, 5
+FEW_OPTIMA = 0.03
 # Undiscovered probability at which descents from random points are evidence enough: that of 17
 # or more which all end at one optimum.
 ONE_OPTIMUM = 0.0075
@@ -24,15 +27,25 @@ CERTIFIED, CERTIFIED_WRONG = 1, 0
 LOWER_ELSEWHERE = 1.0
 
 
-def enough_agree(agreeing: int, restarts: int) -> bool:
-    """Whether so many of some independent restarts at the lowest value are evidence enough."""
-    return agreeing >= AGREEING and 2 * agreeing >= restarts
+def enough_agree(agreeing: int, restarts: int, undiscovered: float) -> bool:
+    """Whether so many of some independent restarts at the lowest value are evidence enough.
+
+    Parameters
+    ----------
+    agreeing, restarts : int
+    undiscovered : float
+        Probability that a descent from a random point leads to an undiscovered optimum.
+    """
+    needed = AGREEING if undiscovered <= FEW_OPTIMA else AGREEING_OF_MANY_OPTIMA
+    return agreeing >= needed and 2 * agreeing >= restarts
 
 
 def is_certified(found: SearchDiagnostics) -> bool:
     """Whether descents from random points all ended at the optimum, or enough restarts did."""
     one_optimum = found.n_confirming > 0 and found.undiscovered_probability <= ONE_OPTIMUM
-    return one_optimum or enough_agree(found.n_confirming + 1, found.n_restarts)
+    return one_optimum or enough_agree(
+        found.n_confirming + 1, found.n_restarts, found.undiscovered_probability
+    )
 
 
 def largest_error_rate() -> float:

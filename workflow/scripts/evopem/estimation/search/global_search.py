@@ -57,7 +57,7 @@ class _Record:
         """Whether enough independent restarts, some more among them, ended at the lowest value."""
         minima = (*self.minima, *more)
         agreeing = sum(same_optimum(minimum, best) for minimum in minima)
-        return enough_agree(agreeing, len(minima))
+        return enough_agree(agreeing, len(minima), self.undiscovered)
 
     def add(self, kind: str, point: Array, value: float, evaluations: int) -> None:
         """Count an independent restart."""
@@ -104,7 +104,7 @@ def global_search(
         When no value was finite.
     """
     found = _Record(log)
-    _descend_from_random_points(problem, generator, found)
+    _descend_from_random_points(problem, settings.evaluations, generator, found)
     refuted_from = np.inf
     while not (found.one_optimum and same_optimum(found.value, known_minimum)):
         agreed = found.agree(min(found.value, known_minimum))
@@ -143,17 +143,17 @@ def global_search(
 
 
 def _descend_from_random_points(
-    problem: HoppingProblem, generator: np.random.Generator, found: _Record
+    problem: HoppingProblem, evaluations: int, generator: np.random.Generator, found: _Record
 ) -> None:
     """Descend from independent batches of random points."""
-    for _ in range(BATCHES):
+    while found.points < BATCHES * BATCH and found.spent < evaluations:
         descents = problem.descend(problem.random(BATCH, generator))
         found.optima.extend(converged_values(descents))
         lowest = int(np.argmin(descents.values))
         polished = problem.polish(descents.points[[lowest]])
-        evaluations = descents.evaluations + polished.evaluations
+        used = descents.evaluations + polished.evaluations
         found.points += BATCH
-        found.add("random points", polished.points[0], float(polished.values[0]), evaluations)
+        found.add("random points", polished.points[0], float(polished.values[0]), used)
     found.undiscovered = undiscovered(found.optima)
     found.one_optimum = found.undiscovered <= ONE_OPTIMUM and count_distinct(found.optima) == 1
 
