@@ -27,11 +27,11 @@ from scipy.signal import chirp, lfilter
 
 from evopem.automatic.identify import identify_recordings
 from evopem.automatic.simulation import simulated
-from evopem.automatic.stretches import Stretch
 from evopem.estimation.search.starting_polynomials import subspace_denominator
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomials import reflect_into_disc
 from evopem.signals.recording import Recording
+from evopem.signals.stretches import Stretch
 
 Array = np.ndarray
 Random = np.random.Generator

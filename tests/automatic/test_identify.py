@@ -11,11 +11,11 @@ from evopem.automatic.folds import FoldPlan, decide_folds
 from evopem.automatic.identify import identify
 from evopem.automatic.orders import Scorer, StructureSearch, decide_delay
 from evopem.automatic.simulation import simulated
-from evopem.automatic.stretches import Stretch
 from evopem.automatic.structures import Choice, compare_structures
 from evopem.files.json_form import from_json, to_json
 from evopem.models.structures import PolynomialOrders
 from evopem.signals.recording import Recording
+from evopem.signals.stretches import Stretch
 
 SAMPLES = 120
 ABOUT = Decision("folds", "given", (), "none", "They are given.")

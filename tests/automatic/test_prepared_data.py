@@ -8,6 +8,8 @@ import pytest
 from evopem.automatic.preparation import PreparationPlan, prepare
 from evopem.automatic.prepared_data import load_stretches, prepared_data, save_stretches
 from evopem.config.settings import PreparationSettings, SplitSettings, TransformSettings
+from evopem.signals.joined_preparation import prepare_recordings
+from evopem.signals.joining import joined, separated
 from evopem.signals.preparation import invert_output
 from evopem.signals.preparation import prepare as divide
 from evopem.signals.recording import Recording
@@ -60,14 +62,40 @@ def test_after_decimation_the_validation_samples_follow_after_a_gap(recording):
     assert (data.estimation.samples, data.validation.samples) == (80, 20)
 
 
-def test_of_several_stretches_the_longest_is_described(recording):
+def test_several_stretches_are_one_record_with_joints(recording):
     recording.output[100:103] = 200.0
     limit = 200.0 - recording.output[:320].mean()  # the means are taken before
     data, record = prepared(recording, replace(NOTHING, clipped=(-np.inf, limit - 1e-9)))
     assert [each.samples for each in record.stretches] == [100, 217]
-    assert data.estimation.samples == 217
-    assert data.transforms.discard == 103
-    assert data.contiguous  # the longest stretch ends where the validation samples begin
+    assert data.estimation.stretch_starts == (0, 100)
+    assert data.estimation.stretch_recordings == (0, 0)  # one level
+    assert [each.first for each in data.transforms.estimation_stretches] == [0, 103]
+    assert data.transforms.validation_source == "gap"
+    transforms = data.transforms.of_stretches("estimation")[1]
+    back = invert_output(transforms, data.estimation.stretches[1].output)
+    assert back == pytest.approx(recording.output[103:320])
+
+
+def test_recordings_of_one_system_keep_their_numbers_and_levels(recording):
+    others = [
+        replace(recording, output=recording.output[::-1] + 50.0),
+        replace(recording, input=recording.input[::-1]),
+    ]
+    together = joined([recording, *others], ("a", "b", "c"))
+    divided = prepare_recordings(together, PreparationSettings(UNCHANGED, SplitSettings(0, 0.7)))
+    parts = separated(divided.estimation)
+    record = prepare(parts, replace(NOTHING, starts=(0, 10), output_offset=-1.5, output_scale=4.0))
+    data = prepared_data(divided, record, "datasets.a")
+    assert data.estimation.stretch_recordings == (0, 1)
+    assert data.validation.stretch_recordings == (2,)
+    for part, known in (
+        ("estimation", (recording.output, others[0].output[10:])),
+        ("validation", (others[1].output,)),
+    ):
+        transforms = data.transforms.of_stretches(part)
+        stretches = getattr(data, part).stretches
+        for own, stretch, output in zip(transforms, stretches, known, strict=True):
+            assert invert_output(own, stretch.output, part) == pytest.approx(output)
 
 
 def test_stretches_are_written_and_read_as_they_are(recording, tmp_path):

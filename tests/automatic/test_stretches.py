@@ -9,11 +9,12 @@ from scipy.optimize import approx_fprime
 
 from evopem.automatic.fit import FitSettings, fit
 from evopem.automatic.simulation import simulated
-from evopem.automatic.stretch_errors import StretchErrors
-from evopem.automatic.stretches import Stretch, folds_of, total_samples
+from evopem.automatic.stretches import folds_of
 from evopem.estimation.pem.polynomial_objective import PolynomialErrors
+from evopem.estimation.pem.stretch_errors import StretchErrors
 from evopem.models.polynomial_states import estimate_simulation_state
 from evopem.models.structures import PolynomialOrders
+from evopem.signals.stretches import Stretch, total_samples
 
 
 def test_folds_hold_out_each_sample_once():

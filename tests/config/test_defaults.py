@@ -86,7 +86,9 @@ def test_only_an_armax_recording_has_a_noise_ratio():
 
 def test_a_file_needs_no_other_key():
     bench = dataset("datasets: {bench: {file: bench.csv}}", "bench")
-    assert bench.source == RecordedSource("bench.csv", ChannelSettings(1, 2, None, None))
+    assert bench.source == RecordedSource(
+        ("bench.csv",), ChannelSettings(1, 2, None, None), channels_from_file=True
+    )
 
 
 def test_own_keys_go_before_defaults_and_these_before_built_in_values():

@@ -104,7 +104,7 @@ def test_a_result_is_no_recording(tmp_path, path, key):
 
 @pytest.mark.parametrize("path", ["results/other/x.csv", "results.csv", "old/results/a/x.csv"])
 def test_other_folders_hold_recordings(path):
-    assert complete(with_file(path), SCHEMA).datasets["a"].source.file == path
+    assert complete(with_file(path), SCHEMA).datasets["a"].source.files == (path,)
 
 
 @pytest.mark.parametrize("other", ["x.csv", "./x.csv", "d/../x.csv", "ABSOLUTE", "soft", "hard"])
@@ -127,7 +127,7 @@ def test_a_recording_does_not_validate_itself(tmp_path, other):
         ("{dataset}.csv", "the braces in"),
         ("", "there is nothing in it"),
         (3, "3 cannot be used"),
-        (["x.csv"], "cannot be used"),
+        ([["x.csv"]], "cannot be used"),
         (datetime.date(2024, 1, 31), "2024-01-31' cannot be used"),
     ],
 )
@@ -138,7 +138,7 @@ def test_a_path_that_cannot_be_one(file, said):
 def test_a_path_that_the_file_system_refuses_is_for_its_job_to_refuse():
     """The other data sets are not stopped."""
     long = "x" * 300 + ".csv"
-    assert complete(with_file(long, validation_file="y.csv"), SCHEMA).datasets["a"].source.file
+    assert complete(with_file(long, validation_file="y.csv"), SCHEMA).datasets["a"].source.files
 
 
 def itself():

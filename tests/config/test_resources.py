@@ -84,6 +84,6 @@ def test_a_job_that_estimates_asks_for_the_time_of_its_candidates(
 @pytest.mark.parametrize("name", ["missing.csv", "x" * 5000 + ".csv", "nul\0byte.csv"])
 def test_a_file_that_does_not_exist_counts_nothing(name):
     settings = complete({"datasets": {"a": {"file": "x.csv"}}}, SCHEMA).datasets["a"]
-    settings = replace(settings, source=replace(settings.source, file=name))
+    settings = replace(settings, source=replace(settings.source, files=(name,)))
     assert resources.recording_bytes(settings) == 0
     assert resources.reading_memory(settings, attempt=1) == 800

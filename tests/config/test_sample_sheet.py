@@ -52,7 +52,7 @@ def test_a_row_is_an_entry():
 @pytest.mark.parametrize("separator", [";", "\t"])
 def test_spreadsheets_separators(separator):
     text = separator.join(("name", "file")) + "\r\n" + separator.join(("a", "x, y.csv")) + "\r\n"
-    assert completed("\ufeff" + text)["a"].source.file == "x, y.csv"
+    assert completed("\ufeff" + text)["a"].source.files == ("x, y.csv",)
 
 
 @pytest.mark.parametrize(
@@ -106,8 +106,8 @@ def test_a_name_with_a_star_is_every_file_of_its_pattern():
     written = {"bench-*": pattern, "one": {"synthesis": "armax"}}
     datasets = complete({"datasets": written}, SCHEMA).datasets
     assert list(datasets) == ["bench-10", "bench-7", "one"]
-    assert datasets["bench-7"].source.file == "data[1]/run_7.csv"
-    assert datasets["bench-7"].source.validation_file == "check/7.csv"
+    assert datasets["bench-7"].source.files == ("data[1]/run_7.csv",)
+    assert datasets["bench-7"].source.validation_files == ("check/7.csv",)
     assert datasets["bench-10"].source.channels.sampling_rate == 9
 
 

@@ -114,7 +114,7 @@ def test_a_recorded_file_without_a_report(tmp_path, arm, monkeypatch):
     table = np.column_stack([recording.input, recording.output])
     for name, rows in (("a.csv", table[:500]), ("b.csv", table[500:])):
         np.savetxt(name, rows, delimiter=",", fmt="%.17g")
-    source = RecordedSource("a.csv", ChannelSettings(sampling_rate=100.0), "b.csv")
+    source = RecordedSource(("a.csv",), ChannelSettings(sampling_rate=100.0), ("b.csv",))
     settings = DatasetSettings(
         "bench",
         source,

@@ -8,8 +8,8 @@ import pytest
 from test_pages import HOSTILE, TEMPLATES, Page
 
 from evopem.report import build_index
-from evopem.report.index_page import group_of
 from evopem.results.fleet import IncompleteDataset
+from evopem.results.followed_modes import group_of
 from evopem.validation.checks import Check
 
 

@@ -170,13 +170,13 @@ def test_truth_and_chapter_are_beside_the_estimate(build, stand_in):
 
 
 def test_a_recorded_data_set_has_neither_truth_nor_chapter(build, results):
-    origin = FileOrigin("data/bench.csv", "ab" * 32, 123456, "text", "torque", 2)
+    origin = FileOrigin("data/bench.csv", "ab" * 32, 123456, "text", "torque", 2, 1000)
     recorded = replace(
         results,
         truth=None,
         recording_info=replace(results.recording_info, kind="file", file=origin),
         settings=replace(
-            results.settings, source=RecordedSource("data/bench.csv", results.settings.source)
+            results.settings, source=RecordedSource(("data/bench.csv",), results.settings.source)
         ),
     )
     text = Page(build(recorded)).text
@@ -250,7 +250,7 @@ def test_what_is_not_known_is_said(build, unknown, draw):
 
 
 def test_wall_clock_commit_and_validation_file_are_in_the_provenance(build, results):
-    origin = FileOrigin("data/fresh.csv", "cd" * 32, 99, "text", 1, 2)
+    origin = FileOrigin("data/fresh.csv", "cd" * 32, 99, "text", 1, 2, 500)
     validated = replace(
         results,
         validation_recording_info=replace(results.recording_info, kind="file", file=origin),

@@ -25,7 +25,7 @@ from scipy.io import savemat
 
 from evopem.config.settings import ChannelSettings
 from evopem.signals.reading import read_recording
-from evopem.signals.recording_info import FileOrigin, RecordingInfo, describe_recorded_file
+from evopem.signals.recording_info import FileOrigin, RecordingInfo, describe_recorded_files
 
 MOTOR_BENCH = Path(__file__).parents[2].parent / "shared" / "data" / "motor_bench"
 
@@ -301,7 +301,7 @@ def test_description_of_the_source(tmp_path):
 
     path = write_every_format(tmp_path)["npz"]
     recording = read_recording(path, "u", 2, RATE, output_unit="m")
-    info = describe_recorded_file(path, recording, ChannelSettings(input="u", output=2))
+    info = describe_recorded_files([path], recording, ChannelSettings(input="u", output=2))
     assert info == RecordingInfo(
         kind="file",
         samples=N,
@@ -319,5 +319,6 @@ def test_description_of_the_source(tmp_path):
             format="numpy_files",
             input_channel="u",
             output_channel=2,
+            samples=N,
         ),
     )

@@ -33,7 +33,7 @@ def test_what_was_found_is_what_the_readers_read(tmp_path):
     for name, settings in datasets.items():
         one = settings.source.channels
         recording = read_recording(
-            tmp_path / settings.source.file, one.input, one.output, time=one.time
+            tmp_path / settings.source.files[0], one.input, one.output, time=one.time
         )
         np.testing.assert_allclose(recording.input, U)
         np.testing.assert_allclose(recording.output, Y)

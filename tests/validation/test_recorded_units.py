@@ -59,7 +59,7 @@ def test_a_simulation_error_is_summed_up_once_for_each_difference():
     series = recorded_series(data.transforms, output, output, output - 1e-3)
     drift = 1e-3 * np.arange(1, len(output) + 1)
     np.testing.assert_allclose(series.output - series.simulated, drift, rtol=1e-6)
-    errors = recorded_errors(data.transforms, series, 0)
+    errors = recorded_errors(data.transforms, series, np.ones(len(series.output), dtype=bool))
     assert errors.integrations == 1
     assert errors.simulation_error_percent > 100 * 1e-3
     assert errors.prediction_error_percent == pytest.approx(0.0, abs=1e-9)
@@ -71,7 +71,7 @@ def test_values_outside_the_range_of_the_transform_are_counted_and_not_scored():
     low = output.copy()
     low[7] = -1e3
     series = recorded_series(data.transforms, output, output, low)
-    errors = recorded_errors(data.transforms, series, 0)
+    errors = recorded_errors(data.transforms, series, np.ones(len(series.output), dtype=bool))
     assert errors.undefined_samples == 1
     assert errors.simulation_error_percent == pytest.approx(0.0, abs=1e-6)
 

@@ -4,7 +4,7 @@
 rule read_recording:
     """Read the input and output channels of a recorded file."""
     input:
-        unpack(recorded_file("file")),
+        unpack(recorded_files("file")),
     output:
         recording=files.recording,
         info=files.recording_info,
@@ -13,7 +13,7 @@ rule read_recording:
     benchmark:
         files.benchmark("recording")
     wildcard_constraints:
-        dataset=provider.one_of(provider.recorded),
+        dataset=provider.one_of(provider.recorded & provider.single_channel),
     priority: 10  # what cannot be read is said before any search begins
     conda:
         "../envs/evopem.yaml"
@@ -22,8 +22,9 @@ rule read_recording:
         mem_mb=provider.reading_memory,
         runtime=provider.reading_time,
     params:
-        file=provider.settings("source.file"),
+        recorded=provider.settings("source.files"),
         channels=provider.settings("source.channels"),
+        told=provider.settings("source.channels_from_file"),
         code=code("read_recording"),
     script:
         "../scripts/read_recording.py"
@@ -31,7 +32,8 @@ rule read_recording:
 
 use rule read_recording as read_validation_recording with:
     input:
-        unpack(recorded_file("validation_file")),
+        unpack(recorded_files("validation_file")),
+        unpack(provider.told_channels),
     output:
         recording=files.validation_recording,
         info=files.validation_recording_info,
@@ -40,10 +42,11 @@ use rule read_recording as read_validation_recording with:
     benchmark:
         files.benchmark("validation_recording")
     wildcard_constraints:
-        dataset=provider.one_of(provider.validated),
+        dataset=provider.one_of(provider.validated & provider.single_channel),
     params:
-        file=provider.settings("source.validation_file"),
+        recorded=provider.settings("source.validation_files"),
         channels=provider.settings("source.channels"),
+        told=provider.settings("source.channels_from_file"),
         code=code("read_recording"),
 
 

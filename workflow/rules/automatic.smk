@@ -243,6 +243,7 @@ rule collect_decisions:
     """Put all decisions of a data set into one file."""
     input:
         searches=provider.searches,
+        info=files.recording_info,
         stretches=files.stretches,
         prepared=files.prepared,
         transforms=files.transforms,

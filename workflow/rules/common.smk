@@ -64,7 +64,9 @@ try:
         )
     )
     check_folders(provider.config.datasets)
-    check_planned_fits(provider.config.datasets, " and ".join(map(str, CONFIG_FILES)))
+    check_planned_fits(
+        provider.config.single_channel, " and ".join(map(str, CONFIG_FILES))
+    )
 except InputError as error:
     sys.exit(str(error))
 
@@ -78,12 +80,14 @@ TEMPLATE_FOLDER = schema_file().parents[1] / "templates"
 TEMPLATES = sorted(path for path in TEMPLATE_FOLDER.rglob("*") if path.is_file())
 
 
-def recorded_file(key):
-    """The recorded file of a data set: the user's own, which no module's prefix applies to."""
-    provide = provider.recorded_file(key)
+def recorded_files(key):
+    """The recorded files of a data set: the user's own, which no module's prefix applies to."""
+    provide = provider.recorded_files(key)
 
     def existing(wildcards):
-        return {name: local(path) for name, path in provide(wildcards).items()}
+        return {
+            name: list(map(local, paths)) for name, paths in provide(wildcards).items()
+        }
 
     return existing
 
@@ -136,13 +140,16 @@ def datasets_of(jobs):
 
 def collect_unfinished():
     """List all data sets while results are missing; the next run makes the lists again."""
+    from evopem.config.conditions import positions
     from evopem.pipeline import fleet
 
     if workflow.touch or not provider.lists:
         return
     left = datasets_of(workflow.dag.needrun_jobs())
     required = {name: provider.results(name) for name in provider.config.datasets}
-    fleet.collect_unfinished(required, TEMPLATE_FOLDER, provider.page, pending=left)
+    fleet.collect_unfinished(
+        required, TEMPLATE_FOLDER, provider.page, left, positions(provider.order)
+    )
     # Older than all results and without Snakemake's record of their inputs, they are made again
     # even if the contents of these inputs stay the same. (Snakemake ignores a time of 0.)
     for file in filter(os.path.exists, provider.lists):

@@ -2,7 +2,7 @@
 
 
 rule collect_fleet:
-    """List all data sets, and put all their modes and checks into one table."""
+    """List all data sets, put all their modes and checks into one table, and follow modes."""
     input:
         # Every other job of a data set is behind one of these: the lists come last.
         provider.last_results,
@@ -19,6 +19,7 @@ rule collect_fleet:
         ),
         csv=OVERVIEW[1],
         parquet=OVERVIEW[2],
+        modes=OVERVIEW[3],
     log:
         "results/logs/fleet.log",
     benchmark:
@@ -31,6 +32,7 @@ rule collect_fleet:
         runtime=10,
     params:
         page=provider.page,
+        order=provider.order,
         code=code("collect_fleet", *TEMPLATES),
     script:
         "../scripts/collect_fleet.py"

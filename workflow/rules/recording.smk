@@ -9,7 +9,7 @@ for kind in provider.kinds:
         name:
             f"identify_{kind.name}"
         input:
-            *[unpack(recorded_file(key)) for key in kind.recorded],
+            *[unpack(recorded_files(key)) for key in kind.recorded],
         output:
             kind.results,
         log:
@@ -27,6 +27,6 @@ for kind in provider.kinds:
         params:
             settings=provider.settings(),
             with_report=provider.with_report,
-            code=code("identify_recording", *TEMPLATES),
+            code=code(kind.script, *TEMPLATES),
         script:
-            "../scripts/identify_recording.py"
+            f"../scripts/{kind.script}.py"

@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from evopem.config.conditions import positions
 from evopem.files.job import job
 from evopem.pipeline.fleet import collect_fleet
 from evopem.report.templates import template_folder
@@ -18,4 +19,6 @@ with job(snakemake.log[0], snakemake.input.summaries, snakemake.output):
         snakemake.output.index,
         snakemake.output.csv,
         snakemake.output.parquet,
+        snakemake.output.modes,
+        positions(snakemake.params.order),
     )

@@ -1,4 +1,4 @@
-"""Read the input and output channels of a recorded file."""
+"""Read the input and output channels of the recorded files of a data set."""
 
 from typing import TYPE_CHECKING
 
@@ -12,8 +12,10 @@ if TYPE_CHECKING:
 
 with job(snakemake.log[0], snakemake.input, snakemake.output):
     read_recording(
-        snakemake.params.file,
+        snakemake.params.recorded,
         from_json(ChannelSettings, snakemake.params.channels),
         snakemake.output.recording,
         snakemake.output.info,
+        told=snakemake.params.told,
+        told_in=snakemake.input.get("info", ""),
     )

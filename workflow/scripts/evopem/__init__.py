@@ -30,12 +30,14 @@ if TYPE_CHECKING:
     from evopem.models.structures import PolynomialOrders
     from evopem.notebook.identify import identify, read_results
     from evopem.notebook.results import IdentificationResults
+    from evopem.validation.mode_table import ModeTable, mode_table
 
 __all__ = [
     "Constraints",
     "FixedPole",
     "IdentificationResults",
     "InputError",
+    "ModeTable",
     "PolynomialEstimate",
     "PolynomialModel",
     "PolynomialOrders",
@@ -51,6 +53,7 @@ __all__ = [
     "estimate_state_space",
     "identify",
     "load",
+    "mode_table",
     "read_results",
     "sweep_state_space_orders",
 ]
@@ -74,6 +77,8 @@ _HOMES = {
     "read_results": "evopem.notebook.identify",
     "estimate_delays": "evopem.estimation.state_space.delays",
     "estimate_state_space": "evopem.estimation.state_space.estimate",
+    "mode_table": "evopem.validation.mode_table",
+    "ModeTable": "evopem.validation.mode_table",
     "sweep_state_space_orders": "evopem.estimation.state_space.estimate",
 }
 

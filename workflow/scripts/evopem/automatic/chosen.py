@@ -8,18 +8,19 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.automatic.fit import NOISE_RADIUS, StretchProblem, fit_at
+from evopem.automatic.fit import NOISE_RADIUS, fit_at
 from evopem.automatic.orders import Candidate as ScoredCandidate
 from evopem.automatic.preparation import PreparedRecord
 from evopem.automatic.remedies import Remedied
-from evopem.automatic.stretch_errors import StretchErrors
 from evopem.config.settings import ScoringWindow, SearchSettings
 from evopem.config.structures import AUTOMATIC_PHASES
 from evopem.errors import InputError
 from evopem.estimation.candidate import Candidate, PhaseSelection
 from evopem.estimation.criteria import criteria_of
+from evopem.estimation.joined_estimate import describe_joined
 from evopem.estimation.order_selection import REPEAT_FACTOR
 from evopem.estimation.pem.polynomial_objective import PolynomialErrors
+from evopem.estimation.pem.stretch_errors import StretchErrors
 from evopem.estimation.polynomial_estimate import describe
 from evopem.estimation.search.certificate import is_certified
 from evopem.estimation.search.global_search import global_search
@@ -29,6 +30,7 @@ from evopem.estimation.search.problem import (
     descended,
     pooled,
 )
+from evopem.estimation.search.stretch_problem import StretchProblem
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomial_states import estimate_prediction_states
 from evopem.models.structures import PolynomialOrders
@@ -89,7 +91,7 @@ def estimate_chosen(
     record : PreparedRecord
         All stretches.
     data : Recording
-        The prepared estimation samples, the longest stretch.
+        The prepared estimation samples.
     search : SearchSettings
         With the objective that was decided.
     log : callable, optional
@@ -125,7 +127,7 @@ def estimate_chosen(
     best = fit_at(errors, result.point, searched.structure).model
     if remedied.plant_kept:
         best = replace(best, c=chosen.model.c, d=chosen.model.d, structure=orders.structure)
-    candidate = _on_longest_stretch(record.in_its_units(best), orders, result, search, data)
+    candidate = _described_by_search(record.in_its_units(best), orders, result, search, data)
     lower = known.value - result.value
     reason = f"{orders} was chosen among all structures, and searched globally: " + (
         f"its objective fell by {lower:.2g} percentage points."
@@ -152,7 +154,7 @@ def _searched(
     return pooled(earlier, found)
 
 
-def _on_longest_stretch(
+def _described_by_search(
     model: PolynomialModel,
     orders: PolynomialOrders,
     result: SearchResult,
@@ -161,10 +163,23 @@ def _on_longest_stretch(
 ) -> Candidate:
     """A model as the estimate of the prepared samples, from the states that fit them."""
     window = window_of(orders)
+    radius, noise_radius = search.max_root_radius, min(search.max_root_radius, NOISE_RADIUS)
+    if data.is_joined:
+        joined = StretchErrors(
+            *(data.stretches, orders, search.objective, radius, noise_radius, True), window=window
+        )
+        at_states = replace(result, point=joined.completed_by_states(model))
+        return Candidate.of(describe_joined(joined, at_states, data.sampling_rate), CHOSEN)
     errors = PolynomialErrors(
-        *(data.input, data.output, orders, search.objective),
-        *(window.residual_start, window.loss_start, search.max_root_radius),
-        *(min(search.max_root_radius, NOISE_RADIUS), True),
+        data.input,
+        data.output,
+        orders,
+        search.objective,
+        window.residual_start,
+        window.loss_start,
+        radius,
+        noise_radius,
+        level=True,
     )
     states = estimate_prediction_states(model, data.input, data.output)
     point = np.concatenate([model.parameters, [model.level], *states])
@@ -174,13 +189,26 @@ def _on_longest_stretch(
 def _described(
     scored: ScoredCandidate, record: PreparedRecord, data: Recording, first_scored: int
 ) -> Candidate:
-    """A candidate of a structure's search with its criteria on the longest stretch."""
+    """A candidate of a structure's search with its criteria on the prepared samples."""
     model = record.in_its_units(scored.model)
     objective = record.plan.objective
-    plant, noise = estimate_prediction_states(model, data.input, data.output)
-    residuals = model.residuals(data.input, data.output, plant, noise)
     start = max(first_scored, scored.orders.first_residual)
-    criteria = criteria_of(residuals[start:], data.output[start:], objective, scored.parameters)
+    levels: tuple[float, ...] = (model.level,)
+    if data.is_joined:
+        errors = StretchErrors(
+            *(data.stretches, scored.orders, objective, 1.0, 1.0, True),
+            window=ScoringWindow(scored.orders.first_residual, start),
+        )
+        point, parts = errors.completed_by_states(model), errors.parts()
+        plant, noise = point[parts["plant"]], point[parts["noise"]]
+        residuals, outputs = errors.residuals(point), errors.scored_outputs()
+        levels = tuple(point[parts["level"]].tolist())
+        model = replace(model, level=levels[0])
+    else:
+        plant, noise = estimate_prediction_states(model, data.input, data.output)
+        residuals = model.residuals(data.input, data.output, plant, noise)[start:]
+        outputs = data.output[start:]
+    criteria = criteria_of(residuals, outputs, objective, scored.parameters)
     diagnostics = SearchDiagnostics(0, 0, (), 0, 0, 0, 1.0, ())
     return Candidate(
         phase=STRUCTURES,
@@ -193,6 +221,7 @@ def _described(
         minimum=criteria.objective,
         at_stability_bound=False,
         diagnostics=diagnostics,
+        further_levels=levels[1:],
     )
 
 

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.fit import FOLD_STAGES, FitSettings, fit
 from evopem.automatic.simulation import prediction_errors, simulated
-from evopem.automatic.stretches import Fold, Stretch, folds_of, total_samples
+from evopem.automatic.stretches import Fold, folds_of
 from evopem.models.polynomial import PolynomialModel
+from evopem.signals.stretches import Stretch, total_samples
 
 Array = NDArray[np.float64]
 

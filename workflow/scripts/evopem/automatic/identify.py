@@ -28,10 +28,10 @@ from evopem.automatic.preparation import (
 )
 from evopem.automatic.remedies import Trial, act_on_checks
 from evopem.automatic.simulation import prediction_errors, simulated
-from evopem.automatic.stretches import Stretch
 from evopem.automatic.structures import Choice, Purpose, compare_structures
 from evopem.models.polynomial import PolynomialModel
 from evopem.signals.recording import Recording
+from evopem.signals.stretches import Stretch
 
 Array = NDArray[np.float64]
 

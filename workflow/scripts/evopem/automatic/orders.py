@@ -12,10 +12,11 @@ from evopem.automatic.fit import Fit, FitSettings, fit, log_loss
 from evopem.automatic.folds import FoldPlan, HeldOutScores, held_out_scores
 from evopem.automatic.limits import OrderLimits
 from evopem.automatic.simulation import simulated
-from evopem.automatic.stretches import Stretch, first_samples, total_samples
+from evopem.automatic.stretches import first_samples
 from evopem.config.structures import AUTOMATIC_STRUCTURES, ORDER_NAMES
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.structures import PolynomialOrders
+from evopem.signals.stretches import Stretch, total_samples
 
 # Orders of ARX models in the search for the delay, and the longest delay, in samples.
 DELAY_ORDERS = (1, 2, 3, 4, 6, 8)

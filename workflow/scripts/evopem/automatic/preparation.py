@@ -13,13 +13,14 @@ from evopem.automatic.fit import FOLD_STAGES, FitSettings, fit, log_loss
 from evopem.automatic.folds import SHORTEST_BLOCK
 from evopem.automatic.orders import MOST_SAMPLES
 from evopem.automatic.simulation import simulated
-from evopem.automatic.stretches import Stretch, first_samples, folds_of, total_samples
+from evopem.automatic.stretches import first_samples, folds_of
 from evopem.errors import InputError
 from evopem.estimation.criteria import power_of_two_scale
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.structures import PolynomialOrders
 from evopem.signals.recording import MAX_DESIGNED_LEVELS, Recording
 from evopem.signals.spectral.frequency_response import multitaper_frequency_response
+from evopem.signals.stretches import Stretch, total_samples
 
 Array = NDArray[np.float64]
 
@@ -266,17 +267,16 @@ def _raw_stretches(recordings: Sequence[Recording], plan: PreparationPlan) -> li
     """Samples between breaks, in recorded units and at the recorded rate."""
     found = []
     for number, (recording, start) in enumerate(zip(recordings, plan.starts, strict=True)):
-        for begin, end in ranges_between_breaks(recording, start, plan):
-            if end - begin >= SHORTEST_STRETCH * plan.factor:
-                kept = slice(begin, end)
-                found.append(Stretch(recording.input[kept], recording.output[kept], number))
+        for begin, end in kept_ranges(recording, start, plan):
+            kept = slice(begin, end)
+            found.append(Stretch(recording.input[kept], recording.output[kept], number))
     return found
 
 
-def ranges_between_breaks(
-    recording: Recording, start: int, plan: PreparationPlan
-) -> list[tuple[int, int]]:
-    """First sample of each stretch and the one after its last, at the recorded rate.
+def kept_ranges(recording: Recording, start: int, plan: PreparationPlan) -> list[tuple[int, int]]:
+    """First sample of each stretch that is long enough and the one after its last.
+
+    At the recorded rate.
 
     Parameters
     ----------
@@ -293,7 +293,9 @@ def ranges_between_breaks(
     if plan.stuck:
         good &= ~_standing_still(y)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]).astype(int)))
-    return [(int(begin), int(end)) for begin, end in edges.reshape(-1, 2)]
+    least = SHORTEST_STRETCH * plan.factor
+    ranges = [(int(begin), int(end)) for begin, end in edges.reshape(-1, 2)]
+    return [(begin, end) for begin, end in ranges if end - begin >= least]
 
 
 def _decide_starts(recordings: Sequence[Recording]) -> tuple[tuple[int, ...], Decision]:
@@ -391,11 +393,11 @@ def _longest_run(signal: Array, value: float) -> int:
 def _decide_decimation(stretches: Sequence[Stretch]) -> tuple[int, Decision]:
     """Decimation by the error of simulations on held-out samples, at the recorded rate."""
     criterion = "simulation error on held-out samples at the recorded rate, % of the output"
-    edge = _power_edge(stretches)
+    edge = power_edge(stretches)
     samples = total_samples(stretches)
     largest = 1.0 / (OVERSAMPLED / 2.0 * max(edge, 1e-9))
     factors = [f for f in FACTORS if f <= largest and samples / f >= LEAST_SAMPLES]
-    coherent = _coherence_edge(stretches) if factors else 0.0
+    coherent = coherence_edge(stretches) if factors else 0.0
     if factors and factors[0] * coherent > 0.5:
         sentence = (
             f"Input and output are coherent up to {coherent:.3g} of the sampling rate, though "
@@ -421,7 +423,7 @@ def _decide_decimation(stretches: Sequence[Stretch]) -> tuple[int, Decision]:
     )
 
 
-def _power_edge(stretches: Sequence[Stretch]) -> float:
+def power_edge(stretches: Sequence[Stretch]) -> float:
     """Frequency below which nearly all power of the output lies, as a share of the rate.
 
     The lowest of ``BANDS`` bands is taken for a floor of white noise, and left out of all.
@@ -436,7 +438,7 @@ def _power_edge(stretches: Sequence[Stretch]) -> float:
     return float(reached[0] / len(y)) if len(reached) else 0.5
 
 
-def _coherence_edge(stretches: Sequence[Stretch]) -> float:
+def coherence_edge(stretches: Sequence[Stretch]) -> float:
     """Upper end of the highest band where input and output are coherent, as a share of the rate.
 
     A band is coherent where more than half of its lines exceed what independent signals exceed in
@@ -465,7 +467,7 @@ def _decimated_error(stretches: Sequence[Stretch], factor: int) -> float:
         Stretch(decimated(s.input, factor), decimated(s.output, factor), s.recording)
         for s in stretches
     ]
-    lost = sum(float(np.sum((s.output - _smoothed(s.output, factor)) ** 2)) for s in stretches)
+    lost = sum(float(np.sum((s.output - smoothed(s.output, factor)) ** 2)) for s in stretches)
     total = sum(float(np.sum((s.output - s.output.mean()) ** 2)) for s in stretches)
     settings = FitSettings()
     best = np.inf
@@ -486,7 +488,7 @@ def _decimated_error(stretches: Sequence[Stretch], factor: int) -> float:
     return float(100.0 * np.sqrt(best + lost / total))
 
 
-def _smoothed(signal: Array, factor: int) -> Array:
+def smoothed(signal: Array, factor: int) -> Array:
     """What a decimated signal still holds, at the original rate."""
     if factor == 1:
         return signal

@@ -12,21 +12,22 @@ from numpy.typing import NDArray
 from evopem.automatic.preparation import (
     PreparationPlan,
     PreparedRecord,
+    kept_ranges,
     prepare_validation,
-    ranges_between_breaks,
 )
-from evopem.automatic.stretches import Stretch
 from evopem.errors import InputError
 from evopem.files.npz import load_arrays, save_arrays
-from evopem.signals.preparation import PreparedData
+from evopem.signals.joining import separated
+from evopem.signals.preparation import Part, PreparedData, StretchOrigin
 from evopem.signals.recording import Recording
+from evopem.signals.stretches import Stretch
 from evopem.signals.transforms import difference, invert_difference
 
 Array = NDArray[np.float64]
 
 
 def prepared_data(divided: PreparedData, record: PreparedRecord, place: str) -> PreparedData:
-    """The longest stretch of the estimation samples, the validation samples, and the way back.
+    """The stretches of the estimation samples, the validation samples, and the way back.
 
     Parameters
     ----------
@@ -43,46 +44,99 @@ def prepared_data(divided: PreparedData, record: PreparedRecord, place: str) -> 
         When too few validation samples are left.
     """
     plan, before = record.plan, divided.transforms
-    held_out = prepare_validation(divided.validation, plan)
-    if not held_out:
-        raise InputError(
-            f"{place}.split",
-            f"{divided.validation.samples} validation samples are too few",
-            "leave more samples to validation, or record longer",
-        )
-    estimation = max(record.stretches, key=lambda each: each.samples)
-    validation = max(held_out, key=lambda each: each.samples)
-    begin = _begin_of_longest(divided.estimation, plan)
-    follows = plan.factor == 1 and begin + estimation.samples == divided.estimation.samples
+    held_out = _held_out(divided.validation, plan, place)
+    begins = _begins(separated(divided.estimation), plan)
+    follows = (
+        plan.factor == 1
+        and len(begins) == 1
+        and begins[0] + record.stretches[0].samples == divided.estimation.samples
+    )
     source = (
         "gap" if before.validation_source == "cut" and not follows else before.validation_source
     )
     rate = record.sampling_rate
     changed = rate != divided.estimation.sampling_rate
+    estimation = _prepared(divided.estimation, record.stretches, plan, rate)
+    validation = _prepared(divided.validation, held_out, plan, rate)
+    origins = _origins(divided, "estimation", record.stretches, begins, plan)
+    several = len(begins) > 1 or bool(before.estimation_stretches)
+    of_held_out: tuple[StretchOrigin, ...] = ()
+    if before.validation_stretches:
+        of_held_out = _origins(divided, "validation", held_out, [0] * len(held_out), plan)
     transforms = replace(
         before,
         sampling_rate=rate,
         resampled_from=before.resampled_from or before.sampling_rate
         if changed
         else before.resampled_from,
-        input_mean=before.input_mean + plan.input_offset,
-        output_mean=before.output_mean + plan.output_offset,
-        difference_initial=_initial(
-            divided.estimation.output + before.output_mean, before.difference_initial, begin
-        ),
-        difference_input_initial=_initial(
-            divided.estimation.input + before.input_mean, before.difference_input_initial, begin
-        ),
-        discard=before.discard + begin,
+        input_mean=origins[0].input_mean,
+        output_mean=origins[0].output_mean,
+        difference_initial=origins[0].difference_initial,
+        difference_input_initial=origins[0].difference_input_initial,
+        discard=before.discard + begins[0],
         estimation_samples=estimation.samples,
         validation_samples=validation.samples,
         validation_source=source,
+        estimation_stretches=origins if several else (),
+        validation_stretches=of_held_out,
     )
-    return PreparedData(
-        _recording(divided.estimation, estimation, plan, rate),
-        _recording(divided.validation, validation, plan, rate),
-        transforms,
+    return PreparedData(estimation, validation, transforms)
+
+
+def _held_out(validation: Recording, plan: PreparationPlan, place: str) -> list[Stretch]:
+    """The validation samples of each stretch, prepared."""
+    found: list[Stretch] = []
+    for recording, number in zip(separated(validation), validation.stretch_recordings, strict=True):
+        prepared = prepare_validation(recording, plan)
+        if not prepared:
+            raise InputError(
+                f"{place}.split",
+                f"{recording.samples} validation samples are too few",
+                "leave more samples to validation, or record longer",
+            )
+        found.extend(replace(each, recording=number) for each in prepared)
+    return found
+
+
+def _origins(
+    divided: PreparedData,
+    part: Part,
+    stretches: Sequence[Stretch],
+    begins: Sequence[int],
+    plan: PreparationPlan,
+) -> tuple[StretchOrigin, ...]:
+    """Where prepared stretches come from: each begins some samples after one of the part's own.
+
+    Those of the estimation samples have the number of the stretch that they were a part of.
+    """
+    recording = divided.estimation if part == "estimation" else divided.validation
+    transforms, sources = divided.transforms.of_stretches(part), recording.stretches
+    known = (
+        divided.transforms.estimation_stretches
+        if part == "estimation"
+        else divided.transforms.validation_stretches
     )
+    origins = []
+    for position, (stretch, begin) in enumerate(zip(stretches, begins, strict=True)):
+        number = stretch.recording if part == "estimation" else position
+        source, own = sources[number], transforms[number]
+        first = known[number].first if known else divided.transforms.discard
+        origins.append(
+            StretchOrigin(
+                recording=source.recording,
+                first=(first + begin) // plan.factor,
+                samples=stretch.samples,
+                input_mean=own.input_mean + plan.input_offset,
+                output_mean=own.output_mean + plan.output_offset,
+                difference_initial=_initial(
+                    source.output + own.output_mean, own.difference_initial, begin
+                ),
+                difference_input_initial=_initial(
+                    source.input + own.input_mean, own.difference_input_initial, begin
+                ),
+            )
+        )
+    return tuple(origins)
 
 
 def save_stretches(stretches: Sequence[Stretch], path: str | Path) -> None:
@@ -113,10 +167,13 @@ def load_stretches(path: str | Path) -> tuple[Stretch, ...]:
     )
 
 
-def _begin_of_longest(recording: Recording, plan: PreparationPlan) -> int:
-    """First sample of the longest stretch, before decimation."""
-    ranges = ranges_between_breaks(recording, plan.starts[0], plan)
-    return max(ranges, key=lambda each: each[1] - each[0])[0]
+def _begins(recordings: Sequence[Recording], plan: PreparationPlan) -> list[int]:
+    """First sample of each stretch, in its recording before decimation."""
+    return [
+        begin
+        for recording, start in zip(recordings, plan.starts, strict=True)
+        for begin, _ in kept_ranges(recording, start, plan)
+    ]
 
 
 def _initial(signal: Array, initial: tuple[float, ...], begin: int) -> tuple[float, ...]:
@@ -126,12 +183,12 @@ def _initial(signal: Array, initial: tuple[float, ...], begin: int) -> tuple[flo
     return difference(invert_difference(signal, initial)[begin:], len(initial))[1]
 
 
-def _recording(
-    before: Recording, stretch: Stretch, plan: PreparationPlan, rate: float
+def _prepared(
+    before: Recording, stretches: Sequence[Stretch], plan: PreparationPlan, rate: float
 ) -> Recording:
-    return replace(
-        before,
-        input=stretch.input * plan.input_scale,
-        output=stretch.output * plan.output_scale,
-        sampling_rate=rate,
-    )
+    """Stretches in recorded units, less their offsets."""
+    in_units = [
+        replace(each, input=each.input * plan.input_scale, output=each.output * plan.output_scale)
+        for each in stretches
+    ]
+    return replace(before.with_stretches(in_units), sampling_rate=rate)

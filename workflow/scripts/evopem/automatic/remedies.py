@@ -12,11 +12,11 @@ from evopem.automatic.fit import FitSettings, fit, log_loss, plant_covariance
 from evopem.automatic.orders import Candidate, Scorer
 from evopem.automatic.residuals import input_correlation, whiteness_probability
 from evopem.automatic.simulation import simulated
-from evopem.automatic.stretches import Stretch, total_samples
 from evopem.automatic.structures import Choice, Level
 from evopem.config.structures import ORDER_NAMES
 from evopem.models.polynomials import roots
 from evopem.models.structures import PolynomialOrders
+from evopem.signals.stretches import Stretch, total_samples
 from evopem.validation.checks.roots import (
     COINCIDENT_DISTANCE,
     MAX_CANCELLATION_DISTANCE,

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from evopem.automatic.fit import log_loss
 from evopem.automatic.simulation import prediction_errors
-from evopem.automatic.stretches import Stretch
 from evopem.models.polynomial import PolynomialModel
+from evopem.signals.stretches import Stretch
 
 Array = NDArray[np.float64]
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.automatic.stretches import Stretch
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomial_states import estimate_prediction_states
+from evopem.signals.stretches import Stretch
 
 Array = NDArray[np.float64]
 

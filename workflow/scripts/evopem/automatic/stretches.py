@@ -1,4 +1,4 @@
-"""Stretches: parts of recordings without a break, and their division into folds."""
+"""The division of stretches into folds."""
 
 from __future__ import annotations
 
@@ -6,31 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True, eq=False)
-class Stretch:
-    """Consecutive samples of one recording.
-
-    Attributes
-    ----------
-    input, output : (N,) arrays
-    recording : int
-        Number of the recording, from 0.  Stretches of one recording share their level; each stretch
-        has its own initial state.
-    """
-
-    input: Array
-    output: Array
-    recording: int = 0
-
-    @property
-    def samples(self) -> int:
-        """Number of samples N."""
-        return int(self.output.size)
+from evopem.signals.stretches import Stretch, total_samples
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,11 +16,6 @@ class Fold:
 
     training: tuple[Stretch, ...]
     held_out: tuple[Stretch, ...]
-
-
-def total_samples(stretches: Sequence[Stretch]) -> int:
-    """Samples of all stretches together."""
-    return sum(each.samples for each in stretches)
 
 
 def first_samples(stretches: Sequence[Stretch], most: int) -> tuple[Stretch, ...]:

@@ -13,6 +13,7 @@ RESULTS_FOLDER = "results"
 RESERVED_NAMES = (
     "index.html",
     "fleet.csv",
+    "fleet_modes.csv",
     "fleet.parquet",
     "logs",
     "benchmarks",

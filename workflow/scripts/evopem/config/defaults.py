@@ -10,9 +10,10 @@ from typing import Any
 import yaml
 
 from evopem.config.automatic_keys import built_in_keys, check_automatic_keys, laid_over
+from evopem.config.conditions import order_of
 from evopem.config.dataset_names import check_names
 from evopem.config.fit_keys import merged_fit
-from evopem.config.sample_sheet import Origin, expand, shard_of
+from evopem.config.sample_sheet import Origin, expand, shard_of, with_matching_files
 from evopem.config.schema import check_schema
 from evopem.config.settings import (
     Configuration,
@@ -23,7 +24,15 @@ from evopem.config.settings import (
     RunSettings,
     Structure,
 )
+from evopem.config.several_recordings import check_several_recordings
 from evopem.config.source_keys import check_paths, complete_source
+from evopem.config.state_space_keys import (
+    check_single_channel,
+    complete_state_space,
+    is_state_space,
+    single_channel_defaults,
+)
+from evopem.config.state_space_settings import StateSpaceDataset
 from evopem.config.strict_yaml import Keys
 from evopem.config.structure_keys import check_structure_keys, check_transforms, with_ranges
 from evopem.config.structures import has_input
@@ -61,6 +70,7 @@ def complete(config: Keys, schema_path: str | Path, source: str = "config.yaml")
     datasets, origin = expand(config.get("datasets"), source)
     try:
         if "datasets" in config:
+            datasets = with_matching_files(datasets, source)
             config["datasets"] = normalized(datasets, source, ("datasets",))
         check_schema(config, schema, source)
         return _completed(config, origin, source)
@@ -71,15 +81,22 @@ def complete(config: Keys, schema_path: str | Path, source: str = "config.yaml")
 def _completed(config: Keys, origin: Origin, source: str) -> Configuration:
     """Fill in every value of a configuration that the schema accepts."""
     check_names(config["datasets"], origin)
-    defaults = with_ranges(config.get("defaults", {}))
+    given_defaults = config.get("defaults", {})
+    defaults = with_ranges(single_channel_defaults(given_defaults))
     structure = defaults.get("structure", OrderGrid().structure)
     if "structure" in defaults:
         check_structure_keys(defaults, structure, source, "defaults")
     everything = _every_key(structure)
     _check_analysis(defaults, _merged(everything, defaults), source, "defaults")
-    datasets = {}
-    for name, given in config["datasets"].items():
+    datasets: dict[str, DatasetSettings | StateSpaceDataset] = {}
+    conditions = {name: given.get("conditions", {}) for name, given in config["datasets"].items()}
+    for name, entry in config["datasets"].items():
         place = f"datasets.{name}"
+        given = {key: entry[key] for key in entry if key != "conditions"}
+        if is_state_space(given, given_defaults):
+            datasets[name] = complete_state_space(name, given, given_defaults, source)
+            continue
+        check_single_channel(given, source, place)
         written = with_ranges(given)
         if written.get("recipe", defaults.get("recipe", BUILT_IN_RECIPE)) == "auto":
             datasets[name] = _automatic(name, written, defaults, source)
@@ -103,11 +120,15 @@ def _completed(config: Keys, origin: Origin, source: str) -> Configuration:
         _check_something_left(written, analysis, source, place)
         datasets[name] = settings_of(name, own_source | analysis | merged_fit(defaults, written))
     check_paths(config["datasets"], source)
+    for each in datasets.values():
+        if isinstance(each, DatasetSettings):
+            check_several_recordings(each, source)
     if "shard" in config:
         datasets = shard_of(datasets, config["shard"], source)
     names = [field.name for field in fields(RunSettings)]
     run = {name: config[name] for name in names if name in config}
-    return Configuration(datasets, from_json(RunSettings, run, source))
+    order = order_of(conditions, config["follow"], source) if "follow" in config else None
+    return Configuration(datasets, from_json(RunSettings, run, source), order)
 
 
 def _automatic(name: str, written: Keys, defaults: Keys, source: str) -> DatasetSettings:

@@ -12,6 +12,8 @@ from evopem.errors import InputError
 
 T = TypeVar("T")
 
+_PATHS = ("file", "validation_file")
+
 
 @dataclass(frozen=True)
 class Origin:
@@ -97,6 +99,45 @@ def expand(written: Any, source: str) -> tuple[Any, Origin]:
     return datasets, Origin(source, templates)
 
 
+def with_matching_files(datasets: Any, source: str) -> Any:
+    """Write out the patterns under ``file`` and ``validation_file``: all files that match.
+
+    Parameters
+    ----------
+    datasets : mapping or anything
+        Entries by name. Anything else comes back as it is, for the schema to refuse.
+    source : str
+        What the configuration is called in an error.
+
+    Raises
+    ------
+    InputError
+        For a pattern that no file matches.
+    """
+    if not isinstance(datasets, Mapping):
+        return datasets
+    return {
+        name: {
+            key: _files(value, source, f"datasets.{name}.{key}") if key in _PATHS else value
+            for key, value in entry.items()
+        }
+        if isinstance(entry, Mapping)
+        else entry
+        for name, entry in datasets.items()
+    }
+
+
+def _files(written: Any, source: str, place: str) -> Any:
+    """The files of a pattern in their order, or what was written where it is none."""
+    if not isinstance(written, str) or "*" not in written:
+        return written
+    literally = "*".join(map(glob.escape, written.split("*")))
+    found = sorted(glob.glob(literally))  # noqa: PTH207
+    if not found:
+        raise InputError(source, f"no file matches {written}", "correct the pattern", place)
+    return found
+
+
 def shard_of(datasets: Mapping[str, T], shard: str, source: str) -> dict[str, T]:
     """Take every n-th data set: ``3/40`` is the third and every fortieth after it.
 
@@ -130,7 +171,7 @@ def _matching(name: str, entry: Any, source: str) -> dict[str, Any]:
     for file in sorted(glob.glob(pattern_literally)):  # noqa: PTH207
         own = file[len(before) : len(file) - len(after)]
         found[name.replace("*", own)] = {
-            key: value.replace("*", own) if key in ("file", "validation_file") else value
+            key: value.replace("*", own) if key in _PATHS and isinstance(value, str) else value
             for key, value in entry.items()
         }
     if not found:

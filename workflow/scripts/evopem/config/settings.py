@@ -6,9 +6,13 @@ The default values of these dataclasses are the built-in values of the configura
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
+from evopem.config.conditions import Positions
 from evopem.config.constraints import Constraints
+
+if TYPE_CHECKING:
+    from evopem.config.state_space_settings import StateSpaceDataset
 
 Range = tuple[int, int]
 """Lower and upper end of a range of orders, both included."""
@@ -58,11 +62,23 @@ class ChannelSettings:
 
 @dataclass(frozen=True)
 class RecordedSource:
-    """A recorded file, and an independent one for validation where there is one."""
+    """Recorded files of one system, and independent ones for validation where there are any.
 
-    file: str
+    Attributes
+    ----------
+    files : tuple of str
+        One, or several that are one data set.
+    channels : ChannelSettings
+        The same in all files.
+    validation_files : tuple of str
+    channels_from_file : bool
+        Whether input, output and time are told from the first file, where it has a time.
+    """
+
+    files: tuple[str, ...]
     channels: ChannelSettings
-    validation_file: str | None = None
+    validation_files: tuple[str, ...] = ()
+    channels_from_file: bool = False
 
 
 @dataclass(frozen=True)
@@ -113,10 +129,14 @@ class SplitSettings:
         Samples, or a share of them, left out at the start.
     estimation : int or float
         Samples, or a share of those that remain, used for estimation.
+    by : {"recordings", "samples"}
+        How several recordings are divided: the last recordings validate, or the last samples of
+        each.
     """
 
     discard: int | float = 500
     estimation: int | float = 0.8
+    by: Literal["recordings", "samples"] = "recordings"
 
 
 @dataclass(frozen=True)
@@ -262,6 +282,12 @@ class ScoringWindow:
     residual_start: int
     loss_start: int
 
+    def from_first(self, first_residual: int) -> ScoringWindow:
+        """The same window for orders whose first residual may be later."""
+        return ScoringWindow(
+            max(self.residual_start, first_residual), max(self.loss_start, first_residual)
+        )
+
 
 @dataclass(frozen=True)
 class SampleRequirements:
@@ -357,17 +383,33 @@ class RunSettings:
     report : {"html", "none"}
     shard : str, optional
         Number of a shard and of all shards, such as ``3/40``.
+    follow : str, optional
+        Name of the condition that recordings are ordered by where modes are followed.
     """
 
     candidates_per_job: int | Literal["auto"] = "auto"
     one_job_per: Literal["stage", "recording"] = "stage"
     report: Literal["html", "none"] = "html"
     shard: str | None = None
+    follow: str | None = None
 
 
 @dataclass(frozen=True)
 class Configuration:
     """A checked and completed configuration."""
 
-    datasets: dict[str, DatasetSettings]
+    datasets: dict[str, DatasetSettings | StateSpaceDataset]
     run: RunSettings
+    order: Positions | None = None
+
+    @property
+    def single_channel(self) -> dict[str, DatasetSettings]:
+        """The data sets with one input and one output, or an output alone."""
+        items = self.datasets.items()
+        return {name: each for name, each in items if isinstance(each, DatasetSettings)}
+
+    @property
+    def state_space(self) -> dict[str, StateSpaceDataset]:
+        """The data sets with several channels."""
+        items = self.datasets.items()
+        return {name: each for name, each in items if not isinstance(each, DatasetSettings)}

@@ -11,11 +11,14 @@ from evopem.config.dataset_names import RESERVED_NAMES, RESULTS_FOLDER
 from evopem.config.settings import SyntheticSource
 from evopem.config.strict_yaml import Keys
 from evopem.config.table import check_locale
-from evopem.config.yaml_form import ANALYSIS_KEYS, FILE_KEYS, SYNTHESIS_KEYS
+from evopem.config.yaml_form import ANALYSIS_KEYS, FILE_KEYS, SYNTHESIS_KEYS, files_of
 from evopem.errors import InputError
 from evopem.files.json_form import to_json
 
 _CHANNEL_DEFAULTS = {"input": 1, "output": 2, "input_unit": "", "output_unit": ""}
+
+
+_RATE_KEYS = ("sampling_rate", "time")
 
 
 def complete_source(
@@ -87,10 +90,7 @@ def check_paths(datasets: Mapping[str, Keys], source: str) -> None:
     results = os.path.realpath(RESULTS_FOLDER)
     folders = {name.lower() for name in (*datasets, *RESERVED_NAMES)}
     for name, written in datasets.items():
-        for key in ("file", "validation_file"):
-            path = written.get(key)
-            if path is None:
-                continue
+        for path, key in _paths(written):
             inside = Path(os.path.relpath(real_path(path), results)).parts
             if not inside or inside[0].lower() in folders:
                 raise InputError(
@@ -99,25 +99,44 @@ def check_paths(datasets: Mapping[str, Keys], source: str) -> None:
                     "copy it to a folder of recordings and name the copy",
                     f"datasets.{name}.{key}",
                 )
-        file, other = written.get("file"), written.get("validation_file")
-        if not file or not other:
-            continue
-        if real_path(file) == real_path(other) or _is_same_file(file, other):
-            written_as = "" if file == other else f" ({file})"
-            raise InputError(
-                source,
-                f"{other} is also the estimation file{written_as}",
-                "give an independent recording, or leave the key out to cut this one",
-                f"datasets.{name}.validation_file",
-            )
+        _check_each_once(_paths(written), real_path, source, f"datasets.{name}")
 
 
-def _is_same_file(one: str, other: str) -> bool:
-    """Whether two paths lead to one file, by a hard link too."""
+def _paths(written: Keys) -> list[tuple[str, str]]:
+    """The paths of a data set, each with its key."""
+    return [
+        (path, key) for key in ("file", "validation_file") for path in files_of(written.get(key))
+    ]
+
+
+def _check_each_once(
+    paths: list[tuple[str, str]], real_path: _RealPaths, source: str, place: str
+) -> None:
+    """Refuse a file that is two recordings of a data set, under whatever names."""
+    known: dict[object, tuple[str, str]] = {}
+    for path, key in paths if len(paths) > 1 else ():
+        for identity in filter(None, (real_path(path), _identity(path))):
+            if identity not in known:
+                known[identity] = (path, key)
+                continue
+            earlier, earlier_key = known[identity]
+            written_as = "" if earlier == path else f" ({earlier})"
+            if earlier_key == key:
+                problem = f"{path} stands there twice{written_as}"
+                remedy = "give every recording once"
+            else:
+                problem = f"{path} is also the estimation file{written_as}"
+                remedy = "give an independent recording, or leave the key out to cut this one"
+            raise InputError(source, problem, remedy, f"{place}.{key}")
+
+
+def _identity(path: str) -> tuple[int, int] | None:
+    """What all paths to one file have in common, hard links too; None where there is no file."""
     try:
-        return os.path.samefile(one, other)  # noqa: PTH121
-    except OSError:
-        return False
+        found = os.stat(path)  # noqa: PTH116
+    except (OSError, ValueError):
+        return None
+    return found.st_dev, found.st_ino
 
 
 class _RealPaths:
@@ -154,8 +173,9 @@ def _completed_file(
     if not with_input:
         completed |= {"input": None, "output": 1}
     completed |= {key: written[key] for key in own_keys}
-    for key in ("file", "validation_file"):
-        _check_path(completed[key] or "", source, f"{place}.{key}")
+    if with_input and not any(key in written for key in ("input", "output", *_RATE_KEYS)):
+        completed |= {"input": None, "output": None}  # told from the file
+    check_file_paths(completed, source, place)
     for one, other in (("input", "output"), ("time", "input"), ("time", "output")):
         if completed[one] is not None and completed[one] == completed[other]:
             raise InputError(
@@ -165,6 +185,17 @@ def _completed_file(
                 f"{place}.{other}",
             )
     return completed
+
+
+def check_file_paths(keys: Keys, source: str, place: str) -> None:
+    """Refuse paths of recorded files that no workflow can read.
+
+    Raises
+    ------
+    InputError
+    """
+    for path, key in _paths(keys):
+        _check_path(path, source, f"{place}.{key}")
 
 
 def _check_path(path: str, source: str, place: str) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -48,8 +48,11 @@ def settings_of(name: str, keys: Keys) -> DatasetSettings:
     if "file" in keys:
         # A missing input is none: complete keys have one wherever the structure has.
         channels = {"input": None} | {key: keys[key] for key in CHANNEL_KEYS if key in keys}
-        source = {"file": keys["file"], "channels": channels}
-        source["validation_file"] = keys.get("validation_file")
+        told = keys.get("output") is None
+        if told:
+            channels |= {"input": 1, "output": 2}
+        source = {"channels_from_file": told, "files": files_of(keys["file"]), "channels": channels}
+        source["validation_files"] = files_of(keys.get("validation_file"))
     else:
         source = {key: keys[key] for key in SYNTHESIS_KEYS if key in keys}
     resample = keys.get("resample", NO_RESAMPLING)
@@ -76,10 +79,12 @@ def keys_of(settings: DatasetSettings) -> dict[str, Any]:
     """List the keys that give these settings; what is not set is left out."""
     source = settings.source
     if isinstance(source, RecordedSource):
-        own = {"file": source.file, **to_json(source.channels)}
-        own["validation_file"] = source.validation_file
+        own = {"file": _one_or_list(source.files), **to_json(source.channels)}
+        own["validation_file"] = _one_or_list(source.validation_files)
         if source.channels.input is None:
             own["input_unit"] = None
+        if source.channels_from_file:
+            own |= {"input": None, "output": None}
     else:
         own = to_json(source)
     present = {key: value for key, value in own.items() if value is not None}
@@ -87,6 +92,17 @@ def keys_of(settings: DatasetSettings) -> dict[str, Any]:
     if settings.automatic is not None:
         return present | automatic_keys(settings, settings.automatic) | fit
     return present | {"recipe": "chapter"} | analysis_keys(settings.preparation, settings) | fit
+
+
+def files_of(written: Any) -> list[str]:
+    """The paths under a key: none, one, or a list of them."""
+    if written is None:
+        return []
+    return [written] if isinstance(written, str) else list(written)
+
+
+def _one_or_list(paths: Sequence[str]) -> str | list[str] | None:
+    return list(paths) if len(paths) > 1 else next(iter(paths), None)
 
 
 def analysis_keys(
@@ -144,10 +160,16 @@ def read_settings(path: str | Path) -> DatasetSettings:
     try:
         content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
         ((name, keys),) = content["datasets"].items()
-        return settings_of(name, keys)
+        if keys.get("structure") != "state_space":
+            return settings_of(name, keys)
     except (OSError, yaml.YAMLError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise InputError(
             str(path),
             f"does not hold the complete configuration of one data set ({error})",
             "delete the file and run snakemake again, which writes it anew",
         ) from None
+    raise InputError(
+        str(path),
+        "holds a data set with several channels, and one with a single output is needed",
+        "name another folder",
+    )

@@ -43,6 +43,8 @@ class Candidate:
     diagnostics : SearchDiagnostics
     pruned : str
         Why its search ended after the first pass; empty where it did not.
+    further_levels : tuple of float
+        Of the second and later recordings, where there are several with a level.
     """
 
     phase: str
@@ -56,6 +58,7 @@ class Candidate:
     at_stability_bound: bool
     diagnostics: SearchDiagnostics
     pruned: str = ""
+    further_levels: tuple[float, ...] = ()
 
     @classmethod
     def of(cls, estimate: PolynomialEstimate, phase: str) -> Candidate:
@@ -71,12 +74,13 @@ class Candidate:
             minimum=estimate.search.value,
             at_stability_bound=estimate.at_stability_bound,
             diagnostics=estimate.search.diagnostics,
+            further_levels=estimate.levels[1:],
         )
 
     @property
     def search(self) -> SearchResult:
         """The result of the search, its point being parameters, level and states."""
-        level = [self.model.level] if self.with_level else []
+        level = [self.model.level, *self.further_levels] if self.with_level else []
         point = np.concatenate([self.model.parameters, level, self.plant_state, self.noise_state])
         return SearchResult(point, self.minimum, self.diagnostics)
 

@@ -8,12 +8,18 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from evopem.config.settings import FitSettings, ScoringWindow, SearchSettings
 from evopem.errors import InputError
 from evopem.estimation.candidate import Candidate, PhaseSelection
 from evopem.estimation.delay_refinement import Fit, refine_delay
 from evopem.estimation.focused_estimate import estimate_focused
+from evopem.estimation.joined_estimate import (
+    descend_from_model,
+    estimate_joined,
+    joined_errors,
+)
 from evopem.estimation.order_race import race
 from evopem.estimation.polynomial_estimate import PolynomialEstimate
 from evopem.estimation.search.certificate import is_certified
@@ -60,13 +66,13 @@ def estimate_candidates(
     """
     candidates = []
     for position, order in enumerate(orders):
-        scored = len(data.output) - window.loss_start
+        scored = scored_samples(data, window)
         estimated = order.parameters + order.nf + int(level)
         if scored <= estimated:
             raise InputError(
                 "orders",
                 f"{order} has {estimated} parameters, but the {len(data.output)} "
-                f"estimation samples leave {max(scored, 0)} residuals after the first "
+                f"estimation samples leave {scored} residuals after the first "
                 f"{window.loss_start}",
                 "lower the ranges of the orders, shorten search.n_initial_discard or "
                 "split.discard, or record longer",
@@ -79,6 +85,11 @@ def estimate_candidates(
             criteria = found.criteria
             log(f"{phase}: {order} objective {criteria.objective:.9g}, BIC {criteria.bic:.6f}")
     return candidates
+
+
+def scored_samples(data: Recording, window: ScoringWindow) -> int:
+    """Residuals that count, over all stretches."""
+    return sum(max(each.samples - window.loss_start, 0) for each in data.stretches)
 
 
 def repeat_search(
@@ -117,6 +128,17 @@ def _search(
     earlier: SearchResult | None = None,
 ) -> PolynomialEstimate:
     """The search for one model, in samples whose level has been subtracted."""
+    if data.is_joined:
+        return estimate_joined(
+            data.stretches,
+            orders,
+            data.sampling_rate,
+            settings,
+            window,
+            level,
+            earlier,
+            log,
+        )
     with warnings.catch_warnings():
         # A subtracted level need not be the mean: a response that begins or ends in the record
         # moves the mean alone.
@@ -144,6 +166,11 @@ def reoptimize_from(
 ) -> Candidate:
     """Re-optimise a candidate from the parameters of a nested smaller one."""
     orders, level = candidate.orders, candidate.with_level
+    if data.is_joined:
+        with threadpool_limits(limits=1, user_api="blas"):
+            errors = joined_errors(data.stretches, orders, settings, window, level)
+            found = descend_from_model(nested.model, errors, data.sampling_rate, candidate.search)
+        return Candidate.of(found, candidate.phase)
     point = padded(nested.search.point, nested.orders, orders, level)
     found = descended_from(point, candidate.search, data, orders, settings, window, level)
     return Candidate.of(found, candidate.phase)
@@ -221,7 +248,7 @@ def select_candidate(
 
     ordered = sorted(candidates, key=lambda candidate: candidate.orders)
     if settings.prune:
-        samples = len(data.output) - window.loss_start
+        samples = scored_samples(data, window)
         ordered = race(
             ordered,
             phase,
@@ -261,7 +288,7 @@ def _with_refined_delay(
         model = complete_estimate(candidate, data, settings, window).model
         return Fit(model, candidate.criteria.bic)
 
-    samples = len(data.output) - window.loss_start
+    samples = scored_samples(data, window)
     refinement = refine_delay(with_covariance(selection.selected), samples, min_delay, fit)
     known = {candidate.orders for candidate in selection.candidates}
     added = [candidate for orders, candidate in found.items() if orders not in known]

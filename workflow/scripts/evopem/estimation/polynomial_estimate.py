@@ -20,6 +20,7 @@ from evopem.estimation.pem.autoregression import autoregression
 from evopem.estimation.pem.covariance import estimate_covariance, innovation_variance
 from evopem.estimation.pem.polynomial_objective import PolynomialErrors
 from evopem.estimation.pem.robust_covariance import MOST_COLOURING, coloured_covariance
+from evopem.estimation.pem.stretch_errors import StretchErrors
 from evopem.estimation.requirements import check_search_settings, check_signals, check_window
 from evopem.estimation.search.global_search import global_search
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
@@ -80,6 +81,9 @@ class PolynomialEstimate:
         Objective of those errors, percent.
     constraints : ConstraintEffect, optional
         What the constraints of the estimate did.
+    levels : tuple of float
+        Of each recording, where the record is several with a level; the model has the first one.
+        Residuals and states then are those of its stretches one after the other.
     """
 
     model: PolynomialModel
@@ -93,6 +97,7 @@ class PolynomialEstimate:
     focus: str | int = "prediction"
     focus_objective: float = float("nan")
     constraints: ConstraintEffect | None = None
+    levels: tuple[float, ...] = ()
 
     @property
     def with_level(self) -> bool:
@@ -291,7 +296,7 @@ def describe(
         sampling_rate,
         level=float(point[parts["level"]].sum()),
         noise_variance=innovation_variance(counted, errors.dimension),
-        covariance=_covariance(errors, point, counted, counted_output),
+        covariance=covariance_of(errors, point, counted, counted_output),
         structure=errors.orders.structure,
     )
     residuals[: errors.residual_start] = np.nan
@@ -313,10 +318,24 @@ def describe(
     )
 
 
-def _covariance(
-    errors: PolynomialErrors, point: Array, residuals: Array, output: Array
+def covariance_of(
+    errors: PolynomialErrors | StretchErrors,
+    point: Array,
+    residuals: Array,
+    output: Array,
+    counts: Sequence[int] = (),
 ) -> ParameterCovariance | None:
-    """Covariance of the coefficients, for residuals of any colour where nothing whitens them."""
+    """Covariance of the coefficients, for residuals of any colour where nothing whitens them.
+
+    Parameters
+    ----------
+    errors : PolynomialErrors or StretchErrors
+    point : (n,) array
+    residuals, output : (N,) arrays
+        Those that count.
+    counts : sequence of int
+        Residuals of each of several stretches.
+    """
     orders, jacobian = errors.orders, errors.jacobian(point)
     coloured = len(autoregression(residuals - residuals.mean(), MOST_COLOURING)) > 1
     if coloured and orders.structure in WITHOUT_NOISE_MODEL:
@@ -326,6 +345,7 @@ def _covariance(
             orders.parameters,
             errors.objective,
             input_alone=orders.na + orders.nc + orders.nd == 0,
+            counts=counts,
         )
     triangle = np.asarray(np.linalg.qr(jacobian, mode="r"))
     return estimate_covariance(triangle, residuals, output, orders.parameters, 0, errors.objective)

@@ -13,6 +13,7 @@ from evopem.config.settings import ScoringWindow, SearchSettings
 from evopem.estimation import estimate as armax
 from evopem.estimation import polynomial_estimate
 from evopem.estimation.focused_estimate import estimate_focused
+from evopem.estimation.joined_estimate import describe_joined, joined_errors
 from evopem.estimation.polynomial_estimate import (
     PolynomialEstimate,
     estimate_polynomial,
@@ -154,6 +155,10 @@ def described(
     level: bool,
 ) -> PolynomialEstimate:
     """The full estimate at the end of a search, with residuals and covariance."""
+    if data.is_joined:
+        with threadpool_limits(limits=1, user_api="blas"):
+            joined = joined_errors(data.stretches, orders, settings, window, level)
+            return describe_joined(joined, result, data.sampling_rate)
     with threadpool_limits(limits=1, user_api="blas"):
         if has_own_search(orders, level):
             errors = armax.prediction_errors(data.input, data.output, orders, settings, window)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
 import pandas as pd
 
 from evopem.figures.frequency_domain import (
@@ -153,7 +152,7 @@ def draw_compared_simulations(comparison: Comparison, axes: Axes | None = None) 
 
 @styled
 def draw_compared_modes(comparison: Comparison, axes: Axes | None = None) -> Figure:
-    """Damping ratio over natural frequency with 95 % intervals; open where not to be trusted.
+    """Damping ratio over natural frequency with 95 % intervals; those not to be trusted are open.
 
     Parameters
     ----------
@@ -168,25 +167,27 @@ def draw_compared_modes(comparison: Comparison, axes: Axes | None = None) -> Fig
         return figure_of(axes)
     for label, colour, marker in zip(comparison.labels, FAMILY, FAMILY_MARKERS, strict=False):
         rows = table[table["data set"] == label]
-        for trusted, inside in ((True, colour), (False, "none")):
-            part = rows[rows["trusted"] == trusted]
-            bars = [
-                1.96 * part[f"{name}_se{unit}"].where(np.isfinite, 0.0)
-                for name, unit in (("frequency", "_hz"), ("damping", "_percent"))
-            ]
-            axes.errorbar(
-                part["frequency_hz"],
-                part["damping_percent"],
-                xerr=bars[0],
-                yerr=bars[1],
-                fmt=marker,
-                color=colour,
-                markerfacecolor=inside,
-                markersize=5,
-                capsize=2.0,
-                elinewidth=0.8,
-                label=label if trusted else None,
-            )
+        trusted, doubted = rows[rows["trusted"]], rows[~rows["trusted"]]
+        axes.errorbar(
+            trusted["frequency_hz"],
+            trusted["damping_percent"],
+            xerr=1.96 * trusted["frequency_se_hz"],
+            yerr=1.96 * trusted["damping_se_percent"],
+            fmt=marker,
+            color=colour,
+            markersize=5,
+            capsize=2.0,
+            elinewidth=0.8,
+            label=label,
+        )
+        axes.plot(
+            doubted["frequency_hz"],
+            doubted["damping_percent"],
+            marker,
+            color=colour,
+            markerfacecolor="none",
+            markersize=5,
+        )
     axes.set_xlabel("Natural frequency (Hz)")
     axes.set_ylabel("Damping ratio (%)")
     damping = table["damping_percent"]

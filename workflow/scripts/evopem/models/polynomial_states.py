@@ -83,6 +83,33 @@ def estimate_prediction_states(
     return states[: orders.nf], states[orders.nf :]
 
 
+def estimate_level(
+    model: PolynomialModel,
+    input: Array,  # noqa: A002
+    output: Array,
+) -> float:
+    """The level with which a model has the smallest prediction errors, states fitted as well.
+
+    Least squares over the whole stretch; the level takes the place of the model's own.
+
+    Parameters
+    ----------
+    model : PolynomialModel
+        Invertible.
+    input, output : (N,) arrays
+    """
+    from scipy.signal import lfilter
+
+    orders = model.orders
+    residuals = replace(model, level=0.0).residuals(input, output)[orders.first_residual :]
+    columns = [
+        lfilter(model.d, model.c, -np.ones(len(residuals)))[:, None],
+        _delayed(np.convolve(model.c, model.f), model.d, orders.nf, len(residuals)),
+        _delayed(model.c, [1.0], orders.noise_states, len(residuals)),
+    ]
+    return float(_fitted(np.column_stack(columns), -residuals)[0])
+
+
 def _delayed(denominator: Array, numerator: Array | list[float], count: int, samples: int) -> Array:
     """Responses of a filter to impulses at samples 0, 1, ..., (samples, count)."""
     from scipy.signal import lfilter

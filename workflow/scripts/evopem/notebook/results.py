@@ -358,7 +358,7 @@ class IdentificationResults:
         shutil.copytree(self.files.folder, target, dirs_exist_ok=True)
         if self._folder is not None and isinstance(self.results.settings.source, RecordedSource):
             source = self.results.settings.source
-            for name in filter(None, (source.file, source.validation_file)):
+            for name in (*source.files, *source.validation_files):
                 shutil.copy(Path(self._folder.name) / name, target / name)
         return target
 

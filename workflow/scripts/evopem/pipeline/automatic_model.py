@@ -6,16 +6,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import cast
 
+import numpy as np
 from threadpoolctl import threadpool_limits
 
 from evopem.automatic.chosen import estimate_chosen as search_chosen
-from evopem.automatic.decision import Decision
+from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.folds import FoldPlan
 from evopem.automatic.orders import StructureSearch
 from evopem.automatic.preparation import PreparationPlan
 from evopem.automatic.record import DecisionRecord
 from evopem.automatic.remedies import Remedied
-from evopem.automatic.stretches import total_samples
 from evopem.automatic.structures import Comparison
 from evopem.config.settings import Objective, SearchSettings
 from evopem.files.json_form import load, save
@@ -23,6 +23,8 @@ from evopem.pipeline.automatic_preparation import load_record
 from evopem.pipeline.automatic_search import DelayDecision
 from evopem.results.layout import DatasetFiles
 from evopem.signals.preparation import load_prepared
+from evopem.signals.recording_info import RecordingInfo
+from evopem.signals.stretches import total_samples
 
 Log = Callable[[str], None]
 
@@ -44,6 +46,7 @@ def collect_decisions(files: DatasetFiles, structures: Sequence[str]) -> None:
     comparison = load(Comparison, files.decision("comparison"))
     remedied = load(Remedied, files.decision("remedies"))
     decisions: tuple[Decision, ...] = (
+        *_about_channels(load(RecordingInfo, files.recording_info)),
         *plan.decisions,
         load(FoldPlan, files.decision("folds")).decision,
         load(DelayDecision, files.decision("delay")).decision,
@@ -57,17 +60,42 @@ def collect_decisions(files: DatasetFiles, structures: Sequence[str]) -> None:
     save(record, files.decisions)
 
 
+def _about_channels(recording: RecordingInfo) -> tuple[Decision, ...]:
+    """How input and output were told from the file; nothing where the configuration names them."""
+    roles = recording.roles
+    if roles is None:
+        return ()
+    pairs = (f"{roles.input} to {roles.output}", f"{roles.output} to {roles.input}")
+    test = roles.test
+    scores = (test.forward, test.backward) if test else (np.nan, np.nan)
+    criterion = (
+        f"p-value of the first one's past in predictions of the second, {test.lags} lags"
+        if test
+        else "names of the channels"
+    )
+    alternatives = tuple(map(Alternative, pairs, scores))
+    return (Decision("channels", pairs[0], alternatives, criterion, roles.sentence),)
+
+
 def _remarks(files: DatasetFiles, level: str) -> tuple[str, ...]:
     stretches = load_record(files).stretches
+    recordings = len({each.recording for each in stretches})
     remarks = []
-    if len(stretches) > 1:
+    if recordings > 1:
+        remarks.append(
+            f"The estimation samples are those of {recordings} recordings: one model comes from all"
+            f" {total_samples(stretches)} of them, each recording with a level and an initial state"
+            " of its own. Simulations of other recordings fit their level along with the initial"
+            " state. The spectrum is that of the longest stretch."
+        )
+    elif len(stretches) > 1:
         longest = max(each.samples for each in stretches)
         remarks.append(
             f"The estimation samples are {len(stretches)} stretches with breaks between them: the"
-            f" model comes from all {total_samples(stretches)} samples, residual tests, intervals"
-            f" and spectrum from the longest stretch of {longest} samples."
+            f" model comes from all {total_samples(stretches)} samples, each stretch with its own"
+            f" initial state, the spectrum from the longest stretch of {longest} samples."
         )
-    if level == "state":
+    if level == "state" and recordings == 1:
         remarks.append(
             "The level drifts: simulations of other samples fit their level along with the initial"
             " state."

@@ -16,8 +16,9 @@ from evopem.config.settings import PreparationSettings
 from evopem.errors import InputError
 from evopem.files.json_form import load, save
 from evopem.results.layout import DatasetFiles
+from evopem.signals.joined_preparation import prepare_recordings
+from evopem.signals.joining import separated
 from evopem.signals.preparation import PreparedData, load_prepared, save_prepared
-from evopem.signals.preparation import prepare as divide
 from evopem.signals.recording import load_recording
 from evopem.signals.shared_samples import check_independent
 
@@ -38,7 +39,7 @@ def decide_preparation(
     divided = _divided(files, settings, has_validation_recording)
     try:
         with threadpool_limits(limits=1, user_api="blas"):
-            plan = decide((divided.estimation,), given)
+            plan = decide(separated(divided.estimation), given)
     except InputError as error:
         place = f"datasets.{files.name}"
         raise InputError(f"{place} ({error.source})", error.problem, error.remedy) from None
@@ -58,7 +59,7 @@ def apply_preparation(
     divided = _divided(files, settings, has_validation_recording)
     plan = load(PreparationPlan, files.decision("preparation"))
     with threadpool_limits(limits=1, user_api="blas"):
-        record = prepare((divided.estimation,), plan)
+        record = prepare(separated(divided.estimation), plan)
         prepared = prepared_data(divided, record, f"datasets.{files.name}")
     save_prepared(prepared, files.prepared, files.transforms)
     save_stretches(record.stretches, files.stretches)
@@ -80,4 +81,4 @@ def _divided(
     validation = load_recording(files.validation_recording) if has_validation_recording else None
     if validation is not None:
         check_independent(recording, validation, f"{place}.validation_file")
-    return divide(recording, settings, validation, place)
+    return prepare_recordings(recording, settings, validation, place)

@@ -5,19 +5,24 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Collection, Iterable, Mapping
 from contextlib import suppress
+from functools import cache
 from pathlib import Path
 
+from evopem.config.conditions import Positions
 from evopem.files.atomic import write_parquet, write_table, write_text
 from evopem.report.index_page import build_index
 from evopem.results.fleet import (
+    DatasetSummary,
     Entry,
     IncompleteDataset,
     fleet_table,
     read_entry,
     read_summaries,
+    recorded_modes,
     without_formulas,
 )
-from evopem.results.layout import FLEET_CSV, FLEET_PARQUET, INDEX, DatasetFiles
+from evopem.results.followed_modes import FollowedMode, follow_modes, followed_table
+from evopem.results.layout import OVERVIEW, DatasetFiles
 
 
 def collect_fleet(
@@ -27,8 +32,10 @@ def collect_fleet(
     index_file: str,
     csv_file: str,
     parquet_file: str,
+    modes_file: str,
+    order: Positions | None = None,
 ) -> None:
-    """List data sets whose results are complete.
+    """List data sets whose results are complete, and follow their modes.
 
     Parameters
     ----------
@@ -38,8 +45,10 @@ def collect_fleet(
         Folder of ``index.html.j2``.
     page : str
         The file in the folder of a data set that its row links to.
-    index_file, csv_file, parquet_file : path
+    index_file, csv_file, parquet_file, modes_file : path
         The lists to write.
+    order : Positions, optional
+        What the recordings are ordered by; by default their order in ``names``.
 
     Raises
     ------
@@ -48,7 +57,8 @@ def collect_fleet(
     """
     folder = Path(index_file).parent
     entries = read_summaries(DatasetFiles(str(folder / name)) for name in names)
-    for write in _lists(entries, templates, page, index_file, csv_file, parquet_file).values():
+    files = (index_file, csv_file, parquet_file, modes_file)
+    for write in _lists(entries, templates, page, files, order).values():
         write()
 
 
@@ -57,6 +67,7 @@ def collect_unfinished(
     templates: Path,
     page: str,
     pending: Collection[str] = (),
+    order: Positions | None = None,
 ) -> None:
     """List all data sets after a run that failed, each with its summary or what went wrong.
 
@@ -73,12 +84,14 @@ def collect_unfinished(
         The file in the folder of a data set that its row links to.
     pending : collection of str
         Names of the data sets of which the run has left jobs undone.
+    order : Positions, optional
+        What the recordings are ordered by.
     """
     entries = {
         name: _entry(DatasetFiles.of_dataset(name), files, name in pending)
         for name, files in required.items()
     }
-    for path, write in _lists(entries, templates, page, INDEX, FLEET_CSV, FLEET_PARQUET).items():
+    for path, write in _lists(entries, templates, page, OVERVIEW, order).items():
         try:
             write()
         except Exception as error:
@@ -99,13 +112,27 @@ def _lists(
     entries: Mapping[str, Entry],
     templates: Path,
     page: str,
-    index_file: str,
-    csv_file: str,
-    parquet_file: str,
+    files: tuple[str, ...],
+    order: Positions | None,
 ) -> dict[str, Callable[[], None]]:
     """What writes each list, by its path."""
+    index_file, csv_file, parquet_file, modes_file = files
+
+    @cache
+    def followed() -> list[FollowedMode]:
+        recordings = {
+            name: recorded_modes(entry)
+            for name, entry in entries.items()
+            if isinstance(entry, DatasetSummary)
+        }
+        return follow_modes(recordings, order.places if order else None)
+
+    def index() -> str:
+        return build_index(entries, templates, page, followed(), order.name if order else "")
+
     return {
-        index_file: lambda: write_text(index_file, build_index(entries, templates, page)),
+        index_file: lambda: write_text(index_file, index()),
         csv_file: lambda: write_table(csv_file, without_formulas(fleet_table(entries))),
         parquet_file: lambda: write_parquet(parquet_file, fleet_table(entries)),
+        modes_file: lambda: write_table(modes_file, without_formulas(followed_table(followed()))),
     }

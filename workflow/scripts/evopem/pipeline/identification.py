@@ -124,7 +124,7 @@ def _automatic_stages(
 def _is_validated(settings: DatasetSettings) -> bool:
     """Whether there is an independent recording for validation."""
     source = settings.source
-    return isinstance(source, RecordedSource) and bool(source.validation_file)
+    return isinstance(source, RecordedSource) and bool(source.validation_files)
 
 
 def identify_recording(
@@ -189,17 +189,20 @@ def _acquisition(
     reading: dict[str, Stage] = {
         "recording": partial(
             read_recording,
-            *(source.file, source.channels, files.recording, files.recording_info, folder),
+            *(source.files, source.channels, files.recording, files.recording_info, folder),
+            source.channels_from_file,
         )
     }
-    if source.validation_file:
+    if source.validation_files:
         reading["validation_recording"] = partial(
             read_recording,
-            source.validation_file,
+            source.validation_files,
             source.channels,
             files.validation_recording,
             files.validation_recording_info,
             folder,
+            source.channels_from_file,
+            files.recording_info,
         )
     return reading
 

@@ -58,6 +58,8 @@ def complete_model(
         estimate = replace(estimate, at_stability_bound=selected.at_stability_bound)
     else:
         estimate = complete_estimate(selected, prepared.estimation, search, window, fit)
+    if level == "constant" and len(set(prepared.estimation.stretch_recordings)) > 1:
+        level = "state"  # each recording has a level of its own, and so have others
     save(ModelRecord.of(estimate, search, prepared.transforms, level, fit), files.model)
     save_model_mat(estimate.model, files.model_mat)
     write_table(files.modes, modes_table(estimate.model))

@@ -9,9 +9,11 @@ from evopem.config.settings import (
     PreparationSettings,
     SampleRequirements,
 )
+from evopem.errors import InputError
 from evopem.pipeline.constraint_plan import check_fit
 from evopem.results.layout import DatasetFiles
-from evopem.signals.preparation import prepare, save_prepared
+from evopem.signals.joined_preparation import prepare_recordings
+from evopem.signals.preparation import PreparedData, save_prepared
 from evopem.signals.recording import load_recording
 from evopem.signals.shared_samples import check_independent
 
@@ -37,8 +39,30 @@ def prepare_signals(
     validation = load_recording(files.validation_recording) if has_validation_recording else None
     if validation is not None:
         check_independent(recording, validation, f"{place}.validation_file")
-    prepared = prepare(recording, settings, validation, place)
-    check_samples(requirements, prepared.estimation.samples, prepared.validation.samples, place)
+    prepared = prepare_recordings(recording, settings, validation, place)
+    _check_samples(requirements, prepared, place)
     if fit is not None:
         check_fit(*fit, prepared.estimation.sampling_rate, place, "")
     save_prepared(prepared, files.prepared, files.transforms)
+
+
+def _check_samples(requirements: SampleRequirements, prepared: PreparedData, place: str) -> None:
+    """Refuse samples that are too few for some candidate; each stretch has states of its own.
+
+    Raises
+    ------
+    InputError
+    """
+    estimation, validation = prepared.estimation, prepared.validation
+    lost = (len(estimation.stretches) - 1) * (requirements.loss_start + requirements.settling)
+    longest = max(each.samples for each in validation.stretches)
+    check_samples(requirements, estimation.samples - lost, longest, place)
+    least = requirements.loss_start + requirements.settling
+    for each in estimation.stretches if estimation.is_joined else ():
+        if each.samples <= least:
+            raise InputError(
+                f"{place}.file",
+                f"recording {each.recording + 1} has {each.samples} estimation samples, and"
+                f" {least} of them settle its initial state",
+                "leave it out, lower the upper ends of delay and orders, or record longer",
+            )

@@ -13,8 +13,11 @@ from evopem.signals.spectral.peaks import summarize_spectrum
 
 
 def estimate_spectrum(files: DatasetFiles, settings: SpectrumSettings) -> None:
-    """Estimate the spectra of the estimation samples, and the frequency response they imply."""
-    samples = load_prepared(files.prepared, files.transforms).estimation
+    """Estimate the spectra of the estimation samples, and the frequency response they imply.
+
+    Of several stretches, the longest one is used.
+    """
+    samples = load_prepared(files.prepared, files.transforms).estimation.longest
     rate, width, nfft = samples.sampling_rate, settings.time_halfbandwidth, settings.nfft
     spectrum = multitaper_spectrum(samples.output, rate, width, nfft)
     table = {

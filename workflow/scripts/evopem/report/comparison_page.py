@@ -160,7 +160,7 @@ def _simulations(comparison: Comparison) -> Section:
 
 
 def _modes(comparison: Comparison) -> Section:
-    caption = "Modes with 95 % intervals; open marks are not to be trusted."
+    caption = "Modes with 95 % intervals; those with open marks are not to be trusted."
     return _section(
         comparison,
         *("mode_map", "Modes", caption),

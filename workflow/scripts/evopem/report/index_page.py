@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import math
-import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import quote
 
+from evopem.report.followed_chart import followed_charts, movements
 from evopem.report.numbers import number
 from evopem.report.templates import environment
 from evopem.results.fleet import DatasetSummary, Entry
+from evopem.results.followed_modes import FollowedMode, group_of
 
 # Size of a row's plot of the gain, and the decibels that it shows at most.
 WIDTH, HEIGHT = 120, 30
@@ -101,7 +102,11 @@ class IndexRow:
 
 
 def build_index(
-    entries: Mapping[str, Entry], template_directory: Path, page: str = "report.html"
+    entries: Mapping[str, Entry],
+    template_directory: Path,
+    page: str = "report.html",
+    followed: Sequence[FollowedMode] = (),
+    ordered_by: str = "",
 ) -> str:
     """Build the page that lists all data sets.
 
@@ -116,6 +121,10 @@ def build_index(
         Folder of ``index.html.j2``.
     page : str
         The file in the folder of a data set that its row links to.
+    followed : sequence of FollowedMode
+        Modes over several recordings, for charts below the list.
+    ordered_by : str
+        What the recordings are ordered by; empty for their order in the configuration.
 
     Returns
     -------
@@ -129,14 +138,14 @@ def build_index(
     return (
         environment(template_directory)
         .get_template("index.html.j2")
-        .render(rows=rows, grouped=len(sizes) > 1 and max(sizes.values()) > 1)
+        .render(
+            rows=rows,
+            grouped=len(sizes) > 1 and max(sizes.values()) > 1,
+            charts=followed_charts(followed),
+            warnings=[sentence for each in followed for sentence in movements(each)],
+            ordered_by=ordered_by,
+        )
     )
-
-
-def group_of(name: str) -> str:
-    """What a name begins with: up to its first separator or, without one, to its last letter."""
-    head = re.split(r"[-_./ ]", name.strip(), maxsplit=1)[0]
-    return re.sub(r"\d+$", "", head) or head or name
 
 
 def _row(name: str, entry: Entry, page: str) -> IndexRow:
@@ -152,7 +161,7 @@ def _row(name: str, entry: Entry, page: str) -> IndexRow:
         name,
         group,
         f"{folder}/{page}",
-        orders=str(entry.orders),
+        orders=entry.model,
         prediction_error_percent=entry.prediction_error_percent,
         simulation_error_percent=entry.simulation_error_percent,
         passed=entry.n_checks(passed=True),

@@ -8,7 +8,7 @@ from importlib.metadata import PackageNotFoundError, version
 
 from evopem.report.numbers import count
 from evopem.results.dataset import DatasetResults
-from evopem.signals.recording_info import RecordingInfo
+from evopem.signals.recording_info import FileOrigin, RecordingInfo
 
 # They draw and write the page; the libraries behind the numbers are listed in the model.
 REPORT_LIBRARIES = ("pandas", "matplotlib", "jinja2", "snakemake")
@@ -85,9 +85,12 @@ def terms(results: DatasetResults, commit: str) -> list[tuple[str, str]]:
 
 
 def _origin(recording: RecordingInfo, suffix: str) -> list[tuple[str, str]]:
-    file = recording.file
-    if file is None:
+    if recording.file is None:
         return [(f"Recording{suffix}", "simulated, see the configuration")]
+    return [row for file in recording.files for row in _file_rows(file, suffix)]
+
+
+def _file_rows(file: FileOrigin, suffix: str) -> list[tuple[str, str]]:
     rows = [
         ("File", file.path),
         ("SHA-256", file.sha256),

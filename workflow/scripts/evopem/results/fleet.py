@@ -17,6 +17,7 @@ from evopem.files.json_form import load
 from evopem.files.unfinished import unfinished_jobs
 from evopem.models.modes import Mode
 from evopem.models.structures import PolynomialOrders
+from evopem.results.followed_modes import RecordedMode
 from evopem.results.layout import DatasetFiles
 from evopem.validation.checks import Check, checks
 from evopem.validation.mode_trust import doubts
@@ -50,7 +51,8 @@ class DatasetSummary:
     sampling_rate : float
         Hz, after all transforms.
     estimation_samples, validation_samples : int
-    orders : PolynomialOrders
+    orders : PolynomialOrders, optional
+        None for a state-space model.
     bic : float
     prediction_error_percent, simulation_error_percent : float
     continued_simulation_error_percent : float, optional
@@ -64,6 +66,10 @@ class DatasetSummary:
         filter.
     made_from : dict of str to str
         SHA-256 of files that the summary was made from, by their names in the data set's folder.
+    state_space : str, optional
+        A state-space model in a few words.
+    shapes : tuple of tuples of complex
+        Of each mode the shape over several outputs; empty for one output.
     """
 
     file: str | None
@@ -71,7 +77,7 @@ class DatasetSummary:
     sampling_rate: float
     estimation_samples: int
     validation_samples: int
-    orders: PolynomialOrders
+    orders: PolynomialOrders | None
     bic: float
     prediction_error_percent: float
     simulation_error_percent: float
@@ -81,6 +87,13 @@ class DatasetSummary:
     trusted: tuple[bool, ...]
     gain_db: tuple[float, ...]
     made_from: dict[str, str]
+    state_space: str | None = None
+    shapes: tuple[tuple[complex, ...], ...] = ()
+
+    @property
+    def model(self) -> str:
+        """The model in a few words."""
+        return self.state_space or str(self.orders)
 
     def n_checks(self, passed: bool | None) -> int:
         """Number of checks with an outcome: passed, failed (False) or not judged (None)."""
@@ -131,8 +144,8 @@ def summarize(
         The files of these results; the summary holds their checksums.
     """
     return DatasetSummary(
-        file=recording.file.path if recording.file else None,
-        sha256=recording.file.sha256 if recording.file else None,
+        file=", ".join(each.path for each in recording.files) or None,
+        sha256=", ".join(each.sha256 for each in recording.files) or None,
         sampling_rate=model.sampling_rate,
         estimation_samples=model.transforms.estimation_samples,
         validation_samples=model.transforms.validation_samples,
@@ -165,6 +178,26 @@ def _gain_outline(model: ModelRecord) -> tuple[float, ...]:
     gain = np.abs(response(bands)).reshape(GAIN_BANDS, -1).max(axis=1)
     with np.errstate(divide="ignore"):
         return tuple(np.round(20.0 * np.log10(gain), 1).tolist())
+
+
+def recorded_modes(summary: DatasetSummary) -> list[RecordedMode]:
+    """The modes of a data set, as they are followed over recordings."""
+    return [
+        RecordedMode(
+            mode.frequency_hz,
+            mode.damping_ratio,
+            mode.frequency_se_hz,
+            mode.damping_se,
+            trusted,
+            shape,
+        )
+        for mode, trusted, shape in zip(
+            summary.modes,
+            summary.trusted,
+            summary.shapes or ((),) * len(summary.modes),
+            strict=True,
+        )
+    ]
 
 
 def read_summaries(datasets: Iterable[DatasetFiles]) -> dict[str, DatasetSummary]:
@@ -284,8 +317,8 @@ def _rows(name: str, entry: Entry) -> list[dict[str, object]]:
         "sampling_rate": entry.sampling_rate,
         "estimation_samples": entry.estimation_samples,
         "validation_samples": entry.validation_samples,
-        "model": str(entry.orders),
-        **{name: getattr(entry.orders, name) for name in ORDER_NAMES},
+        "model": entry.model,
+        **{name: getattr(entry.orders, name, None) for name in ORDER_NAMES},
         "bic": entry.bic,
         **{error: getattr(entry, error) for error in _ERRORS},
         "failed_checks": entry.n_checks(passed=False),

@@ -14,11 +14,12 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from evopem.config.settings import DatasetSettings, RecordedSource
+from evopem.config.state_space_settings import StateSpaceDataset, StateSpaceSource
 from evopem.files.checksums import sha256_of_file
 from evopem.results.layout import DatasetFiles
 
 
-def mark_replaced_recordings(datasets: Mapping[str, DatasetSettings]) -> list[str]:
+def mark_replaced_recordings(datasets: Mapping[str, DatasetSettings | StateSpaceDataset]) -> list[str]:
     """Make the outputs of reading a recording older than it, where its content has changed.
 
     The content is compared, by its SHA-256, only where the size differs or the file's status
@@ -26,7 +27,7 @@ def mark_replaced_recordings(datasets: Mapping[str, DatasetSettings]) -> list[st
 
     Parameters
     ----------
-    datasets : mapping of str to DatasetSettings
+    datasets : mapping of str to DatasetSettings or StateSpaceDataset
 
     Returns
     -------
@@ -43,17 +44,19 @@ def mark_replaced_recordings(datasets: Mapping[str, DatasetSettings]) -> list[st
 
 def was_read_from(path: str, info: str) -> bool:
     """Whether a recording was read from this path, as its ``recording.json`` tells."""
-    return _origin(info).get("path") == str(Path(path))
+    return bool(_origin(path, info))
 
 
-def _read_files(datasets: Mapping[str, DatasetSettings]) -> Iterator[tuple[str, str, str]]:
+def _read_files(
+    datasets: Mapping[str, DatasetSettings | StateSpaceDataset],
+) -> Iterator[tuple[str, str, str]]:
     """List each recorded file with the outputs of reading it: samples and origin."""
     for name, dataset in datasets.items():
         source, files = dataset.source, DatasetFiles.of_dataset(name)
-        if isinstance(source, RecordedSource):
-            yield source.file, files.recording, files.recording_info
-            if source.validation_file:
-                path = source.validation_file
+        if isinstance(source, RecordedSource | StateSpaceSource):
+            for path in source.files:
+                yield path, files.recording, files.recording_info
+            for path in source.validation_files:
                 yield path, files.validation_recording, files.validation_recording_info
 
 
@@ -61,7 +64,7 @@ def _is_replaced(path: str, info: str) -> bool:
     try:
         read_at = Path(info).stat().st_mtime_ns
         link, file = Path(path).lstat(), Path(path).stat()
-        origin = _origin(info)
+        origin = _origin(path, info)
         unchanged = max(link.st_ctime_ns, file.st_ctime_ns) <= read_at
         if not origin or (unchanged and file.st_size == origin.get("bytes")):
             return False
@@ -70,11 +73,12 @@ def _is_replaced(path: str, info: str) -> bool:
         return False
 
 
-def _origin(info: str) -> Mapping[str, object]:
-    """The origin of a recording; empty where there is none or its file is damaged."""
+def _origin(path: str, info: str) -> Mapping[str, object]:
+    """What is known of a file that was read; empty where it was not, or ``info`` is damaged."""
     try:
         content = json.loads(Path(info).read_text(encoding="utf-8"))
-        return dict(content["file"])
+        origins = map(dict, [content["file"], *content["further_files"]])
+        return next((each for each in origins if each.get("path") == str(Path(path))), {})
     except (OSError, ValueError, KeyError, TypeError):
         return {}
 

@@ -9,10 +9,11 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.config.settings import PreparationSettings, SplitSettings, TransformSettings
-from evopem.errors import InputError, check_choice
+from evopem.config.settings import PreparationSettings
+from evopem.errors import check_choice
 from evopem.files.json_form import load, save
 from evopem.files.npz import load_arrays, save_arrays
+from evopem.signals.joining import check_same_rate
 from evopem.signals.output_level import output_level
 from evopem.signals.recording import (
     Recording,
@@ -22,16 +23,42 @@ from evopem.signals.recording import (
     recording_names,
 )
 from evopem.signals.resampling import resample_recording
-from evopem.signals.transforms import (
-    box_cox,
-    difference,
-    invert_box_cox,
-    invert_difference,
-    likeliest_box_cox,
-    positive_shift,
+from evopem.signals.sections import (
+    check_differences,
+    discarded,
+    estimation_range,
+    section,
+    transform_outputs,
 )
+from evopem.signals.transforms import invert_box_cox, invert_difference
 
 Part = Literal["estimation", "validation"]
+
+
+@dataclass(frozen=True)
+class StretchOrigin:
+    """Where one of several stretches of prepared samples comes from, and what undoes its means.
+
+    Attributes
+    ----------
+    recording : int
+        Number of the recording, from 0.
+    first : int
+        Its first sample in the recording, at the prepared rate.
+    samples : int
+    input_mean, output_mean : float
+        Taken from all samples of the stretch.
+    difference_initial, difference_input_initial : tuple of float
+        Values that the differences start from, at its first sample.
+    """
+
+    recording: int
+    first: int
+    samples: int
+    input_mean: float
+    output_mean: float
+    difference_initial: tuple[float, ...] = ()
+    difference_input_initial: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -61,9 +88,13 @@ class Transforms:
         Values the differences start from, at the first validation sample.
     estimation_samples, validation_samples : int
         Numbers of prepared samples.
-    validation_source : {"cut", "gap", "file"}
+    validation_source : {"cut", "gap", "file", "recordings"}
         ``cut``: the validation samples follow the estimation samples without a gap; ``gap``: they
-        follow later in the recording; ``file``: they come from another recording.
+        follow later in the recording; ``file``: they come from another recording;
+        ``recordings``: they are the last recordings of the data set.
+    estimation_stretches, validation_stretches : tuple of StretchOrigin
+        Of several stretches, in whose place the numbers above are those of the first; empty for
+        one stretch.
     """
 
     sampling_rate: float
@@ -81,7 +112,29 @@ class Transforms:
     validation_difference_input_initial: tuple[float, ...]
     estimation_samples: int
     validation_samples: int
-    validation_source: Literal["cut", "gap", "file"]
+    validation_source: Literal["cut", "gap", "file", "recordings"]
+    estimation_stretches: tuple[StretchOrigin, ...] = ()
+    validation_stretches: tuple[StretchOrigin, ...] = ()
+
+    def of_stretches(self, part: Part) -> tuple[Transforms, ...]:
+        """The transforms of each stretch of a part alone."""
+        origins = self.estimation_stretches if part == "estimation" else self.validation_stretches
+        if not origins:
+            return (self,)
+        return tuple(
+            replace(
+                self,
+                input_mean=each.input_mean,
+                output_mean=each.output_mean,
+                difference_initial=each.difference_initial,
+                difference_input_initial=each.difference_input_initial,
+                validation_difference_initial=each.difference_initial,
+                validation_difference_input_initial=each.difference_input_initial,
+                estimation_stretches=(),
+                validation_stretches=(),
+            )
+            for each in origins
+        )
 
     @property
     def changes_output(self) -> bool:
@@ -151,7 +204,7 @@ def prepare(
     resampled_from = None
     records = [recording]
     if validation_recording is not None:
-        _check_same_rate(recording, validation_recording, f"{key}validation_file")
+        check_same_rate(recording, validation_recording, f"{key}validation_file")
         records.append(validation_recording)
     if settings.resample is not None:
         records = [resample_recording(one, settings.resample, f"{key}resample") for one in records]
@@ -159,24 +212,24 @@ def prepare(
             resampled_from = recording.sampling_rate
 
     transforms, split = settings.transforms, settings.split
-    _check_differences(transforms, f"{key}transforms")
+    check_differences(transforms, f"{key}transforms")
     differences, differences_input = transforms.difference, transforms.difference_input
     lost = max(differences, differences_input)
     own = validation_recording is None
-    start, stop = _estimation_range(records[0].samples - lost, split, own, f"{key}split")
+    start, stop = estimation_range(records[0].samples - lost, split, own, f"{key}split")
     start, stop = start + lost, stop + lost
     if own:
         validation_range = (stop, records[0].samples)
     else:
-        validation_start = lost + _discarded(records[1].samples - lost, split, f"{key}split")
+        validation_start = lost + discarded(records[1].samples - lost, split, f"{key}split")
         validation_range = (validation_start, records[1].samples)
 
-    records, parameter, shift = _transform_outputs(
-        records, transforms.box_cox, (start, stop), f"{key}transforms.box_cox"
+    records, parameter, shift = transform_outputs(
+        records, transforms.box_cox, [(0, start, stop)], f"{key}transforms.box_cox"
     )
     counts = (differences, differences_input)
-    estimation, estimation_initial = _section(records[0], start, stop, counts)
-    validation, validation_initial = _section(records[-1], *validation_range, counts)
+    estimation, estimation_initial = section(records[0], start, stop, counts)
+    validation, validation_initial = section(records[-1], *validation_range, counts)
 
     input_mean, output_mean = float(estimation.input.mean()), output_level(estimation)
     centred = [
@@ -283,118 +336,3 @@ def load_prepared(arrays: str | Path, transforms: str | Path) -> PreparedData:
         validation=recording_from_arrays(stored, "validation_"),
         transforms=load(Transforms, transforms),
     )
-
-
-def _check_same_rate(recording: Recording, validation: Recording, source: str) -> None:
-    if recording.sampling_rate != validation.sampling_rate:
-        raise InputError(
-            source,
-            f"it was sampled at {validation.sampling_rate:g} Hz and the estimation recording at"
-            f" {recording.sampling_rate:g} Hz",
-            "validate on a recording of the same rate",
-        )
-
-
-def _check_differences(transforms: TransformSettings, source: str) -> None:
-    for name in ("difference", "difference_input"):
-        count = getattr(transforms, name)
-        if not isinstance(count, int) or isinstance(count, bool) or count < 0:
-            raise InputError(
-                f"{source}.{name}",
-                f"{count!r} is not a number of differences",
-                "give a whole number of at least 0",
-            )
-
-
-def _estimation_range(
-    available: int, split: SplitSettings, cut: bool, source: str
-) -> tuple[int, int]:
-    """First estimation sample and the one after the last, among the differenced samples."""
-    if available < 1:
-        raise InputError(
-            source,
-            "the differences leave no sample of the recording",
-            "difference less often or give a longer recording",
-        )
-    discard = _discarded(available, split, source)
-    remaining = available - discard
-    chosen = split.estimation
-    key = f"{source}.estimation"
-    if not cut and isinstance(chosen, float) and chosen == 1.0:
-        return discard, available
-    samples = _samples(chosen, remaining, key, smallest=1)
-    if samples > remaining:
-        raise InputError(
-            key,
-            f"{samples} samples are asked for and {remaining} remain after the discarded ones",
-            "ask for fewer samples or a share such as 0.8",
-        )
-    if cut and samples == remaining:
-        raise InputError(
-            key,
-            f"all {remaining} samples are asked for, so none remain to validate on",
-            "ask for fewer samples or name a validation_file",
-        )
-    return discard, discard + samples
-
-
-def _discarded(available: int, split: SplitSettings, source: str) -> int:
-    """Number of samples to leave out at the start of `available` ones."""
-    key = f"{source}.discard"
-    discard = _samples(split.discard, available, key, smallest=0)
-    if discard >= available:
-        raise InputError(
-            key,
-            f"{discard} samples are to be discarded and there are only {available}",
-            "discard fewer samples",
-        )
-    return discard
-
-
-def _samples(value: float, available: int, source: str, smallest: int) -> int:
-    """Turn a number of samples (int) or a share (float between 0 and 1) into samples."""
-    if isinstance(value, int) and not isinstance(value, bool) and value >= smallest:
-        return value
-    if isinstance(value, float) and 0.0 < value < 1.0:
-        return max(smallest, round(value * available))
-    raise InputError(
-        source,
-        f"{value!r} is neither a number of samples nor a share",
-        f"give a whole number from {smallest} or a fraction between 0 and 1",
-    )
-
-
-def _transform_outputs(
-    records: list[Recording], setting: float | str, estimation: tuple[int, int], source: str
-) -> tuple[list[Recording], float | None, float]:
-    """Box-Cox transform the outputs of all records alike: records, parameter, shift."""
-    if setting == "none":
-        return records, None, 0.0
-    shift = positive_shift(*(record.output for record in records))
-    if setting == "auto":
-        parameter = likeliest_box_cox(records[0].output[slice(*estimation)], shift, source)
-    elif isinstance(setting, int | float) and not isinstance(setting, bool):
-        parameter = float(setting)
-    else:
-        raise InputError(
-            source, f"{setting!r} is not a Box-Cox parameter", 'give a number, "auto" or "none"'
-        )
-    transformed = [
-        replace(record, output=box_cox(record.output, parameter, shift, source))
-        for record in records
-    ]
-    return transformed, parameter, shift
-
-
-def _section(
-    record: Recording, start: int, stop: int, counts: tuple[int, int]
-) -> tuple[Recording, tuple[tuple[float, ...], tuple[float, ...]]]:
-    """Differenced samples `start` to `stop`, and the start values of input and output.
-
-    The differences begin as many samples before `start` as they cost, so that input and
-    output of the section stay aligned.
-    """
-    output_count, input_count = counts
-    u, u_initial = difference(record.input[start - input_count : stop], input_count)
-    y, y_initial = difference(record.output[start - output_count : stop], output_count)
-    return replace(record, input=u, output=y), (u_initial, y_initial)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from evopem.errors import InputError
 from evopem.files.npz import load_arrays, save_arrays
+from evopem.signals.stretches import Stretch
 
 LARGEST = 1e60
 """A signal's largest magnitude must be below this and above its inverse: the squares of residuals
@@ -37,6 +39,9 @@ precision, and the value that netCDF fills in."""
 class Recording:
     """An input and an output sampled together at a constant rate.
 
+    Several recordings of one system stand one after the other.  Nothing is predicted, filtered or
+    differenced across the joint of two stretches.
+
     Attributes
     ----------
     input, output : ndarray of float64, shape (N,)
@@ -47,6 +52,10 @@ class Recording:
         What the channels are called.
     input_unit, output_unit : str
         Their units; an empty string means "not stated".
+    stretch_starts : tuple of int
+        First sample of each stretch of consecutive samples, from 0.
+    stretch_recordings : tuple of int
+        Number of the recording that each stretch is from; those of one share their level.
     """
 
     input: NDArray[np.float64]
@@ -56,6 +65,8 @@ class Recording:
     output_name: str = "output"
     input_unit: str = ""
     output_unit: str = ""
+    stretch_starts: tuple[int, ...] = (0,)
+    stretch_recordings: tuple[int, ...] = (0,)
 
     @property
     def samples(self) -> int:
@@ -66,6 +77,39 @@ class Recording:
     def has_input(self) -> bool:
         """Whether there is an input."""
         return bool(self.input_name)
+
+    @property
+    def is_joined(self) -> bool:
+        """Whether there is more than one stretch of consecutive samples."""
+        return len(self.stretch_starts) > 1
+
+    @property
+    def stretches(self) -> tuple[Stretch, ...]:
+        """The stretches of consecutive samples."""
+        ends = (*self.stretch_starts[1:], self.samples)
+        return tuple(
+            Stretch(self.input[begin:end], self.output[begin:end], recording)
+            for begin, end, recording in zip(
+                self.stretch_starts, ends, self.stretch_recordings, strict=True
+            )
+        )
+
+    def with_stretches(self, stretches: Sequence[Stretch]) -> Recording:
+        """The same channels with other samples: these stretches, one after the other."""
+        lengths = [each.samples for each in stretches]
+        return replace(
+            self,
+            input=np.concatenate([each.input for each in stretches]),
+            output=np.concatenate([each.output for each in stretches]),
+            stretch_starts=tuple(np.cumsum([0, *lengths[:-1]]).tolist()),
+            stretch_recordings=tuple(each.recording for each in stretches),
+        )
+
+    @property
+    def longest(self) -> Recording:
+        """The longest stretch alone."""
+        longest = max(self.stretches, key=lambda each: each.samples)
+        return self.with_stretches([replace(longest, recording=0)])
 
     @property
     def signals(self) -> dict[str, NDArray[np.float64]]:
@@ -245,6 +289,8 @@ _FIELDS = (
     "output_name",
     "input_unit",
     "output_unit",
+    "stretch_starts",
+    "stretch_recordings",
 )
 
 
@@ -265,5 +311,7 @@ def recording_from_arrays(arrays: dict[str, NDArray], prefix: str = "") -> Recor
         input=values["input"],
         output=values["output"],
         sampling_rate=float(values["sampling_rate"]),
-        **{name: str(values[name]) for name in _FIELDS[3:]},
+        **{name: str(values[name]) for name in _FIELDS[3:7]},
+        stretch_starts=tuple(values["stretch_starts"].tolist()),
+        stretch_recordings=tuple(values["stretch_recordings"].tolist()),
     )

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
 from evopem.config.settings import ChannelSettings
+from evopem.signals.channel_roles import ChannelRoles
 from evopem.signals.reading import format_of, local_path, sha256
 from evopem.signals.recording import Recording, saturated_share
 
@@ -23,6 +25,7 @@ class FileOrigin:
     format : str
     input_channel, output_channel : int or str
         The channels as they were asked for; None for no input.
+    samples : int
     """
 
     path: str
@@ -31,6 +34,7 @@ class FileOrigin:
     format: str
     input_channel: int | str | None
     output_channel: int | str
+    samples: int
 
 
 @dataclass(frozen=True)
@@ -47,7 +51,11 @@ class RecordingInfo:
     input_saturated_percent, output_saturated_percent : float
         Percentage of samples that rest at the channel's smallest or largest value.
     file : FileOrigin, optional
-        None for a synthetic recording.
+        The first file; None for a synthetic recording.
+    further_files : tuple of FileOrigin
+        The others, where several recordings are one data set.
+    roles : ChannelRoles, optional
+        Where input, output and time were told from the first file.
     """
 
     kind: Literal["file", "synthesis"]
@@ -60,40 +68,57 @@ class RecordingInfo:
     input_saturated_percent: float
     output_saturated_percent: float
     file: FileOrigin | None = None
+    further_files: tuple[FileOrigin, ...] = ()
+    roles: ChannelRoles | None = None
+
+    @property
+    def files(self) -> tuple[FileOrigin, ...]:
+        """All files, in the order of the recordings; none for a synthetic recording."""
+        return (self.file, *self.further_files) if self.file else ()
 
 
 def describe_synthetic_recording(recording: Recording) -> RecordingInfo:
     """Properties of a simulated recording."""
-    return _info(recording, "synthesis", None)
+    return _info(recording, "synthesis", [])
 
 
-def describe_recorded_file(
-    path: str | Path, recording: Recording, channels: ChannelSettings, name: str = ""
+def describe_recorded_files(
+    names: Sequence[str | Path],
+    recording: Recording,
+    channels: ChannelSettings,
+    folder: str | Path = "",
+    roles: ChannelRoles | None = None,
 ) -> RecordingInfo:
-    """Origin and properties of a recording that was read from a file.
+    """Origin and properties of a recording that was read from files, one for each stretch.
 
     Parameters
     ----------
-    path : path
+    names : sequence of path
+        What the settings call the files.
     recording : Recording
     channels : ChannelSettings
-    name : str
-        What the settings call the file; empty for its path.
+    folder : path
+        What relative names are relative to; the working directory by default.
+    roles : ChannelRoles, optional
+        Where the channels were told from the first file.
     """
-    path = Path(path)
-    origin = FileOrigin(
-        path=name or str(path),
-        sha256=sha256(path),
-        bytes=local_path(path).stat().st_size,
-        format=format_of(path),
-        input_channel=channels.input,
-        output_channel=channels.output,
-    )
-    return _info(recording, "file", origin)
+    origins = [
+        FileOrigin(
+            path=str(path),
+            sha256=sha256(Path(folder) / path),
+            bytes=local_path(Path(folder) / path).stat().st_size,
+            format=format_of(path),
+            input_channel=channels.input,
+            output_channel=channels.output,
+            samples=stretch.samples,
+        )
+        for path, stretch in zip(map(Path, names), recording.stretches, strict=True)
+    ]
+    return replace(_info(recording, "file", origins), roles=roles)
 
 
 def _info(
-    recording: Recording, kind: Literal["file", "synthesis"], origin: FileOrigin | None
+    recording: Recording, kind: Literal["file", "synthesis"], origins: Sequence[FileOrigin]
 ) -> RecordingInfo:
     return RecordingInfo(
         kind=kind,
@@ -105,5 +130,6 @@ def _info(
         output_unit=recording.output_unit,
         input_saturated_percent=100.0 * saturated_share(recording.input),
         output_saturated_percent=100.0 * saturated_share(recording.output),
-        file=origin,
+        file=origins[0] if origins else None,
+        further_files=tuple(origins[1:]),
     )

@@ -2,41 +2,59 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 from numpy.typing import NDArray
 
 from evopem.errors import InputError
 from evopem.signals.recording import Recording
+from evopem.signals.stretches import Stretch
 
 
-def check_independent(estimation: Recording, validation: Recording, source: str) -> None:
-    """Refuse a validation recording that is a copy of the estimation recording, or of a part.
+def check_independent(
+    estimation: Recording,
+    validation: Recording,
+    source: str,
+    other: str = "the estimation recording",
+    remedy: str = "give an independent recording, or leave the key out to cut this one",
+) -> None:
+    """Refuse a recording that is a copy of another one, or of a part.
 
     Parameters
     ----------
     estimation, validation : Recording
+        Of several stretches, each is compared with each.
     source : str
         Configuration key of the validation file, for an error to name.
+    other : str
+        What the estimation recording is called.
+    remedy : str
+        What to do.
 
     Raises
     ------
     InputError
         When all samples of the shorter recording follow each other in the longer one.
     """
+    for one, two in itertools.product(estimation.stretches, validation.stretches):
+        problem = _shared(one, two, other)
+        if problem:
+            raise InputError(source, problem, remedy)
+
+
+def _shared(estimation: Stretch, validation: Stretch, other: str) -> str:
+    """What two stretches have in common, in words; empty where nothing."""
     start = shared_start(_signals(estimation), _signals(validation))
     if start is None:
-        return
+        return ""
     shorter = min(estimation.samples, validation.samples)
     part = f"samples {start + 1} to {start + shorter} of"
     if estimation.samples == validation.samples:
-        problem = "its samples are those of the estimation recording"
-    elif validation.samples == shorter:
-        problem = f"its samples are {part} the estimation recording"
-    else:
-        problem = f"{part} it are the estimation recording"
-    raise InputError(
-        source, problem, "give an independent recording, or leave the key out to cut this one"
-    )
+        return f"its samples are those of {other}"
+    if validation.samples == shorter:
+        return f"its samples are {part} {other}"
+    return f"{part} it are {other}"
 
 
 def shared_start(one: NDArray[np.float64], other: NDArray[np.float64]) -> int | None:
@@ -58,5 +76,5 @@ def shared_start(one: NDArray[np.float64], other: NDArray[np.float64]) -> int | 
     return place // width
 
 
-def _signals(recording: Recording) -> NDArray[np.float64]:
+def _signals(recording: Stretch) -> NDArray[np.float64]:
     return np.column_stack([recording.input, recording.output])

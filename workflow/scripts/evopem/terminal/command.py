@@ -213,13 +213,21 @@ def _settings(arguments: argparse.Namespace) -> DatasetSettings:
         if defaults is not None:
             content["defaults"] = defaults
     try:
-        return complete(content, schema_file(), arguments.config or "evopem").datasets[name]
+        completed = complete(content, schema_file(), arguments.config or "evopem")
     except InputError as error:
         key = error.place.removeprefix(f"datasets.{name}.")
         if key == error.place:
             raise
         option = {"sampling_rate": "--rate", "file": "FILE"}.get(key, f"--{key}")
         raise InputError(option, error.problem, error.remedy) from None
+    if name not in completed.single_channel:
+        raise InputError(
+            arguments.config or "evopem",
+            "this command identifies one input and one output",
+            "run the workflow for structure state_space",
+            "defaults.structure",
+        )
+    return completed.single_channel[name]
 
 
 def _defaults(path: str) -> Any:
@@ -242,13 +250,18 @@ def _check_folder(files: DatasetFiles, settings: DatasetSettings) -> None:
     if not Path(files.config).exists():
         return
     other, own = read_settings(files.config).source, settings.source
-    file = other.file if isinstance(other, RecordedSource) else "a synthetic recording"
-    if not isinstance(own, RecordedSource) or Path(file).absolute() != Path(own.file).absolute():
+    held = other.files if isinstance(other, RecordedSource) else ("a synthetic recording",)
+    given = own.files if isinstance(own, RecordedSource) else ()
+    if list(map(_absolute, held)) != list(map(_absolute, given)):
         raise InputError(
             str(folder),
-            f"it holds the results of {file}",
+            f"it holds the results of {', '.join(held)}",
             "choose another folder with --results",
         )
+
+
+def _absolute(file: str) -> Path:
+    return Path(file).absolute()
 
 
 def _cores() -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,30 +36,44 @@ def log_spaced_horizons(samples: int) -> tuple[int, ...]:
     return tuple(horizon for horizon in every if horizon <= last)
 
 
-def horizon_errors(
-    model: PolynomialModel,
-    input: Array,  # noqa: A002
-    output: Array,
-    horizons: Sequence[int],
-    states: tuple[Array, Array],
-    first: int,
-) -> Array:
-    """Errors ``100 ||y - yhat|| / ||y - mean(y)||`` of k-step predictions, one for each horizon.
+@dataclass(frozen=True)
+class PredictedStretch:
+    """A stretch to predict, with the model and states of its prediction.
 
-    Parameters
+    Attributes
     ----------
     model : PolynomialModel
     input, output : (N,) arrays
-    horizons : sequence of int
-        Samples, each at least 1.
     states : (plant state, noise state)
         As for :meth:`PolynomialModel.predict`.
     first : int
         First sample that counts.
     """
+
+    model: PolynomialModel
+    input: Array
+    output: Array
+    states: tuple[Array, Array]
+    first: int
+
+    def ahead(self, horizon: int) -> Array:
+        """Predictions of the samples that count."""
+        return self.model.predict(self.input, self.output, horizon, *self.states)[self.first :]
+
+
+def horizon_errors(stretches: Sequence[PredictedStretch], horizons: Sequence[int]) -> Array:
+    """Errors ``100 ||y - yhat|| / ||y - mean(y)||`` of k-step predictions, one for each horizon.
+
+    Parameters
+    ----------
+    stretches : sequence of PredictedStretch
+    horizons : sequence of int
+        Samples, each at least 1.
+    """
+    measured = np.concatenate([each.output[each.first :] for each in stretches])
     return np.array(
         [
-            error_percent(output[first:], model.predict(input, output, horizon, *states)[first:])
+            error_percent(measured, np.concatenate([each.ahead(horizon) for each in stretches]))
             for horizon in horizons
         ]
     )
@@ -98,7 +113,8 @@ def horizon_fits(
     """
     states = estimate_prediction_states(model, input, output)
     first = model.orders.first_residual
-    return 100.0 - horizon_errors(model, input, output, horizons, states, first)
+    stretch = PredictedStretch(model, input, output, states, first)
+    return 100.0 - horizon_errors([stretch], horizons)
 
 
 def simulation_fit(model: PolynomialModel, input: Array, output: Array) -> float:  # noqa: A002

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-
-from evopem.validation.mode_evidence import ModeEvidence
+from typing import Protocol
 
 # Damping ratio above which a pair of poles is hardly a resonance.
 STRONG_DAMPING = 0.5
@@ -12,7 +11,55 @@ STRONG_DAMPING = 0.5
 WIDEST_INTERVAL = 0.1
 
 
-def doubts(evidence: ModeEvidence, sampling_rate: float) -> list[str]:
+class EstimatedMode(Protocol):
+    """A mode of a model with one output or several."""
+
+    @property
+    def frequency_hz(self) -> float:
+        """Undamped natural frequency."""
+        ...
+
+    @property
+    def damping_ratio(self) -> float:
+        """Damping ratio."""
+        ...
+
+    @property
+    def frequency_se_hz(self) -> float:
+        """Standard error of the frequency."""
+        ...
+
+
+class Evidence(Protocol):
+    """What the data say about a mode; see :class:`.mode_evidence.ModeEvidence`."""
+
+    @property
+    def mode(self) -> EstimatedMode:
+        """The mode."""
+        ...
+
+    @property
+    def has_input(self) -> bool:
+        """Whether its model has an input."""
+        ...
+
+    @property
+    def origin(self) -> str:
+        """What drives it."""
+        ...
+
+    @property
+    def recurrence(self) -> float:
+        """Share of the other orders that have it."""
+        ...
+
+    @property
+    def stable(self) -> bool | None:
+        """Whether that share is large enough."""
+        ...
+
+
+def doubts(evidence: Evidence, sampling_rate: float) -> list[str]:
     """Reasons to doubt a mode, each a predicate such as "decays too fast to be a resonance".
 
     A mode is trusted when there is none: it is an underdamped resonance below half the sampling
@@ -21,7 +68,7 @@ def doubts(evidence: ModeEvidence, sampling_rate: float) -> list[str]:
 
     Parameters
     ----------
-    evidence : ModeEvidence
+    evidence : ModeEvidence or JudgedMode
     sampling_rate : float
         Hz.
     """

@@ -58,6 +58,21 @@ def recorded_series(
     output, predicted, simulated : (N,) arrays
         Prepared validation samples; NaN where there is none.
     """
+    stretches = transforms.of_stretches("validation")
+    ends = np.cumsum([each.samples for each in transforms.validation_stretches], dtype=int)[:-1]
+    split = [np.split(each, ends) for each in (output, predicted, simulated)]
+    found = [_recorded(*each) for each in zip(stretches, *split, strict=True)]
+    return RecordedSeries(
+        np.concatenate([each.output for each in found]),
+        np.concatenate([each.predicted for each in found]),
+        np.concatenate([each.simulated for each in found]),
+    )
+
+
+def _recorded(
+    transforms: Transforms, output: Array, predicted: Array, simulated: Array
+) -> RecordedSeries:
+    """One stretch in the units of the recording."""
     first = transforms.difference
     measured = invert_output(transforms, output, "validation")[first:]
     level = measured
@@ -73,14 +88,14 @@ def recorded_series(
 
 
 def recorded_errors(
-    transforms: Transforms, series: RecordedSeries, unscored: int
+    transforms: Transforms, series: RecordedSeries, scored: NDArray[np.bool_]
 ) -> RecordedErrors:
-    """Errors of the recorded series from sample ``unscored`` on."""
-    measured = series.output[unscored:]
-    simulated = series.simulated[unscored:]
+    """Errors of the recorded series over the scored samples."""
+    measured = series.output[scored]
+    simulated = series.simulated[scored]
     defined = np.isfinite(simulated)
     return RecordedErrors(
-        prediction_error_percent=error_percent(measured, series.predicted[unscored:]),
+        prediction_error_percent=error_percent(measured, series.predicted[scored]),
         simulation_error_percent=(
             error_percent(measured[defined], simulated[defined]) if defined.any() else np.nan
         ),

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -10,12 +11,13 @@ from numpy.typing import NDArray
 
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomial_states import (
+    estimate_level,
     estimate_prediction_states,
     estimate_simulation_state,
     simulate_with_fitted_level,
 )
 from evopem.signals.preparation import PreparedData
-from evopem.signals.recording import Recording
+from evopem.signals.stretches import Stretch
 from evopem.validation.recorded_units import RecordedSeries
 
 States = tuple[NDArray[np.float64], NDArray[np.float64]]
@@ -24,23 +26,31 @@ States = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 @dataclass(frozen=True)
 class Responses:
-    """Validation samples with the two computed responses; ``nan`` where there is none."""
+    """Validation samples with the two computed responses; ``nan`` where there is none.
+
+    ``scored`` tells which samples count: not those that initial states determine.
+    """
 
     input: NDArray[np.float64]
     output: NDArray[np.float64]
     predicted: NDArray[np.float64]
     simulated: NDArray[np.float64]
     continued: NDArray[np.float64] | None
-    unscored: int
+    scored: NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
 class HeldOutSamples:
-    """Signals that end with samples that the model was not estimated from, from ``first`` on."""
+    """Signals that end with samples that the model was not estimated from, from ``first`` on.
 
+    ``samples`` are those of the validation part; ``model`` has the level of this stretch.
+    """
+
+    model: PolynomialModel
     input: NDArray[np.float64]
     output: NDArray[np.float64]
     first: int
+    samples: int
     states: States
 
 
@@ -51,25 +61,40 @@ def unscored_samples(model: PolynomialModel) -> int:
 
 
 def held_out_samples(
-    model: PolynomialModel, prepared: PreparedData, states: States
-) -> HeldOutSamples:
-    """Both parts where they are continuous, else the validation samples from own states."""
+    model: PolynomialModel, prepared: PreparedData, free_level: bool = False
+) -> tuple[HeldOutSamples, ...]:
+    """Both parts where they are continuous, else each validation stretch from own states.
+
+    With a free level each validation stretch has one of its own, fitted along with its states.
+    """
     estimation, validation = prepared.estimation, prepared.validation
     if prepared.contiguous:
-        return HeldOutSamples(
-            np.concatenate([estimation.input, validation.input]),
-            np.concatenate([estimation.output, validation.output]),
-            estimation.samples,
-            states,
+        return (
+            HeldOutSamples(
+                model,
+                np.concatenate([estimation.input, validation.input]),
+                np.concatenate([estimation.output, validation.output]),
+                estimation.samples,
+                validation.samples,
+                estimate_prediction_states(model, estimation.input, estimation.output),
+            ),
         )
-    own = estimate_prediction_states(model, validation.input, validation.output)
-    return HeldOutSamples(validation.input, validation.output, unscored_samples(model), own)
+    own_level = free_level and bool(prepared.transforms.validation_stretches)
+    return tuple(_held_out(model, each, own_level) for each in validation.stretches)
+
+
+def _held_out(model: PolynomialModel, stretch: Stretch, own_level: bool) -> HeldOutSamples:
+    u, y = stretch.input, stretch.output
+    if own_level:
+        model = replace(model, level=estimate_level(model, u, y))
+    states = estimate_prediction_states(model, u, y)
+    return HeldOutSamples(model, u, y, unscored_samples(model), stretch.samples, states)
 
 
 def responses_of(
     model: PolynomialModel,
     prepared: PreparedData,
-    held_out: HeldOutSamples,
+    held_out: Sequence[HeldOutSamples],
     free_level: bool = False,
 ) -> Responses:
     """Predict and simulate the validation samples.
@@ -78,24 +103,28 @@ def responses_of(
     a free level the simulation fits its level to the validation samples, too.
     """
     estimation, validation = prepared.estimation, prepared.validation
-    seen = len(held_out.output) - len(validation.output)
     continued = None
     if prepared.contiguous and model.has_input:
         state = estimate_simulation_state(model, estimation.input, estimation.output)
-        continued = model.simulate(held_out.input, state)[seen:]
-    predicted = model.predict(held_out.input, held_out.output, 1, *held_out.states)[seen:]
+        continued = model.simulate(held_out[0].input, state)[-validation.samples :]
+    predicted = [
+        each.model.predict(each.input, each.output, 1, *each.states)[-each.samples :]
+        for each in held_out
+    ]
+    simulated = [_simulated(model, each, free_level) for each in validation.stretches]
+    unscored = 0 if prepared.contiguous else unscored_samples(model)
     return Responses(
         input=validation.input,
         output=validation.output,
-        predicted=predicted,
-        simulated=_simulated(model, validation, free_level),
+        predicted=np.concatenate(predicted),
+        simulated=np.concatenate(simulated),
         continued=continued,
-        unscored=0 if prepared.contiguous else unscored_samples(model),
+        scored=np.concatenate([np.arange(each.samples) >= unscored for each in held_out]),
     )
 
 
 def _simulated(
-    model: PolynomialModel, validation: Recording, free_level: bool
+    model: PolynomialModel, validation: Stretch, free_level: bool
 ) -> NDArray[np.float64]:
     """Response to the validation input from the state that fits the validation output best."""
     if not model.has_input:
@@ -110,8 +139,8 @@ def simulation_table(
     responses: Responses, recorded: RecordedSeries, sampling_rate: float
 ) -> pd.DataFrame:
     """Validation samples, time from their first; unscored computed values are missing."""
-    predicted = _scored(responses.predicted, responses.unscored)
-    simulated = _scored(responses.simulated, responses.unscored)
+    predicted = _scored(responses.predicted, responses.scored)
+    simulated = _scored(responses.simulated, responses.scored)
     return pd.DataFrame(
         {
             "time_s": np.arange(responses.output.size) / sampling_rate,
@@ -122,14 +151,12 @@ def simulation_table(
             "simulation_error": responses.output - simulated,
             "prediction_error": responses.output - predicted,
             "recorded_output": recorded.output,
-            "recorded_simulated": _scored(recorded.simulated, responses.unscored),
-            "recorded_predicted": _scored(recorded.predicted, responses.unscored),
+            "recorded_simulated": _scored(recorded.simulated, responses.scored),
+            "recorded_predicted": _scored(recorded.predicted, responses.scored),
         }
     )
 
 
-def _scored(series: NDArray[np.float64], unscored: int) -> NDArray[np.float64]:
-    """The series without its unscored samples, which are NaN."""
-    kept = series.copy()
-    kept[:unscored] = np.nan
-    return kept
+def _scored(series: NDArray[np.float64], scored: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """The series with NaN for its unscored samples."""
+    return np.where(scored, series, np.nan)

@@ -7,27 +7,23 @@ uses every measured output up to the sample before; the simulation sees the inpu
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from evopem.config.settings import SpectrumSettings
 from evopem.errors import InputError, check_choice
-from evopem.estimation.pem.covariance import jacobian_blocks
 from evopem.estimation.pem.objective import OBJECTIVES
-from evopem.estimation.pem.polynomial_objective import PolynomialErrors
-from evopem.models.polynomial_states import estimate_prediction_states
 from evopem.signals.spectral.frequency_response import (
     FrequencyResponse,
     multitaper_frequency_response,
 )
 from evopem.validation.excitation import excitation_order
 from evopem.validation.held_out_tests import HeldOutTest, input_significance
-from evopem.validation.horizons import horizon_errors, log_spaced_horizons
+from evopem.validation.horizons import PredictedStretch, horizon_errors, log_spaced_horizons
 from evopem.validation.mode_evidence import NO_TEST, ModeEvidence, mode_evidence
 from evopem.validation.peak_evidence import PeakEvidence, peak_evidence
 from evopem.validation.recorded_units import (
@@ -44,7 +40,6 @@ from evopem.validation.residual_tests import (
     whiteness_test,
 )
 from evopem.validation.responses import (
-    States,
     held_out_samples,
     responses_of,
     simulation_table,
@@ -52,6 +47,7 @@ from evopem.validation.responses import (
 )
 from evopem.validation.scores import error_percent, fit_percent, outlier_percent
 from evopem.validation.split_spectra import SplitSpectra, split_spectra
+from evopem.validation.tested_residuals import TestedResiduals, tested_residuals
 
 if TYPE_CHECKING:
     from evopem.models.polynomial import PolynomialModel
@@ -238,7 +234,9 @@ def validate(
     Notes
     -----
     Residual tests use the estimation samples (Ljung 1999, section 16.6), from the states that fit
-    them best.
+    them best; the residuals of several stretches stand one after the other.  Where the validation
+    samples are several stretches, each has its own states, and the tests of the input and of modes
+    use the longest.
 
     The simulation of the validation samples starts from the initial state that fits them best, as
     MATLAB's ``compare`` has it: a few numbers, and nothing else, come from the output it is
@@ -259,32 +257,38 @@ def validate(
     inputs = estimation.input if model.has_input else np.zeros_like(estimation.output)
     orders = model.orders
     start = unscored_samples(model) if loss_start is None else loss_start
-    states = estimate_prediction_states(model, estimation.input, estimation.output)
-    all_residuals = model.residuals(estimation.input, estimation.output, *states)
-    residuals = all_residuals[start:]
+    tested = tested_residuals(model, estimation, start, objective)
+    residuals = tested.residuals
     if residuals.size < 2:
         raise ValueError(
             f"{estimation.output.size} estimation samples leave no residuals from sample {start} on"
         )
     autocorrelation = residual_autocorrelation(residuals, lags)
     largest = len(autocorrelation) - 1
-    cross = cross_correlation(residuals, inputs[start:], min(lags, CROSS_CORRELATION_LAGS))
+    cross = cross_correlation(residuals, tested.input, min(lags, CROSS_CORRELATION_LAGS))
     noise_parameters = orders.na + orders.nc + orders.nd
     tested_lags = ljung_box_lags(residuals.size, noise_parameters, largest)
-    held_out = held_out_samples(model, prepared, states)
+    coherence = None
+    if model.has_input:
+        coherence = _coherence(estimation.longest, spectrum or SpectrumSettings())
+    held_out = held_out_samples(model, prepared, free_level)
+    longest = max(held_out, key=lambda each: each.samples)
     responses = responses_of(model, prepared, held_out, free_level)
-    scored = slice(responses.unscored, None)
+    scored = responses.scored
     measured = responses.output[scored]
     if measured.size == 0:
         raise ValueError("no validation sample is left to score; keep more samples for validation")
-    horizons = log_spaced_horizons(measured.size)
+    unscored = int(np.argmax(scored))
+    horizons = log_spaced_horizons(min(longest.samples - unscored, measured.size))
     errors = horizon_errors(
-        model,
-        held_out.input,
-        held_out.output,
+        [
+            PredictedStretch(
+                *(each.model, each.input, each.output, each.states),
+                len(each.output) - each.samples + unscored,
+            )
+            for each in held_out
+        ],
         horizons,
-        held_out.states,
-        len(held_out.output) - measured.size,
     )
     recorded = recorded_series(
         prepared.transforms, responses.output, responses.predicted, responses.simulated
@@ -302,21 +306,13 @@ def validate(
             else error_percent(measured, responses.continued[scored])
         ),
         samples=measured.size,
-        unscored_samples=responses.unscored,
+        unscored_samples=int(np.sum(~scored)),
         residual_samples=residuals.size,
         autocorrelation_share_inside95=share_inside(
             autocorrelation["autocorrelation"].iloc[1:], autocorrelation["bound95"].iloc[1:]
         ),
         lags=largest,
-        ljung_box=_whiteness(
-            model,
-            estimation,
-            all_residuals,
-            states,
-            start,
-            tested_lags,
-            objective,
-        ),
+        ljung_box=_whiteness(tested, tested_lags, objective),
         cross_correlation=CrossCorrelationTest(
             share_inside95=share_inside(cross["cross_correlation"], cross["bound95"]),
             max_abs=float(cross["cross_correlation"].abs().max()),
@@ -328,24 +324,24 @@ def validate(
             order=excitation_order(inputs, needed),
             needed=needed,
         ),
-        recorded=recorded_errors(prepared.transforms, recorded, responses.unscored),
+        recorded=recorded_errors(prepared.transforms, recorded, scored),
         input_test=(
-            input_significance(model, held_out.input, held_out.output, held_out.first)
+            input_significance(longest.model, longest.input, longest.output, longest.first)
             if model.has_input
             else NO_TEST
         ),
         modes=tuple(
             mode_evidence(
-                model,
-                held_out.input,
-                held_out.output,
-                held_out.first,
-                held_out.states,
-                _coherence(estimation, spectrum or SpectrumSettings()) if model.has_input else None,
+                longest.model,
+                longest.input,
+                longest.output,
+                longest.first,
+                longest.states,
+                coherence,
                 others,
             )
         ),
-        peaks=peak_evidence(model, estimation, spectrum or SpectrumSettings()),
+        peaks=peak_evidence(model, estimation.longest, spectrum or SpectrumSettings()),
         split=split_spectra(
             inputs,
             prepared.validation.input if model.has_input else np.zeros(measured.size),
@@ -364,31 +360,11 @@ def validate(
     return validation, ValidationTables(autocorrelation, cross, simulation, by_horizon)
 
 
-def _whiteness(
-    model: PolynomialModel,
-    estimation: Recording,
-    residuals: NDArray[np.float64],
-    states: States,
-    start: int,
-    lags: int,
-    objective: str,
-) -> WhitenessTest:
-    """Joint test of the residuals from ``start`` on; NaN where there are too few."""
-    tested = residuals[start:]
-    if not 0 < lags < tested.size:
+def _whiteness(tested: TestedResiduals, lags: int, objective: str) -> WhitenessTest:
+    """Joint test of the residuals; NaN where there are too few."""
+    if not 0 < lags < tested.residuals.size:
         return WhitenessTest(math.nan, math.nan, math.nan, max(lags, 0))
-    first = model.orders.first_residual
-    u, y = estimation.input, estimation.output
-    if model.orders.nd + model.orders.nf == 0 and model.level == 0.0:
-        # In blocks, which long records need.
-        known = np.nan_to_num(residuals)
-        blocks: Iterable[NDArray[np.float64]] = jacobian_blocks(model, u, y, known, first, start)
-    else:
-        level = model.level != 0.0
-        errors = PolynomialErrors(u, y, model.orders, objective, first, start, 1.0, 1.0, level)
-        levels = [model.level] if level else []
-        blocks = [errors.jacobian(np.concatenate([model.parameters, levels, *states]))]
-    return whiteness_test(tested, blocks, lags, objective)
+    return whiteness_test(tested.residuals, tested.jacobian(), lags, objective)
 
 
 def _coherence(estimation: Recording, settings: SpectrumSettings) -> FrequencyResponse | None:

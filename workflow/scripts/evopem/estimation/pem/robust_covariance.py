@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,7 +18,12 @@ MOST_COLOURING = 50
 
 
 def coloured_covariance(
-    jacobian: Array, residuals: Array, parameters: int, objective: str, input_alone: bool
+    jacobian: Array,
+    residuals: Array,
+    parameters: int,
+    objective: str,
+    input_alone: bool,
+    counts: Sequence[int] = (),
 ) -> ParameterCovariance | None:
     """Asymptotic covariance of estimates for residuals of any colour, (n, n).
 
@@ -43,6 +50,8 @@ def coloured_covariance(
     objective : {"absolute", "quadratic"}
     input_alone : bool
         Whether the gradient depends on the input alone.
+    counts : sequence of int
+        Residuals of each of several stretches, between which there is no correlation.
 
     Returns
     -------
@@ -52,6 +61,7 @@ def coloured_covariance(
     from scipy.signal import lfilter
 
     samples, estimated = jacobian.shape
+    joints = np.cumsum(np.asarray(counts, dtype=int))[:-1]
     score = residuals
     if objective == "absolute":
         density = density_at_zero(residuals, estimated)
@@ -65,11 +75,13 @@ def coloured_covariance(
         innovations = np.convolve(score - score.mean(), whitening, mode="valid")
         # The innovations of signs are as large as those of residuals: their mean square.
         variance = float(innovations @ innovations) / max(len(innovations) - estimated, 1)
-        filtered = lfilter([1.0], whitening, jacobian[::-1], axis=0)
+        parts = np.split(jacobian, joints)
+        filtered = np.concatenate([lfilter([1.0], whitening, p[::-1], axis=0) for p in parts])
         half = np.sqrt(variance) * np.asarray(np.linalg.qr(filtered, mode="r")).T
         meat = half @ half.T
     else:
-        meat = _newey_west(jacobian * score[:, None]) * samples / max(samples - estimated, 1)
+        scores = np.split(jacobian * score[:, None], joints)
+        meat = sum(map(_newey_west, scores)) * samples / max(samples - estimated, 1)
     bread = inverse @ inverse.T
     eigenvalues, vectors = np.linalg.eigh(bread @ meat @ bread.T)
     factor = vectors * np.sqrt(np.maximum(eigenvalues, 0.0))

@@ -23,6 +23,8 @@ def recording(results: DatasetResults) -> list[str]:
     """What was recorded and how it was prepared."""
     transforms = results.model.transforms
     sentences = [_contents(results.recording_info)]
+    if results.recording_info.roles is not None:
+        sentences.append(results.recording_info.roles.sentence)
     if transforms.resampled_from is not None:
         sentences.append(
             f"It was resampled from {hertz(transforms.resampled_from)} to"
@@ -33,11 +35,21 @@ def recording(results: DatasetResults) -> list[str]:
     if transforms.difference_input:
         sentences.append(f"The input was differenced {times(transforms.difference_input)}.")
     sentences.append(_division(transforms))
-    sentences.append(
-        "The mean of the input and the level of the output in the estimation samples are subtracted"
-        " from all samples."
-    )
+    sentences.append(_means(transforms))
     return [" ".join(sentences)]
+
+
+def _means(transforms: Transforms) -> str:
+    if not transforms.validation_stretches:
+        return (
+            "The mean of the input and the level of the output in the estimation samples are"
+            " subtracted from all samples."
+        )
+    return (
+        "The mean of the input and the level of the output of each recording are subtracted from"
+        " its samples. Each recording has an initial state of its own, and nothing is predicted"
+        " from one to the next."
+    )
 
 
 def _contents(info: RecordingInfo) -> str:
@@ -46,8 +58,11 @@ def _contents(info: RecordingInfo) -> str:
         names = "one input and one output"
     if not info.input_name:
         names = info.output_name if info.output_name != "output" else "one output"
+    recordings = "The recording has"
+    if len(info.files) > 1:
+        recordings = f"{len(info.files)} recordings of one system are one data set. They have"
     return (
-        f"The recording has {count(info.samples)} samples of {names} at"
+        f"{recordings} {count(info.samples)} samples of {names} at"
         f" {hertz(info.sampling_rate)},"
         f" {number(info.samples / info.sampling_rate)}{THIN}s in total."
     )
@@ -65,6 +80,8 @@ def _output_steps(transforms: Transforms) -> list[str]:
 
 
 def _division(transforms: Transforms) -> str:
+    if transforms.validation_stretches:
+        return _division_of_recordings(transforms)
     lead = "The first "
     if transforms.discard:
         lead = f"The first {plural(transforms.discard, 'sample')} are discarded. The next "
@@ -72,10 +89,33 @@ def _division(transforms: Transforms) -> str:
         "file": "those of an independent recording",
         "gap": "later ones of the same recording",
         "cut": "those that follow without a gap",
+        "recordings": "the last recordings",
     }[transforms.validation_source]
     return (
         f"{lead}{plural(transforms.estimation_samples, 'sample')} are used for estimation;"
         f" {plural(transforms.validation_samples, 'sample')}, {where}, are used for validation."
+    )
+
+
+def _division_of_recordings(transforms: Transforms) -> str:
+    used = {each.recording for each in transforms.estimation_stretches}
+    others = {each.recording for each in transforms.validation_stretches}
+    estimation = plural(transforms.estimation_samples, "sample")
+    validation = plural(transforms.validation_samples, "sample")
+    discarded = ""
+    if transforms.discard:
+        discarded = f"The first {plural(transforms.discard, 'sample')} of each are discarded. "
+    if transforms.validation_source == "gap":
+        return (
+            f"{discarded}Of each, the first samples are used for estimation, together {estimation},"
+            f" and the last for validation, together {validation}."
+        )
+    where = "last" if transforms.validation_source == "recordings" else "independent"
+    held_out = "recording" if len(others) == 1 else plural(len(others), "recording")
+    return (
+        f"{discarded}{plural(len(used), 'recording')} with {estimation}"
+        f" {'is' if len(used) == 1 else 'are'} used for estimation; the {where} {held_out}"
+        f" with {validation} {'is' if len(others) == 1 else 'are'} used for validation."
     )
 
 

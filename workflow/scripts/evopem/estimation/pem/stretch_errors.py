@@ -11,10 +11,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.automatic.stretches import Stretch
+from evopem.config.settings import ScoringWindow
 from evopem.estimation.pem.polynomial_objective import PolynomialErrors
+from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomials import reflect_into_disc
 from evopem.models.structures import PolynomialOrders
+from evopem.signals.stretches import Stretch
 
 Array = NDArray[np.float64]
 
@@ -35,6 +37,9 @@ class StretchErrors:
         Largest allowed radius of the roots of A and F, and of those of C and D.
     level : bool
         Whether a constant is estimated for each recording.
+    window : ScoringWindow, optional
+        First residual of each stretch and first one that counts; by default the first whose past is
+        measured.
 
     Raises
     ------
@@ -52,8 +57,10 @@ class StretchErrors:
         plant_radius: float,
         noise_radius: float,
         level: bool,
+        window: ScoringWindow | None = None,
     ) -> None:
-        first = orders.first_residual
+        self.window = window or ScoringWindow(orders.first_residual, orders.first_residual)
+        first = self.window.loss_start
         needed = first + orders.nf + orders.noise_states
         self.stretches = tuple(each for each in stretches if each.samples > needed)
         if not self.stretches:
@@ -68,7 +75,7 @@ class StretchErrors:
                 np.ascontiguousarray(each.output),
                 orders,
                 objective,
-                first,
+                self.window.residual_start,
                 first,
                 plant_radius,
                 noise_radius,
@@ -177,9 +184,34 @@ class StretchErrors:
     def residuals_of_stretches(self, point: Array) -> list[Array]:
         """Residuals of one point that count, stretch by stretch."""
         return [
-            errors.residuals(point[at])[errors.residual_start :]
+            errors.residuals(point[at])[errors.loss_start :]
             for errors, at in zip(self._errors, self._positions, strict=True)
         ]
+
+    def residual_counts(self) -> list[int]:
+        """Number of residuals that count in each stretch."""
+        return [errors.scored_samples for errors in self._errors]
+
+    def scored_outputs(self) -> Array:
+        """The outputs of the residuals that count, of all stretches one after the other."""
+        return np.concatenate([errors.output[errors.loss_start :] for errors in self._errors])
+
+    def scored_inputs(self) -> Array:
+        """The inputs of the residuals that count."""
+        return np.concatenate([errors.input[errors.loss_start :] for errors in self._errors])
+
+    def completed_by_states(self, model: PolynomialModel) -> Array:
+        """The point of a model, with the levels and states of least squared residuals.
+
+        Residuals are linear in these.
+        """
+        point, parts = np.zeros(self.dimension), self.parts()
+        point[: self.orders.parameters] = model.parameters
+        linear = slice(parts["level"].start, None)
+        columns = self.jacobian(point)[:, linear]
+        if columns.shape[1]:
+            point[linear] = np.linalg.lstsq(columns, -self.residuals(point), rcond=1e-10)[0]
+        return point
 
     def jacobian(self, point: Array) -> Array:
         """Derivatives of the residuals that count by a point."""

@@ -1,0 +1,76 @@
+"""Follow the modes of fleets of synthetic recordings; docs/evidence/output_only.md has the results.
+
+    python benchmarks/following_modes.py [--recordings 200] [--unchanged 3]
+
+Each recording is one of the velocities of a structure with three sensors and four modes, two of
+them close, under unmeasured forces, with 15 % of sensor noise.  In the first fleet all stiffnesses
+drop by 2 % half-way, so that all frequencies drop by 1 %; in the others nothing changes.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
+
+from evopem.estimation.state_space.estimate import sweep_state_space_orders  # noqa: E402
+from evopem.report.followed_chart import movements  # noqa: E402
+from evopem.results.followed_modes import RecordedMode, follow_modes  # noqa: E402
+from evopem.synthesis.vibrating_structure import VibratingStructure  # noqa: E402
+
+RATE, SAMPLES, ORDER = 100.0, 2000, 8
+SHAPES = np.array([[1.0, 0.5, 0.2, -0.6], [0.6, -1.0, 0.5, 0.3], [0.3, 0.4, -1.0, 0.8]])
+STRUCTURE = VibratingStructure(
+    np.array([4.0, 9.0, 9.5, 21.0]), np.array([0.02, 0.015, 0.015, 0.01]), SHAPES
+)
+
+
+def recorded_modes(structure: VibratingStructure, fleet: int, number: int) -> list[RecordedMode]:
+    """The modes of one recording, order known; those damped by more than 20 % are not trusted."""
+    generator = np.random.default_rng(np.random.SeedSequence(22, spawn_key=(fleet, number)))
+    y = structure.ambient_record(SAMPLES, RATE, 0.15, generator)
+    scores = sweep_state_space_orders(None, y, [ORDER], RATE, folds=False, width=3)
+    return [
+        RecordedMode(
+            mode.frequency_hz,
+            mode.damping_ratio,
+            mode.frequency_se_hz,
+            mode.damping_se,
+            mode.damping_ratio < 0.2,
+            tuple(mode.shape.tolist()),
+        )
+        for mode in scores.estimates[0].model.modes()
+    ]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--recordings", type=int, default=200)
+    parser.add_argument("--unchanged", type=int, default=3)
+    arguments = parser.parse_args()
+    count = arguments.recordings
+    for fleet in range(1 + arguments.unchanged):
+        recordings = {}
+        for number in range(1, count + 1):
+            softened = fleet == 0 and number > count // 2
+            structure = STRUCTURE.softened(0.98) if softened else STRUCTURE
+            recordings[f"r{number:03d}"] = recorded_modes(structure, fleet, number)
+        what = f"drop of 2 % from r{count // 2 + 1:03d} on" if fleet == 0 else "nothing changes"
+        print(f"fleet {fleet}, {what}")
+        for mode in follow_modes(recordings):
+            error = np.median([each.frequency_se_hz for each in mode.modes])
+            print(
+                f"  mode {mode.number}: {mode.frequency_hz:.3f} Hz in {len(mode.modes)}, "
+                f"standard error {100 * error / mode.frequency_hz:.2f} %, "
+                f"{' '.join(movements(mode)) or 'no warning'}",
+                flush=True,
+            )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,46 @@
+"""Conditions of recordings, and their order."""
+
+import pytest
+
+from evopem.config.conditions import order_of, positions
+from evopem.config.defaults import complete
+from evopem.config.schema import schema_file
+from evopem.errors import InputError
+from evopem.files.json_form import to_json
+
+
+def entry(**conditions):
+    return {"synthesis": "armax"} | ({"conditions": conditions} if conditions else {})
+
+
+def test_a_condition_orders_the_recordings_and_stays_out_of_their_settings():
+    config = {
+        "follow": "temperature",
+        "datasets": {"a": entry(temperature=21.5), "b": entry(temperature=-3)},
+    }
+    found = complete(config, schema_file())
+    assert found.order == positions(to_json(found.order))
+    assert found.order.places == {"a": 21.5, "b": -3.0}
+    plain = complete({"datasets": {"a": entry(), "b": entry()}}, schema_file())
+    assert plain.datasets == found.datasets
+    assert plain.order is None
+    assert positions({}) is None
+
+
+def test_dates_become_days():
+    order = order_of({"a": {"on": "2026-03-02T12:00"}, "b": {"on": "2026-03-01"}}, "on", "x.yaml")
+    assert order.places == {"a": 1.5, "b": 0.0}
+    assert "2026-03-01" in order.name
+
+
+@pytest.mark.parametrize(
+    ("entries", "follow", "expected"),
+    [
+        ({"a": entry(load=1), "b": entry()}, "load", "b has no condition load"),
+        ({"a": entry(load=1), "b": entry(load="heavy")}, "load", "heavy is no date|1 is no date"),
+        ({"a": entry(load=[1])}, "load", "conditions.load"),
+    ],
+)
+def test_a_condition_that_cannot_order_is_refused(entries, follow, expected):
+    with pytest.raises(InputError, match=expected):
+        complete({"follow": follow, "datasets": entries}, schema_file())

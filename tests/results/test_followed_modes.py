@@ -1,0 +1,101 @@
+"""Modes recognised over recordings, and warnings where they moved."""
+
+import numpy as np
+import pytest
+
+from evopem.report.followed_chart import followed_charts, movements
+from evopem.results.followed_modes import RecordedMode, follow_modes, followed_table, group_of
+
+
+def mode(frequency, error=0.01, trusted=True, shape=()):
+    return RecordedMode(frequency, 0.02, error, 0.002, trusted, shape)
+
+
+def fleet(count, drop_from, seed=1):
+    """Three modes with errors of 0.1 %, whose frequencies drop by 1 % from a recording on."""
+    generator = np.random.default_rng(seed)
+    recordings = {}
+    for number in range(1, count + 1):
+        factor = 0.99 if number >= drop_from else 1.0
+        recordings[f"day{number:02d}"] = [
+            mode(f * (factor + 0.001 * generator.standard_normal()), 0.001 * f)
+            for f in (3.0, 8.0, 8.7)
+        ]
+    return recordings
+
+
+def test_a_drop_is_found_in_every_mode_at_its_recording():
+    followed = follow_modes(fleet(20, 11))
+    assert [each.number for each in followed] == [1, 2, 3]
+    for each in followed:
+        (change,) = each.levels.changes
+        assert each.recordings[change.index] == "day11"
+        assert change.after / change.before == pytest.approx(0.99, abs=0.001)
+        (sentence,) = movements(each)
+        assert "moved by −" in sentence
+        assert sentence.endswith("from day11 on.")
+
+
+def test_a_single_recording_away_from_the_others_is_named_and_drawn():
+    recordings = fleet(20, 99)
+    recordings["day07"][0] = mode(3.1, 0.003)
+    first, *others = follow_modes(recordings)
+    (sentence,) = movements(first)
+    assert sentence.endswith("in day07 alone.")
+    assert not any(map(movements, others))
+    charts = followed_charts([first, *others])
+    assert [chart.marks.count("M") for chart in charts] == [1, 0, 0]
+    assert all(chart.points.count("M") == 20 for chart in charts)
+    assert charts[0].first == "day01 (1)"
+
+
+def test_the_order_is_that_of_a_condition_where_one_is_given():
+    recordings = fleet(20, 11)
+    names = list(recordings)
+    shuffled = {name: recordings[name] for name in np.random.default_rng(2).permutation(names)}
+    places = {name: 100.0 + 3.0 * names.index(name) for name in names}
+    assert all(each.levels.changes for each in follow_modes(shuffled, places))
+    by_place = follow_modes(shuffled, places)[0]
+    assert by_place.recordings == tuple(names)
+    assert by_place.places[:2] == (100.0, 103.0)
+
+
+def test_doubted_and_missing_modes_leave_gaps_and_pair_nothing_wrongly():
+    recordings = fleet(12, 99)
+    recordings["day05"] = [mode(8.71, 0.009), mode(20.0)]  # the mode at 8.7 Hz, not that at 8
+    recordings["day06"][0] = mode(3.1, trusted=False)
+    first, second, third = follow_modes(recordings)
+    assert "day05" not in first.recordings + second.recordings
+    assert "day06" not in first.recordings
+    assert third.recordings == tuple(recordings)
+    assert third.modes[4].frequency_hz == 8.71
+    assert not any(movements(each) for each in (first, second, third))
+
+
+def test_shapes_keep_modes_apart_whose_frequencies_cross():
+    one, other = (1.0 + 0j, 0.2 + 0j), (-0.2 + 0j, 1.0 + 0j)
+    recordings = {
+        f"r{number}": [mode(10.0 + 0.05 * number, shape=one), mode(10.2, shape=other)]
+        for number in range(10)
+    }
+    followed = follow_modes(recordings)
+    assert [len({m.shape for m in each.modes}) for each in followed] == [1, 1]
+
+
+def test_different_structures_are_followed_apart_and_single_recordings_not_at_all():
+    recordings = {"wing-1": [mode(5.0)], "wing-2": [mode(5.01)], "tail": [mode(5.0)]}
+    (only,) = follow_modes(recordings)
+    assert only.group == group_of("wing-1") == "wing"
+    assert only.levels is None
+    assert follow_modes({}) == []
+
+
+def test_the_table_has_a_row_for_each_mode_and_recording():
+    table = followed_table(follow_modes(fleet(16, 9)))
+    assert len(table) == 48
+    row = table.iloc[0]
+    assert row["dataset"] == "day01"
+    assert row["frequency_low_hz"] < row["frequency_hz"] < row["frequency_high_hz"]
+    assert list(table["warning"].dropna()) == ["moved from here on"] * 3
+    assert list(table["dataset"][table["warning"].notna()]) == ["day09"] * 3
+    assert len(followed_table([])) == 0

@@ -1,0 +1,115 @@
+"""Modes with their evidence on truths: what is found, what is doubted, who drives a mode."""
+
+import numpy as np
+import pytest
+
+from evopem.estimation.state_space.estimate import sweep_state_space_orders
+from evopem.files.json_form import from_json, to_json
+from evopem.models.state_space import StateSpaceModel
+from evopem.models.state_space_modes import assurance
+from evopem.synthesis.vibrating_structure import VibratingStructure
+from evopem.validation.mode_table import ModeTable, held_out_mode_tests, mode_table
+
+RATE = 100.0
+CLOSE = VibratingStructure(
+    frequencies_hz=np.array([5.0, 12.0, 12.4]),
+    damping_ratios=np.array([0.02, 0.015, 0.015]),
+    shapes=np.array([[1.0, 0.5, 0.2], [0.6, -1.0, 0.5], [0.3, 0.4, -1.0]]),
+)
+
+
+@pytest.fixture(scope="module")
+def ambient():
+    """The table of a record of outputs alone with 20 % of sensor noise."""
+    y = CLOSE.ambient_record(3000, RATE, 0.2, np.random.default_rng(3))
+    orders = range(2, 13, 2)
+    scores = sweep_state_space_orders(None, y[:2200], orders, RATE, folds=False, width=3)
+    return scores, mode_table(scores, None, y, 2200)
+
+
+def test_exactly_the_true_modes_of_an_output_only_record_are_trusted(ambient):
+    _, table = ambient
+    assert table.order == 6
+    assert len(table.trusted) == 3
+    for k, mode in enumerate(table.trusted):
+        assert abs(mode.frequency_hz - CLOSE.frequencies_hz[k]) < 4.0 * mode.frequency_se_hz
+        assert abs(mode.damping_ratio - CLOSE.damping_ratios[k]) < 4.0 * mode.damping_se
+        assert assurance(mode.shape, CLOSE.shapes[:, k].astype(complex)) > 0.95
+    for judged in table.modes:
+        assert judged.origin == ("noise" if judged.trusted else judged.origin)
+        assert not judged.has_input
+    own = [pole for pole in table.poles if pole.mode is not None and pole.order >= 6]
+    assert {pole.order for pole in own} == {6, 8, 10, 12}
+
+
+def test_a_table_keeps_its_json_form(ambient):
+    _, table = ambient
+    content = to_json(table)
+    assert to_json(from_json(ModeTable, content)) == content
+
+
+def test_without_held_out_samples_a_mode_is_not_judged(ambient):
+    scores, table = ambient
+    y = np.zeros((2200, 3))
+    unjudged = mode_table(scores, None, y)
+    assert {each.origin for each in unjudged.modes} == {"not judged"}
+    assert len(unjudged.modes) == len(table.modes)
+
+
+def two_modes(driven, noisy, spurious=0.0):
+    """A mode at 8 Hz that the input drives, one at 20 Hz that the noise does, two outputs.
+
+    ``spurious`` is what an estimate would have in the input's row of the second mode.
+    """
+    A = np.zeros((4, 4))
+    for k, f in enumerate((8.0, 20.0)):
+        pole = np.exp((-0.02 + 1j) * 2.0 * np.pi * f / RATE)
+        A[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = [[pole.real, pole.imag], [-pole.imag, pole.real]]
+    return StateSpaceModel(
+        A=A,
+        B=np.array([[driven], [0.3 * driven], [spurious], [0.5 * spurious]]),
+        C=np.array([[1.0, 0.2, 0.8, 0.1], [0.5, -0.3, -1.0, 0.4]]),
+        D=np.zeros((2, 1)),
+        K=noisy * np.array([[0.0, 0.0], [0.0, 0.0], [0.3, -0.1], [0.1, -0.3]]),
+        sampling_rate=RATE,
+        level=np.zeros(2),
+        noise_covariance=np.eye(2),
+    )
+
+
+def recorded(model, samples, seed):
+    generator = np.random.default_rng([9, seed])
+    u, e = generator.standard_normal((samples, 1)), generator.standard_normal((samples, 2))
+    y, x = np.empty((samples, 2)), np.zeros(4)
+    for t in range(samples):
+        y[t] = model.C @ x + e[t]
+        x = model.A @ x + model.B @ u[t] + model.K @ e[t]
+    return u, y
+
+
+def test_the_input_and_the_noise_each_have_their_mode():
+    u, y = recorded(two_modes(1.0, 1.0), 2500, 1)
+    orders = range(2, 11, 2)
+    scores = sweep_state_space_orders(u[:1700], y[:1700], orders, RATE, folds=False, width=3)
+    table = mode_table(scores, u, y, 1700)
+    found = {round(each.mode.frequency_hz): each for each in table.modes if each.trusted}
+    assert sorted(found) == [8, 20]
+    assert found[8].origin == "input"
+    assert found[20].origin == "noise"
+    assert not found[20].reached
+
+
+def test_the_tests_reject_at_their_level_what_is_not_there():
+    """An estimate's chance input to a mode passes no more often than the level says."""
+    truth, estimate = two_modes(1.0, 0.0), two_modes(1.0, 0.0, spurious=0.02)
+    p_values = []
+    for seed in range(200):
+        u, y = recorded(truth, 400, seed)
+        modes = estimate.modes()
+        p_values.append(
+            [held_out_mode_tests(estimate, modes, u, y, 100)[k][0].p_value for k in (0, 1)]
+        )
+    driven, not_driven = np.array(p_values).T
+    assert (driven < 0.01).all()
+    # At a level of 5 %, 200 records reject between 2 and 20 times but for one case in a thousand.
+    assert 2 <= (not_driven < 0.05).sum() <= 20

@@ -1,0 +1,42 @@
+"""What a data set of several recordings cannot have."""
+
+from __future__ import annotations
+
+from evopem.config.settings import DatasetSettings, RecordedSource
+from evopem.errors import InputError
+
+
+def check_several_recordings(settings: DatasetSettings, source: str) -> None:
+    """Refuse keys that have no meaning for several recordings of one data set.
+
+    Parameters
+    ----------
+    settings : DatasetSettings
+    source : str
+        The configuration, for an error to name.
+
+    Raises
+    ------
+    InputError
+    """
+    recorded = settings.source
+    if not isinstance(recorded, RecordedSource) or len(recorded.files) == 1:
+        return
+    place = f"datasets.{settings.name}"
+    split = settings.preparation.split
+    whole_recordings = split.by == "recordings" and not recorded.validation_files
+    if whole_recordings and isinstance(split.estimation, int):
+        raise InputError(
+            source,
+            f"{split.estimation} is a number of samples, and whole recordings are held out",
+            "give a fraction between 0 and 1, or write by: samples beside it to cut each recording",
+            f"{place}.split.estimation",
+        )
+    if settings.fit.changes_model:
+        key = "constraints" if settings.fit.constraints else "focus"
+        raise InputError(
+            source,
+            f"the key is for a data set of one recording, and this one has {len(recorded.files)}",
+            "remove the key, or give one file",
+            f"{place}.{key}",
+        )

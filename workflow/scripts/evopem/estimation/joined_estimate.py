@@ -1,0 +1,175 @@
+"""Estimate one model of any structure from several stretches with initial states of their own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from evopem.config.settings import ScoringWindow, SearchSettings
+from evopem.estimation.criteria import criteria_of, lies_at_bound, power_of_two_scale
+from evopem.estimation.pem.covariance import innovation_variance
+from evopem.estimation.pem.stretch_errors import StretchErrors
+from evopem.estimation.polynomial_estimate import PolynomialEstimate, covariance_of
+from evopem.estimation.search.global_search import global_search
+from evopem.estimation.search.problem import SearchResult, continuing, descended, pooled
+from evopem.estimation.search.stretch_problem import StretchProblem
+from evopem.models.polynomial import PolynomialModel
+from evopem.models.polynomials import max_root_radius
+from evopem.models.structures import PolynomialOrders
+from evopem.signals.stretches import Stretch
+
+Array = NDArray[np.float64]
+
+
+def estimate_joined(
+    stretches: Sequence[Stretch],
+    orders: PolynomialOrders,
+    sampling_rate: float,
+    settings: SearchSettings,
+    window: ScoringWindow,
+    level: bool = False,
+    earlier: SearchResult | None = None,
+    log: Callable[[str], None] | None = None,
+) -> PolynomialEstimate:
+    """Find the model of given orders with the smallest prediction errors over all stretches.
+
+    One objective over all stretches; each has an initial state of the plant and of the noise
+    filter, and each recording a level where one is estimated.
+
+    Parameters
+    ----------
+    stretches : sequence of Stretch
+    orders : PolynomialOrders
+    sampling_rate : float
+        Hz.
+    settings : SearchSettings
+        ``initialization`` is not used, as in :func:`.polynomial_estimate.estimate_polynomial`.
+    window : ScoringWindow
+        Of each stretch.
+    level : bool
+        Whether a constant is estimated for each recording.
+    earlier : SearchResult, optional
+        Result of an earlier search of the same problem, to be combined with this one.
+    log : callable, optional
+        Receives one line a generation.
+
+    Raises
+    ------
+    ValueError
+        When no stretch is long enough for the orders.
+    """
+    o = orders
+    with threadpool_limits(limits=1, user_api="blas"):
+        errors = joined_errors(stretches, orders, settings, window, level)
+        problem, scales = _scaled_problem(errors)
+        key = (o.na, o.nb, o.nc, o.nd, o.nf, o.nk, int(level), *continuing(earlier))
+        generator = np.random.default_rng(np.random.SeedSequence(settings.seed, spawn_key=key))
+        known = np.inf if earlier is None else earlier.value
+        found = global_search(problem, settings, generator, log, known, recombine=problem.recombine)
+        found = replace(found, point=found.point * scales)
+        if earlier is not None:
+            found = pooled(earlier, found)
+        return describe_joined(errors, found, sampling_rate)
+
+
+def joined_errors(
+    stretches: Sequence[Stretch],
+    orders: PolynomialOrders,
+    settings: SearchSettings,
+    window: ScoringWindow,
+    level: bool,
+) -> StretchErrors:
+    """The prediction-error problem of several stretches, orders and settings."""
+    radius = settings.max_root_radius
+    return StretchErrors(
+        *(stretches, orders, settings.objective, radius, radius, level), window=window
+    )
+
+
+def descend_from_model(
+    model: PolynomialModel, errors: StretchErrors, sampling_rate: float, earlier: SearchResult
+) -> PolynomialEstimate:
+    """Descend once from a model of smaller orders, and combine the result with an earlier search.
+
+    Parameters
+    ----------
+    model : PolynomialModel
+    errors : StretchErrors
+    sampling_rate : float
+        Hz.
+    earlier : SearchResult
+    """
+    problem, scales = _scaled_problem(errors)
+    input_scale, output_scale = _scales(errors)
+    scaled = replace(model, b=model.b * (input_scale / output_scale), covariance=None)
+    starts = StretchProblem(problem.errors, [scaled], own_starts=False).starts()
+    if len(starts) == 0:
+        return describe_joined(errors, earlier, sampling_rate)
+    ended = descended(problem, starts[0])
+    ended = replace(ended, point=ended.point * scales)
+    return describe_joined(errors, pooled(earlier, ended), sampling_rate)
+
+
+def describe_joined(
+    errors: StretchErrors, result: SearchResult, sampling_rate: float
+) -> PolynomialEstimate:
+    """The model at a search's best point, with its criteria, residuals and covariance."""
+    point, parts = result.point, errors.parts()
+    a, c, d, f = (np.concatenate([[1.0], point[parts[name]]]) for name in "acdf")
+    of_stretches = errors.residuals_of_stretches(point)
+    counted, outputs = np.concatenate(of_stretches), errors.scored_outputs()
+    levels = tuple(point[parts["level"]].tolist())
+    model = PolynomialModel(
+        *(a, point[parts["b"]].copy(), c, d, f, errors.orders.nk, sampling_rate),
+        level=levels[0] if levels else 0.0,
+        noise_variance=innovation_variance(counted, errors.dimension),
+        covariance=covariance_of(errors, point, counted, outputs, errors.residual_counts()),
+        structure=errors.orders.structure,
+    )
+    missing = np.full(errors.window.loss_start, np.nan)
+    at_bound = (
+        lies_at_bound(max(max_root_radius(a[1:]), max_root_radius(f[1:])), errors.plant_radius),
+        lies_at_bound(max(max_root_radius(c[1:]), max_root_radius(d[1:])), errors.noise_radius),
+    )
+    criteria = criteria_of(counted, outputs, errors.objective, errors.parameters)
+    return PolynomialEstimate(
+        model=model,
+        criteria=criteria,
+        residuals=np.concatenate([part for each in of_stretches for part in (missing, each)]),
+        plant_state=point[parts["plant"]].copy(),
+        noise_state=point[parts["noise"]].copy(),
+        window=errors.window,
+        at_stability_bound=any(at_bound),
+        search=result,
+        focus_objective=criteria.objective,
+        levels=levels,
+    )
+
+
+def _scales(errors: StretchErrors) -> tuple[float, float]:
+    """Powers of two next below the largest input and output of any stretch."""
+    inputs = np.concatenate([each.input for each in errors.stretches])
+    outputs = np.concatenate([each.output for each in errors.stretches])
+    return power_of_two_scale(inputs), power_of_two_scale(outputs)
+
+
+def _scaled_problem(errors: StretchErrors) -> tuple[StretchProblem, Array]:
+    """The problem with signals scaled to moderate size, and the scales of its parameters."""
+    input_scale, output_scale = _scales(errors)
+    scaled = StretchErrors(
+        [
+            Stretch(each.input / input_scale, each.output / output_scale, each.recording)
+            for each in errors.stretches
+        ],
+        *(errors.orders, errors.objective, errors.plant_radius, errors.noise_radius, errors.level),
+        window=errors.window,
+    )
+    scales, parts = np.ones(errors.dimension), errors.parts()
+    scales[parts["b"]] = output_scale / input_scale
+    for name in ("level", "plant", "noise"):
+        scales[parts[name]] = output_scale
+    return StretchProblem(scaled), scales

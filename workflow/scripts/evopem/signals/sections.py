@@ -1,0 +1,133 @@
+"""Parts of recordings: which samples they are, transformed outputs, differences."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from evopem.config.settings import SplitSettings, TransformSettings
+from evopem.errors import InputError
+from evopem.signals.recording import Recording
+from evopem.signals.transforms import box_cox, difference, likeliest_box_cox, positive_shift
+
+
+def check_differences(transforms: TransformSettings, source: str) -> None:
+    """Refuse numbers of differences that are none."""
+    for name in ("difference", "difference_input"):
+        count = getattr(transforms, name)
+        if not isinstance(count, int) or isinstance(count, bool) or count < 0:
+            raise InputError(
+                f"{source}.{name}",
+                f"{count!r} is not a number of differences",
+                "give a whole number of at least 0",
+            )
+
+
+def estimation_range(
+    available: int, split: SplitSettings, cut: bool, source: str
+) -> tuple[int, int]:
+    """First estimation sample and the one after the last, among the differenced samples."""
+    if available < 1:
+        raise InputError(
+            source,
+            "the differences leave no sample of the recording",
+            "difference less often or give a longer recording",
+        )
+    first = discarded(available, split, source)
+    remaining = available - first
+    chosen = split.estimation
+    key = f"{source}.estimation"
+    if not cut and isinstance(chosen, float) and chosen == 1.0:
+        return first, available
+    samples = _number_of_samples(chosen, remaining, key, smallest=1)
+    if samples > remaining:
+        raise InputError(
+            key,
+            f"{samples} samples are asked for and {remaining} remain after the discarded ones",
+            "ask for fewer samples or a share such as 0.8",
+        )
+    if cut and samples == remaining:
+        raise InputError(
+            key,
+            f"all {remaining} samples are asked for, so none remain to validate on",
+            "ask for fewer samples or name a validation_file",
+        )
+    return first, first + samples
+
+
+def discarded(available: int, split: SplitSettings, source: str) -> int:
+    """Number of samples to leave out at the start of `available` ones."""
+    key = f"{source}.discard"
+    discard = _number_of_samples(split.discard, available, key, smallest=0)
+    if discard >= available:
+        raise InputError(
+            key,
+            f"{discard} samples are to be discarded and there are only {available}",
+            "discard fewer samples",
+        )
+    return discard
+
+
+def _number_of_samples(value: float, available: int, source: str, smallest: int) -> int:
+    """Turn a number of samples (int) or a share (float between 0 and 1) into samples."""
+    if isinstance(value, int) and not isinstance(value, bool) and value >= smallest:
+        return value
+    if isinstance(value, float) and 0.0 < value < 1.0:
+        return max(smallest, round(value * available))
+    raise InputError(
+        source,
+        f"{value!r} is neither a number of samples nor a share",
+        f"give a whole number from {smallest} or a fraction between 0 and 1",
+    )
+
+
+def transform_outputs(
+    records: list[Recording],
+    setting: float | str,
+    estimation: Sequence[tuple[int, int, int]],
+    source: str,
+) -> tuple[list[Recording], float | None, float]:
+    """Box-Cox transform the outputs of all records alike: records, parameter, shift.
+
+    Parameters
+    ----------
+    records : list of Recording
+    setting : float or {"auto", "none"}
+    estimation : sequence of (record, start, stop)
+        The samples from which an automatic parameter is found.
+    source : str
+        Configuration key that an error names.
+    """
+    if setting == "none":
+        return records, None, 0.0
+    shift = positive_shift(*(record.output for record in records))
+    if setting == "auto":
+        known = [records[number].output[start:stop] for number, start, stop in estimation]
+        parameter = likeliest_box_cox(np.concatenate(known), shift, source)
+    elif isinstance(setting, int | float) and not isinstance(setting, bool):
+        parameter = float(setting)
+    else:
+        raise InputError(
+            source, f"{setting!r} is not a Box-Cox parameter", 'give a number, "auto" or "none"'
+        )
+    transformed = [
+        replace(record, output=box_cox(record.output, parameter, shift, source))
+        for record in records
+    ]
+    return transformed, parameter, shift
+
+
+def section(
+    record: Recording, start: int, stop: int, counts: tuple[int, int]
+) -> tuple[Recording, tuple[tuple[float, ...], tuple[float, ...]]]:
+    """Differenced samples `start` to `stop`, and the start values of input and output.
+
+    The differences begin as many samples before `start` as they cost, so that input and
+    output of the section stay aligned.
+    """
+    output_count, input_count = counts
+    u, u_initial = difference(record.input[start - input_count : stop], input_count)
+    y, y_initial = difference(record.output[start - output_count : stop], output_count)
+    return replace(record, input=u, output=y), (u_initial, y_initial)

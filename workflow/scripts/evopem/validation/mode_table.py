@@ -1,0 +1,328 @@
+"""The modes of a record from state-space models of several orders, each with its evidence.
+
+For each mode: which orders have it, whether the input reaches it, whether the predictor needs it
+beside the noise, and how well it is known.  A mode is a group of poles of several orders that
+agree (:mod:`evopem.models.mode_clusters`); its numbers are those of the model of the order that
+BIC chose or, where that one lacks it, of the best model that has it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from evopem.estimation.state_space.estimate import OrderScores
+from evopem.models.mode_clusters import cluster_modes
+from evopem.models.state_space import StateSpaceModel
+from evopem.models.state_space_modes import ShapedMode
+from evopem.validation.held_out_tests import HeldOutTest, contribution_test
+from evopem.validation.mode_evidence import NO_TEST, SIGNIFICANCE, STABLE_SHARE
+from evopem.validation.mode_trust import doubts
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+# A mode that the chosen order lacks is listed where this many orders have it.
+PERSISTENT_ORDERS = 3
+# Smaller orders that recurrence is counted over where none is larger.
+NEAREST = 3
+
+
+@dataclass(frozen=True)
+class PoleOfOrder:
+    """A pole of a stabilisation diagram.
+
+    Attributes
+    ----------
+    order : int
+    frequency_hz, damping_ratio : float
+    frequency_se_hz, damping_se : float
+        Standard errors.
+    phase_collinearity : float
+    mode : int or None
+        Index of the row of the table that it belongs to; None where it belongs to none.
+    """
+
+    order: int
+    frequency_hz: float
+    damping_ratio: float
+    frequency_se_hz: float
+    damping_se: float
+    phase_collinearity: float
+    mode: int | None
+
+
+@dataclass(frozen=True, eq=False)
+class JudgedMode:
+    """A mode with what the data say about it.
+
+    Attributes
+    ----------
+    mode : ShapedMode
+    order : int
+        Order of the model that it is taken from.
+    orders : tuple of int
+        Orders whose models have it.
+    recurrence : float
+        Share of the larger orders that have it, or of the :data:`NEAREST` smaller ones where none
+        is larger; NaN without other orders.
+    stable : bool or None
+        Whether that share is at least three quarters; None where it is not known.
+    input_test : HeldOutTest
+        Of the mode's response to the inputs, on held-out samples, beside the responses of all
+        other modes.  The smallest p-value of all outputs, times their number (Bonferroni).
+    reached : bool or None
+        Whether the inputs reach the mode, by ``input_test``; None where it is not possible.
+    noise_test : HeldOutTest
+        The same of what the mode adds, driven by past innovations, to one-step predictions.
+    needed_by_noise : bool or None
+        Whether it adds to them, by ``noise_test``.  False for an output-error model.
+    doubts : tuple of str
+        Reasons not to trust it, see :func:`evopem.validation.mode_trust.doubts`.
+    """
+
+    mode: ShapedMode
+    order: int
+    orders: tuple[int, ...]
+    recurrence: float
+    stable: bool | None
+    input_test: HeldOutTest
+    reached: bool | None
+    noise_test: HeldOutTest
+    needed_by_noise: bool | None
+    doubts: tuple[str, ...] = ()
+
+    @property
+    def has_input(self) -> bool:
+        """Whether the model of the mode has an input."""
+        return len(self.mode.input_participation) > 0
+
+    @property
+    def origin(self) -> str:
+        """What drives the mode: ``input``, ``noise``, ``neither`` or ``not judged``."""
+        if self.reached:
+            return "input"
+        if self.needed_by_noise:
+            return "noise"
+        if self.reached is None or self.needed_by_noise is None:
+            return "not judged"
+        return "neither"
+
+    @property
+    def trusted(self) -> bool:
+        """Whether there is no reason to doubt it."""
+        return not self.doubts
+
+
+@dataclass(frozen=True, eq=False)
+class ModeTable:
+    """Modes of a record, by frequency, and the poles of all orders.
+
+    Attributes
+    ----------
+    order : int
+        The order that BIC chose.
+    orders : tuple of int
+        All orders.
+    modes : tuple of JudgedMode
+    poles : tuple of PoleOfOrder
+        By order and frequency.
+    """
+
+    order: int
+    orders: tuple[int, ...]
+    modes: tuple[JudgedMode, ...]
+    poles: tuple[PoleOfOrder, ...]
+
+    @property
+    def trusted(self) -> tuple[ShapedMode, ...]:
+        """The modes that nothing speaks against."""
+        return tuple(each.mode for each in self.modes if each.trusted)
+
+
+def mode_table(
+    scores: OrderScores,
+    inputs: ArrayLike | None,
+    outputs: ArrayLike,
+    first: int | None = None,
+) -> ModeTable:
+    """Collect the modes of models of several orders, each with its evidence.
+
+    Parameters
+    ----------
+    scores : OrderScores
+        Models of consecutive orders, at least three above the number that the record needs.
+    inputs : (N, nu) array_like, optional
+        None for output-only models.
+    outputs : (N, ny) array_like
+        Signals that end with the held-out samples; they may begin with the estimation samples.
+    first : int, optional
+        First held-out sample; by default there are none, and the tests are not possible.
+
+    Raises
+    ------
+    ValueError
+        When the signals have other channels than the models.
+    """
+    y = np.asarray(outputs, dtype=float)
+    u = np.empty((len(y), 0)) if inputs is None else np.asarray(inputs, dtype=float)
+    first = len(y) if first is None else first
+    models = dict(zip(scores.orders, (each.model for each in scores.estimates), strict=True))
+    bics = dict(zip(scores.orders, scores.bic, strict=True))
+    chosen = min(scores.orders, key=lambda order: bics[order])
+    modes = {order: model.modes() for order, model in models.items()}
+    tests: dict[int, list[tuple[HeldOutTest, HeldOutTest]]] = {}
+    judged: list[JudgedMode] = []
+    row_of: dict[tuple[int, int], int] = {}
+    for group in cluster_modes(modes):
+        if chosen not in group and len(group) < PERSISTENT_ORDERS:
+            continue
+        own = chosen if chosen in group else min(group, key=lambda order: bics[order])
+        if own not in tests:
+            tests[own] = held_out_mode_tests(models[own], modes[own], u, y, first)
+        row_of |= {(order, index): len(judged) for order, index in group.items()}
+        judged.append(
+            _judged(
+                modes[own][group[own]],
+                own,
+                tuple(sorted(group)),
+                tests[own][group[own]],
+                models[own],
+                scores.orders,
+            )
+        )
+    poles = tuple(
+        PoleOfOrder(
+            order=order,
+            frequency_hz=mode.frequency_hz,
+            damping_ratio=mode.damping_ratio,
+            frequency_se_hz=mode.frequency_se_hz,
+            damping_se=mode.damping_se,
+            phase_collinearity=mode.phase_collinearity,
+            mode=row_of.get((order, index)),
+        )
+        for order in scores.orders
+        for index, mode in enumerate(modes[order])
+    )
+    return ModeTable(chosen, tuple(scores.orders), tuple(judged), poles)
+
+
+def held_out_mode_tests(
+    model: StateSpaceModel, modes: Sequence[ShapedMode], inputs: Array, outputs: Array, first: int
+) -> list[tuple[HeldOutTest, HeldOutTest]]:
+    """Test, for each mode, its response to the inputs and its part of one-step predictions.
+
+    The output is regressed on what the mode contributes, beside the contributions of all others:
+    of two poles that cancel each other's response neither may pass because the other is there.
+
+    Parameters
+    ----------
+    model : StateSpaceModel
+        Stable, with a stable predictor.
+    modes : sequence of ShapedMode
+        Those of the model.
+    inputs, outputs : (N, nu) and (N, ny) arrays
+    first : int
+        First held-out sample.
+    """
+    untested = (NO_TEST, NO_TEST)
+    if first >= len(outputs):
+        return [untested] * len(modes)
+    free = _free_responses(model.poles(), len(outputs) - first)
+    innovations = model.residuals(inputs, outputs, model.prediction_state(inputs, outputs))
+    simulated = model.simulate(inputs)
+    by_input = [
+        _response(mode, _delayed(model, inputs), mode.input_participation) for mode in modes
+    ]
+    by_noise = [_response(mode, innovations, mode.noise_participation) for mode in modes]
+    rest_of_input = simulated - sum(by_input, np.zeros_like(outputs))
+    rest_of_noise = outputs - innovations - simulated - sum(by_noise, np.zeros_like(outputs))
+    found = []
+    for index in range(len(modes)):
+        of_input, of_noise = untested
+        if model.inputs:
+            others = [*by_input[:index], *by_input[index + 1 :], rest_of_input]
+            of_input = _of_all_outputs(outputs, by_input[index], others, free, first)
+        if model.form == "innovations":
+            others = [*by_noise[:index], *by_noise[index + 1 :], rest_of_noise, simulated]
+            of_noise = _of_all_outputs(outputs, by_noise[index], others, free, first)
+        found.append((of_input, of_noise))
+    return found
+
+
+def _judged(
+    mode: ShapedMode,
+    own: int,
+    orders: tuple[int, ...],
+    tests: tuple[HeldOutTest, HeldOutTest],
+    model: StateSpaceModel,
+    all_orders: Sequence[int],
+) -> JudgedMode:
+    of_input, of_noise = tests
+    recurrence = _recurrence(own, orders, all_orders)
+    judged = JudgedMode(
+        mode=mode,
+        order=own,
+        orders=orders,
+        recurrence=recurrence,
+        stable=None if math.isnan(recurrence) else recurrence >= STABLE_SHARE,
+        input_test=of_input,
+        reached=of_input.significant(SIGNIFICANCE) if model.inputs else False,
+        noise_test=of_noise,
+        needed_by_noise=(
+            of_noise.significant(SIGNIFICANCE) if model.form == "innovations" else False
+        ),
+    )
+    return replace(judged, doubts=tuple(doubts(judged, model.sampling_rate)))
+
+
+def _recurrence(own: int, orders: Sequence[int], all_orders: Sequence[int]) -> float:
+    """Share of the larger orders that have a mode; smaller ones lose true modes first."""
+    smaller = sorted((order for order in all_orders if order < own), reverse=True)
+    others = [order for order in all_orders if order > own] or smaller[:NEAREST]
+    return float(np.mean([order in orders for order in others])) if others else math.nan
+
+
+def _response(mode: ShapedMode, drives: Array, participation: Complex) -> Array:
+    """What a pair of poles adds to the outputs, (N, ny), driven one sample before; from rest."""
+    from scipy.signal import lfilter
+
+    modal = lfilter([0.0, 1.0], [1.0, -mode.pole], drives @ participation)
+    response: Array = 2.0 * np.outer(modal, mode.shape).real
+    return response
+
+
+def _delayed(model: StateSpaceModel, inputs: Array) -> Array:
+    delayed = np.zeros_like(inputs)
+    for column, delay in enumerate(model.input_delays or (0,) * model.inputs):
+        delayed[delay:, column] = inputs[: len(inputs) - delay, column]
+    return delayed
+
+
+def _free_responses(poles: Complex, samples: int) -> Array:
+    """Responses to an initial state, two for each pair of poles and one for each real one."""
+    upper = poles[poles.imag >= 0.0]
+    powers = upper ** np.arange(samples)[:, None]
+    free: Array = np.column_stack([powers.real, powers.imag[:, upper.imag > 0.0]])
+    return free
+
+
+def _of_all_outputs(
+    outputs: Array, contribution: Array, others: Sequence[Array], free: Array, first: int
+) -> HeldOutTest:
+    """The most significant test of all outputs, corrected for their number."""
+    tests = []
+    for column in range(outputs.shape[1]):
+        nuisance = np.column_stack([*(other[first:, column] for other in others), free])
+        tests.append(
+            contribution_test(outputs[first:, column], contribution[first:, column], nuisance)
+        )
+    possible = [test for test in tests if not math.isnan(test.p_value)]
+    if not possible:
+        return tests[0]
+    best = min(possible, key=lambda test: (test.p_value, -test.statistic))
+    return replace(best, p_value=min(1.0, len(possible) * best.p_value))
