@@ -229,6 +229,8 @@ class SearchSettings:
         Largest radius of the roots of A, C, D and F.
     n_initial_discard : int
         First residuals that the loss leaves out.
+    prune : bool
+        Whether candidates that cannot be selected are left after a first pass of their search.
     """
 
     objective: Objective = "absolute"
@@ -241,6 +243,7 @@ class SearchSettings:
     evaluations: int = 20000
     max_root_radius: float = 0.9999
     n_initial_discard: int = 20
+    prune: bool = True
 
 
 @dataclass(frozen=True)
