@@ -214,7 +214,7 @@ class Provider:
         return [own.stretches, *map(own.decision, _DECISIONS), *searches, *others, own.decisions]
 
     def _other_purpose(self, dataset: str) -> str:
-        automatic = self.config.datasets[dataset].automatic or AutomaticSettings()
+        automatic = self.config.single_channel[dataset].automatic or AutomaticSettings()
         return automatic.other_purpose
 
     def _structures(self, dataset: str) -> tuple[str, ...]:
