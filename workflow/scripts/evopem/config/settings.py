@@ -229,6 +229,8 @@ class SearchSettings:
         Largest radius of the roots of A, C, D and F.
     n_initial_discard : int
         First residuals that the loss leaves out.
+    prune : bool
+        Whether candidates that cannot be selected are left after a first pass of their search.
     """
 
     objective: Objective = "absolute"
@@ -241,6 +243,7 @@ class SearchSettings:
     evaluations: int = 20000
     max_root_radius: float = 0.9999
     n_initial_discard: int = 20
+    prune: bool = True
 
 
 @dataclass(frozen=True)
@@ -321,6 +324,8 @@ class AutomaticSettings:
         Whether ``split.discard`` says where the recording begins.
     rate_given : bool
         Whether ``resample`` says at which rate the model is.
+    differences_given : bool
+        Whether ``transforms`` say how often the channels are differenced.
     objective : {"absolute", "quadratic"}, optional
     """
 
@@ -333,7 +338,13 @@ class AutomaticSettings:
     nb: Range | None = None
     start_given: bool = False
     rate_given: bool = False
+    differences_given: bool = False
     objective: Objective | None = None
+
+    @property
+    def other_purpose(self) -> Literal["simulation", "prediction"]:
+        """The purpose whose model is kept beside that for the purpose."""
+        return "prediction" if self.purpose in ("auto", "simulation") else "simulation"
 
 
 @dataclass(frozen=True)
