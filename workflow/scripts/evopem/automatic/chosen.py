@@ -23,7 +23,8 @@ from evopem.estimation.order_selection import REPEAT_FACTOR
 from evopem.estimation.pem.polynomial_objective import PolynomialErrors
 from evopem.estimation.pem.stretch_errors import StretchErrors
 from evopem.estimation.polynomial_estimate import describe
-from evopem.estimation.search.memetic import memetic_search
+from evopem.estimation.search.certificate import is_certified
+from evopem.estimation.search.global_search import global_search
 from evopem.estimation.search.problem import (
     SearchDiagnostics,
     SearchResult,
@@ -35,7 +36,6 @@ from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomial_states import estimate_prediction_states
 from evopem.models.structures import PolynomialOrders
 from evopem.signals.recording import Recording
-from evopem.validation.checks.search import MAX_UNDISCOVERED_PROBABILITY
 
 Array = NDArray[np.float64]
 
@@ -112,7 +112,7 @@ def estimate_chosen(
     errors = _errors_of(record, searched, search)
     known = _nearest_optimum(errors, model, search)
     result = _searched(errors, known, search, 1, log)
-    if not _is_repeatable(result):
+    if not is_certified(result.diagnostics):
         longer = replace(search, evaluations=REPEAT_FACTOR * search.evaluations)
         result = _searched(errors, result, longer, 2, log)
     best = fit_at(errors, result.point, searched.structure).model
@@ -189,17 +189,10 @@ def _searched(
     problem, o = StretchProblem(errors), errors.orders
     key = (o.na, o.nb, o.nc, o.nd, o.nf, o.nk, number)
     generator = np.random.default_rng(np.random.SeedSequence(search.seed, spawn_key=key))
-    found = memetic_search(
+    found = global_search(
         problem, search, generator, log, earlier.value, recombine=problem.recombine
     )
     return pooled(earlier, found)
-
-
-def _is_repeatable(result: SearchResult) -> bool:
-    """Whether independent restarts confirm a minimum, and another one is improbable."""
-    found = result.diagnostics
-    undiscovered = found.undiscovered_probability
-    return found.n_confirming > 0 and undiscovered <= MAX_UNDISCOVERED_PROBABILITY
 
 
 def _described_by_search(

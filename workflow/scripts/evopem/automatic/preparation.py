@@ -437,11 +437,11 @@ def _longest_run(signal: Array, value: float) -> int:
 def _decide_decimation(stretches: Sequence[Stretch]) -> tuple[int, Decision]:
     """Decimation by the error of simulations on held-out samples, at the recorded rate."""
     criterion = "simulation error on held-out samples at the recorded rate, % of the output"
-    edge = _power_edge(stretches)
+    edge = power_edge(stretches)
     samples = total_samples(stretches)
     largest = 1.0 / (OVERSAMPLED / 2.0 * max(edge, 1e-9))
     factors = [f for f in FACTORS if f <= largest and samples / f >= LEAST_SAMPLES]
-    coherent = _coherence_edge(stretches) if factors else 0.0
+    coherent = coherence_edge(stretches) if factors else 0.0
     if factors and factors[0] * coherent > 0.5:
         sentence = (
             f"Input and output are coherent up to {coherent:.3g} of the sampling rate, though "
@@ -467,7 +467,7 @@ def _decide_decimation(stretches: Sequence[Stretch]) -> tuple[int, Decision]:
     )
 
 
-def _power_edge(stretches: Sequence[Stretch]) -> float:
+def power_edge(stretches: Sequence[Stretch]) -> float:
     """Frequency below which nearly all power of the output lies, as a share of the rate.
 
     The lowest of ``BANDS`` bands is taken for a floor of white noise, and left out of all.
@@ -482,7 +482,7 @@ def _power_edge(stretches: Sequence[Stretch]) -> float:
     return float(reached[0] / len(y)) if len(reached) else 0.5
 
 
-def _coherence_edge(stretches: Sequence[Stretch]) -> float:
+def coherence_edge(stretches: Sequence[Stretch]) -> float:
     """Upper end of the highest band where input and output are coherent, as a share of the rate.
 
     A band is coherent where more than half of its lines exceed what independent signals exceed in
@@ -511,7 +511,7 @@ def _decimated_error(stretches: Sequence[Stretch], factor: int) -> float:
         Stretch(decimated(s.input, factor), decimated(s.output, factor), s.recording)
         for s in stretches
     ]
-    lost = sum(float(np.sum((s.output - _smoothed(s.output, factor)) ** 2)) for s in stretches)
+    lost = sum(float(np.sum((s.output - smoothed(s.output, factor)) ** 2)) for s in stretches)
     total = sum(float(np.sum((s.output - s.output.mean()) ** 2)) for s in stretches)
     settings = FitSettings()
     best = np.inf
@@ -532,7 +532,7 @@ def _decimated_error(stretches: Sequence[Stretch], factor: int) -> float:
     return float(100.0 * np.sqrt(best + lost / total))
 
 
-def _smoothed(signal: Array, factor: int) -> Array:
+def smoothed(signal: Array, factor: int) -> Array:
     """What a decimated signal still holds, at the original rate."""
     if factor == 1:
         return signal

@@ -184,6 +184,11 @@ class DatasetFiles:
         return f"{self.folder}/modes.csv"
 
     @property
+    def modes_json(self) -> str:
+        """Modes of a state-space model with their shapes."""
+        return f"{self.folder}/modes.json"
+
+    @property
     def frequency_response(self) -> str:
         """Frequency responses of plant and noise filter with 95 % intervals."""
         return f"{self.folder}/frequency_response.csv"
@@ -265,6 +270,35 @@ class DatasetFiles:
             self.cross_correlation,
             self.simulation,
             self.horizons,
+            self.summary,
+        ]
+
+    def state_space_results(self, variants: Iterable[str]) -> list[str]:
+        """The results of a data set with several channels, without its report.
+
+        Parameters
+        ----------
+        variants : iterable of str
+            Names of the forms with their weightings that are searched.
+        """
+        return [
+            self.config,
+            self.recording,
+            self.recording_info,
+            self.prepared,
+            self.transforms,
+            *map(self.decision, ("preparation", "delays", "comparison")),
+            *map(self.search, variants),
+            self.decisions,
+            self.model,
+            self.model_mat,
+            self.modes,
+            self.modes_json,
+            self.frequency_response,
+            self.validation,
+            self.residual_autocorrelation,
+            self.cross_correlation,
+            self.simulation,
             self.summary,
         ]
 

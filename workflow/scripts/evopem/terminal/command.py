@@ -210,13 +210,21 @@ def _settings(arguments: argparse.Namespace) -> DatasetSettings:
     if defaults is not None:
         content["defaults"] = defaults
     try:
-        return complete(content, schema_file(), arguments.config or "evopem").datasets[name]
+        completed = complete(content, schema_file(), arguments.config or "evopem")
     except InputError as error:
         key = error.place.removeprefix(f"datasets.{name}.")
         if key == error.place:
             raise
         option = {"sampling_rate": "--rate", "file": "FILE"}.get(key, f"--{key}")
         raise InputError(option, error.problem, error.remedy) from None
+    if name not in completed.single_channel:
+        raise InputError(
+            arguments.config or "evopem",
+            "this command identifies one input and one output",
+            "run the workflow for structure state_space",
+            "defaults.structure",
+        )
+    return completed.single_channel[name]
 
 
 def _defaults(path: str) -> Any:

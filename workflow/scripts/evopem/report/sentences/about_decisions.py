@@ -56,7 +56,7 @@ def purpose_rows(results: DatasetResults) -> list[PurposeRow]:
 def decision_rows(results: DatasetResults) -> list[DecisionRow]:
     """All decisions in their order; empty for the chapter's recipe."""
     record = results.decisions
-    return [] if record is None else [_row(each) for each in record.decisions]
+    return [] if record is None else [decision_row(each) for each in record.decisions]
 
 
 def about_decisions(results: DatasetResults) -> list[str]:
@@ -73,7 +73,8 @@ def about_decisions(results: DatasetResults) -> list[str]:
     return [" ".join(sentences)]
 
 
-def _row(decision: Decision) -> DecisionRow:
+def decision_row(decision: Decision) -> DecisionRow:
+    """A decision with its best rivals."""
     scored = [each for each in decision.alternatives if math.isfinite(each.score)]
     rivals = sorted(scored, key=lambda each: each.score)[: MOST_RIVALS + 1]
     own = next((each for each in scored if each.name == decision.choice), None)
