@@ -96,7 +96,9 @@ def test_the_structures_are_those_of_the_package():
 
 def test_built_in_settings_of_the_search_are_those_of_the_package():
     """One search, whether a configuration or a notebook starts it."""
-    config = complete({"datasets": {"arm": {"synthesis": "flexible_arm"}}}, SCHEMA)
+    config = complete(
+        {"datasets": {"arm": {"synthesis": "flexible_arm", "recipe": "chapter"}}}, SCHEMA
+    )
     arm = config.datasets["arm"]
     assert isinstance(arm, DatasetSettings)
     assert arm.search == SearchSettings()

@@ -12,6 +12,7 @@ from evopem.automatic.fit import NOISE_RADIUS, fit_at
 from evopem.automatic.orders import Candidate as ScoredCandidate
 from evopem.automatic.preparation import PreparedRecord
 from evopem.automatic.remedies import Remedied
+from evopem.automatic.structures import Choice
 from evopem.config.settings import ScoringWindow, SearchSettings
 from evopem.config.structures import AUTOMATIC_PHASES
 from evopem.errors import InputError
@@ -108,18 +109,8 @@ def estimate_chosen(
     if remedied.plant_kept:
         searched = PolynomialOrders(nb=orders.nb, nf=orders.nf, nk=orders.nk, structure="oe")
         model = replace(model, c=np.ones(1), d=np.ones(1), structure="oe")
-    errors = StretchErrors(
-        *(record.stretches, searched, search.objective, search.max_root_radius),
-        *(min(search.max_root_radius, NOISE_RADIUS), True),
-    )
-    starts = StretchProblem(errors, [model], own_starts=False).starts()
-    if len(starts) == 0:
-        raise InputError(
-            "search.max_root_radius",
-            f"the chosen model has a root of a radius above {search.max_root_radius:g}",
-            "raise it",
-        )
-    known = descended(StretchProblem(errors), starts[0])
+    errors = _errors_of(record, searched, search)
+    known = _nearest_optimum(errors, model, search)
     result = _searched(errors, known, search, 1, log)
     if not is_certified(result.diagnostics):
         longer = replace(search, evaluations=REPEAT_FACTOR * search.evaluations)
@@ -135,6 +126,56 @@ def estimate_chosen(
         else "no lower minimum than that of the chosen model was found."
     )
     return PhaseSelection(CHOSEN, orders, reason, (candidate,))
+
+
+def estimate_choice(
+    choice: Choice, record: PreparedRecord, data: Recording, search: SearchSettings
+) -> Candidate:
+    """The model of a choice on the prepared samples, at the optimum that the comparison found.
+
+    Parameters
+    ----------
+    choice : Choice
+    record : PreparedRecord
+        All stretches.
+    data : Recording
+        The prepared estimation samples.
+    search : SearchSettings
+        With the objective that was decided.
+
+    Raises
+    ------
+    InputError
+        When the model has roots beyond the largest radius.
+    """
+    orders = _named_orders(choice.candidate)
+    errors = _errors_of(record, orders, search)
+    known = _nearest_optimum(errors, choice.candidate.model, search)
+    model = record.in_its_units(fit_at(errors, known.point, orders.structure).model)
+    return _described_by_search(model, orders, known, search, data)
+
+
+def _errors_of(
+    record: PreparedRecord, orders: PolynomialOrders, search: SearchSettings
+) -> StretchErrors:
+    return StretchErrors(
+        *(record.stretches, orders, search.objective, search.max_root_radius),
+        *(min(search.max_root_radius, NOISE_RADIUS), True),
+    )
+
+
+def _nearest_optimum(
+    errors: StretchErrors, model: PolynomialModel, search: SearchSettings
+) -> SearchResult:
+    """The optimum that a descent from a model reaches."""
+    starts = StretchProblem(errors, [model], own_starts=False).starts()
+    if len(starts) == 0:
+        raise InputError(
+            "search.max_root_radius",
+            f"the chosen model has a root of a radius above {search.max_root_radius:g}",
+            "raise it",
+        )
+    return descended(StretchProblem(errors), starts[0])
 
 
 def _searched(

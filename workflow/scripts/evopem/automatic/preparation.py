@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.automatic.decision import Alternative, Decision, given_by_configuration, lowest
+from evopem.automatic.drift import decide_differences, differenced
 from evopem.automatic.fit import FOLD_STAGES, FitSettings, fit, log_loss
 from evopem.automatic.folds import SHORTEST_BLOCK
 from evopem.automatic.orders import MOST_SAMPLES
@@ -63,11 +64,14 @@ class GivenPreparation:
         First sample kept of each recording.
     factor : int, optional
         Decimation factor.
+    differences : int, optional
+        Further differences of both channels.
     objective : {"absolute", "quadratic"}, optional
     """
 
     start: int | None = None
     factor: int | None = None
+    differences: int | None = None
     objective: str | None = None
 
 
@@ -85,12 +89,14 @@ class PreparationPlan:
         Limits of the output, whose samples are breaks: lowest and highest, infinite for none.
     objective : {"absolute", "quadratic"}
     input_offset, output_offset : float
-        Means of the estimation samples, taken from all samples.
+        Means of the estimation samples, after differences, taken from all samples.
     input_scale, output_scale : float
         Powers of two by which the samples are divided.
     decisions : tuple of Decision
     stuck : bool
         Whether stretches in which the output stands still are breaks.
+    differences : int
+        How often both channels are differenced, after decimation.
     """
 
     starts: tuple[int, ...]
@@ -103,6 +109,7 @@ class PreparationPlan:
     output_scale: float
     decisions: tuple[Decision, ...]
     stuck: bool = False
+    differences: int = 0
 
     def __post_init__(self) -> None:
         # JSON has no infinity: no limit comes back as NaN.
@@ -205,14 +212,42 @@ def decide_preparation(
     else:
         factor, about_factor = given.factor, given_by_configuration("decimation", str(given.factor))
     plan = replace(plan, factor=factor)
+    if given.differences is None:
+        stretches = list(first_samples(prepare(recordings, plan).stretches, MOST_DECIMATED))
+        differences, about_differences = decide_differences(stretches)
+    else:
+        differences = given.differences
+        about_differences = given_by_configuration("differences", str(differences))
+    if differences:
+        plan = _centred(recordings, replace(plan, differences=differences))
     if given.objective is None:
         stretches = list(first_samples(prepare(recordings, plan).stretches, MOST_SAMPLES))
         objective, about_objective = _decide_objective(stretches)
     else:
         objective = given.objective
         about_objective = given_by_configuration("objective", objective)
-    decisions = (about_start, about_clipping, about_factor, about_objective, about_stuck)
+    decisions = (
+        *(about_start, about_clipping, about_factor, about_differences),
+        *(about_objective, about_stuck),
+    )
     return replace(plan, objective=objective, decisions=decisions)
+
+
+def _centred(recordings: Sequence[Recording], plan: PreparationPlan) -> PreparationPlan:
+    """A plan with the means and scales of the signals that it prepares."""
+    unchanged = replace(
+        plan, input_offset=0.0, output_offset=0.0, input_scale=1.0, output_scale=1.0
+    )
+    stretches = prepare(recordings, unchanged).stretches
+    u = np.concatenate([each.input for each in stretches])
+    y = np.concatenate([each.output for each in stretches])
+    return replace(
+        plan,
+        input_offset=float(u.mean()),
+        output_offset=float(y.mean()),
+        input_scale=power_of_two_scale(u - u.mean()),
+        output_scale=power_of_two_scale(y - y.mean()),
+    )
 
 
 def prepare(recordings: Sequence[Recording], plan: PreparationPlan) -> PreparedRecord:
@@ -242,6 +277,11 @@ def prepare_validation(recording: Recording, plan: PreparationPlan) -> tuple[Str
     return prepare((recording,), others).stretches
 
 
+def undifferenced(plan: PreparationPlan) -> PreparationPlan:
+    """The same preparation without its differences, and without means."""
+    return replace(plan, differences=0, input_offset=0.0, output_offset=0.0)
+
+
 def decimated(signal: Array, factor: int) -> Array:
     """A signal at a lower rate, by a zero-phase FIR filter; (ceil(N / factor),)."""
     from scipy.signal import decimate
@@ -254,11 +294,15 @@ def decimated(signal: Array, factor: int) -> Array:
 
 
 def _scaled(stretch: Stretch, plan: PreparationPlan) -> Stretch:
-    u = decimated(stretch.input, plan.factor)
-    y = decimated(stretch.output, plan.factor)
+    lower = Stretch(
+        decimated(stretch.input, plan.factor),
+        decimated(stretch.output, plan.factor),
+        stretch.recording,
+    )
+    lower = differenced(lower, plan.differences)
     return Stretch(
-        (u - plan.input_offset) / plan.input_scale,
-        (y - plan.output_offset) / plan.output_scale,
+        (lower.input - plan.input_offset) / plan.input_scale,
+        (lower.output - plan.output_offset) / plan.output_scale,
         stretch.recording,
     )
 

@@ -41,7 +41,7 @@ from evopem.config.yaml_form import ANALYSIS_KEYS, analysis_keys, settings_of
 from evopem.errors import InputError
 from evopem.files.json_form import from_json, to_json
 
-BUILT_IN_RECIPE: Recipe = "chapter"
+BUILT_IN_RECIPE: Recipe = "auto"
 
 
 def complete(config: Keys, schema_path: str | Path, source: str = "config.yaml") -> Configuration:

@@ -324,6 +324,8 @@ class AutomaticSettings:
         Whether ``split.discard`` says where the recording begins.
     rate_given : bool
         Whether ``resample`` says at which rate the model is.
+    differences_given : bool
+        Whether ``transforms`` say how often the channels are differenced.
     objective : {"absolute", "quadratic"}, optional
     """
 
@@ -336,7 +338,13 @@ class AutomaticSettings:
     nb: Range | None = None
     start_given: bool = False
     rate_given: bool = False
+    differences_given: bool = False
     objective: Objective | None = None
+
+    @property
+    def other_purpose(self) -> Literal["simulation", "prediction"]:
+        """The purpose whose model is kept beside that for the purpose."""
+        return "prediction" if self.purpose in ("auto", "simulation") else "simulation"
 
 
 @dataclass(frozen=True)

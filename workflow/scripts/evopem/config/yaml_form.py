@@ -37,6 +37,8 @@ ANALYSIS_KEYS = (
 )
 
 NO_RESAMPLING = "none"
+# The automatic recipe decides of what is left.
+UNDIFFERENCED = {"difference": 0, "difference_input": 0}
 
 
 def settings_of(name: str, keys: Keys) -> DatasetSettings:
@@ -62,7 +64,7 @@ def settings_of(name: str, keys: Keys) -> DatasetSettings:
         "name": name,
         "source": source,
         "preparation": {
-            "transforms": keys["transforms"],
+            "transforms": (UNDIFFERENCED if automatic else {}) | dict(keys["transforms"]),
             "split": ({"discard": 0} if automatic else {}) | dict(keys["split"]),
             "resample": None if resample == NO_RESAMPLING else resample,
         },

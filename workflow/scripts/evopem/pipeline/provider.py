@@ -69,7 +69,8 @@ def _structure_of(dataset: _Dataset) -> str:
     automatic = dataset.automatic
     if automatic is None:
         return dataset.order_grid.structure
-    return f"automatic_{automatic.structure}" if automatic.structure else "automatic"
+    purpose = "" if automatic.other_purpose == "prediction" else f"_{automatic.purpose}"
+    return f"automatic{purpose}_{automatic.structure}".removesuffix("_None")
 
 
 @dataclass(frozen=True)
@@ -208,7 +209,13 @@ class Provider:
     def _decisions(self, dataset: str, own: DatasetFiles) -> list[str]:
         """All files of decisions of one data set."""
         searches = [own.search(each) for each in self._structures(dataset)]
-        return [own.stretches, *map(own.decision, _DECISIONS), *searches, own.decisions]
+        other = self._other_purpose(dataset)
+        others = [own.other_errors(other), own.other_model(other)]
+        return [own.stretches, *map(own.decision, _DECISIONS), *searches, *others, own.decisions]
+
+    def _other_purpose(self, dataset: str) -> str:
+        automatic = self.config.single_channel[dataset].automatic or AutomaticSettings()
+        return automatic.other_purpose
 
     def _structures(self, dataset: str) -> tuple[str, ...]:
         automatic = self.config.single_channel[dataset].automatic
@@ -424,6 +431,14 @@ class Provider:
     def structures(self, wildcards: Wildcards) -> list[str]:
         """The structures that the automatic recipe searches."""
         return list(self._structures(wildcards.dataset))
+
+    def other_purpose(self, wildcards: Wildcards) -> str:
+        """The other purpose for which the automatic recipe keeps a model."""
+        return self._other_purpose(wildcards.dataset)
+
+    def other_errors(self, wildcards: Wildcards) -> str:
+        """What the model for this purpose reaches."""
+        return FILES.other_errors(self.other_purpose(wildcards))
 
     def wanted_searches(self, wildcards: Wildcards) -> list[str]:
         """The outputs of the searches of these structures."""

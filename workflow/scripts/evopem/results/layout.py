@@ -165,6 +165,14 @@ class DatasetFiles:
         """The model, for evopem and people."""
         return f"{self.folder}/model.json"
 
+    def other_model(self, purpose: str) -> str:
+        """The model of an automatic recipe for another purpose than that of :attr:`model`."""
+        return f"{self.folder}/model.{purpose}.json"
+
+    def other_errors(self, purpose: str) -> str:
+        """What the model for another purpose reaches."""
+        return self.decision(f"models/{purpose}")
+
     @property
     def model_mat(self) -> str:
         """The model, for MATLAB."""

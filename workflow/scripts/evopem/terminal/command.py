@@ -113,7 +113,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--config",
         metavar="YAML",
-        help="a config.yaml whose `defaults:` are used in place of the automatic recipe",
+        help="a config.yaml whose `defaults:` decide what they name",
     )
     return parser
 
@@ -206,12 +206,9 @@ def _settings(arguments: argparse.Namespace) -> DatasetSettings:
     keys |= {} if arguments.time is None else {"time": arguments.time}
     name = dataset_name(Path(arguments.file))
     content: dict[str, Any] = {"datasets": {name: keys}}
-    if arguments.config is None:
-        content["defaults"] = {"recipe": "auto"}
-    else:
-        defaults = _defaults(arguments.config)
-        if defaults is not None:
-            content["defaults"] = defaults
+    defaults = None if arguments.config is None else _defaults(arguments.config)
+    if defaults is not None:
+        content["defaults"] = defaults
     try:
         completed = complete(content, schema_file(), arguments.config or "evopem")
     except InputError as error:
