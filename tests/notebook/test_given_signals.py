@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from evopem.errors import InputError
-from evopem.notebook.signals import given_signals
+from evopem.notebook.signals import given_recordings, given_signals
 from evopem.signals.reading import read_recording
 
 U, Y = np.random.default_rng(1).standard_normal((2, 50))
@@ -61,6 +61,19 @@ def test_missing_values_of_a_table_become_nan():
     table["y"] = table["y"].astype("Float64")
     table.loc[3, "y"] = pd.NA
     assert np.isnan(given_signals(table, "y", "u", sampling_rate=1.0).output[3])
+
+
+def test_lists_of_tables_and_of_signals_are_several_recordings():
+    first, second = given_recordings([frame(TIME), frame(TIME + 9.0)], "y", "u")
+    assert np.array_equal(first.input, second.input)
+    arrays = given_recordings([U, U[:30]], [Y, Y[:30]], sampling_rate=2.0)
+    assert [each.output.size for each in arrays] == [50, 30]
+    assert len(given_recordings(list(U), list(Y), sampling_rate=2.0)) == 1
+    assert given_recordings(None, [Y, Y], sampling_rate=2.0)[1].input is None
+    with pytest.raises(InputError, match="data: there are 2 inputs and no outputs"):
+        given_recordings([U, U], Y, sampling_rate=2.0)
+    with pytest.raises(InputError, match="a sampling rate is 10 Hz, and that of the first"):
+        given_recordings([frame(TIME), frame(2.0 * TIME)], "y", "u")
 
 
 @pytest.mark.parametrize(

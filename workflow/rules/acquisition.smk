@@ -13,7 +13,7 @@ rule read_recording:
     benchmark:
         files.benchmark("recording")
     wildcard_constraints:
-        dataset=provider.one_of(provider.recorded),
+        dataset=provider.one_of(provider.recorded & provider.single_channel),
     priority: 10  # what cannot be read is said before any search begins
     conda:
         "../envs/evopem.yaml"
@@ -24,6 +24,7 @@ rule read_recording:
     params:
         recorded=provider.settings("source.files"),
         channels=provider.settings("source.channels"),
+        told=provider.settings("source.channels_from_file"),
         code=code("read_recording"),
     script:
         "../scripts/read_recording.py"
@@ -32,6 +33,7 @@ rule read_recording:
 use rule read_recording as read_validation_recording with:
     input:
         unpack(recorded_files("validation_file")),
+        unpack(provider.told_channels),
     output:
         recording=files.validation_recording,
         info=files.validation_recording_info,
@@ -40,10 +42,11 @@ use rule read_recording as read_validation_recording with:
     benchmark:
         files.benchmark("validation_recording")
     wildcard_constraints:
-        dataset=provider.one_of(provider.validated),
+        dataset=provider.one_of(provider.validated & provider.single_channel),
     params:
         recorded=provider.settings("source.validation_files"),
         channels=provider.settings("source.channels"),
+        told=provider.settings("source.channels_from_file"),
         code=code("read_recording"),
 
 

@@ -16,4 +16,6 @@ with job(snakemake.log[0], snakemake.input, snakemake.output):
         from_json(ChannelSettings, snakemake.params.channels),
         snakemake.output.recording,
         snakemake.output.info,
+        told=snakemake.params.told,
+        told_in=snakemake.input.get("info", ""),
     )

@@ -18,6 +18,9 @@ from evopem.files.json_form import to_json
 _CHANNEL_DEFAULTS = {"input": 1, "output": 2, "input_unit": "", "output_unit": ""}
 
 
+_RATE_KEYS = ("sampling_rate", "time")
+
+
 def complete_source(
     written: Keys, source: str, place: str, with_input: bool = True
 ) -> dict[str, Any]:
@@ -170,8 +173,9 @@ def _completed_file(
     if not with_input:
         completed |= {"input": None, "output": 1}
     completed |= {key: written[key] for key in own_keys}
-    for path, key in _paths(completed):
-        _check_path(path, source, f"{place}.{key}")
+    if with_input and not any(key in written for key in ("input", "output", *_RATE_KEYS)):
+        completed |= {"input": None, "output": None}  # told from the file
+    check_file_paths(completed, source, place)
     for one, other in (("input", "output"), ("time", "input"), ("time", "output")):
         if completed[one] is not None and completed[one] == completed[other]:
             raise InputError(
@@ -181,6 +185,17 @@ def _completed_file(
                 f"{place}.{other}",
             )
     return completed
+
+
+def check_file_paths(keys: Keys, source: str, place: str) -> None:
+    """Refuse paths of recorded files that no workflow can read.
+
+    Raises
+    ------
+    InputError
+    """
+    for path, key in _paths(keys):
+        _check_path(path, source, f"{place}.{key}")
 
 
 def _check_path(path: str, source: str, place: str) -> None:

@@ -37,6 +37,8 @@ ANALYSIS_KEYS = (
 )
 
 NO_RESAMPLING = "none"
+# The automatic recipe decides of what is left.
+UNDIFFERENCED = {"difference": 0, "difference_input": 0}
 
 
 def settings_of(name: str, keys: Keys) -> DatasetSettings:
@@ -48,7 +50,10 @@ def settings_of(name: str, keys: Keys) -> DatasetSettings:
     if "file" in keys:
         # A missing input is none: complete keys have one wherever the structure has.
         channels = {"input": None} | {key: keys[key] for key in CHANNEL_KEYS if key in keys}
-        source = {"files": files_of(keys["file"]), "channels": channels}
+        told = keys.get("output") is None
+        if told:
+            channels |= {"input": 1, "output": 2}
+        source = {"channels_from_file": told, "files": files_of(keys["file"]), "channels": channels}
         source["validation_files"] = files_of(keys.get("validation_file"))
     else:
         source = {key: keys[key] for key in SYNTHESIS_KEYS if key in keys}
@@ -59,7 +64,7 @@ def settings_of(name: str, keys: Keys) -> DatasetSettings:
         "name": name,
         "source": source,
         "preparation": {
-            "transforms": keys["transforms"],
+            "transforms": (UNDIFFERENCED if automatic else {}) | dict(keys["transforms"]),
             "split": ({"discard": 0} if automatic else {}) | dict(keys["split"]),
             "resample": None if resample == NO_RESAMPLING else resample,
         },
@@ -80,6 +85,8 @@ def keys_of(settings: DatasetSettings) -> dict[str, Any]:
         own["validation_file"] = _one_or_list(source.validation_files)
         if source.channels.input is None:
             own["input_unit"] = None
+        if source.channels_from_file:
+            own |= {"input": None, "output": None}
     else:
         own = to_json(source)
     present = {key: value for key, value in own.items() if value is not None}
@@ -155,10 +162,16 @@ def read_settings(path: str | Path) -> DatasetSettings:
     try:
         content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
         ((name, keys),) = content["datasets"].items()
-        return settings_of(name, keys)
+        if keys.get("structure") != "state_space":
+            return settings_of(name, keys)
     except (OSError, yaml.YAMLError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise InputError(
             str(path),
             f"does not hold the complete configuration of one data set ({error})",
             "delete the file and run snakemake again, which writes it anew",
         ) from None
+    raise InputError(
+        str(path),
+        "holds a data set with several channels, and one with a single output is needed",
+        "name another folder",
+    )

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
@@ -16,15 +15,15 @@ from evopem.config.schema import schema_file
 from evopem.config.settings import DatasetSettings
 from evopem.config.yaml_form import read_settings
 from evopem.errors import InputError
-from evopem.notebook.signals import DATA, GivenSignals, given_signals
+from evopem.notebook.signals import DATA, GivenSignals, alike, given_recordings
 from evopem.pipeline.packages import FOR_RESULTS, check_packages
 from evopem.results.layout import DatasetFiles
 
 if TYPE_CHECKING:
     from evopem.notebook.results import IdentificationResults
 
-RECORDED, VALIDATION = "data.npz", "validation.npz"
-"""The files of the signals in the folder of the results."""
+VALIDATION = "validation"
+"""What the files of the validation recordings are called, as an error calls them."""
 
 _OWN_KEYS = ("file", "validation_file", "input", "output", "time", "sampling_rate", "synthesis")
 
@@ -51,15 +50,16 @@ def identify(
     ----------
     data : pandas.DataFrame, pandas.Series or array_like, shape (N,)
         A table whose columns ``input`` and ``output`` name; or the samples of the input. None
-        where there is no input.
+        where there is no input. Several recordings of one system are a list of these.
     output : column label, or pandas.Series or array_like, shape (N,)
+        Of several recordings in arrays, a list as well.
     sampling_rate : float, optional
         Hz. Left out, it is that of `time`, or of an index of dates, durations or seconds.
     input, time : column label, optional
         Of a table alone.
     validation : pandas.DataFrame, or pair of arrays (input, output), optional
-        An independent recording of the same channels for validation. All samples of `data` then
-        serve estimation.
+        An independent recording of the same channels for validation, or a list of tables or a
+        pair of lists for several. All samples of `data` then serve estimation.
     name : str
         Heads the report.
     show_progress : bool
@@ -95,9 +95,9 @@ def identify(
     """
     check_packages(FOR_RESULTS, "identify", "the tables of the results")
     check_environment(os.environ)
-    signals = given_signals(data, output, input, time, sampling_rate)
-    held_out = _validation_signals(validation, signals, output, input, time, sampling_rate)
-    settings = _settings(name, signals, held_out is not None, keys)
+    recorded = given_recordings(data, output, input, time, sampling_rate)
+    held_out = _validation_signals(validation, recorded[0], output, input, time, sampling_rate)
+    settings = _settings(name, recorded, held_out, keys)
     from threadpoolctl import threadpool_limits
 
     from evopem.notebook.progress import progress
@@ -106,9 +106,10 @@ def identify(
 
     folder = TemporaryDirectory(prefix="evopem-", ignore_cleanup_errors=True)
     root = Path(folder.name)
-    signals.save(root / RECORDED)
-    if held_out is not None:
-        held_out.save(root / VALIDATION)
+    for each, file in zip(recorded, _files(DATA, recorded), strict=True):
+        each.save(root / file)
+    for each, file in zip(held_out, _files(VALIDATION, held_out), strict=True):
+        each.save(root / file)
     files = DatasetFiles(str(root / RESULTS_FOLDER / name))
     with threadpool_limits(limits=1, user_api="blas"), progress(show_progress) as announce:
         try:
@@ -140,47 +141,39 @@ def read_results(folder: str | Path) -> IdentificationResults:
 
 def _validation_signals(
     given: Any,
-    signals: GivenSignals,
+    first: GivenSignals,
     output: Any,
     input: Any,  # noqa: A002
     time: Any,
     sampling_rate: float | None,
-) -> GivenSignals | None:
-    """The signals of the validation recording, under the names of the others."""
-    if given is None:
-        return None
+) -> tuple[GivenSignals, ...]:
+    """The signals of the validation recordings, under the names of the others."""
     source = "validation"
-    if isinstance(given, tuple | list) and len(given) == 2:
-        first, second = given
-        found = given_signals(first, second, sampling_rate=sampling_rate, source=source)
-    elif hasattr(given, "columns"):
-        found = given_signals(given, output, input, time, sampling_rate, source)
-    else:
+    if given is None:
+        return ()
+    tables = [given] if hasattr(given, "columns") else given
+    if not isinstance(tables, tuple | list) or not tables:
         raise InputError(
             source, "it is neither a table nor a pair of signals", "give (input, output)"
         )
-    if (
-        found.sampling_rate
-        and signals.sampling_rate
-        and (abs(found.sampling_rate / signals.sampling_rate - 1.0) > 1e-6)
-    ):
-        raise InputError(
-            source,
-            f"its sampling rate is {found.sampling_rate:g} Hz, and that of the data is"
-            f" {signals.sampling_rate:g} Hz",
-            "give recordings of one rate",
-        )
-    if (found.input is None) != (signals.input is None):
-        raise InputError(
-            source, "one of the recordings has no input", "give both an input, or none"
-        )
-    return replace(found, input_name=signals.input_name, output_name=signals.output_name)
+    if all(hasattr(each, "columns") for each in tables):
+        found = given_recordings(given, output, input, time, sampling_rate, source)
+    elif len(tables) == 2:
+        inputs, outputs = tables
+        found = given_recordings(inputs, outputs, None, None, sampling_rate, source)
+    else:
+        raise InputError(source, f"it has {len(tables)} signals", "give (input, output)")
+    return tuple(alike(each, first, source) for each in found)
 
 
 def _settings(
-    name: str, signals: GivenSignals, validated: bool, keys: Mapping[str, Any]
+    name: str,
+    recorded: Sequence[GivenSignals],
+    held_out: Sequence[GivenSignals],
+    keys: Mapping[str, Any],
 ) -> DatasetSettings:
     """The settings that a data set of these keys has in a configuration."""
+    signals = recorded[0]
     if signals.sampling_rate is None:
         raise InputError("sampling_rate", "it is not known", "give it in Hz, or an index of times")
     for key in _OWN_KEYS:
@@ -188,25 +181,42 @@ def _settings(
             raise InputError(key, "it is no key of the analysis", "leave it out")
     own: dict[str, Any] = {
         "recipe": "auto",
-        "file": RECORDED,
+        "file": _files(DATA, recorded),
         "output": signals.output_name,
         "sampling_rate": float(signals.sampling_rate),
     }
     if signals.input is not None:
         own["input"] = signals.input_name
-    if validated:
-        own["validation_file"] = VALIDATION
+    if held_out:
+        own["validation_file"] = _files(VALIDATION, held_out)
     try:
         content = {"datasets": {name: own | dict(keys)}}
-        return complete(content, schema_file(), "identify").datasets[name]
+        completed = complete(content, schema_file(), "identify")
     except InputError as error:
         key = error.place.removeprefix(f"datasets.{name}").lstrip(".")
         place = "name" if key == "datasets" else key or "identify"
         raise InputError(place, error.problem, error.remedy) from None
+    if name not in completed.single_channel:
+        raise InputError(
+            "structure",
+            "a state-space model is not identified in one call",
+            "run the workflow, or use estimate_state_space",
+        )
+    return completed.single_channel[name]
+
+
+def _files(what: str, recordings: Sequence[GivenSignals]) -> list[str]:
+    """Names of the files of recordings, with numbers from 1 where there are several."""
+    if len(recordings) == 1:
+        return [f"{what}.npz"]
+    return [f"{what}-{number}.npz" for number in range(1, len(recordings) + 1)]
 
 
 def _of_signals(error: InputError, root: Path) -> InputError:
     """An error about a file of the signals as one about what was handed over."""
-    names = {str(root / RECORDED): DATA, str(root / VALIDATION): "validation"}
-    source = names.get(error.source, error.source)
+    file = Path(error.source)
+    if file.parent != root:
+        return error
+    what, _, number = file.stem.partition("-")
+    source = f"{what}, recording {number}" if number else what
     return InputError(source, error.problem, error.remedy, error.place)

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from evopem.config.settings import ChannelSettings
-from evopem.files.json_form import save
+from evopem.files.json_form import load, save
+from evopem.signals.channel_roles import roles_of
 from evopem.signals.joining import joined
 from evopem.signals.reading import read_recording as read_channels
 from evopem.signals.recording import Recording, save_recording
-from evopem.signals.recording_info import describe_recorded_files
+from evopem.signals.recording_info import RecordingInfo, describe_recorded_files
 
 
 def read_recording(
@@ -19,6 +21,8 @@ def read_recording(
     recording_file: str,
     info_file: str,
     folder: str | Path = "",
+    told: bool = False,
+    told_in: str = "",
 ) -> None:
     """Read the input and output channels of a recorded file, or of several that are one data set.
 
@@ -31,16 +35,27 @@ def read_recording(
         Where samples and origin are written.
     folder : path
         What relative paths are relative to; the working directory by default.
+    told : bool
+        Whether input, output and time are told from the first file, where it has a time.
+    told_in : str
+        The origin of another recording of the data set, whose channels these are; empty for none.
 
     Raises
     ------
     InputError
         When a file cannot be read, or the recordings are not of the same channels and rate.
     """
+    roles = None
+    if told and told_in:
+        roles = load(RecordingInfo, told_in).roles
+    elif told:
+        roles = roles_of(Path(folder) / recorded[0])
+    if roles is not None:
+        channels = replace(channels, input=roles.input, output=roles.output, time=roles.time)
     recordings = [_read(Path(folder) / file, channels) for file in recorded]
     recording = joined(recordings, recorded) if len(recordings) > 1 else recordings[0]
     save_recording(recording, recording_file)
-    save(describe_recorded_files(recorded, recording, channels, folder), info_file)
+    save(describe_recorded_files(recorded, recording, channels, folder, roles), info_file)
 
 
 def _read(file: Path, channels: ChannelSettings) -> Recording:

@@ -161,7 +161,7 @@ def _row(name: str, entry: Entry, page: str) -> IndexRow:
         name,
         group,
         f"{folder}/{page}",
-        orders=str(entry.orders),
+        orders=entry.model,
         prediction_error_percent=entry.prediction_error_percent,
         simulation_error_percent=entry.simulation_error_percent,
         passed=entry.n_checks(passed=True),

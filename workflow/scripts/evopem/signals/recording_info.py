@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
 from evopem.config.settings import ChannelSettings
+from evopem.signals.channel_roles import ChannelRoles
 from evopem.signals.reading import format_of, local_path, sha256
 from evopem.signals.recording import Recording, saturated_share
 
@@ -53,6 +54,8 @@ class RecordingInfo:
         The first file; None for a synthetic recording.
     further_files : tuple of FileOrigin
         The others, where several recordings are one data set.
+    roles : ChannelRoles, optional
+        Where input, output and time were told from the first file.
     """
 
     kind: Literal["file", "synthesis"]
@@ -66,6 +69,7 @@ class RecordingInfo:
     output_saturated_percent: float
     file: FileOrigin | None = None
     further_files: tuple[FileOrigin, ...] = ()
+    roles: ChannelRoles | None = None
 
     @property
     def files(self) -> tuple[FileOrigin, ...]:
@@ -83,6 +87,7 @@ def describe_recorded_files(
     recording: Recording,
     channels: ChannelSettings,
     folder: str | Path = "",
+    roles: ChannelRoles | None = None,
 ) -> RecordingInfo:
     """Origin and properties of a recording that was read from files, one for each stretch.
 
@@ -94,6 +99,8 @@ def describe_recorded_files(
     channels : ChannelSettings
     folder : path
         What relative names are relative to; the working directory by default.
+    roles : ChannelRoles, optional
+        Where the channels were told from the first file.
     """
     origins = [
         FileOrigin(
@@ -107,7 +114,7 @@ def describe_recorded_files(
         )
         for path, stretch in zip(map(Path, names), recording.stretches, strict=True)
     ]
-    return _info(recording, "file", origins)
+    return replace(_info(recording, "file", origins), roles=roles)
 
 
 def _info(

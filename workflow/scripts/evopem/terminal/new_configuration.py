@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from evopem.config.dataset_names import MAX_LENGTH, RESERVED_NAMES, RESULTS_FOLDER
 from evopem.config.schema import schema_file
 from evopem.errors import InputError
+from evopem.signals.channel_roles import INPUT_NAMES, OUTPUT_NAMES, named
 from evopem.signals.inspection import FileContents, SignalColumn, TimeColumn, inspect_file
 from evopem.signals.reading import FORMATS
 
@@ -18,8 +19,6 @@ CONFIGURATION = "config.yaml"
 
 _RESULTS = {"config.yaml", "recording.json", "transforms.json"}
 """Files of which a folder with results of evopem holds all."""
-_INPUT_NAMES = {"u", "in", "input", "excitation", "command", "drive", "stimulus"}
-_OUTPUT_NAMES = {"y", "out", "output", "response"}
 _HEAD = """\
 # yaml-language-server: $schema={schema}
 # Written by `evopem init` from what the files hold. Check input, output and sampling rate of each
@@ -28,8 +27,6 @@ _HEAD = """\
 # where PATH is the checkout of evopem. What no key says is decided from the recording. Keys of the
 # analysis (such as structure, resample, split) decide it instead, for one data set or, under
 # `defaults:`, for all.
-defaults:
-  recipe: auto
 datasets:
 """
 
@@ -157,22 +154,13 @@ def _entry(name: str, file: str, contents: FileContents) -> str:
 
 def _channels(signals: Sequence[SignalColumn]) -> tuple[SignalColumn, SignalColumn, bool]:
     """Input and output, and whether their names say so; else the first two signals."""
-    sources = _named(signals, _INPUT_NAMES)
-    targets = _named(signals, _OUTPUT_NAMES)
+    sources = named(signals, INPUT_NAMES)
+    targets = named(signals, OUTPUT_NAMES)
     if len(sources) == 1 and len(targets) == 1:
         return sources[0], targets[0], True
     source = sources[0] if sources else next(each for each in signals if each not in targets[:1])
     target = next((each for each in targets if each != source), None)
     return source, target or next(each for each in signals if each != source), False
-
-
-def _named(signals: Iterable[SignalColumn], words: set[str]) -> list[SignalColumn]:
-    found = []
-    for signal in signals:
-        parts = re.split(r"[^a-z]+", str(signal.reference).casefold())
-        if words & set(parts):
-            found.append(signal)
-    return found
 
 
 def _rate(source: SignalColumn, target: SignalColumn, time: TimeColumn | None) -> list[str]:

@@ -95,7 +95,7 @@ def find_levels(values: Array, standard_errors: Array, significance: float) -> L
     variances = standard_errors**2 + scatter**2
     freedom = _freedom(variances, scatter)
     single = 0.5 * significance / count
-    kept = np.flatnonzero(~_isolated(values, variances, freedom, single))
+    kept = np.flatnonzero(np.logical_not(_isolated(values, variances, freedom, single)))
     steps = sorted(_steps(values[kept], variances[kept], freedom, 0, 0.25 * significance))
     bounds = [0, *(int(kept[index]) for index, _ in steps), count]
     levels, parts, outlying = np.empty(count), [], []

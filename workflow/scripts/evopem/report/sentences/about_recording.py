@@ -23,6 +23,8 @@ def recording(results: DatasetResults) -> list[str]:
     """What was recorded and how it was prepared."""
     transforms = results.model.transforms
     sentences = [_contents(results.recording_info)]
+    if results.recording_info.roles is not None:
+        sentences.append(results.recording_info.roles.sentence)
     if transforms.resampled_from is not None:
         sentences.append(
             f"It was resampled from {hertz(transforms.resampled_from)} to"

@@ -1,0 +1,119 @@
+"""Input, output and time told from a file alone, or refused in a sentence."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from evopem.config.defaults import complete
+from evopem.config.schema import schema_file
+from evopem.config.settings import ChannelSettings
+from evopem.config.yaml_form import yaml_text
+from evopem.errors import InputError
+from evopem.files.json_form import load
+from evopem.pipeline.acquisition import read_recording
+from evopem.signals.causality import causality_test
+from evopem.signals.channel_roles import roles_of
+from evopem.signals.recording import load_recording
+from evopem.signals.recording_info import RecordingInfo
+
+
+def driven(seed, samples=500, noise=1.0, feedback=0.0):
+    """An input and the response to it, by a resonance with noise."""
+    u, e = np.random.default_rng(seed).standard_normal((2, samples))
+    if not feedback:
+        return u, lfilter([0.0, 1.0, 0.5], [1.0, -1.5, 0.8], u) + noise * e
+    y = np.zeros(samples)
+    for t in range(2, samples):
+        u[t] -= feedback * y[t - 1]
+        y[t] = 0.9 * y[t - 1] - 0.2 * y[t - 2] + u[t - 1] + noise * e[t]
+    return u, y
+
+
+def write(path, heading, *columns):
+    rows = [",".join(map(repr, row)) for row in zip(*(c.tolist() for c in columns), strict=True)]
+    Path(path).write_text("\n".join([heading, *rows]) + "\n", encoding="utf-8")
+    return path
+
+
+def times(samples=500):
+    return np.arange(samples) / 50.0
+
+
+def test_the_test_finds_the_direction_and_seldom_errs():
+    directions = [causality_test(*driven(seed)).direction for seed in range(40)]
+    assert directions.count(1) >= 38
+    assert -1 not in directions
+    unrelated = np.random.default_rng(5).standard_normal((40, 2, 300))
+    assert sum(causality_test(*each).direction != 0 for each in unrelated) <= 1
+
+
+def test_feedback_has_no_direction():
+    assert causality_test(*driven(1, feedback=0.4)).direction == 0
+
+
+@pytest.mark.parametrize("heading", ["t,u,y", "time,force (N),acceleration", "time,input,Output"])
+def test_names_tell_the_channels(tmp_path, heading):
+    u, y = driven(1)
+    roles = roles_of(write(tmp_path / "a.csv", heading, times(), u, y))
+    assert (roles.time, roles.input, roles.output) == tuple(heading.split(","))
+    assert "by their names" in roles.sentence
+
+
+def test_causality_tells_them_in_either_order(tmp_path):
+    u, y = driven(2)
+    for heading, columns in (("time,a,b", (u, y)), ("time,b,a", (y, u))):
+        roles = roles_of(write(tmp_path / "a.csv", heading, times(), *columns))
+        assert (roles.input, roles.output) == ("a", "b")
+        assert roles.test.forward < 1e-3 < roles.test.backward
+        assert "and not the reverse" in roles.sentence
+
+
+def test_what_cannot_be_told_is_refused_in_a_sentence(tmp_path):
+    u, y = driven(1, feedback=0.4)
+    path = write(tmp_path / "a.csv", "time,a,b", times(), u, y)
+    with pytest.raises(InputError) as caught:
+        roles_of(path)
+    assert str(caught.value) == (
+        f"{path}: 'a' and 'b' cannot be told apart as input and output: their names do not say it,"
+        " and the past of each improves predictions of the other at 0.1 %; name input and output."
+    )
+    path = write(tmp_path / "b.csv", "time,a,b,c", times(), u, y, y + u)
+    with pytest.raises(InputError, match="beside the time there are 3 channels"):
+        roles_of(path)
+
+
+def test_a_file_without_a_time_is_read_as_ever(tmp_path):
+    assert roles_of(write(tmp_path / "a.csv", "a,b", *driven(1))) is None
+
+
+def test_the_channels_of_the_first_file_are_those_of_all(tmp_path):
+    first, second = driven(1), driven(2)
+    files = [
+        str(write(tmp_path / name, "time,a,b", times(), *each))
+        for name, each in (("1.csv", first), ("2.csv", second))
+    ]
+    npz, info = tmp_path / "r.npz", tmp_path / "r.json"
+    read_recording(files, ChannelSettings(), npz, info, told=True)
+    recording = load_recording(npz)
+    assert (recording.input_name, recording.sampling_rate) == ("a", pytest.approx(50.0))
+    validation = str(write(tmp_path / "v.csv", "time,b,a", times(), second[1], second[0]))
+    read_recording(
+        [validation], ChannelSettings(), npz, tmp_path / "v.json", told=True, told_in=str(info)
+    )
+    assert load_recording(npz).input == pytest.approx(second[0])
+    assert load(RecordingInfo, info).roles == load(RecordingInfo, tmp_path / "v.json").roles
+
+
+@pytest.mark.parametrize("recipe", ["auto", "chapter"])
+def test_the_file_alone_is_a_configuration(recipe):
+    def completed(**keys):
+        content = {"datasets": {"pump": {"file": "pump.csv", "recipe": recipe, **keys}}}
+        return complete(content, schema_file()).datasets["pump"]
+
+    own = completed()
+    assert own.source.channels_from_file
+    assert "input" not in yaml_text(own).replace("input_unit", "").replace("difference_input", "")
+    assert not completed(sampling_rate=10).source.channels_from_file
+    assert not completed(input="u").source.channels_from_file
