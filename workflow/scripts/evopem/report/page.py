@@ -16,7 +16,11 @@ from evopem.report.downloads import Download, csv_download
 from evopem.report.fit_table import constraint_rows, fit_sentences
 from evopem.report.inline_svg import inline_svg
 from evopem.report.mode_table import mode_rows
-from evopem.report.sentences.about_decisions import about_decisions, decision_rows
+from evopem.report.sentences.about_decisions import (
+    about_decisions,
+    decision_rows,
+    structure_table,
+)
 from evopem.report.sentences.about_model import (
     frequency_response,
     mode_lines,
@@ -68,6 +72,8 @@ WITHOUT_INPUT = {
     "response": "Noise filter",
     "errors": "Prediction",
 }
+# Headings that are others for the automatic recipe.
+AUTOMATIC = {"selection": "Choice of structure and orders", "phases": "Structures and orders"}
 # The parts of the page after the verdict.
 CONTENTS = (
     ("model", "Model"),
@@ -190,6 +196,7 @@ def build_report(
         decisions=decision_rows(results),
         trials=results.decisions.trials if results.decisions else (),
         decision_remarks=about_decisions(results),
+        structures=structure_table(results),
         provenance=provenance.terms(results, commit),
         stages=provenance.stages(results, wall_clock),
         command=provenance.command(commit),
@@ -206,6 +213,8 @@ def _contents(results: DatasetResults, stand_in: bool) -> dict[str, str]:
 
 
 def _heading(name: str, title: str, results: DatasetResults) -> str:
+    if results.decisions is not None:
+        title = AUTOMATIC.get(name, title)
     return title if results.model.model.has_input else WITHOUT_INPUT.get(name, title)
 
 
