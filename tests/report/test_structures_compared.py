@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from evopem.automatic.decision import Alternative, Decision
-from evopem.automatic.record import DecisionRecord
+from evopem.automatic.record import DecisionRecord, OtherModel
 from evopem.report.sentences.about_decisions import structure_table
 
 
@@ -21,7 +21,8 @@ def decision(purpose, criterion, **scores):
 
 
 def decided(results, *decisions):
-    return replace(results, decisions=DecisionRecord("simulation", decisions, (), (), ()))
+    other = OtherModel("prediction", "ARX(1,1,1)", 5.0, 9.0)
+    return replace(results, decisions=DecisionRecord("simulation", decisions, (), (), (), other))
 
 
 def test_each_structure_has_its_best_score(results):

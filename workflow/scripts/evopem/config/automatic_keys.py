@@ -19,6 +19,7 @@ from evopem.files.json_form import to_json
 # Poles this close to the unit circle act as integrators in any record.
 MAX_ROOT_RADIUS = 1.0 - 1e-7
 _ORDERS = ("joint", "nc", "nd", "nb")
+_DIFFERENCES = ("difference", "difference_input")
 
 
 def built_in_keys() -> dict[str, Any]:
@@ -28,7 +29,7 @@ def built_in_keys() -> dict[str, Any]:
     return {
         "recipe": "auto",
         "purpose": "auto",
-        "transforms": {"box_cox": "none", "difference": 0, "difference_input": 0},
+        "transforms": {"box_cox": "none"},
         "split": {"estimation": 0.8},
         "spectrum": to_json(SpectrumSettings()),
         "search": search,
@@ -96,6 +97,7 @@ def automatic_content(keys: Keys) -> dict[str, Any]:
         **limits,
         "start_given": "discard" in keys["split"],
         "rate_given": "resample" in keys,
+        "differences_given": any(name in keys["transforms"] for name in _DIFFERENCES),
         "objective": keys["search"].get("objective"),
     }
 
@@ -111,7 +113,10 @@ def automatic_keys(settings: DatasetSettings, automatic: AutomaticSettings) -> d
     keys: dict[str, Any] = {"recipe": "auto", "purpose": automatic.purpose}
     if automatic.rate_given:
         keys["resample"] = preparation["resample"] or "none"
-    keys |= {"transforms": preparation["transforms"], "split": split}
+    transforms = dict(preparation["transforms"])
+    if not automatic.differences_given:
+        transforms = {name: transforms[name] for name in transforms if name not in _DIFFERENCES}
+    keys |= {"transforms": transforms, "split": split}
     keys["spectrum"] = to_json(settings.spectrum)
     if automatic.structure is not None:
         keys["structure"] = automatic.structure

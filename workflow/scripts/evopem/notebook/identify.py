@@ -191,11 +191,18 @@ def _settings(
         own["validation_file"] = _files(VALIDATION, held_out)
     try:
         content = {"datasets": {name: own | dict(keys)}}
-        return complete(content, schema_file(), "identify").datasets[name]
+        completed = complete(content, schema_file(), "identify")
     except InputError as error:
         key = error.place.removeprefix(f"datasets.{name}").lstrip(".")
         place = "name" if key == "datasets" else key or "identify"
         raise InputError(place, error.problem, error.remedy) from None
+    if name not in completed.single_channel:
+        raise InputError(
+            "structure",
+            "a state-space model is not identified in one call",
+            "run the workflow, or use estimate_state_space",
+        )
+    return completed.single_channel[name]
 
 
 def _files(what: str, recordings: Sequence[GivenSignals]) -> list[str]:

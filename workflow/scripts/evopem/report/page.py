@@ -19,6 +19,7 @@ from evopem.report.mode_table import mode_rows
 from evopem.report.sentences.about_decisions import (
     about_decisions,
     decision_rows,
+    purpose_rows,
     structure_table,
 )
 from evopem.report.sentences.about_model import (
@@ -196,6 +197,7 @@ def build_report(
         decisions=decision_rows(results),
         trials=results.decisions.trials if results.decisions else (),
         decision_remarks=about_decisions(results),
+        purposes=purpose_rows(results),
         structures=structure_table(results),
         provenance=provenance.terms(results, commit),
         stages=provenance.stages(results, wall_clock),
