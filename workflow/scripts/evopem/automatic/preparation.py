@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from evopem.automatic.folds import SHORTEST_BLOCK
 from evopem.automatic.orders import MOST_SAMPLES
 from evopem.automatic.simulation import simulated
 from evopem.automatic.stretches import first_samples, folds_of
+from evopem.automatic.transforms import TransformPlan
 from evopem.errors import InputError
 from evopem.estimation.criteria import power_of_two_scale
 from evopem.models.polynomial import PolynomialModel
@@ -64,11 +65,15 @@ class GivenPreparation:
     factor : int, optional
         Decimation factor.
     objective : {"absolute", "quadratic"}, optional
+    box_cox, differences : bool
+        Whether the configuration says what is done; trends belong to the differences.
     """
 
     start: int | None = None
     factor: int | None = None
     objective: str | None = None
+    box_cox: bool = False
+    differences: bool = False
 
 
 @dataclass(frozen=True)
@@ -91,6 +96,8 @@ class PreparationPlan:
     decisions : tuple of Decision
     stuck : bool
         Whether stretches in which the output stands still are breaks.
+    transforms : TransformPlan
+        What is done to the recordings before everything else.
     """
 
     starts: tuple[int, ...]
@@ -103,6 +110,7 @@ class PreparationPlan:
     output_scale: float
     decisions: tuple[Decision, ...]
     stuck: bool = False
+    transforms: TransformPlan = field(default_factory=TransformPlan)
 
     def __post_init__(self) -> None:
         # JSON has no infinity: no limit comes back as NaN.
@@ -213,6 +221,31 @@ def decide_preparation(
         about_objective = given_by_configuration("objective", objective)
     decisions = (about_start, about_clipping, about_factor, about_objective, about_stuck)
     return replace(plan, objective=objective, decisions=decisions)
+
+
+def stretches_as_recorded(
+    recordings: Sequence[Recording], start: int | None
+) -> tuple[list[Stretch], list[int]]:
+    """The stretches of recordings before any decision on their rate, and where each begins.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording
+    start : int, optional
+        First sample kept, where it is given.
+
+    Raises
+    ------
+    InputError
+        When no stretch without breaks is long enough.
+    """
+    plan = decide_preparation(recordings, GivenPreparation(start, 1, "quadratic"))
+    begins = [
+        begin
+        for recording, first in zip(recordings, plan.starts, strict=True)
+        for begin, _ in kept_ranges(recording, first, plan)
+    ]
+    return _raw_stretches(recordings, plan), begins
 
 
 def prepare(recordings: Sequence[Recording], plan: PreparationPlan) -> PreparedRecord:

@@ -79,6 +79,7 @@ def prepared_data(divided: PreparedData, record: PreparedRecord, place: str) -> 
         validation_source=source,
         estimation_stretches=origins if several else (),
         validation_stretches=of_held_out,
+        trend_start=before.trend_start + begins[0] / before.sampling_rate,
     )
     return PreparedData(estimation, validation, transforms)
 

@@ -28,11 +28,15 @@ def built_in_keys() -> dict[str, Any]:
     return {
         "recipe": "auto",
         "purpose": "auto",
-        "transforms": {"box_cox": "none", "difference": 0, "difference_input": 0},
+        "transforms": {},
         "split": {"estimation": 0.8},
         "spectrum": to_json(SpectrumSettings()),
         "search": search,
     }
+
+
+NO_TRANSFORMS = {"box_cox": "none", "difference": 0, "difference_input": 0}
+"""What the recording is until its own transforms are decided."""
 
 
 def laid_over(lower: Keys, upper: Keys) -> dict[str, Any]:
@@ -89,6 +93,9 @@ def automatic_content(keys: Keys) -> dict[str, Any]:
     """The content of :class:`.AutomaticSettings` of complete keys."""
     orders = keys.get("orders", {})
     limits = {name: orders.get(name) for name in _ORDERS if orders.get(name) != "auto"}
+    # Constraints are those of the model after the transforms, which must then be known.
+    known = "constraints" in keys
+    transforms = set(keys["transforms"])
     return {
         "purpose": keys["purpose"],
         "structure": keys.get("structure"),
@@ -97,6 +104,8 @@ def automatic_content(keys: Keys) -> dict[str, Any]:
         "start_given": "discard" in keys["split"],
         "rate_given": "resample" in keys,
         "objective": keys["search"].get("objective"),
+        "box_cox_given": known or "box_cox" in transforms,
+        "differences_given": known or bool({"difference", "difference_input"} & transforms),
     }
 
 
@@ -111,7 +120,13 @@ def automatic_keys(settings: DatasetSettings, automatic: AutomaticSettings) -> d
     keys: dict[str, Any] = {"recipe": "auto", "purpose": automatic.purpose}
     if automatic.rate_given:
         keys["resample"] = preparation["resample"] or "none"
-    keys |= {"transforms": preparation["transforms"], "split": split}
+    transforms = dict(preparation["transforms"])
+    if not automatic.box_cox_given:
+        del transforms["box_cox"]
+    if not automatic.differences_given:
+        del transforms["difference"], transforms["difference_input"]
+    keys |= {"transforms": transforms} if transforms else {}
+    keys["split"] = split
     keys["spectrum"] = to_json(settings.spectrum)
     if automatic.structure is not None:
         keys["structure"] = automatic.structure

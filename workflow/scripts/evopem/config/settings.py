@@ -319,6 +319,8 @@ class AutomaticSettings:
     rate_given : bool
         Whether ``resample`` says at which rate the model is.
     objective : {"absolute", "quadratic"}, optional
+    box_cox_given, differences_given : bool
+        Whether ``transforms`` says what is done; trends are decided with the differences.
     """
 
     purpose: Purpose = "auto"
@@ -331,6 +333,8 @@ class AutomaticSettings:
     start_given: bool = False
     rate_given: bool = False
     objective: Objective | None = None
+    box_cox_given: bool = False
+    differences_given: bool = False
 
 
 @dataclass(frozen=True)
