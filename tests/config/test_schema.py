@@ -51,7 +51,7 @@ def test_the_keys_of_a_mapping_are_the_fields_of_its_settings(mapping, kind):
 def test_the_keys_of_a_data_set_are_its_source_and_its_analysis():
     keys = {"recipe", "purpose", "resample", "structure", "level", "focus", *MAPPINGS}
     assert set(ANALYSIS_KEYS) == keys
-    source = names(ChannelSettings, SyntheticSource) | {"file", "validation_file"}
+    source = names(ChannelSettings, SyntheticSource) | {"file", "validation_file", "conditions"}
     assert set(KEYS["$defs"]["dataset"]["properties"]) == source | set(ANALYSIS_KEYS)
     assert set(KEYS["properties"]["defaults"]["properties"]) == set(ANALYSIS_KEYS)
 
