@@ -95,7 +95,7 @@ def automatic_content(keys: Keys) -> dict[str, Any]:
     limits = {name: orders.get(name) for name in _ORDERS if orders.get(name) != "auto"}
     # Constraints are those of the model after the transforms, which must then be known.
     known = "constraints" in keys
-    transforms = set(keys["transforms"])
+    transforms = set(keys.get("transforms", {}))
     return {
         "purpose": keys["purpose"],
         "structure": keys.get("structure"),

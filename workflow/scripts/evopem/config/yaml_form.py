@@ -62,7 +62,7 @@ def settings_of(name: str, keys: Keys) -> DatasetSettings:
         "name": name,
         "source": source,
         "preparation": {
-            "transforms": (NO_TRANSFORMS if automatic else {}) | dict(keys["transforms"]),
+            "transforms": (NO_TRANSFORMS if automatic else {}) | dict(keys.get("transforms", {})),
             "split": ({"discard": 0} if automatic else {}) | dict(keys["split"]),
             "resample": None if resample == NO_RESAMPLING else resample,
         },
