@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from evopem.errors import InputError
-from evopem.notebook.signals import given_signals
+from evopem.notebook.signals import given_recordings, given_signals
 from evopem.signals.reading import read_recording
 
 U, Y = np.random.default_rng(1).standard_normal((2, 50))
@@ -85,3 +85,14 @@ def test_what_cannot_be_used_is_said_in_a_sentence(arguments, sentence):
     with pytest.raises(InputError) as refused:
         given_signals(*arguments)
     assert sentence in str(refused.value)
+
+
+def test_lists_are_several_recordings():
+    tables = [frame(), frame()]
+    assert [source for *_, source in given_recordings(tables, "y")] == ["data[0]", "data[1]"]
+    pairs = given_recordings([U, U[:20]], [Y, Y[:20]])
+    assert [(len(u), len(y)) for u, y, _ in pairs] == [(50, 50), (20, 20)]
+    for one in (frame(), U, U.tolist(), None):
+        assert len(given_recordings(one, Y)) == 1
+    with pytest.raises(InputError, match="there are 2 recordings of the input"):
+        given_recordings([U, U], Y)

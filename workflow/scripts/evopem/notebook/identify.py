@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -16,7 +16,7 @@ from evopem.config.schema import schema_file
 from evopem.config.settings import DatasetSettings
 from evopem.config.yaml_form import read_settings
 from evopem.errors import InputError
-from evopem.notebook.signals import DATA, GivenSignals, given_signals
+from evopem.notebook.signals import DATA, GivenSignals, given_recordings, given_signals
 from evopem.pipeline.packages import FOR_RESULTS, check_packages
 from evopem.results.layout import DatasetFiles
 
@@ -51,8 +51,10 @@ def identify(
     ----------
     data : pandas.DataFrame, pandas.Series or array_like, shape (N,)
         A table whose columns ``input`` and ``output`` name; or the samples of the input. None
-        where there is no input.
+        where there is no input. A list of tables, or of arrays, is several recordings of one
+        system, each with its own initial state and level; the last ones validate.
     output : column label, or pandas.Series or array_like, shape (N,)
+        A list of arrays where ``data`` is one.
     sampling_rate : float, optional
         Hz. Left out, it is that of `time`, or of an index of dates, durations or seconds.
     input, time : column label, optional
@@ -95,9 +97,16 @@ def identify(
     """
     check_packages(FOR_RESULTS, "identify", "the tables of the results")
     check_environment(os.environ)
-    signals = given_signals(data, output, input, time, sampling_rate)
+    recordings = [
+        given_signals(own, target, input, time, sampling_rate, source)
+        for own, target, source in given_recordings(data, output)
+    ]
+    signals = recordings[0]
     held_out = _validation_signals(validation, signals, output, input, time, sampling_rate)
-    settings = _settings(name, signals, held_out is not None, keys)
+    files_of_signals = [f"{number}-{RECORDED}" for number in range(1, len(recordings) + 1)]
+    if len(recordings) == 1:
+        files_of_signals = [RECORDED]
+    settings = _settings(name, signals, files_of_signals, held_out is not None, keys)
     from threadpoolctl import threadpool_limits
 
     from evopem.notebook.progress import progress
@@ -106,7 +115,10 @@ def identify(
 
     folder = TemporaryDirectory(prefix="evopem-", ignore_cleanup_errors=True)
     root = Path(folder.name)
-    signals.save(root / RECORDED)
+    for own, file in zip(recordings, files_of_signals, strict=True):
+        replace(own, input_name=signals.input_name, output_name=signals.output_name).save(
+            root / file
+        )
     if held_out is not None:
         held_out.save(root / VALIDATION)
     files = DatasetFiles(str(root / RESULTS_FOLDER / name))
@@ -114,7 +126,7 @@ def identify(
         try:
             identify_recording(files, settings, False, announce=announce, folder=root)
         except InputError as error:
-            raise _of_signals(error, root) from None
+            raise _of_signals(error, files_of_signals) from None
     return IdentificationResults.of(files, settings, folder)
 
 
@@ -178,7 +190,11 @@ def _validation_signals(
 
 
 def _settings(
-    name: str, signals: GivenSignals, validated: bool, keys: Mapping[str, Any]
+    name: str,
+    signals: GivenSignals,
+    recorded: Sequence[str],
+    validated: bool,
+    keys: Mapping[str, Any],
 ) -> DatasetSettings:
     """The settings that a data set of these keys has in a configuration."""
     if signals.sampling_rate is None:
@@ -188,7 +204,7 @@ def _settings(
             raise InputError(key, "it is no key of the analysis", "leave it out")
     own: dict[str, Any] = {
         "recipe": "auto",
-        "file": RECORDED,
+        "file": list(recorded),
         "output": signals.output_name,
         "sampling_rate": float(signals.sampling_rate),
     }
@@ -205,8 +221,12 @@ def _settings(
         raise InputError(place, error.problem, error.remedy) from None
 
 
-def _of_signals(error: InputError, root: Path) -> InputError:
+def _of_signals(error: InputError, recorded: Sequence[str]) -> InputError:
     """An error about a file of the signals as one about what was handed over."""
-    names = {str(root / RECORDED): DATA, str(root / VALIDATION): "validation"}
-    source = names.get(error.source, error.source)
-    return InputError(source, error.problem, error.remedy, error.place)
+    names = {VALIDATION: "validation"}
+    several = len(recorded) > 1
+    names |= {file: f"{DATA}[{n}]" if several else DATA for n, file in enumerate(recorded)}
+    source, problem = names.get(Path(error.source).name, error.source), error.problem
+    for file, name in names.items():
+        problem = problem.replace(file, name)
+    return InputError(source, problem, error.remedy, error.place)

@@ -52,6 +52,36 @@ class GivenSignals:
         save_arrays(path, arrays)
 
 
+def given_recordings(data: Any, output: Any) -> list[tuple[Any, Any, str]]:
+    """The recordings in what a user hands over: data, output, and what an error calls them.
+
+    A list of tables, or of arrays beside a list of outputs, is several recordings.
+
+    Parameters
+    ----------
+    data, output
+        As for :func:`evopem.identify`.
+
+    Raises
+    ------
+    InputError
+        When there are not as many outputs as inputs.
+    """
+    listed = isinstance(data, list | tuple) and len(data) > 0
+    if listed and all(hasattr(each, "columns") for each in data):
+        return [(each, output, f"{DATA}[{number}]") for number, each in enumerate(data)]
+    if not (listed and all(np.ndim(each) == 1 for each in data)):
+        return [(data, output, DATA)]
+    if not isinstance(output, list | tuple) or len(output) != len(data):
+        raise InputError(
+            "output",
+            f"there are {len(data)} recordings of the input",
+            "give as many of the output, in a list",
+        )
+    pairs = zip(data, output, strict=True)
+    return [(u, y, f"{DATA}[{number}]") for number, (u, y) in enumerate(pairs)]
+
+
 def given_signals(
     data: Any,
     output: Any,
