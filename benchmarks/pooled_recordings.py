@@ -96,7 +96,7 @@ def main() -> None:
         "good as one of 600. The error is the root mean square error of the two coefficients of the"
         " poles.",
         "",
-        "| truth | samples of the recordings | error × 10³ | standard error / error | coverage, % |",
+        "| truth | samples of recordings | error × 10³ | standard error / error | coverage, % |",
         "|---|---|---|---|---|",
     ]
     for name, truth in TRUTHS.items():
