@@ -18,6 +18,7 @@ ROOT = Path(__file__).parents[1]
 def plan(folder: Path, per: str) -> tuple[float, float, int]:
     """Processor seconds, largest memory in MB, and the number of jobs of one dry run."""
     config = {"datasets": "recordings.csv", "one_job_per": per, "report": "none"}
+    config["defaults"] = {"recipe": "chapter"}
     (folder / "config.yaml").write_text(yaml.safe_dump(config))
     command = [sys.executable, "-m", "snakemake", "--snakefile", str(ROOT / "Snakefile")]
     with (folder / "plan.txt").open("w") as output:

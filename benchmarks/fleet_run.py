@@ -32,6 +32,7 @@ CONFIG = {
     "one_job_per": "recording",
     "report": "none",
     "defaults": {
+        "recipe": "chapter",
         "transforms": {"box_cox": "none", "difference": 0},
         "split": {"discard": 0},
         "delay": {"orders": [5, 6], "nk": [2, 4]},

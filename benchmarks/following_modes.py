@@ -19,6 +19,7 @@ ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
 
 from evopem.estimation.state_space.estimate import sweep_state_space_orders  # noqa: E402
+from evopem.report.followed_chart import movements  # noqa: E402
 from evopem.results.followed_modes import RecordedMode, follow_modes  # noqa: E402
 from evopem.synthesis.vibrating_structure import VibratingStructure  # noqa: E402
 
@@ -66,7 +67,7 @@ def main() -> None:
             print(
                 f"  mode {mode.number}: {mode.frequency_hz:.3f} Hz in {len(mode.modes)}, "
                 f"standard error {100 * error / mode.frequency_hz:.2f} %, "
-                f"{' '.join(mode.warnings) or 'no warning'}",
+                f"{' '.join(movements(mode)) or 'no warning'}",
                 flush=True,
             )
 

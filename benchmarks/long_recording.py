@@ -19,6 +19,7 @@ from scipy.signal import lfilter
 ROOT = Path(__file__).resolve().parent.parent
 CONFIG = {
     "defaults": {
+        "recipe": "chapter",
         "transforms": {"box_cox": "none", "difference": 0},
         "delay": {"orders": [2, 2], "nk": [1, 1]},
         "orders": {"joint": [2, 2], "nc": [2, 2], "nb": [2, 2]},

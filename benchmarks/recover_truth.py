@@ -84,7 +84,7 @@ class RecoveredArmax:
 
 
 def built_in_settings(kind: str, objective: str, seed: int, samples: int) -> DatasetSettings:
-    source = {"synthesis": kind, "seed": seed, "samples": samples}
+    source = {"recipe": "chapter", "synthesis": kind, "seed": seed, "samples": samples}
     config = {"datasets": {"x": source | {"search": {"objective": objective}}}}
     return complete(config, SCHEMA).datasets["x"]
 

@@ -7,9 +7,11 @@ import pytest
 from records import noisy, output_error_record
 from scipy.signal import lfilter
 
-from evopem.automatic.preparation import decide_preparation, prepare
+from evopem.automatic.drift import decide_differences
+from evopem.automatic.preparation import GivenPreparation, decide_preparation, prepare
 from evopem.errors import InputError
 from evopem.signals.recording import Recording
+from evopem.signals.stretches import Stretch
 from evopem.synthesis.flexible_arm import flexible_arm
 
 
@@ -24,6 +26,7 @@ def test_a_plain_record_is_left_as_it_is():
         "start": "0",
         "clipping": "none",
         "decimation": "1",
+        "differences": "0",
         "objective": "quadratic",
         "stuck samples": "no",
     }
@@ -121,3 +124,37 @@ def test_a_record_of_gaps_alone_is_refused():
     y[::7] = np.nan
     with pytest.raises(InputError, match="without a gap"):
         decide_preparation([Recording(u, y, 10.0)])
+
+
+def test_an_output_that_drifts_is_differenced():
+    """The arm's drift is a random walk that is summed up once more, and hides its modes."""
+    recording, _ = flexible_arm(2, 1200)
+    plan = decide_preparation([recording], GivenPreparation(start=0, objective="quadratic"))
+    assert choices(plan)["differences"] == "2"
+    (stretch,) = prepare([recording], plan).stretches
+    assert stretch.samples == 1198
+    assert abs(stretch.output.mean()) < 1e-12
+    assert 0.25 < stretch.output.std() < 2.0
+
+
+def test_a_slow_disturbance_that_does_not_hide_the_response_is_no_reason_to_difference():
+    u, y, _ = output_error_record(600, percent=1.0)
+    walk = np.cumsum(np.random.default_rng(5).standard_normal(600))
+    y = y + 0.6 * y.std() * walk / walk.std()
+    decision = decide_differences([Stretch(u, y - y.mean())])[1]
+    assert decision.choice == "0"
+    assert "random walk" in decision.sentence
+    assert "nothing is differenced" in decision.sentence
+
+
+def test_an_integrating_plant_is_not_differenced():
+    u, e = np.random.default_rng(6).standard_normal((2, 800))
+    y = np.cumsum(u) + e
+    assert decide_differences([Stretch(u, y - y.mean())])[0] == 0
+
+
+def test_given_differences_are_not_decided():
+    u, y, _ = output_error_record(300)
+    plan = decide_preparation([Recording(u, y, 10.0)], GivenPreparation(differences=0))
+    decision = next(each for each in plan.decisions if each.subject == "differences")
+    assert decision.criterion == "none"

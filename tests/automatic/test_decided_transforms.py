@@ -1,4 +1,4 @@
-"""Trend, differences and Box-Cox are taken where held-out simulations gain by them, else not."""
+"""Trends and Box-Cox are taken where held-out simulations gain by them, else not."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -42,10 +42,8 @@ def decision(plan, subject) -> Decision:
 def test_a_stationary_record_is_left_as_it_is(record):
     plan = plan_of(*record)
     assert not plan.changes_samples
-    for subject in ("trend", "differences", "Box-Cox"):
+    for subject in ("trend", "Box-Cox"):
         assert decision(plan, subject).choice == "none"
-    scores = {each.name: each.score for each in decision(plan, "differences").alternatives}
-    assert scores["none"] < scores["both channels once"]
 
 
 def test_the_slope_of_an_output_that_drifts_is_found(record):
@@ -66,7 +64,7 @@ def test_a_trend_that_the_input_drives_stays(record):
 
 def test_a_trend_is_not_carried_to_other_recordings(record):
     u, y = record
-    plan = plan_of(u, y + SLOPE * np.arange(600), trend=False)
+    plan = plan_of(u, y + SLOPE * np.arange(600), continued=False)
     assert plan.output_trend == 0.0
     assert "other recordings" in decision(plan, "trend").sentence
 
@@ -83,7 +81,7 @@ def test_an_output_whose_spread_grows_with_its_level_is_transformed(record):
 
 def test_what_the_configuration_says_is_not_decided(record):
     u, y = record
-    plan = plan_of(u, np.exp(0.15 * y), box_cox=True, differences=True)
+    plan = plan_of(u, np.exp(0.15 * y), box_cox=True, trend=True)
     assert not plan.changes_samples
     assert all("configuration" in each.sentence for each in plan.decisions)
 

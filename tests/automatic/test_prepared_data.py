@@ -10,7 +10,7 @@ from evopem.automatic.prepared_data import load_stretches, prepared_data, save_s
 from evopem.config.settings import PreparationSettings, SplitSettings, TransformSettings
 from evopem.signals.joined_preparation import prepare_recordings
 from evopem.signals.joining import joined, separated
-from evopem.signals.preparation import invert_output
+from evopem.signals.preparation import invert_input, invert_output
 from evopem.signals.preparation import prepare as divide
 from evopem.signals.recording import Recording
 
@@ -60,6 +60,22 @@ def test_after_decimation_the_validation_samples_follow_after_a_gap(recording):
     assert data.transforms.sampling_rate == data.estimation.sampling_rate == 12.5
     assert data.transforms.resampled_from == 50.0
     assert (data.estimation.samples, data.validation.samples) == (80, 20)
+
+
+def test_decided_differences_lead_back_to_the_recording(recording):
+    settings = PreparationSettings(UNCHANGED, SplitSettings(0, 0.8))
+    divided = divide(recording, settings)
+    plan = replace(NOTHING, starts=(5,), differences=2, output_scale=8.0)
+    data = prepared_data(divided, prepare((divided.estimation,), plan), "datasets.a")
+    assert data.transforms.difference == data.transforms.difference_input == 2
+    assert data.transforms.validation_source == "gap"
+    back = invert_output(data.transforms, data.estimation.output)
+    assert back == pytest.approx(recording.output[5:320])
+    assert invert_input(data.transforms, data.estimation.input) == pytest.approx(
+        recording.input[5:320]
+    )
+    back = invert_output(data.transforms, data.validation.output, "validation")
+    assert back == pytest.approx(recording.output[320:])
 
 
 def test_several_stretches_are_one_record_with_joints(recording):

@@ -45,6 +45,8 @@ def test_a_source_alone_leaves_every_decision_to_the_recording():
         (", resample: none", {"rate_given": True}),
         (", split: {discard: 30}", {"start_given": True}),
         (", search: {objective: absolute}", {"objective": "absolute"}),
+        (", transforms: {difference: 0}", {"differences_given": True}),
+        (", transforms: {box_cox: auto}", {}),
         (", purpose: prediction", {"purpose": "prediction"}),
     ],
 )

@@ -7,6 +7,7 @@ import yaml
 
 from evopem.config.defaults import complete
 from evopem.config.settings import (
+    AutomaticSettings,
     ChannelSettings,
     Configuration,
     DatasetSettings,
@@ -44,8 +45,10 @@ def refusal(text):
     return sentence
 
 
-def test_a_data_set_with_a_source_alone_takes_the_built_in_values():
-    assert completed("datasets: {arm: {synthesis: flexible_arm}}") == Configuration(
+def test_a_source_with_the_recipe_of_the_chapter_takes_the_built_in_values():
+    assert completed(
+        "datasets: {arm: {recipe: chapter, synthesis: flexible_arm}}"
+    ) == Configuration(
         datasets={
             "arm": DatasetSettings(
                 name="arm",
@@ -60,8 +63,13 @@ def test_a_data_set_with_a_source_alone_takes_the_built_in_values():
     )
 
 
+def test_the_built_in_recipe_is_the_automatic_one():
+    assert dataset("datasets: {a: {file: bench.csv}}").automatic == AutomaticSettings()
+    assert dataset("datasets: {a: {file: bench.csv, recipe: chapter}}").automatic is None
+
+
 def test_the_built_in_values_are_the_documented_ones():
-    arm = dataset("datasets: {a: {synthesis: flexible_arm}}")
+    arm = dataset("datasets: {a: {recipe: chapter, synthesis: flexible_arm}}")
     assert arm.preparation.resample is None
     assert arm.preparation.transforms == TransformSettings(1.1, 2, 0)
     assert arm.preparation.split == SplitSettings(500, 0.8)
@@ -175,7 +183,11 @@ FILE = "datasets: {arm: {file: x.csv, %s}}"
         (ARM % "split: {discard: -1}", "datasets.arm.split.discard", "-1 is below 0"),
         (ARM % "spectrum: {nfft: 8}", "datasets.arm.spectrum.nfft", "8 is below 16"),
         (ARM % "delay: {order: [6, 9]}", "datasets.arm.delay.order", "did you mean orders?"),
-        (ARM % "delay: {orders: [9, 6]}", "datasets.arm.delay.orders", "write [6, 9]"),
+        (
+            ARM % "recipe: chapter, delay: {orders: [9, 6]}",
+            "datasets.arm.delay.orders",
+            "write [6, 9]",
+        ),
         (ARM % "delay: {orders: [6]}", "datasets.arm.delay.orders", "[6] holds 1 value"),
         (ARM % "delay: {orders: []}", "datasets.arm.delay.orders", "[] holds 0 values"),
         (ARM % "orders: {nb: [2, 99]}", "datasets.arm.orders.nb[1]", "99 is above 60"),

@@ -46,7 +46,7 @@ def tuples(candidates):
 
 
 def dataset(text=""):
-    config = yaml.safe_load(f"datasets: {{arm: {{synthesis: armax, {text}}}}}")
+    config = yaml.safe_load(f"datasets: {{arm: {{recipe: chapter, synthesis: armax, {text}}}}}")
     return complete(config, SCHEMA).datasets["arm"]
 
 

@@ -22,6 +22,7 @@ from evopem.config.settings import (
     SyntheticSource,
     TransformSettings,
 )
+from evopem.config.state_space_keys import OWN_KEYS
 from evopem.config.structures import PHASES, STRUCTURES
 from evopem.config.yaml_form import ANALYSIS_KEYS
 
@@ -45,15 +46,17 @@ def names(*kinds):
 
 @pytest.mark.parametrize(("mapping", "kind"), MAPPINGS.items())
 def test_the_keys_of_a_mapping_are_the_fields_of_its_settings(mapping, kind):
-    assert set(KEYS["$defs"][mapping]["properties"]) == names(kind)
+    of_state_space = {"nx"} if mapping == "orders" else set()
+    assert set(KEYS["$defs"][mapping]["properties"]) == names(kind) | of_state_space
 
 
 def test_the_keys_of_a_data_set_are_its_source_and_its_analysis():
     keys = {"recipe", "purpose", "resample", "structure", "level", "focus", *MAPPINGS}
     assert set(ANALYSIS_KEYS) == keys
     source = names(ChannelSettings, SyntheticSource) | {"file", "validation_file", "conditions"}
-    assert set(KEYS["$defs"]["dataset"]["properties"]) == source | set(ANALYSIS_KEYS)
-    assert set(KEYS["properties"]["defaults"]["properties"]) == set(ANALYSIS_KEYS)
+    analysis = {*ANALYSIS_KEYS, *OWN_KEYS}
+    assert set(KEYS["$defs"]["dataset"]["properties"]) == source | analysis
+    assert set(KEYS["properties"]["defaults"]["properties"]) == analysis
 
 
 def test_the_keys_of_a_run_are_the_fields_of_its_settings():
@@ -87,13 +90,15 @@ def test_the_phases_are_the_grids_of_the_order_search():
 
 
 def test_the_structures_are_those_of_the_package():
-    assert set(KEYS["$defs"]["structure"]["enum"]) == set(STRUCTURES)
+    assert set(KEYS["$defs"]["structure"]["enum"]) == {*STRUCTURES, "state_space"}
     assert set(get_args(Structure)) == set(STRUCTURES)
 
 
 def test_built_in_settings_of_the_search_are_those_of_the_package():
     """One search, whether a configuration or a notebook starts it."""
-    config = complete({"datasets": {"arm": {"synthesis": "flexible_arm"}}}, SCHEMA)
+    config = complete(
+        {"datasets": {"arm": {"synthesis": "flexible_arm", "recipe": "chapter"}}}, SCHEMA
+    )
     arm = config.datasets["arm"]
     assert isinstance(arm, DatasetSettings)
     assert arm.search == SearchSettings()

@@ -161,8 +161,8 @@ def test_a_written_configuration_is_read_again(tmp_path_factory, settings):
 
 
 def test_what_is_not_set_is_left_out():
-    settings = complete({"datasets": {"a": {"file": "x.csv"}}}, SCHEMA).datasets["a"]
-    keys = keys_of(settings)
+    written = {"a": {"file": "x.csv", "recipe": "chapter"}}
+    keys = keys_of(complete({"datasets": written}, SCHEMA).datasets["a"])
     assert list(keys)[:3] == ["file", "input_unit", "output_unit"]
     assert not {"input", "output", "sampling_rate", "time", "validation_file"} & set(keys)
     assert keys["resample"] == "none"

@@ -76,7 +76,7 @@ def test_a_noise_state_that_hardly_affects_the_residuals_stays_small():
     recording, _ = armax(seed=5, samples=4500)
     found = estimate(recording.input, recording.output, (7, 6, 7, 3), settings=QUADRATIC)
     diagnostics = found.search.diagnostics
-    assert diagnostics.n_confirming == diagnostics.n_restarts - 1 >= 2
+    assert diagnostics.n_confirming == diagnostics.n_restarts - 1 >= 1
     assert np.ptp(diagnostics.restart_minima) < 1e-9 * found.search.value
     assert np.abs(found.noise_state).max() < 10 * np.sqrt(found.model.noise_variance)
 

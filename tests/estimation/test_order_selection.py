@@ -14,8 +14,8 @@ from evopem.config.settings import (
 from evopem.errors import InputError
 from evopem.estimation.candidate import Candidate
 from evopem.estimation.criteria import Criteria
+from evopem.estimation.order_race import LARGEST_GAIN, first_pass, race
 from evopem.estimation.order_selection import (
-    REPEAT_FACTOR,
     complete_estimate,
     estimate_candidates,
     reoptimize_from,
@@ -254,7 +254,7 @@ def test_a_repeated_search_is_independent_and_pooled_with_the_first(short):
     more = repeat_search(first, short, search, LATE)
     before, after = first.diagnostics, more.diagnostics
     assert more.minimum <= first.minimum
-    assert after.evaluations > before.evaluations + REPEAT_FACTOR * search.evaluations
+    assert after.evaluations > before.evaluations
     assert after.restart_minima[: before.n_restarts] == before.restart_minima
     assert after.n_restarts > before.n_restarts
     # Other draws, so other minima to the last bit, and not the first search over again.
@@ -290,3 +290,64 @@ def test_a_reoptimized_candidate_is_no_worse_than_the_nested_one(short):
     assert 0.0 <= descended / objective - 1.0 < 1e-3
     assert found.diagnostics.n_confirming == 0
     assert found.diagnostics.evaluations > 10
+
+
+RACE_SAMPLES = 1000
+SETTINGS = SearchSettings()
+
+
+def open_search(orders, bic):
+    """A candidate after a first pass that settled nothing."""
+    found = candidate(orders, bic, n_confirming=0)
+    return replace(found, diagnostics=replace(found.diagnostics, restart_minima=(1.0, 2.0)))
+
+
+def certified(orders, bic):
+    return candidate(orders, bic, n_confirming=4)
+
+
+def searched_on(searched, gain=0.0):
+    def search(each):
+        searched.append(each.orders)
+        spent = replace(each.diagnostics, evaluations=SETTINGS.evaluations)
+        bic = each.criteria.bic - gain
+        return replace(each, diagnostics=spent, criteria=replace(each.criteria, bic=bic))
+
+    return search
+
+
+def test_the_first_pass_differs_in_its_evaluations_alone():
+    assert replace(first_pass(SETTINGS), evaluations=SETTINGS.evaluations) == SETTINGS
+
+
+def test_a_candidate_too_far_from_the_lowest_is_pruned_with_the_reason():
+    gain = LARGEST_GAIN * 9 / RACE_SAMPLES
+    best = certified((2, 2, 2, 0), 1.0)
+    near = open_search((3, 3, 3, 0), 1.0 + 0.9 * gain)
+    far = open_search((3, 3, 3, 1), 1.0 + 1.1 * gain)
+    searched = []
+    found = race([best, near, far], "joint", RACE_SAMPLES, SETTINGS, searched_on(searched), list)
+    assert searched == [near.orders]
+    assert [bool(each.pruned) for each in found] == [False, False, True]
+    assert f"{1.1 * gain:.4f} above the lowest" in found[2].pruned
+    assert found[2].criteria == far.criteria
+
+
+def test_the_lowest_is_searched_first_and_may_prune_the_others():
+    gain = LARGEST_GAIN * 6 / RACE_SAMPLES
+    candidates = [open_search((2, 2, 2, nk), 1.0 + 0.8 * gain * nk) for nk in range(3)]
+    searched = []
+    race(candidates, "joint", RACE_SAMPLES, SETTINGS, searched_on(searched, gain), list)
+    assert searched == [candidates[0].orders]
+
+
+@pytest.mark.parametrize(("lead", "count"), [(2.0, 0), (0.5, 4)])
+def test_delays_are_searched_only_where_another_may_overtake(lead, count):
+    gain = LARGEST_GAIN * 6 / RACE_SAMPLES
+    candidates = [
+        open_search((2, k, 4 - k, nk), 1.0 + lead * gain * nk) for nk in (0, 1) for k in (1, 3)
+    ]
+    searched = []
+    found = race(candidates, "delay", RACE_SAMPLES, SETTINGS, searched_on(searched), list)
+    assert len(searched) == count
+    assert sum(bool(each.pruned) for each in found) == 4 - count

@@ -63,6 +63,19 @@ def test_missing_values_of_a_table_become_nan():
     assert np.isnan(given_signals(table, "y", "u", sampling_rate=1.0).output[3])
 
 
+def test_lists_of_tables_and_of_signals_are_several_recordings():
+    first, second = given_recordings([frame(TIME), frame(TIME + 9.0)], "y", "u")
+    assert np.array_equal(first.input, second.input)
+    arrays = given_recordings([U, U[:30]], [Y, Y[:30]], sampling_rate=2.0)
+    assert [each.output.size for each in arrays] == [50, 30]
+    assert len(given_recordings(list(U), list(Y), sampling_rate=2.0)) == 1
+    assert given_recordings(None, [Y, Y], sampling_rate=2.0)[1].input is None
+    with pytest.raises(InputError, match="data: there are 2 inputs and no outputs"):
+        given_recordings([U, U], Y, sampling_rate=2.0)
+    with pytest.raises(InputError, match="a sampling rate is 10 Hz, and that of the first"):
+        given_recordings([frame(TIME), frame(2.0 * TIME)], "y", "u")
+
+
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
@@ -85,14 +98,3 @@ def test_what_cannot_be_used_is_said_in_a_sentence(arguments, sentence):
     with pytest.raises(InputError) as refused:
         given_signals(*arguments)
     assert sentence in str(refused.value)
-
-
-def test_lists_are_several_recordings():
-    tables = [frame(), frame()]
-    assert [source for *_, source in given_recordings(tables, "y")] == ["data[0]", "data[1]"]
-    pairs = given_recordings([U, U[:20]], [Y, Y[:20]])
-    assert [(len(u), len(y)) for u, y, _ in pairs] == [(50, 50), (20, 20)]
-    for one in (frame(), U, U.tolist(), None):
-        assert len(given_recordings(one, Y)) == 1
-    with pytest.raises(InputError, match="there are 2 recordings of the input"):
-        given_recordings([U, U], Y)

@@ -164,6 +164,23 @@ def test_an_independent_recording_validates(found):
     assert not found.compare(validated).comparison.has_same_validation
 
 
+def test_several_recordings_are_one_data_set(found):
+    tables = []
+    for seed, samples in ((1, 250), (2, 200), (3, 150)):
+        u, y = signals(samples, seed)
+        tables.append(pd.DataFrame({"u": u, "y": y - seed}, index=np.arange(samples) / RATE))
+    both = evopem.identify(
+        tables[:2], "y", input="u", validation=tables[2:], show_progress=False, **QUICK
+    )
+    assert both.results.model.transforms.estimation_samples == 450
+    assert both.modes["frequency_hz"].iloc[0] == pytest.approx(0.785, abs=0.01)
+    assert [path.name for path in Path(both.files.folder).parents[1].glob("*-*.npz")] != []
+    y = [table["y"].to_numpy().copy() for table in tables[:2]]
+    y[1][9] = np.nan
+    with pytest.raises(evopem.InputError, match=r"^data, recording 2, output"):
+        evopem.identify([table["u"] for table in tables[:2]], y, RATE, show_progress=False)
+
+
 def test_an_output_alone_gives_a_noise_model():
     e = np.random.default_rng(3).standard_normal(600)
     y = lfilter([1.0, 0.5], POLES, e)

@@ -13,6 +13,7 @@ git ls-files -z | tar --create --null --files-from - | tar --extract --directory
 
 cat >"$work/own/config.yaml" <<'YAML'
 defaults:
+  recipe: chapter
   split: {discard: 20}
   spectrum: {nfft: 512}
   delay: {orders: [3, 3], nk: [2, 3]}

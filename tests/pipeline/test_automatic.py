@@ -26,8 +26,8 @@ from evopem.results.layout import DatasetFiles
 
 STAGES = (
     *("configuration", "recording", "plan", "preparation", "spectrum", "folds", "delay", "arx"),
-    *("structures", "remedies", "chosen", "decisions", "model", "candidates", "validation"),
-    *("summary", "figures", "report"),
+    *("structures", "remedies", "chosen", "other_model", "decisions", "model", "candidates"),
+    *("validation", "summary", "figures", "report"),
 )
 POLES = [1.0, -1.5, 0.7]
 

@@ -15,7 +15,11 @@ SCHEMA = Path(__file__).parents[2] / "workflow" / "schemas" / "config.schema.yam
 
 
 def planned(keys, rate=50):
-    written = {"file": "x.csv"} | ({"sampling_rate": rate} if rate else {"time": "t"}) | keys
+    written = (
+        {"file": "x.csv", "recipe": "chapter"}
+        | ({"sampling_rate": rate} if rate else {"time": "t"})
+        | keys
+    )
     config = complete({"datasets": {"a": written}}, SCHEMA)
     check_planned_fits(config.datasets, "config.yaml")
     return config.datasets["a"]
@@ -51,7 +55,11 @@ def test_a_contradiction_names_its_key(keys, said):
 
 def test_constraints_of_the_defaults_are_kept_one_by_one():
     config = {
-        "defaults": {"focus": 5, "constraints": {"static_gain": 2, "max_pole_radius": 0.9}},
+        "defaults": {
+            "recipe": "chapter",
+            "focus": 5,
+            "constraints": {"static_gain": 2, "max_pole_radius": 0.9},
+        },
         "datasets": {"a": {"file": "x.csv", "constraints": {"static_gain": 3}}, "b": {"file": "y"}},
     }
     datasets = complete(config, SCHEMA).datasets

@@ -7,6 +7,8 @@ from pathlib import Path
 import pytest
 
 from evopem.report import build_index
+from evopem.report.comparison_page import build_comparison
+from evopem.results.comparison import Comparison
 from evopem.results.fleet import IncompleteDataset, summarize
 
 TEMPLATES = Path(__file__).parents[2] / "workflow" / "templates"
@@ -83,6 +85,15 @@ def index(summary, tmp_path_factory):
     gone = IncompleteDataset("failed", HOSTILE)
     entries = {"bench": summary, HOSTILE: summary, "gone": gone}
     file.write_text(build_index(entries, TEMPLATES), encoding="utf-8")
+    return file
+
+
+@pytest.fixture(scope="session")
+def comparison(results, tmp_path_factory):
+    """Two models, one of them named by a script, the other one with a comma."""
+    file = tmp_path_factory.mktemp("pages") / "comparison.html"
+    compared = Comparison.of([results, results], (HOSTILE, "bench, again"))
+    file.write_text(build_comparison(compared, TEMPLATES), encoding="utf-8")
     return file
 
 

@@ -3,12 +3,22 @@
 from pathlib import Path
 
 import pytest
-from browsing import TEMPLATES, browser, hostile, index, report, several, summary, thousand
+from browsing import (
+    TEMPLATES,
+    browser,
+    comparison,
+    hostile,
+    index,
+    report,
+    several,
+    summary,
+    thousand,
+)
 
 from evopem.figures import draw_all
 from evopem.report import build_report
 
-__all__ = ["browser", "hostile", "index", "report", "several", "summary", "thousand"]
+__all__ = ["browser", "comparison", "hostile", "index", "report", "several", "summary", "thousand"]
 
 
 @pytest.fixture(scope="session")

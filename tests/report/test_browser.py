@@ -31,7 +31,7 @@ def requests(browser):
     ]
 
 
-@pytest.mark.parametrize("name", ["report", "hostile", "index"])
+@pytest.mark.parametrize("name", ["report", "hostile", "index", "comparison"])
 def test_no_error_and_no_request_beyond_the_file(browser, request, name):
     file = request.getfixturevalue(name)
     browser.get_log("browser")
@@ -43,7 +43,7 @@ def test_no_error_and_no_request_beyond_the_file(browser, request, name):
 
 
 @pytest.mark.parametrize("width", WIDTHS)
-@pytest.mark.parametrize("name", ["report", "hostile", "index", "several"])
+@pytest.mark.parametrize("name", ["report", "hostile", "index", "several", "comparison"])
 def test_nothing_is_cut_without_a_cue(browser, request, name, width):
     """What is wider than its place scrolls there, and says so."""
     visit(browser, request.getfixturevalue(name), width)
@@ -223,6 +223,20 @@ def test_hostile_names_are_shown_and_not_run(browser, hostile):
     assert not set("".join(names)) & set("<>\"'&/\\")
 
 
+def test_the_curves_of_every_compared_model_are_drawn(browser, comparison):
+    from selenium.webdriver.support.ui import WebDriverWait
+
+    visit(browser, comparison)
+    browser.execute_script("document.getElementById('responses').scrollIntoView()")
+    legends = """return [...document.querySelectorAll('.live .legend')].map(legend =>
+        [...legend.querySelectorAll('button')].map(button => button.textContent));"""
+    drawn = WebDriverWait(browser, 20).until(
+        lambda driver: len(found := driver.execute_script(legends)) == 3 and found
+    )
+    names = [HOSTILE, "bench, again"]
+    assert drawn == [["measured", *names], names, names]
+
+
 def test_everything_can_be_reached_by_keyboard(browser, report):
     visit(browser, report)
     unreachable = browser.execute_script(
@@ -251,7 +265,7 @@ AXE = importlib.util.find_spec("axe_playwright_python")
 @pytest.mark.skipif(AXE is None, reason="axe-core is not installed (axe-playwright-python)")
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("width", [360, 1440])
-@pytest.mark.parametrize("name", ["report", "hostile", "index", "several"])
+@pytest.mark.parametrize("name", ["report", "hostile", "index", "several", "comparison"])
 def test_no_accessibility_violation(browser, request, name, width, scheme):
     visit(browser, request.getfixturevalue(name), width, scheme)
     open_everything(browser)

@@ -24,22 +24,21 @@ def with_search(results, at_stability_bound=False, **changes):
     [
         (
             {"generations": 9, "restart_minima": (3.0, 3.0, 3.0, 4.0), "n_confirming": 2},
-            "The search had 9 generations in 4 independent restarts; 2 of the 3 beside the best",
+            "The search had 4 independent restarts; 2 of the 3 beside the best",
         ),
         (
             {"generations": 1, "restart_minima": (3.0,), "n_confirming": 0},
-            "The search had 1 generation in a single restart, so no other restart confirms",
+            "The search had a single restart, so no other restart confirms",
         ),
         ({"n_local_optima": 5}, "ended at 5 distinct local optima"),
-        ({"n_local_optima": 1}, "ended at 1 local optimum."),
         (
             {"n_multistart": 64, "undiscovered_probability": 0.0015},
-            "descended from 64 random points: the estimated probability that a further descent"
+            "descents from 64 random points: the estimated probability that a further descent"
             " leads to an undiscovered local optimum is 0.15 %",
         ),
         (
-            {"n_multistart": 0, "undiscovered_probability": 1.0},
-            "There was no multistart check",
+            {"generations": 3, "n_multistart": 0, "undiscovered_probability": 1.0},
+            "There were no descents from random points alone",
         ),
         (
             {"convergence": ((100, 5.0), (250, 3.002), (900, 3.0))},
@@ -76,3 +75,12 @@ def test_the_search_of_all_candidates_in_words(results):
     )
     (text,) = about_search.search(replace(results, candidates=one))
     assert "1 was confirmed by another restart, and 1 has a root" in text
+    assert (
+        "left after a first pass"
+        not in about_search.search(replace(results, candidates=table.assign(pruned="")))[0]
+    )
+    (text,) = about_search.search(
+        replace(results, candidates=table.assign(pruned=["far"] + (len(table) - 1) * [None]))
+    )
+    assert "1 candidate that could not be selected" in text
+    assert "was left after a first pass" in text

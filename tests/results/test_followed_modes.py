@@ -1,7 +1,9 @@
 """Modes recognised over recordings, and warnings where they moved."""
 
 import numpy as np
+import pytest
 
+from evopem.report.followed_chart import followed_charts, movements
 from evopem.results.followed_modes import RecordedMode, follow_modes, followed_table, group_of
 
 
@@ -28,10 +30,23 @@ def test_a_drop_is_found_in_every_mode_at_its_recording():
     for each in followed:
         (change,) = each.levels.changes
         assert each.recordings[change.index] == "day11"
-        (sentence,) = each.warnings
-        assert "from day11 on" in sentence
-        assert "−" not in sentence
-        assert "-1.0" in sentence or "-0.9" in sentence
+        assert change.after / change.before == pytest.approx(0.99, abs=0.001)
+        (sentence,) = movements(each)
+        assert "moved by −" in sentence
+        assert sentence.endswith("from day11 on.")
+
+
+def test_a_single_recording_away_from_the_others_is_named_and_drawn():
+    recordings = fleet(20, 99)
+    recordings["day07"][0] = mode(3.1, 0.003)
+    first, *others = follow_modes(recordings)
+    (sentence,) = movements(first)
+    assert sentence.endswith("in day07 alone.")
+    assert not any(map(movements, others))
+    charts = followed_charts([first, *others])
+    assert [chart.marks.count("M") for chart in charts] == [1, 0, 0]
+    assert all(chart.points.count("M") == 20 for chart in charts)
+    assert charts[0].first == "day01 (1)"
 
 
 def test_the_order_is_that_of_a_condition_where_one_is_given():
@@ -39,7 +54,7 @@ def test_the_order_is_that_of_a_condition_where_one_is_given():
     names = list(recordings)
     shuffled = {name: recordings[name] for name in np.random.default_rng(2).permutation(names)}
     places = {name: 100.0 + 3.0 * names.index(name) for name in names}
-    assert all(each.warnings for each in follow_modes(shuffled, places))
+    assert all(each.levels.changes for each in follow_modes(shuffled, places))
     by_place = follow_modes(shuffled, places)[0]
     assert by_place.recordings == tuple(names)
     assert by_place.places[:2] == (100.0, 103.0)
@@ -54,7 +69,7 @@ def test_doubted_and_missing_modes_leave_gaps_and_pair_nothing_wrongly():
     assert "day06" not in first.recordings
     assert third.recordings == tuple(recordings)
     assert third.modes[4].frequency_hz == 8.71
-    assert not (first.warnings or second.warnings or third.warnings)
+    assert not any(movements(each) for each in (first, second, third))
 
 
 def test_shapes_keep_modes_apart_whose_frequencies_cross():

@@ -7,6 +7,7 @@ import yaml
 from evopem.synthesis.armax import armax
 
 SMALL = {
+    "recipe": "chapter",
     "split": {"discard": 20},
     "spectrum": {"nfft": 512},
     "transforms": {"box_cox": "none", "difference": 0},

@@ -359,16 +359,15 @@ def test_a_root_at_the_stability_bound_fails(good):
     ("changes", "passed", "statement"),
     [
         ({"restart_minima": (1.0,), "n_confirming": 0, "n_multistart": 0}, None, "one restart"),
-        ({"n_confirming": 0}, False, "None of 2 other independent restarts"),
-        ({"n_multistart": 0}, None, "not known"),
-        ({"undiscovered_probability": 0.0101}, False, "0.01 from 256 multistart points"),
-        ({"undiscovered_probability": 0.01}, True, "1 of 2 other independent restarts"),
+        ({"n_confirming": 0}, False, "Not certified: None of 2 other independent restarts"),
+        ({"undiscovered_probability": 0.0076}, False, "Not certified: 1 of 2 other independent"),
+        ({"undiscovered_probability": 0.0075}, True, "Certified: 1 of 2 other independent"),
         ({"restart_minima": (1.0, 1.0)}, True, "1 of 1 other independent restart reached"),
+        ({"undiscovered_probability": 0.03, "n_confirming": 2}, True, "Certified: 2 of 2 other"),
+        ({"undiscovered_probability": 0.04, "n_confirming": 2}, False, "Not certified: 2 of 2"),
     ],
 )
-def test_a_search_is_repeatable_with_a_confirmation_and_a_multistart_check(
-    good, changes, passed, statement
-):
+def test_a_search_is_repeatable_with_a_certificate(good, changes, passed, statement):
     check = with_diagnostics(good, **changes).check("Search")
     assert check.passed is passed
     assert statement in check.statement

@@ -21,6 +21,7 @@ ROOT = Path(__file__).parents[2]
 TINY = {
     "candidates_per_job": 2,
     "defaults": {
+        "recipe": "chapter",
         "split": {"discard": 20},
         "spectrum": {"nfft": 512},
         "delay": {"orders": [3, 3], "nk": [1, 3]},

@@ -35,6 +35,7 @@ FITS = {
     "integrator": {"structure": "armax", "constraints": CONSTRAINTS},
 }
 DEFAULTS = {
+    "recipe": "chapter",
     "transforms": {"box_cox": "none", "difference": 0},
     "split": {"discard": 20},
     "spectrum": {"nfft": 512},

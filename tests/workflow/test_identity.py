@@ -9,6 +9,7 @@ import pytest
 from .conftest import Folder, jobs_of_each_rule
 
 ANALYSIS = {
+    "recipe": "chapter",
     "transforms": {"box_cox": "none", "difference": 0},
     "split": {"discard": 0},
     "delay": {"orders": [3, 3], "nk": [2, 3]},

@@ -7,7 +7,7 @@ import yaml
 
 from .conftest import ROOT, TINY
 
-ARM = {"synthesis": "flexible_arm"}
+ARM = {"synthesis": "flexible_arm", "recipe": "chapter"}
 
 
 @pytest.mark.parametrize(
@@ -37,7 +37,9 @@ def test_the_number_of_jobs_is_known_before_anything_runs(folder, config, estima
 def test_a_validation_file_is_read_as_well(folder):
     for name in ("a.csv", "b.csv"):
         (folder.path / name).write_text("1,2\n")
-    folder.configure({"datasets": {"bench": {"file": "a.csv", "validation_file": "b.csv"}}})
+    folder.configure(
+        {"datasets": {"bench": {"recipe": "chapter", "file": "a.csv", "validation_file": "b.csv"}}}
+    )
     planned = folder.planned()
     assert planned["read_recording"] == 1
     assert planned["read_validation_recording"] == 1

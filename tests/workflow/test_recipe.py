@@ -15,7 +15,7 @@ from evopem.models.structures import PolynomialOrders
 
 from .conftest import Folder
 
-THREE_KEYS = {"recipe": "auto", "file": "pump.csv", "input": "u", "output": "y"}
+THREE_KEYS = {"file": "pump.csv", "input": "u", "output": "y"}
 THREE_KEYS |= {"sampling_rate": 50}
 # A short record of a second-order system with white measurement noise: an output-error model.
 SAMPLES = 400
@@ -71,6 +71,11 @@ def test_three_keys_find_the_system(identified):
     pole = np.log(max(np.roots([1.0, -1.5, 0.7]), key=np.imag)) * 50
     assert mode.frequency_hz == pytest.approx(abs(pole) / (2 * np.pi), rel=0.03)
     summary = json.loads(Path(files.summary).read_text())
+    other = load(DecisionRecord, files.decisions).other
+    assert other.purpose == "prediction"
+    kept = load(ModelRecord, files.other_model("prediction"))
+    assert str(kept.orders) == other.model
+    assert other.prediction_error_percent < 13.0
     # What remains is the measurement noise.
     assert summary["simulation_error_percent"] < 12.0
     subjects = [each.subject for each in load(DecisionRecord, files.decisions).decisions]

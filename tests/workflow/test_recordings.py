@@ -48,7 +48,8 @@ def identified_recordings(tmp_path_factory):
     """One run over the recordings that are there, one job for each."""
     folder = Folder(tmp_path_factory.mktemp("recordings"))
     there = {name: keys for name, keys in DATASETS.items() if Path(keys["file"]).exists()}
-    folder.configure({"one_job_per": "recording", "datasets": there})
+    chapter = {"recipe": "chapter"}
+    folder.configure({"one_job_per": "recording", "defaults": chapter, "datasets": there})
     folder.finish("--cores", "2")
     return folder
 

@@ -36,6 +36,7 @@ ORDERS = {
 CONFIG = {
     "one_job_per": "recording",
     "defaults": {
+        "recipe": "chapter",
         "transforms": {"box_cox": "none", "difference": 0},
         "split": {"discard": 20},
         "spectrum": {"nfft": 512},

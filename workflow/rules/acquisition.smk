@@ -13,7 +13,7 @@ rule read_recording:
     benchmark:
         files.benchmark("recording")
     wildcard_constraints:
-        dataset=provider.one_of(provider.recorded),
+        dataset=provider.one_of(provider.recorded & provider.single_channel),
     priority: 10  # what cannot be read is said before any search begins
     conda:
         "../envs/evopem.yaml"
@@ -42,7 +42,7 @@ use rule read_recording as read_validation_recording with:
     benchmark:
         files.benchmark("validation_recording")
     wildcard_constraints:
-        dataset=provider.one_of(provider.validated),
+        dataset=provider.one_of(provider.validated & provider.single_channel),
     params:
         recorded=provider.settings("source.validation_files"),
         channels=provider.settings("source.channels"),

@@ -239,6 +239,37 @@ rule estimate_chosen:
         "../scripts/estimate_chosen.py"
 
 
+rule complete_other_model:
+    """Keep the model for another purpose than that of the configuration."""
+    input:
+        comparison=files.decision("comparison"),
+        stretches=files.stretches,
+        plan=files.decision("preparation"),
+        prepared=files.prepared,
+        transforms=files.transforms,
+    output:
+        model=files.other_model("{purpose}"),
+        errors=files.other_errors("{purpose}"),
+    log:
+        files.log("decisions/models/{purpose}"),
+    benchmark:
+        files.benchmark("decisions/models/{purpose}")
+    wildcard_constraints:
+        dataset=provider.one_of(provider.automatic),
+        purpose="simulation|prediction",
+    conda:
+        "../envs/evopem.yaml"
+    threads: 1
+    resources:
+        mem_mb=provider.estimation_memory,
+        runtime=provider.estimation_time,
+    params:
+        search=provider.settings("search"),
+        code=code("complete_other_model"),
+    script:
+        "../scripts/complete_other_model.py"
+
+
 rule collect_decisions:
     """Put all decisions of a data set into one file."""
     input:
@@ -252,6 +283,7 @@ rule collect_decisions:
         delay=files.decision("delay"),
         comparison=files.decision("comparison"),
         remedies=files.decision("remedies"),
+        other=provider.other_errors,
     output:
         decisions=files.decisions,
     log:
@@ -268,6 +300,7 @@ rule collect_decisions:
         runtime=5,
     params:
         structures=provider.structures,
+        other=provider.other_purpose,
         code=code("collect_decisions"),
     script:
         "../scripts/collect_decisions.py"

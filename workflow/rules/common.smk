@@ -64,7 +64,9 @@ try:
         )
     )
     check_folders(provider.config.datasets)
-    check_planned_fits(provider.config.datasets, " and ".join(map(str, CONFIG_FILES)))
+    check_planned_fits(
+        provider.config.single_channel, " and ".join(map(str, CONFIG_FILES))
+    )
 except InputError as error:
     sys.exit(str(error))
 

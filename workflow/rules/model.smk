@@ -30,6 +30,8 @@ rule complete_model:
         files.log("model"),
     benchmark:
         files.benchmark("model")
+    wildcard_constraints:
+        dataset=provider.one_of(provider.single_channel),
     conda:
         "../envs/evopem.yaml"
     threads: 1
@@ -62,6 +64,8 @@ rule tabulate_candidates:
         files.log("candidates"),
     benchmark:
         files.benchmark("candidates")
+    wildcard_constraints:
+        dataset=provider.one_of(provider.single_channel),
     localrule: True
     conda:
         "../envs/evopem.yaml"

@@ -37,6 +37,8 @@ rule write_configuration:
         config=files.config,
     log:
         files.log("configuration"),
+    wildcard_constraints:
+        dataset=provider.one_of(provider.single_channel),
     localrule: True
     conda:
         "../envs/evopem.yaml"

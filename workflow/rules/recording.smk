@@ -27,6 +27,6 @@ for kind in provider.kinds:
         params:
             settings=provider.settings(),
             with_report=provider.with_report,
-            code=code("identify_recording", *TEMPLATES),
+            code=code(kind.script, *TEMPLATES),
         script:
-            "../scripts/identify_recording.py"
+            f"../scripts/{kind.script}.py"

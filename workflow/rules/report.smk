@@ -38,6 +38,8 @@ rule draw_figures:
         files.log("figures"),
     benchmark:
         files.benchmark("figures")
+    wildcard_constraints:
+        dataset=provider.one_of(provider.single_channel),
     conda:
         "../envs/evopem.yaml"
     threads: 1
@@ -69,6 +71,8 @@ rule write_report:
         files.log("report"),
     benchmark:
         files.benchmark("report")
+    wildcard_constraints:
+        dataset=provider.one_of(provider.single_channel),
     conda:
         "../envs/evopem.yaml"
     threads: 1

@@ -19,6 +19,8 @@ rule estimate_spectrum:
         files.log("spectrum"),
     benchmark:
         files.benchmark("spectrum")
+    wildcard_constraints:
+        dataset=provider.one_of(provider.single_channel),
     conda:
         "../envs/evopem.yaml"
     threads: 1

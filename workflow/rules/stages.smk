@@ -33,6 +33,7 @@ else:
     include: "model.smk"
     include: "validation.smk"
     include: "report.smk"
+    include: "state_space.smk"
 
 
 include: "fleet.smk"

@@ -25,6 +25,8 @@ rule validate_model:
         files.log("validation"),
     benchmark:
         files.benchmark("validation")
+    wildcard_constraints:
+        dataset=provider.one_of(provider.single_channel),
     conda:
         "../envs/evopem.yaml"
     threads: 1
@@ -52,6 +54,8 @@ rule summarize_dataset:
         files.log("summary"),
     benchmark:
         files.benchmark("summary")
+    wildcard_constraints:
+        dataset=provider.one_of(provider.single_channel),
     conda:
         "../envs/evopem.yaml"
     threads: 1

@@ -10,4 +10,6 @@ if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
 
 with job(snakemake.log[0], snakemake.input, snakemake.output):
-    collect_decisions(DatasetFiles.of_log(snakemake.log[0]), snakemake.params.structures)
+    collect_decisions(
+        DatasetFiles.of_log(snakemake.log[0]), snakemake.params.structures, snakemake.params.other
+    )

@@ -161,10 +161,13 @@
       ctx.restore();
     };
 
-    const decades = (_, splits) => splits.map((value) => {
-      const power = Math.log10(value);
-      return Math.abs(power - Math.round(power)) < 1e-9 ? value : null;
-    });
+    // Powers of ten, of many only as many as have room for their labels.
+    const decades = (_, splits) => {
+      const powers = splits.map((value) => Math.log10(value));
+      const whole = (power) => Math.abs(power - Math.round(power)) < 1e-9;
+      const step = Math.max(1, Math.ceil((powers.filter(whole).length * 18) / (panel.height - 50)));
+      return splits.map((value, at) => (whole(powers[at]) && Math.round(powers[at]) % step === 0 ? value : null));
+    };
     const axis = (size, label) => ({
       ...(label ? { label, labelSize: 20, labelFont: "12px system-ui, sans-serif" } : {}),
       font: "12px system-ui, sans-serif",

@@ -12,6 +12,7 @@ from evopem.automatic.fit import NOISE_RADIUS, fit_at
 from evopem.automatic.orders import Candidate as ScoredCandidate
 from evopem.automatic.preparation import PreparedRecord
 from evopem.automatic.remedies import Remedied
+from evopem.automatic.structures import Choice
 from evopem.config.settings import ScoringWindow, SearchSettings
 from evopem.config.structures import AUTOMATIC_PHASES
 from evopem.errors import InputError
@@ -22,7 +23,8 @@ from evopem.estimation.order_selection import REPEAT_FACTOR
 from evopem.estimation.pem.polynomial_objective import PolynomialErrors
 from evopem.estimation.pem.stretch_errors import StretchErrors
 from evopem.estimation.polynomial_estimate import describe
-from evopem.estimation.search.memetic import memetic_search
+from evopem.estimation.search.certificate import is_certified
+from evopem.estimation.search.global_search import global_search
 from evopem.estimation.search.problem import (
     SearchDiagnostics,
     SearchResult,
@@ -34,7 +36,6 @@ from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomial_states import estimate_prediction_states
 from evopem.models.structures import PolynomialOrders
 from evopem.signals.recording import Recording
-from evopem.validation.checks.search import MAX_UNDISCOVERED_PROBABILITY
 
 Array = NDArray[np.float64]
 
@@ -108,20 +109,10 @@ def estimate_chosen(
     if remedied.plant_kept:
         searched = PolynomialOrders(nb=orders.nb, nf=orders.nf, nk=orders.nk, structure="oe")
         model = replace(model, c=np.ones(1), d=np.ones(1), structure="oe")
-    errors = StretchErrors(
-        *(record.stretches, searched, search.objective, search.max_root_radius),
-        *(min(search.max_root_radius, NOISE_RADIUS), True),
-    )
-    starts = StretchProblem(errors, [model], own_starts=False).starts()
-    if len(starts) == 0:
-        raise InputError(
-            "search.max_root_radius",
-            f"the chosen model has a root of a radius above {search.max_root_radius:g}",
-            "raise it",
-        )
-    known = descended(StretchProblem(errors), starts[0])
+    errors = _errors_of(record, searched, search)
+    known = _nearest_optimum(errors, model, search)
     result = _searched(errors, known, search, 1, log)
-    if not _is_repeatable(result):
+    if not is_certified(result.diagnostics):
         longer = replace(search, evaluations=REPEAT_FACTOR * search.evaluations)
         result = _searched(errors, result, longer, 2, log)
     best = fit_at(errors, result.point, searched.structure).model
@@ -137,6 +128,56 @@ def estimate_chosen(
     return PhaseSelection(CHOSEN, orders, reason, (candidate,))
 
 
+def estimate_choice(
+    choice: Choice, record: PreparedRecord, data: Recording, search: SearchSettings
+) -> Candidate:
+    """The model of a choice on the prepared samples, at the optimum that the comparison found.
+
+    Parameters
+    ----------
+    choice : Choice
+    record : PreparedRecord
+        All stretches.
+    data : Recording
+        The prepared estimation samples.
+    search : SearchSettings
+        With the objective that was decided.
+
+    Raises
+    ------
+    InputError
+        When the model has roots beyond the largest radius.
+    """
+    orders = _named_orders(choice.candidate)
+    errors = _errors_of(record, orders, search)
+    known = _nearest_optimum(errors, choice.candidate.model, search)
+    model = record.in_its_units(fit_at(errors, known.point, orders.structure).model)
+    return _described_by_search(model, orders, known, search, data)
+
+
+def _errors_of(
+    record: PreparedRecord, orders: PolynomialOrders, search: SearchSettings
+) -> StretchErrors:
+    return StretchErrors(
+        *(record.stretches, orders, search.objective, search.max_root_radius),
+        *(min(search.max_root_radius, NOISE_RADIUS), True),
+    )
+
+
+def _nearest_optimum(
+    errors: StretchErrors, model: PolynomialModel, search: SearchSettings
+) -> SearchResult:
+    """The optimum that a descent from a model reaches."""
+    starts = StretchProblem(errors, [model], own_starts=False).starts()
+    if len(starts) == 0:
+        raise InputError(
+            "search.max_root_radius",
+            f"the chosen model has a root of a radius above {search.max_root_radius:g}",
+            "raise it",
+        )
+    return descended(StretchProblem(errors), starts[0])
+
+
 def _searched(
     errors: StretchErrors,
     earlier: SearchResult,
@@ -148,17 +189,10 @@ def _searched(
     problem, o = StretchProblem(errors), errors.orders
     key = (o.na, o.nb, o.nc, o.nd, o.nf, o.nk, number)
     generator = np.random.default_rng(np.random.SeedSequence(search.seed, spawn_key=key))
-    found = memetic_search(
+    found = global_search(
         problem, search, generator, log, earlier.value, recombine=problem.recombine
     )
     return pooled(earlier, found)
-
-
-def _is_repeatable(result: SearchResult) -> bool:
-    """Whether independent restarts confirm a minimum, and another one is improbable."""
-    found = result.diagnostics
-    undiscovered = found.undiscovered_probability
-    return found.n_confirming > 0 and undiscovered <= MAX_UNDISCOVERED_PROBABILITY
 
 
 def _described_by_search(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import get_args
 
 import numpy as np
@@ -25,6 +25,7 @@ from evopem.automatic.preparation import (
     decide_preparation,
     prepare,
     prepare_validation,
+    undifferenced,
 )
 from evopem.automatic.remedies import Trial, act_on_checks
 from evopem.automatic.simulation import prediction_errors, simulated
@@ -82,20 +83,21 @@ class Identification:
     def simulate(self, recording: Recording) -> Array:
         """Simulation of a recording from the initial state that fits it, in recorded units.
 
-        At the prepared rate: ``recording`` is prepared as the estimation samples were.
+        At the prepared rate: ``recording`` is prepared as the estimation samples were, but not
+        differenced.
         """
-        plan = self.prepared.plan
+        plan, model = self.prepared.plan, self.choice.candidate.model
+        free = self.choice.level == "state"
+        if plan.differences:  # the level of the signals themselves is not known
+            plan, model, free = undifferenced(plan), replace(model, level=0.0), True
         parts = [
-            simulated(
-                *(self.choice.candidate.model, each, self.choice.level == "state"),
-                plan.objective == "absolute",
-            )
+            simulated(model, each, free, plan.objective == "absolute")
             for each in prepare_validation(recording, plan)
         ]
         return np.concatenate(parts) * plan.output_scale + plan.output_offset
 
     def validate(self, recording: Recording) -> Errors:
-        """Errors on a recording that was not used for estimation, at the prepared rate."""
+        """Errors on a recording that was not used for estimation, prepared as that one was."""
         stretches = prepare_validation(recording, self.prepared.plan)
         return validation_errors(self.choice, stretches)
 

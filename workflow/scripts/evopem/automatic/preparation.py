@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.automatic.decision import Alternative, Decision, given_by_configuration, lowest
+from evopem.automatic.drift import decide_differences, differenced
 from evopem.automatic.fit import FOLD_STAGES, FitSettings, fit, log_loss
 from evopem.automatic.folds import SHORTEST_BLOCK
 from evopem.automatic.orders import MOST_SAMPLES
@@ -64,16 +65,18 @@ class GivenPreparation:
         First sample kept of each recording.
     factor : int, optional
         Decimation factor.
+    differences : int, optional
+        Further differences of both channels.
     objective : {"absolute", "quadratic"}, optional
-    box_cox, differences : bool
-        Whether the configuration says what is done; trends belong to the differences.
+    box_cox : bool
+        Whether the configuration says what is done.
     """
 
     start: int | None = None
     factor: int | None = None
+    differences: int | None = None
     objective: str | None = None
     box_cox: bool = False
-    differences: bool = False
 
 
 @dataclass(frozen=True)
@@ -90,7 +93,7 @@ class PreparationPlan:
         Limits of the output, whose samples are breaks: lowest and highest, infinite for none.
     objective : {"absolute", "quadratic"}
     input_offset, output_offset : float
-        Means of the estimation samples, taken from all samples.
+        Means of the estimation samples, after differences, taken from all samples.
     input_scale, output_scale : float
         Powers of two by which the samples are divided.
     decisions : tuple of Decision
@@ -98,6 +101,8 @@ class PreparationPlan:
         Whether stretches in which the output stands still are breaks.
     transforms : TransformPlan
         What is done to the recordings before everything else.
+    differences : int
+        How often both channels are differenced, after decimation.
     """
 
     starts: tuple[int, ...]
@@ -111,6 +116,7 @@ class PreparationPlan:
     decisions: tuple[Decision, ...]
     stuck: bool = False
     transforms: TransformPlan = field(default_factory=TransformPlan)
+    differences: int = 0
 
     def __post_init__(self) -> None:
         # JSON has no infinity: no limit comes back as NaN.
@@ -213,13 +219,24 @@ def decide_preparation(
     else:
         factor, about_factor = given.factor, given_by_configuration("decimation", str(given.factor))
     plan = replace(plan, factor=factor)
+    if given.differences is None:
+        stretches = list(first_samples(prepare(recordings, plan).stretches, MOST_DECIMATED))
+        differences, about_differences = decide_differences(stretches)
+    else:
+        differences = given.differences
+        about_differences = given_by_configuration("differences", str(differences))
+    if differences:
+        plan = _centred(recordings, replace(plan, differences=differences))
     if given.objective is None:
         stretches = list(first_samples(prepare(recordings, plan).stretches, MOST_SAMPLES))
         objective, about_objective = _decide_objective(stretches)
     else:
         objective = given.objective
         about_objective = given_by_configuration("objective", objective)
-    decisions = (about_start, about_clipping, about_factor, about_objective, about_stuck)
+    decisions = (
+        *(about_start, about_clipping, about_factor, about_differences),
+        *(about_objective, about_stuck),
+    )
     return replace(plan, objective=objective, decisions=decisions)
 
 
@@ -239,13 +256,30 @@ def stretches_as_recorded(
     InputError
         When no stretch without breaks is long enough.
     """
-    plan = decide_preparation(recordings, GivenPreparation(start, 1, "quadratic"))
+    plan = decide_preparation(recordings, GivenPreparation(start, 1, 0, "quadratic"))
     begins = [
         begin
         for recording, first in zip(recordings, plan.starts, strict=True)
         for begin, _ in kept_ranges(recording, first, plan)
     ]
     return _raw_stretches(recordings, plan), begins
+
+
+def _centred(recordings: Sequence[Recording], plan: PreparationPlan) -> PreparationPlan:
+    """A plan with the means and scales of the signals that it prepares."""
+    unchanged = replace(
+        plan, input_offset=0.0, output_offset=0.0, input_scale=1.0, output_scale=1.0
+    )
+    stretches = prepare(recordings, unchanged).stretches
+    u = np.concatenate([each.input for each in stretches])
+    y = np.concatenate([each.output for each in stretches])
+    return replace(
+        plan,
+        input_offset=float(u.mean()),
+        output_offset=float(y.mean()),
+        input_scale=power_of_two_scale(u - u.mean()),
+        output_scale=power_of_two_scale(y - y.mean()),
+    )
 
 
 def prepare(recordings: Sequence[Recording], plan: PreparationPlan) -> PreparedRecord:
@@ -275,6 +309,11 @@ def prepare_validation(recording: Recording, plan: PreparationPlan) -> tuple[Str
     return prepare((recording,), others).stretches
 
 
+def undifferenced(plan: PreparationPlan) -> PreparationPlan:
+    """The same preparation without its differences, and without means."""
+    return replace(plan, differences=0, input_offset=0.0, output_offset=0.0)
+
+
 def decimated(signal: Array, factor: int) -> Array:
     """A signal at a lower rate, by a zero-phase FIR filter; (ceil(N / factor),)."""
     from scipy.signal import decimate
@@ -287,11 +326,15 @@ def decimated(signal: Array, factor: int) -> Array:
 
 
 def _scaled(stretch: Stretch, plan: PreparationPlan) -> Stretch:
-    u = decimated(stretch.input, plan.factor)
-    y = decimated(stretch.output, plan.factor)
+    lower = Stretch(
+        decimated(stretch.input, plan.factor),
+        decimated(stretch.output, plan.factor),
+        stretch.recording,
+    )
+    lower = differenced(lower, plan.differences)
     return Stretch(
-        (u - plan.input_offset) / plan.input_scale,
-        (y - plan.output_offset) / plan.output_scale,
+        (lower.input - plan.input_offset) / plan.input_scale,
+        (lower.output - plan.output_offset) / plan.output_scale,
         stretch.recording,
     )
 
@@ -426,11 +469,11 @@ def _longest_run(signal: Array, value: float) -> int:
 def _decide_decimation(stretches: Sequence[Stretch]) -> tuple[int, Decision]:
     """Decimation by the error of simulations on held-out samples, at the recorded rate."""
     criterion = "simulation error on held-out samples at the recorded rate, % of the output"
-    edge = _power_edge(stretches)
+    edge = power_edge(stretches)
     samples = total_samples(stretches)
     largest = 1.0 / (OVERSAMPLED / 2.0 * max(edge, 1e-9))
     factors = [f for f in FACTORS if f <= largest and samples / f >= LEAST_SAMPLES]
-    coherent = _coherence_edge(stretches) if factors else 0.0
+    coherent = coherence_edge(stretches) if factors else 0.0
     if factors and factors[0] * coherent > 0.5:
         sentence = (
             f"Input and output are coherent up to {coherent:.3g} of the sampling rate, though "
@@ -456,7 +499,7 @@ def _decide_decimation(stretches: Sequence[Stretch]) -> tuple[int, Decision]:
     )
 
 
-def _power_edge(stretches: Sequence[Stretch]) -> float:
+def power_edge(stretches: Sequence[Stretch]) -> float:
     """Frequency below which nearly all power of the output lies, as a share of the rate.
 
     The lowest of ``BANDS`` bands is taken for a floor of white noise, and left out of all.
@@ -471,7 +514,7 @@ def _power_edge(stretches: Sequence[Stretch]) -> float:
     return float(reached[0] / len(y)) if len(reached) else 0.5
 
 
-def _coherence_edge(stretches: Sequence[Stretch]) -> float:
+def coherence_edge(stretches: Sequence[Stretch]) -> float:
     """Upper end of the highest band where input and output are coherent, as a share of the rate.
 
     A band is coherent where more than half of its lines exceed what independent signals exceed in
@@ -500,7 +543,7 @@ def _decimated_error(stretches: Sequence[Stretch], factor: int) -> float:
         Stretch(decimated(s.input, factor), decimated(s.output, factor), s.recording)
         for s in stretches
     ]
-    lost = sum(float(np.sum((s.output - _smoothed(s.output, factor)) ** 2)) for s in stretches)
+    lost = sum(float(np.sum((s.output - smoothed(s.output, factor)) ** 2)) for s in stretches)
     total = sum(float(np.sum((s.output - s.output.mean()) ** 2)) for s in stretches)
     settings = FitSettings()
     best = np.inf
@@ -521,7 +564,7 @@ def _decimated_error(stretches: Sequence[Stretch], factor: int) -> float:
     return float(100.0 * np.sqrt(best + lost / total))
 
 
-def _smoothed(signal: Array, factor: int) -> Array:
+def smoothed(signal: Array, factor: int) -> Array:
     """What a decimated signal still holds, at the original rate."""
     if factor == 1:
         return signal

@@ -13,7 +13,9 @@ from evopem.automatic.preparation import (
     PreparationPlan,
     PreparedRecord,
     kept_ranges,
+    prepare,
     prepare_validation,
+    undifferenced,
 )
 from evopem.errors import InputError
 from evopem.files.npz import load_arrays, save_arrays
@@ -48,6 +50,7 @@ def prepared_data(divided: PreparedData, record: PreparedRecord, place: str) -> 
     begins = _begins(separated(divided.estimation), plan)
     follows = (
         plan.factor == 1
+        and plan.differences == 0
         and len(begins) == 1
         and begins[0] + record.stretches[0].samples == divided.estimation.samples
     )
@@ -58,11 +61,21 @@ def prepared_data(divided: PreparedData, record: PreparedRecord, place: str) -> 
     changed = rate != divided.estimation.sampling_rate
     estimation = _prepared(divided.estimation, record.stretches, plan, rate)
     validation = _prepared(divided.validation, held_out, plan, rate)
-    origins = _origins(divided, "estimation", record.stretches, begins, plan)
+    whole = replace(undifferenced(plan), input_scale=1.0, output_scale=1.0)
+    levels = prepare(separated(divided.estimation), whole).stretches
+    origins = _origins(divided, "estimation", record.stretches, begins, plan, levels)
     several = len(begins) > 1 or bool(before.estimation_stretches)
-    of_held_out: tuple[StretchOrigin, ...] = ()
-    if before.validation_stretches:
-        of_held_out = _origins(divided, "validation", held_out, [0] * len(held_out), plan)
+    levels_held_out = _held_out(divided.validation, whole, place)
+    starts = [0] * len(held_out)
+    of_held_out = _origins(divided, "validation", held_out, starts, plan, levels_held_out)
+    if plan.differences:
+        before = replace(
+            before,
+            difference=plan.differences,
+            difference_input=plan.differences,
+            validation_difference_initial=of_held_out[0].difference_initial,
+            validation_difference_input_initial=of_held_out[0].difference_input_initial,
+        )
     transforms = replace(
         before,
         sampling_rate=rate,
@@ -78,8 +91,8 @@ def prepared_data(divided: PreparedData, record: PreparedRecord, place: str) -> 
         validation_samples=validation.samples,
         validation_source=source,
         estimation_stretches=origins if several else (),
-        validation_stretches=of_held_out,
         trend_start=before.trend_start + begins[0] / before.sampling_rate,
+        validation_stretches=of_held_out if before.validation_stretches else (),
     )
     return PreparedData(estimation, validation, transforms)
 
@@ -105,10 +118,12 @@ def _origins(
     stretches: Sequence[Stretch],
     begins: Sequence[int],
     plan: PreparationPlan,
+    levels: Sequence[Stretch],
 ) -> tuple[StretchOrigin, ...]:
     """Where prepared stretches come from: each begins some samples after one of the part's own.
 
     Those of the estimation samples have the number of the stretch that they were a part of.
+    ``levels`` are the same stretches before the differences of the plan.
     """
     recording = divided.estimation if part == "estimation" else divided.validation
     transforms, sources = divided.transforms.of_stretches(part), recording.stretches
@@ -118,10 +133,21 @@ def _origins(
         else divided.transforms.validation_stretches
     )
     origins = []
-    for position, (stretch, begin) in enumerate(zip(stretches, begins, strict=True)):
+    listed = zip(stretches, begins, levels, strict=True)
+    for position, (stretch, begin, level) in enumerate(listed):
         number = stretch.recording if part == "estimation" else position
         source, own = sources[number], transforms[number]
         first = known[number].first if known else divided.transforms.discard
+        if plan.differences:  # which no mean of the signals is left in
+            origins.append(
+                StretchOrigin(
+                    *(source.recording, (first + begin) // plan.factor, stretch.samples),
+                    *(plan.input_offset, plan.output_offset),
+                    difference(level.output + own.output_mean, plan.differences)[1],
+                    difference(level.input + own.input_mean, plan.differences)[1],
+                )
+            )
+            continue
         origins.append(
             StretchOrigin(
                 recording=source.recording,

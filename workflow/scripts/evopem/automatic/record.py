@@ -9,6 +9,26 @@ from evopem.automatic.remedies import Trial
 
 
 @dataclass(frozen=True)
+class OtherModel:
+    """The model for another purpose than that of ``model.json``.
+
+    Attributes
+    ----------
+    purpose : {"simulation", "prediction"}
+        It stands in ``model.<purpose>.json``.
+    model : str
+        Structure and orders.
+    prediction_error_percent, simulation_error_percent : float
+        ``100 ||y - yhat|| / ||y - mean(y)||`` over the validation samples.
+    """
+
+    purpose: str
+    model: str
+    prediction_error_percent: float
+    simulation_error_percent: float
+
+
+@dataclass(frozen=True)
 class DecisionRecord:
     """All decisions of one data set, in their order.
 
@@ -23,6 +43,7 @@ class DecisionRecord:
         Checks that no remedy made hold.
     remarks : tuple of str
         Sentences about the record that the decisions led to.
+    other : OtherModel
     """
 
     purpose: str
@@ -30,3 +51,4 @@ class DecisionRecord:
     trials: tuple[Trial, ...]
     failed: tuple[str, ...]
     remarks: tuple[str, ...]
+    other: OtherModel

@@ -30,6 +30,7 @@ NOT_WHITE, CORRELATED = 0.01, 1.8
 FEWER_ROOTS = (1, 2, 3, 4, 6, 8)
 # A remedy is taken only if the error for the purpose grows by no more than this share.
 TOLERATED = 0.02
+DELAY = "delay"
 NOISE_ORDERS = (1, 2, 3, 4, 6, 8, 10, 12)
 MOST_TRIALS = 12
 
@@ -87,7 +88,8 @@ def act_on_checks(scorer: Scorer, choice: Choice) -> Remedied:
     """Apply remedies until the checks hold, nothing helps, or the budget ends.
 
     Coloured residuals: a noise model of growing order.  Residuals that depend on past inputs: more
-    coefficients of B.  Cancelling roots: one pole and one zero less.
+    coefficients of B.  Cancelling roots: one pole and one zero less.  First coefficients of B that
+    are not significant: a longer delay.
 
     Parameters
     ----------
@@ -101,6 +103,7 @@ def act_on_checks(scorer: Scorer, choice: Choice) -> Remedied:
     budget, own_noise_model, plant_kept = MOST_TRIALS, False, False
     for check, is_failed, remedies in (
         ("cancelling roots", _cancels, _fewer_roots),
+        (DELAY, _responds_later, _later),
         ("white residuals", _is_coloured, _further_noise),
         ("residuals independent of the input", _depends_on_input, _longer_b),
     ):
@@ -230,6 +233,8 @@ def _better(scorer: Scorer, candidate: Candidate, best: Candidate, check: str) -
         return candidate.bic < best.bic
     if check == "cancelling roots":
         return True
+    if check == DELAY:
+        return candidate.bic < best.bic
     new = input_correlation(candidate.model, scorer.stretches)
     return new < 0.9 * input_correlation(best.model, scorer.stretches)
 
@@ -254,6 +259,28 @@ def _cancels(scorer: Scorer, candidate: Candidate) -> bool:
     if covariance is None:
         return any(abs(p - z) < COINCIDENT_DISTANCE for p, z in pairs)
     return any(indistinguishable(p, z, denominator, model.b, covariance) for p, z in pairs)
+
+
+def _responds_later(scorer: Scorer, candidate: Candidate) -> bool:
+    """Whether the first coefficient of B does not differ from 0 by two standard errors."""
+    model = candidate.model
+    if model.orders.nb < 2:
+        return False
+    covariance = plant_covariance(model, scorer.stretches, scorer.settings)
+    if covariance is None:
+        return False
+    gradient = np.zeros((1, covariance.factor.shape[0]))
+    gradient[0, model.orders.nf or model.orders.na] = 1.0
+    spread = float(covariance.standard_errors(gradient)[0])
+    return bool(abs(model.b[0]) < 2.0 * spread)
+
+
+def _later(candidate: Candidate) -> Iterator[tuple[str, str, PolynomialOrders]]:
+    o = candidate.orders
+    for more in (1, 2, 3):
+        if o.nb > more:
+            changed = {"nk": o.nk + more, "nb": o.nb - more}
+            yield f"delay of {o.nk + more}", candidate.structure, _changed(o, **changed)
 
 
 def _upper(all_roots: NDArray[np.complex128]) -> list[complex]:

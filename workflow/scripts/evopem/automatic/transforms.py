@@ -1,7 +1,7 @@
-"""Transforms of recordings, decided: trend, differences of both channels, Box-Cox of the output.
+"""Transforms of recordings, decided: trends, and Box-Cox of the output.
 
 Each alternative is scored by simulations of held-out samples in recorded units.  Removing a trend
-is not safe as a rule, nor are differences: a transform is taken only where every fold gains by it.
+is not safe as a rule: a transform is taken only where every fold gains by it.
 """
 
 from __future__ import annotations
@@ -65,32 +65,33 @@ class TransformPlan:
     ----------
     box_cox : float, optional
         Parameter of the output's Box-Cox transform.
-    difference : int
-        How often both channels are differenced.
     input_trend, output_trend : float
         Slopes that are taken from the channels, in their units per sample.
     decisions : tuple of Decision
     """
 
     box_cox: float | None = None
-    difference: int = 0
     input_trend: float = 0.0
     output_trend: float = 0.0
     decisions: tuple[Decision, ...] = ()
 
     @property
+    def has_trend(self) -> bool:
+        """Whether a trend is taken away."""
+        return self.input_trend != 0.0 or self.output_trend != 0.0
+
+    @property
     def changes_samples(self) -> bool:
         """Whether any transform is taken."""
-        has_trend = self.input_trend != 0.0 or self.output_trend != 0.0
-        return self.box_cox is not None or self.difference > 0 or has_trend
+        return self.box_cox is not None or self.has_trend
 
 
 def decide_transforms(
     stretches: Sequence[Stretch],
     begins: Sequence[int],
     box_cox: bool = False,
-    differences: bool = False,
-    trend: bool = True,
+    trend: bool = False,
+    continued: bool = True,
 ) -> TransformPlan:
     """Decide the transforms of recorded stretches.
 
@@ -100,57 +101,29 @@ def decide_transforms(
         Samples between breaks, in recorded units.
     begins : sequence of int
         First sample of each in its recording.
-    box_cox, differences : bool
+    box_cox, trend : bool
         Whether the configuration says what is done.
-    trend : bool
-        Whether a trend of the estimation samples says anything of the validation samples.
+    continued : bool
+        Whether the validation samples continue the estimation samples, and their trend.
     """
     kept = first_samples(stretches, MOST_SAMPLES)
     folds = _folds(kept)
     plain = None
-    if folds and not (differences and box_cox):
+    if folds and not ((trend or not continued) and box_cox):
         plain = _errors(folds, _as_recorded)
-    difference, about_difference = _decide_difference(folds, plain, differences)
     slopes, about_trend = (0.0, 0.0), _not_tried("trend", "none")
-    if differences:
+    if trend:
         about_trend = given_by_configuration("trend", "none")
-    elif not trend:
+    elif not continued:
         about_trend = _not_tried("trend", "none", "The validation samples are of other recordings.")
-    elif plain is not None and not difference:
+    elif plain is not None:
         slopes, about_trend = _decide_trend(kept, begins, plain)
     parameter, about_box_cox = None, _not_tried("Box-Cox", "none")
     if box_cox:
         about_box_cox = given_by_configuration("Box-Cox", "as written")
-    elif plain is not None and not difference and not any(slopes):
+    elif plain is not None and not any(slopes):
         parameter, about_box_cox = _decide_box_cox(kept, folds, plain)
-    return TransformPlan(
-        parameter, difference, *slopes, decisions=(about_trend, about_difference, about_box_cox)
-    )
-
-
-def _decide_difference(
-    folds: Sequence[Fold], plain: Array | None, given: bool
-) -> tuple[int, Decision]:
-    if given:
-        return 0, given_by_configuration("differences", "as written")
-    if plain is None:
-        return 0, _not_tried("differences", "none")
-    differenced = _errors(folds, _differenced)
-    alternatives = (
-        Alternative("none", _together(plain)),
-        Alternative("both channels once", _together(differenced)),
-    )
-    taken = _gains(differenced, plain)
-    sentence = (
-        "Models of the differences of both channels simulate every part of the held-out samples"
-        " better in recorded units."
-        if taken
-        else "Models of the differences do not simulate every part of the held-out samples better"
-        " in recorded units. Integrated noise is left to the structures, whose noise models may"
-        " have a pole near 1."
-    )
-    choice = alternatives[int(taken)].name
-    return int(taken), Decision("differences", choice, alternatives, CRITERION, sentence)
+    return TransformPlan(parameter, *slopes, decisions=(about_trend, about_box_cox))
 
 
 def _decide_trend(
@@ -349,24 +322,6 @@ def _as_recorded(
 ) -> list[Array]:
     model = fit(training, orders, FitSettings(), stages=FOLD_STAGES).model
     return [simulated(model, each, free_level=True) - each.output for each in held_out]
-
-
-def _differenced(
-    orders: PolynomialOrders, training: Sequence[Stretch], held_out: Sequence[Stretch]
-) -> list[Array]:
-    """Simulated differences, summed up from the first measured sample."""
-    model = fit(
-        [_differences(each) for each in training], orders, FitSettings(), stages=FOLD_STAGES
-    ).model
-    errors = []
-    for each in held_out:
-        own = simulated(model, _differences(each))
-        errors.append(each.output[0] + np.concatenate([[0.0], np.cumsum(own)]) - each.output)
-    return errors
-
-
-def _differences(stretch: Stretch) -> Stretch:
-    return replace(stretch, input=np.diff(stretch.input), output=np.diff(stretch.output))
 
 
 def _box_cox(parameter: float, shift: float) -> Simulate:

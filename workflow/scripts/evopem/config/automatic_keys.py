@@ -19,6 +19,7 @@ from evopem.files.json_form import to_json
 # Poles this close to the unit circle act as integrators in any record.
 MAX_ROOT_RADIUS = 1.0 - 1e-7
 _ORDERS = ("joint", "nc", "nd", "nb")
+_DIFFERENCES = ("difference", "difference_input")
 
 
 def built_in_keys() -> dict[str, Any]:
@@ -105,7 +106,7 @@ def automatic_content(keys: Keys) -> dict[str, Any]:
         "rate_given": "resample" in keys,
         "objective": keys["search"].get("objective"),
         "box_cox_given": known or "box_cox" in transforms,
-        "differences_given": known or bool({"difference", "difference_input"} & transforms),
+        "differences_given": known or bool(transforms.intersection(_DIFFERENCES)),
     }
 
 
@@ -124,7 +125,7 @@ def automatic_keys(settings: DatasetSettings, automatic: AutomaticSettings) -> d
     if not automatic.box_cox_given:
         del transforms["box_cox"]
     if not automatic.differences_given:
-        del transforms["difference"], transforms["difference_input"]
+        transforms = {name: transforms[name] for name in transforms if name not in _DIFFERENCES}
     keys |= {"transforms": transforms} if transforms else {}
     keys["split"] = split
     keys["spectrum"] = to_json(settings.spectrum)

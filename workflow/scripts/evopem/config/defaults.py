@@ -26,6 +26,13 @@ from evopem.config.settings import (
 )
 from evopem.config.several_recordings import check_several_recordings
 from evopem.config.source_keys import check_paths, complete_source
+from evopem.config.state_space_keys import (
+    check_single_channel,
+    complete_state_space,
+    is_state_space,
+    single_channel_defaults,
+)
+from evopem.config.state_space_settings import StateSpaceDataset
 from evopem.config.strict_yaml import Keys
 from evopem.config.structure_keys import check_structure_keys, check_transforms, with_ranges
 from evopem.config.structures import has_input
@@ -34,7 +41,7 @@ from evopem.config.yaml_form import ANALYSIS_KEYS, analysis_keys, settings_of
 from evopem.errors import InputError
 from evopem.files.json_form import from_json, to_json
 
-BUILT_IN_RECIPE: Recipe = "chapter"
+BUILT_IN_RECIPE: Recipe = "auto"
 
 
 def complete(config: Keys, schema_path: str | Path, source: str = "config.yaml") -> Configuration:
@@ -74,17 +81,23 @@ def complete(config: Keys, schema_path: str | Path, source: str = "config.yaml")
 def _completed(config: Keys, origin: Origin, source: str) -> Configuration:
     """Fill in every value of a configuration that the schema accepts."""
     check_names(config["datasets"], origin)
-    defaults = with_ranges(config.get("defaults", {}))
+    given_defaults = config.get("defaults", {})
+    defaults = with_ranges(single_channel_defaults(given_defaults))
     structure = defaults.get("structure", OrderGrid().structure)
     if "structure" in defaults:
         check_structure_keys(defaults, structure, source, "defaults")
     everything = _every_key(structure)
     _check_analysis(defaults, _merged(everything, defaults), source, "defaults")
-    datasets = {}
+    datasets: dict[str, DatasetSettings | StateSpaceDataset] = {}
     conditions = {name: given.get("conditions", {}) for name, given in config["datasets"].items()}
-    for name, given in config["datasets"].items():
+    for name, entry in config["datasets"].items():
         place = f"datasets.{name}"
-        written = with_ranges({key: given[key] for key in given if key != "conditions"})
+        given = {key: entry[key] for key in entry if key != "conditions"}
+        if is_state_space(given, given_defaults):
+            datasets[name] = complete_state_space(name, given, given_defaults, source)
+            continue
+        check_single_channel(given, source, place)
+        written = with_ranges(given)
         if written.get("recipe", defaults.get("recipe", BUILT_IN_RECIPE)) == "auto":
             datasets[name] = _automatic(name, written, defaults, source)
             continue
@@ -108,7 +121,8 @@ def _completed(config: Keys, origin: Origin, source: str) -> Configuration:
         datasets[name] = settings_of(name, own_source | analysis | merged_fit(defaults, written))
     check_paths(config["datasets"], source)
     for each in datasets.values():
-        check_several_recordings(each, source)
+        if isinstance(each, DatasetSettings):
+            check_several_recordings(each, source)
     if "shard" in config:
         datasets = shard_of(datasets, config["shard"], source)
     names = [field.name for field in fields(RunSettings)]

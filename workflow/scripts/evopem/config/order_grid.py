@@ -59,9 +59,9 @@ def given_preparation(
     return {
         "start": 0 if automatic.start_given else None,
         "factor": 1 if fixed else None,
+        "differences": 0 if automatic.differences_given else None,
         "objective": automatic.objective,
         "box_cox": automatic.box_cox_given,
-        "differences": automatic.differences_given,
     }
 
 

@@ -9,13 +9,14 @@ from pathlib import Path
 
 from evopem.config.order_grid import max_candidates_per_part, sample_requirements
 from evopem.config.settings import DatasetSettings, RecordedSource
+from evopem.config.state_space_settings import StateSpaceDataset, StateSpaceSource
 from evopem.config.structures import phases_of
 
 
-def recording_bytes(settings: DatasetSettings) -> int:
+def recording_bytes(settings: DatasetSettings | StateSpaceDataset) -> int:
     """Size of a data set's recordings, known before any job has run."""
     source = settings.source
-    if not isinstance(source, RecordedSource):
+    if not isinstance(source, RecordedSource | StateSpaceSource):
         return 16 * source.samples
     files = [Path(file) for file in (*source.files, *source.validation_files)]
     return sum(file.stat().st_size for file in files if is_file(file))
@@ -37,12 +38,12 @@ def max_samples(settings: DatasetSettings) -> float:
     return source.samples
 
 
-def reading_memory(settings: DatasetSettings, attempt: int) -> int:
+def reading_memory(settings: DatasetSettings | StateSpaceDataset, attempt: int) -> int:
     """MB of a job that reads a recording once."""
     return int(attempt * (800 + 40e-6 * recording_bytes(settings)))
 
 
-def reading_time(settings: DatasetSettings, attempt: int) -> int:
+def reading_time(settings: DatasetSettings | StateSpaceDataset, attempt: int) -> int:
     """Minutes of a job that reads a recording once."""
     return int(attempt * (5 + 0.25e-6 * recording_bytes(settings)))
 
@@ -70,6 +71,16 @@ def estimation_time(
     )
     seconds = 2 + 2e-9 * settings.search.evaluations * _largest_fit(settings)
     return int(attempt * (10 + 3 * count * seconds / threads / 60))
+
+
+def state_space_memory(settings: StateSpaceDataset, attempt: int) -> int:
+    """MB of a job that estimates state-space models."""
+    return int(attempt * (1200 + 200e-6 * recording_bytes(settings)))
+
+
+def state_space_time(settings: StateSpaceDataset, attempt: int) -> int:
+    """Minutes of a job that estimates state-space models of all orders."""
+    return int(attempt * (60 + 60e-6 * recording_bytes(settings)))
 
 
 def _largest_fit(settings: DatasetSettings) -> float:

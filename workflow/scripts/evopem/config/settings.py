@@ -6,10 +6,13 @@ The default values of these dataclasses are the built-in values of the configura
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from evopem.config.conditions import Positions
 from evopem.config.constraints import Constraints
+
+if TYPE_CHECKING:
+    from evopem.config.state_space_settings import StateSpaceDataset
 
 Range = tuple[int, int]
 """Lower and upper end of a range of orders, both included."""
@@ -226,6 +229,8 @@ class SearchSettings:
         Largest radius of the roots of A, C, D and F.
     n_initial_discard : int
         First residuals that the loss leaves out.
+    prune : bool
+        Whether candidates that cannot be selected are left after a first pass of their search.
     """
 
     objective: Objective = "absolute"
@@ -238,6 +243,7 @@ class SearchSettings:
     evaluations: int = 20000
     max_root_radius: float = 0.9999
     n_initial_discard: int = 20
+    prune: bool = True
 
 
 @dataclass(frozen=True)
@@ -318,9 +324,11 @@ class AutomaticSettings:
         Whether ``split.discard`` says where the recording begins.
     rate_given : bool
         Whether ``resample`` says at which rate the model is.
+    differences_given : bool
+        Whether ``transforms`` say how often the channels are differenced.
     objective : {"absolute", "quadratic"}, optional
-    box_cox_given, differences_given : bool
-        Whether ``transforms`` says what is done; trends are decided with the differences.
+    box_cox_given : bool
+        Whether ``transforms`` say what is done to the output.
     """
 
     purpose: Purpose = "auto"
@@ -332,9 +340,14 @@ class AutomaticSettings:
     nb: Range | None = None
     start_given: bool = False
     rate_given: bool = False
+    differences_given: bool = False
     objective: Objective | None = None
     box_cox_given: bool = False
-    differences_given: bool = False
+
+    @property
+    def other_purpose(self) -> Literal["simulation", "prediction"]:
+        """The purpose whose model is kept beside that for the purpose."""
+        return "prediction" if self.purpose in ("auto", "simulation") else "simulation"
 
 
 @dataclass(frozen=True)
@@ -396,6 +409,18 @@ class RunSettings:
 class Configuration:
     """A checked and completed configuration."""
 
-    datasets: dict[str, DatasetSettings]
+    datasets: dict[str, DatasetSettings | StateSpaceDataset]
     run: RunSettings
     order: Positions | None = None
+
+    @property
+    def single_channel(self) -> dict[str, DatasetSettings]:
+        """The data sets with one input and one output, or an output alone."""
+        items = self.datasets.items()
+        return {name: each for name, each in items if isinstance(each, DatasetSettings)}
+
+    @property
+    def state_space(self) -> dict[str, StateSpaceDataset]:
+        """The data sets with several channels."""
+        items = self.datasets.items()
+        return {name: each for name, each in items if not isinstance(each, DatasetSettings)}

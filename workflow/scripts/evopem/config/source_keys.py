@@ -175,8 +175,7 @@ def _completed_file(
     completed |= {key: written[key] for key in own_keys}
     if with_input and not any(key in written for key in ("input", "output", *_RATE_KEYS)):
         completed |= {"input": None, "output": None}  # told from the file
-    for path, key in _paths(completed):
-        _check_path(path, source, f"{place}.{key}")
+    check_file_paths(completed, source, place)
     for one, other in (("input", "output"), ("time", "input"), ("time", "output")):
         if completed[one] is not None and completed[one] == completed[other]:
             raise InputError(
@@ -186,6 +185,17 @@ def _completed_file(
                 f"{place}.{other}",
             )
     return completed
+
+
+def check_file_paths(keys: Keys, source: str, place: str) -> None:
+    """Refuse paths of recorded files that no workflow can read.
+
+    Raises
+    ------
+    InputError
+    """
+    for path, key in _paths(keys):
+        _check_path(path, source, f"{place}.{key}")
 
 
 def _check_path(path: str, source: str, place: str) -> None:

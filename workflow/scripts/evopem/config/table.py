@@ -268,6 +268,9 @@ def _value(column: str, text: str, comma_place: str, path: str, place: str) -> A
     if column in _TEXT_COLUMNS:
         return text
     if column in _CHANNEL_COLUMNS:
+        # A single name may be in brackets, such as "[V]"; a list has several.
+        if text.startswith("[") and text.endswith("]") and "," in text:
+            return _list(text, path, place)
         return int(text.partition(".")[0]) if _is_channel_number(text) else text
     if text.startswith("["):
         return _list(text, path, place)

@@ -37,6 +37,7 @@ ANALYSIS_KEYS = (
 )
 
 NO_RESAMPLING = "none"
+# The automatic recipe decides of what is left.
 
 
 def settings_of(name: str, keys: Keys) -> DatasetSettings:
@@ -160,10 +161,16 @@ def read_settings(path: str | Path) -> DatasetSettings:
     try:
         content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
         ((name, keys),) = content["datasets"].items()
-        return settings_of(name, keys)
+        if keys.get("structure") != "state_space":
+            return settings_of(name, keys)
     except (OSError, yaml.YAMLError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise InputError(
             str(path),
             f"does not hold the complete configuration of one data set ({error})",
             "delete the file and run snakemake again, which writes it anew",
         ) from None
+    raise InputError(
+        str(path),
+        "holds a data set with several channels, and one with a single output is needed",
+        "name another folder",
+    )

@@ -41,6 +41,8 @@ class Candidate:
     at_stability_bound : bool
         Whether a root of A, C, D or F lies at the largest radius allowed.
     diagnostics : SearchDiagnostics
+    pruned : str
+        Why its search ended after the first pass; empty where it did not.
     further_levels : tuple of float
         Of the second and later recordings, where there are several with a level.
     """
@@ -55,6 +57,7 @@ class Candidate:
     minimum: float
     at_stability_bound: bool
     diagnostics: SearchDiagnostics
+    pruned: str = ""
     further_levels: tuple[float, ...] = ()
 
     @classmethod

@@ -24,8 +24,8 @@ from evopem.estimation.pem.objective import PredictionErrorProblem
 from evopem.estimation.polynomial_estimate import PolynomialEstimate
 from evopem.estimation.requirements import check_search_settings, check_signals, check_window
 from evopem.estimation.search.armax_problem import ArmaxProblem
-from evopem.estimation.search.memetic import memetic_search
-from evopem.estimation.search.problem import SearchResult, descended, pooled
+from evopem.estimation.search.global_search import global_search
+from evopem.estimation.search.problem import SearchResult, continuing, descended, pooled
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomials import max_root_radius as largest_radius
 from evopem.models.structures import PolynomialOrders, armax_orders
@@ -60,8 +60,8 @@ def estimate(
         Hz.
     settings : SearchSettings, optional
         Objective, seed, bounds and size of the search.  Its draws come from
-        ``SeedSequence(seed, spawn_key=orders)``, with a 1 appended to the key when the search
-        continues an earlier one.
+        ``SeedSequence(seed, spawn_key=orders)``, with the number of its restarts appended to
+        the key when the search continues an earlier one.
     window : ScoringWindow, optional
         By default the first residual is the first that has all its measured past and at least nc
         before it, and the loss leaves out the
@@ -101,7 +101,7 @@ def estimate(
     ... )
     >>> [round(mode.frequency_hz) for mode in found.model.modes()]
     [5, 17, 37]
-    >>> found.search.diagnostics.n_confirming >= 2
+    >>> found.search.diagnostics.n_confirming >= 1
     True
     """
     orders = (
@@ -118,10 +118,10 @@ def estimate(
     with threadpool_limits(limits=1, user_api="blas"):
         errors = prediction_errors(u, y, orders, settings, window)
         problem, scales = _scaled_problem(errors, settings.initialization)
-        key = (orders.na, orders.nb, orders.nc, orders.nk, *((1,) if earlier else ()))
+        key = (orders.na, orders.nb, orders.nc, orders.nk, *continuing(earlier))
         sequence = np.random.SeedSequence(settings.seed, spawn_key=key)
         known = earlier.value if earlier is not None else np.inf
-        result = memetic_search(problem, settings, np.random.default_rng(sequence), log, known)
+        result = global_search(problem, settings, np.random.default_rng(sequence), log, known)
         result = replace(result, point=result.point * scales)
         if earlier is not None:
             result = pooled(earlier, result)

@@ -14,8 +14,8 @@ from evopem.estimation.criteria import criteria_of, lies_at_bound, power_of_two_
 from evopem.estimation.pem.covariance import innovation_variance
 from evopem.estimation.pem.stretch_errors import StretchErrors
 from evopem.estimation.polynomial_estimate import PolynomialEstimate, covariance_of
-from evopem.estimation.search.memetic import memetic_search
-from evopem.estimation.search.problem import SearchResult, descended, pooled
+from evopem.estimation.search.global_search import global_search
+from evopem.estimation.search.problem import SearchResult, continuing, descended, pooled
 from evopem.estimation.search.stretch_problem import StretchProblem
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomials import max_root_radius
@@ -66,12 +66,10 @@ def estimate_joined(
     with threadpool_limits(limits=1, user_api="blas"):
         errors = joined_errors(stretches, orders, settings, window, level)
         problem, scales = _scaled_problem(errors)
-        key = (o.na, o.nb, o.nc, o.nd, o.nf, o.nk, int(level), *((1,) if earlier else ()))
+        key = (o.na, o.nb, o.nc, o.nd, o.nf, o.nk, int(level), *continuing(earlier))
         generator = np.random.default_rng(np.random.SeedSequence(settings.seed, spawn_key=key))
         known = np.inf if earlier is None else earlier.value
-        found = memetic_search(
-            problem, settings, generator, log, known, recombine=problem.recombine
-        )
+        found = global_search(problem, settings, generator, log, known, recombine=problem.recombine)
         found = replace(found, point=found.point * scales)
         if earlier is not None:
             found = pooled(earlier, found)

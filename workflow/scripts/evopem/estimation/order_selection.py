@@ -20,7 +20,9 @@ from evopem.estimation.joined_estimate import (
     estimate_joined,
     joined_errors,
 )
+from evopem.estimation.order_race import race
 from evopem.estimation.polynomial_estimate import PolynomialEstimate
+from evopem.estimation.search.certificate import is_certified
 from evopem.estimation.search.incremental_order import padded
 from evopem.estimation.search.problem import SearchResult, same_optimum
 from evopem.estimation.structured_estimate import descended_from, described, estimate
@@ -98,10 +100,21 @@ def repeat_search(
     log: Callable[[str], None] | None = None,
 ) -> Candidate:
     """Search again, independently, with :data:`REPEAT_FACTOR` times the evaluations."""
-    orders = candidate.orders
     more = replace(settings, evaluations=REPEAT_FACTOR * settings.evaluations)
+    return continue_search(candidate, data, more, window, log)
+
+
+def continue_search(
+    candidate: Candidate,
+    data: Recording,
+    settings: SearchSettings,
+    window: ScoringWindow,
+    log: Callable[[str], None] | None = None,
+) -> Candidate:
+    """Search on, independently of what was found so far, and keep the better."""
+    orders = candidate.orders
     level, earlier = candidate.with_level, candidate.search
-    found = _search(data, orders, more, window, level, log, earlier)
+    found = _search(data, orders, settings, window, level, log, earlier)
     return Candidate.of(found, candidate.phase)
 
 
@@ -230,8 +243,21 @@ def select_candidate(
     def reoptimize(nested: Candidate, candidate: Candidate) -> Candidate:
         return reoptimize_from(nested, candidate, data, settings, window)
 
+    def search_on(candidate: Candidate) -> Candidate:
+        return continue_search(candidate, data, settings, window, log)
+
     ordered = sorted(candidates, key=lambda candidate: candidate.orders)
-    selection = settle(ordered, phase, repeat, reoptimize)
+    if settings.prune:
+        samples = scored_samples(data, window)
+        ordered = race(
+            ordered,
+            phase,
+            samples,
+            settings,
+            search_on,
+            lambda each: _no_worse_than_nested(each, reoptimize),
+        )
+    selection = settle(ordered, phase, repeat, reoptimize, last=min_delay is not None)
     if min_delay is None:
         return selection
     return _with_refined_delay(selection, min_delay, data, settings, window, log)
@@ -253,7 +279,7 @@ def _with_refined_delay(
         (candidate,) = estimate_candidates(
             data, [orders], selection.phase, settings, window, log, level
         )
-        if candidate.diagnostics.n_confirming == 0:
+        if _is_doubtful(candidate, last=True):
             candidate = repeat_search(candidate, data, settings, window, log)
         found[orders] = candidate
         return with_covariance(candidate)
@@ -281,6 +307,7 @@ def settle(
     phase: str,
     repeat: Callable[[Candidate], Candidate],
     reoptimize: Callable[[Candidate, Candidate], Candidate],
+    last: bool = False,
 ) -> PhaseSelection:
     """Select a candidate, given how a search is repeated and how one is re-optimised.
 
@@ -293,6 +320,8 @@ def settle(
     reoptimize : callable
         Takes a nested smaller candidate and the larger one, and returns the latter after a
         descent from the former; see :func:`reoptimize_from`.
+    last : bool
+        Whether this is the last phase, whose selection has to be certified.
     """
     select = select_delay if phase == "delay" else select_order
     settled = list(candidates)
@@ -303,7 +332,9 @@ def settle(
         doubtful = {
             row
             for row, candidate in enumerate(settled)
-            if _decides(candidate.orders, orders, phase) and candidate.diagnostics.n_confirming == 0
+            if _decides(candidate.orders, orders, phase)
+            and not candidate.pruned
+            and _is_doubtful(candidate, last)
         }
         if doubtful <= repeated:
             return PhaseSelection(phase, orders, reason, tuple(settled))
@@ -330,6 +361,12 @@ def _no_worse_than_nested(
         if nested:
             settled[row] = reoptimize(min(nested, key=lambda each: each.minimum), own)
     return settled
+
+
+def _is_doubtful(candidate: Candidate, last: bool) -> bool:
+    """Whether a selection that rests on a candidate has its search repeated."""
+    found = candidate.diagnostics
+    return not is_certified(found) if last else found.n_confirming == 0
 
 
 def _decides(orders: PolynomialOrders, selected: PolynomialOrders, phase: str) -> bool:

@@ -22,9 +22,9 @@ from evopem.estimation.pem.polynomial_objective import PolynomialErrors
 from evopem.estimation.pem.robust_covariance import MOST_COLOURING, coloured_covariance
 from evopem.estimation.pem.stretch_errors import StretchErrors
 from evopem.estimation.requirements import check_search_settings, check_signals, check_window
-from evopem.estimation.search.memetic import memetic_search
+from evopem.estimation.search.global_search import global_search
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
-from evopem.estimation.search.problem import SearchResult, descended, pooled
+from evopem.estimation.search.problem import SearchResult, continuing, descended, pooled
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomials import max_root_radius
@@ -134,9 +134,10 @@ def estimate_polynomial(
         Hz.
     settings : SearchSettings, optional
         Objective, seed, bounds and size of the search.  Its draws come from
-        ``SeedSequence(seed, spawn_key=(na, nb, nc, nd, nf, nk, level))``, with a 1 appended to the
-        key when the search continues an earlier one.  ``initialization`` and
-        ``n_initial_discard`` are not used: the first population holds estimates of several kinds,
+        ``SeedSequence(seed, spawn_key=(na, nb, nc, nd, nf, nk, level))``, with the number of its
+        restarts appended to the key when the search continues an earlier one.
+        ``initialization`` and ``n_initial_discard`` are not used: the first population of a
+        memetic restart holds estimates of several kinds,
         and the initial states of all filters are estimated.
     window : ScoringWindow, optional
         By default the first residual is the first whose past inputs and outputs are measured, and
@@ -159,13 +160,11 @@ def estimate_polynomial(
     with threadpool_limits(limits=1, user_api="blas"):
         errors = checked_errors(input, output, o, settings, window, level)
         problem, scales = scaled_problem(errors)
-        key = (o.na, o.nb, o.nc, o.nd, o.nf, o.nk, int(level), *((1,) if earlier else ()))
+        key = (o.na, o.nb, o.nc, o.nd, o.nf, o.nk, int(level), *continuing(earlier))
         sequence = np.random.SeedSequence(settings.seed, spawn_key=key)
         generator = np.random.default_rng(sequence)
         known = np.inf if earlier is None else earlier.value
-        found = memetic_search(
-            problem, settings, generator, log, known, recombine=problem.recombine
-        )
+        found = global_search(problem, settings, generator, log, known, recombine=problem.recombine)
         found = replace(found, point=found.point * scales)
         if earlier is not None:
             found = pooled(earlier, found)

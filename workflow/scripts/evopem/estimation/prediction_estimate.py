@@ -41,8 +41,8 @@ from evopem.estimation.polynomial_estimate import (
     scaled_problem,
 )
 from evopem.estimation.search.constrained_errors import ConstrainedErrors
+from evopem.estimation.search.global_search import global_search
 from evopem.estimation.search.linear_completion import LINEAR_STEPS, solve_linear
-from evopem.estimation.search.memetic import memetic_search
 from evopem.estimation.search.multistart import multistart
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
 from evopem.estimation.search.problem import SearchResult, descended
@@ -161,7 +161,7 @@ def _one_step_optimum(
 ) -> SearchResult:
     """The optimum of one-step prediction: searched, or refined where it is known."""
     if task.optimum is None:
-        return memetic_search(
+        return global_search(
             problem, task.settings, task.generator(0), task.log, recombine=problem.recombine
         )
     # The search of ARMAX models counts other first residuals.

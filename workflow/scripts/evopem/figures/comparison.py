@@ -49,13 +49,13 @@ def simulated_column(number: int) -> str:
 
 
 def compared_responses_table(comparison: Comparison) -> pd.DataFrame:
-    """Frequency response of every model, thinned to the extremes of its gain."""
+    """Frequency response of every model, counted from 1, thinned to the extremes of its gain."""
     columns = ["frequency_hz", "gain", "gain_lower", "gain_upper", "phase_deg"]
     tables = []
-    for label, results in zip(comparison.labels, comparison.results, strict=True):
+    for number, results in enumerate(comparison.results, start=1):
         response = with_positive_frequency(plant_or_noise_filter(results.frequency_response)[0])
         shown = response.iloc[extremes(response["gain"], BINS)]
-        tables.append(shown[columns].assign(model=label))
+        tables.append(shown[columns].assign(model=number))
     return pd.concat(tables, ignore_index=True)[["model", *columns]]
 
 
@@ -85,8 +85,10 @@ def draw_compared_responses(comparison: Comparison, axes: Sequence[Axes] | None 
     """
     gain, phase = RESPONSES.panels(axes)
     table = compared_responses_table(comparison)
-    for label, colour, line in zip(comparison.labels, FAMILY, FAMILY_LINES, strict=False):
-        shown = table[table["model"] == label]
+    for number, (label, colour, line) in enumerate(
+        zip(comparison.labels, FAMILY, FAMILY_LINES, strict=False), start=1
+    ):
+        shown = table[table["model"] == number]
         if shown["gain_lower"].notna().any():
             floor = 1e-3 * float(shown["gain"].min())
             gain.fill_between(

@@ -346,7 +346,7 @@ def residuals(results: DatasetResults) -> list[Panel]:
         of_themselves,
         correlation(
             "Cross-correlation of residuals and input",
-            "Lag (samples); at positive lags the residual follows the input",
+            "Lag (samples)",
             "cross_correlation",
         ),
     ]

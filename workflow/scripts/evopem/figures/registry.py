@@ -292,7 +292,8 @@ REPORT_FIGURES = (
     ),
     ReportFigure(
         "residuals",
-        "Correlations of the residuals with themselves and with the input, with 95 % bounds.",
+        "Correlations of the residuals with themselves and with the input, with 95 % bounds. At"
+        " positive lags the residual follows the input.",
         (_FILES.residual_autocorrelation, _FILES.cross_correlation),
         _residuals,
         residuals_table,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
@@ -16,15 +15,15 @@ from evopem.config.schema import schema_file
 from evopem.config.settings import DatasetSettings
 from evopem.config.yaml_form import read_settings
 from evopem.errors import InputError
-from evopem.notebook.signals import DATA, GivenSignals, given_recordings, given_signals
+from evopem.notebook.signals import DATA, GivenSignals, alike, given_recordings
 from evopem.pipeline.packages import FOR_RESULTS, check_packages
 from evopem.results.layout import DatasetFiles
 
 if TYPE_CHECKING:
     from evopem.notebook.results import IdentificationResults
 
-RECORDED, VALIDATION = "data.npz", "validation.npz"
-"""The files of the signals in the folder of the results."""
+VALIDATION = "validation"
+"""What the files of the validation recordings are called, as an error calls them."""
 
 _OWN_KEYS = ("file", "validation_file", "input", "output", "time", "sampling_rate", "synthesis")
 
@@ -51,17 +50,16 @@ def identify(
     ----------
     data : pandas.DataFrame, pandas.Series or array_like, shape (N,)
         A table whose columns ``input`` and ``output`` name; or the samples of the input. None
-        where there is no input. A list of tables, or of arrays, is several recordings of one
-        system, each with its own initial state and level; the last ones validate.
+        where there is no input. Several recordings of one system are a list of these.
     output : column label, or pandas.Series or array_like, shape (N,)
-        A list of arrays where ``data`` is one.
+        Of several recordings in arrays, a list as well.
     sampling_rate : float, optional
         Hz. Left out, it is that of `time`, or of an index of dates, durations or seconds.
     input, time : column label, optional
         Of a table alone.
     validation : pandas.DataFrame, or pair of arrays (input, output), optional
-        An independent recording of the same channels for validation. All samples of `data` then
-        serve estimation.
+        An independent recording of the same channels for validation, or a list of tables or a
+        pair of lists for several. All samples of `data` then serve estimation.
     name : str
         Heads the report.
     show_progress : bool
@@ -97,16 +95,9 @@ def identify(
     """
     check_packages(FOR_RESULTS, "identify", "the tables of the results")
     check_environment(os.environ)
-    recordings = [
-        given_signals(own, target, input, time, sampling_rate, source)
-        for own, target, source in given_recordings(data, output)
-    ]
-    signals = recordings[0]
-    held_out = _validation_signals(validation, signals, output, input, time, sampling_rate)
-    files_of_signals = [f"{number}-{RECORDED}" for number in range(1, len(recordings) + 1)]
-    if len(recordings) == 1:
-        files_of_signals = [RECORDED]
-    settings = _settings(name, signals, files_of_signals, held_out is not None, keys)
+    recorded = given_recordings(data, output, input, time, sampling_rate)
+    held_out = _validation_signals(validation, recorded[0], output, input, time, sampling_rate)
+    settings = _settings(name, recorded, held_out, keys)
     from threadpoolctl import threadpool_limits
 
     from evopem.notebook.progress import progress
@@ -115,18 +106,16 @@ def identify(
 
     folder = TemporaryDirectory(prefix="evopem-", ignore_cleanup_errors=True)
     root = Path(folder.name)
-    for own, file in zip(recordings, files_of_signals, strict=True):
-        replace(own, input_name=signals.input_name, output_name=signals.output_name).save(
-            root / file
-        )
-    if held_out is not None:
-        held_out.save(root / VALIDATION)
+    for each, file in zip(recorded, _files(DATA, recorded), strict=True):
+        each.save(root / file)
+    for each, file in zip(held_out, _files(VALIDATION, held_out), strict=True):
+        each.save(root / file)
     files = DatasetFiles(str(root / RESULTS_FOLDER / name))
     with threadpool_limits(limits=1, user_api="blas"), progress(show_progress) as announce:
         try:
             identify_recording(files, settings, False, announce=announce, folder=root)
         except InputError as error:
-            raise _of_signals(error, files_of_signals) from None
+            raise _of_signals(error, root) from None
     return IdentificationResults.of(files, settings, folder)
 
 
@@ -152,51 +141,39 @@ def read_results(folder: str | Path) -> IdentificationResults:
 
 def _validation_signals(
     given: Any,
-    signals: GivenSignals,
+    first: GivenSignals,
     output: Any,
     input: Any,  # noqa: A002
     time: Any,
     sampling_rate: float | None,
-) -> GivenSignals | None:
-    """The signals of the validation recording, under the names of the others."""
-    if given is None:
-        return None
+) -> tuple[GivenSignals, ...]:
+    """The signals of the validation recordings, under the names of the others."""
     source = "validation"
-    if isinstance(given, tuple | list) and len(given) == 2:
-        first, second = given
-        found = given_signals(first, second, sampling_rate=sampling_rate, source=source)
-    elif hasattr(given, "columns"):
-        found = given_signals(given, output, input, time, sampling_rate, source)
-    else:
+    if given is None:
+        return ()
+    tables = [given] if hasattr(given, "columns") else given
+    if not isinstance(tables, tuple | list) or not tables:
         raise InputError(
             source, "it is neither a table nor a pair of signals", "give (input, output)"
         )
-    if (
-        found.sampling_rate
-        and signals.sampling_rate
-        and (abs(found.sampling_rate / signals.sampling_rate - 1.0) > 1e-6)
-    ):
-        raise InputError(
-            source,
-            f"its sampling rate is {found.sampling_rate:g} Hz, and that of the data is"
-            f" {signals.sampling_rate:g} Hz",
-            "give recordings of one rate",
-        )
-    if (found.input is None) != (signals.input is None):
-        raise InputError(
-            source, "one of the recordings has no input", "give both an input, or none"
-        )
-    return replace(found, input_name=signals.input_name, output_name=signals.output_name)
+    if all(hasattr(each, "columns") for each in tables):
+        found = given_recordings(given, output, input, time, sampling_rate, source)
+    elif len(tables) == 2:
+        inputs, outputs = tables
+        found = given_recordings(inputs, outputs, None, None, sampling_rate, source)
+    else:
+        raise InputError(source, f"it has {len(tables)} signals", "give (input, output)")
+    return tuple(alike(each, first, source) for each in found)
 
 
 def _settings(
     name: str,
-    signals: GivenSignals,
-    recorded: Sequence[str],
-    validated: bool,
+    recorded: Sequence[GivenSignals],
+    held_out: Sequence[GivenSignals],
     keys: Mapping[str, Any],
 ) -> DatasetSettings:
     """The settings that a data set of these keys has in a configuration."""
+    signals = recorded[0]
     if signals.sampling_rate is None:
         raise InputError("sampling_rate", "it is not known", "give it in Hz, or an index of times")
     for key in _OWN_KEYS:
@@ -204,29 +181,42 @@ def _settings(
             raise InputError(key, "it is no key of the analysis", "leave it out")
     own: dict[str, Any] = {
         "recipe": "auto",
-        "file": list(recorded),
+        "file": _files(DATA, recorded),
         "output": signals.output_name,
         "sampling_rate": float(signals.sampling_rate),
     }
     if signals.input is not None:
         own["input"] = signals.input_name
-    if validated:
-        own["validation_file"] = VALIDATION
+    if held_out:
+        own["validation_file"] = _files(VALIDATION, held_out)
     try:
         content = {"datasets": {name: own | dict(keys)}}
-        return complete(content, schema_file(), "identify").datasets[name]
+        completed = complete(content, schema_file(), "identify")
     except InputError as error:
         key = error.place.removeprefix(f"datasets.{name}").lstrip(".")
         place = "name" if key == "datasets" else key or "identify"
         raise InputError(place, error.problem, error.remedy) from None
+    if name not in completed.single_channel:
+        raise InputError(
+            "structure",
+            "a state-space model is not identified in one call",
+            "run the workflow, or use estimate_state_space",
+        )
+    return completed.single_channel[name]
 
 
-def _of_signals(error: InputError, recorded: Sequence[str]) -> InputError:
+def _files(what: str, recordings: Sequence[GivenSignals]) -> list[str]:
+    """Names of the files of recordings, with numbers from 1 where there are several."""
+    if len(recordings) == 1:
+        return [f"{what}.npz"]
+    return [f"{what}-{number}.npz" for number in range(1, len(recordings) + 1)]
+
+
+def _of_signals(error: InputError, root: Path) -> InputError:
     """An error about a file of the signals as one about what was handed over."""
-    names = {VALIDATION: "validation"}
-    several = len(recorded) > 1
-    names |= {file: f"{DATA}[{n}]" if several else DATA for n, file in enumerate(recorded)}
-    source, problem = names.get(Path(error.source).name, error.source), error.problem
-    for file, name in names.items():
-        problem = problem.replace(file, name)
-    return InputError(source, problem, error.remedy, error.place)
+    file = Path(error.source)
+    if file.parent != root:
+        return error
+    what, _, number = file.stem.partition("-")
+    source = f"{what}, recording {number}" if number else what
+    return InputError(source, error.problem, error.remedy, error.place)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from evopem.errors import InputError
 from evopem.files.npz import save_arrays
-from evopem.signals.timestamps import sampling_rate_of
+from evopem.signals.timestamps import RATE_TOLERANCE, sampling_rate_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -50,36 +50,6 @@ class GivenSignals:
         if self.input is not None:
             arrays = {self.input_name: self.input} | arrays
         save_arrays(path, arrays)
-
-
-def given_recordings(data: Any, output: Any) -> list[tuple[Any, Any, str]]:
-    """The recordings in what a user hands over: data, output, and what an error calls them.
-
-    A list of tables, or of arrays beside a list of outputs, is several recordings.
-
-    Parameters
-    ----------
-    data, output
-        As for :func:`evopem.identify`.
-
-    Raises
-    ------
-    InputError
-        When there are not as many outputs as inputs.
-    """
-    listed = isinstance(data, list | tuple) and len(data) > 0
-    if listed and all(hasattr(each, "columns") for each in data):
-        return [(each, output, f"{DATA}[{number}]") for number, each in enumerate(data)]
-    if not (listed and all(np.ndim(each) == 1 for each in data)):
-        return [(data, output, DATA)]
-    if not isinstance(output, list | tuple) or len(output) != len(data):
-        raise InputError(
-            "output",
-            f"there are {len(data)} recordings of the input",
-            "give as many of the output, in a list",
-        )
-    pairs = zip(data, output, strict=True)
-    return [(u, y, f"{DATA}[{number}]") for number, (u, y) in enumerate(pairs)]
 
 
 def given_signals(
@@ -127,6 +97,76 @@ def given_signals(
         _rate(index, sampling_rate, source),
         *_names(getattr(data, "name", None), getattr(output, "name", None)),
     )
+
+
+def given_recordings(
+    data: Any,
+    output: Any,
+    input: Any = None,  # noqa: A002 - the field's word
+    time: Any = None,
+    sampling_rate: float | None = None,
+    source: str = DATA,
+) -> tuple[GivenSignals, ...]:
+    """The signals of one recording, or of each of several that are one data set.
+
+    Parameters
+    ----------
+    data, output, input, time, sampling_rate, source
+        As for :func:`given_signals`; several recordings are a list of tables, or lists of the
+        signals of each.
+
+    Raises
+    ------
+    InputError
+        As :func:`given_signals` does, and when the recordings differ in rate or have an input in
+        part.
+    """
+    if not _are_several(data) and not (data is None and _are_several(output)):
+        return (given_signals(data, output, input, time, sampling_rate, source),)
+    several = list(output if data is None else data)
+    if _is_table(several[0]):
+        outputs: list[Any] = [output] * len(several)
+    else:
+        outputs = list(output) if _are_several(output) else []
+        several = [None] * len(outputs) if data is None else several
+    if len(outputs) != len(several):
+        raise InputError(
+            source,
+            f"there are {len(several)} inputs and {len(outputs) or 'no'} outputs",
+            "give a list of the input and of the output of each recording",
+        )
+    found = tuple(
+        given_signals(each, own, input, time, sampling_rate, f"{source}, recording {number}")
+        for number, (each, own) in enumerate(zip(several, outputs, strict=True), start=1)
+    )
+    return tuple(alike(each, found[0], source) for each in found)
+
+
+def alike(signals: GivenSignals, first: GivenSignals, source: str) -> GivenSignals:
+    """The signals of a further recording, under the names of the first one.
+
+    Raises
+    ------
+    InputError
+        When the two differ in rate, or one of them has no input.
+    """
+    rate, other = first.sampling_rate, signals.sampling_rate
+    if rate and other and abs(other / rate - 1.0) > RATE_TOLERANCE:
+        raise InputError(
+            source,
+            f"a sampling rate is {other:g} Hz, and that of the first recording is {rate:g} Hz",
+            "give recordings of one rate",
+        )
+    if (signals.input is None) != (first.input is None):
+        raise InputError(source, "one of the recordings has no input", "give all an input, or none")
+    return replace(signals, input_name=first.input_name, output_name=first.output_name)
+
+
+def _are_several(data: Any) -> bool:
+    """Whether a list holds recordings, and not the samples of one."""
+    if not isinstance(data, list | tuple) or not data:
+        return False
+    return _is_table(data[0]) or np.ndim(data[0]) > 0
 
 
 def _of_table(

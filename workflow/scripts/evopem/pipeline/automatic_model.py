@@ -9,15 +9,18 @@ from typing import cast
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from evopem.automatic.chosen import estimate_choice, window_of
 from evopem.automatic.chosen import estimate_chosen as search_chosen
 from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.folds import FoldPlan
 from evopem.automatic.orders import StructureSearch
 from evopem.automatic.preparation import PreparationPlan
-from evopem.automatic.record import DecisionRecord
+from evopem.automatic.record import DecisionRecord, OtherModel
 from evopem.automatic.remedies import Remedied
-from evopem.automatic.structures import Comparison
+from evopem.automatic.structures import Comparison, Purpose
 from evopem.config.settings import Objective, SearchSettings
+from evopem.estimation.model_record import ModelRecord
+from evopem.estimation.order_selection import complete_estimate
 from evopem.files.json_form import load, save
 from evopem.pipeline.automatic_preparation import load_record
 from evopem.pipeline.automatic_search import DelayDecision
@@ -25,6 +28,8 @@ from evopem.results.layout import DatasetFiles
 from evopem.signals.preparation import load_prepared
 from evopem.signals.recording_info import RecordingInfo
 from evopem.signals.stretches import total_samples
+from evopem.validation.responses import held_out_samples, responses_of
+from evopem.validation.scores import error_percent
 
 Log = Callable[[str], None]
 
@@ -40,7 +45,39 @@ def estimate_chosen(files: DatasetFiles, search: SearchSettings, log: Log | None
     save(selection, files.phase(selection.phase))
 
 
-def collect_decisions(files: DatasetFiles, structures: Sequence[str]) -> None:
+def complete_other_model(files: DatasetFiles, purpose: Purpose, search: SearchSettings) -> None:
+    """Keep the model for another purpose, with its errors on the validation samples.
+
+    It is the one of the comparison of structures, without remedies and without a global search.
+    """
+    record = load_record(files)
+    prepared = load_prepared(files.prepared, files.transforms)
+    choice = load(Comparison, files.decision("comparison")).choice(purpose)
+    settings = replace(search, objective=cast("Objective", record.plan.objective))
+    with threadpool_limits(limits=1, user_api="blas"):
+        selected = estimate_choice(choice, record, prepared.estimation, settings)
+        estimate = complete_estimate(
+            selected, prepared.estimation, settings, window_of(selected.orders)
+        )
+        free_level = choice.level == "state"
+        held_out = held_out_samples(estimate.model, prepared, free_level)
+        responses = responses_of(estimate.model, prepared, held_out, free_level)
+    scored = responses.scored
+    measured = responses.output[scored]
+    other = OtherModel(
+        purpose,
+        str(selected.orders),
+        error_percent(measured, responses.predicted[scored]),
+        error_percent(measured, responses.simulated[scored]),
+    )
+    save(
+        ModelRecord.of(estimate, settings, prepared.transforms, choice.level),
+        files.other_model(purpose),
+    )
+    save(other, files.other_errors(purpose))
+
+
+def collect_decisions(files: DatasetFiles, structures: Sequence[str], other: str) -> None:
     """Put all decisions of a data set into one file, in their order."""
     plan = load(PreparationPlan, files.decision("preparation"))
     comparison = load(Comparison, files.decision("comparison"))
@@ -55,7 +92,8 @@ def collect_decisions(files: DatasetFiles, structures: Sequence[str]) -> None:
     )
     choice = remedied.choice
     record = DecisionRecord(
-        choice.purpose, decisions, remedied.trials, remedied.failed, _remarks(files, choice.level)
+        *(choice.purpose, decisions, remedied.trials, remedied.failed),
+        *(_remarks(files, choice.level), load(OtherModel, files.other_errors(other))),
     )
     save(record, files.decisions)
 

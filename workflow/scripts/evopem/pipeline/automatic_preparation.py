@@ -49,8 +49,8 @@ def decide_preparation(
             transforms = _decide_transforms(divided, given)
             if transforms.changes_samples:
                 divided = _divided(files, settings, has_validation_recording, transforms)
-            if transforms.difference:
-                given = replace(given, factor=1)  # differences are taken back sample by sample
+            if transforms.has_trend:
+                given = replace(given, differences=0)  # a slope is no random walk
             plan = decide(separated(divided.estimation), given)
     except InputError as error:
         place = f"datasets.{files.name}"
@@ -77,9 +77,9 @@ def _decide_transforms(divided: PreparedData, given: GivenPreparation) -> Transf
     return decide_transforms(
         stretches,
         begins,
-        given.box_cox,
-        given.differences,
-        trend=len(recordings) == 1 and divided.transforms.validation_source == "cut",
+        box_cox=given.box_cox,
+        trend=given.differences is not None,
+        continued=len(recordings) == 1 and divided.transforms.validation_source == "cut",
     )
 
 
@@ -124,12 +124,8 @@ def _divided(
     transforms = settings.transforms
     if plan.box_cox is not None:
         transforms = replace(transforms, box_cox=plan.box_cox)
-    if plan.difference:
-        transforms = replace(
-            transforms, difference=plan.difference, difference_input=plan.difference
-        )
     settings = replace(settings, transforms=transforms)
-    if not (plan.input_trend or plan.output_trend):
+    if not plan.has_trend:
         return prepare_recordings(recording, settings, validation, place)
     return _without_trend(recording, settings, plan, place)
 

@@ -41,4 +41,5 @@ def _row(candidate: Candidate, selected: bool) -> dict[str, str | float]:
         "at_stability_bound": candidate.at_stability_bound,
         "n_multistart": diagnostics.n_multistart,
         "undiscovered_probability": diagnostics.undiscovered_probability,
+        "pruned": candidate.pruned,
     }

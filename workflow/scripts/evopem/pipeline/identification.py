@@ -21,7 +21,11 @@ from evopem.config.settings import AutomaticSettings, DatasetSettings, RecordedS
 from evopem.config.structures import searched_structures
 from evopem.config.yaml_form import read_settings
 from evopem.pipeline.acquisition import read_recording
-from evopem.pipeline.automatic_model import collect_decisions, estimate_chosen
+from evopem.pipeline.automatic_model import (
+    collect_decisions,
+    complete_other_model,
+    estimate_chosen,
+)
 from evopem.pipeline.automatic_preparation import apply_preparation, decide_preparation
 from evopem.pipeline.automatic_search import (
     act_on_checks,
@@ -103,6 +107,7 @@ def _automatic_stages(
     given = GivenPreparation(**given_preparation(settings.preparation, automatic))  # type: ignore[arg-type]
     preparation, validated = settings.preparation, _is_validated(settings)
     searched = searched_structures(automatic.structure)
+    other = automatic.other_purpose
     wanted = (automatic.structure,) if automatic.structure else searched
     listed: dict[str, Stage] = {
         "plan": partial(decide_preparation, files, preparation, given, validated),
@@ -117,7 +122,8 @@ def _automatic_stages(
         "structures": partial(compare_structures, files, wanted, automatic),
         "remedies": partial(act_on_checks, files, automatic),
         "chosen": partial(estimate_chosen, files, settings.search, log),
-        "decisions": partial(collect_decisions, files, searched),
+        "other_model": partial(complete_other_model, files, other, settings.search),
+        "decisions": partial(collect_decisions, files, searched, other),
     }
 
 

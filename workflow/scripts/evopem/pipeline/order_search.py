@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 from evopem.config.order_grid import (
     DELAY_REFINED_IN,
@@ -13,6 +13,7 @@ from evopem.config.order_grid import (
 )
 from evopem.config.settings import OrderGrid, ScoringWindow, SearchSettings
 from evopem.estimation.candidate import Candidate, PhaseSelection
+from evopem.estimation.order_race import first_pass
 from evopem.estimation.order_selection import select_candidate as select
 from evopem.estimation.parallel import estimate_in_parallel
 from evopem.files.json_form import load, save
@@ -35,18 +36,28 @@ def estimate_candidates(
     log: Log | None = None,
     cores: int = 1,
 ) -> None:
-    """Estimate every ``parts``-th candidate of a phase, from the ``part``-th on (from 1)."""
+    """Estimate every ``parts``-th candidate of a phase, from the ``part``-th on (from 1).
+
+    Where candidates may be pruned this is a first pass: which of them are searched further is
+    known only when all of the phase are there.  Those that the phase before searched are taken
+    from there.
+    """
     previous = previous_phase(phase, grid.structure)
-    selected = load(PhaseSelection, files.phase(previous)).orders if previous else None
+    before = load(PhaseSelection, files.phase(previous)) if previous else None
     resonances = (
         load(SpectrumSummary, files.spectrum_summary).resonances
         if needs_resonances(phase, grid)
         else None
     )
-    orders = candidate_orders(phase, grid, asdict(selected) if selected else None, resonances)
+    orders = candidate_orders(phase, grid, asdict(before.orders) if before else None, resonances)
     own = [orders_of(grid.structure, each) for each in orders[part - 1 :: parts]]
     data = load_prepared(files.prepared, files.transforms).estimation
-    candidates = estimate_in_parallel(data, own, phase, search, window, log, cores, grid.level)
+    search = first_pass(search) if search.prune else search
+    known = {} if before is None else {each.orders: each for each in before.candidates}
+    new = [orders for orders in own if orders not in known]
+    found = estimate_in_parallel(data, new, phase, search, window, log, cores, grid.level)
+    known |= {each.orders: each for each in found}
+    candidates = [replace(known[orders], phase=phase, pruned="") for orders in own]
     save(candidates, files.part(phase, part))
 
 
@@ -59,7 +70,7 @@ def select_candidate(
     window: ScoringWindow,
     log: Log | None = None,
 ) -> None:
-    """Collect the candidates of a phase, repeat doubtful searches, and select one candidate.
+    """Collect the candidates of a phase, search those that may win, and select one candidate.
 
     The phase of nb also compares its selection with other lags of B.
     """

@@ -22,12 +22,18 @@ from evopem.config.settings import (
     OrderGrid,
     RecordedSource,
 )
+from evopem.config.state_space_settings import (
+    StateSpaceDataset,
+    StateSpaceSource,
+    searched_variants,
+)
 from evopem.config.structures import AUTOMATIC_STRUCTURES, searched_structures
 from evopem.files.json_form import to_json
 from evopem.pipeline.constraint_plan import known_rate
 from evopem.results.layout import OVERVIEW, DatasetFiles
 from evopem.results.replaced_recordings import was_read_from
 
+_Dataset = DatasetSettings | StateSpaceDataset
 _DECISIONS = ("preparation", "folds", "delay", "comparison", "remedies")
 _RESERVED = "|".join(map(re.escape, RESERVED_NAMES))
 DATASET_PATTERN = rf"(?!(?:{_RESERVED})/)[A-Za-z0-9][A-Za-z0-9_.-]*"
@@ -55,12 +61,16 @@ class Wildcards(Protocol):
         """Value of a wildcard, None where the job has no such one."""
 
 
-def _structure_of(dataset: DatasetSettings) -> str:
+def _structure_of(dataset: _Dataset) -> str:
     """The structure on which the results depend, with the automatic recipe before it."""
+    if isinstance(dataset, StateSpaceDataset):
+        forms = "_".join(f"{form}_{weighting}" for form, weighting in searched_variants(dataset))
+        return f"state_space_{forms}"
     automatic = dataset.automatic
     if automatic is None:
         return dataset.order_grid.structure
-    return f"automatic_{automatic.structure}" if automatic.structure else "automatic"
+    purpose = "" if automatic.other_purpose == "prediction" else f"_{automatic.purpose}"
+    return f"automatic{purpose}_{automatic.structure}".removesuffix("_None")
 
 
 @dataclass(frozen=True)
@@ -77,12 +87,15 @@ class Kind:
         Keys of the recorded files.
     results : list of str
         Paths with the wildcard of the data set.
+    script : str
+        Name of the script that makes them.
     """
 
     name: str
     members: frozenset[str]
     recorded: tuple[str, ...]
     results: list[str]
+    script: str
 
 
 @dataclass(frozen=True)
@@ -97,7 +110,7 @@ class Provider:
         return frozenset(
             name
             for name, dataset in self.config.datasets.items()
-            if isinstance(dataset.source, RecordedSource)
+            if isinstance(dataset.source, RecordedSource | StateSpaceSource)
         )
 
     @cached_property
@@ -113,13 +126,29 @@ class Provider:
     @cached_property
     def automatic(self) -> frozenset[str]:
         """Names of the data sets of the automatic recipe."""
-        datasets = self.config.datasets.items()
+        datasets = self.config.single_channel.items()
         return frozenset(name for name, dataset in datasets if dataset.automatic is not None)
+
+    @cached_property
+    def single_channel(self) -> frozenset[str]:
+        """Names of the data sets with one input and one output, or an output alone."""
+        return frozenset(self.config.single_channel)
+
+    @cached_property
+    def state_space(self) -> frozenset[str]:
+        """Names of the data sets with several channels."""
+        return frozenset(self.config.state_space)
+
+    @property
+    def variants(self) -> frozenset[str]:
+        """Names of the forms with their weightings that any data set searches."""
+        datasets = self.config.state_space.values()
+        return frozenset("_".join(each) for own in datasets for each in searched_variants(own))
 
     @cached_property
     def by_chapter(self) -> frozenset[str]:
         """Names of the data sets of the chapter's recipe."""
-        return frozenset(self.config.datasets) - self.automatic
+        return self.single_channel - self.automatic
 
     @property
     def with_report(self) -> bool:
@@ -168,6 +197,10 @@ class Provider:
             else []
         )
         settings = self.config.datasets[dataset]
+        if isinstance(settings, StateSpaceDataset):
+            names = map("_".join, searched_variants(settings))
+            report = [own.report] if self.with_report else []
+            return [*validation, *own.state_space_results(names), *report]
         phases = [own.phase(each) for each in phases_of_dataset(settings)]
         decisions = [] if settings.automatic is None else self._decisions(dataset, own)
         read = [own.recording, *validation, own.prepared, *phases, *decisions]
@@ -176,10 +209,16 @@ class Provider:
     def _decisions(self, dataset: str, own: DatasetFiles) -> list[str]:
         """All files of decisions of one data set."""
         searches = [own.search(each) for each in self._structures(dataset)]
-        return [own.stretches, *map(own.decision, _DECISIONS), *searches, own.decisions]
+        other = self._other_purpose(dataset)
+        others = [own.other_errors(other), own.other_model(other)]
+        return [own.stretches, *map(own.decision, _DECISIONS), *searches, *others, own.decisions]
+
+    def _other_purpose(self, dataset: str) -> str:
+        automatic = self.config.single_channel[dataset].automatic or AutomaticSettings()
+        return automatic.other_purpose
 
     def _structures(self, dataset: str) -> tuple[str, ...]:
-        automatic = self.config.datasets[dataset].automatic
+        automatic = self.config.single_channel[dataset].automatic
         return searched_structures(automatic.structure if automatic else None)
 
     @property
@@ -196,6 +235,9 @@ class Provider:
                 members=frozenset(names),
                 recorded=RECORDED_FILES[source],
                 results=self.results(names[0], FILES),
+                script="identify_channels"
+                if names[0] in self.state_space
+                else "identify_recording",
             )
             for (source, structure), names in members.items()
         ]
@@ -208,11 +250,27 @@ class Provider:
         """
         if self.config.run.one_job_per == "recording":
             return []
-        return [
-            result
-            for own in map(DatasetFiles.of_dataset, self.config.datasets)
-            for result in (own.config, own.candidates, *([own.report] if self.with_report else []))
-        ] + [DatasetFiles.of_dataset(name).decisions for name in sorted(self.automatic)]
+        return (
+            [
+                result
+                for own in map(DatasetFiles.of_dataset, self.config.single_channel)
+                for result in (
+                    own.config,
+                    own.candidates,
+                    *([own.report] if self.with_report else []),
+                )
+            ]
+            + [
+                result
+                for own in map(DatasetFiles.of_dataset, self.config.state_space)
+                for result in (
+                    own.config,
+                    own.decisions,
+                    *([own.report] if self.with_report else []),
+                )
+            ]
+            + [DatasetFiles.of_dataset(name).decisions for name in sorted(self.automatic)]
+        )
 
     def one_of(self, names: frozenset[str]) -> str:
         """A wildcard constraint that matches these names and no other data set's.
@@ -234,7 +292,7 @@ class Provider:
         """
 
         def provide(wildcards: Wildcards) -> Any:
-            provided: Any = self._of(wildcards)
+            provided: Any = self.config.datasets[wildcards.dataset]
             for name in filter(None, part.split(".")):
                 provided = getattr(provided, name)
             return to_json(provided)
@@ -374,6 +432,14 @@ class Provider:
         """The structures that the automatic recipe searches."""
         return list(self._structures(wildcards.dataset))
 
+    def other_purpose(self, wildcards: Wildcards) -> str:
+        """The other purpose for which the automatic recipe keeps a model."""
+        return self._other_purpose(wildcards.dataset)
+
+    def other_errors(self, wildcards: Wildcards) -> str:
+        """What the model for this purpose reaches."""
+        return FILES.other_errors(self.other_purpose(wildcards))
+
     def wanted_searches(self, wildcards: Wildcards) -> list[str]:
         """The outputs of the searches of these structures."""
         return [FILES.search(each) for each in self.wanted_structures(wildcards)]
@@ -401,11 +467,11 @@ class Provider:
 
     def reading_memory(self, wildcards: Wildcards, attempt: int) -> int:
         """MB of a job that reads a recording once."""
-        return resources.reading_memory(self._of(wildcards), attempt)
+        return resources.reading_memory(self.config.datasets[wildcards.dataset], attempt)
 
     def reading_time(self, wildcards: Wildcards, attempt: int) -> int:
         """Minutes of a job that reads a recording once."""
-        return resources.reading_time(self._of(wildcards), attempt)
+        return resources.reading_time(self.config.datasets[wildcards.dataset], attempt)
 
     def model_memory(self, wildcards: Wildcards, attempt: int) -> int:
         """MB of the job that completes the model, and estimates it where there are constraints."""
@@ -420,11 +486,15 @@ class Provider:
         return resources.reading_time(self._of(wildcards), attempt)
 
     def estimation_memory(self, wildcards: Wildcards, threads: int, attempt: int) -> int:
-        """MB of a job that estimates candidates."""
+        """MB of a job that estimates candidates, or models of several channels."""
+        if wildcards.dataset in self.state_space:
+            return self.state_space_memory(wildcards, attempt)
         return resources.estimation_memory(self._of(wildcards), threads, attempt)
 
     def estimation_time(self, wildcards: Wildcards, threads: int, attempt: int) -> int:
         """Minutes of a job that estimates the candidates of a phase, or of all of them."""
+        if wildcards.dataset in self.state_space:
+            return self.state_space_time(wildcards, attempt)
         return resources.estimation_time(
             self._of(wildcards),
             wildcards.get("phase"),
@@ -433,8 +503,29 @@ class Provider:
             attempt,
         )
 
+    def searched_variants(self, wildcards: Wildcards) -> list[tuple[str, str]]:
+        """The forms with their weightings that a data set with several channels searches."""
+        return list(searched_variants(self.config.state_space[wildcards.dataset]))
+
+    def variant_searches(self, wildcards: Wildcards) -> list[str]:
+        """The outputs of their searches."""
+        return [FILES.search("_".join(each)) for each in self.searched_variants(wildcards)]
+
+    def start_and_rate_given(self, wildcards: Wildcards) -> tuple[bool, bool]:
+        """Whether the configuration says where samples begin, and at which rate."""
+        own = self.config.state_space[wildcards.dataset]
+        return bool(own.split.discard), own.rate_given
+
+    def state_space_memory(self, wildcards: Wildcards, attempt: int) -> int:
+        """MB of a job that estimates models of several channels."""
+        return resources.state_space_memory(self.config.state_space[wildcards.dataset], attempt)
+
+    def state_space_time(self, wildcards: Wildcards, attempt: int) -> int:
+        """Minutes of a job that estimates models of several channels."""
+        return resources.state_space_time(self.config.state_space[wildcards.dataset], attempt)
+
     def _of(self, wildcards: Wildcards) -> DatasetSettings:
-        return self.config.datasets[wildcards.dataset]
+        return self.config.single_channel[wildcards.dataset]
 
     def _files(self, name: str, key: str) -> tuple[str, ...]:
         paths: tuple[str, ...] = getattr(self.config.datasets[name].source, f"{key}s")

@@ -97,8 +97,10 @@ def _checks(comparison: Comparison) -> dict[str, list[str]]:
 def _responses(comparison: Comparison) -> Section:
     def curves(column: str, **options: bool | str | tuple[str, ...]) -> tuple[Curve, ...]:
         return tuple(
-            Curve(label, column, role, where=("model", label), **options)  # type: ignore[arg-type]
-            for label, role in zip(comparison.labels, ROLES, strict=False)
+            Curve(label, column, role, where=("model", str(number)), **options)  # type: ignore[arg-type]
+            for number, (label, role) in enumerate(
+                zip(comparison.labels, ROLES, strict=False), start=1
+            )
         )
 
     units = {gain_unit(results) for results in comparison.results}

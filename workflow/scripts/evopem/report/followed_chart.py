@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from evopem.report.numbers import number
+from evopem.report.numbers import THIN, number
 from evopem.results.followed_modes import NORMAL_95, FollowedMode
 
 WIDTH, HEIGHT, EDGE = 640, 90, 4
@@ -48,6 +48,29 @@ def followed_charts(followed: Sequence[FollowedMode]) -> list[FollowedChart]:
     return [_chart(each, several) for each in followed if len(each.modes) >= FEWEST]
 
 
+def movements(followed: FollowedMode) -> list[str]:
+    """Where a mode moved by more than its error, a sentence each."""
+    if followed.levels is None:
+        return []
+    found = []
+    for change in followed.levels.changes:
+        percent = 100.0 / change.before
+        step, error = percent * (change.after - change.before), percent * change.standard_error
+        name = followed.recordings[change.index]
+        found.append(
+            f"The mode at {number(change.before)} Hz moved by {number(step, 3)}{THIN}% "
+            f"(standard error {number(error, 2)}{THIN}%) from {name} on."
+        )
+    for index in followed.levels.outlying:
+        level = followed.levels.values[index]
+        percent = 100.0 * (followed.modes[index].frequency_hz / level - 1.0)
+        found.append(
+            f"The mode at {number(level)} Hz lies {number(percent, 3)}{THIN}% from its level in "
+            f"{followed.recordings[index]} alone."
+        )
+    return found
+
+
 def _chart(followed: FollowedMode, several: bool) -> FollowedChart:
     values = [mode.frequency_hz for mode in followed.modes]
     halves = [NORMAL_95 * mode.frequency_se_hz for mode in followed.modes]
@@ -73,14 +96,14 @@ def _chart(followed: FollowedMode, several: bool) -> FollowedChart:
             f"{x:.1f} {y(level):.1f}" for x, level in zip(xs, followed.levels.values, strict=True)
         ]
         levels = "M" + "L".join(steps)
-    warnings = followed.warnings
+    warnings = movements(followed)
     title = f"Mode {followed.number}, {number(followed.frequency_hz)} Hz"
     return FollowedChart(
         title=f"{followed.group}: {title}" if several else title,
         high=number(high, 5),
         low=number(low, 5),
-        first=followed.recordings[0],
-        last=followed.recordings[-1],
+        first=_edge(followed, 0),
+        last=_edge(followed, -1),
         intervals=intervals,
         levels=levels,
         points="".join(points),
@@ -88,3 +111,8 @@ def _chart(followed: FollowedMode, several: bool) -> FollowedChart:
         label=f"{title}, in {len(values)} recordings from {number(min(values), 5)} to "
         f"{number(max(values), 5)} Hz. {' '.join(warnings) or 'It did not move.'}",
     )
+
+
+def _edge(followed: FollowedMode, index: int) -> str:
+    """Name and place of a recording at an edge of the chart."""
+    return f"{followed.recordings[index]} ({number(followed.places[index])})"

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import quote
 
-from evopem.report.followed_chart import followed_charts
+from evopem.report.followed_chart import followed_charts, movements
 from evopem.report.numbers import number
 from evopem.report.templates import environment
 from evopem.results.fleet import DatasetSummary, Entry
@@ -142,7 +142,7 @@ def build_index(
             rows=rows,
             grouped=len(sizes) > 1 and max(sizes.values()) > 1,
             charts=followed_charts(followed),
-            warnings=[warning for each in followed for warning in each.warnings],
+            warnings=[sentence for each in followed for sentence in movements(each)],
             ordered_by=ordered_by,
         )
     )
@@ -161,7 +161,7 @@ def _row(name: str, entry: Entry, page: str) -> IndexRow:
         name,
         group,
         f"{folder}/{page}",
-        orders=str(entry.orders),
+        orders=entry.model,
         prediction_error_percent=entry.prediction_error_percent,
         simulation_error_percent=entry.simulation_error_percent,
         passed=entry.n_checks(passed=True),

@@ -16,7 +16,11 @@ from evopem.report.downloads import Download, csv_download
 from evopem.report.fit_table import constraint_rows, fit_sentences
 from evopem.report.inline_svg import inline_svg
 from evopem.report.mode_table import mode_rows
-from evopem.report.sentences.about_decisions import about_decisions, decision_rows
+from evopem.report.sentences.about_decisions import (
+    about_decisions,
+    decision_rows,
+    purpose_rows,
+)
 from evopem.report.sentences.about_model import (
     frequency_response,
     mode_lines,
@@ -190,6 +194,7 @@ def build_report(
         decisions=decision_rows(results),
         trials=results.decisions.trials if results.decisions else (),
         decision_remarks=about_decisions(results),
+        purposes=purpose_rows(results),
         provenance=provenance.terms(results, commit),
         stages=provenance.stages(results, wall_clock),
         command=provenance.command(commit),

@@ -6,9 +6,11 @@ import re
 import textwrap
 from collections.abc import Sequence
 
-from evopem.report.numbers import count, percent, with_error
+from evopem.models.modes import Mode
+from evopem.report.numbers import count, is_number, percent, plural, with_error
 from evopem.report.sentences.about_verdict import verdict
 from evopem.results.dataset import DatasetResults
+from evopem.results.fleet import DatasetSummary
 from evopem.validation.checks import Check
 
 _WIDTH = 96
@@ -40,20 +42,53 @@ def results_text(results: DatasetResults, page: str = "") -> str:
     return "\n".join(lines)
 
 
+def state_space_text(summary: DatasetSummary, name: str, page: str = "") -> str:
+    """The lines about one data set with several channels.
+
+    Parameters
+    ----------
+    summary : DatasetSummary
+    name : str
+    page : str
+        The file to open next; empty for none.
+    """
+    failed = summary.n_checks(passed=False)
+    errors = [f"one step ahead {percent(summary.prediction_error_percent)}"]
+    if is_number(summary.simulation_error_percent):
+        errors.append(f"simulation {percent(summary.simulation_error_percent)}")
+    lines = [
+        f"{name}: {plural(failed, 'failed check') if failed else 'no failed check'}",
+        "",
+        *_modes_of(summary.modes, summary.trusted),
+        "",
+        f"  model   {summary.model}, from {count(summary.estimation_samples)} samples at "
+        f"{summary.sampling_rate:g} Hz",
+        f"  errors  {', '.join(errors)} on {count(summary.validation_samples)} validation samples, "
+        "mean over the outputs",
+        *_failed(summary.checks),
+        *([f"  report  {page}"] if page else []),
+    ]
+    return "\n".join(lines)
+
+
 def _mode_table(results: DatasetResults) -> list[str]:
+    trusted = {each.mode.pole for each in results.trusted_modes}
     modes = results.model.modes
+    return _modes_of(modes, [mode.pole in trusted for mode in modes])
+
+
+def _modes_of(modes: Sequence[Mode], trusted: Sequence[bool]) -> list[str]:
     if not modes:
         return ["  The model has no oscillating mode."]
-    trusted = {each.mode.pole for each in results.trusted_modes}
     rows = [("mode", "frequency (Hz)", "damping (%)", "")]
     rows += [
         (
             str(position),
             with_error(mode.frequency_hz, mode.frequency_se_hz),
             with_error(100.0 * mode.damping_ratio, 100.0 * mode.damping_se),
-            "" if mode.pole in trusted else "not to be trusted: see the report",
+            "" if trust else "not to be trusted: see the report",
         )
-        for position, mode in enumerate(modes, start=1)
+        for position, (mode, trust) in enumerate(zip(modes, trusted, strict=True), start=1)
     ]
     widths = [max(len(row[column]) for row in rows) for column in range(4)]
     return [

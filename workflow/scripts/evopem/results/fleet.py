@@ -51,7 +51,8 @@ class DatasetSummary:
     sampling_rate : float
         Hz, after all transforms.
     estimation_samples, validation_samples : int
-    orders : PolynomialOrders
+    orders : PolynomialOrders, optional
+        None for a state-space model.
     bic : float
     prediction_error_percent, simulation_error_percent : float
     continued_simulation_error_percent : float, optional
@@ -65,6 +66,10 @@ class DatasetSummary:
         filter.
     made_from : dict of str to str
         SHA-256 of files that the summary was made from, by their names in the data set's folder.
+    state_space : str, optional
+        A state-space model in a few words.
+    shapes : tuple of tuples of complex
+        Of each mode the shape over several outputs; empty for one output.
     """
 
     file: str | None
@@ -72,7 +77,7 @@ class DatasetSummary:
     sampling_rate: float
     estimation_samples: int
     validation_samples: int
-    orders: PolynomialOrders
+    orders: PolynomialOrders | None
     bic: float
     prediction_error_percent: float
     simulation_error_percent: float
@@ -82,6 +87,13 @@ class DatasetSummary:
     trusted: tuple[bool, ...]
     gain_db: tuple[float, ...]
     made_from: dict[str, str]
+    state_space: str | None = None
+    shapes: tuple[tuple[complex, ...], ...] = ()
+
+    @property
+    def model(self) -> str:
+        """The model in a few words."""
+        return self.state_space or str(self.orders)
 
     def n_checks(self, passed: bool | None) -> int:
         """Number of checks with an outcome: passed, failed (False) or not judged (None)."""
@@ -172,9 +184,19 @@ def recorded_modes(summary: DatasetSummary) -> list[RecordedMode]:
     """The modes of a data set, as they are followed over recordings."""
     return [
         RecordedMode(
-            mode.frequency_hz, mode.damping_ratio, mode.frequency_se_hz, mode.damping_se, trusted
+            mode.frequency_hz,
+            mode.damping_ratio,
+            mode.frequency_se_hz,
+            mode.damping_se,
+            trusted,
+            shape,
         )
-        for mode, trusted in zip(summary.modes, summary.trusted, strict=True)
+        for mode, trusted, shape in zip(
+            summary.modes,
+            summary.trusted,
+            summary.shapes or ((),) * len(summary.modes),
+            strict=True,
+        )
     ]
 
 
@@ -295,8 +317,8 @@ def _rows(name: str, entry: Entry) -> list[dict[str, object]]:
         "sampling_rate": entry.sampling_rate,
         "estimation_samples": entry.estimation_samples,
         "validation_samples": entry.validation_samples,
-        "model": str(entry.orders),
-        **{name: getattr(entry.orders, name) for name in ORDER_NAMES},
+        "model": entry.model,
+        **{name: getattr(entry.orders, name, None) for name in ORDER_NAMES},
         "bic": entry.bic,
         **{error: getattr(entry, error) for error in _ERRORS},
         "failed_checks": entry.n_checks(passed=False),

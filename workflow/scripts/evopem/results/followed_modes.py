@@ -94,29 +94,6 @@ class FollowedMode:
         """Median frequency."""
         return median(mode.frequency_hz for mode in self.modes)
 
-    @property
-    def warnings(self) -> list[str]:
-        """Where the mode moved by more than its error, a sentence each."""
-        if self.levels is None:
-            return []
-        found = []
-        for change in self.levels.changes:
-            step = change.after - change.before
-            percent = 100.0 * step / change.before
-            error = 100.0 * change.standard_error / change.before
-            found.append(
-                f"The mode at {change.before:.4g} Hz moved by {percent:+.2f} % "
-                f"(standard error {error:.2f} %) from {self.recordings[change.index]} on."
-            )
-        for index in self.levels.outlying:
-            level = self.levels.values[index]
-            percent = 100.0 * (self.modes[index].frequency_hz / level - 1.0)
-            found.append(
-                f"The mode at {level:.4g} Hz lies {percent:+.2f} % from its level in "
-                f"{self.recordings[index]} alone."
-            )
-        return found
-
 
 @dataclass
 class _Track:

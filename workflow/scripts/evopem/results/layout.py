@@ -165,6 +165,14 @@ class DatasetFiles:
         """The model, for evopem and people."""
         return f"{self.folder}/model.json"
 
+    def other_model(self, purpose: str) -> str:
+        """The model of an automatic recipe for another purpose than that of :attr:`model`."""
+        return f"{self.folder}/model.{purpose}.json"
+
+    def other_errors(self, purpose: str) -> str:
+        """What the model for another purpose reaches."""
+        return self.decision(f"models/{purpose}")
+
     @property
     def model_mat(self) -> str:
         """The model, for MATLAB."""
@@ -174,6 +182,11 @@ class DatasetFiles:
     def modes(self) -> str:
         """Natural frequencies and damping ratios of plant and noise filter."""
         return f"{self.folder}/modes.csv"
+
+    @property
+    def modes_json(self) -> str:
+        """Modes of a state-space model with their shapes."""
+        return f"{self.folder}/modes.json"
 
     @property
     def frequency_response(self) -> str:
@@ -257,6 +270,35 @@ class DatasetFiles:
             self.cross_correlation,
             self.simulation,
             self.horizons,
+            self.summary,
+        ]
+
+    def state_space_results(self, variants: Iterable[str]) -> list[str]:
+        """The results of a data set with several channels, without its report.
+
+        Parameters
+        ----------
+        variants : iterable of str
+            Names of the forms with their weightings that are searched.
+        """
+        return [
+            self.config,
+            self.recording,
+            self.recording_info,
+            self.prepared,
+            self.transforms,
+            *map(self.decision, ("preparation", "delays", "comparison")),
+            *map(self.search, variants),
+            self.decisions,
+            self.model,
+            self.model_mat,
+            self.modes,
+            self.modes_json,
+            self.frequency_response,
+            self.validation,
+            self.residual_autocorrelation,
+            self.cross_correlation,
+            self.simulation,
             self.summary,
         ]
 

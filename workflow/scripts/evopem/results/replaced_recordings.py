@@ -14,11 +14,12 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from evopem.config.settings import DatasetSettings, RecordedSource
+from evopem.config.state_space_settings import StateSpaceDataset, StateSpaceSource
 from evopem.files.checksums import sha256_of_file
 from evopem.results.layout import DatasetFiles
 
 
-def mark_replaced_recordings(datasets: Mapping[str, DatasetSettings]) -> list[str]:
+def mark_replaced_recordings(datasets: Mapping[str, DatasetSettings | StateSpaceDataset]) -> list[str]:
     """Make the outputs of reading a recording older than it, where its content has changed.
 
     The content is compared, by its SHA-256, only where the size differs or the file's status
@@ -26,7 +27,7 @@ def mark_replaced_recordings(datasets: Mapping[str, DatasetSettings]) -> list[st
 
     Parameters
     ----------
-    datasets : mapping of str to DatasetSettings
+    datasets : mapping of str to DatasetSettings or StateSpaceDataset
 
     Returns
     -------
@@ -46,11 +47,13 @@ def was_read_from(path: str, info: str) -> bool:
     return bool(_origin(path, info))
 
 
-def _read_files(datasets: Mapping[str, DatasetSettings]) -> Iterator[tuple[str, str, str]]:
+def _read_files(
+    datasets: Mapping[str, DatasetSettings | StateSpaceDataset],
+) -> Iterator[tuple[str, str, str]]:
     """List each recorded file with the outputs of reading it: samples and origin."""
     for name, dataset in datasets.items():
         source, files = dataset.source, DatasetFiles.of_dataset(name)
-        if isinstance(source, RecordedSource):
+        if isinstance(source, RecordedSource | StateSpaceSource):
             for path in source.files:
                 yield path, files.recording, files.recording_info
             for path in source.validation_files:

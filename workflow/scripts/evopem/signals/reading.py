@@ -9,7 +9,7 @@ import itertools
 import os
 import signal
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
@@ -172,6 +172,65 @@ def read_recording(
                 f'{role} "{getattr(recording, f"{role}_name")}"',
             )
     return recording
+
+
+def read_columns(
+    path: str | Path,
+    references: Mapping[str, Reference],
+    sampling_rate: float | None = None,
+    time_unit: str | None = None,
+    header_lines: int | None = None,
+    decimal_mark: str | None = None,
+) -> tuple[dict[str, Channel], float]:
+    """Read any number of channels that were sampled together, with their sampling rate.
+
+    Parameters
+    ----------
+    path : str or Path
+    references : mapping of str to int or str
+        Channels by what an error calls them, such as ``output 2``.  ``time`` is that of the time
+        stamps.
+    sampling_rate, time_unit, header_lines, decimal_mark : optional
+        As of :func:`read_recording`.
+
+    Returns
+    -------
+    channels : dict of str to Channel
+        Without the time stamps; values are float64.
+    sampling_rate : float
+        Hz.
+
+    Raises
+    ------
+    InputError
+        As :func:`read_recording`.
+    """
+    path = Path(path)
+    source = str(path)
+    options = _text_options(format_of(path), source, header_lines, decimal_mark)
+    found: list[Channel] = _read(
+        path, lambda reader, local: reader.read(local, list(references.values()), **options)
+    )
+    channels = dict(zip(references, found, strict=True))
+    signals = {
+        role: replace(each, values=_signal(each, role, source))
+        for role, each in channels.items()
+        if role != "time"
+    }
+    first = next(iter(signals))
+    for role, each in signals.items():
+        if each.values.size != signals[first].values.size:
+            raise InputError(
+                source,
+                f"the {first} has {signals[first].values.size} samples and the {role}"
+                f" {each.values.size}",
+                "choose channels that were sampled together",
+            )
+    _refuse_same(channels, dict(references), source)
+    rate = _sampling_rate(channels, sampling_rate, time_unit, source)
+    for each in signals.values():
+        _refuse_other_start([signals[first], each], rate, source)
+    return signals, rate
 
 
 def channel_names(path: str | Path) -> list[str]:

@@ -113,7 +113,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--config",
         metavar="YAML",
-        help="a config.yaml whose `defaults:` are used in place of the automatic recipe",
+        help="a config.yaml whose `defaults:` decide what they name",
     )
     return parser
 
@@ -206,20 +206,25 @@ def _settings(arguments: argparse.Namespace) -> DatasetSettings:
     keys |= {} if arguments.time is None else {"time": arguments.time}
     name = dataset_name(Path(arguments.file))
     content: dict[str, Any] = {"datasets": {name: keys}}
-    if arguments.config is None:
-        content["defaults"] = {"recipe": "auto"}
-    else:
-        defaults = _defaults(arguments.config)
-        if defaults is not None:
-            content["defaults"] = defaults
+    defaults = None if arguments.config is None else _defaults(arguments.config)
+    if defaults is not None:
+        content["defaults"] = defaults
     try:
-        return complete(content, schema_file(), arguments.config or "evopem").datasets[name]
+        completed = complete(content, schema_file(), arguments.config or "evopem")
     except InputError as error:
         key = error.place.removeprefix(f"datasets.{name}.")
         if key == error.place:
             raise
         option = {"sampling_rate": "--rate", "file": "FILE"}.get(key, f"--{key}")
         raise InputError(option, error.problem, error.remedy) from None
+    if name not in completed.single_channel:
+        raise InputError(
+            arguments.config or "evopem",
+            "this command identifies one input and one output",
+            "run the workflow for structure state_space",
+            "defaults.structure",
+        )
+    return completed.single_channel[name]
 
 
 def _defaults(path: str) -> Any:

@@ -27,8 +27,6 @@ _HEAD = """\
 # where PATH is the checkout of evopem. What no key says is decided from the recording. Keys of the
 # analysis (such as structure, resample, split) decide it instead, for one data set or, under
 # `defaults:`, for all.
-defaults:
-  recipe: auto
 datasets:
 """
 

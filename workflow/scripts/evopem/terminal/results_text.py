@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 from evopem.config.yaml_form import read_settings
+from evopem.files.json_form import load
 from evopem.report.numbers import number, plural
-from evopem.report.results_text import results_text
-from evopem.results.dataset import DatasetResults, read_dataset_results
-from evopem.results.fleet import Entry, IncompleteDataset
+from evopem.report.results_text import results_text, state_space_text
+from evopem.results.dataset import read_dataset_results
+from evopem.results.fleet import DatasetSummary, Entry, IncompleteDataset
 from evopem.results.layout import DatasetFiles
 
 _SHOWN_WHOLE = 3
@@ -48,7 +50,7 @@ def run_text(entries: Mapping[str, Entry], page: str, lists: Sequence[str]) -> s
         blocks = [
             _line(name, entry)
             if isinstance(entry, IncompleteDataset)
-            else results_text(_read(name), files[name])
+            else _text_of(name, files[name])
             for name, entry in entries.items()
         ]
     else:
@@ -58,9 +60,11 @@ def run_text(entries: Mapping[str, Entry], page: str, lists: Sequence[str]) -> s
     return "\n\n".join([*blocks, *([f"All data sets: {lists[0]}"] if lists else [])])
 
 
-def _read(name: str) -> DatasetResults:
+def _text_of(name: str, page: str) -> str:
     files = DatasetFiles.of_dataset(name)
-    return read_dataset_results(files, read_settings(files.config))
+    if Path(files.modes_json).exists():
+        return state_space_text(load(DatasetSummary, files.summary), name, page)
+    return results_text(read_dataset_results(files, read_settings(files.config)), page)
 
 
 def _line(name: str, entry: Entry) -> str:

@@ -90,32 +90,28 @@ def find_levels(values: Array, standard_errors: Array, significance: float) -> L
         Finite, standard errors above 0.
     significance : float
     """
+    count = len(values)
     scatter = excess_scatter(values, standard_errors)
     variances = standard_errors**2 + scatter**2
     freedom = _freedom(variances, scatter)
-    indices = sorted(_steps(values, variances, freedom, 0, 0.25 * significance))
-    bounds = [0, *(index for index, _ in indices), len(values)]
-    parts = list(pairwise(bounds))
-    means = [_mean(values[a:b], variances[a:b]) for a, b in parts]
+    single = 0.5 * significance / count
+    kept = np.flatnonzero(np.logical_not(_isolated(values, variances, freedom, single)))
+    steps = sorted(_steps(values[kept], variances[kept], freedom, 0, 0.25 * significance))
+    bounds = [0, *(int(kept[index]) for index, _ in steps), count]
+    levels, parts, outlying = np.empty(count), [], []
+    for first, stop in pairwise(bounds):
+        inside = kept[(kept >= first) & (kept < stop)]
+        mean, variance = _mean(values[inside], variances[inside])
+        levels[first:stop] = mean
+        parts.append((mean, variance))
+        outlying += _outlying(values, variances, freedom, range(first, stop), inside, single)
     changes = tuple(
-        LevelChange(
-            index,
-            means[k][0],
-            means[k + 1][0],
-            math.sqrt(means[k][1] + means[k + 1][1]),
-            p_value,
+        LevelChange(index, before[0], after[0], math.sqrt(before[1] + after[1]), p_value)
+        for index, (before, after), (_, p_value) in zip(
+            bounds[1:-1], pairwise(parts), steps, strict=True
         )
-        for k, (index, p_value) in enumerate(indices)
     )
-    levels = np.concatenate(
-        [np.full(b - a, mean) for (a, b), (mean, _) in zip(parts, means, strict=True)]
-    )
-    outlying = tuple(
-        index
-        for a, b in parts
-        for index in _outlying(values, variances, freedom, a, b, 0.5 * significance / len(values))
-    )
-    return Levels(tuple(levels.tolist()), scatter, changes, outlying)
+    return Levels(tuple(levels.tolist()), scatter, changes, tuple(outlying))
 
 
 def excess_scatter(values: Array, standard_errors: Array) -> float:
@@ -224,19 +220,45 @@ def _normal_equivalent(statistic: float, freedom: float) -> float:
     return -float(ndtri(stdtr(freedom, -statistic)))
 
 
+def _isolated(values: Array, variances: Array, freedom: float, significance: float) -> Array:
+    """Whether each estimate lies on one side of all its neighbours, significantly each time.
+
+    One that would be taken for a step, or hide one; a true step has neighbours on its own side.
+    """
+    count = len(values)
+    isolated = np.zeros(count, dtype=bool)
+    if count < FEWEST:
+        return isolated
+    for index in range(count):
+        near = [k for k in range(index - BESIDE, index + BESIDE + 1) if 0 <= k < count]
+        near.remove(index)
+        deviations = (values[index] - values[near]) / np.sqrt(variances[index] + variances[near])
+        if np.ptp(np.sign(deviations)) == 0.0:
+            isolated[index] = _probability(float(np.abs(deviations).min()), freedom) < significance
+    return isolated
+
+
+def _probability(statistic: float, freedom: float) -> float:
+    """Two-sided tail of Student's t."""
+    return math.erfc(_normal_equivalent(statistic, freedom) / math.sqrt(2.0))
+
+
 def _outlying(
-    values: Array, variances: Array, freedom: float, first: int, stop: int, significance: float
+    values: Array,
+    variances: Array,
+    freedom: float,
+    part: range,
+    inside: NDArray[np.int64],
+    significance: float,
 ) -> list[int]:
-    """Estimates away from the mean of the others of their part."""
-    if stop - first < 3:
-        return []
-    part, own = values[first:stop], variances[first:stop]
-    weights = 1.0 / own
-    others = weights.sum() - weights
-    mean = (weights @ part - weights * part) / others
-    statistics = np.abs(part - mean) / np.sqrt(own + 1.0 / others)
-    return [
-        first + k
-        for k, statistic in enumerate(statistics)
-        if math.erfc(_normal_equivalent(float(statistic), freedom) / math.sqrt(2.0)) < significance
-    ]
+    """Estimates of a part away from the mean of the others inside it."""
+    found = []
+    for index in part:
+        others = inside[inside != index]
+        if len(others) < BESIDE:
+            continue
+        mean, variance = _mean(values[others], variances[others])
+        statistic = abs(values[index] - mean) / math.sqrt(variances[index] + variance)
+        if _probability(float(statistic), freedom) < significance:
+            found.append(index)
+    return found

@@ -131,12 +131,14 @@ def mode_evidence(
     response : FrequencyResponse, optional
         Multitaper estimate from the same recording, for the coherence.
     others : sequence of PolynomialModel
-        Models of other orders of the same recording.
+        Models of other orders of the same recording.  Those that have fewer poles than all modes
+        need do not count: that they lack a mode says nothing about it.
     """
     u, y = np.asarray(input, dtype=float), np.asarray(output, dtype=float)
     residuals = model.residuals(u, y, *states)
     free = free_responses(model.plant_denominator, len(y) - first)
     modes = model.modes()
+    able = [each for each in others if len(each.plant_denominator) > 2 * len(modes)]
     responses = [modal_response(model, mode.pole, u) for mode in modes]
     rest = model.simulate(u) - np.sum(responses, axis=0)
     shared = roots(model.a[1:])
@@ -156,7 +158,7 @@ def mode_evidence(
         if model.has_input:
             residue, residue_se = modal_residue(model, mode.pole)
         coherence, limit = _coherence(response, mode.frequency_hz)
-        recurrence = mode_recurrence(mode, others)
+        recurrence = mode_recurrence(mode, able)
         found.append(
             ModeEvidence(
                 mode=mode,

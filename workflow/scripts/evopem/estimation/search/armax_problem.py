@@ -12,7 +12,17 @@ from evopem.estimation.pem.arx import fit_arx
 from evopem.estimation.pem.batch_bfgs import Descent
 from evopem.estimation.pem.objective import PredictionErrorProblem
 from evopem.estimation.search.incremental_order import random_pairs, smaller_orders, with_factor
+from evopem.estimation.search.root_recombination import Sections, product_of, sections_of
+from evopem.estimation.search.section_hopping import (
+    FARTHEST_NEIGHBOUR,
+    PLACES,
+    PREDICTION_DAMPING,
+    random_sections,
+    section_roots,
+    without_nearest_section,
+)
 from evopem.estimation.search.staged_descent import (
+    DAMPING,
     DESCENT_STAGES,
     damped_inverses,
     polish,
@@ -107,14 +117,53 @@ class ArmaxProblem:
             for orders in smaller_orders(self.errors.orders)
         ]
 
-    def _promise(self, points: Array, value: float) -> Array:
+    def _promise(self, points: Array, value: float, damping: float = DAMPING) -> Array:
         """Objective that one Gauss-Newton step from each point predicts; inf where infeasible."""
         smoothing, barriers = stage_weights(
             self.errors, DESCENT_STAGES[0], np.full(len(points), value), self._scale
         )
         values, gradients = self.errors.values_and_gradients(points, smoothing, barriers)
-        inverses = damped_inverses(self.errors.curvatures(points, smoothing, barriers))
+        inverses = damped_inverses(self.errors.curvatures(points, smoothing, barriers), damping)
         return values - 0.5 * np.einsum("ij,ijk,ik->i", gradients, inverses, gradients)
+
+    def neighbours(
+        self, point: Array, value: float, count: int, generator: np.random.Generator
+    ) -> tuple[Array, int]:
+        """The most promising points with one section of A, and the nearest of B and C, elsewhere.
+
+        The new section is common to all polynomials.  One Gauss-Newton step predicts its gain.
+        """
+        points = self.repair(self._with_moved_section(point, generator))
+        values = self.values(points)
+        points = points[values <= FARTHEST_NEIGHBOUR * value]
+        if not len(points):
+            return points, len(values)
+        promised = self._promise(points, value, PREDICTION_DAMPING)
+        promised[promised < 0.0] = np.inf
+        best = np.argsort(promised, kind="stable")[:count]
+        return points[best], len(values) + 4 * len(points)
+
+    def _with_moved_section(self, point: Array, generator: np.random.Generator) -> Array:
+        """Points, (M, n), with each of the sections of A in turn moved to random places."""
+        o = self.errors.orders
+        a, b, c = np.split(point[: o.parameters], [o.na, o.na + o.nb])
+        found = sections_of(a)
+        moved = []
+        for row, section in enumerate(found.quadratic):
+            roots = section_roots(section)
+            rest = Sections(np.delete(found.quadratic, row, axis=0), found.single)
+            of_a = np.concatenate([[1.0], product_of(rest)])
+            of_b = without_nearest_section(b[1:] / b[0], roots) if o.nb > 2 and b[0] else None
+            of_c = without_nearest_section(c, roots)
+            for factor in random_sections(PLACES, generator):
+                neighbour = point.copy()
+                neighbour[: o.na] = np.convolve(of_a, factor)[1:]
+                if of_b is not None:
+                    neighbour[o.na : o.na + o.nb] = b[0] * np.convolve(of_b, factor)
+                if of_c is not None:
+                    neighbour[o.na + o.nb : o.parameters] = np.convolve(of_c, factor)[1:]
+                moved.append(neighbour)
+        return np.array(moved).reshape(len(moved), len(point))
 
     def repair(self, points: Array) -> Array:
         """Reflect the roots of A and C of infeasible points inside."""
@@ -127,6 +176,10 @@ class ArmaxProblem:
     def descend(self, points: Array) -> Descent:
         """BFGS from each point, preconditioned by its Gauss-Newton matrix."""
         return staged_descent(self.errors, points, DESCENT_STAGES, self._scale)
+
+    def descend_from_neighbours(self, points: Array) -> Descent:
+        """BFGS from points whose Gauss-Newton matrix may be singular."""
+        return staged_descent(self.errors, points, DESCENT_STAGES, self._scale, PREDICTION_DAMPING)
 
     def polish(self, points: Array) -> Descent:
         """BFGS with ever less smoothing; never worse than the starting points."""

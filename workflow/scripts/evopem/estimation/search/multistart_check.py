@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.estimation.search.problem import Problem, converged_values, count_distinct
+from evopem.estimation.search.problem import Problem, converged_values, undiscovered
 
 Array = NDArray[np.float64]
 
@@ -35,9 +35,7 @@ def multistart_check(
 ) -> MultistartCheck:
     """Descend from random points until a further local optimum is improbable.
 
-    After n descents that ended at w distinct optima the posterior mean of the probability that
-    a further one leads to an undiscovered optimum is ``w (w + 1) / (n (n - 1))`` (Boender &
-    Rinnooy Kan 1987, Bayesian stopping rules for multistart global optimization methods).
+    The probability is :func:`.problem.undiscovered`.
 
     Parameters
     ----------
@@ -61,8 +59,7 @@ def multistart_check(
         best = int(np.argmin(descents.values))
         if descents.values[best] <= best_value:
             best_point, best_value = descents.points[best], float(descents.values[best])
-        distinct, count = count_distinct(optima), len(optima)
-        probability = min(distinct * (distinct + 1) / (count * (count - 1)), 1) if count > 1 else 1
+        probability = undiscovered(optima)
         if probability > HOPELESS_PROBABILITY:
             break
     polished = problem.polish(best_point[None, :])
@@ -71,6 +68,6 @@ def multistart_check(
         value=float(polished.values[0]),
         optima=tuple(optima),
         n_multistart=points,
-        undiscovered_probability=float(probability),
+        undiscovered_probability=probability,
         evaluations=evaluations + polished.evaluations,
     )

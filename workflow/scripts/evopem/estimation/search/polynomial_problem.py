@@ -13,7 +13,19 @@ from evopem.estimation.pem.batch_bfgs import Descent
 from evopem.estimation.pem.polynomial_objective import PolynomialErrors
 from evopem.estimation.search.linear_completion import LINEAR_STEPS, solve_linear
 from evopem.estimation.search.memetic import discrete_recombination
-from evopem.estimation.search.root_recombination import recombined_polynomials
+from evopem.estimation.search.root_recombination import (
+    Sections,
+    product_of,
+    recombined_polynomials,
+    sections_of,
+)
+from evopem.estimation.search.section_hopping import (
+    PLACES,
+    PREDICTION_DAMPING,
+    random_sections,
+    section_roots,
+    without_nearest_section,
+)
 from evopem.estimation.search.staged_descent import (
     DESCENT_STAGES,
     polish,
@@ -90,6 +102,12 @@ class PolynomialProblem:
         """BFGS from each point, preconditioned by its Gauss-Newton matrix."""
         return staged_descent(self.errors, points, DESCENT_STAGES, self._largest_value)
 
+    def descend_from_neighbours(self, points: Array) -> Descent:
+        """BFGS from points whose Gauss-Newton matrix may be singular."""
+        return staged_descent(
+            self.errors, points, DESCENT_STAGES, self._largest_value, PREDICTION_DAMPING
+        )
+
     def polish(self, points: Array) -> Descent:
         """BFGS with ever less smoothing; never worse than where it began."""
         return polish(self.errors, points, self._largest_value)
@@ -125,6 +143,44 @@ class PolynomialProblem:
             part = self._parts[name]
             offspring[:, part] = recombined_polynomials(parents[:, part], pairs, generator)
         return self.completed(offspring)
+
+    def neighbours(
+        self,
+        point: Array,
+        value: float,  # noqa: ARG002 - as of other problems
+        count: int,
+        generator: np.random.Generator,
+    ) -> tuple[Array, int]:
+        """The lowest of the points with a section of one or two polynomials elsewhere.
+
+        A section of A or D is moved together with the nearest one of C, or alone.
+        """
+        moved = []
+        for name, beside in (("f", ""), ("a", ""), ("a", "c"), ("d", ""), ("d", "c"), ("c", "")):
+            part, other = self._parts[name], self._parts[beside] if beside else None
+            if other is not None and other.stop - other.start < 2:
+                continue
+            found = sections_of(point[part])
+            for row, section in enumerate(found.quadratic):
+                rest = Sections(np.delete(found.quadratic, row, axis=0), found.single)
+                own = np.concatenate([[1.0], product_of(rest)])
+                near = (
+                    without_nearest_section(point[other], section_roots(section))
+                    if other is not None
+                    else None
+                )
+                for factor in random_sections(PLACES, generator):
+                    neighbour = point.copy()
+                    neighbour[part] = np.convolve(own, factor)[1:]
+                    if other is not None and near is not None:
+                        neighbour[other] = np.convolve(near, factor)[1:]
+                    moved.append(neighbour)
+        if not moved:
+            return np.empty((0, len(point))), 0
+        points, used = self.completed(np.array(moved))
+        values = self.values(points)
+        best = np.argsort(values, kind="stable")[:count]
+        return points[best], used + len(values)
 
     def completed(self, points: Array) -> tuple[Array, int]:
         """Points with B, level and states by least squares, given A, C, D and F; evaluations.

@@ -55,16 +55,16 @@ class SearchDiagnostics:
         Evaluations of the objective; a gradient counts as one more.
     generations : int
     restart_minima : tuple of float
-        Lowest value of each independent restart; a multistart check counts as one.
+        Lowest value of each independent restart; a batch of random points counts as one.
     n_confirming : int
         Restarts, other than the one that found it, that ended at the lowest value.
     n_local_optima : int
         Distinct values among all descents that converged.
     n_multistart : int
-        Random points that the multistart check descended from; 0 without a check.
+        Independent random points that descents started from.
     undiscovered_probability : float
         Estimated probability that a descent from a random point leads to an optimum that has not
-        been found; 1 without a check.
+        been found; 1 where no descents from random points were made.
     convergence : tuple of (evaluations, lowest value)
         One entry a generation, and one after each polish.
     """
@@ -120,6 +120,11 @@ def descended(problem: Problem, point: Array) -> SearchResult:
     )
 
 
+def continuing(earlier: SearchResult | None) -> tuple[int, ...]:
+    """Last part of the key of a search's draws: the restarts of the search that it continues."""
+    return () if earlier is None else (earlier.diagnostics.n_restarts,)
+
+
 def pooled(first: SearchResult, second: SearchResult) -> SearchResult:
     """Combine two searches of one problem that drew independently.
 
@@ -166,6 +171,16 @@ def count_distinct(values: list[float]) -> int:
         if not np.isfinite(last) or not same_optimum(value, last, SAME_DESCENT):
             count, last = count + 1, value
     return count
+
+
+def undiscovered(optima: list[float]) -> float:
+    """Posterior mean of the probability that a further descent leads to an undiscovered optimum.
+
+    After n descents that ended at w distinct optima it is ``w (w + 1) / (n (n - 1))`` (Boender &
+    Rinnooy Kan 1987, Bayesian stopping rules for multistart global optimization methods).
+    """
+    distinct, count = count_distinct(optima), len(optima)
+    return min(distinct * (distinct + 1) / (count * (count - 1)), 1.0) if count > 1 else 1.0
 
 
 def converged_values(descents: Descent) -> list[float]:

@@ -58,7 +58,11 @@ class PredictionErrors(Protocol):
 
 
 def staged_descent(
-    errors: PredictionErrors, points: Array, stages: tuple[Stage, ...], largest_value: float
+    errors: PredictionErrors,
+    points: Array,
+    stages: tuple[Stage, ...],
+    largest_value: float,
+    first_damping: float = DAMPING,
 ) -> Descent:
     """BFGS from each point, preconditioned by its Gauss-Newton matrix, stage after stage.
 
@@ -70,12 +74,16 @@ def staged_descent(
     stages : tuple of Stage
     largest_value : float
         Values of the objective that weigh the barrier are cut off here.
+    first_damping : float
+        Damping of the Gauss-Newton matrix in the first stage.
     """
     values = errors.values(points)
     evaluations = len(points)
+    damping = first_damping
     for stage in stages:
         smoothing, barriers = stage_weights(errors, stage, values, largest_value)
-        result = _bfgs(errors, points, smoothing, barriers, stage.tolerance)
+        result = _bfgs(errors, points, smoothing, barriers, stage.tolerance, damping)
+        damping = DAMPING
         points = result.points
         values = errors.values(points)
         evaluations += 2 * result.evaluations + len(points)
@@ -101,19 +109,26 @@ def stage_weights(
 
 
 def _bfgs(
-    errors: PredictionErrors, points: Array, smoothing: Array, barriers: Array, tolerance: float
+    errors: PredictionErrors,
+    points: Array,
+    smoothing: Array,
+    barriers: Array,
+    tolerance: float,
+    damping: float,
 ) -> Descent:
     return descend(
         lambda trial, rows: errors.values_and_gradients(trial, smoothing[rows], barriers[rows]),
         points,
-        lambda at, rows: damped_inverses(errors.curvatures(at, smoothing[rows], barriers[rows])),
+        lambda at, rows: damped_inverses(
+            errors.curvatures(at, smoothing[rows], barriers[rows]), damping
+        ),
         MAX_ITERATIONS,
         tolerance,
         wait=WAIT,
     )
 
 
-def damped_inverses(matrices: Array) -> Array:
+def damped_inverses(matrices: Array, damping: float = DAMPING) -> Array:
     """Inverses of positive semidefinite matrices, scaled to a unit diagonal and damped."""
     count = matrices.shape[1]
     diagonal = np.einsum("ijj->ij", matrices)
@@ -124,7 +139,7 @@ def damped_inverses(matrices: Array) -> Array:
     finite = np.isfinite(scaled).all(axis=(1, 2))
     scaled[~finite] = np.eye(count)
     scale[~finite] = 1.0
-    np.einsum("ijj->ij", scaled)[:] = 1.0 + DAMPING * count
+    np.einsum("ijj->ij", scaled)[:] = 1.0 + damping * count
     inverses = np.linalg.inv(scaled)
     damped: Array = np.asarray(inverses + np.swapaxes(inverses, 1, 2), dtype=float)
     return 0.5 * damped * scale[:, :, None] * scale[:, None, :]

@@ -16,7 +16,9 @@ OUTPUT_LAGS, INPUT_LAGS = 10, 10
 ROUNDS = 3
 
 
-def estimate_delays(inputs: ArrayLike, outputs: ArrayLike, largest: int = 10) -> tuple[int, ...]:
+def estimate_delays(
+    inputs: ArrayLike, outputs: ArrayLike, largest: int = 10, smallest: int = 0
+) -> tuple[int, ...]:
     """Delay nk of each input in samples, 0 for one that acts on the same sample.
 
     The largest delay of an input is taken at which the vector ARX model, of a fixed last lag, has
@@ -26,8 +28,8 @@ def estimate_delays(inputs: ArrayLike, outputs: ArrayLike, largest: int = 10) ->
     ----------
     inputs : (N, nu) array_like
     outputs : (N, ny) array_like
-    largest : int
-        Largest delay tried.
+    largest, smallest : int
+        Delays tried, both included.
 
     Examples
     --------
@@ -42,7 +44,8 @@ def estimate_delays(inputs: ArrayLike, outputs: ArrayLike, largest: int = 10) ->
     last = largest + INPUT_LAGS
     affordable = max((samples // 5 - y.shape[1]) // (nu + y.shape[1]), 1)
     last = min(last, affordable)
-    largest = min(largest, last - 1)
+    largest = max(min(largest, last - 1), smallest)
+    last = max(last, largest + 1)
     output_lags = min(OUTPUT_LAGS, affordable)
     first = max(last, output_lags)
     rows = np.arange(first, samples)
@@ -50,15 +53,15 @@ def estimate_delays(inputs: ArrayLike, outputs: ArrayLike, largest: int = 10) ->
     lagged = [np.column_stack([u[rows - k, j] for k in range(last + 1)]) for j in range(nu)]
     known = np.column_stack([np.ones(len(rows)), *past])
     with threadpool_limits(limits=1, user_api="blas"):
-        delays = [0] * nu
+        delays = [smallest] * nu
         for _ in range(ROUNDS):
             before = list(delays)
             for j in range(nu):
                 scores = []
-                for delay in range(largest + 1):
+                for delay in range(smallest, largest + 1):
                     trial = [*delays[:j], delay, *delays[j + 1 :]]
                     scores.append(_bic(known, lagged, trial, y[rows]))
-                delays[j] = int(np.argmin(scores))
+                delays[j] = smallest + int(np.argmin(scores))
             if delays == before:
                 break
     return tuple(delays)

@@ -29,6 +29,8 @@ from evopem.estimation.state_space.levenberg_marquardt import Optimum, descend
 from evopem.estimation.state_space.problem import (
     POLISH_STEPS,
     POLISH_TOLERANCE,
+    STEPS,
+    TOLERANCE,
     StartingModels,
     StateSpaceProblem,
     converted,
@@ -37,6 +39,7 @@ from evopem.estimation.state_space.problem import (
     rungs,
 )
 from evopem.estimation.state_space.sections import largest_radius
+from evopem.estimation.state_space.starting_points import from_matrices
 from evopem.models.state_space import Form, StateSpaceModel
 
 Array = NDArray[np.float64]
@@ -245,10 +248,7 @@ def sweep_state_space_orders(
         Estimates of each order that are descended from.
     """
     settings = settings or StateSpaceSettings()
-    steps = {int(step) for step in np.diff(orders)} or {1}
-    if len(steps) > 1 or not steps <= {1, 2}:
-        raise ValueError(f"orders must ascend in steps of one or of two, not {tuple(orders)}")
-    span = range(min(orders), max(orders) + 1, steps.pop())
+    span = _span(orders)
     with threadpool_limits(limits=1, user_api="blas"):
         prepared = _prepared(inputs, outputs, delays, level)
         errors = _errors(prepared, span[-1], form, settings)
@@ -265,6 +265,124 @@ def sweep_state_space_orders(
         simulation_error=scores,
         estimates=tuple(estimates),
     )
+
+
+def estimates_of_orders(
+    inputs: ArrayLike | Sequence[ArrayLike] | None,
+    outputs: ArrayLike | Sequence[ArrayLike],
+    orders: Sequence[int],
+    *,
+    form: Form = "innovations",
+    delays: int | Sequence[int] = 1,
+    settings: StateSpaceSettings | None = None,
+    log: Callable[[str], None] | None = None,
+) -> Iterator[StateSpaceEstimate]:
+    """The estimates of :func:`sweep_state_space_orders`, one after the other as they are needed.
+
+    Parameters
+    ----------
+    inputs, outputs, orders, form, delays, settings, log
+        As there; a level is estimated, and the sampling rate is 1 Hz.
+    """
+    settings = settings or StateSpaceSettings()
+    with threadpool_limits(limits=1, user_api="blas"):
+        prepared = _prepared(inputs, outputs, delays, True)
+        span = _span(orders)
+        errors = _errors(prepared, span[-1], form, settings)
+        for problem, found in _swept(errors, prepared, span, settings, FINAL_WIDTH, log):
+            yield _described(problem, found, prepared, 1.0, (), ())
+
+
+def models_of_orders(
+    inputs: ArrayLike | Sequence[ArrayLike] | None,
+    outputs: ArrayLike | Sequence[ArrayLike],
+    orders: Sequence[int],
+    *,
+    form: Form = "innovations",
+    delays: int | Sequence[int] = 1,
+    settings: StateSpaceSettings | None = None,
+    fold: int = 0,
+) -> Iterator[StateSpaceModel]:
+    """Models of consecutive orders, each from estimates and from its smaller neighbours.
+
+    Fewer starts are descended from than by :func:`sweep_state_space_orders`.
+
+    Parameters
+    ----------
+    inputs, outputs, orders, form, delays, settings
+        As there; a level is estimated.
+    fold : int
+        Number of a part of the record, which its draws belong to.
+    """
+    settings = settings or StateSpaceSettings()
+    span = _span(orders)
+    with threadpool_limits(limits=1, user_api="blas"):
+        prepared = _prepared(inputs, outputs, delays, True)
+        errors = _errors(prepared, span[-1], form, settings)
+        for problem, found in _swept(errors, prepared, span, settings, WIDTH, None, fold):
+            projection = problem.projection(found.point)
+            yield model_of(problem, projection, 1.0, prepared.shifts, (), ())
+
+
+def descend_from(
+    model: StateSpaceModel,
+    inputs: ArrayLike | Sequence[ArrayLike],
+    outputs: ArrayLike | Sequence[ArrayLike],
+    sampling_rate: float = 1.0,
+    *,
+    delays: int | Sequence[int] = 1,
+    settings: StateSpaceSettings | None = None,
+    input_names: Sequence[str] = (),
+    output_names: Sequence[str] = (),
+    polish: bool = True,
+) -> StateSpaceEstimate:
+    """The optimum of innovations form that a descent from a model ends at.
+
+    Parameters
+    ----------
+    model : StateSpaceModel
+        Of innovations form, in the units of the records, with the same delays.
+    inputs, outputs, delays, settings, input_names, output_names
+        As of :func:`estimate_state_space`; a level is estimated.
+    sampling_rate : float
+        Hz.
+    polish : bool
+        Whether the descent goes on to the last digits.
+    """
+    settings = settings or StateSpaceSettings()
+    steps, tolerance = (POLISH_STEPS, POLISH_TOLERANCE) if polish else (STEPS, TOLERANCE)
+    with threadpool_limits(limits=1, user_api="blas"):
+        prepared = _prepared(inputs, outputs, delays, True)
+        errors = _errors(prepared, model.order, "innovations", settings)
+        record = errors.record
+        drives = np.column_stack(
+            [
+                (model.B - model.K @ model.D) * record.input_scales,
+                model.K * record.output_scales,
+            ]
+        )
+        found = descend(errors, from_matrices(errors, model.predictor, drives), steps, tolerance)
+        if not np.isfinite(found.criterion):
+            raise ValueError("the descent found no stable model")
+        value = errors.percent(found.criterion)
+        diagnostics = _without_generations(value, found.evaluations, 1)
+        names = tuple(input_names), tuple(output_names)
+        result = SearchResult(found.point, value, diagnostics)
+        return _described(errors, result, prepared, sampling_rate, *names)
+
+
+def errors_on(model: StateSpaceModel, inputs: Array, outputs: Array) -> tuple[Array, Array]:
+    """:func:`simulation_errors` and :func:`prediction_errors` of other samples."""
+    with np.errstate(all="ignore"):
+        return simulation_errors(model, inputs, outputs), prediction_errors(model, inputs, outputs)
+
+
+def _span(orders: Sequence[int]) -> range:
+    """Orders as a range."""
+    steps = {int(step) for step in np.diff(orders)} or {1}
+    if len(steps) > 1 or not steps <= {1, 2}:
+        raise ValueError(f"orders must ascend in steps of one or of two, not {tuple(orders)}")
+    return range(min(orders), max(orders) + 1, steps.pop())
 
 
 def simulation_errors(model: StateSpaceModel, inputs: Array, outputs: Array) -> Array:

@@ -24,10 +24,39 @@ class DecisionRow:
     sentence: str
 
 
+@dataclass(frozen=True)
+class PurposeRow:
+    """A model, what it is for, and its errors on the validation samples in percent."""
+
+    purpose: str
+    file: str
+    model: str
+    prediction_error_percent: float
+    simulation_error_percent: float
+
+
+def purpose_rows(results: DatasetResults) -> list[PurposeRow]:
+    """The model and the one for another purpose; empty for the chapter's recipe."""
+    record, validation = results.decisions, results.validation
+    if record is None:
+        return []
+    other = record.other
+    return [
+        PurposeRow(
+            *(record.purpose, "model.json", str(results.model.orders)),
+            *(validation.prediction_error_percent, validation.simulation_error_percent),
+        ),
+        PurposeRow(
+            *(other.purpose, f"model.{other.purpose}.json", other.model),
+            *(other.prediction_error_percent, other.simulation_error_percent),
+        ),
+    ]
+
+
 def decision_rows(results: DatasetResults) -> list[DecisionRow]:
     """All decisions in their order; empty for the chapter's recipe."""
     record = results.decisions
-    return [] if record is None else [_row(each) for each in record.decisions]
+    return [] if record is None else [decision_row(each) for each in record.decisions]
 
 
 def about_decisions(results: DatasetResults) -> list[str]:
@@ -44,7 +73,8 @@ def about_decisions(results: DatasetResults) -> list[str]:
     return [" ".join(sentences)]
 
 
-def _row(decision: Decision) -> DecisionRow:
+def decision_row(decision: Decision) -> DecisionRow:
+    """A decision with its best rivals."""
     scored = [each for each in decision.alternatives if math.isfinite(each.score)]
     rivals = sorted(scored, key=lambda each: each.score)[: MOST_RIVALS + 1]
     own = next((each for each in scored if each.name == decision.choice), None)

@@ -58,7 +58,7 @@ def _convergence(diagnostics: SearchDiagnostics) -> list[str]:
 
 def _descents_only(diagnostics: SearchDiagnostics) -> bool:
     """Whether a model was fitted without a search of its own, from one that was found before."""
-    return diagnostics.generations == 0
+    return diagnostics.generations == 0 and diagnostics.n_multistart == 0
 
 
 def _restarts(diagnostics: SearchDiagnostics) -> str:
@@ -69,20 +69,19 @@ def _restarts(diagnostics: SearchDiagnostics) -> str:
             f" {plural(diagnostics.n_restarts, 'point')};"
             f" {diagnostics.n_confirming} beside the best ended at the same optimum."
         )
-    lead = f"The search had {plural(diagnostics.generations, 'generation')} in"
     if others < 1:
-        return f"{lead} a single restart, so no other restart confirms the optimum."
+        return "The search had a single restart, so no other restart confirms the optimum."
     return (
-        f"{lead} {diagnostics.n_restarts} independent restarts;"
+        f"The search had {diagnostics.n_restarts} independent restarts;"
         f" {diagnostics.n_confirming} of the {others} beside the best ended at the same optimum."
     )
 
 
 def _multistart(diagnostics: SearchDiagnostics) -> str:
     if diagnostics.n_multistart == 0 or not is_number(diagnostics.undiscovered_probability):
-        return "There was no multistart check, because no two restarts had agreed before it."
+        return "There were no descents from random points alone."
     return (
-        "One restart was the multistart check, which descended from"
+        "Some of them were batches of descents from"
         f" {count(diagnostics.n_multistart)} random points: the estimated probability that a"
         " further descent leads to an undiscovered local optimum is"
         f" {number(100.0 * diagnostics.undiscovered_probability, 2)} %."
@@ -92,10 +91,15 @@ def _multistart(diagnostics: SearchDiagnostics) -> str:
 def _all_candidates(candidates: pd.DataFrame) -> str:
     confirmed = int((candidates["n_confirming"] > 0).sum())
     bound = int(candidates["at_stability_bound"].sum())
+    left = int(candidates["pruned"].fillna("").ne("").sum())
+    pruned = (
+        f" {plural(left, 'candidate')} that could not be selected"
+        f" {'was' if left == 1 else 'were'} left after a first pass."
+    )
     return (
         f"Of all {plural(len(candidates), 'candidate')}, {count(confirmed)}"
         f" {'was' if confirmed == 1 else 'were'} confirmed by another restart, and"
         f" {count(bound)} {'has' if bound == 1 else 'have'} a root at the stability bound. The"
         " objective of a candidate that was not confirmed may lie above its global minimum, and its"
-        " criteria with it."
+        " criteria with it." + (pruned if left else "")
     )

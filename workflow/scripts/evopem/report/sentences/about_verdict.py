@@ -101,20 +101,22 @@ def verdict(results: DatasetResults) -> Verdict:
         _modes(results),
         _intervals(results, outcome),
     ]
-    return Verdict(_sentence(uses), sorted(uses, key=lambda use: _ORDER.index(use.answer)))
+    return Verdict(sentence_of(uses), sorted(uses, key=lambda use: ANSWERS.index(use.answer)))
 
 
 _WORDS: dict[Answer, str] = {"good": "good for", "care": "with care for", "no": "not for"}
-_ORDER: tuple[Answer, ...] = ("good", "care", "no")
+ANSWERS: tuple[Answer, ...] = ("good", "care", "no")
 
 
-def _sentence(uses: Sequence[Use]) -> str:
+def sentence_of(uses: Sequence[Use]) -> str:
+    """All uses in a sentence, those of one answer together."""
     named: dict[Answer, str] = {
-        answer: enumeration([use.name for use in uses if use.answer == answer]) for answer in _ORDER
+        answer: enumeration([use.name for use in uses if use.answer == answer])
+        for answer in ANSWERS
     }
     if not named["good"] and not named["care"]:
         return "This model is good for nothing that was tested."
-    parts = [f"{_WORDS[answer]} {named[answer]}" for answer in _ORDER if named[answer]]
+    parts = [f"{_WORDS[answer]} {named[answer]}" for answer in ANSWERS if named[answer]]
     text = "; ".join(parts)
     return f"{text[0].upper()}{text[1:]}."
 
@@ -138,11 +140,13 @@ def _against(what: str, names: Sequence[str]) -> str:
     return f"{what}: {enumeration([f'“{name}”' for name in names])}"
 
 
-def _worse(first: Answer, second: Answer) -> Answer:
-    return max(first, second, key=_ORDER.index)
+def worse(first: Answer, second: Answer) -> Answer:
+    """The less favourable one of two answers."""
+    return max(first, second, key=ANSWERS.index)
 
 
-def _by_error(error: float) -> Answer:
+def answer_by_error(error: float) -> Answer:
+    """What a simulation error in percent says of a simulation."""
     if not is_number(error) or error > USABLE_SIMULATION:
         return "no"
     return "good" if error <= GOOD_SIMULATION else "care"
@@ -161,7 +165,7 @@ def _simulation(results: DatasetResults, outcome: Mapping[str, Check]) -> Use:
     name = "simulation from the input"
     if transforms.changes_output:
         name = "simulation of the transformed output"
-    return Use(name, _worse(answer, _by_error(error)), _joined(reason, against))
+    return Use(name, worse(answer, answer_by_error(error)), joined(reason, against))
 
 
 def _simulation_as_recorded(results: DatasetResults, outcome: Mapping[str, Check]) -> list[Use]:
@@ -172,13 +176,13 @@ def _simulation_as_recorded(results: DatasetResults, outcome: Mapping[str, Check
     answer, against = _by_checks("simulation", outcome)
     error = recorded.simulation_error_percent
     reason = f"off by {percent(error)}" if is_number(error) else "the error is not known"
-    if recorded.integrations and _by_error(error) != "good":
+    if recorded.integrations and answer_by_error(error) != "good":
         reason += ", because undoing the differences sums up the error"
     return [
         Use(
             "simulation of the output as recorded",
-            _worse(answer, _by_error(error)),
-            _joined(reason, against),
+            worse(answer, answer_by_error(error)),
+            joined(reason, against),
         )
     ]
 
@@ -191,11 +195,11 @@ def _prediction(results: DatasetResults, outcome: Mapping[str, Check]) -> Use:
     reason = f"off by {percent(error)} on validation samples"
     if _without_noise_model(results):
         # It is a simulation, and is as good as one.
-        answer = _worse(answer, _by_error(error))
+        answer = worse(answer, answer_by_error(error))
         if white(results.validation) is not True:
-            answer = _worse(answer, "care")
-            against = _joined(against, "the residuals are coloured, which no noise model uses")
-    return Use("one-step prediction", answer, _joined(reason, against))
+            answer = worse(answer, "care")
+            against = joined(against, "the residuals are coloured, which no noise model uses")
+    return Use("one-step prediction", answer, joined(reason, against))
 
 
 def _without_noise_model(results: DatasetResults) -> bool:
@@ -216,8 +220,8 @@ def _frequency_response(results: DatasetResults, outcome: Mapping[str, Check]) -
         half = number(100 * float(np.median(width)), 2)
         reason = f"95 % band of ±{half}{THIN}% of the gain (median over frequency)"
     else:
-        answer = _worse(answer, "care")
-    return Use(name, answer, _joined(reason, against))
+        answer = worse(answer, "care")
+    return Use(name, answer, joined(reason, against))
 
 
 def _modes(results: DatasetResults) -> Use:
@@ -244,8 +248,9 @@ def _intervals(results: DatasetResults, outcome: Mapping[str, Check]) -> Use:
     if _without_noise_model(results) and white(results.validation) is not True:
         residuals = "the colour of the residuals is taken into account"
     reason = f"{residuals}, repeatable optimum" if answer == "good" else ""
-    return Use("standard errors", answer, _joined(reason, against))
+    return Use("standard errors", answer, joined(reason, against))
 
 
-def _joined(*reasons: str) -> str:
+def joined(*reasons: str) -> str:
+    """Reasons that are not empty, one after the other."""
     return "; ".join(reason for reason in reasons if reason)

@@ -1,0 +1,170 @@
+"""The keys of data sets with several channels: completed, or refused in one sentence."""
+
+from pathlib import Path
+
+import pytest
+import yaml
+
+from evopem.config.defaults import complete
+from evopem.config.settings import DatasetSettings
+from evopem.config.state_space_keys import (
+    keys_of_state_space,
+    read_state_space_settings,
+    state_space_yaml,
+)
+from evopem.config.state_space_settings import ChannelPlace, StateSpaceDataset, UnitSettings
+from evopem.errors import InputError
+
+SCHEMA = Path(__file__).parents[2] / "workflow" / "schemas" / "config.schema.yaml"
+GEOMETRY = """
+    geometry:
+      points: {root: [0, 0], tip: [0, 1]}
+      lines: [[root, tip]]
+      channels: {acc: {point: tip, direction: -x}}
+"""
+
+
+def dataset(keys, defaults=""):
+    text = f"datasets:\n  a:\n    file: a.csv\n    {keys}\n"
+    if defaults:
+        text += f"defaults: {defaults}\n"
+    return complete(yaml.safe_load(text), SCHEMA).datasets["a"]
+
+
+def refusal(keys, defaults=""):
+    with pytest.raises(InputError) as caught:
+        dataset(keys, defaults)
+    message = str(caught.value)
+    assert "\n" not in message
+    return message
+
+
+def test_lists_of_channels_mean_a_state_space_model():
+    found = dataset(
+        "output: [y1, 4, 'acc_*']\n    input: u\n    output_unit: {y1: m}\n    input_unit: [N]"
+    )
+    assert isinstance(found, StateSpaceDataset)
+    assert found.source.channels.inputs == ("u",)
+    assert found.source.channels.outputs == ("y1", 4, "acc_*")
+    assert found.source.channels.output_units == UnitSettings(by_name={"y1": "m"})
+    assert found.source.channels.input_units == UnitSettings(in_order=("N",))
+    assert (found.split.discard, found.split.estimation) == (0, 0.8)
+
+
+def test_the_structure_alone_does_so_too():
+    found = dataset("structure: state_space")
+    assert found.source.channels.inputs == (1,)
+    assert found.source.channels.outputs == (2,)
+
+
+def test_an_output_alone():
+    found = dataset("output: [1, 2]\n    input: none")
+    assert found.source.channels.inputs == ()
+
+
+def test_defaults_serve_both_kinds_of_data_sets():
+    text = """
+      datasets:
+        one: {file: a.csv, structure: arx}
+        several: {file: b.csv, output: [2, 3]}
+      defaults:
+        structure: state_space
+        form: output_error
+        split: {discard: 10}
+        orders: {nx: 4}
+        search: {seed: 7, max_root_radius: 0.99}
+    """
+    found = complete(yaml.safe_load(text), SCHEMA).datasets
+    assert isinstance(found["one"], DatasetSettings)
+    assert found["one"].search.seed == found["several"].search.seed == 7
+    assert found["several"].choices.form == "output_error"
+    assert found["several"].choices.orders == (4, 4)
+    assert found["several"].split.discard == 10
+
+
+def test_complete_keys_come_back(tmp_path):
+    found = dataset(
+        "input: [1, u2]\n    output: [acc, 5]\n    output_unit: [m, s]\n    time: 4\n"
+        "    validation_file: b.csv\n    resample: 20\n    form: output_error\n"
+        "    weighting: power\n    delay: {nk: [1, 3]}\n    orders: {nx: [2, 8]}\n"
+        "    purpose: prediction\n    search: {seed: 3, evaluations: 50}" + GEOMETRY
+    )
+    file = tmp_path / "config.yaml"
+    file.write_text(state_space_yaml(found))
+    assert read_state_space_settings(file) == found
+    assert found.geometry.channels["acc"] == ChannelPlace("tip", (-1.0, 0.0, 0.0))
+    again = complete({"datasets": {"a": keys_of_state_space(found)}}, SCHEMA)
+    assert again.datasets["a"] == found
+
+
+@pytest.mark.parametrize(
+    ("keys", "place", "says"),
+    [
+        ("output: [y, y]", "datasets.a.output", "y stands there twice"),
+        ("output: [u, y]\n    input: [u]", "datasets.a.output", "u is both input and output"),
+        ("output: [2, 3]\n    time: 3", "datasets.a.output", "3 is both time and output"),
+        ("output: [2, 3]\n    structure: oe", "datasets.a.output", "one input and one output"),
+        ("output: [2, 3]\n    recipe: chapter", "datasets.a.recipe", "the chapter's recipe"),
+        ("output: []", "datasets.a.output", "holds 0 values"),
+        ("output: [2, 3]\n    output_unit: [m]", "datasets.a.output_unit", "1 units and 2 outputs"),
+        ("output: [2, 3]\n    transforms: {difference: 1}", "datasets.a.transforms", "no such key"),
+        ("output: [2, 3]\n    orders: {joint: 3}", "datasets.a.orders.joint", "give one of nx"),
+        ("output: [2, 3]\n    orders: {nx: [4, 2]}", "datasets.a.orders.nx", "above the upper one"),
+        ("output: [2, 3]\n    search: {mu: 3}", "datasets.a.search.mu", "no such key"),
+        (
+            "output: [2, 3]\n    search: {objective: absolute}",
+            "datasets.a.search.objective",
+            "quadratic",
+        ),
+        ("output: [2, 3]\n    input: none\n    delay: {nk: 1}", "datasets.a.delay", "no input"),
+        (
+            "output: [2, 3]\n    input: none\n    purpose: simulation",
+            "datasets.a.purpose",
+            "nothing to simulate",
+        ),
+        (
+            "output: [2, 3]\n    input: none\n    form: output_error",
+            "datasets.a.form",
+            "a plant that inputs drive",
+        ),
+        ("form: innovations", "datasets.a.form", "write structure: state_space"),
+        ("orders: {nx: 3}", "datasets.a.orders.nx", "write structure: state_space"),
+        ("output_unit: [m, s]", "datasets.a.output_unit", "write structure: state_space"),
+        (
+            "output: [2, 3]\n    split: {estimation: 1.0}",
+            "datasets.a.split.estimation",
+            "none are left",
+        ),
+        (
+            "output: [acc, y]" + GEOMETRY.replace("point: tip", "point: top"),
+            "datasets.a.geometry.channels.acc",
+            "there is no point top",
+        ),
+        (
+            "output: [acc, y]" + GEOMETRY.replace("-x", "[0, 0, 0]"),
+            "datasets.a.geometry.channels.acc.direction",
+            "has no length",
+        ),
+        (
+            "output: [acc, y]" + GEOMETRY.replace("-x", "up"),
+            "datasets.a.geometry.channels.acc.direction",
+            "x, y, z",
+        ),
+    ],
+)
+def test_misuse_is_refused_in_one_sentence(keys, place, says):
+    message = refusal(keys)
+    assert f" {place}: " in message or f"{place} " in message or place in message
+    assert says in message
+
+
+def test_a_structure_of_the_defaults_is_named():
+    assert "structure oe (from defaults)" in refusal("output: [2, 3]", "{structure: oe}")
+
+
+def test_a_cell_of_a_table_may_hold_a_list(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("table.csv").write_text('name,file,output\na,a.csv,"[acc, 3]"\nb,b.csv,[V]\n')
+    found = complete({"datasets": "table.csv"}, SCHEMA).datasets
+    assert found["a"].source.channels.outputs == ("acc", 3)
+    assert found["b"].source.channels.output == "[V]"

@@ -1,0 +1,99 @@
+"""How many evaluations searches need: a change must not make them need half as many again.
+
+Evaluations are counted and not timed, so that the result does not depend on the machine.  After a
+change that is meant to cost more, ``python tests/estimation/test_evaluation_counts.py`` writes the
+new counts.
+"""
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+
+import pytest
+
+from evopem.config.order_grid import candidate_orders, phases_of_dataset, scoring_window
+from evopem.config.settings import (
+    DatasetSettings,
+    DelaySettings,
+    OrderGrid,
+    OrderSettings,
+    PreparationSettings,
+    SearchSettings,
+    SpectrumSettings,
+    SyntheticSource,
+)
+from evopem.estimation.order_race import first_pass
+from evopem.estimation.order_selection import estimate_candidates, select_candidate
+from evopem.estimation.structured_estimate import estimate
+from evopem.models.structures import orders_of
+from evopem.synthesis.armax import armax
+
+BASELINE = Path(__file__).with_name("evaluation_counts.json")
+ALLOWED = 1.5
+
+SEARCHES = {
+    "armax, true orders": ("armax", (7, 6, 7, 3)),
+    "armax, large orders": ("armax", (10, 10, 10, 3)),
+    "oe": ("oe", (7, 7, 3)),
+    "bj": ("bj", (7, 4, 2, 7, 3)),
+}
+
+
+def search_count(name, objective):
+    structure, orders = SEARCHES[name]
+    record = armax(seed=4, samples=1000)[0]
+    settings = SearchSettings(objective=objective, evaluations=10000)
+    found = estimate(record.input, record.output, orders, structure=structure, settings=settings)
+    return found.search.diagnostics.evaluations
+
+
+def order_search_count(objective):
+    """All phases of an order search about the true orders."""
+    data = armax(seed=4, samples=2000)[0]
+    search = SearchSettings(objective=objective)
+    grid = OrderGrid(
+        DelaySettings(orders=(6, 8), nk=(2, 4)),
+        OrderSettings(joint=(5, 10), nc=(5, 9), nb=(4, 8)),
+    )
+    source = SyntheticSource("armax")
+    settings = DatasetSettings(
+        "record", source, PreparationSettings(), SpectrumSettings(), grid, search
+    )
+    window = scoring_window(settings)
+    selection, spent = None, 0
+    for phase in phases_of_dataset(settings):
+        selected = asdict(selection.orders) if selection else None
+        orders = [orders_of("armax", each) for each in candidate_orders(phase, grid, selected)]
+        candidates = estimate_candidates(data, orders, phase, first_pass(search), window)
+        selection = select_candidate(candidates, phase, data, search, window)
+        spent += sum(each.diagnostics.evaluations for each in selection.candidates)
+    return spent
+
+
+def counts():
+    """Every count by its name."""
+    return {
+        f"{name}, {objective}": search_count(name, objective)
+        for name in SEARCHES
+        for objective in ("quadratic", "absolute")
+    } | {
+        f"order search, {objective}": order_search_count(objective)
+        for objective in ("quadratic", "absolute")
+    }
+
+
+@pytest.mark.parametrize("objective", ["quadratic", "absolute"])
+@pytest.mark.parametrize("name", SEARCHES)
+def test_a_search_needs_no_more_evaluations_than_before(name, objective):
+    before = json.loads(BASELINE.read_text(encoding="utf-8"))[f"{name}, {objective}"]
+    assert search_count(name, objective) <= ALLOWED * before
+
+
+@pytest.mark.parametrize("objective", ["quadratic", "absolute"])
+def test_an_order_search_needs_no_more_evaluations_than_before(objective):
+    before = json.loads(BASELINE.read_text(encoding="utf-8"))[f"order search, {objective}"]
+    assert order_search_count(objective) <= ALLOWED * before
+
+
+if __name__ == "__main__":
+    BASELINE.write_text(json.dumps(counts(), indent=2) + "\n", encoding="utf-8")

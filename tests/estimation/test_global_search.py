@@ -1,0 +1,119 @@
+"""The search of identification: certificates, and hops between optima."""
+
+import numpy as np
+import pytest
+
+from evopem.config.settings import ScoringWindow, SearchSettings
+from evopem.estimation.pem.objective import PredictionErrorProblem
+from evopem.estimation.polynomial_estimate import polynomial_errors, scaled_problem
+from evopem.estimation.search.armax_problem import ArmaxProblem
+from evopem.estimation.search.certificate import enough_agree, is_certified, largest_error_rate
+from evopem.estimation.search.global_search import BATCH, BATCHES, global_search
+from evopem.estimation.search.memetic import memetic_search
+from evopem.estimation.search.section_hopping import hop
+from evopem.models.structures import armax_orders, orders_of
+from evopem.synthesis.armax import armax
+
+
+def problem(orders, samples=600, objective="quadratic"):
+    record = armax(seed=3, samples=samples)[0]
+    return ArmaxProblem(
+        PredictionErrorProblem(
+            record.input, record.output, armax_orders(*orders), objective, 20, 40, 0.9999
+        )
+    )
+
+
+@pytest.mark.parametrize("objective", ["quadratic", "absolute"])
+def test_where_all_random_points_lead_to_one_optimum_the_search_is_over(objective):
+    found = global_search(
+        problem((7, 6, 7, 3), 4500, objective), SearchSettings(), np.random.default_rng(1)
+    ).diagnostics
+    assert (found.n_restarts, found.n_multistart) == (BATCHES, BATCHES * BATCH)
+    assert found.generations == 0
+    assert is_certified(found)
+
+
+def test_a_lower_value_known_from_before_keeps_the_search_going():
+    settings = SearchSettings(evaluations=8000)
+    alone = global_search(problem((4, 4, 4, 3), 2000), settings, np.random.default_rng(1))
+    told = global_search(
+        problem((4, 4, 4, 3), 2000), settings, np.random.default_rng(1), known_minimum=0.0
+    )
+    assert told.diagnostics.evaluations >= settings.evaluations
+    assert told.value <= alone.value
+
+
+def test_hops_lead_lower_than_the_memetic_search_alone():
+    """Orders with spare sections: nearly every choice of their places is an optimum."""
+    searched = problem((12, 12, 12, 3), 1000)
+    generator = np.random.default_rng(1)
+    alone = memetic_search(searched, SearchSettings(), generator)
+    hops = hop(searched, alone.point, alone.value, 20000, generator)
+    assert hops.value < alone.value * (1.0 - 1e-4)
+    assert not is_certified(alone.diagnostics)
+
+
+def test_hops_never_lead_up_and_repeat_to_the_bit():
+    searched = problem((6, 6, 6, 3))
+    start = searched.descend(searched.random(4, np.random.default_rng(1)))
+    one, two = (
+        hop(searched, start.points[0], start.values[0], 20000, np.random.default_rng(5))
+        for _ in range(2)
+    )
+    assert one.value <= start.values[0]
+    assert searched.values(one.point[None, :])[0] == one.value == two.value
+    np.testing.assert_array_equal(one.point, two.point)
+
+
+def test_a_neighbour_keeps_all_sections_but_one():
+    searched = problem((6, 6, 6, 3))
+    start = searched.descend(searched.random(2, np.random.default_rng(1)))
+    point = start.points[0]
+    moved, _ = searched.neighbours(point, start.values[0], 8, np.random.default_rng(2))
+    own = np.roots(np.concatenate([[1.0], point[:6]]))
+    for neighbour in moved:
+        roots = np.roots(np.concatenate([[1.0], neighbour[:6]]))
+        kept = sum(np.min(np.abs(roots - root)) < 1e-6 for root in own)
+        assert kept >= 4
+
+
+@pytest.mark.parametrize(
+    ("agreeing", "restarts", "undiscovered", "enough"),
+    [
+        (3, 3, 0.03, True),
+        (3, 6, 0.03, True),
+        (3, 7, 0.03, False),
+        (2, 2, 0.03, False),
+        (4, 4, 0.031, False),
+        (5, 10, 0.031, True),
+    ],
+)
+def test_enough_restarts_are_several_and_half_of_all(agreeing, restarts, undiscovered, enough):
+    assert enough_agree(agreeing, restarts, undiscovered) is enough
+
+
+def test_the_error_rate_is_an_upper_limit():
+    assert 0.0 < largest_error_rate() < 0.05
+
+
+@pytest.mark.parametrize(
+    ("structure", "orders"),
+    [("oe", (4, 4, 3)), ("bj", (4, 2, 2, 4, 3)), ("arma", (4, 3)), ("ararmax", (4, 4, 2, 2, 3))],
+)
+def test_every_structure_has_neighbours_of_finite_value(structure, orders):
+    record = armax(seed=2, samples=500)[0]
+    u = record.input if structure != "arma" else np.zeros_like(record.output)
+    settings = SearchSettings(objective="quadratic")
+    of_structure = orders_of(structure, orders)
+    window = ScoringWindow(of_structure.first_residual, of_structure.first_residual)
+    errors = polynomial_errors(u, record.output, of_structure, settings, window, False)
+    searched, _ = scaled_problem(errors)
+    generator = np.random.default_rng(1)
+    point = searched.descend(searched.random(4, generator)).points[0]
+    value = float(searched.values(point[None, :])[0])
+    moved, evaluations = searched.neighbours(point, value, 8, generator)
+    assert moved.shape == (8, errors.dimension)
+    assert np.isfinite(searched.values(moved)).all()
+    assert evaluations > 8
+    assert hop(searched, point, value, 3000, generator).value <= value

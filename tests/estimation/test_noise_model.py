@@ -1,0 +1,88 @@
+"""Plant and noise model side by side: the same simulations, and predictions of the filters."""
+
+import numpy as np
+import pytest
+
+from evopem.estimation.state_space.estimate import (
+    StateSpaceSettings,
+    descend_from,
+    estimate_state_space,
+    estimates_of_orders,
+)
+from evopem.estimation.state_space.noise_model import noise_model, plant_of, side_by_side
+
+N = 700
+SETTINGS = StateSpaceSettings(evaluations=0)
+
+
+@pytest.fixture(scope="module")
+def record():
+    """One input, two outputs through a resonance, and noise through a pole of its own."""
+    generator = np.random.default_rng(4)
+    u = generator.standard_normal((N, 1))
+    x = np.zeros(2)
+    coloured = np.zeros((N, 2))
+    y = np.zeros((N, 2))
+    A = 0.97 * np.array([[np.cos(0.7), np.sin(0.7)], [-np.sin(0.7), np.cos(0.7)]])
+    for k in range(N):
+        y[k] = [[1.0, 0.2], [-0.4, 1.0]] @ x
+        x = A @ x + np.array([0.0, 1.0]) * u[k]
+        e = 0.3 * generator.standard_normal(2)
+        coloured[k] = 0.85 * coloured[k - 1] + e if k else e
+    return u, y + coloured
+
+
+@pytest.fixture(scope="module")
+def plant(record):
+    u, y = record
+    return estimate_state_space(
+        u, y, 2, 10.0, form="output_error", settings=SETTINGS, input_names=("u",)
+    ).model
+
+
+@pytest.fixture(scope="module")
+def both(plant, record):
+    noise = noise_model(plant, [record[0]], [record[1]], (1, 2, 3), SETTINGS)
+    return side_by_side(plant, noise)
+
+
+def test_simulations_stay_those_of_the_plant(plant, both, record):
+    u, _ = record
+    np.testing.assert_allclose(both.simulate(u), plant.simulate(u), rtol=1e-10)
+    f = np.linspace(0.1, 4.9, 7)
+    np.testing.assert_allclose(both.frequency_response(f), plant.frequency_response(f), rtol=1e-10)
+    assert both.order == 4
+
+
+def test_predictions_use_the_colour_of_the_noise(plant, both, record):
+    u, y = record
+    white = both.residuals(u, y, both.prediction_state(u, y))[20:]
+    assert np.all(white.std(axis=0) < 0.7 * (y - plant.simulate(u))[20:].std(axis=0))
+    lagged = np.sum(white[1:] * white[:-1], axis=0) / np.sum(white**2, axis=0)
+    assert np.all(np.abs(lagged) < 3.0 / np.sqrt(N))
+    assert np.sort(np.linalg.eigvalsh(both.noise_covariance))[0] > 0.0
+
+
+def test_the_plant_comes_back_with_its_standard_errors(plant, both):
+    again = plant_of(both, plant.order)
+    (mode,), (own,) = again.modes(), plant.modes()
+    assert mode.frequency_hz == pytest.approx(own.frequency_hz, rel=1e-12)
+    assert mode.frequency_se_hz == pytest.approx(own.frequency_se_hz, rel=1e-9)
+    np.testing.assert_allclose(mode.shape_se_real, own.shape_se_real, rtol=1e-9)
+
+
+def test_a_descent_begins_at_the_model(both, record):
+    u, y = record
+    found = descend_from(both, u, y, 10.0, settings=SETTINGS)
+    at = np.linalg.slogdet(np.cov(both.residuals(u, y, both.prediction_state(u, y)).T))[1]
+    after = np.linalg.slogdet(np.cov(found.residuals[0].T))[1]
+    assert after <= at + 1e-6
+    assert found.model.modes()[0].frequency_hz == pytest.approx(0.7 / 2 / np.pi * 10, rel=0.02)
+
+
+def test_no_noise_model_where_residuals_are_white(record):
+    u, _ = record
+    generator = np.random.default_rng(9)
+    truth = next(estimates_of_orders(u, record[1], (2,), form="output_error")).model
+    y = truth.simulate(u) + generator.standard_normal((N, 2))
+    assert noise_model(truth, [u], [y], (1, 2), SETTINGS) is None

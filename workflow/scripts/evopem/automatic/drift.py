@@ -1,0 +1,141 @@
+"""Differencing of both channels, where the output drifts so far that its response is hidden."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evopem.automatic.decision import Alternative, Decision
+from evopem.automatic.simulation import simulated
+from evopem.models.polynomial import PolynomialModel
+from evopem.signals.stretches import Stretch, total_samples
+
+Array = NDArray[np.float64]
+
+MOST_DIFFERENCES = 2
+# Orders of the ARX models that are compared, with SAMPLES_PER_ORDER samples for each.
+ORDERS, SAMPLES_PER_ORDER = (1, 2, 3, 4, 6, 8, 10, 12, 16, 20, 24), 25
+# A difference of BIC, not divided by the samples, that is very strong evidence (Kass & Raftery
+# 1995), and the share of the output's mean square that the response to the input must leave over.
+VERY_STRONG, HIDDEN = 10.0, 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class _LeastSquares:
+    """An ARX model of differenced signals, and its BIC, not divided by the samples."""
+
+    bic: float
+    model: PolynomialModel
+
+
+def decide_differences(stretches: Sequence[Stretch]) -> tuple[int, Decision]:
+    """How often both channels are differenced.
+
+    An ARX model of signals that were differenced d times is one of the signals themselves whose A
+    and B have d common roots at 1: the disturbance is integrated d times, the plant is not.  The
+    BIC compares both on the same samples; it is a test for unit roots of the disturbance (Said &
+    Dickey 1984; by an information criterion as Phillips & Ploberger 1994).  Where the response to
+    the input is most of the output nevertheless, nothing is differenced: the model describes the
+    drift, and differences would weight it by high frequencies.
+
+    Parameters
+    ----------
+    stretches : sequence of Stretch
+        Centred.
+    """
+    criterion = "BIC of ARX models on the same samples, not divided by their number"
+    found = [_likeliest(stretches, d) for d in range(MOST_DIFFERENCES + 1)]
+    alternatives = tuple(
+        Alternative(str(d), np.nan if each is None else each.bic) for d, each in enumerate(found)
+    )
+
+    def decision(choice: int, sentence: str) -> tuple[int, Decision]:
+        return choice, Decision("differences", str(choice), alternatives, criterion, sentence)
+
+    level = found[0]
+    if level is None:
+        return decision(0, "The record is too short to tell whether the output drifts.")
+    times, best = min(
+        ((d, each) for d, each in enumerate(found) if each is not None),
+        key=lambda pair: pair[1].bic,
+    )
+    evidence = level.bic - best.bic
+    if times == 0 or evidence < VERY_STRONG:
+        return decision(0, "Nothing speaks for a disturbance that is a random walk.")
+    left = _left_over(best.model, stretches)
+    if not np.isfinite(left):
+        return decision(0, "The model of differenced signals is unstable: nothing is differenced.")
+    if left < HIDDEN:
+        return decision(
+            0,
+            f"The disturbance is likely to be a random walk (the BIC falls by {evidence:.3g}), but "
+            f"the response to the input leaves only {100 * left:.2g} % of the output's mean "
+            "square: nothing is differenced.",
+        )
+    walk = "a random walk" if times == 1 else "a random walk that is summed up once more"
+    return decision(
+        times,
+        f"The disturbance is {walk}: with {times} common root{'s' if times > 1 else ''} of A and B "
+        f"at 1 the BIC falls by {evidence:.3g}, and the response to the input leaves "
+        f"{100 * left:.2g} % of the output's mean square. Both channels are differenced, which "
+        "leaves the plant as it is. Simulations are scored on differenced samples.",
+    )
+
+
+def differenced(stretch: Stretch, times: int) -> Stretch:
+    """Both channels differenced, ``times`` samples shorter."""
+    if times == 0:
+        return stretch
+    return Stretch(np.diff(stretch.input, times), np.diff(stretch.output, times), stretch.recording)
+
+
+def _likeliest(stretches: Sequence[Stretch], times: int) -> _LeastSquares | None:
+    """The ARX model of the lowest BIC of signals that were differenced some times."""
+    samples = total_samples(stretches)
+    orders = [n for n in ORDERS if n * SAMPLES_PER_ORDER <= samples]
+    first = max(orders, default=0) + MOST_DIFFERENCES
+    models = [_least_squares(stretches, times, n, first) for n in orders]
+    known = [each for each in models if each is not None]
+    return min(known, key=lambda each: each.bic, default=None)
+
+
+def _least_squares(
+    stretches: Sequence[Stretch], times: int, order: int, first: int
+) -> _LeastSquares | None:
+    """ARX by least squares on residuals from sample ``first`` of the signals themselves on."""
+    rows, targets = [], []
+    recordings = sorted({each.recording for each in stretches}) if times == 0 else []
+    for each in stretches:
+        lower = differenced(each, times)
+        u, y, n, begin = lower.input, lower.output, lower.samples, first - times
+        if n <= begin:
+            continue
+        columns = [-y[begin - i : n - i] for i in range(1, order + 1)]
+        columns += [u[begin - i : n - i] for i in range(order + 1)]
+        columns += [np.full(n - begin, float(each.recording == r)) for r in recordings]
+        rows.append(np.column_stack(columns))
+        targets.append(y[begin:])
+    if not rows:
+        return None
+    regressors, target = np.concatenate(rows), np.concatenate(targets)
+    if len(target) <= 2 * regressors.shape[1]:
+        return None
+    point: Array = np.linalg.lstsq(regressors, target, rcond=None)[0].astype(float)
+    e = target - regressors @ point
+    count = len(e)
+    mean_square = max(float(e @ e) / count, np.finfo(float).tiny)
+    a, one = np.ones(order + 1), np.ones(1)
+    a[1:] = point[:order]
+    model = PolynomialModel(a, point[order : 2 * order + 1], one, one, one, 0)
+    return _LeastSquares(count * float(np.log(mean_square)) + len(point) * np.log(count), model)
+
+
+def _left_over(model: PolynomialModel, stretches: Sequence[Stretch]) -> float:
+    """Share of the output's mean square that the simulation of a model leaves over."""
+    with np.errstate(all="ignore"):
+        errors = np.concatenate([simulated(model, s, True) - s.output for s in stretches])
+        output = np.concatenate([s.output - s.output.mean() for s in stretches])
+        return float(np.mean(errors**2) / np.mean(output**2))

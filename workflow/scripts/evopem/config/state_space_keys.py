@@ -1,0 +1,416 @@
+"""The keys of a data set with several channels: checked, completed, and back to YAML."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from evopem.config.geometry_keys import check_geometry, geometry_keys, geometry_of
+from evopem.config.settings import SplitSettings
+from evopem.config.source_keys import check_file_paths
+from evopem.config.state_space_settings import (
+    ChannelLists,
+    Reference,
+    StateSpaceChoices,
+    StateSpaceDataset,
+    StateSpaceSearchSettings,
+    StateSpaceSource,
+    UnitSettings,
+)
+from evopem.config.strict_yaml import Keys
+from evopem.config.values import ALL_SAMPLES
+from evopem.errors import InputError
+from evopem.files.json_form import from_json, to_json
+
+STRUCTURE = "state_space"
+NO_INPUT = "none"
+OWN_KEYS = ("form", "weighting", "geometry")
+"""Keys that single-channel structures do not have."""
+
+_CHANNEL_KEYS = ("input", "output")
+_UNIT_KEYS = ("input_unit", "output_unit")
+_COLUMN_KEYS = ("sampling_rate", "time", "time_unit", "header_lines", "decimal_mark")
+_ANALYSIS_KEYS = (
+    *("recipe", "purpose", "resample", "split", "structure", "form", "weighting"),
+    *("delay", "orders", "search", "geometry"),
+)
+KEYS = ("file", *_CHANNEL_KEYS, *_UNIT_KEYS, *_COLUMN_KEYS, "validation_file", *_ANALYSIS_KEYS)
+_SEARCH_KEYS = ("seed", "evaluations", "max_root_radius", "objective")
+
+
+def is_state_space(written: Keys, defaults: Keys) -> bool:
+    """Whether a data set has the keys of several channels, or structure state_space."""
+    lists = any(isinstance(written.get(key), list) for key in _CHANNEL_KEYS)
+    return lists or written.get("structure", defaults.get("structure")) == STRUCTURE
+
+
+def single_channel_defaults(defaults: Keys) -> dict[str, Any]:
+    """What ``defaults:`` says to data sets with one input and one output."""
+    own = {key: value for key, value in defaults.items() if key not in OWN_KEYS}
+    if own.get("structure") == STRUCTURE:
+        del own["structure"]
+    if "nx" in own.get("orders", {}):
+        own["orders"] = {key: value for key, value in own["orders"].items() if key != "nx"}
+    return own
+
+
+def check_single_channel(written: Keys, source: str, place: str) -> None:
+    """Refuse keys of several channels in a data set with one input and one output.
+
+    Raises
+    ------
+    InputError
+    """
+    foreign = [f"{place}.{key}" for key in OWN_KEYS if key in written]
+    foreign += [f"{place}.{key}" for key in _UNIT_KEYS if not isinstance(written.get(key, ""), str)]
+    foreign += [f"{place}.orders.nx"] if "nx" in written.get("orders", {}) else []
+    if foreign:
+        raise InputError(
+            source,
+            "the key belongs to a data set with several channels",
+            f"write structure: {STRUCTURE}, or remove it",
+            foreign[0],
+        )
+
+
+def complete_state_space(
+    name: str, written: Keys, defaults: Keys, source: str
+) -> StateSpaceDataset:
+    """Check and complete the keys of a data set with several channels.
+
+    Parameters
+    ----------
+    name : str
+    written, defaults : mapping
+        Keys of the data set, and of ``defaults:``, of which those that it has apply.
+    source : str
+        Name of the configuration in an error.
+
+    Raises
+    ------
+    InputError
+    """
+    place = f"datasets.{name}"
+    _check_structure(written, defaults, source, place)
+    _check_keys(written, source, place)
+    own = {key: defaults[key] for key in _ANALYSIS_KEYS if key in defaults} | dict(written)
+    for group in ("split", "delay", "orders", "search"):
+        own[group] = {**defaults.get(group, {}), **written.get(group, {})}
+    _check_split(own, written, source, place)
+    check_file_paths(own, source, place)
+    if "time" in own and "sampling_rate" in own:
+        raise InputError(
+            source, "both sampling_rate and time are given", "give one of the two", place
+        )
+    inputs = _references(own.get("input", 1), "input", source, place)
+    outputs = _references(own.get("output", 2), "output", source, place)
+    _check_distinct(inputs, outputs, own.get("time"), source, place)
+    _check_units(own, inputs, outputs, source, place)
+    if not inputs:
+        _check_without_input(own, written, source, place)
+    geometry = own.get("geometry")
+    if geometry is not None:
+        check_geometry(geometry, source, f"{place}.geometry")
+    if "validation_file" not in own:
+        own["split"] = {"estimation": 0.8} | own["split"]
+    else:
+        own["split"] = {"estimation": ALL_SAMPLES} | own["split"]
+    return state_space_settings(name, own)
+
+
+def state_space_settings(name: str, keys: Keys) -> StateSpaceDataset:
+    """The settings of complete, checked keys."""
+    channels = ChannelLists(
+        inputs=_listed(keys.get("input", 1)),
+        outputs=_listed(keys.get("output", 2)),
+        input_units=_units(keys.get("input_unit", "")),
+        output_units=_units(keys.get("output_unit", "")),
+        **{key: keys[key] for key in _COLUMN_KEYS if key in keys},
+    )
+    search = {key: keys["search"][key] for key in _SEARCH_KEYS[:3] if key in keys["search"]}
+    resample = keys.get("resample", "none")
+    given = {key: keys[key] for key in ("form", "weighting") if key in keys}
+    geometry = keys.get("geometry")
+    return StateSpaceDataset(
+        name=name,
+        source=StateSpaceSource(
+            _one(keys["file"]),
+            channels,
+            _one(keys["validation_file"]) if "validation_file" in keys else None,
+        ),
+        split=from_json(SplitSettings, {"discard": 0, **keys["split"]}),
+        resample=None if resample == "none" else float(resample),
+        rate_given="resample" in keys,
+        choices=StateSpaceChoices(
+            purpose=keys.get("purpose", "auto"),
+            orders=_range(keys.get("orders", {}).get("nx")),
+            delays=_range(keys.get("delay", {}).get("nk")),
+            **given,
+        ),
+        search=from_json(StateSpaceSearchSettings, search),
+        geometry=None if geometry is None else geometry_of(geometry),
+    )
+
+
+def keys_of_state_space(settings: StateSpaceDataset) -> dict[str, Any]:
+    """List the keys that give these settings; what is decided from the recording is left out."""
+    source, choices = settings.source, settings.choices
+    channels = source.channels
+    keys: dict[str, Any] = {
+        "file": source.file,
+        "input": list(channels.inputs) or NO_INPUT,
+        "output": list(channels.outputs),
+        "input_unit": _unit_keys(channels.input_units),
+        "output_unit": _unit_keys(channels.output_units),
+        **{key: getattr(channels, key) for key in _COLUMN_KEYS},
+        "validation_file": source.validation_file,
+        "recipe": "auto",
+        "purpose": choices.purpose,
+        "resample": (settings.resample or "none") if settings.rate_given else None,
+        "split": {key: getattr(settings.split, key) for key in ("discard", "estimation")},
+        "structure": STRUCTURE,
+        "form": choices.form,
+        "weighting": choices.weighting,
+        "delay": {"nk": list(choices.delays)} if choices.delays else None,
+        "orders": {"nx": list(choices.orders)} if choices.orders else None,
+        "search": {k: v for k, v in to_json(settings.search).items() if v is not None},
+        "geometry": None if settings.geometry is None else geometry_keys(settings.geometry),
+    }
+    return {key: value for key, value in keys.items() if value is not None and value != ""}
+
+
+def state_space_yaml(settings: StateSpaceDataset) -> str:
+    """Write a configuration with this one data set, ready to be run again."""
+    return yaml.safe_dump(
+        {"datasets": {settings.name: keys_of_state_space(settings)}},
+        sort_keys=False,
+        allow_unicode=True,
+        default_flow_style=None,
+    )
+
+
+def read_state_space_settings(path: str | Path) -> StateSpaceDataset:
+    """Read the settings that :func:`state_space_yaml` wrote.
+
+    Raises
+    ------
+    InputError
+        When the file is missing or holds something else.
+    """
+    try:
+        content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+        ((name, keys),) = content["datasets"].items()
+        return state_space_settings(name, keys)
+    except (OSError, yaml.YAMLError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise InputError(
+            str(path),
+            f"does not hold the complete configuration of several channels ({error})",
+            "delete the file and run snakemake again, which writes it anew",
+        ) from None
+
+
+def _check_structure(written: Keys, defaults: Keys, source: str, place: str) -> None:
+    """Refuse lists of channels with a structure of one input and one output."""
+    structure = written.get("structure", defaults.get("structure", STRUCTURE))
+    if structure != STRUCTURE:
+        key = next(key for key in _CHANNEL_KEYS if isinstance(written.get(key), list))
+        where = "" if "structure" in written else " (from defaults)"
+        raise InputError(
+            source,
+            f"there is a list of channels, and structure {structure}{where} has one input and one"
+            " output",
+            f"write structure: {STRUCTURE}, or name one channel",
+            f"{place}.{key}",
+        )
+    if written.get("recipe") == "chapter":
+        raise InputError(
+            source,
+            "the chapter's recipe has one input and one output",
+            "remove the key: a state-space model is found by recipe auto",
+            f"{place}.recipe",
+        )
+
+
+def _check_keys(written: Keys, source: str, place: str) -> None:
+    """Refuse keys that a data set with several channels does not have."""
+    if "file" not in written:
+        problem = (
+            "a synthetic data set has one input and one output"
+            if "synthesis" in written
+            else "the key file is missing"
+        )
+        raise InputError(source, problem, "give the file of a recording", place)
+    for key in ("file", "validation_file"):
+        if isinstance(written.get(key), list) and len(written[key]) > 1:
+            raise InputError(
+                source,
+                f"there are {len(written[key])} files, and several channels are read from one",
+                "name one file",
+                f"{place}.{key}",
+            )
+    known = {"orders": ("nx",), "delay": ("nk",), "search": _SEARCH_KEYS}
+    paths: list[tuple[str, tuple[str, ...], str]] = [(key, KEYS, key) for key in written]
+    for group, names in known.items():
+        paths += [(key, names, f"{group}.{key}") for key in written.get(group, {})]
+    for key, names, path in paths:
+        if key not in names:
+            raise InputError(
+                source,
+                f"structure {STRUCTURE} has no such key",
+                f"remove it, or give one of {', '.join(names)}",
+                f"{place}.{path}",
+            )
+    if written.get("search", {}).get("objective", "quadratic") != "quadratic":
+        raise InputError(
+            source,
+            "state-space models have quadratic objectives only",
+            "remove the key, or write quadratic",
+            f"{place}.search.objective",
+        )
+    for group, name in (("orders", "nx"), ("delay", "nk")):
+        limits = _range(written.get(group, {}).get(name))
+        if limits and limits[0] > limits[1]:
+            raise InputError(
+                source,
+                f"the lower end of {list(limits)} is above the upper one",
+                f"write [{limits[1]}, {limits[0]}]",
+                f"{place}.{group}.{name}",
+            )
+
+
+def _check_split(own: Keys, written: Keys, source: str, place: str) -> None:
+    if "by" in written.get("split", {}):
+        raise InputError(
+            source,
+            "the key is for several recordings, and a data set with several channels has one",
+            "remove it",
+            f"{place}.split.by",
+        )
+    for key, value in own["split"].items():
+        if isinstance(value, float) and value > 1:
+            raise InputError(
+                source,
+                f"{value} is neither a whole number nor a fraction",
+                "give a whole number of samples or a fraction between 0 and 1",
+                f"{place}.split.{key}",
+            )
+    chosen = own["split"].get("estimation", 0.8)
+    if isinstance(chosen, float) and chosen == ALL_SAMPLES and "validation_file" not in written:
+        raise InputError(
+            source,
+            f"{chosen} takes all samples, so none are left to validate on",
+            "give a smaller fraction such as 0.8, or a validation_file",
+            f"{place}.split.estimation",
+        )
+
+
+def _references(given: Any, role: str, source: str, place: str) -> tuple[Reference, ...]:
+    """The channels of one role, each once."""
+    references = _listed(given)
+    if not references and role == "output":
+        raise InputError(source, "there is no output", "name one", f"{place}.output")
+    twice = next((each for each, count in Counter(references).items() if count > 1), None)
+    if twice is not None:
+        raise InputError(
+            source, f"{twice} stands there twice", "name each channel once", f"{place}.{role}"
+        )
+    return references
+
+
+def _check_distinct(
+    inputs: Sequence[Reference],
+    outputs: Sequence[Reference],
+    time: Reference | None,
+    source: str,
+    place: str,
+) -> None:
+    """Refuse a channel with two roles."""
+    roles = {"input": inputs, "output": outputs, "time": () if time is None else (time,)}
+    for one, other in (("input", "output"), ("time", "input"), ("time", "output")):
+        both = next((each for each in roles[other] if each in roles[one]), None)
+        if both is not None:
+            raise InputError(
+                source,
+                f"{both} is both {one} and {other}",
+                "name two different columns",
+                f"{place}.{other}",
+            )
+
+
+def _check_units(
+    own: Keys,
+    inputs: Sequence[Reference],
+    outputs: Sequence[Reference],
+    source: str,
+    place: str,
+) -> None:
+    """Refuse lists of units that are not as long as the lists of channels."""
+    for role, channels in (("input", inputs), ("output", outputs)):
+        units = own.get(f"{role}_unit", "")
+        patterns = any(is_pattern(each) for each in channels)
+        if isinstance(units, list) and not patterns and len(units) != len(channels):
+            raise InputError(
+                source,
+                f"there are {len(units)} units and {len(channels)} {role}s",
+                "give one unit for each, one for all, or a mapping by their names",
+                f"{place}.{role}_unit",
+            )
+
+
+def is_pattern(reference: Reference) -> bool:
+    """Whether a reference stands for all channels whose names it matches."""
+    return isinstance(reference, str) and "*" in reference
+
+
+def _check_without_input(own: Keys, written: Keys, source: str, place: str) -> None:
+    """Refuse keys that need an input."""
+    for key in ("input_unit", "delay"):
+        if key in written:
+            raise InputError(source, "there is no input", "remove the key", f"{place}.{key}")
+    if own.get("form", "innovations") != "innovations":
+        raise InputError(
+            source,
+            f"form {own['form']} has a plant that inputs drive",
+            "write innovations, or remove the key",
+            f"{place}.form",
+        )
+    if own.get("purpose") == "simulation":
+        raise InputError(
+            source,
+            "without an input there is nothing to simulate",
+            "write prediction, modes or auto",
+            f"{place}.purpose",
+        )
+
+
+def _listed(given: Any) -> tuple[Reference, ...]:
+    if isinstance(given, list | tuple):
+        return tuple(given)
+    return () if given == NO_INPUT else (given,)
+
+
+def _one(file: Any) -> str:
+    """A path that may stand in a list."""
+    return str(file[0] if isinstance(file, list | tuple) else file)
+
+
+def _range(given: Any) -> tuple[int, int] | None:
+    if given is None:
+        return None
+    return (given[0], given[1]) if isinstance(given, list | tuple) else (given, given)
+
+
+def _units(given: Any) -> UnitSettings:
+    if isinstance(given, Mapping):
+        return UnitSettings(by_name=dict(given))
+    if isinstance(given, list | tuple):
+        return UnitSettings(in_order=tuple(given))
+    return UnitSettings(all=given)
+
+
+def _unit_keys(units: UnitSettings) -> Any:
+    return units.by_name or list(units.in_order) or units.all

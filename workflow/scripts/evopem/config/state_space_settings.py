@@ -1,0 +1,213 @@
+"""The settings of a data set with several channels, typed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+from evopem.config.settings import Purpose, Range, SplitSettings
+
+Reference = int | str
+StateSpaceForm = Literal["innovations", "output_error", "box_jenkins"]
+OutputWeighting = Literal["determinant", "noise", "power"]
+
+Vector = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class UnitSettings:
+    """The units of several channels, in one of three ways; what is empty is not stated.
+
+    Attributes
+    ----------
+    all : str
+        One unit of all channels.
+    in_order : tuple of str
+        One unit for each channel.
+    by_name : dict of str to str
+        Units by the names of the channels.
+    """
+
+    all: str = ""
+    in_order: tuple[str, ...] = ()
+    by_name: dict[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class ChannelLists:
+    """Which channels of a recorded file are read, and what is known of them.
+
+    Attributes
+    ----------
+    inputs, outputs : tuple of int or str
+        Column numbers from 1, or names; a name with a ``*`` stands for all that it matches.
+        No inputs for a structure that is identified from its outputs alone.
+    sampling_rate, time, time_unit, header_lines, decimal_mark
+        As in :class:`.ChannelSettings`.
+    input_units, output_units : UnitSettings
+    """
+
+    inputs: tuple[Reference, ...]
+    outputs: tuple[Reference, ...]
+    sampling_rate: float | None = None
+    time: Reference | None = None
+    time_unit: str | None = None
+    input_units: UnitSettings = UnitSettings()
+    output_units: UnitSettings = UnitSettings()
+    header_lines: int | None = None
+    decimal_mark: Literal[".", ","] | None = None
+
+
+@dataclass(frozen=True)
+class StateSpaceSource:
+    """A recorded file with several channels, and an independent one for validation."""
+
+    file: str
+    channels: ChannelLists
+    validation_file: str | None = None
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """The recorded file, as of sources that may have several."""
+        return (self.file,)
+
+    @property
+    def validation_files(self) -> tuple[str, ...]:
+        """The file for validation; none where there is none."""
+        return (self.validation_file,) if self.validation_file else ()
+
+
+@dataclass(frozen=True)
+class StateSpaceChoices:
+    """What the configuration decides of a state-space model.
+
+    Attributes
+    ----------
+    purpose : {"auto", "simulation", "prediction", "modes"}
+        What the model is for; ``auto`` is simulation, or prediction without inputs.
+    form : {"innovations", "output_error", "box_jenkins"}, optional
+        ``box_jenkins`` is the optimum of innovations form next to an output-error model with its
+        noise model.  None, here and below, where the recording decides.
+    weighting : {"determinant", "noise", "power"}, optional
+    orders : (lower, upper), optional
+        Limits of the number of states.
+    delays : (lower, upper), optional
+        Limits of the delay of each input, in samples.
+    """
+
+    purpose: Purpose = "auto"
+    form: StateSpaceForm | None = None
+    weighting: OutputWeighting | None = None
+    orders: Range | None = None
+    delays: Range | None = None
+
+
+@dataclass(frozen=True)
+class StateSpaceSearchSettings:
+    """Settings of the searches for the parameters of state-space models.
+
+    Attributes
+    ----------
+    seed : int
+        Seed of every random draw.
+    evaluations : int, optional
+        Evaluations after which the search of the chosen model begins no new generation; by the
+        size of the problem where it is None.
+    max_root_radius : float
+        Largest radius of the eigenvalues of A and of ``A - K C``.
+    """
+
+    seed: int = 1
+    evaluations: int | None = None
+    max_root_radius: float = 0.9999
+
+
+@dataclass(frozen=True)
+class ChannelPlace:
+    """Where an output was measured.
+
+    Attributes
+    ----------
+    point : str
+        Name of a point.
+    direction : (3,) tuple of float
+        Direction in which the channel is positive, of any length above 0.
+    """
+
+    point: str
+    direction: Vector
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """The structure that mode shapes are drawn over.
+
+    Attributes
+    ----------
+    points : dict of str to (3,) tuple of float
+        Coordinates.
+    lines : tuple of (2,) tuples of str
+        Pairs of points.
+    channels : dict of str to ChannelPlace
+        By the names of outputs.
+    """
+
+    points: dict[str, Vector]
+    lines: tuple[tuple[str, str], ...]
+    channels: dict[str, ChannelPlace]
+
+
+@dataclass(frozen=True)
+class StateSpaceDataset:
+    """All settings of one data set with several channels.
+
+    Attributes
+    ----------
+    name : str
+    source : StateSpaceSource
+    split : SplitSettings
+    resample : float, optional
+        New sampling rate in Hz; None where it is decided, or kept.
+    rate_given : bool
+        Whether ``resample`` is written: then nothing is decimated.
+    choices : StateSpaceChoices
+    search : StateSpaceSearchSettings
+    geometry : Geometry, optional
+    """
+
+    name: str
+    source: StateSpaceSource
+    split: SplitSettings = field(default_factory=lambda: SplitSettings(discard=0))
+    resample: float | None = None
+    rate_given: bool = False
+    choices: StateSpaceChoices = StateSpaceChoices()
+    search: StateSpaceSearchSettings = StateSpaceSearchSettings()
+    geometry: Geometry | None = None
+
+
+VARIANTS = (
+    ("innovations", "determinant"),
+    ("output_error", "noise"),
+    ("box_jenkins", "determinant"),
+)
+"""Forms with their weightings of the outputs that are searched where nothing is given."""
+
+
+def searched_variants(dataset: StateSpaceDataset) -> tuple[tuple[str, str], ...]:
+    """The forms with their weightings that a data set searches.
+
+    Examples
+    --------
+    >>> source = StateSpaceSource("a.csv", ChannelLists((1,), (2, 3)))
+    >>> searched_variants(StateSpaceDataset("a", source))
+    (('innovations', 'determinant'), ('output_error', 'noise'), ('box_jenkins', 'determinant'))
+    >>> choices = StateSpaceChoices(weighting="power")
+    >>> searched_variants(StateSpaceDataset("a", source, choices=choices))
+    (('innovations', 'power'), ('output_error', 'power'), ('box_jenkins', 'power'))
+    """
+    choices = dataset.choices
+    forms = [form for form, _ in VARIANTS if choices.form in (None, form)]
+    if not dataset.source.channels.inputs:
+        forms = ["innovations"]
+    built_in = dict(VARIANTS)
+    return tuple((form, choices.weighting or built_in[form]) for form in forms)

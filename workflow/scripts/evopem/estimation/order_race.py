@@ -1,0 +1,117 @@
+"""A race of the candidates of a phase: only those that may be selected are searched to the end.
+
+A first pass descends from 16 random points for every candidate.  How much a full search may gain
+on it is bounded by what was measured, and a candidate that would need more to be selected is left.
+A model is never left higher than a nested smaller one.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from evopem.config.settings import SearchSettings
+from evopem.estimation.candidate import Candidate
+from evopem.estimation.search.certificate import is_certified
+
+# By how much a full search lowers BIC at most after the first pass, times samples over parameters:
+# the largest of the test problems (docs/evidence/certificate.md).
+LARGEST_GAIN = 1.25
+
+SearchOn = Callable[[Candidate], Candidate]
+Settle = Callable[[Sequence[Candidate]], list[Candidate]]
+
+
+def first_pass(settings: SearchSettings) -> SearchSettings:
+    """Settings of a search that ends after a batch of descents from random points."""
+    return replace(settings, evaluations=1)
+
+
+def race(
+    candidates: Sequence[Candidate],
+    phase: str,
+    samples: int,
+    settings: SearchSettings,
+    search_on: SearchOn,
+    settle: Settle,
+) -> list[Candidate]:
+    """Search on those candidates that may be selected, and say of the others why not.
+
+    Parameters
+    ----------
+    candidates : sequence of Candidate
+        All of the phase, after their first pass at least.
+    phase : str
+    samples : int
+        N, the scored samples.
+    settings : SearchSettings
+        Of the full search.
+    search_on : callable
+        Returns a candidate after its full search.
+    settle : callable
+        Returns the candidates, none higher than a nested one.
+    """
+    settled = list(candidates)
+    finished = [_finished(each, settings) for each in settled]
+    while True:
+        settled = settle(settled)
+        gains = [
+            0.0 if done else _largest_gain(each, samples)
+            for each, done in zip(settled, finished, strict=True)
+        ]
+        lacks = _lacks_of_delays(settled, gains) if phase == "delay" else _lacks(settled)
+        contending = [
+            row for row, lack in enumerate(lacks) if not finished[row] and lack <= gains[row]
+        ]
+        if not contending:
+            break
+        row = min(contending, key=lambda row: (lacks[row], settled[row].orders))
+        settled[row], finished[row] = search_on(settled[row]), True
+    return [
+        each if done else replace(each, pruned=_reason(phase, lack, gain))
+        for each, done, lack, gain in zip(settled, finished, lacks, gains, strict=True)
+    ]
+
+
+def _finished(candidate: Candidate, settings: SearchSettings) -> bool:
+    found = candidate.diagnostics
+    return is_certified(found) or found.evaluations >= settings.evaluations
+
+
+def _largest_gain(candidate: Candidate, samples: int) -> float:
+    return LARGEST_GAIN * candidate.orders.parameters / samples
+
+
+def _lacks(candidates: Sequence[Candidate]) -> list[float]:
+    """How far each candidate's BIC lies above the lowest."""
+    lowest = min(each.criteria.bic for each in candidates)
+    return [each.criteria.bic - lowest for each in candidates]
+
+
+def _lacks_of_delays(candidates: Sequence[Candidate], gains: Sequence[float]) -> list[float]:
+    """How far the mean BIC of each candidate's delay lies above the lowest, less other gains.
+
+    The candidates of the leading delay have to be searched only when another one may overtake it.
+    """
+    by_delay: dict[int, list[int]] = defaultdict(list)
+    for row, each in enumerate(candidates):
+        by_delay[each.orders.nk].append(row)
+    means = {
+        nk: float(np.mean([candidates[row].criteria.bic for row in rows]))
+        for nk, rows in by_delay.items()
+    }
+    reach = {nk: float(np.mean([gains[row] for row in rows])) for nk, rows in by_delay.items()}
+    leader = min(sorted(means), key=lambda nk: means[nk])
+    lacks = {nk: means[nk] - means[leader] for nk in means}
+    rivals = [nk for nk in means if nk != leader and lacks[nk] <= reach[nk]]
+    may_win = {*rivals, leader} if rivals else set()
+    return [0.0 if each.orders.nk in may_win else np.inf for each in candidates]
+
+
+def _reason(phase: str, lack: float, gain: float) -> str:
+    if phase == "delay":
+        return "no search of it would change the choice of the delay"
+    return f"its BIC lies {lack:.4f} above the lowest, and a full search gains at most {gain:.4f}"

@@ -1,0 +1,59 @@
+"""When a search is certified to have found the lowest value, and how often that is wrong.
+
+The rates are those of ``benchmarks/search_certificate.py``, which writes
+``docs/evidence/certificate.md``: searches of random problems against ten times the evaluations.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from evopem.estimation.search.problem import SearchDiagnostics
+
+# Independent restarts that must end at the lowest value, and be at least half of all: where
+# descents from random points found few optima, and where they found many.  Later restarts go on in
+# hops; the first ones may all fall into the widest funnel.
+AGREEING, AGREEING_OF_MANY_OPTIMA = 3, 5
+FEW_OPTIMA = 0.03
+# Undiscovered probability at which descents from random points are evidence enough: that of 17
+# or more which all end at one optimum.
+ONE_OPTIMUM = 0.0075
+
+# Test problems whose search was certified, and those of them with a lower value elsewhere.
+CERTIFIED, CERTIFIED_WRONG = 1, 0
+# Percent by which the objective of 95 % of the searches without a certificate was at most above the
+# best known value.
+LOWER_ELSEWHERE = 1.0
+
+
+def enough_agree(agreeing: int, restarts: int, undiscovered: float) -> bool:
+    """Whether so many of some independent restarts at the lowest value are evidence enough.
+
+    Parameters
+    ----------
+    agreeing, restarts : int
+    undiscovered : float
+        Probability that a descent from a random point leads to an undiscovered optimum.
+    """
+    needed = AGREEING if undiscovered <= FEW_OPTIMA else AGREEING_OF_MANY_OPTIMA
+    return agreeing >= needed and 2 * agreeing >= restarts
+
+
+def is_certified(found: SearchDiagnostics) -> bool:
+    """Whether descents from random points all ended at the optimum, or enough restarts did."""
+    one_optimum = found.n_confirming > 0 and found.undiscovered_probability <= ONE_OPTIMUM
+    return one_optimum or enough_agree(
+        found.n_confirming + 1, found.n_restarts, found.undiscovered_probability
+    )
+
+
+def largest_error_rate() -> float:
+    """Share of certified searches that miss a lower value: at most, with 95 % confidence.
+
+    The upper limit of Clopper & Pearson (1934).
+    """
+    from scipy.stats import beta
+
+    wrong = CERTIFIED_WRONG
+    return float(beta.ppf(0.95, wrong + 1, CERTIFIED - wrong))

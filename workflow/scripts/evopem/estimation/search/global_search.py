@@ -1,0 +1,193 @@
+"""The search of identification: descents from random points, the memetic search, and hops.
+
+Most problems at orders that the record supports have one optimum, and descents from a few random
+points all end there: the search is over.  Where they do not agree, restarts of the memetic search
+follow, and hops between neighbouring optima (:mod:`.section_hopping`), until enough independent
+restarts have ended at the lowest value and hops from it have found nothing lower.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evopem.config.settings import SearchSettings
+from evopem.errors import InputError
+from evopem.estimation.search.certificate import ONE_OPTIMUM, enough_agree
+from evopem.estimation.search.memetic import Recombination, memetic_search
+from evopem.estimation.search.problem import (
+    SearchDiagnostics,
+    SearchResult,
+    converged_values,
+    count_confirming,
+    count_distinct,
+    same_optimum,
+    undiscovered,
+)
+from evopem.estimation.search.section_hopping import HoppingProblem, hop
+
+Array = NDArray[np.float64]
+
+# Independent batches of random points, and the points of each.
+BATCHES, BATCH = 2, 16
+# Evaluations after which a restart of the memetic search begins no further generation.
+RESTART_EVALUATIONS = 4000
+# Restarts of the memetic search; where they do not agree, hops from descents find more.
+MEMETIC_RESTARTS = 2
+NEVER = 2**31
+
+
+class _Record:
+    """What a search has found so far."""
+
+    def __init__(self, log: Callable[[str], None] | None) -> None:
+        self.point: Array | None = None
+        self.value = np.inf
+        self.minima: list[float] = []
+        self.optima: list[float] = []
+        self.convergence: list[tuple[int, float]] = []
+        self.spent = self.generations = self.points = 0
+        self.undiscovered, self.one_optimum = 1.0, False
+        self._log = log
+
+    def agree(self, best: float, *more: float) -> bool:
+        """Whether enough independent restarts, some more among them, ended at the lowest value."""
+        minima = (*self.minima, *more)
+        agreeing = sum(same_optimum(minimum, best) for minimum in minima)
+        return enough_agree(agreeing, len(minima), self.undiscovered)
+
+    def add(self, kind: str, point: Array, value: float, evaluations: int) -> None:
+        """Count an independent restart."""
+        self.minima.append(value)
+        self.lower(kind, point, value, evaluations)
+
+    def lower(self, kind: str, point: Array, value: float, evaluations: int) -> None:
+        """Count evaluations, and keep a point that is the lowest."""
+        self.spent += evaluations
+        if value < self.value:
+            self.point, self.value = point.copy(), value
+        self.convergence.append((self.spent, self.value))
+        if self._log is not None:
+            self._log(f"{kind}: {value:.9g}, lowest {self.value:.9g}, {self.spent} evaluations")
+
+
+def global_search(
+    problem: HoppingProblem,
+    settings: SearchSettings,
+    generator: np.random.Generator,
+    log: Callable[[str], None] | None = None,
+    known_minimum: float = np.inf,
+    recombine: Recombination | None = None,
+) -> SearchResult:
+    """Minimise the objective of an identification globally.
+
+    Parameters
+    ----------
+    problem : HoppingProblem
+    settings : SearchSettings
+    generator : numpy.random.Generator
+        Source of every random draw of the search.
+    log : callable, optional
+        Receives one line a restart.
+    known_minimum : float
+        A value that an earlier search reached.  Restarts that agree on a higher one do not end the
+        search.
+    recombine : callable, optional
+        See :func:`.memetic.memetic_search`.
+
+    Raises
+    ------
+    InputError
+        When no value was finite.
+    """
+    found = _Record(log)
+    _descend_from_random_points(problem, settings.evaluations, generator, found)
+    refuted_from = np.inf
+    while not (found.one_optimum and same_optimum(found.value, known_minimum)):
+        agreed = found.agree(min(found.value, known_minimum))
+        if agreed and same_optimum(refuted_from, found.value):
+            break
+        if agreed and found.point is not None:
+            # Hops from the lowest optimum have to find nothing lower.
+            refuted_from = found.value
+            hops = hop(problem, found.point, found.value, np.inf, generator)
+            found.optima.extend(hops.optima)
+            found.lower("hops from the lowest", hops.point, hops.value, hops.evaluations)
+        elif found.spent >= settings.evaluations:
+            break
+        else:
+            _restart(problem, settings, generator, recombine, found, known_minimum)
+    if found.point is None:
+        raise InputError(
+            "search",
+            "no model that was tried predicts the output with finite errors",
+            "look for values that stand out by many orders of magnitude, and remove them",
+        )
+    return SearchResult(
+        point=found.point,
+        value=found.value,
+        diagnostics=SearchDiagnostics(
+            evaluations=found.spent,
+            generations=found.generations,
+            restart_minima=tuple(found.minima),
+            n_confirming=count_confirming(tuple(found.minima), found.value),
+            n_local_optima=count_distinct(found.optima),
+            n_multistart=found.points,
+            undiscovered_probability=found.undiscovered,
+            convergence=tuple(found.convergence),
+        ),
+    )
+
+
+def _descend_from_random_points(
+    problem: HoppingProblem, evaluations: int, generator: np.random.Generator, found: _Record
+) -> None:
+    """Descend from independent batches of random points."""
+    while found.points < BATCHES * BATCH and found.spent < evaluations:
+        descents = problem.descend(problem.random(BATCH, generator))
+        found.optima.extend(converged_values(descents))
+        lowest = int(np.argmin(descents.values))
+        polished = problem.polish(descents.points[[lowest]])
+        used = descents.evaluations + polished.evaluations
+        found.points += BATCH
+        found.add("random points", polished.points[0], float(polished.values[0]), used)
+    found.undiscovered = undiscovered(found.optima)
+    found.one_optimum = found.undiscovered <= ONE_OPTIMUM and count_distinct(found.optima) == 1
+
+
+def _restart(
+    problem: HoppingProblem,
+    settings: SearchSettings,
+    generator: np.random.Generator,
+    recombine: Recombination | None,
+    found: _Record,
+    known_minimum: float,
+) -> None:
+    """One independent restart, with hops from its end where restarts do not agree."""
+    memetic = len(found.minima) < BATCHES + MEMETIC_RESTARTS
+    if memetic:
+        short = replace(settings, evaluations=min(settings.evaluations, RESTART_EVALUATIONS))
+        ended = memetic_search(
+            problem, short, generator, agreeing_restarts=NEVER, recombine=recombine
+        )
+        point, value = ended.point, ended.value
+        evaluations = ended.diagnostics.evaluations
+        found.generations += ended.diagnostics.generations
+    else:
+        starts, used = problem.draw(BATCH, generator)
+        descents = problem.descend(starts)
+        found.optima.extend(converged_values(descents))
+        lowest = int(np.argmin(descents.values))
+        point, value = descents.points[lowest], float(descents.values[lowest])
+        evaluations = used + descents.evaluations
+    best = min(found.value, known_minimum, value)
+    left = settings.evaluations - found.spent - evaluations
+    if memetic and (left <= 0 or found.agree(best, value)):
+        found.add("memetic restart", point, value, evaluations)
+        return
+    hops = hop(problem, point, value, left, generator)
+    found.optima.extend(hops.optima)
+    found.add("restart and hops", hops.point, hops.value, evaluations + hops.evaluations)

@@ -1,0 +1,148 @@
+"""Mode shapes over a geometry as SVG text, still and moving."""
+
+from __future__ import annotations
+
+from html import escape
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evopem.config.state_space_settings import Geometry
+
+Array = NDArray[np.float64]
+
+WIDTH, HEIGHT, MARGIN = 300.0, 220.0, 16.0
+FRAMES = 16
+SECONDS = 2.0
+# Largest displacement, as a share of the size of the structure.
+AMPLITUDE = 0.15
+
+
+class ShapeDrawing:
+    """The shapes of one structure, drawn from one point of view.
+
+    Parameters
+    ----------
+    geometry : Geometry
+    output_names : sequence of str
+        Names of the entries of each shape.
+    """
+
+    def __init__(self, geometry: Geometry, output_names: tuple[str, ...]) -> None:
+        self.names = list(geometry.points)
+        self.rest = np.array([geometry.points[name] for name in self.names])
+        index = {name: place for place, name in enumerate(self.names)}
+        self.lines = [(index[one], index[other]) for one, other in geometry.lines]
+        self.channels = [
+            (output_names.index(name), index[each.point], _unit(np.array(each.direction)))
+            for name, each in geometry.channels.items()
+        ]
+        extent = np.ptp(self.rest, axis=0)
+        self.size = float(np.linalg.norm(extent)) or 1.0
+        directions = np.array([direction for _, _, direction in self.channels])
+        flat = (extent < 1e-9 * self.size) & np.all(np.abs(directions) < 1e-9, axis=0)
+        self.view = _view(flat)
+        reach = self.rest[:, None, :] + AMPLITUDE * self.size * np.array(
+            [[0, 0, 0], *np.eye(3), *-np.eye(3)]
+        )
+        flattened = reach.reshape(-1, 3) @ self.view
+        self.low = flattened.min(axis=0)
+        span = np.maximum(np.ptp(flattened, axis=0), 1e-9 * self.size)
+        room = np.array([WIDTH - 2 * MARGIN, HEIGHT - 2 * MARGIN])
+        self.scale = float(np.min(room / span))
+        self.offset = np.array([MARGIN, MARGIN]) + (room - span * self.scale) / 2
+        self.top = float(span[1] * self.scale)
+
+    def still(self, shape: NDArray[np.complex128], label: str) -> str:
+        """The structure at rest and at both extremes of a shape.
+
+        Parameters
+        ----------
+        shape : (ny,) complex array
+            Its largest entry is 1.
+        label : str
+            Description for screen readers.
+        """
+        content = f'<path class="rest" d="{self._outline(self.rest)}"/>'
+        content += f'<path class="back" d="{self._outline(self._moved(-_in_phase(shape).real))}"/>'
+        front = self._moved(_in_phase(shape).real)
+        content += f'<path class="front" d="{self._outline(front)}"/>{self._dots(front)}'
+        return _svg(content, label)
+
+    def moving(self, shape: NDArray[np.complex128], label: str) -> str:
+        """The structure moving through a period of a shape, again and again."""
+        turned = _in_phase(shape)
+        frames = [
+            self._outline(self._moved((turned * np.exp(2j * np.pi * k / FRAMES)).real))
+            for k in range(FRAMES)
+        ]
+        frames.append(frames[0])
+        content = f'<path class="rest" d="{self._outline(self.rest)}"/>'
+        content += (
+            f'<path class="front" d="{frames[0]}"><animate attributeName="d" dur="{SECONDS:g}s"'
+            f' repeatCount="indefinite" values="{";".join(frames)}"/></path>'
+        )
+        return _svg(content, label)
+
+    def _moved(self, entries: Array) -> Array:
+        """Points displaced in the directions of their channels, (points, 3)."""
+        moved = self.rest.copy()
+        for output, point, direction in self.channels:
+            moved[point] += AMPLITUDE * self.size * entries[output] * direction
+        return moved
+
+    def _flat(self, points: Array) -> Array:
+        flat = (points @ self.view - self.low) * self.scale
+        placed: Array = np.column_stack([flat[:, 0], self.top - flat[:, 1]]) + self.offset
+        return placed
+
+    def _outline(self, points: Array) -> str:
+        flat = self._flat(points)
+        if not self.lines:
+            return "".join(f"M{x:.1f} {y:.1f}h.1" for x, y in flat)
+        return "".join(
+            f"M{flat[one][0]:.1f} {flat[one][1]:.1f}L{flat[other][0]:.1f} {flat[other][1]:.1f}"
+            for one, other in self.lines
+        )
+
+    def _dots(self, points: Array) -> str:
+        flat = self._flat(points)
+        measured = sorted({point for _, point, _ in self.channels})
+        return "".join(
+            f'<circle class="dot" cx="{flat[point][0]:.1f}" cy="{flat[point][1]:.1f}" r="2.6">'
+            f"<title>{escape(self.names[point])}</title></circle>"
+            for point in measured
+        )
+
+
+def _in_phase(shape: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """A shape turned so that its real part is as large as it can be."""
+    turned: NDArray[np.complex128] = shape * np.exp(-0.5j * np.angle(np.sum(shape**2)))
+    return turned
+
+
+def _unit(direction: Array) -> Array:
+    unit: Array = direction / np.linalg.norm(direction)
+    return unit
+
+
+def _view(flat: NDArray[np.bool_]) -> Array:
+    """Projection to two dimensions, (3, 2): onto a plane that holds all, else from a corner."""
+    if flat.any():
+        kept = [axis for axis in range(3) if axis != int(np.flatnonzero(flat)[-1])]
+        return np.eye(3)[:, kept]
+    slope = np.radians(30.0)
+    return np.array(
+        [
+            [np.cos(slope), -np.sin(slope)],
+            [-np.cos(slope), -np.sin(slope)],
+            [0.0, 1.0],
+        ]
+    )
+
+
+def _svg(content: str, label: str) -> str:
+    return (
+        f'<svg class="shape" viewBox="0 0 {WIDTH:g} {HEIGHT:g}" role="img"'
+        f' aria-label="{escape(label, quote=True)}">{content}</svg>'
+    )

@@ -1,0 +1,358 @@
+"""Stages of a data set with several channels, from its recording to its results."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from threadpoolctl import threadpool_limits
+
+from evopem.automatic.multichannel_preparation import (
+    MultichannelPlan,
+    apply_multichannel_plan,
+    decide_multichannel_preparation,
+)
+from evopem.automatic.state_space_choice import (
+    OUTPUT_ERROR_WEIGHTING,
+    DelayChoice,
+    StateSpaceChoice,
+    Variant,
+    VariantSearch,
+    choose,
+    decide_delays,
+    estimate_box_jenkins,
+    noise_orders,
+    search_variant,
+    searched_orders,
+)
+from evopem.config.settings import SplitSettings
+from evopem.config.state_space_keys import state_space_yaml
+from evopem.config.state_space_settings import (
+    ChannelLists,
+    Geometry,
+    StateSpaceChoices,
+    StateSpaceDataset,
+    StateSpaceSearchSettings,
+    searched_variants,
+)
+from evopem.errors import InputError
+from evopem.estimation.state_space.estimate import StateSpaceSettings, estimate_state_space
+from evopem.estimation.state_space.model_record import ModesRecord, StateSpaceModelRecord
+from evopem.estimation.state_space.noise_model import noise_model, side_by_side
+from evopem.files.atomic import write_table, write_text
+from evopem.files.json_form import load, save
+from evopem.models.matlab import save_state_space_mat
+from evopem.models.state_space import Form, StateSpaceModel
+from evopem.models.state_space_tables import shaped_modes_table
+from evopem.results.layout import DatasetFiles
+from evopem.results.multichannel import (
+    DecisionList,
+    frequency_response_rows,
+    read_multichannel_results,
+    summarize_multichannel,
+)
+from evopem.signals.multichannel import MultichannelRecording, load_multichannel, save_multichannel
+from evopem.signals.multichannel_preparation import (
+    MultichannelData,
+    divide_multichannel,
+    load_multichannel_data,
+    save_multichannel_data,
+)
+from evopem.signals.multichannel_reading import (
+    check_measured_places,
+    describe_multichannel,
+    read_multichannel,
+)
+from evopem.validation.multichannel import validate_multichannel
+
+Log = Callable[[str], None]
+
+
+def write_multichannel_configuration(files: DatasetFiles, settings: StateSpaceDataset) -> None:
+    """Keep the complete configuration of a data set beside its results."""
+    write_text(files.config, state_space_yaml(settings))
+
+
+def read_channels(
+    file: str,
+    channels: ChannelLists,
+    geometry: Geometry | None,
+    place: str,
+    recording_file: str,
+    info_file: str,
+) -> None:
+    """Read the input and output channels of a recorded file.
+
+    Parameters
+    ----------
+    file : str
+        The recorded file.
+    channels : ChannelLists
+    geometry : Geometry, optional
+        Its channels must be outputs.
+    place : str
+        Configuration key of the data set, for an error to name.
+    recording_file, info_file : str
+        Where samples and origin are written.
+
+    Raises
+    ------
+    InputError
+    """
+    recording = read_multichannel(file, channels)
+    check_measured_places(geometry, recording.output_names, f"{place}.geometry")
+    save_multichannel(recording, recording_file)
+    save(describe_multichannel(file, recording), info_file)
+
+
+def prepare_channels(
+    files: DatasetFiles,
+    split: SplitSettings,
+    resample: float | None,
+    given: tuple[bool, bool],
+    has_validation_recording: bool,
+) -> None:
+    """Decide start and decimation from the estimation samples alone, and prepare both parts.
+
+    Parameters
+    ----------
+    files : DatasetFiles
+    split : SplitSettings
+    resample : float, optional
+        New sampling rate in Hz.
+    given : (bool, bool)
+        Whether the configuration states the start, and the rate.
+    has_validation_recording : bool
+
+    Raises
+    ------
+    InputError
+        When the recording cannot be divided.
+    """
+    recording = load_multichannel(files.recording)
+    validation = load_multichannel(files.validation_recording) if has_validation_recording else None
+    place = f"datasets.{files.name}"
+    divided = divide_multichannel(recording, split, resample, validation, place)
+    with threadpool_limits(limits=1, user_api="blas"):
+        plan = decide_multichannel_preparation(divided.estimation, *given)
+        prepared = apply_multichannel_plan(divided, plan)
+    save(plan, files.decision("preparation"))
+    save_multichannel_data(prepared, files.prepared, files.transforms)
+
+
+def decide_input_delays(files: DatasetFiles, limits: tuple[int, int] | None) -> None:
+    """Decide the delay of each input."""
+    save(decide_delays(_prepared(files).estimation, limits), files.decision("delays"))
+
+
+def search_state_space(
+    files: DatasetFiles,
+    variant: Variant,
+    limits: tuple[int, int] | None,
+    search: StateSpaceSearchSettings,
+    log: Log | None = None,
+) -> None:
+    """Estimate all orders of a form with a weighting, and score them on held-out samples.
+
+    Raises
+    ------
+    InputError
+        When the record is too short.
+    """
+    estimation = _prepared(files).estimation
+    place = f"datasets.{files.name}"
+    orders = searched_orders(estimation, limits, place)
+    delays = load(DelayChoice, files.decision("delays")).delays
+    try:
+        found = search_variant(estimation, variant, delays, orders, _settings(search, variant), log)
+    except ValueError as error:
+        raise _too_short(place, error) from None
+    save(found, files.search(variant.name))
+
+
+def choose_state_space(
+    files: DatasetFiles, variants: Sequence[Variant], choices: StateSpaceChoices
+) -> None:
+    """Choose form, weighting and order by the errors on held-out samples."""
+    searches = [load(VariantSearch, files.search(variant.name)) for variant in variants]
+    save(choose(searches, choices), files.decision("comparison"))
+
+
+def estimate_chosen_state_space(
+    files: DatasetFiles, search: StateSpaceSearchSettings, log: Log | None = None
+) -> None:
+    """Search the chosen model globally, add its noise model, and write what follows from it.
+
+    Raises
+    ------
+    InputError
+        When the record is too short.
+    """
+    data = _prepared(files)
+    estimation = data.estimation
+    choice = load(StateSpaceChoice, files.decision("comparison"))
+    delays = load(DelayChoice, files.decision("delays")).delays
+    settings = _settings(search, choice.variant)
+    form: Form = "innovations" if choice.variant.form == "innovations" else "output_error"
+    first = settings
+    if choice.variant.form == "box_jenkins":
+        first = replace(settings, weighting=OUTPUT_ERROR_WEIGHTING)
+    try:
+        estimate = estimate_state_space(
+            estimation.inputs if estimation.has_input else None,
+            estimation.outputs,
+            choice.order,
+            estimation.sampling_rate,
+            form=form,
+            delays=delays,
+            settings=first,
+            input_names=estimation.input_names,
+            output_names=estimation.output_names,
+            log=log,
+        )
+        if choice.variant.form == "box_jenkins":
+            estimate = estimate_box_jenkins(estimation, estimate.model, delays, settings)
+        model = estimate.model
+        if choice.variant.form == "output_error":
+            model = _with_noise_model(estimation, model, settings)
+    except ValueError as error:
+        raise _too_short(f"datasets.{files.name}", error) from None
+    record = StateSpaceModelRecord.of(
+        estimate,
+        model,
+        (choice.variant.form, choice.variant.weighting),
+        (estimation.input_units, estimation.output_units),
+        search,
+        data.transforms,
+    )
+    save(record, files.model)
+    save_state_space_mat(record.model, files.model_mat)
+    modes = ModesRecord.of(record.plant)
+    save(modes, files.modes_json)
+    write_table(files.modes, shaped_modes_table(modes.modes, modes.input_names, modes.output_names))
+    with threadpool_limits(limits=1, user_api="blas"):
+        write_table(files.frequency_response, frequency_response_rows(record, estimation))
+
+
+def _with_noise_model(
+    estimation: MultichannelRecording, plant: StateSpaceModel, settings: StateSpaceSettings
+) -> StateSpaceModel:
+    """A plant beside the noise model of its residuals, where they are not white."""
+    noise = noise_model(
+        plant, [estimation.inputs], [estimation.outputs], noise_orders(estimation), settings
+    )
+    return plant if noise is None else side_by_side(plant, noise)
+
+
+def validate_state_space(files: DatasetFiles) -> None:
+    """Validate the model on samples that no choice has seen."""
+    record = load(StateSpaceModelRecord, files.model)
+    with threadpool_limits(limits=1, user_api="blas"):
+        validation, tables = validate_multichannel(record.model, _prepared(files).validation)
+    save(validation, files.validation)
+    write_table(files.simulation, tables.simulation)
+    write_table(files.residual_autocorrelation, tables.residual_autocorrelation)
+    write_table(files.cross_correlation, tables.cross_correlation)
+
+
+def collect_state_space_decisions(files: DatasetFiles) -> None:
+    """Put all decisions of a data set into one file."""
+    preparation = load(MultichannelPlan, files.decision("preparation"))
+    delays = load(DelayChoice, files.decision("delays"))
+    choice = load(StateSpaceChoice, files.decision("comparison"))
+    decisions = (*preparation.decisions, delays.decision, *choice.decisions)
+    save(DecisionList(decisions), files.decisions)
+
+
+def summarize_state_space(files: DatasetFiles) -> None:
+    """Put order, errors, modes and checks of a data set into one small file."""
+    save(summarize_multichannel(files), files.summary)
+
+
+def write_state_space_report(
+    files: DatasetFiles, settings: StateSpaceDataset, variants: Sequence[Variant]
+) -> None:
+    """Write the report of a data set as one HTML file."""
+    from evopem.pipeline.report import commit_of
+    from evopem.report.state_space_page import build_state_space_report
+    from evopem.report.templates import template_folder
+
+    results = read_multichannel_results(files, settings, [each.name for each in variants])
+    templates = template_folder()
+    from evopem.report.wall_clock import read_wall_clock
+
+    wall_clock = read_wall_clock(Path(files.folder) / "benchmarks")
+    commit = commit_of(templates.parent)
+    page = build_state_space_report(results, wall_clock, templates, commit)
+    write_text(files.report, page)
+
+
+def identify_channels(
+    files: DatasetFiles, settings: StateSpaceDataset, with_report: bool, log: Log | None = None
+) -> None:
+    """Take one data set from its recording to its results.
+
+    Parameters
+    ----------
+    files : DatasetFiles
+    settings : StateSpaceDataset
+    with_report : bool
+    log : callable, optional
+        Receives progress in words.
+    """
+    source, choices, search = settings.source, settings.choices, settings.search
+    place = f"datasets.{files.name}"
+    variants = variants_of(searched_variants(settings))
+    write_multichannel_configuration(files, settings)
+    recordings = [(source.file, files.recording, files.recording_info)]
+    if source.validation_file:
+        recordings.append(
+            (
+                source.validation_file,
+                files.validation_recording,
+                files.validation_recording_info,
+            )
+        )
+    for file, recording, info in recordings:
+        read_channels(file, source.channels, settings.geometry, place, recording, info)
+    given = (bool(settings.split.discard), settings.rate_given)
+    prepare_channels(files, settings.split, settings.resample, given, bool(source.validation_file))
+    decide_input_delays(files, choices.delays)
+    for variant in variants:
+        search_state_space(files, variant, choices.orders, search, log)
+    choose_state_space(files, variants, choices)
+    estimate_chosen_state_space(files, search, log)
+    validate_state_space(files)
+    collect_state_space_decisions(files)
+    summarize_state_space(files)
+    if with_report:
+        write_state_space_report(files, settings, variants)
+
+
+def variant_named(name: str) -> Variant:
+    """A form with its weighting, by the name of its file."""
+    form, _, weighting = name.rpartition("_")
+    return variants_of([(form, weighting)])[0]
+
+
+def variants_of(names: Sequence[tuple[str, str]]) -> list[Variant]:
+    """Forms with their weightings."""
+    return [Variant(form, weighting) for form, weighting in names]  # type: ignore[arg-type]
+
+
+def _prepared(files: DatasetFiles) -> MultichannelData:
+    return load_multichannel_data(files.prepared, files.transforms)
+
+
+def _settings(search: StateSpaceSearchSettings, variant: Variant) -> StateSpaceSettings:
+    return StateSpaceSettings(
+        weighting=variant.weighting,
+        max_root_radius=search.max_root_radius,
+        seed=search.seed,
+        evaluations=search.evaluations,
+    )
+
+
+def _too_short(place: str, error: ValueError) -> InputError:
+    return InputError(place, str(error), "give a longer recording, or lower orders.nx")

@@ -1,0 +1,280 @@
+"""The report of a data set with several channels as an HTML page."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from markupsafe import Markup
+
+from evopem.config.state_space_settings import Geometry
+from evopem.figures.channel_drawings import (
+    assurance_matrix,
+    response_panel,
+    scores_chart,
+    series_panel,
+    shape_bars,
+)
+from evopem.figures.shape_drawings import ShapeDrawing
+from evopem.models.state_space_modes import ShapedMode
+from evopem.report import provenance
+from evopem.report.numbers import count, hertz, number, percent
+from evopem.report.sentences.about_decisions import decision_row
+from evopem.report.sentences.about_state_space import state_space_verdict
+from evopem.report.templates import environment
+from evopem.results.multichannel import MultichannelResults
+from evopem.validation.checks.state_space import mode_doubts
+from evopem.validation.multichannel import OutputValidation
+
+# Validation samples that a panel shows, and points of a line at most.
+SHOWN_SAMPLES, POINTS = 200, 300
+# Decibels that a frequency response is shown over.
+DECIBELS = 80.0
+# Outputs that a mode is seen at and inputs that it is driven by, named at most.
+NAMED = 3
+# Outputs from which on panels are small.
+MANY = 6
+
+VARIANT_WORDS = {
+    "innovations": "innovations form",
+    "output_error": "output-error form",
+    "box_jenkins": "next to Box-Jenkins",
+}
+
+
+@dataclass(frozen=True)
+class OutputPanel:
+    """An output measured and simulated."""
+
+    output: OutputValidation
+    svg: Markup
+
+
+@dataclass(frozen=True)
+class ResponseRow:
+    """The frequency responses of an output to all inputs."""
+
+    output: str
+    panels: list[tuple[str, Markup]]
+
+
+@dataclass(frozen=True)
+class ModeRow:
+    """A mode of the table, with its shape.
+
+    Attributes
+    ----------
+    mode : ShapedMode
+    why : str
+        Reasons not to trust it; empty for a trusted one.
+    seen_at, driven_by : str
+        The channels with the largest shares and participations.
+    bars : Markup
+    still, moving : Markup, optional
+        Over the geometry, where there is one.
+    """
+
+    mode: ShapedMode
+    why: str
+    seen_at: str
+    driven_by: str
+    bars: Markup
+    still: Markup | None
+    moving: Markup | None
+
+
+def build_state_space_report(
+    results: MultichannelResults, wall_clock: Mapping[str, float], templates: Path, commit: str
+) -> str:
+    """Build the report of one data set with several channels.
+
+    Parameters
+    ----------
+    results : MultichannelResults
+    wall_clock : mapping of str to float
+        Seconds by stage.
+    templates : Path
+        Folder of ``state_space.html.j2`` and what it includes.
+    commit : str
+        Commit of the workflow that writes the report.
+
+    Returns
+    -------
+    str
+        One HTML page that loads no other file.
+    """
+    checks = results.checks
+    rows = _mode_rows(results)
+    names = [f"{row + 1}: {number(each.mode.frequency_hz, 3)}" for row, each in enumerate(rows)]
+    page = environment(templates).get_template("state_space.html.j2")
+    return page.render(
+        results=results,
+        model=results.model,
+        has_input=bool(results.model.input_names),
+        many=len(results.model.output_names) > MANY,
+        verdict=state_space_verdict(results),
+        failed=[check for check in checks if check.passed is False],
+        passed=[check for check in checks if check.passed is True],
+        not_judged=[check for check in checks if check.passed is None],
+        panels=_output_panels(results),
+        shown=min(SHOWN_SAMPLES, results.validation.samples),
+        outputs=_worst_first(results),
+        modes=rows,
+        geometry=results.settings.geometry is not None,
+        assurance=Markup(
+            assurance_matrix(
+                results.modes.assurance, names, "Modal assurance criterion of all pairs of modes"
+            )
+        )
+        if len(rows) > 1
+        else None,
+        responses=_response_rows(results),
+        scores=_scores(results),
+        variant_words=VARIANT_WORDS,
+        decisions=[decision_row(each) for each in results.decisions],
+        provenance=_provenance(results, commit),
+        stages=wall_clock,
+        command=provenance.command(commit),
+    )
+
+
+def _worst_first(results: MultichannelResults) -> list[OutputValidation]:
+    """The outputs by decreasing error, unknown errors before all others."""
+
+    def error(output: OutputValidation) -> float:
+        found = output.simulation_error_percent
+        if not results.model.input_names:
+            found = output.prediction_error_percent
+        return found if np.isfinite(found) else np.inf
+
+    return sorted(results.validation.outputs, key=error, reverse=True)
+
+
+def _output_panels(results: MultichannelResults) -> list[OutputPanel]:
+    table = results.simulation.iloc[:SHOWN_SAMPLES]
+    step = max(len(table) // POINTS, 1)
+    times = table["time_s"].to_numpy()[::step]
+    kind = "simulated" if results.model.input_names else "predicted"
+    panels = []
+    for output in _worst_first(results):
+        signals = [
+            ("measured", table[f"output_{output.name}"].to_numpy()[::step]),
+            ("model", table[f"{kind}_{output.name}"].to_numpy()[::step]),
+        ]
+        signals.append(("difference", signals[0][1] - signals[1][1]))
+        svg = series_panel(times, signals, "s", f"{output.name}, measured and {kind}")
+        panels.append(OutputPanel(output, Markup(svg)))
+    return panels
+
+
+def _response_rows(results: MultichannelResults) -> list[ResponseRow]:
+    """Panels of all pairs, those of one input on a common axis."""
+    if not results.model.input_names:
+        return []
+    groups = dict(list(results.frequency_response.groupby(["output", "input"], sort=False)))
+    limits = {name: _limits(results.frequency_response, name) for name in results.model.input_names}
+    return [
+        ResponseRow(
+            output,
+            [
+                (input_, Markup(_response(groups[output, input_], limits[input_])))
+                for input_ in results.model.input_names
+            ],
+        )
+        for output in results.model.output_names
+    ]
+
+
+def _limits(table: pd.DataFrame, input_: str) -> tuple[float, float]:
+    gains = table.loc[table["input"] == input_, "gain"]
+    positive = gains[gains > 0]
+    if positive.empty:
+        return -1.0, 1.0
+    high = 20.0 * float(np.log10(positive.max())) + 3.0
+    low = max(20.0 * float(np.log10(positive.quantile(0.01))) - 3.0, high - DECIBELS)
+    return low, high
+
+
+def _response(table: pd.DataFrame, limits: tuple[float, float]) -> str:
+    step = max(len(table) // POINTS, 1)
+    shown = table.iloc[::step]
+    label = f"Gain from {shown['input'].iloc[0]} to {shown['output'].iloc[0]}"
+    return response_panel(
+        shown["frequency_hz"].to_numpy(),
+        shown["gain"].to_numpy(),
+        (shown["gain_lower"].to_numpy(), shown["gain_upper"].to_numpy()),
+        shown["measured_gain"].to_numpy(),
+        limits,
+        label,
+    )
+
+
+def _mode_rows(results: MultichannelResults) -> list[ModeRow]:
+    geometry = results.settings.geometry
+    outputs = results.modes.output_names
+    drawing = _drawing(geometry, outputs)
+    deviation = results.prepared.estimation.inputs.std(axis=0)
+    rows = []
+    for number_, mode in enumerate(results.modes.modes, 1):
+        label = f"Shape of mode {number_} at {hertz(mode.frequency_hz)}"
+        driven = np.abs(mode.input_participation) * deviation
+        rows.append(
+            ModeRow(
+                mode,
+                "; ".join(mode_doubts(mode)),
+                _strongest(outputs, mode.output_shares),
+                _strongest(results.modes.input_names, driven / max(float(driven.sum()), 1e-300))
+                if driven.size
+                else "",
+                Markup(shape_bars(outputs, mode.shape, mode.shape_se_real, label)),
+                Markup(drawing.still(mode.shape, label)) if drawing else None,
+                Markup(drawing.moving(mode.shape, f"{label}, moving")) if drawing else None,
+            )
+        )
+    return rows
+
+
+def _drawing(geometry: Geometry | None, outputs: tuple[str, ...]) -> ShapeDrawing | None:
+    return None if geometry is None else ShapeDrawing(geometry, outputs)
+
+
+def _strongest(names: tuple[str, ...], shares: np.ndarray) -> str:
+    """The channels with the largest shares, in percent."""
+    best = np.argsort(-shares, kind="stable")[:NAMED]
+    return ", ".join(f"{names[k]} {percent(100.0 * float(shares[k]), 2)}" for k in best)
+
+
+def _scores(results: MultichannelResults) -> Markup:
+    """Errors on held-out samples over the order."""
+    purpose = results.choice.purpose
+    curves = [
+        (each.variant.form, each.orders, getattr(each, purpose))
+        for each in results.searches
+        if each.orders
+    ]
+    own = next(each for each in results.searches if each.variant == results.choice.variant)
+    order = results.choice.order
+    error = getattr(own, purpose)[own.orders.index(order)]
+    return Markup(scores_chart(curves, (order, error), "Errors on held-out samples over the order"))
+
+
+def _provenance(results: MultichannelResults, commit: str) -> list[tuple[str, str]]:
+    file, model = results.recording_info.file, results.model
+    versions = provenance.listed({"evopem": model.evopem} | model.versions)
+    return [
+        ("File", file.path),
+        ("SHA-256", file.sha256),
+        ("Size", f"{count(file.bytes)} bytes"),
+        ("Format", file.format),
+        ("Seed of the search", str(model.settings.seed)),
+        ("Objective evaluations of the last search", count(model.search.evaluations)),
+        ("Commit of the workflow", commit),
+        ("Versions behind the numbers", versions),
+        (
+            "Versions behind this page",
+            provenance.listed(provenance.installed(provenance.REPORT_LIBRARIES)),
+        ),
+    ]

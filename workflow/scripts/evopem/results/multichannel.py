@@ -1,0 +1,229 @@
+"""All results of one data set with several channels, read once, and its summary."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from evopem.automatic.decision import Decision
+from evopem.automatic.state_space_choice import StateSpaceChoice, VariantSearch
+from evopem.config.state_space_settings import StateSpaceDataset
+from evopem.estimation.state_space.model_record import ModesRecord, StateSpaceModelRecord
+from evopem.files.checksums import sha256_of_file
+from evopem.files.json_form import load
+from evopem.models.modes import Mode
+from evopem.models.state_space_modes import ShapedMode
+from evopem.models.state_space_tables import gain_intervals
+from evopem.results.dataset import read_table
+from evopem.results.fleet import GAIN_BANDS, DatasetSummary
+from evopem.results.layout import DatasetFiles
+from evopem.signals.multichannel import MultichannelRecording
+from evopem.signals.multichannel_preparation import MultichannelData, load_multichannel_data
+from evopem.signals.multichannel_reading import MultichannelInfo
+from evopem.signals.spectral.multichannel_response import multichannel_response
+from evopem.validation.checks import Check
+from evopem.validation.checks.state_space import mode_doubts, state_space_checks
+from evopem.validation.multichannel import MultichannelValidation
+
+NFFT = 1024
+
+
+@dataclass(frozen=True)
+class DecisionList:
+    """Every decision of a data set, in their order."""
+
+    decisions: tuple[Decision, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class MultichannelResults:
+    """The results of one data set with several channels, as typed objects and tables.
+
+    Attributes
+    ----------
+    settings : StateSpaceDataset
+    config_text : str
+        The complete configuration.
+    recording_info : MultichannelInfo
+    prepared : MultichannelData
+    model : StateSpaceModelRecord
+    modes : ModesRecord
+    frequency_response, simulation : pandas.DataFrame
+        As in ``frequency_response.csv`` and ``simulation.csv``.
+    validation : MultichannelValidation
+    searches : tuple of VariantSearch
+    choice : StateSpaceChoice
+    decisions : tuple of Decision
+    """
+
+    settings: StateSpaceDataset
+    config_text: str
+    recording_info: MultichannelInfo
+    prepared: MultichannelData
+    model: StateSpaceModelRecord
+    modes: ModesRecord
+    frequency_response: pd.DataFrame
+    simulation: pd.DataFrame
+    validation: MultichannelValidation
+    searches: tuple[VariantSearch, ...]
+    choice: StateSpaceChoice
+    decisions: tuple[Decision, ...]
+
+    @property
+    def name(self) -> str:
+        """Name of the data set."""
+        return self.settings.name
+
+    @property
+    def checks(self) -> list[Check]:
+        """The checks of the model."""
+        return state_space_checks(
+            self.model, self.validation, self.tried, self.recording_info
+        )
+
+    @property
+    def tried(self) -> tuple[int, ...]:
+        """The orders of the chosen variant that were searched."""
+        return next(each.tried for each in self.searches if each.variant == self.choice.variant)
+
+    @property
+    def trusted_modes(self) -> list[ShapedMode]:
+        """The modes that give no reason to doubt them."""
+        return [mode for mode in self.modes.modes if not mode_doubts(mode)]
+
+
+def read_multichannel_results(
+    files: DatasetFiles, settings: StateSpaceDataset, variants: Sequence[str]
+) -> MultichannelResults:
+    """Read the results of one data set with several channels.
+
+    Parameters
+    ----------
+    files : DatasetFiles
+    settings : StateSpaceDataset
+    variants : sequence of str
+        Names of the variants that were searched.
+
+    Raises
+    ------
+    InputError
+        When a file is missing or damaged.
+    """
+    return MultichannelResults(
+        settings=settings,
+        config_text=Path(files.config).read_text(encoding="utf-8"),
+        recording_info=load(MultichannelInfo, files.recording_info),
+        prepared=load_multichannel_data(files.prepared, files.transforms),
+        model=load(StateSpaceModelRecord, files.model),
+        modes=load(ModesRecord, files.modes_json),
+        frequency_response=read_table(files.frequency_response),
+        simulation=read_table(files.simulation),
+        validation=load(MultichannelValidation, files.validation),
+        searches=tuple(load(VariantSearch, files.search(name)) for name in variants),
+        choice=load(StateSpaceChoice, files.decision("comparison")),
+        decisions=load(DecisionList, files.decisions).decisions,
+    )
+
+
+def summarize_multichannel(files: DatasetFiles) -> DatasetSummary:
+    """Summarize one data set with several channels."""
+    record = load(StateSpaceModelRecord, files.model)
+    validation = load(MultichannelValidation, files.validation)
+    info = load(MultichannelInfo, files.recording_info)
+    shaped = load(ModesRecord, files.modes_json).modes
+    variant = load(StateSpaceChoice, files.decision("comparison")).variant
+    tried = load(VariantSearch, files.search(variant.name)).tried
+    return DatasetSummary(
+        file=info.file.path,
+        sha256=info.file.sha256,
+        sampling_rate=record.sampling_rate,
+        estimation_samples=record.transforms.estimation_samples,
+        validation_samples=record.transforms.validation_samples,
+        orders=None,
+        state_space=record.text,
+        bic=record.bic,
+        prediction_error_percent=validation.prediction_error_percent,
+        simulation_error_percent=validation.simulation_error_percent,
+        continued_simulation_error_percent=None,
+        checks=tuple(state_space_checks(record, validation, tried, info)),
+        modes=tuple(
+            Mode(
+                mode.frequency_hz,
+                mode.damping_ratio,
+                mode.pole,
+                mode.frequency_se_hz,
+                mode.damping_se,
+            )
+            for mode in shaped
+        ),
+        trusted=tuple(not mode_doubts(mode) for mode in shaped),
+        shapes=tuple(tuple(map(complex, mode.shape)) for mode in shaped),
+        gain_db=_gain_outline(record),
+        made_from={
+            Path(file).name: sha256_of_file(file)
+            for file in (files.recording_info, files.model, files.validation)
+        },
+    )
+
+
+def frequency_response_rows(
+    record: StateSpaceModelRecord, estimation: MultichannelRecording
+) -> dict[str, list[Any]]:
+    """Gains and phases of every pair of output and input, the model's and the measured ones.
+
+    One row for each frequency of each pair; without an input none.
+
+    Parameters
+    ----------
+    record : StateSpaceModelRecord
+    estimation : MultichannelRecording
+        Samples behind the measured response.
+    """
+    names = (
+        *("frequency_hz", "output", "input", "gain", "gain_lower", "gain_upper", "phase_deg"),
+        *("measured_gain", "measured_phase_deg", "coherence"),
+    )
+    rows: dict[str, list[Any]] = {name: [] for name in names}
+    if not estimation.has_input:
+        return rows
+    plant = record.plant
+    measured = multichannel_response(estimation, NFFT)
+    response = plant.frequency_response(measured.frequencies)
+    lower, upper = gain_intervals(plant, measured.frequencies)
+    phase = np.degrees(np.unwrap(np.angle(response), axis=0))
+    count = len(measured.frequencies)
+    for row, output in enumerate(record.output_names):
+        for column, input_ in enumerate(record.input_names):
+            own = measured.response[:, row, column]
+            rows["output"] += [output] * count
+            rows["input"] += [input_] * count
+            for name, values in (
+                ("frequency_hz", measured.frequencies),
+                ("gain", np.abs(response[:, row, column])),
+                ("gain_lower", lower[:, row, column]),
+                ("gain_upper", upper[:, row, column]),
+                ("phase_deg", phase[:, row, column]),
+                ("measured_gain", np.abs(own)),
+                ("measured_phase_deg", np.degrees(np.angle(own))),
+                ("coherence", measured.coherence[:, row]),
+            ):
+                rows[name] += values.tolist()
+    return rows
+
+
+def _gain_outline(record: StateSpaceModelRecord) -> tuple[float, ...]:
+    """The largest singular value of each band, in decibels to one decimal."""
+    bands = np.linspace(0.0, record.sampling_rate / 2, 8 * GAIN_BANDS + 1)[1:]
+    model = record.plant if record.input_names else record.model
+    response = (
+        model.frequency_response(bands) if record.input_names else model.noise_response(bands)
+    )
+    largest = np.linalg.svd(response, compute_uv=False)[:, 0]
+    with np.errstate(divide="ignore"):
+        outline = 20.0 * np.log10(largest.reshape(GAIN_BANDS, -1).max(axis=1))
+    return tuple(np.round(outline, 1).tolist())

@@ -1,0 +1,66 @@
+"""Empirical frequency responses from several inputs to several outputs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evopem.signals.multichannel import MultichannelRecording
+
+Array = NDArray[np.float64]
+
+# Averaged segments for each input, so that the spectral matrix of the inputs can be inverted.
+SEGMENTS_PER_INPUT, LEAST_SEGMENTS = 4, 8
+
+
+@dataclass(frozen=True, eq=False)
+class MultichannelResponse:
+    """Empirical responses ``S_yu S_uu^-1`` (Bendat & Piersol 2010, section 7.4).
+
+    Attributes
+    ----------
+    frequencies : (m,) array
+        Hz.
+    response : (m, ny, nu) complex array
+        NaN where the inputs are linearly dependent.
+    coherence : (m, ny) array
+        Multiple coherence of each output with all inputs, 0 to 1.
+    """
+
+    frequencies: Array
+    response: NDArray[np.complex128]
+    coherence: Array
+
+
+def multichannel_response(recording: MultichannelRecording, nfft: int) -> MultichannelResponse:
+    """Estimate all responses at once, by averages over half-overlapping Hann segments (Welch 1967).
+
+    Parameters
+    ----------
+    recording : MultichannelRecording
+    nfft : int
+        Length of the transforms, an even number; longest segment.
+    """
+    u, y = recording.inputs, recording.outputs
+    segments = max(LEAST_SEGMENTS, SEGMENTS_PER_INPUT * u.shape[1])
+    length = max(min(nfft, 2 * recording.samples // (segments + 1)), 8)
+    window = np.hanning(length)[:, None]
+    starts = range(0, recording.samples - length + 1, max(length // 2, 1))
+
+    def transformed(signals: Array) -> NDArray[np.complex128]:
+        parts = [signals[first : first + length] for first in starts]
+        centred = [(part - part.mean(axis=0)) * window for part in parts]
+        return np.stack([np.fft.rfft(part, nfft, axis=0) for part in centred])
+
+    inputs, outputs = transformed(u), transformed(y)
+    s_uu = np.einsum("kfi,kfj->fij", inputs, inputs.conj())
+    s_yu = np.einsum("kfi,kfj->fij", outputs, inputs.conj())
+    s_yy = np.einsum("kfi,kfi->fi", outputs, outputs.conj()).real
+    response = s_yu @ np.linalg.pinv(s_uu, rcond=1e-10, hermitian=True)
+    explained = np.einsum("fij,fij->fi", response, s_yu.conj()).real
+    with np.errstate(divide="ignore", invalid="ignore"):
+        coherence = np.clip(explained / s_yy, 0.0, 1.0)
+    frequencies = np.fft.rfftfreq(nfft, 1.0 / recording.sampling_rate).astype(np.float64)
+    return MultichannelResponse(frequencies, response, coherence)

@@ -1,0 +1,226 @@
+"""Checks of a state-space model."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.special import ndtri
+
+from evopem.validation.checks.check import SIGNIFICANCE, Check, p_text
+from evopem.validation.checks.recording import MAX_SATURATED_PERCENT
+from evopem.validation.checks.residuals import (
+    INDEPENDENT_OF_INPUT,
+    MAX_OUTLIER_PERCENT,
+    MIN_CROSS_CORRELATION_SHARE,
+    WHITE,
+)
+from evopem.validation.checks.search import repeatability
+
+if TYPE_CHECKING:
+    from evopem.estimation.state_space.model_record import StateSpaceModelRecord
+    from evopem.models.state_space_modes import ShapedMode
+    from evopem.signals.multichannel_reading import MultichannelInfo
+    from evopem.validation.multichannel import MultichannelValidation
+
+# Names that a sentence lists at most.
+LISTED = 6
+# A mode with a wider standard error of its frequency, or with a smaller share of the energy of all
+# modes at every output, is not to be trusted.
+LARGEST_FREQUENCY_ERROR, LEAST_SHARE = 0.05, 1e-3
+
+
+def state_space_checks(
+    record: StateSpaceModelRecord,
+    validation: MultichannelValidation,
+    tried: Sequence[int],
+    recording: MultichannelInfo,
+) -> list[Check]:
+    """Check a state-space model against its validation, its order search and its recording.
+
+    Parameters
+    ----------
+    record : StateSpaceModelRecord
+    validation : MultichannelValidation
+    tried : sequence of int
+        Orders that were searched.
+    recording : MultichannelInfo
+    """
+    has_input = bool(record.input_names)
+    return [
+        _stability(record),
+        _stability_bound(record),
+        *([_better_than_mean(validation)] if has_input else []),
+        _whiteness(record, validation),
+        *([_independence(validation)] if has_input else []),
+        _order(record, tried),
+        repeatability(record.search),
+        _outliers(validation),
+        _saturation(recording),
+    ]
+
+
+def mode_doubts(mode: ShapedMode) -> tuple[str, ...]:
+    """Reasons not to trust a mode, in clauses; none for one to be trusted."""
+    doubts = []
+    error = mode.frequency_se_hz
+    if not math.isfinite(error) or not math.isfinite(mode.damping_se):
+        doubts.append("its standard errors are not known")
+    elif error > LARGEST_FREQUENCY_ERROR * mode.frequency_hz:
+        doubts.append(f"its frequency is only known to {100 * error / mode.frequency_hz:.0f} %")
+    if mode.damping_ratio <= 0.0:
+        doubts.append("it is not damped")
+    if mode.output_shares.size and float(np.max(mode.output_shares)) < LEAST_SHARE:
+        doubts.append(f"it carries less than {100 * LEAST_SHARE:g} % of the energy at any output")
+    return tuple(doubts)
+
+
+def _named(names: Sequence[str]) -> str:
+    shown = ", ".join(names[:LISTED])
+    return shown if len(names) <= LISTED else f"{shown} and {len(names) - LISTED} more"
+
+
+def _stability(record: StateSpaceModelRecord) -> Check:
+    radius = float(np.max(np.abs(np.linalg.eigvals(record.A))))
+    passed = radius < 1.0
+    return Check(
+        "Stable",
+        passed,
+        f"The largest modulus of a pole is {radius:.6g}.",
+        "" if passed else "Its simulation grows without bound; look for drift in the record.",
+    )
+
+
+def _stability_bound(record: StateSpaceModelRecord) -> Check:
+    passed = not record.at_stability_bound
+    bound = record.settings.max_root_radius
+    return Check(
+        "Roots inside the stability bound",
+        passed,
+        f"{'No' if passed else 'An'} eigenvalue of A or of A − K C lies at the largest radius"
+        f" allowed, {bound:g}.",
+        ""
+        if passed
+        else "Standard errors do not hold at a bound. Raise “search.max_root_radius” towards 1, or"
+        " look for drift in the record.",
+    )
+
+
+def _better_than_mean(validation: MultichannelValidation) -> Check:
+    bad = [each.name for each in validation.outputs if not each.simulation_error_percent < 100.0]
+    return Check(
+        "Every output simulated better than by its mean",
+        not bad,
+        f"Worse than the mean: {_named(bad)}." if bad else "Every simulation error is below 100 %.",
+        "The inputs may not reach these outputs, or not linearly; leave them out." if bad else "",
+    )
+
+
+def _whiteness(record: StateSpaceModelRecord, validation: MultichannelValidation) -> Check:
+    """Ljung-Box tests of all outputs, with Bonferroni's bound for their number."""
+    tests = [each.ljung_box_p for each in validation.outputs]
+    if any(map(math.isnan, tests)):
+        return Check(WHITE, None, "A test could not be computed.", "Use a longer record.")
+    level = SIGNIFICANCE / len(tests)
+    coloured = [each.name for each in validation.outputs if each.ljung_box_p < level]
+    lowest = min(tests)
+    found = (
+        f"Ljung-Box tests of the validation residuals of each output: lowest {p_text(lowest)},"
+        f" {level:.2g} allowed for {len(tests)} output{'s' * (len(tests) > 1)}."
+    )
+    if coloured and not np.any(record.K):
+        return Check(
+            WHITE,
+            True,
+            f"{found} The model claims nothing of the noise, so coloured residuals are no fault of"
+            " the plant model; its intervals take the colour into account.",
+        )
+    return Check(
+        WHITE,
+        not coloured,
+        f"{found} Coloured: {_named(coloured)}." if coloured else found,
+        "Raise the upper end of “orders.nx”, or look for trends, mains hum or nonlinearity in the"
+        " record."
+        if coloured
+        else "",
+    )
+
+
+def _independence(validation: MultichannelValidation) -> Check:
+    pairs, count = validation.pairs, 2 * validation.correlation_lags + 1
+    if any(math.isnan(each.max_in_bounds) for each in pairs):
+        return Check(
+            INDEPENDENT_OF_INPUT, None, "A test could not be computed.", "Use a longer record."
+        )
+    allowed = float(ndtri(1 - SIGNIFICANCE / (2 * count * len(pairs))) / ndtri(0.975))
+    bad = [
+        each
+        for each in pairs
+        if each.max_in_bounds > allowed or each.share_inside95 < MIN_CROSS_CORRELATION_SHARE
+    ]
+    worst = max(pairs, key=lambda each: each.max_in_bounds)
+    found = (
+        f"The largest of {count * len(pairs)} cross-correlations, of {worst.output} and"
+        f" {worst.input}, is {worst.max_in_bounds:.2f} times its 95 % bound; up to {allowed:.2f}"
+        f" times is not significant (Bonferroni, {100 * SIGNIFICANCE:g} %)."
+    )
+    names = _named([f"{each.output} with {each.input}" for each in bad])
+    return Check(
+        INDEPENDENT_OF_INPUT,
+        not bad,
+        f"{found} Dependent: {names}." if bad else found,
+        "Raise the upper end of “orders.nx”. Significant negative lags indicate feedback from"
+        " output to input."
+        if bad
+        else "",
+    )
+
+
+def _order(record: StateSpaceModelRecord, tried: Sequence[int]) -> Check:
+    name, order = "Order inside its range", record.plant_states
+    text = f"{order} states; {min(tried)} to {max(tried)} were tried"
+    if len(tried) == 1:
+        return Check(
+            name,
+            None,
+            f"The configuration fixes the order: {text}.",
+            "Give “orders.nx” a range, if the order is not known.",
+        )
+    if order == max(tried):
+        return Check(
+            name,
+            False,
+            f"At the upper end: {text}.",
+            "Give “orders.nx” a higher upper end; a larger model may be better.",
+        )
+    return Check(name, True, f"Inside: {text}.")
+
+
+def _outliers(validation: MultichannelValidation) -> Check:
+    worst = max(validation.outputs, key=lambda each: each.outlier_percent)
+    passed = worst.outlier_percent <= MAX_OUTLIER_PERCENT
+    return Check(
+        "Few residual outliers",
+        passed,
+        f"At most {worst.outlier_percent:.2g} % of the residuals of an output ({worst.name}) lie"
+        " beyond five robust standard deviations.",
+        "" if passed else "Inspect them in the record, and repair spikes and drop-outs.",
+    )
+
+
+def _saturation(recording: MultichannelInfo) -> Check:
+    channels = (*recording.inputs, *recording.outputs)
+    saturated = [each.name for each in channels if each.saturated_percent > MAX_SATURATED_PERCENT]
+    return Check(
+        "Record not saturated",
+        not saturated,
+        f"Saturated: {_named(saturated)}."
+        if saturated
+        else "No channel stays at its smallest or largest value.",
+        "A linear model does not describe saturation. Record again within the range of the"
+        " instrument."
+        if saturated
+        else "",
+    )

@@ -1,0 +1,264 @@
+"""Validation of a state-space model: errors of every output, and tests of its residuals.
+
+All of it is computed from validation samples, which no choice has seen.  The tests of the residuals
+need no correction for the fit there.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy.special import chdtrc
+
+from evopem.models.state_space import StateSpaceModel
+from evopem.signals.multichannel import MultichannelRecording
+from evopem.validation.residual_tests import (
+    cross_correlation,
+    ljung_box_lags,
+    residual_autocorrelation,
+    share_inside,
+)
+from evopem.validation.scores import error_percent, outlier_percent
+
+Array = NDArray[np.float64]
+
+CORRELATION_LAGS = 100
+HORIZONS = (1, 2, 5, 10, 20, 50)
+
+
+@dataclass(frozen=True)
+class OutputValidation:
+    """Errors and tests of one output; NaN where a number could not be computed.
+
+    Attributes
+    ----------
+    name, unit : str
+    prediction_error_percent, simulation_error_percent : float
+        ``100 ||y - yhat|| / ||y - mean(y)||`` of the validation samples, one step ahead and from
+        the inputs alone, each from the initial state that fits; no simulation without an input.
+    fit_percent : float
+        100 minus the error of the simulation, without an input of the prediction, as MATLAB's
+        ``compare`` has it.
+    horizon_errors_percent : tuple of float
+        Errors of the predictions :data:`HORIZONS` samples ahead.
+    ljung_box_p, ljung_box_lags : float, int
+        Joint test of the residuals' autocorrelations.
+    autocorrelation_share_inside95 : float
+        Share of them inside their 95 % bounds.
+    outlier_percent : float
+        Percentage of residuals beyond five robust standard deviations.
+    """
+
+    name: str
+    unit: str
+    prediction_error_percent: float
+    simulation_error_percent: float
+    fit_percent: float
+    horizon_errors_percent: tuple[float, ...]
+    ljung_box_p: float
+    ljung_box_lags: int
+    autocorrelation_share_inside95: float
+    outlier_percent: float
+
+
+@dataclass(frozen=True)
+class PairCorrelation:
+    """Cross-correlation of the residuals of an output with an input.
+
+    Attributes
+    ----------
+    output, input : str
+    share_inside95 : float
+    max_in_bounds : float
+        Largest correlation, in units of its 95 % bound.
+    """
+
+    output: str
+    input: str
+    share_inside95: float
+    max_in_bounds: float
+
+
+@dataclass(frozen=True)
+class MultichannelValidation:
+    """Errors and tests of a state-space model.
+
+    Attributes
+    ----------
+    samples : int
+        Validation samples.
+    prediction_error_percent, simulation_error_percent : float
+        Means over the outputs.
+    horizons : tuple of int
+        Samples ahead of the predictions.
+    outputs : tuple of OutputValidation
+    pairs : tuple of PairCorrelation
+    correlation_lags : int
+        Largest lag of the cross-correlations to either side.
+    """
+
+    samples: int
+    prediction_error_percent: float
+    simulation_error_percent: float
+    horizons: tuple[int, ...]
+    outputs: tuple[OutputValidation, ...]
+    pairs: tuple[PairCorrelation, ...]
+    correlation_lags: int
+
+
+@dataclass(frozen=True, eq=False)
+class MultichannelTables:
+    """The series behind a validation.
+
+    Attributes
+    ----------
+    simulation : pandas.DataFrame
+        Validation samples, and for each output the measured, predicted and simulated ones.
+    residual_autocorrelation : pandas.DataFrame
+        By output and lag.
+    cross_correlation : pandas.DataFrame
+        By output, input and lag.
+    """
+
+    simulation: pd.DataFrame
+    residual_autocorrelation: pd.DataFrame
+    cross_correlation: pd.DataFrame
+
+
+def validate_multichannel(
+    model: StateSpaceModel, validation: MultichannelRecording
+) -> tuple[MultichannelValidation, MultichannelTables]:
+    """Score a model on validation samples, and test its residuals there.
+
+    Parameters
+    ----------
+    model : StateSpaceModel
+    validation : MultichannelRecording
+        Less the means of the estimation samples.
+    """
+    u, y = validation.inputs, validation.outputs
+    with np.errstate(all="ignore"):
+        state = model.prediction_state(u, y)
+        residuals = model.residuals(u, y, state)
+        horizons = tuple(k for k in HORIZONS if k < len(y) // 4)
+        ahead = [model.predict(u, y, k, state) for k in horizons]
+        simulated = np.full(y.shape, np.nan)
+        if validation.has_input:
+            simulated = model.simulate(u, model.simulation_state(u, y))
+    tests = [residual_autocorrelation(e, CORRELATION_LAGS) for e in residuals.T]
+    outputs = tuple(
+        _output(
+            validation,
+            place,
+            residuals[:, place],
+            simulated[:, place],
+            [each[:, place] for each in ahead],
+            tests[place],
+            model.order,
+        )
+        for place in range(y.shape[1])
+    )
+    crossed = {
+        (output, input_): cross_correlation(residuals[:, row], u[:, column], CORRELATION_LAGS)
+        for row, output in enumerate(validation.output_names)
+        for column, input_ in enumerate(validation.input_names)
+    }
+    found = MultichannelValidation(
+        samples=len(y),
+        prediction_error_percent=float(np.mean([o.prediction_error_percent for o in outputs])),
+        simulation_error_percent=float(np.mean([o.simulation_error_percent for o in outputs])),
+        horizons=horizons,
+        outputs=outputs,
+        pairs=tuple(_pair(*names, table) for names, table in crossed.items()),
+        correlation_lags=min(CORRELATION_LAGS, len(y) - 1),
+    )
+    tables = MultichannelTables(
+        _simulation_table(validation, residuals, simulated),
+        pd.concat(
+            [
+                table.assign(output=name)[["output", *table.columns]]
+                for name, table in zip(validation.output_names, tests, strict=True)
+            ]
+        ),
+        pd.concat(
+            [
+                table.assign(output=output, input=input_)[["output", "input", *table.columns]]
+                for (output, input_), table in crossed.items()
+            ]
+        )
+        if crossed
+        else pd.DataFrame(columns=["output", "input", "lag", "cross_correlation", "bound95"]),
+    )
+    return found, tables
+
+
+def _output(
+    validation: MultichannelRecording,
+    place: int,
+    residuals: Array,
+    simulated: Array,
+    ahead: list[Array],
+    autocorrelations: pd.DataFrame,
+    order: int,
+) -> OutputValidation:
+    measured = validation.outputs[:, place]
+    prediction = error_percent(measured, measured - residuals)
+    simulation = _finite_error(measured, simulated)
+    lags, p_value = _ljung_box(residuals, order)
+    later = autocorrelations[autocorrelations["lag"] > 0]
+    return OutputValidation(
+        name=validation.output_names[place],
+        unit=validation.output_units[place],
+        prediction_error_percent=prediction,
+        simulation_error_percent=simulation,
+        fit_percent=100.0 - (simulation if validation.has_input else prediction),
+        horizon_errors_percent=tuple(_finite_error(measured, each) for each in ahead),
+        ljung_box_p=p_value,
+        ljung_box_lags=lags,
+        autocorrelation_share_inside95=share_inside(later["autocorrelation"], later["bound95"]),
+        outlier_percent=outlier_percent(residuals),
+    )
+
+
+def _finite_error(measured: Array, computed: Array) -> float:
+    return error_percent(measured, computed) if np.isfinite(computed).all() else math.nan
+
+
+def _ljung_box(residuals: Array, order: int) -> tuple[int, float]:
+    """Ljung-Box test with as many degrees of freedom as lags: nothing was fitted to the samples."""
+    samples = residuals.size
+    lags = ljung_box_lags(samples, order, min(CORRELATION_LAGS, samples // 3))
+    if lags < 1 or not np.isfinite(residuals).all() or np.ptp(residuals) == 0.0:
+        return lags, math.nan
+    e = residuals - residuals.mean()
+    k = np.arange(1, lags + 1)
+    rho = np.array([e[lag:] @ e[:-lag] for lag in k]) / (e @ e)
+    statistic = samples * (samples + 2) * float(np.sum(rho**2 / (samples - k)))
+    return lags, float(chdtrc(lags, statistic))
+
+
+def _pair(output: str, input_: str, table: pd.DataFrame) -> PairCorrelation:
+    ratio = np.abs(table["cross_correlation"]) / table["bound95"]
+    share = share_inside(table["cross_correlation"], table["bound95"])
+    return PairCorrelation(output, input_, share, float(ratio.max()))
+
+
+def _simulation_table(
+    validation: MultichannelRecording, residuals: Array, simulated: Array
+) -> pd.DataFrame:
+    columns = {"time_s": np.arange(validation.samples) / validation.sampling_rate}
+    columns |= {
+        f"input_{name}": validation.inputs[:, column]
+        for column, name in enumerate(validation.input_names)
+    }
+    for place, name in enumerate(validation.output_names):
+        measured = validation.outputs[:, place]
+        columns[f"output_{name}"] = measured
+        columns[f"predicted_{name}"] = measured - residuals[:, place]
+        if validation.has_input:
+            columns[f"simulated_{name}"] = simulated[:, place]
+    return pd.DataFrame(columns)
