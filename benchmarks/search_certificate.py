@@ -222,8 +222,9 @@ def page(rows: list[Row]) -> list[str]:
         "",
         "A full search lowers BIC after 16 descents from random points alone by at most",
         f"{gains[-1]:.2f} n/N in these problems, and in "
-        f"{sum(gain <= LIKELY_GAIN for gain in gains)} of {len(gains)} by at most {LIKELY_GAIN} n/N,",
-        "beyond which the order search leaves a candidate.",
+        f"{sum(gain <= LIKELY_GAIN for gain in gains)} of {len(gains)} by at most {LIKELY_GAIN} n/N, "
+        "beyond which",
+        "the order search leaves a candidate.",
     ]
     return lines
 
