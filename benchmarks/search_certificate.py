@@ -218,11 +218,12 @@ def page(rows: list[Row]) -> list[str]:
                 )
     lines.append(f"| all | both | {REPEAT_FACTOR * EVALUATIONS} | {rates(rows, 'repeated')} |")
     gains = sorted(map(gain_of_full_search, rows))
+    likely = sum(gain <= LIKELY_GAIN for gain in gains)
     lines += [
         "",
         "A full search lowers BIC after 16 descents from random points alone by at most",
         f"{gains[-1]:.2f} n/N in these problems, and in "
-        f"{sum(gain <= LIKELY_GAIN for gain in gains)} of {len(gains)} by at most {LIKELY_GAIN} n/N, "
+        f"{likely} of {len(gains)} by at most {LIKELY_GAIN} n/N, "
         "beyond which",
         "the order search leaves a candidate.",
     ]
