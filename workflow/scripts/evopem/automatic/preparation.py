@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from evopem.automatic.folds import SHORTEST_BLOCK
 from evopem.automatic.orders import MOST_SAMPLES
 from evopem.automatic.simulation import simulated
 from evopem.automatic.stretches import first_samples, folds_of
+from evopem.automatic.transforms import TransformPlan
 from evopem.errors import InputError
 from evopem.estimation.criteria import power_of_two_scale
 from evopem.models.polynomial import PolynomialModel
@@ -67,12 +68,15 @@ class GivenPreparation:
     differences : int, optional
         Further differences of both channels.
     objective : {"absolute", "quadratic"}, optional
+    box_cox : bool
+        Whether the configuration says what is done.
     """
 
     start: int | None = None
     factor: int | None = None
     differences: int | None = None
     objective: str | None = None
+    box_cox: bool = False
 
 
 @dataclass(frozen=True)
@@ -95,6 +99,8 @@ class PreparationPlan:
     decisions : tuple of Decision
     stuck : bool
         Whether stretches in which the output stands still are breaks.
+    transforms : TransformPlan
+        What is done to the recordings before everything else.
     differences : int
         How often both channels are differenced, after decimation.
     """
@@ -109,6 +115,7 @@ class PreparationPlan:
     output_scale: float
     decisions: tuple[Decision, ...]
     stuck: bool = False
+    transforms: TransformPlan = field(default_factory=TransformPlan)
     differences: int = 0
 
     def __post_init__(self) -> None:
@@ -231,6 +238,31 @@ def decide_preparation(
         *(about_objective, about_stuck),
     )
     return replace(plan, objective=objective, decisions=decisions)
+
+
+def stretches_as_recorded(
+    recordings: Sequence[Recording], start: int | None
+) -> tuple[list[Stretch], list[int]]:
+    """The stretches of recordings before any decision on their rate, and where each begins.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording
+    start : int, optional
+        First sample kept, where it is given.
+
+    Raises
+    ------
+    InputError
+        When no stretch without breaks is long enough.
+    """
+    plan = decide_preparation(recordings, GivenPreparation(start, 1, 0, "quadratic"))
+    begins = [
+        begin
+        for recording, first in zip(recordings, plan.starts, strict=True)
+        for begin, _ in kept_ranges(recording, first, plan)
+    ]
+    return _raw_stretches(recordings, plan), begins
 
 
 def _centred(recordings: Sequence[Recording], plan: PreparationPlan) -> PreparationPlan:

@@ -91,6 +91,7 @@ def prepared_data(divided: PreparedData, record: PreparedRecord, place: str) -> 
         validation_samples=validation.samples,
         validation_source=source,
         estimation_stretches=origins if several else (),
+        trend_start=before.trend_start + begins[0] / before.sampling_rate,
         validation_stretches=of_held_out if before.validation_stretches else (),
     )
     return PreparedData(estimation, validation, transforms)

@@ -29,11 +29,15 @@ def built_in_keys() -> dict[str, Any]:
     return {
         "recipe": "auto",
         "purpose": "auto",
-        "transforms": {"box_cox": "none"},
+        "transforms": {},
         "split": {"estimation": 0.8},
         "spectrum": to_json(SpectrumSettings()),
         "search": search,
     }
+
+
+NO_TRANSFORMS = {"box_cox": "none", "difference": 0, "difference_input": 0}
+"""What the recording is until its own transforms are decided."""
 
 
 def laid_over(lower: Keys, upper: Keys) -> dict[str, Any]:
@@ -81,7 +85,7 @@ def check_automatic_keys(written: Keys, source: str, place: str) -> None:
                 raise InputError(
                     source,
                     "the automatic recipe has no such range",
-                    f"remove it, or give one of {', '.join(known)}",
+                    f"remove it, give one of {', '.join(known)}, or write recipe: chapter",
                     f"{place}.{group}.{key}",
                 )
 
@@ -90,6 +94,9 @@ def automatic_content(keys: Keys) -> dict[str, Any]:
     """The content of :class:`.AutomaticSettings` of complete keys."""
     orders = keys.get("orders", {})
     limits = {name: orders.get(name) for name in _ORDERS if orders.get(name) != "auto"}
+    # Constraints are those of the model after the transforms, which must then be known.
+    known = "constraints" in keys
+    transforms = set(keys.get("transforms", {}))
     return {
         "purpose": keys["purpose"],
         "structure": keys.get("structure"),
@@ -97,8 +104,9 @@ def automatic_content(keys: Keys) -> dict[str, Any]:
         **limits,
         "start_given": "discard" in keys["split"],
         "rate_given": "resample" in keys,
-        "differences_given": any(name in keys["transforms"] for name in _DIFFERENCES),
         "objective": keys["search"].get("objective"),
+        "box_cox_given": known or "box_cox" in transforms,
+        "differences_given": known or bool(transforms.intersection(_DIFFERENCES)),
     }
 
 
@@ -114,9 +122,12 @@ def automatic_keys(settings: DatasetSettings, automatic: AutomaticSettings) -> d
     if automatic.rate_given:
         keys["resample"] = preparation["resample"] or "none"
     transforms = dict(preparation["transforms"])
+    if not automatic.box_cox_given:
+        del transforms["box_cox"]
     if not automatic.differences_given:
         transforms = {name: transforms[name] for name in transforms if name not in _DIFFERENCES}
-    keys |= {"transforms": transforms, "split": split}
+    keys |= {"transforms": transforms} if transforms else {}
+    keys["split"] = split
     keys["spectrum"] = to_json(settings.spectrum)
     if automatic.structure is not None:
         keys["structure"] = automatic.structure

@@ -49,7 +49,7 @@ def phase_of_orders_of(settings: DatasetSettings) -> str:
 
 def given_preparation(
     preparation: PreparationSettings, automatic: AutomaticSettings
-) -> dict[str, int | str | None]:
+) -> dict[str, int | str | bool | None]:
     """What the configuration decides of an automatic preparation.
 
     Differences are taken back sample by sample, so that differenced signals are not decimated.
@@ -61,6 +61,7 @@ def given_preparation(
         "factor": 1 if fixed else None,
         "differences": 0 if automatic.differences_given else None,
         "objective": automatic.objective,
+        "box_cox": automatic.box_cox_given,
     }
 
 

@@ -327,6 +327,8 @@ class AutomaticSettings:
     differences_given : bool
         Whether ``transforms`` say how often the channels are differenced.
     objective : {"absolute", "quadratic"}, optional
+    box_cox_given : bool
+        Whether ``transforms`` say what is done to the output.
     """
 
     purpose: Purpose = "auto"
@@ -340,6 +342,7 @@ class AutomaticSettings:
     rate_given: bool = False
     differences_given: bool = False
     objective: Objective | None = None
+    box_cox_given: bool = False
 
     @property
     def other_purpose(self) -> Literal["simulation", "prediction"]:

@@ -9,7 +9,7 @@ from typing import Any
 
 import yaml
 
-from evopem.config.automatic_keys import automatic_content, automatic_keys
+from evopem.config.automatic_keys import NO_TRANSFORMS, automatic_content, automatic_keys
 from evopem.config.fit_keys import FIT_KEYS, keys_of_fit
 from evopem.config.settings import (
     ChannelSettings,
@@ -38,7 +38,6 @@ ANALYSIS_KEYS = (
 
 NO_RESAMPLING = "none"
 # The automatic recipe decides of what is left.
-UNDIFFERENCED = {"difference": 0, "difference_input": 0}
 
 
 def settings_of(name: str, keys: Keys) -> DatasetSettings:
@@ -64,7 +63,7 @@ def settings_of(name: str, keys: Keys) -> DatasetSettings:
         "name": name,
         "source": source,
         "preparation": {
-            "transforms": (UNDIFFERENCED if automatic else {}) | dict(keys["transforms"]),
+            "transforms": (NO_TRANSFORMS if automatic else {}) | dict(keys.get("transforms", {})),
             "split": ({"discard": 0} if automatic else {}) | dict(keys["split"]),
             "resample": None if resample == NO_RESAMPLING else resample,
         },

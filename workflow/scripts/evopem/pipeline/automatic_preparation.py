@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
 from threadpoolctl import threadpool_limits
 
 from evopem.automatic.preparation import (
@@ -9,9 +12,11 @@ from evopem.automatic.preparation import (
     PreparationPlan,
     PreparedRecord,
     prepare,
+    stretches_as_recorded,
 )
 from evopem.automatic.preparation import decide_preparation as decide
 from evopem.automatic.prepared_data import load_stretches, prepared_data, save_stretches
+from evopem.automatic.transforms import TransformPlan, decide_transforms
 from evopem.config.settings import PreparationSettings
 from evopem.errors import InputError
 from evopem.files.json_form import load, save
@@ -19,8 +24,10 @@ from evopem.results.layout import DatasetFiles
 from evopem.signals.joined_preparation import prepare_recordings
 from evopem.signals.joining import separated
 from evopem.signals.preparation import PreparedData, load_prepared, save_prepared
-from evopem.signals.recording import load_recording
+from evopem.signals.recording import Recording, load_recording
 from evopem.signals.shared_samples import check_independent
+
+NO_TRANSFORMS = TransformPlan()
 
 
 def decide_preparation(
@@ -39,11 +46,41 @@ def decide_preparation(
     divided = _divided(files, settings, has_validation_recording)
     try:
         with threadpool_limits(limits=1, user_api="blas"):
+            transforms = _decide_transforms(divided, given)
+            if transforms.changes_samples:
+                divided = _divided(files, settings, has_validation_recording, transforms)
+            if transforms.has_trend:
+                given = replace(given, differences=0)  # a slope is no random walk
             plan = decide(separated(divided.estimation), given)
     except InputError as error:
         place = f"datasets.{files.name}"
         raise InputError(f"{place} ({error.source})", error.problem, error.remedy) from None
+    decisions = (*plan.decisions, *transforms.decisions)
+    plan = replace(plan, decisions=decisions, transforms=replace(transforms, decisions=()))
     save(plan, files.decision("preparation"))
+
+
+def _decide_transforms(divided: PreparedData, given: GivenPreparation) -> TransformPlan:
+    """The transforms of the estimation samples, judged in recorded units.
+
+    A trend of one recording says nothing of others.
+    """
+    recordings = [
+        replace(each, input=each.input + own.input_mean, output=each.output + own.output_mean)
+        for each, own in zip(
+            separated(divided.estimation),
+            divided.transforms.of_stretches("estimation"),
+            strict=True,
+        )
+    ]
+    stretches, begins = stretches_as_recorded(recordings, given.start)
+    return decide_transforms(
+        stretches,
+        begins,
+        box_cox=given.box_cox,
+        trend=given.differences is not None,
+        continued=len(recordings) == 1 and divided.transforms.validation_source == "cut",
+    )
 
 
 def apply_preparation(
@@ -56,8 +93,8 @@ def apply_preparation(
     InputError
         When too few validation samples are left.
     """
-    divided = _divided(files, settings, has_validation_recording)
     plan = load(PreparationPlan, files.decision("preparation"))
+    divided = _divided(files, settings, has_validation_recording, plan.transforms)
     with threadpool_limits(limits=1, user_api="blas"):
         record = prepare(separated(divided.estimation), plan)
         prepared = prepared_data(divided, record, f"datasets.{files.name}")
@@ -73,12 +110,46 @@ def load_record(files: DatasetFiles) -> PreparedRecord:
 
 
 def _divided(
-    files: DatasetFiles, settings: PreparationSettings, has_validation_recording: bool
+    files: DatasetFiles,
+    settings: PreparationSettings,
+    has_validation_recording: bool,
+    plan: TransformPlan = NO_TRANSFORMS,
 ) -> PreparedData:
-    """Both parts of the recording, with the transforms that the configuration names."""
+    """Both parts of the recording, with the transforms of the configuration and of a plan."""
     place = f"datasets.{files.name}"
     recording = load_recording(files.recording)
     validation = load_recording(files.validation_recording) if has_validation_recording else None
     if validation is not None:
         check_independent(recording, validation, f"{place}.validation_file")
-    return prepare_recordings(recording, settings, validation, place)
+    transforms = settings.transforms
+    if plan.box_cox is not None:
+        transforms = replace(transforms, box_cox=plan.box_cox)
+    settings = replace(settings, transforms=transforms)
+    if not plan.has_trend:
+        return prepare_recordings(recording, settings, validation, place)
+    return _without_trend(recording, settings, plan, place)
+
+
+def _without_trend(
+    recording: Recording, settings: PreparationSettings, plan: TransformPlan, place: str
+) -> PreparedData:
+    """Both parts of one recording whose trends are taken away, from its first sample on."""
+    rate = settings.resample or recording.sampling_rate
+    slopes = plan.input_trend * rate, plan.output_trend * rate  # per second
+    times = np.arange(recording.samples) / recording.sampling_rate
+    level = replace(
+        recording,
+        input=recording.input - slopes[0] * times,
+        output=recording.output - slopes[1] * times,
+    )
+    divided = prepare_recordings(level, settings, None, place)
+    before = divided.transforms
+    start = before.discard / before.sampling_rate
+    transforms = replace(
+        before,
+        input_trend=slopes[0],
+        output_trend=slopes[1],
+        trend_start=start,
+        validation_trend_start=start + before.estimation_samples / before.sampling_rate,
+    )
+    return replace(divided, transforms=transforms)

@@ -95,6 +95,11 @@ class Transforms:
     estimation_stretches, validation_stretches : tuple of StretchOrigin
         Of several stretches, in whose place the numbers above are those of the first; empty for
         one stretch.
+    input_trend, output_trend : float
+        Slopes that were taken from the channels, in their units per second, from the first sample
+        of the recording on.
+    trend_start, validation_trend_start : float
+        Times of the first estimation and validation sample in the recording (s), for the trends.
     """
 
     sampling_rate: float
@@ -115,6 +120,10 @@ class Transforms:
     validation_source: Literal["cut", "gap", "file", "recordings"]
     estimation_stretches: tuple[StretchOrigin, ...] = ()
     validation_stretches: tuple[StretchOrigin, ...] = ()
+    input_trend: float = 0.0
+    output_trend: float = 0.0
+    trend_start: float = 0.0
+    validation_trend_start: float = 0.0
 
     def of_stretches(self, part: Part) -> tuple[Transforms, ...]:
         """The transforms of each stretch of a part alone."""
@@ -132,6 +141,8 @@ class Transforms:
                 validation_difference_input_initial=each.difference_input_initial,
                 estimation_stretches=(),
                 validation_stretches=(),
+                trend_start=each.first / self.sampling_rate,
+                validation_trend_start=each.first / self.sampling_rate,
             )
             for each in origins
         )
@@ -139,7 +150,13 @@ class Transforms:
     @property
     def changes_output(self) -> bool:
         """Whether the prepared output differs from the recorded one by more than its mean."""
-        return self.box_cox is not None or self.difference > 0
+        has_trend = self.output_trend != 0.0
+        return self.box_cox is not None or self.difference > 0 or has_trend
+
+    def trend_times(self, samples: int, part: Part) -> NDArray[np.float64]:
+        """Times of samples of a part in the recording (s)."""
+        start = self.trend_start if part == "estimation" else self.validation_trend_start
+        return start + np.arange(samples) / self.sampling_rate
 
 
 @dataclass(frozen=True)
@@ -293,6 +310,8 @@ def invert_output(
     measured = invert_difference(output + transforms.output_mean, initial)
     if transforms.box_cox is not None:
         measured = invert_box_cox(measured, transforms.box_cox, transforms.shift)
+    if transforms.output_trend:
+        measured = measured + transforms.output_trend * transforms.trend_times(len(measured), part)
     return measured
 
 
@@ -308,7 +327,10 @@ def invert_input(
         if part == "estimation"
         else transforms.validation_difference_input_initial
     )
-    return invert_difference(input + transforms.input_mean, initial)
+    measured = invert_difference(input + transforms.input_mean, initial)
+    if transforms.input_trend:
+        measured = measured + transforms.input_trend * transforms.trend_times(len(measured), part)
+    return measured
 
 
 def save_prepared(prepared: PreparedData, arrays: str | Path, transforms: str | Path) -> None:

@@ -69,7 +69,7 @@ def _contents(info: RecordingInfo) -> str:
 
 
 def _output_steps(transforms: Transforms) -> list[str]:
-    steps = []
+    steps = ["freed of a linear trend"] if transforms.output_trend else []
     if transforms.box_cox is not None:
         if transforms.shift:
             steps.append(f"shifted by {number(transforms.shift)} to be positive")

@@ -1,0 +1,131 @@
+"""Trends and Box-Cox are taken where held-out simulations gain by them, else not."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from records import output_error_record
+from scipy.signal import lfilter
+
+from evopem.automatic.decision import Decision
+from evopem.automatic.preparation import GivenPreparation, PreparationPlan
+from evopem.automatic.transforms import decide_transforms, spread_test
+from evopem.config.defaults import complete
+from evopem.config.schema import schema_file
+from evopem.config.settings import ChannelSettings
+from evopem.config.yaml_form import yaml_text
+from evopem.files.json_form import load
+from evopem.pipeline.acquisition import read_recording
+from evopem.pipeline.automatic_preparation import apply_preparation, decide_preparation
+from evopem.results.layout import DatasetFiles
+from evopem.signals.preparation import invert_input, invert_output, load_prepared
+from evopem.signals.stretches import Stretch
+
+SLOPE = 0.03
+
+
+@pytest.fixture(scope="module")
+def record():
+    u, y, _ = output_error_record(600, percent=20.0)
+    return u, y
+
+
+def plan_of(u, y, **keys):
+    return decide_transforms([Stretch(u, y)], [0], **keys)
+
+
+def decision(plan, subject) -> Decision:
+    return next(each for each in plan.decisions if each.subject == subject)
+
+
+def test_a_stationary_record_is_left_as_it_is(record):
+    plan = plan_of(*record)
+    assert not plan.changes_samples
+    for subject in ("trend", "Box-Cox"):
+        assert decision(plan, subject).choice == "none"
+
+
+def test_the_slope_of_an_output_that_drifts_is_found(record):
+    u, y = record
+    plan = plan_of(u, y + SLOPE * np.arange(600))
+    assert plan.output_trend == pytest.approx(SLOPE, rel=0.05)
+    assert abs(plan.input_trend) < 0.1 * SLOPE
+    assert plan.box_cox is None
+    none, *removed = (each.score for each in decision(plan, "trend").alternatives)
+    assert min(removed) < 0.9 * none
+
+
+def test_a_trend_that_the_input_drives_stays(record):
+    u, noise = record[0] + SLOPE * np.arange(600), np.random.default_rng(8).standard_normal(600)
+    y = lfilter([0.0, 1.0, 0.5], [1.0, -1.5, 0.8], u) + noise
+    assert plan_of(u, y).output_trend == 0.0
+
+
+def test_a_trend_is_not_carried_to_other_recordings(record):
+    u, y = record
+    plan = plan_of(u, y + SLOPE * np.arange(600), continued=False)
+    assert plan.output_trend == 0.0
+    assert "other recordings" in decision(plan, "trend").sentence
+
+
+def test_an_output_whose_spread_grows_with_its_level_is_transformed(record):
+    u, y = record
+    y = np.exp(0.15 * y)
+    assert spread_test([Stretch(u, y)]) < 1e-3
+    plan = plan_of(u, y)
+    assert plan.box_cox == pytest.approx(0.0, abs=0.2)
+    scores = [each.score for each in decision(plan, "Box-Cox").alternatives]
+    assert scores[1] < 0.7 * scores[0]
+
+
+def test_what_the_configuration_says_is_not_decided(record):
+    u, y = record
+    plan = plan_of(u, np.exp(0.15 * y), box_cox=True, trend=True)
+    assert not plan.changes_samples
+    assert all("configuration" in each.sentence for each in plan.decisions)
+
+
+def settings_of(**keys):
+    content = {"datasets": {"a": {"file": "a.csv", "input": 1, "sampling_rate": 50, **keys}}}
+    return complete(content, schema_file()).datasets["a"]
+
+
+def test_a_written_transform_takes_the_place_of_its_decision_alone():
+    own = settings_of(recipe="auto")
+    assert not (own.automatic.box_cox_given)
+    assert not (own.automatic.differences_given)
+    assert "transforms" not in yaml_text(own)
+    own = settings_of(recipe="auto", transforms={"difference": 0})
+    assert own.automatic.differences_given
+    assert not own.automatic.box_cox_given
+    assert "transforms: {difference: 0, difference_input: 0}" in yaml_text(own)
+    own = settings_of(recipe="auto", transforms={"box_cox": "none"})
+    assert own.automatic.box_cox_given
+    assert not own.automatic.differences_given
+
+
+@pytest.mark.parametrize("kind", ["trend", "box_cox"])
+def test_decided_transforms_lead_back_to_the_recording(record, kind, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    u, y = record
+    y = y + 10.0 + SLOPE * np.arange(600) if kind == "trend" else np.exp(0.15 * y)
+    rows = [f"{a!r},{b!r}" for a, b in zip(u.tolist(), y.tolist(), strict=True)]
+    Path("a.csv").write_text("u,y\n" + "\n".join(rows) + "\n")
+    files = DatasetFiles.of_dataset("a")
+    Path(files.folder, "decisions").mkdir(parents=True)
+    channels = ChannelSettings(1, 2, 50.0)
+    read_recording(["a.csv"], channels, files.recording, files.recording_info)
+    preparation = settings_of(recipe="auto").preparation
+    decide_preparation(files, preparation, GivenPreparation(), False)
+    apply_preparation(files, preparation, False)
+    plan = load(PreparationPlan, files.decision("preparation"))
+    assert replace(plan.transforms, decisions=()).changes_samples
+    data = load_prepared(files.prepared, files.transforms)
+    assert data.transforms.changes_output
+    for part, begin in (("estimation", 0), ("validation", 480)):
+        samples = getattr(data, part)
+        known = slice(begin, begin + samples.samples)
+        back = invert_output(data.transforms, samples.output, part)
+        assert back == pytest.approx(y[known], rel=1e-9)
+        assert invert_input(data.transforms, samples.input, part) == pytest.approx(u[known])

@@ -1,0 +1,394 @@
+"""Transforms of recordings, decided: trends, and Box-Cox of the output.
+
+Each alternative is scored by simulations of held-out samples in recorded units.  Removing a trend
+is not safe as a rule: a transform is taken only where every fold gains by it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evopem.automatic.decision import Alternative, Decision, given_by_configuration
+from evopem.automatic.fit import FOLD_STAGES, FitSettings, fit
+from evopem.automatic.orders import MOST_SAMPLES
+from evopem.automatic.simulation import simulated
+from evopem.automatic.stretches import first_samples, folds_of
+from evopem.errors import InputError
+from evopem.estimation.criteria import power_of_two_scale
+from evopem.models.structures import PolynomialOrders
+from evopem.signals.stretches import Stretch, total_samples
+from evopem.signals.transforms import (
+    box_cox,
+    invert_box_cox,
+    likeliest_box_cox,
+    positive_shift,
+)
+
+Array = NDArray[np.float64]
+Fold = tuple[tuple[Stretch, ...], tuple[Stretch, ...]]
+
+# Models whose simulations are scored.
+PROBES = (
+    PolynomialOrders(na=2, nb=3, nk=0),
+    PolynomialOrders(na=6, nb=7, nk=0),
+    PolynomialOrders(nb=2, nf=2, nk=0),
+    PolynomialOrders(nb=4, nf=4, nk=0),
+)
+# Halves and interleaved blocks, as (folds, blocks of each).
+DESIGNS = ((2, 1), (2, 3))
+# Samples that a block has at least.
+SHORTEST = 40
+# Errors beyond this share of the output are all the same: useless.
+LARGEST_ERROR = 10.0
+# What a transform must gain over all folds, and in none it may lose.
+LEAST_GAIN = 0.05
+# Level of the test that the spread of the residuals depends on the level.
+SPREAD_LEVEL = 0.001
+SPREAD_ORDER = 4
+# Lags of the ARX model with which a drift is estimated, and the sum of its output coefficients that
+# leaves a level.
+DRIFT_ORDER, LEAST_DECAY = 4, 1e-3
+CRITERION = "simulation error on held-out samples in recorded units, % of the output"
+# Box-Cox parameters this near to 1 change nothing.
+LEAST_CURVATURE = 0.1
+
+
+@dataclass(frozen=True)
+class TransformPlan:
+    """The transforms that are taken.
+
+    Attributes
+    ----------
+    box_cox : float, optional
+        Parameter of the output's Box-Cox transform.
+    input_trend, output_trend : float
+        Slopes that are taken from the channels, in their units per sample.
+    decisions : tuple of Decision
+    """
+
+    box_cox: float | None = None
+    input_trend: float = 0.0
+    output_trend: float = 0.0
+    decisions: tuple[Decision, ...] = ()
+
+    @property
+    def has_trend(self) -> bool:
+        """Whether a trend is taken away."""
+        return self.input_trend != 0.0 or self.output_trend != 0.0
+
+    @property
+    def changes_samples(self) -> bool:
+        """Whether any transform is taken."""
+        return self.box_cox is not None or self.has_trend
+
+
+def decide_transforms(
+    stretches: Sequence[Stretch],
+    begins: Sequence[int],
+    box_cox: bool = False,
+    trend: bool = False,
+    continued: bool = True,
+) -> TransformPlan:
+    """Decide the transforms of recorded stretches.
+
+    Parameters
+    ----------
+    stretches : sequence of Stretch
+        Samples between breaks, in recorded units.
+    begins : sequence of int
+        First sample of each in its recording.
+    box_cox, trend : bool
+        Whether the configuration says what is done.
+    continued : bool
+        Whether the validation samples continue the estimation samples, and their trend.
+    """
+    kept = first_samples(stretches, MOST_SAMPLES)
+    folds = _folds(kept)
+    plain = None
+    if folds and not ((trend or not continued) and box_cox):
+        plain = _errors(folds, _as_recorded)
+    slopes, about_trend = (0.0, 0.0), _not_tried("trend", "none")
+    if trend:
+        about_trend = given_by_configuration("trend", "none")
+    elif not continued:
+        about_trend = _not_tried("trend", "none", "The validation samples are of other recordings.")
+    elif plain is not None:
+        slopes, about_trend = _decide_trend(kept, begins, plain)
+    parameter, about_box_cox = None, _not_tried("Box-Cox", "none")
+    if box_cox:
+        about_box_cox = given_by_configuration("Box-Cox", "as written")
+    elif plain is not None and not any(slopes):
+        parameter, about_box_cox = _decide_box_cox(kept, folds, plain)
+    return TransformPlan(parameter, *slopes, decisions=(about_trend, about_box_cox))
+
+
+def _decide_trend(
+    stretches: Sequence[Stretch], begins: Sequence[int], plain: Array
+) -> tuple[tuple[float, float], Decision]:
+    """The slopes of input and output: lines through both, or a drift estimated with a model."""
+    times = [
+        Stretch(t, t, each.recording)
+        for each, begin in zip(stretches, begins, strict=True)
+        for t in [begin + np.arange(each.samples, dtype=float)]
+    ]
+    folds = list(zip(_folds(stretches), _folds(times), strict=True))
+    kinds = {"line of each channel": _lines, "drift of the output": _drift}
+    errors = {name: _errors_without_trend(folds, slopes) for name, slopes in kinds.items()}
+    alternatives = (
+        Alternative("none", _together(plain)),
+        *(Alternative(name, _together(found)) for name, found in errors.items()),
+    )
+    better = [name for name, found in errors.items() if _gains(found, plain)]
+    if not better:
+        sentence = (
+            "No trend that is taken away simulates every part of the held-out samples better, its"
+            " continuation included."
+        )
+        return (0.0, 0.0), Decision("trend", "none", alternatives, CRITERION, sentence)
+    name = min(better, key=lambda each: _together(errors[each]))
+    sentence = (
+        "Without this trend every part of the held-out samples is simulated better, its"
+        " continuation included."
+    )
+    return kinds[name](stretches, times), Decision("trend", name, alternatives, CRITERION, sentence)
+
+
+def _lines(stretches: Sequence[Stretch], times: Sequence[Stretch]) -> tuple[float, float]:
+    """Slopes of the lines through input and output, with a level for each recording."""
+    t = np.concatenate([each.output for each in times])
+    columns = np.column_stack([t - t.mean(), *_levels(stretches)])
+    signals = [
+        np.concatenate([each.input for each in stretches]),
+        np.concatenate([each.output for each in stretches]),
+    ]
+    found = [np.linalg.lstsq(columns, each, rcond=None)[0][0] for each in signals]
+    return float(found[0]), float(found[1])
+
+
+def _drift(stretches: Sequence[Stretch], times: Sequence[Stretch]) -> tuple[float, float]:
+    """Slope of the output's drift, estimated along with an ARX model."""
+    n = DRIFT_ORDER
+    rows, target = [], []
+    for each, time in zip(stretches, times, strict=True):
+        if each.samples <= 2 * n:
+            continue
+        u, y = each.input - each.input.mean(), each.output - each.output.mean()
+        lagged = [y[n - k : each.samples - k] for k in range(1, n + 1)]
+        lagged += [u[n - k : each.samples - k] for k in range(n + 1)]
+        rows.append(
+            np.column_stack([*lagged, time.output[n:] - time.output.mean(), np.ones(len(y) - n)])
+        )
+        target.append(y[n:])
+    if not rows:
+        return 0.0, 0.0
+    solution = np.linalg.lstsq(np.vstack(rows), np.concatenate(target), rcond=1e-10)[0]
+    gain = 1.0 - float(np.sum(solution[:n]))
+    return 0.0, float(solution[-2]) / gain if abs(gain) > LEAST_DECAY else 0.0
+
+
+def _levels(stretches: Sequence[Stretch]) -> list[Array]:
+    owner = np.concatenate([np.full(each.samples, each.recording) for each in stretches])
+    return [(owner == number).astype(float) for number in dict.fromkeys(owner.tolist())]
+
+
+def _errors_without_trend(
+    folds: Sequence[tuple[Fold, Fold]],
+    slopes_of: Callable[[Sequence[Stretch], Sequence[Stretch]], tuple[float, float]],
+) -> Array:
+    """Errors where the slopes of the training samples are taken from the held-out ones, too."""
+    flat: list[Fold] = []
+    for (training, held_out), (training_times, held_out_times) in folds:
+        slopes = slopes_of(training, training_times)
+        flat.append(
+            (
+                _without(training, training_times, slopes),
+                _without(held_out, held_out_times, slopes),
+            )
+        )
+    measured = [held_out for (_, held_out), _ in folds]
+    return _errors(flat, _as_recorded, measured)
+
+
+def _without(
+    stretches: Sequence[Stretch], times: Sequence[Stretch], slopes: tuple[float, float]
+) -> tuple[Stretch, ...]:
+    return tuple(
+        replace(
+            each,
+            input=each.input - slopes[0] * time.output,
+            output=each.output - slopes[1] * time.output,
+        )
+        for each, time in zip(stretches, times, strict=True)
+    )
+
+
+def _decide_box_cox(
+    stretches: Sequence[Stretch], folds: Sequence[Fold], plain: Array
+) -> tuple[float | None, Decision]:
+    probability = spread_test(stretches)
+    correlation = f"p = {probability:.2g} of the correlation of their ranks"
+    if not probability < SPREAD_LEVEL:
+        sentence = (
+            "The spread of the residuals of an ARX model does not depend on the level of the output"
+            f" ({correlation})."
+        )
+        alternatives: tuple[Alternative, ...] = (Alternative("none", _together(plain)),)
+        return None, Decision("Box-Cox", "none", alternatives, CRITERION, sentence)
+    outputs = [each.output for each in stretches]
+    shift = positive_shift(*outputs)
+    try:
+        parameter = round(likeliest_box_cox(np.concatenate(outputs), shift), 2)
+    except InputError:
+        parameter = 1.0
+    transformed = np.full_like(plain, LARGEST_ERROR)
+    if abs(parameter - 1.0) >= LEAST_CURVATURE:
+        transformed = _errors(folds, _box_cox(parameter, shift))
+    alternatives = (
+        Alternative("none", _together(plain)),
+        Alternative(f"λ = {parameter:g}", _together(transformed)),
+    )
+    taken = _gains(transformed, plain)
+    effect = "simulate" if taken else "do not simulate"
+    sentence = (
+        f"The spread of the residuals of an ARX model depends on the level of the output"
+        f" ({correlation}), {'and' if taken else 'yet'} models of the transformed output {effect}"
+        " every part of the held-out samples better in recorded units."
+    )
+    choice = alternatives[int(taken)].name
+    return (parameter if taken else None), Decision(
+        "Box-Cox", choice, alternatives, CRITERION, sentence
+    )
+
+
+def spread_test(stretches: Sequence[Stretch]) -> float:
+    """p-value of a rank correlation between the size of ARX residuals and the predicted output.
+
+    NaN where there are too few samples.
+
+    Parameters
+    ----------
+    stretches : sequence of Stretch
+    """
+    from scipy.stats import spearmanr
+
+    scaled = _scaled(stretches)
+    try:
+        found = fit(scaled, PolynomialOrders(na=SPREAD_ORDER, nb=SPREAD_ORDER + 1), FitSettings())
+    except (ValueError, np.linalg.LinAlgError):
+        return float("nan")
+    sizes, predicted = [], []
+    longer = [each for each in scaled if each.samples > found.orders.first_residual + 1]
+    for stretch, residuals in zip(longer, found.residuals, strict=False):
+        sizes.append(np.abs(residuals))
+        predicted.append(stretch.output[-len(residuals) :] - residuals)
+    return float(spearmanr(np.concatenate(sizes), np.concatenate(predicted)).pvalue)
+
+
+def _folds(stretches: Sequence[Stretch]) -> list[Fold]:
+    samples = total_samples(stretches)
+    return [
+        (fold.training, fold.held_out)
+        for count, blocks in DESIGNS
+        if samples >= count * blocks * SHORTEST
+        for fold in folds_of(stretches, count, blocks, SHORTEST)
+    ]
+
+
+def _scaled(stretches: Sequence[Stretch]) -> list[Stretch]:
+    """Stretches less their common means, over powers of two of input and output."""
+    u = np.concatenate([each.input for each in stretches])
+    y = np.concatenate([each.output for each in stretches])
+    scales = power_of_two_scale(u - u.mean()), power_of_two_scale(y - y.mean())
+    return [
+        replace(
+            each,
+            input=(each.input - u.mean()) / scales[0],
+            output=(each.output - y.mean()) / scales[1],
+        )
+        for each in stretches
+    ]
+
+
+Simulate = Callable[[PolynomialOrders, Sequence[Stretch], Sequence[Stretch]], list[Array]]
+"""Errors of a model of some orders on held-out stretches, in recorded units."""
+
+
+def _as_recorded(
+    orders: PolynomialOrders, training: Sequence[Stretch], held_out: Sequence[Stretch]
+) -> list[Array]:
+    model = fit(training, orders, FitSettings(), stages=FOLD_STAGES).model
+    return [simulated(model, each, free_level=True) - each.output for each in held_out]
+
+
+def _box_cox(parameter: float, shift: float) -> Simulate:
+    def errors(
+        orders: PolynomialOrders, training: Sequence[Stretch], held_out: Sequence[Stretch]
+    ) -> list[Array]:
+        def transformed(each: Stretch) -> Stretch:
+            return replace(each, output=box_cox(each.output, parameter, shift))
+
+        own = [transformed(each) for each in training]
+        mean = float(np.mean(np.concatenate([each.output for each in own])))
+        own = [replace(each, output=each.output - mean) for each in own]
+        model = fit(own, orders, FitSettings(), stages=FOLD_STAGES).model
+        found = []
+        for each in held_out:
+            target = transformed(each)
+            target = replace(target, output=target.output - mean)
+            computed = simulated(model, target, free_level=True) + mean
+            found.append(invert_box_cox(computed, parameter, shift) - each.output)
+        return found
+
+    return errors
+
+
+def _errors(
+    folds: Sequence[Fold],
+    simulate: Simulate,
+    measured: Sequence[Sequence[Stretch]] | None = None,
+) -> Array:
+    """Error of each probe in each fold, (probes, folds), as a share of the output's deviation.
+
+    ``measured`` are the held-out samples as recorded, where those of the folds are not.
+    """
+    recorded = measured or [held_out for _, held_out in folds]
+    errors = np.full((len(PROBES), len(folds)), LARGEST_ERROR)
+    for column, ((training, held_out), own) in enumerate(zip(folds, recorded, strict=True)):
+        total = sum(float(np.sum((s.output - s.output.mean()) ** 2)) for s in own)
+        for row, orders in enumerate(PROBES):
+            try:
+                found = np.concatenate(simulate(orders, training, held_out))
+            except (ValueError, InputError, np.linalg.LinAlgError):
+                continue
+            with np.errstate(all="ignore"):
+                error = float(np.sqrt(np.sum(found**2) / total))
+            if np.isfinite(error):
+                errors[row, column] = min(error, LARGEST_ERROR)
+    return np.maximum(errors, np.finfo(float).tiny)
+
+
+def _together(errors: Array) -> float:
+    """Geometric mean over probes and folds, in percent."""
+    return float(100.0 * np.exp(np.mean(np.log(errors))))
+
+
+def _gains(errors: Array, plain: Array) -> bool:
+    """Whether models of equal orders gain by a transform in each fold, and the best model too.
+
+    The best models alone would not tell: poles near 1 stand in for a level or a trend.
+    """
+    ratios = np.mean(np.log(errors / plain), axis=0)
+    best = np.mean(np.log(errors.min(axis=0) / plain.min(axis=0)))
+    gain = np.log(1.0 - LEAST_GAIN)
+    return bool(np.all(ratios < 0.0) and np.mean(ratios) < gain and best <= 0.0)
+
+
+def _not_tried(subject: str, choice: str, reason: str = "") -> Decision:
+    reason = reason or "The record is too short for folds, or another transform is taken."
+    return Decision(
+        subject, choice, (Alternative(choice, np.nan),), CRITERION, f"Not tried. {reason}"
+    )
