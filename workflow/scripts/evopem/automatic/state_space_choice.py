@@ -29,7 +29,7 @@ from evopem.estimation.state_space.estimate import (
     estimates_of_orders,
     refitted,
 )
-from evopem.estimation.state_space.noise_model import RISES, noise_model, side_by_side
+from evopem.estimation.state_space.noise_model import RISES, WIDTH, noise_model, side_by_side
 from evopem.models.state_space import Form, StateSpaceModel
 from evopem.signals.multichannel import MultichannelRecording
 
@@ -240,6 +240,7 @@ def _search_box_jenkins(
         form="output_error",
         delays=tuple(delays),
         settings=replace(settings, weighting=OUTPUT_ERROR_WEIGHTING),
+        width=WIDTH,
     )
 
     def estimates() -> Iterator[tuple[int, StateSpaceEstimate]]:

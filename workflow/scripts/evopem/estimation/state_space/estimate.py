@@ -275,13 +275,14 @@ def estimates_of_orders(
     form: Form = "innovations",
     delays: int | Sequence[int] = 1,
     settings: StateSpaceSettings | None = None,
+    width: int = FINAL_WIDTH,
     log: Callable[[str], None] | None = None,
 ) -> Iterator[StateSpaceEstimate]:
     """The estimates of :func:`sweep_state_space_orders`, one after the other as they are needed.
 
     Parameters
     ----------
-    inputs, outputs, orders, form, delays, settings, log
+    inputs, outputs, orders, form, delays, settings, width, log
         As there; a level is estimated, and the sampling rate is 1 Hz.
     """
     settings = settings or StateSpaceSettings()
@@ -289,7 +290,7 @@ def estimates_of_orders(
         prepared = _prepared(inputs, outputs, delays, True)
         span = _span(orders)
         errors = _errors(prepared, span[-1], form, settings)
-        for problem, found in _swept(errors, prepared, span, settings, FINAL_WIDTH, log):
+        for problem, found in _swept(errors, prepared, span, settings, width, log):
             yield _described(problem, found, prepared, 1.0, (), ())
 
 

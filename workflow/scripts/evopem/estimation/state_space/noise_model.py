@@ -25,8 +25,9 @@ from evopem.models.state_space import StateSpaceModel
 
 Array = NDArray[np.float64]
 
-# A search of orders ends after so many of higher BIC.
-RISES = 2
+# A search of orders ends after so many of higher BIC; estimates of each order that are descended
+# from.
+RISES, WIDTH = 2, 3
 
 
 def noise_model(
@@ -57,9 +58,8 @@ def noise_model(
     joined = np.vstack(residuals)
     lowest, best = float(np.linalg.slogdet(joined.T @ joined / len(joined))[1]), None
     rises = 0
-    for estimate in estimates_of_orders(
-        None, residuals, orders, settings=replace(settings, weighting="determinant")
-    ):
+    white = replace(settings, weighting="determinant")
+    for estimate in estimates_of_orders(None, residuals, orders, settings=white, width=WIDTH):
         rises += 1
         if estimate.bic < lowest:
             lowest, best, rises = estimate.bic, estimate.model, 0
