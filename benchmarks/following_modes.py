@@ -1,10 +1,12 @@
 """Follow the modes of fleets of synthetic recordings; docs/evidence/output_only.md has the results.
 
-    python benchmarks/following_modes.py [--recordings 200] [--unchanged 3]
+    python benchmarks/following_modes.py [--recordings 200] [--unchanged 1]
+    python benchmarks/following_modes.py --sequences
 
 Each recording is one of the velocities of a structure with three sensors and four modes, two of
 them close, under unmeasured forces, with 15 % of sensor noise.  In the first fleet all stiffnesses
 drop by 2 % half-way, so that all frequencies drop by 1 %; in the others nothing changes.
+With ``--sequences``, shares of false alarms over sequences of independent estimates instead.
 """
 
 from __future__ import annotations
@@ -22,6 +24,7 @@ from evopem.estimation.state_space.estimate import sweep_state_space_orders  # n
 from evopem.report.followed_chart import movements  # noqa: E402
 from evopem.results.followed_modes import RecordedMode, follow_modes  # noqa: E402
 from evopem.synthesis.vibrating_structure import VibratingStructure  # noqa: E402
+from evopem.validation.level_changes import find_levels  # noqa: E402
 
 RATE, SAMPLES, ORDER = 100.0, 2000, 8
 SHAPES = np.array([[1.0, 0.5, 0.2, -0.6], [0.6, -1.0, 0.5, 0.3], [0.3, 0.4, -1.0, 0.8]])
@@ -48,11 +51,38 @@ def recorded_modes(structure: VibratingStructure, fleet: int, number: int) -> li
     ]
 
 
+def sequences() -> None:
+    """Print false alarms without a change, and the place of a step of one standard error."""
+    generator = np.random.default_rng(0)
+    for count in (4, 6, 10, 30, 200):
+        repeats = 1000 if count < 100 else 500
+        for scatter in (0.0, 1.0, 3.0):
+            alarms = 0
+            for _ in range(repeats):
+                errors = generator.uniform(0.5, 1.5, count)
+                values = errors * generator.standard_normal(count)
+                values += scatter * generator.standard_normal(count)
+                found = find_levels(values, errors, 0.05)
+                alarms += bool(found.changes or found.outlying)
+            print(f"{count} estimates, scatter {scatter:g}: {100 * alarms / repeats:.1f} %")
+    single, away = 0, []
+    for _ in range(300):
+        values = generator.standard_normal(200) - (np.arange(200) >= 100)
+        changes = find_levels(values, np.ones(200), 0.05 / 6).changes
+        single += len(changes) == 1
+        away += [abs(changes[0].index - 100)] if changes else []
+    print(f"a step of one error in 200: found once in {single} of 300, {np.mean(away):.1f} away")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--recordings", type=int, default=200)
-    parser.add_argument("--unchanged", type=int, default=3)
+    parser.add_argument("--unchanged", type=int, default=1)
+    parser.add_argument("--sequences", action="store_true")
     arguments = parser.parse_args()
+    if arguments.sequences:
+        sequences()
+        return
     count = arguments.recordings
     for fleet in range(1 + arguments.unchanged):
         recordings = {}

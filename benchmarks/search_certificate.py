@@ -175,10 +175,11 @@ def rates(rows: list[Row], kind: str) -> str:
     others = [excess(row, kind) for row in rows if not row[kind]["certified"]]
     wrong = sum(each > WRONG for each in certified)
     above = sum(each > WRONG for each in others)
-    quantiles = np.quantile(others, [0.5, 0.95, 1.0]) if others else [np.nan] * 3
+    quantiles = np.quantile(others, [0.5, 0.95, 1.0]) if others else []
     return (
         f"{len(rows)} | {len(certified)} ({100 * len(certified) / len(rows):.0f} %) | {wrong} "
-        f"| {above} of {len(others)} | " + " | ".join(f"{100 * each:.2g}" for each in quantiles)
+        f"| {above} of {len(others)} | "
+        + (" | ".join(f"{100 * each:.2g}" for each in quantiles) or "– | – | –")
     )
 
 

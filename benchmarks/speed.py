@@ -8,6 +8,7 @@ else the machine does affects both.  The processor time of this process is what 
 
 from __future__ import annotations
 
+import json
 import os
 import platform
 import resource
@@ -16,6 +17,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -30,17 +32,37 @@ sys.path.insert(0, str(SCRIPTS))
 
 from filtered_residuals import FilteredResiduals  # noqa: E402
 
-from evopem.config.settings import SearchSettings  # noqa: E402
+from evopem.config.order_grid import (  # noqa: E402
+    DELAY_REFINED_IN,
+    candidate_orders,
+    phases_of_dataset,
+    scoring_window,
+)
+from evopem.config.settings import (  # noqa: E402
+    DatasetSettings,
+    OrderGrid,
+    PreparationSettings,
+    SearchSettings,
+    SpectrumSettings,
+    SyntheticSource,
+)
+from evopem.estimation.candidate import Candidate  # noqa: E402
 from evopem.estimation.estimate import estimate  # noqa: E402
+from evopem.estimation.order_race import first_pass  # noqa: E402
+from evopem.estimation.order_selection import (  # noqa: E402
+    estimate_candidates,
+    select_candidate,
+)
 from evopem.estimation.pem.kernels import LANES  # noqa: E402
 from evopem.estimation.pem.objective import PredictionErrorProblem  # noqa: E402
 from evopem.estimation.search.armax_problem import ArmaxProblem  # noqa: E402
-from evopem.estimation.search.memetic import memetic_search  # noqa: E402
-from evopem.models.structures import PolynomialOrders, armax_orders  # noqa: E402
+from evopem.estimation.search.global_search import global_search  # noqa: E402
+from evopem.models.structures import PolynomialOrders, armax_orders, orders_of  # noqa: E402
 from evopem.synthesis.armax import armax  # noqa: E402
 
 Array = NDArray[np.float64]
 
+HISTORY = ROOT / "docs" / "evidence" / "speed_history.csv"
 ORDERS = armax_orders(7, 6, 7, 3)
 SAMPLES = 4500
 RECORDS = (1, 2, 3)
@@ -121,7 +143,7 @@ def search(seed: int, orders: PolynomialOrders) -> tuple[float, float]:
     """Objective and seconds of one whole global search, default settings."""
     errors = problem(seed, orders)
     began = time.process_time()
-    result = memetic_search(ArmaxProblem(errors), SearchSettings(), np.random.default_rng(1))
+    result = global_search(ArmaxProblem(errors), SearchSettings(), np.random.default_rng(1))
     seconds = time.process_time() - began
     return of_point(errors, result.point), seconds
 
@@ -255,6 +277,58 @@ def whole_searches() -> list[str]:
     return rows
 
 
+def order_search(prune: bool) -> tuple[str, int, float]:
+    """Orders, evaluations and seconds of all phases with the built-in grids."""
+    data = armax(1, SAMPLES)[0]
+    search = SearchSettings(objective="quadratic", prune=prune)
+    settings = DatasetSettings(
+        *("record", SyntheticSource("armax"), PreparationSettings(), SpectrumSettings()),
+        *(OrderGrid(), search),
+    )
+    window, grid = scoring_window(settings), settings.order_grid
+    first = first_pass(search) if prune else search
+    known: dict[PolynomialOrders, Candidate] = {}
+    selected, evaluations, began = None, 0, time.process_time()
+    for phase in phases_of_dataset(settings):
+        orders = [orders_of("armax", each) for each in candidate_orders(phase, grid, selected)]
+        new = [each for each in orders if each not in known]
+        known |= {
+            each.orders: each for each in estimate_candidates(data, new, phase, first, window)
+        }
+        own = [replace(known[each], phase=phase, pruned="") for each in orders]
+        min_delay = grid.delay.nk[0] if phase == DELAY_REFINED_IN else None
+        selection = select_candidate(own, phase, data, search, window, min_delay)
+        evaluations += sum(each.diagnostics.evaluations for each in selection.candidates)
+        known = {each.orders: each for each in selection.candidates}
+        selected = asdict(selection.orders)
+    return str(selection.orders), evaluations, time.process_time() - began
+
+
+def order_searches() -> list[str]:
+    """The race of the candidates against the full search of every one."""
+    orders, evaluations, seconds = order_search(prune=True)
+    other, in_full, longer = order_search(prune=False)
+    return [
+        f"| delay search and three phases with the built-in grids, {evaluations} evaluations: "
+        f"{seconds:.1f} s; chosen {orders} | every candidate in full (`prune: false`), {in_full} "
+        f"evaluations: {longer:.1f} s; chosen {other} | {seconds / longer:.3g} |"
+    ]
+
+
+def keep_history(rows: list[str]) -> None:
+    """Append the ratios of this run to the history, by commit."""
+    commit = subprocess.run(
+        ["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, capture_output=True, text=True
+    ).stdout.strip()
+    new = not HISTORY.exists()
+    with HISTORY.open("a", encoding="utf-8") as sink:
+        if new:
+            sink.write("commit,evopem,compared with,ratio\n")
+        for row in rows:
+            cells = [cell.strip() for cell in row.strip("| ").split(" | ")]
+            sink.write(",".join([commit, *(json.dumps(cell) for cell in cells)]) + "\n")
+
+
 SCALING = """
 import sys, time, tracemalloc
 sys.path.insert(0, {scripts!r})
@@ -321,7 +395,7 @@ def main() -> None:
         estimate(*np.random.default_rng(1).standard_normal((2, 300)), (2, 2, 2, 1), 1.0)  # compile
         passes = one_pass()
         print("\n".join(passes), flush=True)
-        searches = whole_searches()
+        searches = [*whole_searches(), *order_searches()]
         print("\n".join(searches), flush=True)
     lines = [
         "# Speed",
@@ -353,6 +427,7 @@ def main() -> None:
         "|---|---|",
         *start_up(),
     ]
+    keep_history([*passes, *searches])
     target = ROOT / "docs" / "evidence" / "speed.md"
     target.write_text("\n".join(lines) + "\n", encoding="utf-8")
     print("\n".join(lines[12:]))

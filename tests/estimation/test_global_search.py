@@ -7,7 +7,13 @@ from evopem.config.settings import ScoringWindow, SearchSettings
 from evopem.estimation.pem.objective import PredictionErrorProblem
 from evopem.estimation.polynomial_estimate import polynomial_errors, scaled_problem
 from evopem.estimation.search.armax_problem import ArmaxProblem
-from evopem.estimation.search.certificate import enough_agree, is_certified, largest_error_rate
+from evopem.estimation.search.certificate import (
+    CERTIFIED,
+    CERTIFIED_WRONG,
+    enough_agree,
+    is_certified,
+    largest_error_rate,
+)
 from evopem.estimation.search.global_search import BATCH, BATCHES, global_search
 from evopem.estimation.search.memetic import memetic_search
 from evopem.estimation.search.section_hopping import hop
@@ -87,6 +93,7 @@ def test_a_neighbour_keeps_all_sections_but_one():
         (2, 2, 0.03, False),
         (4, 4, 0.031, False),
         (5, 10, 0.031, True),
+        (9, 9, 0.51, False),
     ],
 )
 def test_enough_restarts_are_several_and_half_of_all(agreeing, restarts, undiscovered, enough):
@@ -94,7 +101,7 @@ def test_enough_restarts_are_several_and_half_of_all(agreeing, restarts, undisco
 
 
 def test_the_error_rate_is_an_upper_limit():
-    assert 0.0 < largest_error_rate() < 0.05
+    assert CERTIFIED_WRONG / CERTIFIED < largest_error_rate() < 0.2
 
 
 @pytest.mark.parametrize(

@@ -41,6 +41,7 @@ y = lfilter([0.0, 1.0], [1.0, -1.5, 0.7], u, axis=0) @ [[1.0, 0.3], [0.2, 1.0]] 
 # A small analysis, where a page says that settings.yaml holds one.
 SETTINGS = """
 defaults:
+  recipe: chapter
   split: {discard: 0}
   spectrum: {nfft: 512}
   transforms: {box_cox: none, difference: 0}

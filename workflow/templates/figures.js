@@ -61,16 +61,23 @@
   };
 
   const superscript = (digits) => [...String(digits)].map((c) => "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"["-0123456789".indexOf(c)]).join("");
-  const show = (value) => {
+  const show = (value, digits = 4) => {
     if (value === null || value === undefined) return "–";
     const size = Math.abs(value);
     if (size !== 0 && (size < 1e-3 || size >= 1e5)) {
-      const [mantissa, power] = value.toExponential(3).split("e");
+      const [mantissa, power] = value.toExponential(digits - 1).split("e");
       return `${Number(mantissa)}·10${superscript(Number(power))}`.replace(/^-/, "−");
     }
-    return String(Number(value.toPrecision(4))).replace(/^-/, "−");
+    return String(Number(value.toPrecision(digits))).replace(/^-/, "−");
   };
-  const tick = (value) => (value === null ? "" : show(value).replace(/^1·/, ""));
+  // Labels with as many digits as tell neighbours apart.
+  const ticks = (values) => {
+    for (let digits = 4; ; digits += 1) {
+      const labels = values.map((value) => (value === null ? "" : show(value, digits).replace(/^1·/, "")));
+      const words = labels.filter(Boolean);
+      if (digits === 8 || new Set(words).size === words.length) return labels;
+    }
+  };
 
   // The value nearest to the cursor of a curve that shares the abscissa with others.
   const nearest = (values, at) => {
@@ -174,7 +181,7 @@
       stroke: paint.ink,
       grid: { stroke: paint.grid, width: 1 },
       ticks: { stroke: paint.grid, width: 1, size: 4 },
-      values: (_, values) => values.map(tick),
+      values: (_, values) => ticks(values),
       size,
       gap: 4,
     });

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -124,7 +124,32 @@ def held_out_scores(
         Fitted to all stretches; the descents start there.
     settings : FitSettings
     """
-    absolute = settings.objective == "absolute"
+
+    def refitted(training: Sequence[Stretch]) -> PolynomialModel:
+        return fit(
+            *(training, model.orders, settings, [model]), *(False, model.structure, FOLD_STAGES)
+        ).model
+
+    return scores_of(stretches, plan, refitted, settings.objective == "absolute")
+
+
+def scores_of(
+    stretches: Sequence[Stretch],
+    plan: FoldPlan,
+    estimate: Callable[[Sequence[Stretch]], PolynomialModel],
+    absolute: bool,
+) -> HeldOutScores:
+    """Score what a method estimates from the training part of each fold on the rest.
+
+    Parameters
+    ----------
+    stretches : sequence of Stretch
+    plan : FoldPlan
+    estimate : callable
+        From the training part to a model; it may raise ValueError or LinAlgError.
+    absolute : bool
+        Whether errors are absolute instead of squared.
+    """
     output = np.concatenate([each.output for each in stretches])
     scale = float(np.mean(np.abs(output - output.mean())) if absolute else np.std(output)) or 1.0
     shortest = min(SHORTEST_BLOCK, total_samples(stretches) // 4)
@@ -133,10 +158,7 @@ def held_out_scores(
         of_design = []
         for fold in folds_of(stretches, folds, blocks, shortest):
             try:
-                found = fit(
-                    *(fold.training, model.orders, settings, [model]),
-                    *(False, model.structure, FOLD_STAGES),
-                ).model
+                found = estimate(fold.training)
             except (ValueError, np.linalg.LinAlgError):
                 return HeldOutScores.none()
             of_design.append(

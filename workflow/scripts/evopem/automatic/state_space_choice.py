@@ -6,7 +6,7 @@ its BIC, and on the training part of each fold for its errors on held-out sample
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -27,7 +27,7 @@ from evopem.estimation.state_space.estimate import (
     descend_from,
     errors_on,
     estimates_of_orders,
-    models_of_orders,
+    refitted,
 )
 from evopem.estimation.state_space.noise_model import RISES, noise_model, side_by_side
 from evopem.models.state_space import Form, StateSpaceModel
@@ -35,7 +35,6 @@ from evopem.signals.multichannel import MultichannelRecording
 
 Array = NDArray[np.float64]
 Log = Callable[[str], None]
-ModelsOf = Callable[[Sequence[MultichannelRecording], int], Iterator[tuple[int, StateSpaceModel]]]
 
 # Designs of folds, each a number of folds of consecutive samples: few long ones show errors of the
 # gain and of slow poles, many leave more samples to fit.  Large records have the first alone.
@@ -51,8 +50,9 @@ SINGLE_STEPS = 10
 OUTPUT_ERROR_WEIGHTING: OutputWeighting = "noise"
 # Errors beyond this, in percent, are all the same: useless.
 LARGEST_ERROR = 1e3
-# A smaller order is taken whose score is within this share of the lowest.
-MARGIN = 0.01
+# A smaller order is taken whose score is within this share of the lowest, and a further form has to
+# gain this share.
+MARGIN, LEAST_GAIN = 0.01, 0.05
 LARGEST_DELAY = 10
 
 
@@ -206,8 +206,7 @@ def search_variant(
     if variant.form == "box_jenkins":
         return _search_box_jenkins(estimation, variant, delays, orders, settings, log)
     form: Form = "output_error" if variant.form == "output_error" else "innovations"
-    found: dict[int, float] = {}
-    for estimate in estimates_of_orders(
+    estimates = estimates_of_orders(
         estimation.inputs if estimation.has_input else None,
         estimation.outputs,
         orders,
@@ -215,27 +214,9 @@ def search_variant(
         delays=tuple(delays),
         settings=settings,
         log=log,
-    ):
-        found[estimate.model.order] = estimate.bic
-        if list(found.values()).index(min(found.values())) < len(found) - RISES:
-            break
-    orders = _up_to_lowest(found)
-
-    def models(
-        parts: Sequence[MultichannelRecording], fold: int
-    ) -> Iterator[tuple[int, StateSpaceModel]]:
-        for model in models_of_orders(
-            [part.inputs for part in parts] if estimation.has_input else None,
-            [part.outputs for part in parts],
-            orders,
-            form=form,
-            delays=tuple(delays),
-            settings=settings,
-            fold=fold,
-        ):
-            yield model.order, model
-
-    return _scored(estimation, variant, orders, found, models, log)
+    )
+    found = _until_bic_rises((each.model.order, each) for each in estimates)
+    return _scored(estimation, variant, found, delays, settings, log)
 
 
 def _search_box_jenkins(
@@ -252,9 +233,7 @@ def _search_box_jenkins(
     """
     if _is_large(estimation):
         return VariantSearch(variant, (), (), (), (), ())
-    found: dict[int, float] = {}
-    noise: dict[int, int] = {}
-    plants = models_of_orders(
+    plants = estimates_of_orders(
         estimation.inputs,
         estimation.outputs,
         orders,
@@ -262,44 +241,35 @@ def _search_box_jenkins(
         delays=tuple(delays),
         settings=replace(settings, weighting=OUTPUT_ERROR_WEIGHTING),
     )
-    for plant in plants:
-        try:
-            estimate = estimate_box_jenkins(estimation, plant, delays, settings, polish=False)
-        except ValueError:
-            continue
-        noise[plant.order] = estimate.model.order - plant.order
-        found[plant.order] = estimate.bic
-        if log is not None:
-            log(f"{variant.name}: {plant.order} and {noise[plant.order]} states")
-        if list(found.values()).index(min(found.values())) < len(found) - RISES:
-            break
-    if not found:
-        return VariantSearch(variant, (), (), (), (), ())
-    orders = _up_to_lowest(found)
 
-    def models(
-        parts: Sequence[MultichannelRecording], fold: int
-    ) -> Iterator[tuple[int, StateSpaceModel]]:
-        inputs, outputs = [part.inputs for part in parts], [part.outputs for part in parts]
-        for plant in models_of_orders(
-            inputs,
-            outputs,
-            range(orders[0], orders[-1] + 1, orders[1] - orders[0] if len(orders) > 1 else 1),
-            form="output_error",
-            delays=tuple(delays),
-            settings=replace(settings, weighting=OUTPUT_ERROR_WEIGHTING),
-            fold=fold,
-        ):
-            if plant.order not in noise:
-                continue
-            same = (noise[plant.order],) if noise[plant.order] else ()
+    def estimates() -> Iterator[tuple[int, StateSpaceEstimate]]:
+        for each in plants:
+            plant = each.model
             try:
-                found = _box_jenkins(inputs, outputs, plant, delays, same, settings, polish=False)
+                estimate = estimate_box_jenkins(estimation, plant, delays, settings)
             except ValueError:
                 continue
-            yield plant.order, found.model
+            if log is not None:
+                log(f"{variant.name}: {plant.order} of {estimate.model.order} states")
+            yield plant.order, estimate
 
-    return _scored(estimation, variant, orders, found, models, log)
+    return _scored(estimation, variant, _until_bic_rises(estimates()), delays, settings, log)
+
+
+def _until_bic_rises(
+    estimates: Iterable[tuple[int, StateSpaceEstimate]],
+) -> dict[int, StateSpaceEstimate]:
+    """The estimates by order, up to where the BIC has risen so often that the search ends."""
+    found: dict[int, StateSpaceEstimate] = {}
+    lowest = np.inf
+    rises = 0
+    for order, estimate in estimates:
+        found[order] = estimate
+        rises = 0 if estimate.bic < lowest else rises + 1
+        lowest = min(lowest, estimate.bic)
+        if rises >= RISES:
+            break
+    return found
 
 
 def estimate_box_jenkins(
@@ -307,7 +277,6 @@ def estimate_box_jenkins(
     plant: StateSpaceModel,
     delays: Sequence[int],
     settings: StateSpaceSettings,
-    polish: bool = True,
 ) -> StateSpaceEstimate:
     """The optimum of innovations form next to a plant with its noise model.
 
@@ -318,55 +287,44 @@ def estimate_box_jenkins(
         Of output-error form.
     delays : sequence of int
     settings : StateSpaceSettings
-    polish : bool
-        Whether the descent goes on to the last digits.
 
     Raises
     ------
     ValueError
         When the record is too short, or the descent finds no stable model.
     """
-    tried = noise_orders(estimation)
-    found = _box_jenkins(
-        [estimation.inputs], [estimation.outputs], plant, delays, tried, settings, polish
-    )
-    model = replace(
-        found.model,
-        sampling_rate=estimation.sampling_rate,
+    inputs, outputs = [estimation.inputs], [estimation.outputs]
+    noise = noise_model(plant, inputs, outputs, noise_orders(estimation), settings)
+    start = replace(plant, form="innovations", covariance=None)
+    return descend_from(
+        start if noise is None else side_by_side(plant, noise),
+        inputs,
+        outputs,
+        estimation.sampling_rate,
+        delays=tuple(delays),
+        settings=settings,
         input_names=estimation.input_names,
         output_names=estimation.output_names,
-    )
-    return replace(found, model=model)
-
-
-def _box_jenkins(
-    inputs: Sequence[Array],
-    outputs: Sequence[Array],
-    plant: StateSpaceModel,
-    delays: Sequence[int],
-    orders: Sequence[int],
-    settings: StateSpaceSettings,
-    polish: bool,
-) -> StateSpaceEstimate:
-    noise = noise_model(plant, inputs, outputs, orders, settings) if orders else None
-    start = plant if noise is None else side_by_side(plant, noise)
-    return descend_from(
-        start, list(inputs), list(outputs), delays=tuple(delays), settings=settings, polish=polish
     )
 
 
 def _scored(
     estimation: MultichannelRecording,
     variant: Variant,
-    orders: tuple[int, ...],
-    bic: Mapping[int, float],
-    models: ModelsOf,
+    estimates: Mapping[int, StateSpaceEstimate],
+    delays: Sequence[int],
+    settings: StateSpaceSettings,
     log: Log | None,
 ) -> VariantSearch:
-    """The search of a variant with the errors of its models on held-out samples."""
+    """The search of a variant, with errors on held-out samples up to the lowest BIC."""
+    if not estimates:
+        return VariantSearch(variant, (), (), (), (), ())
+    bic = {order: each.bic for order, each in estimates.items()}
+    orders = _up_to_lowest(bic)
+    models = [replace(estimates[order].model, covariance=None) for order in orders]
     scores = []
     for count in _designs(estimation):
-        scores.append(_design_scores(estimation, count, orders, models))
+        scores.append(_design_scores(estimation, count, models, delays, settings))
         if log is not None:
             log(f"{variant.name}: {count} folds")
     with np.errstate(divide="ignore"):
@@ -382,13 +340,18 @@ def _scored(
 
 
 def choose(searches: Sequence[VariantSearch], choices: StateSpaceChoices) -> StateSpaceChoice:
-    """Choose the variant and the order with the lowest error on held-out samples.
+    """Choose the variant and the order by their errors on held-out samples.
 
     Parameters
     ----------
     searches : sequence of VariantSearch
         Simpler ones first.
     choices : StateSpaceChoices
+
+    Raises
+    ------
+    ValueError
+        When no variant has a model.
     """
     has_input = any(each.variant.form == "output_error" for each in searches) or any(
         np.isfinite(each.simulation).any() for each in searches
@@ -396,26 +359,24 @@ def choose(searches: Sequence[VariantSearch], choices: StateSpaceChoices) -> Sta
     purpose = choices.purpose
     if purpose in ("auto", "modes"):
         purpose = "simulation" if has_input else "prediction"
-    scored = [
-        (getattr(each, purpose)[position], order, rank, each.variant)
-        for rank, each in enumerate(searches)
-        for position, order in enumerate(each.orders)
-    ]
-    finite = [entry for entry in scored if np.isfinite(entry[0])] or scored
-    lowest_score = min(entry[0] for entry in finite)
-    near = [e for e in finite if e[3] == min(finite)[3] and e[0] <= (1.0 + MARGIN) * lowest_score]
-    _, order, _, variant = min(near or finite, key=lambda entry: (entry[1], entry[2]))
+    possible = [each for each in searches if each.orders]
+    if not possible:
+        raise ValueError("no model could be estimated")
+    own = possible[0]
+    for each in possible[1:]:
+        if _lowest(each, purpose) < (1.0 - LEAST_GAIN) * _lowest(own, purpose):
+            own = each
+    variant = own.variant
+    scores = np.array(getattr(own, purpose))
+    near = np.flatnonzero(np.isfinite(scores) & (scores <= (1.0 + MARGIN) * _lowest(own, purpose)))
+    # Where no score is known, BIC alone decides.
+    order = own.orders[int(near[0])] if len(near) else own.orders[-1]
     unit = (
         "simulation error on held-out samples, %"
         if purpose == "simulation"
         else "one-step error on held-out samples, %"
     )
-    best = tuple(
-        Alternative(each.variant.name, float(np.nanmin(getattr(each, purpose))))
-        for each in searches
-        if each.orders
-    )
-    own = next(each for each in searches if each.variant == variant)
+    best = tuple(Alternative(each.variant.name, _lowest(each, purpose)) for each in possible)
     orders = tuple(
         Alternative(str(n), float(score))
         for n, score in zip(own.orders, getattr(own, purpose), strict=True)
@@ -423,8 +384,8 @@ def choose(searches: Sequence[VariantSearch], choices: StateSpaceChoices) -> Sta
     decisions = (
         Decision(
             *("form and weighting", variant.name, best, unit),
-            f"Models of parts of the estimation samples are scored on the others; the lowest score"
-            f" is for {purpose}.",
+            "Models of parts of the estimation samples are scored on the others. A form takes the"
+            f" place of those before it if its lowest error is {100 * LEAST_GAIN:g} % smaller.",
         ),
         Decision(
             *("order", str(order), orders, unit),
@@ -433,6 +394,13 @@ def choose(searches: Sequence[VariantSearch], choices: StateSpaceChoices) -> Sta
         ),
     )
     return StateSpaceChoice(variant, order, purpose, decisions)
+
+
+def _lowest(search: VariantSearch, purpose: str) -> float:
+    """The lowest score of a variant; infinite where none is known."""
+    scores = np.array(getattr(search, purpose), dtype=float)
+    known = scores[np.isfinite(scores)]
+    return float(known.min()) if known.size else np.inf
 
 
 def _up_to_lowest(bic: Mapping[int, float]) -> tuple[int, ...]:
@@ -451,28 +419,44 @@ def _designs(estimation: MultichannelRecording) -> tuple[int, ...]:
 
 
 def _design_scores(
-    estimation: MultichannelRecording, count: int, orders: Sequence[int], models: ModelsOf
+    estimation: MultichannelRecording,
+    count: int,
+    models: Sequence[StateSpaceModel],
+    delays: Sequence[int],
+    settings: StateSpaceSettings,
 ) -> Array:
-    """Errors of simulation and prediction by order, over all folds of one design, (2, orders)."""
+    """Errors of simulation and prediction of each model, over all folds of one design.
+
+    The training part of a fold is fitted by a descent from the model of all samples: so it is
+    the same optimum that is scored.
+
+    Returns
+    -------
+    (2, models) array
+    """
     edges = np.linspace(0, estimation.samples, count + 1).round().astype(int)
-    ny = estimation.outputs.shape[1]
-    squares = np.zeros((2, len(orders), ny))
-    reference = np.zeros(ny)
-    place = {order: position for position, order in enumerate(orders)}
-    for fold, (first, stop) in enumerate(pairwise(edges)):
+    squares = np.zeros((2, len(models), estimation.outputs.shape[1]))
+    reference = np.zeros(estimation.outputs.shape[1])
+    for first, stop in pairwise(edges):
         held = estimation.between(first, stop)
         ends = (estimation.between(0, first), estimation.between(stop, estimation.samples))
         parts = [part for part in ends if part.samples >= SHORTEST_FOLD // 2]
         power = np.sum((held.outputs - held.outputs.mean(axis=0)) ** 2, axis=0)
         reference += power
-        seen = set()
-        for order, model in models(parts, 100 * count + fold):
-            at = place[order]
-            seen.add(at)
-            for row, relative in enumerate(errors_on(model, held.inputs, held.outputs)):
-                squares[row, at] += (np.minimum(relative, LARGEST_ERROR) / 100.0) ** 2 * power
-        for at in set(place.values()) - seen:
-            squares[:, at] = np.inf
+        for place, model in enumerate(models):
+            try:
+                fitted = refitted(
+                    model,
+                    [part.inputs for part in parts] if estimation.has_input else None,
+                    [part.outputs for part in parts],
+                    delays=tuple(delays),
+                    settings=settings,
+                )
+            except ValueError:
+                squares[:, place] = np.inf
+                continue
+            for row, relative in enumerate(errors_on(fitted, held.inputs, held.outputs)):
+                squares[row, place] += (np.minimum(relative, LARGEST_ERROR) / 100.0) ** 2 * power
     errors: Array = 100.0 * np.sqrt(squares / reference).mean(axis=2)
     if not estimation.has_input:
         errors[0] = np.nan

@@ -10,6 +10,7 @@ import numpy as np
 
 from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.orders import Candidate, Scorer, StructureSearch, refine_orders
+from evopem.automatic.peer import against_peer
 from evopem.automatic.residuals import (
     feedback_probability,
     heaviness,
@@ -104,6 +105,10 @@ def compare_structures(scorer: Scorer, searches: Sequence[StructureSearch]) -> C
     candidates = list(dict.fromkeys(candidates))
     simulation, about_simulation = _for_simulation(scorer, candidates, level)
     level, about_level = _level_of(simulation, level, about_level)
+    about_peer = against_peer(
+        *(scorer.stretches, scorer.plan, scorer.settings.objective, simulation.name),
+        *(simulation.scores, level == "state"),
+    )
     prediction = min(candidates, key=lambda each: each.scores.prediction)
     with_poles = [each for each in candidates if each.orders.na + each.orders.nf >= 2]
     modes = min(with_poles or candidates, key=lambda each: each.bic)
@@ -122,6 +127,7 @@ def compare_structures(scorer: Scorer, searches: Sequence[StructureSearch]) -> C
                 *(lambda each: each.scores.prediction, "one-step error on held-out samples, %"),
             ),
             _named("structure for modes", modes, candidates, lambda each: each.bic, "BIC"),
+            about_peer,
         ),
     )
 

@@ -85,7 +85,7 @@ def check_automatic_keys(written: Keys, source: str, place: str) -> None:
                 raise InputError(
                     source,
                     "the automatic recipe has no such range",
-                    f"remove it, or give one of {', '.join(known)}",
+                    f"remove it, give one of {', '.join(known)}, or write recipe: chapter",
                     f"{place}.{group}.{key}",
                 )
 

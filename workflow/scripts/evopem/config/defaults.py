@@ -35,7 +35,7 @@ from evopem.config.state_space_keys import (
 from evopem.config.state_space_settings import StateSpaceDataset
 from evopem.config.strict_yaml import Keys
 from evopem.config.structure_keys import check_structure_keys, check_transforms, with_ranges
-from evopem.config.structures import has_input
+from evopem.config.structures import AUTOMATIC_STRUCTURES, has_input
 from evopem.config.values import ALL_SAMPLES, normalized
 from evopem.config.yaml_form import ANALYSIS_KEYS, analysis_keys, settings_of
 from evopem.errors import InputError
@@ -98,7 +98,7 @@ def _completed(config: Keys, origin: Origin, source: str) -> Configuration:
             continue
         check_single_channel(given, source, place)
         written = with_ranges(given)
-        if written.get("recipe", defaults.get("recipe", BUILT_IN_RECIPE)) == "auto":
+        if _recipe(written, defaults) == "auto":
             datasets[name] = _automatic(name, written, defaults, source)
             continue
         if "purpose" in written:
@@ -129,6 +129,15 @@ def _completed(config: Keys, origin: Origin, source: str) -> Configuration:
     run = {name: config[name] for name in names if name in config}
     order = order_of(conditions, config["follow"], source) if "follow" in config else None
     return Configuration(datasets, from_json(RunSettings, run, source), order)
+
+
+def _recipe(written: Keys, defaults: Keys) -> Recipe:
+    """The recipe of a data set: the chapter's for structures that the automatic one has not."""
+    given: Recipe | None = written.get("recipe", defaults.get("recipe"))
+    if given is not None:
+        return given
+    structure = written.get("structure", defaults.get("structure"))
+    return BUILT_IN_RECIPE if structure in (None, *AUTOMATIC_STRUCTURES) else "chapter"
 
 
 def _automatic(name: str, written: Keys, defaults: Keys, source: str) -> DatasetSettings:

@@ -14,6 +14,7 @@ from evopem.automatic.chosen import estimate_chosen as search_chosen
 from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.folds import FoldPlan
 from evopem.automatic.orders import StructureSearch
+from evopem.automatic.peer import SUBJECT
 from evopem.automatic.preparation import PreparationPlan
 from evopem.automatic.record import DecisionRecord, OtherModel
 from evopem.automatic.remedies import Remedied
@@ -93,9 +94,16 @@ def collect_decisions(files: DatasetFiles, structures: Sequence[str], other: str
     choice = remedied.choice
     record = DecisionRecord(
         *(choice.purpose, decisions, remedied.trials, remedied.failed),
-        *(_remarks(files, choice.level), load(OtherModel, files.other_errors(other))),
+        (*_remarks(files, choice.level), *_worse_than_peer(comparison)),
+        load(OtherModel, files.other_errors(other)),
     )
     save(record, files.decisions)
+
+
+def _worse_than_peer(comparison: Comparison) -> tuple[str, ...]:
+    """What is to be said where a short method simulates clearly better than the chosen model."""
+    about = next(each for each in comparison.decisions if each.subject == SUBJECT)
+    return () if about.choice == about.alternatives[0].name else (about.sentence,)
 
 
 def _about_channels(recording: RecordingInfo) -> tuple[Decision, ...]:

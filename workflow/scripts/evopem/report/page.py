@@ -20,6 +20,7 @@ from evopem.report.sentences.about_decisions import (
     about_decisions,
     decision_rows,
     purpose_rows,
+    structure_table,
 )
 from evopem.report.sentences.about_model import (
     frequency_response,
@@ -72,6 +73,8 @@ WITHOUT_INPUT = {
     "response": "Noise filter",
     "errors": "Prediction",
 }
+# Headings that are others for the automatic recipe.
+AUTOMATIC = {"selection": "Choice of structure and orders", "phases": "Structures and orders"}
 # The parts of the page after the verdict.
 CONTENTS = (
     ("model", "Model"),
@@ -195,6 +198,7 @@ def build_report(
         trials=results.decisions.trials if results.decisions else (),
         decision_remarks=about_decisions(results),
         purposes=purpose_rows(results),
+        structures=structure_table(results),
         provenance=provenance.terms(results, commit),
         stages=provenance.stages(results, wall_clock),
         command=provenance.command(commit),
@@ -211,6 +215,8 @@ def _contents(results: DatasetResults, stand_in: bool) -> dict[str, str]:
 
 
 def _heading(name: str, title: str, results: DatasetResults) -> str:
+    if results.decisions is not None:
+        title = AUTOMATIC.get(name, title)
     return title if results.model.model.has_input else WITHOUT_INPUT.get(name, title)
 
 

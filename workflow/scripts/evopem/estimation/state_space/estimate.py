@@ -293,40 +293,9 @@ def estimates_of_orders(
             yield _described(problem, found, prepared, 1.0, (), ())
 
 
-def models_of_orders(
-    inputs: ArrayLike | Sequence[ArrayLike] | None,
-    outputs: ArrayLike | Sequence[ArrayLike],
-    orders: Sequence[int],
-    *,
-    form: Form = "innovations",
-    delays: int | Sequence[int] = 1,
-    settings: StateSpaceSettings | None = None,
-    fold: int = 0,
-) -> Iterator[StateSpaceModel]:
-    """Models of consecutive orders, each from estimates and from its smaller neighbours.
-
-    Fewer starts are descended from than by :func:`sweep_state_space_orders`.
-
-    Parameters
-    ----------
-    inputs, outputs, orders, form, delays, settings
-        As there; a level is estimated.
-    fold : int
-        Number of a part of the record, which its draws belong to.
-    """
-    settings = settings or StateSpaceSettings()
-    span = _span(orders)
-    with threadpool_limits(limits=1, user_api="blas"):
-        prepared = _prepared(inputs, outputs, delays, True)
-        errors = _errors(prepared, span[-1], form, settings)
-        for problem, found in _swept(errors, prepared, span, settings, WIDTH, None, fold):
-            projection = problem.projection(found.point)
-            yield model_of(problem, projection, 1.0, prepared.shifts, (), ())
-
-
 def descend_from(
     model: StateSpaceModel,
-    inputs: ArrayLike | Sequence[ArrayLike],
+    inputs: ArrayLike | Sequence[ArrayLike] | None,
     outputs: ArrayLike | Sequence[ArrayLike],
     sampling_rate: float = 1.0,
     *,
@@ -334,41 +303,77 @@ def descend_from(
     settings: StateSpaceSettings | None = None,
     input_names: Sequence[str] = (),
     output_names: Sequence[str] = (),
-    polish: bool = True,
 ) -> StateSpaceEstimate:
-    """The optimum of innovations form that a descent from a model ends at.
+    """The optimum of a model's form that a descent from it ends at.
 
     Parameters
     ----------
     model : StateSpaceModel
-        Of innovations form, in the units of the records, with the same delays.
+        In the units of the records, with the same delays.
     inputs, outputs, delays, settings, input_names, output_names
         As of :func:`estimate_state_space`; a level is estimated.
     sampling_rate : float
         Hz.
-    polish : bool
-        Whether the descent goes on to the last digits.
+
+    Raises
+    ------
+    ValueError
+        When the records are too short, or the descent finds no stable model.
     """
     settings = settings or StateSpaceSettings()
-    steps, tolerance = (POLISH_STEPS, POLISH_TOLERANCE) if polish else (STEPS, TOLERANCE)
     with threadpool_limits(limits=1, user_api="blas"):
         prepared = _prepared(inputs, outputs, delays, True)
-        errors = _errors(prepared, model.order, "innovations", settings)
-        record = errors.record
-        drives = np.column_stack(
-            [
-                (model.B - model.K @ model.D) * record.input_scales,
-                model.K * record.output_scales,
-            ]
-        )
-        found = descend(errors, from_matrices(errors, model.predictor, drives), steps, tolerance)
-        if not np.isfinite(found.criterion):
-            raise ValueError("the descent found no stable model")
-        value = errors.percent(found.criterion)
-        diagnostics = _without_generations(value, found.evaluations, 1)
+        errors, found = _descended_from(model, prepared, settings, POLISH_STEPS, POLISH_TOLERANCE)
         names = tuple(input_names), tuple(output_names)
-        result = SearchResult(found.point, value, diagnostics)
-        return _described(errors, result, prepared, sampling_rate, *names)
+        return _described(errors, found, prepared, sampling_rate, *names)
+
+
+def refitted(
+    model: StateSpaceModel,
+    inputs: ArrayLike | Sequence[ArrayLike] | None,
+    outputs: ArrayLike | Sequence[ArrayLike],
+    *,
+    delays: int | Sequence[int] = 1,
+    settings: StateSpaceSettings | None = None,
+) -> StateSpaceModel:
+    """The same optimum of other records: as :func:`descend_from`, the model alone.
+
+    Parameters
+    ----------
+    model, inputs, outputs, delays, settings
+        As there.
+
+    Raises
+    ------
+    ValueError
+        As there.
+    """
+    settings = settings or StateSpaceSettings()
+    with threadpool_limits(limits=1, user_api="blas"):
+        prepared = _prepared(inputs, outputs, delays, True)
+        errors, found = _descended_from(model, prepared, settings, STEPS, TOLERANCE)
+        projection = errors.projection(found.point)
+        return model_of(errors, projection, model.sampling_rate, prepared.shifts, (), ())
+
+
+def _descended_from(
+    model: StateSpaceModel,
+    prepared: _Prepared,
+    settings: StateSpaceSettings,
+    steps: int,
+    tolerance: float,
+) -> tuple[StateSpaceErrors, SearchResult]:
+    errors = _errors(prepared, model.order, model.form, settings)
+    scales = prepared.record.input_scales, prepared.record.output_scales
+    drives = (model.B - model.K @ model.D) * scales[0]
+    if errors.innovations:
+        drives = np.column_stack([drives, model.K * scales[1]])
+    found = descend(errors, from_matrices(errors, model.predictor, drives), steps, tolerance)
+    if not np.isfinite(found.criterion):
+        raise ValueError("the descent found no stable model")
+    value = errors.percent(found.criterion)
+    diagnostics = _without_generations(value, found.evaluations, 1)
+    return errors, SearchResult(found.point, value, diagnostics)
 
 
 def errors_on(model: StateSpaceModel, inputs: Array, outputs: Array) -> tuple[Array, Array]:

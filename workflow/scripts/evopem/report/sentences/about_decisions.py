@@ -73,6 +73,79 @@ def about_decisions(results: DatasetResults) -> list[str]:
     return [" ".join(sentences)]
 
 
+@dataclass(frozen=True)
+class StructureScores:
+    """The best scores of one structure.
+
+    Attributes
+    ----------
+    structure : str
+    scores : tuple of float
+        By the criteria of :class:`StructureTable`; NaN where there is none.
+    selected : bool
+    """
+
+    structure: str
+    scores: tuple[float, ...]
+    selected: bool
+
+
+@dataclass(frozen=True)
+class StructureTable:
+    """The structures side by side.
+
+    Attributes
+    ----------
+    criteria : tuple of str
+    rows : tuple of StructureScores
+        By the first criterion.
+    """
+
+    criteria: tuple[str, ...]
+    rows: tuple[StructureScores, ...]
+
+
+def structure_table(results: DatasetResults) -> StructureTable | None:
+    """The best model of every structure by each criterion; None where fewer than two were tried."""
+    if results.decisions is None:
+        return None
+    compared = [
+        each for each in results.decisions.decisions if each.subject.startswith(_STRUCTURE_FOR)
+    ]
+    best = [_best_of_structures(each) for each in compared]
+    structures = {structure for scores in best for structure in scores}
+    if len(structures) < 2:
+        return None
+    selected = results.model.orders.structure
+    rows = [
+        StructureScores(
+            structure.upper(),
+            tuple(scores.get(structure, math.nan) for scores in best),
+            structure == selected,
+        )
+        for structure in structures
+    ]
+    rows.sort(key=_rank)
+    return StructureTable(tuple(each.criterion for each in compared), tuple(rows))
+
+
+_STRUCTURE_FOR = "structure for "
+
+
+def _rank(row: StructureScores) -> tuple[list[float], str]:
+    return [math.inf if math.isnan(each) else each for each in row.scores], row.structure
+
+
+def _best_of_structures(decision: Decision) -> dict[str, float]:
+    """The lowest score of each structure among the alternatives, whose names begin with it."""
+    best: dict[str, float] = {}
+    for each in decision.alternatives:
+        structure = each.name.split()[0]
+        if math.isfinite(each.score):
+            best[structure] = min(each.score, best.get(structure, math.inf))
+    return best
+
+
 def decision_row(decision: Decision) -> DecisionRow:
     """A decision with its best rivals."""
     scored = [each for each in decision.alternatives if math.isfinite(each.score)]

@@ -91,7 +91,7 @@ def _multistart(diagnostics: SearchDiagnostics) -> str:
 def _all_candidates(candidates: pd.DataFrame) -> str:
     confirmed = int((candidates["n_confirming"] > 0).sum())
     bound = int(candidates["at_stability_bound"].sum())
-    left = int(candidates["pruned"].fillna("").ne("").sum())
+    left = int(candidates["pruned"].astype("string").fillna("").ne("").sum())
     pruned = (
         f" {plural(left, 'candidate')} that could not be selected"
         f" {'was' if left == 1 else 'were'} left after a first pass."

@@ -1,0 +1,105 @@
+"""A subspace estimate beside the chosen model, as a short method that must not be better."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evopem.automatic.decision import Alternative, Decision
+from evopem.automatic.folds import FoldPlan, HeldOutScores, scores_of
+from evopem.estimation.search.starting_polynomials import subspace_denominator
+from evopem.models.polynomial import PolynomialModel
+from evopem.models.polynomials import reflect_into_disc
+from evopem.signals.stretches import Stretch
+
+Array = NDArray[np.float64]
+
+SUBJECT = "comparison with a short method"
+ORDERS = (1, 2, 3, 4, 6, 8, 12)
+SAMPLES_PER_ORDER = 30
+LARGEST_RADIUS = 0.99999
+# A simulation error that is larger by this share than the peer's is said to be worse.
+CLEARLY = 0.1
+
+
+def against_peer(
+    stretches: Sequence[Stretch],
+    plan: FoldPlan,
+    objective: str,
+    name: str,
+    scores: HeldOutScores,
+    free_level: bool,
+) -> Decision:
+    """Score a subspace estimate on the same held-out samples as the chosen model.
+
+    Parameters
+    ----------
+    stretches : sequence of Stretch
+    plan : FoldPlan
+    objective : {"absolute", "quadratic"}
+    name : str
+        Of the chosen model.
+    scores : HeldOutScores
+        Of the chosen model.
+    free_level : bool
+        Whether the level is fitted to held-out samples.
+    """
+    order = _order(stretches)
+    found = scores_of(
+        stretches, plan, lambda training: _subspace(training, order)[0], objective == "absolute"
+    )
+    own, peer = (s.free_level if free_level else s.simulation for s in (scores, found))
+    peer_name = f"subspace estimate of order {order}"
+    alternatives = (Alternative(name, own), Alternative(peer_name, peer))
+    worse = own > (1.0 + CLEARLY) * peer
+    sentence = (
+        f"Held-out samples are simulated with {own:.3g} % by {name} and with {peer:.3g} % by a "
+        f"{peer_name}, whose numerator is fitted by least squares"
+        + (": the chosen model simulates clearly worse than this short method." if worse else ".")
+    )
+    criterion = "simulation error on held-out samples, %"
+    better = peer_name if worse else name
+    return Decision(SUBJECT, better, alternatives, criterion, sentence)
+
+
+def _order(stretches: Sequence[Stretch]) -> int:
+    """The order with the smallest BIC of simulation errors."""
+    samples = max(each.samples for each in stretches)
+    orders = [n for n in ORDERS if n * SAMPLES_PER_ORDER <= samples] or [1]
+    values = []
+    for n in orders:
+        try:
+            values.append(_subspace(stretches, n)[1])
+        except (ValueError, np.linalg.LinAlgError):
+            values.append(np.inf)
+    return orders[int(np.argmin(values))]
+
+
+def _subspace(stretches: Sequence[Stretch], order: int) -> tuple[PolynomialModel, float]:
+    """An output-error model of the longest stretch, and the BIC of its simulation errors.
+
+    Its denominator comes from MOESP (Verhaegen 1994), numerator, level and initial state from least
+    squares.
+    """
+    from scipy.signal import lfilter
+
+    longest = max(stretches, key=lambda each: each.samples)
+    u, y, n = longest.input, longest.output, longest.samples
+    denominator = subspace_denominator(u - u.mean(), y - y.mean(), order)
+    f = np.ones(order + 1)
+    f[1:] = reflect_into_disc(denominator[None, :], LARGEST_RADIUS)[0]
+    impulse = np.zeros(n)
+    impulse[0] = 1.0
+    of_input, decay = lfilter([1.0], f, u), lfilter([1.0], f, impulse)
+    columns = [np.concatenate([np.zeros(k), of_input[: n - k]]) for k in range(order + 1)]
+    columns += [np.concatenate([np.zeros(k), decay[: n - k]]) for k in range(order)]
+    regressors = np.column_stack([*columns, np.ones(n)])
+    point: Array = np.linalg.lstsq(regressors, y, rcond=1e-10)[0].astype(float)
+    errors = y - regressors @ point
+    mean_square = max(float(errors @ errors) / n, np.finfo(float).tiny)
+    bic = float(np.log(mean_square) + len(point) * np.log(n) / n)
+    one = np.ones(1)
+    model = PolynomialModel(one, point[: order + 1], one, one, f, 0, level=float(point[-1]))
+    return model, bic
