@@ -8,7 +8,7 @@ else the machine does affects both.  The processor time of this process is what 
 
 from __future__ import annotations
 
-import json
+import csv
 import os
 import platform
 import resource
@@ -321,12 +321,12 @@ def keep_history(rows: list[str]) -> None:
         ["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, capture_output=True, text=True
     ).stdout.strip()
     new = not HISTORY.exists()
-    with HISTORY.open("a", encoding="utf-8") as sink:
+    with HISTORY.open("a", encoding="utf-8", newline="") as sink:
+        table = csv.writer(sink, lineterminator="\n")
         if new:
-            sink.write("commit,evopem,compared with,ratio\n")
+            table.writerow(["commit", "evopem", "compared with", "ratio"])
         for row in rows:
-            cells = [cell.strip() for cell in row.strip("| ").split(" | ")]
-            sink.write(",".join([commit, *(json.dumps(cell) for cell in cells)]) + "\n")
+            table.writerow([commit, *(cell.strip() for cell in row.strip("| ").split(" | "))])
 
 
 SCALING = """

@@ -46,7 +46,7 @@ def test_a_source_alone_leaves_every_decision_to_the_recording():
         (", split: {discard: 30}", {"start_given": True}),
         (", search: {objective: absolute}", {"objective": "absolute"}),
         (", transforms: {difference: 0}", {"differences_given": True}),
-        (", transforms: {box_cox: auto}", {}),
+        (", transforms: {box_cox: auto}", {"box_cox_given": True}),
         (", purpose: prediction", {"purpose": "prediction"}),
     ],
 )

@@ -14,7 +14,7 @@ from evopem.config.settings import (
 from evopem.errors import InputError
 from evopem.estimation.candidate import Candidate
 from evopem.estimation.criteria import Criteria
-from evopem.estimation.order_race import LARGEST_GAIN, first_pass, race
+from evopem.estimation.order_race import LIKELY_GAIN, first_pass, race
 from evopem.estimation.order_selection import (
     complete_estimate,
     estimate_candidates,
@@ -322,7 +322,7 @@ def test_the_first_pass_differs_in_its_evaluations_alone():
 
 
 def test_a_candidate_too_far_from_the_lowest_is_pruned_with_the_reason():
-    gain = LARGEST_GAIN * 9 / RACE_SAMPLES
+    gain = LIKELY_GAIN * 9 / RACE_SAMPLES
     best = certified((2, 2, 2, 0), 1.0)
     near = open_search((3, 3, 3, 0), 1.0 + 0.9 * gain)
     far = open_search((3, 3, 3, 1), 1.0 + 1.1 * gain)
@@ -335,7 +335,7 @@ def test_a_candidate_too_far_from_the_lowest_is_pruned_with_the_reason():
 
 
 def test_the_lowest_is_searched_first_and_may_prune_the_others():
-    gain = LARGEST_GAIN * 6 / RACE_SAMPLES
+    gain = LIKELY_GAIN * 6 / RACE_SAMPLES
     candidates = [open_search((2, 2, 2, nk), 1.0 + 0.8 * gain * nk) for nk in range(3)]
     searched = []
     race(candidates, "joint", RACE_SAMPLES, SETTINGS, searched_on(searched, gain), list)
@@ -344,7 +344,7 @@ def test_the_lowest_is_searched_first_and_may_prune_the_others():
 
 @pytest.mark.parametrize(("lead", "count"), [(2.0, 0), (0.4, 4)])
 def test_delays_are_searched_only_where_another_may_overtake(lead, count):
-    gain = LARGEST_GAIN * 6 / RACE_SAMPLES
+    gain = LIKELY_GAIN * 6 / RACE_SAMPLES
     candidates = [
         open_search((2, k, 4 - k, nk), 1.0 + lead * gain * nk) for nk in (0, 1) for k in (1, 3)
     ]

@@ -82,5 +82,5 @@ def test_the_search_of_all_candidates_in_words(results):
     (text,) = about_search.search(
         replace(results, candidates=table.assign(pruned=["far"] + (len(table) - 1) * [None]))
     )
-    assert "1 candidate that could not be selected" in text
+    assert "1 candidate unlikely to be selected" in text
     assert "was left after a first pass" in text

@@ -72,7 +72,7 @@ def decide_differences(stretches: Sequence[Stretch]) -> tuple[int, Decision]:
         return decision(
             0,
             f"The disturbance is likely to be a random walk (the BIC falls by {evidence:.3g}), but "
-            f"the response to the input leaves only {100 * left:.2g} % of the output's mean "
+            f"the response to the input leaves only {100 * left:.0f} % of the output's mean "
             "square: nothing is differenced.",
         )
     walk = "a random walk" if times == 1 else "a random walk that is summed up once more"
@@ -80,7 +80,7 @@ def decide_differences(stretches: Sequence[Stretch]) -> tuple[int, Decision]:
         times,
         f"The disturbance is {walk}: with {times} common root{'s' if times > 1 else ''} of A and B "
         f"at 1 the BIC falls by {evidence:.3g}, and the response to the input leaves "
-        f"{100 * left:.2g} % of the output's mean square. Both channels are differenced, which "
+        f"{100 * left:.0f} % of the output's mean square. Both channels are differenced, which "
         "leaves the plant as it is. Simulations are scored on differenced samples.",
     )
 

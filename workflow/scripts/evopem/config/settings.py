@@ -230,7 +230,7 @@ class SearchSettings:
     n_initial_discard : int
         First residuals that the loss leaves out.
     prune : bool
-        Whether candidates that cannot be selected are left after a first pass of their search.
+        Whether candidates unlikely to be selected are left after a first pass of their search.
     """
 
     objective: Objective = "absolute"

@@ -37,7 +37,6 @@ ANALYSIS_KEYS = (
 )
 
 NO_RESAMPLING = "none"
-# The automatic recipe decides of what is left.
 
 
 def settings_of(name: str, keys: Keys) -> DatasetSettings:

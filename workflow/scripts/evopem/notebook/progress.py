@@ -30,7 +30,7 @@ def progress(shown: bool) -> Iterator[Announce | None]:
 
 def _way() -> Callable[[], AbstractContextManager[Announce]]:
     """A bar on a terminal and in a notebook; lines in a file of messages."""
-    in_notebook = "ipykernel" in sys.modules
+    in_notebook = _in_notebook()
     if not (sys.stderr.isatty() or in_notebook):
         return _line
     if importlib.util.find_spec("tqdm"):
@@ -38,6 +38,12 @@ def _way() -> Callable[[], AbstractContextManager[Announce]]:
     if in_notebook:  # where rich needs widgets
         return _display
     return _rich if importlib.util.find_spec("rich") else _line
+
+
+def _in_notebook() -> bool:
+    """Whether a kernel runs this code; it has imported IPython."""
+    ipython = sys.modules.get("IPython")
+    return ipython is not None and hasattr(ipython.get_ipython(), "kernel")
 
 
 @contextmanager

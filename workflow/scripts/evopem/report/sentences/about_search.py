@@ -93,7 +93,7 @@ def _all_candidates(candidates: pd.DataFrame) -> str:
     bound = int(candidates["at_stability_bound"].sum())
     left = int(candidates["pruned"].astype("string").fillna("").ne("").sum())
     pruned = (
-        f" {plural(left, 'candidate')} that could not be selected"
+        f" {plural(left, 'candidate')} unlikely to be selected"
         f" {'was' if left == 1 else 'were'} left after a first pass."
     )
     return (
