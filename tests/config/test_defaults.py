@@ -5,11 +5,11 @@ from pathlib import Path
 import pytest
 import yaml
 
+from evopem.config.configuration import Configuration
 from evopem.config.defaults import complete
 from evopem.config.settings import (
     AutomaticSettings,
     ChannelSettings,
-    Configuration,
     DatasetSettings,
     OrderGrid,
     OrderSettings,

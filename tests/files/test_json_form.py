@@ -15,27 +15,46 @@ from hypothesis import settings as examples
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from evopem.config import settings
+from evopem.automatic.multichannel_preparation import MultichannelPlan
+from evopem.automatic.record import OtherModel
+from evopem.automatic.state_space_choice import DelayChoice, StateSpaceChoice, VariantSearch
+from evopem.config import settings, state_space_settings
 from evopem.config.settings import ChannelSettings, OrderSettings, SearchSettings, SyntheticSource
 from evopem.errors import InputError
 from evopem.estimation.candidate import Candidate, PhaseSelection
 from evopem.estimation.model_record import ModelRecord
+from evopem.estimation.state_space.model_record import ModesRecord, StateSpaceModelRecord
 from evopem.files.json_form import from_json, load, save, to_json
 from evopem.files.unfinished import UnfinishedJob
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.structures import PolynomialOrders, armax_orders
 from evopem.results.fleet import DatasetSummary
+from evopem.results.multichannel import DecisionList
+from evopem.signals.multichannel_preparation import MultichannelTransforms
+from evopem.signals.multichannel_reading import MultichannelInfo
 from evopem.signals.preparation import Transforms
 from evopem.signals.recording_info import RecordingInfo
 from evopem.signals.spectral.summary import SpectrumSummary
 from evopem.synthesis.truth import Truth
+from evopem.validation.multichannel import MultichannelValidation
 from evopem.validation.validation import Validation
 
 SCRIPTS = Path(__file__).parents[2] / "workflow" / "scripts"
 RESULTS = [
     Candidate,
     DatasetSummary,
+    DecisionList,
+    DelayChoice,
     ModelRecord,
+    ModesRecord,
+    MultichannelInfo,
+    MultichannelPlan,
+    MultichannelTransforms,
+    MultichannelValidation,
+    OtherModel,
+    StateSpaceChoice,
+    StateSpaceModelRecord,
+    VariantSearch,
     PolynomialOrders,
     PhaseSelection,
     PolynomialModel,
@@ -46,7 +65,15 @@ RESULTS = [
     UnfinishedJob,
     Validation,
 ]
-SETTINGS = [kind for kind in vars(settings).values() if is_dataclass(kind)]
+SETTINGS = sorted(
+    {
+        kind
+        for module in (settings, state_space_settings)
+        for kind in vars(module).values()
+        if is_dataclass(kind)
+    },
+    key=lambda kind: kind.__name__,
+)
 
 FINITE = st.floats(allow_nan=False, allow_infinity=False)
 
@@ -113,7 +140,11 @@ def assert_same(read: Any, written: Any) -> None:
         assert repr(read) == repr(written)
 
 
-@pytest.mark.parametrize("kind", [*RESULTS, *SETTINGS], ids=lambda kind: kind.__name__)
+@pytest.mark.parametrize(
+    "kind",
+    [*RESULTS, *sorted(SETTINGS, key=lambda kind: kind.__name__)],
+    ids=lambda kind: kind.__name__,
+)
 @examples(max_examples=15, deadline=None)
 @given(data=st.data())
 def test_what_is_written_is_what_is_read(kind, data):

@@ -57,15 +57,19 @@ ANALYSIS = {
     ),
 }
 NAMES = st.from_regex(r"[a-z0-9][a-z0-9_-]{0,12}", fullmatch=True)
+TEXT = st.text(st.characters(exclude_categories=["Cs", "Cc"]))
 SOURCES = st.one_of(
     st.fixed_dictionaries({"synthesis": st.sampled_from(["armax", "flexible_arm"])}),
-    st.fixed_dictionaries({"file": st.just("bench.csv")}, optional={"input_unit": st.text()}),
+    st.fixed_dictionaries({"file": st.just("bench.csv")}, optional={"input_unit": TEXT}),
 )
 DATASETS = st.builds(lambda source, keys: source | keys, SOURCES, some(**ANALYSIS))
+# Every key of the analysis has a built-in value in the chapter's recipe alone.
 VALID = st.fixed_dictionaries(
-    {"datasets": st.dictionaries(NAMES, DATASETS, min_size=1, max_size=3)},
+    {
+        "datasets": st.dictionaries(NAMES, DATASETS, min_size=1, max_size=3),
+        "defaults": some(**ANALYSIS).map(lambda keys: {"recipe": "chapter"} | keys),
+    },
     optional={
-        "defaults": some(**ANALYSIS),
         "candidates_per_job": st.integers(1, 100) | st.just("auto"),
         "one_job_per": st.sampled_from(["stage", "recording"]),
         "report": st.sampled_from(["html", "none"]),

@@ -11,12 +11,12 @@ import yaml
 
 from evopem.config.automatic_keys import built_in_keys, check_automatic_keys, laid_over
 from evopem.config.conditions import order_of
+from evopem.config.configuration import Configuration
 from evopem.config.dataset_names import check_names
 from evopem.config.fit_keys import merged_fit
 from evopem.config.sample_sheet import Origin, expand, shard_of, with_matching_files
 from evopem.config.schema import check_schema
 from evopem.config.settings import (
-    Configuration,
     DatasetSettings,
     OrderGrid,
     PreparationSettings,

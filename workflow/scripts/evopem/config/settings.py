@@ -6,13 +6,9 @@ The default values of these dataclasses are the built-in values of the configura
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
-from evopem.config.conditions import Positions
 from evopem.config.constraints import Constraints
-
-if TYPE_CHECKING:
-    from evopem.config.state_space_settings import StateSpaceDataset
 
 Range = tuple[int, int]
 """Lower and upper end of a range of orders, both included."""
@@ -403,24 +399,3 @@ class RunSettings:
     report: Literal["html", "none"] = "html"
     shard: str | None = None
     follow: str | None = None
-
-
-@dataclass(frozen=True)
-class Configuration:
-    """A checked and completed configuration."""
-
-    datasets: dict[str, DatasetSettings | StateSpaceDataset]
-    run: RunSettings
-    order: Positions | None = None
-
-    @property
-    def single_channel(self) -> dict[str, DatasetSettings]:
-        """The data sets with one input and one output, or an output alone."""
-        items = self.datasets.items()
-        return {name: each for name, each in items if isinstance(each, DatasetSettings)}
-
-    @property
-    def state_space(self) -> dict[str, StateSpaceDataset]:
-        """The data sets with several channels."""
-        items = self.datasets.items()
-        return {name: each for name, each in items if not isinstance(each, DatasetSettings)}

@@ -13,11 +13,11 @@ from functools import cached_property
 from typing import Any, Protocol
 
 from evopem.config import order_grid, resources
+from evopem.config.configuration import Configuration
 from evopem.config.dataset_names import RESERVED_NAMES
 from evopem.config.order_grid import phases_of_dataset
 from evopem.config.settings import (
     AutomaticSettings,
-    Configuration,
     DatasetSettings,
     OrderGrid,
     RecordedSource,

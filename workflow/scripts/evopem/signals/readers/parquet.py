@@ -39,7 +39,8 @@ def read(path: Path, references: Sequence[Reference]) -> list[Channel]:
             index = find_channel(path, reference, names, "column")
             try:
                 # Two columns may share a name: the table then holds both, in their order.
-                table = file.read(columns=[names[index]])
+                # Without threads, which may outlive the interpreter and abort the process.
+                table = file.read(columns=[names[index]], use_threads=False)
                 column = table.column(names[:index].count(names[index]))
             except (arrow.ArrowException, OSError):
                 refuse_unreadable(path, "Parquet file")

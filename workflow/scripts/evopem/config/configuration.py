@@ -1,0 +1,30 @@
+"""The whole configuration, checked and completed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from evopem.config.conditions import Positions
+from evopem.config.settings import DatasetSettings, RunSettings
+from evopem.config.state_space_settings import StateSpaceDataset
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """A checked and completed configuration."""
+
+    datasets: dict[str, DatasetSettings | StateSpaceDataset]
+    run: RunSettings
+    order: Positions | None = None
+
+    @property
+    def single_channel(self) -> dict[str, DatasetSettings]:
+        """The data sets with one input and one output, or an output alone."""
+        items = self.datasets.items()
+        return {name: each for name, each in items if isinstance(each, DatasetSettings)}
+
+    @property
+    def state_space(self) -> dict[str, StateSpaceDataset]:
+        """The data sets with several channels."""
+        items = self.datasets.items()
+        return {name: each for name, each in items if not isinstance(each, DatasetSettings)}
