@@ -23,6 +23,7 @@ _STAGES = {
     "structures": "comparing the structures",
     "remedies": "acting on failed checks",
     "chosen": "searching the chosen model globally",
+    "other_model": "model for the other purpose",
     "decisions": "decisions",
     "model": "model and its uncertainty",
     "candidates": "table of candidates",
