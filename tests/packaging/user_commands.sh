@@ -73,13 +73,9 @@ columns = np.column_stack([recording.input, recording.output])
 np.savetxt("recorded/data.csv", columns, delimiter=",", header="u,y", comments="")
 PYTHON
 cd recorded
-for settings in "" "--config ../own/config.yaml"; do
-    # shellcheck disable=SC2086 - no settings are no argument
-    evopem data.csv --input u --output y --rate 100 $settings | tee printed.txt
-    grep --quiet "report  results/data/report.html" printed.txt
-    [[ -s results/data/report.html ]]
-    rm -r results
-done
+evopem data.csv --input u --output y --rate 100 | tee printed.txt
+grep --quiet "report  results/data/report.html" printed.txt
+[[ -s results/data/report.html ]]
 say "evopem init FOLDER"
 evopem init .
 grep --quiet "file: data.csv" config.yaml
