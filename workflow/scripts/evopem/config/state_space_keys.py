@@ -7,8 +7,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from evopem.config.geometry_keys import check_geometry, geometry_keys, geometry_of
 from evopem.config.settings import SplitSettings
 from evopem.config.source_keys import check_file_paths
@@ -23,6 +21,7 @@ from evopem.config.state_space_settings import (
 )
 from evopem.config.strict_yaml import Keys
 from evopem.config.values import ALL_SAMPLES
+from evopem.config.yaml_form import dataset_yaml, read_dataset
 from evopem.errors import InputError
 from evopem.files.json_form import from_json, to_json
 
@@ -185,12 +184,7 @@ def keys_of_state_space(settings: StateSpaceDataset) -> dict[str, Any]:
 
 def state_space_yaml(settings: StateSpaceDataset) -> str:
     """Write a configuration with this one data set, ready to be run again."""
-    return yaml.safe_dump(
-        {"datasets": {settings.name: keys_of_state_space(settings)}},
-        sort_keys=False,
-        allow_unicode=True,
-        default_flow_style=None,
-    )
+    return dataset_yaml(settings.name, keys_of_state_space(settings))
 
 
 def read_state_space_settings(path: str | Path) -> StateSpaceDataset:
@@ -201,16 +195,7 @@ def read_state_space_settings(path: str | Path) -> StateSpaceDataset:
     InputError
         When the file is missing or holds something else.
     """
-    try:
-        content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
-        ((name, keys),) = content["datasets"].items()
-        return state_space_settings(name, keys)
-    except (OSError, yaml.YAMLError, ValueError, KeyError, TypeError, AttributeError) as error:
-        raise InputError(
-            str(path),
-            f"does not hold the complete configuration of several channels ({error})",
-            "delete the file and run snakemake again, which writes it anew",
-        ) from None
+    return read_dataset(path, state_space_settings)
 
 
 def _check_structure(written: Keys, defaults: Keys, source: str, place: str) -> None:

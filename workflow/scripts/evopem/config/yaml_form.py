@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import yaml
 
@@ -37,6 +37,8 @@ ANALYSIS_KEYS = (
 )
 
 NO_RESAMPLING = "none"
+
+Settings = TypeVar("Settings")
 
 
 def settings_of(name: str, keys: Keys) -> DatasetSettings:
@@ -141,11 +143,13 @@ def _as_lists(value: Any) -> Any:
 
 def yaml_text(settings: DatasetSettings) -> str:
     """Write a configuration with this one data set, ready to be run again."""
+    return dataset_yaml(settings.name, keys_of(settings))
+
+
+def dataset_yaml(name: str, keys: Keys) -> str:
+    """Write a configuration with one data set of any number of channels."""
     return yaml.safe_dump(
-        {"datasets": {settings.name: keys_of(settings)}},
-        sort_keys=False,
-        allow_unicode=True,
-        default_flow_style=None,
+        {"datasets": {name: keys}}, sort_keys=False, allow_unicode=True, default_flow_style=None
     )
 
 
@@ -157,19 +161,41 @@ def read_settings(path: str | Path) -> DatasetSettings:
     InputError
         When the file is missing or holds something else.
     """
+    settings = read_dataset(path, _single_channel_settings)
+    if settings is None:
+        raise InputError(
+            str(path),
+            "holds a data set with several channels, and one with a single output is needed",
+            "name another folder",
+        )
+    return settings
+
+
+def read_dataset(path: str | Path, settings_of_keys: Callable[[str, Keys], Settings]) -> Settings:
+    """Read the settings of the one data set that :func:`dataset_yaml` wrote.
+
+    Parameters
+    ----------
+    path : path-like
+    settings_of_keys : callable
+        Of a name and its keys.
+
+    Raises
+    ------
+    InputError
+        When the file is missing or holds something else.
+    """
     try:
         content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
         ((name, keys),) = content["datasets"].items()
-        if keys.get("structure") != "state_space":
-            return settings_of(name, keys)
+        return settings_of_keys(name, keys)
     except (OSError, yaml.YAMLError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise InputError(
             str(path),
             f"does not hold the complete configuration of one data set ({error})",
             "delete the file and run snakemake again, which writes it anew",
         ) from None
-    raise InputError(
-        str(path),
-        "holds a data set with several channels, and one with a single output is needed",
-        "name another folder",
-    )
+
+
+def _single_channel_settings(name: str, keys: Keys) -> DatasetSettings | None:
+    return None if keys.get("structure") == "state_space" else settings_of(name, keys)

@@ -24,8 +24,8 @@ from evopem.estimation.pem.objective import PredictionErrorProblem
 from evopem.estimation.polynomial_estimate import PolynomialEstimate
 from evopem.estimation.requirements import check_search_settings, check_signals, check_window
 from evopem.estimation.search.armax_problem import ArmaxProblem
-from evopem.estimation.search.global_search import global_search
-from evopem.estimation.search.problem import SearchResult, continuing, descended, pooled
+from evopem.estimation.search.global_search import continued_search
+from evopem.estimation.search.problem import SearchResult, descended, pooled
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomials import max_root_radius as largest_radius
 from evopem.models.structures import PolynomialOrders, armax_orders
@@ -118,13 +118,8 @@ def estimate(
     with threadpool_limits(limits=1, user_api="blas"):
         errors = prediction_errors(u, y, orders, settings, window)
         problem, scales = _scaled_problem(errors, settings.initialization)
-        key = (orders.na, orders.nb, orders.nc, orders.nk, *continuing(earlier))
-        sequence = np.random.SeedSequence(settings.seed, spawn_key=key)
-        known = earlier.value if earlier is not None else np.inf
-        result = global_search(problem, settings, np.random.default_rng(sequence), log, known)
-        result = replace(result, point=result.point * scales)
-        if earlier is not None:
-            result = pooled(earlier, result)
+        key = (orders.na, orders.nb, orders.nc, orders.nk)
+        result = continued_search(problem, scales, key, settings, earlier, log)
         return describe(errors, result, sampling_rate)
 
 

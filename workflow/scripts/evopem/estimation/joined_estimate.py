@@ -10,15 +10,19 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from evopem.config.settings import ScoringWindow, SearchSettings
-from evopem.estimation.criteria import criteria_of, lies_at_bound, power_of_two_scale
+from evopem.estimation.criteria import criteria_of, power_of_two_scale
 from evopem.estimation.pem.covariance import innovation_variance
 from evopem.estimation.pem.stretch_errors import StretchErrors
-from evopem.estimation.polynomial_estimate import PolynomialEstimate, covariance_of
-from evopem.estimation.search.global_search import global_search
-from evopem.estimation.search.problem import SearchResult, continuing, descended, pooled
+from evopem.estimation.polynomial_estimate import (
+    PolynomialEstimate,
+    covariance_of,
+    parameter_scales,
+    roots_at_bound,
+)
+from evopem.estimation.search.global_search import continued_search
+from evopem.estimation.search.problem import SearchResult, descended, pooled
 from evopem.estimation.search.stretch_problem import StretchProblem
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.polynomials import max_root_radius
 from evopem.models.structures import PolynomialOrders
 from evopem.signals.stretches import Stretch
 
@@ -66,13 +70,8 @@ def estimate_joined(
     with threadpool_limits(limits=1, user_api="blas"):
         errors = joined_errors(stretches, orders, settings, window, level)
         problem, scales = _scaled_problem(errors)
-        key = (o.na, o.nb, o.nc, o.nd, o.nf, o.nk, int(level), *continuing(earlier))
-        generator = np.random.default_rng(np.random.SeedSequence(settings.seed, spawn_key=key))
-        known = np.inf if earlier is None else earlier.value
-        found = global_search(problem, settings, generator, log, known, recombine=problem.recombine)
-        found = replace(found, point=found.point * scales)
-        if earlier is not None:
-            found = pooled(earlier, found)
+        key = (o.na, o.nb, o.nc, o.nd, o.nf, o.nk, int(level))
+        found = continued_search(problem, scales, key, settings, earlier, log, problem.recombine)
         return describe_joined(errors, found, sampling_rate)
 
 
@@ -131,10 +130,6 @@ def describe_joined(
         structure=errors.orders.structure,
     )
     missing = np.full(errors.window.loss_start, np.nan)
-    at_bound = (
-        lies_at_bound(max(max_root_radius(a[1:]), max_root_radius(f[1:])), errors.plant_radius),
-        lies_at_bound(max(max_root_radius(c[1:]), max_root_radius(d[1:])), errors.noise_radius),
-    )
     criteria = criteria_of(counted, outputs, errors.objective, errors.parameters)
     return PolynomialEstimate(
         model=model,
@@ -143,7 +138,7 @@ def describe_joined(
         plant_state=point[parts["plant"]].copy(),
         noise_state=point[parts["noise"]].copy(),
         window=errors.window,
-        at_stability_bound=any(at_bound),
+        at_stability_bound=roots_at_bound(errors, model),
         search=result,
         focus_objective=criteria.objective,
         levels=levels,
@@ -168,8 +163,4 @@ def _scaled_problem(errors: StretchErrors) -> tuple[StretchProblem, Array]:
         *(errors.orders, errors.objective, errors.plant_radius, errors.noise_radius, errors.level),
         window=errors.window,
     )
-    scales, parts = np.ones(errors.dimension), errors.parts()
-    scales[parts["b"]] = output_scale / input_scale
-    for name in ("level", "plant", "noise"):
-        scales[parts[name]] = output_scale
-    return StretchProblem(scaled), scales
+    return StretchProblem(scaled), parameter_scales(errors, input_scale, output_scale)

@@ -22,9 +22,9 @@ from evopem.estimation.pem.polynomial_objective import PolynomialErrors
 from evopem.estimation.pem.robust_covariance import MOST_COLOURING, coloured_covariance
 from evopem.estimation.pem.stretch_errors import StretchErrors
 from evopem.estimation.requirements import check_search_settings, check_signals, check_window
-from evopem.estimation.search.global_search import global_search
+from evopem.estimation.search.global_search import continued_search
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
-from evopem.estimation.search.problem import SearchResult, continuing, descended, pooled
+from evopem.estimation.search.problem import SearchResult, descended, pooled
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomials import max_root_radius
@@ -160,14 +160,8 @@ def estimate_polynomial(
     with threadpool_limits(limits=1, user_api="blas"):
         errors = checked_errors(input, output, o, settings, window, level)
         problem, scales = scaled_problem(errors)
-        key = (o.na, o.nb, o.nc, o.nd, o.nf, o.nk, int(level), *continuing(earlier))
-        sequence = np.random.SeedSequence(settings.seed, spawn_key=key)
-        generator = np.random.default_rng(sequence)
-        known = np.inf if earlier is None else earlier.value
-        found = global_search(problem, settings, generator, log, known, recombine=problem.recombine)
-        found = replace(found, point=found.point * scales)
-        if earlier is not None:
-            found = pooled(earlier, found)
+        key = (o.na, o.nb, o.nc, o.nd, o.nf, o.nk, int(level))
+        found = continued_search(problem, scales, key, settings, earlier, log, problem.recombine)
         return describe(errors, found, sampling_rate)
 
 
@@ -252,12 +246,18 @@ def scaled_problem(errors: PolynomialErrors) -> tuple[PolynomialProblem, Array]:
         errors.noise_radius,
         errors.level,
     )
-    scales = np.ones(errors.dimension)
-    parts = errors.parts()
+    return PolynomialProblem(scaled), parameter_scales(errors, input_scale, output_scale)
+
+
+def parameter_scales(
+    errors: PolynomialErrors | StretchErrors, input_scale: float, output_scale: float
+) -> Array:
+    """Scales of the parameters, (n,), of a problem whose signals are divided by scales."""
+    scales, parts = np.ones(errors.dimension), errors.parts()
     scales[parts["b"]] = output_scale / input_scale
     for name in ("level", "plant", "noise"):
         scales[parts[name]] = output_scale
-    return PolynomialProblem(scaled), scales
+    return scales
 
 
 def _check(
@@ -300,10 +300,6 @@ def describe(
         structure=errors.orders.structure,
     )
     residuals[: errors.residual_start] = np.nan
-    at_bound = (
-        lies_at_bound(max(max_root_radius(a[1:]), max_root_radius(f[1:])), errors.plant_radius),
-        lies_at_bound(max(max_root_radius(c[1:]), max_root_radius(d[1:])), errors.noise_radius),
-    )
     criteria = criteria_of(counted, counted_output, errors.objective, errors.parameters)
     return PolynomialEstimate(
         model=model,
@@ -312,10 +308,19 @@ def describe(
         plant_state=point[parts["plant"]].copy(),
         noise_state=point[parts["noise"]].copy(),
         window=ScoringWindow(errors.residual_start, errors.loss_start),
-        at_stability_bound=any(at_bound),
+        at_stability_bound=roots_at_bound(errors, model),
         search=result,
         focus_objective=criteria.objective,
     )
+
+
+def roots_at_bound(errors: PolynomialErrors | StretchErrors, model: PolynomialModel) -> bool:
+    """Whether a root of A, F, C or D lies at the bound of the search."""
+    plant, noise = (
+        max(max_root_radius(one[1:]), max_root_radius(other[1:]))
+        for one, other in ((model.a, model.f), (model.c, model.d))
+    )
+    return lies_at_bound(plant, errors.plant_radius) or lies_at_bound(noise, errors.noise_radius)
 
 
 def covariance_of(

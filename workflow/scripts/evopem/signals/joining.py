@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Protocol
 
 from evopem.errors import InputError
 from evopem.signals.recording import Recording
@@ -19,6 +20,14 @@ _COMMON = {
     "input_unit": ("unit of its input", "input_unit"),
     "output_unit": ("unit of its output", "output_unit"),
 }
+
+
+class Sampled(Protocol):
+    """A recording of any number of channels."""
+
+    @property
+    def sampling_rate(self) -> float:
+        """In Hz."""
 
 
 def joined(recordings: Sequence[Recording], sources: Sequence[str]) -> Recording:
@@ -73,7 +82,7 @@ def check_alike(first: Recording, other: Recording, first_source: str, source: s
         )
 
 
-def check_same_rate(recording: Recording, validation: Recording, source: str) -> None:
+def check_same_rate(recording: Sampled, validation: Sampled, source: str) -> None:
     """Refuse a validation recording of another rate than the estimation recording's."""
     if recording.sampling_rate != validation.sampling_rate:
         raise InputError(

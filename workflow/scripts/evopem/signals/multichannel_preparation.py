@@ -13,6 +13,7 @@ from evopem.config.settings import SplitSettings
 from evopem.errors import InputError
 from evopem.files.json_form import load, save
 from evopem.files.npz import load_arrays, save_arrays
+from evopem.signals.joining import check_same_rate
 from evopem.signals.multichannel import (
     MultichannelRecording,
     check_multichannel,
@@ -164,13 +165,7 @@ def _check_alike(
     recording: MultichannelRecording, validation: MultichannelRecording, place: str
 ) -> None:
     """Refuse a validation recording of another rate, of other channels, or of the same samples."""
-    if recording.sampling_rate != validation.sampling_rate:
-        raise InputError(
-            place,
-            f"it was sampled at {validation.sampling_rate:g} Hz and the estimation recording at"
-            f" {recording.sampling_rate:g} Hz",
-            "validate on a recording of the same rate",
-        )
+    check_same_rate(recording, validation, place)
     for role in ("input", "output"):
         own, other = getattr(recording, f"{role}_names"), getattr(validation, f"{role}_names")
         if len(own) != len(other):

@@ -98,13 +98,18 @@ class ModeEvidence:
     @property
     def origin(self) -> str:
         """What drives the mode: ``input``, ``noise``, ``neither`` or ``not judged``."""
-        if self.reached:
-            return "input"
-        if self.needed_by_noise:
-            return "noise"
-        if self.reached is None or self.needed_by_noise is None:
-            return "not judged"
-        return "neither"
+        return origin_of(self.reached, self.needed_by_noise)
+
+
+def origin_of(reached: bool | None, needed_by_noise: bool | None) -> str:
+    """What drives a mode: ``input``, ``noise``, ``neither`` or ``not judged``."""
+    if reached:
+        return "input"
+    if needed_by_noise:
+        return "noise"
+    if reached is None or needed_by_noise is None:
+        return "not judged"
+    return "neither"
 
 
 def mode_evidence(

@@ -20,7 +20,7 @@ from evopem.models.mode_clusters import cluster_modes
 from evopem.models.state_space import StateSpaceModel
 from evopem.models.state_space_modes import ShapedMode
 from evopem.validation.held_out_tests import HeldOutTest, contribution_test
-from evopem.validation.mode_evidence import NO_TEST, SIGNIFICANCE, STABLE_SHARE
+from evopem.validation.mode_evidence import NO_TEST, SIGNIFICANCE, STABLE_SHARE, origin_of
 from evopem.validation.mode_trust import doubts
 
 Array = NDArray[np.float64]
@@ -104,13 +104,7 @@ class JudgedMode:
     @property
     def origin(self) -> str:
         """What drives the mode: ``input``, ``noise``, ``neither`` or ``not judged``."""
-        if self.reached:
-            return "input"
-        if self.needed_by_noise:
-            return "noise"
-        if self.reached is None or self.needed_by_noise is None:
-            return "not judged"
-        return "neither"
+        return origin_of(self.reached, self.needed_by_noise)
 
     @property
     def trusted(self) -> bool:

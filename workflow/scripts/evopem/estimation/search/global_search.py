@@ -21,9 +21,11 @@ from evopem.estimation.search.memetic import Recombination, memetic_search
 from evopem.estimation.search.problem import (
     SearchDiagnostics,
     SearchResult,
+    continuing,
     converged_values,
     count_confirming,
     count_distinct,
+    pooled,
     same_optimum,
     undiscovered,
 )
@@ -72,6 +74,46 @@ class _Record:
         self.convergence.append((self.spent, self.value))
         if self._log is not None:
             self._log(f"{kind}: {value:.9g}, lowest {self.value:.9g}, {self.spent} evaluations")
+
+
+def continued_search(
+    problem: HoppingProblem,
+    scales: Array,
+    key: tuple[int, ...],
+    settings: SearchSettings,
+    earlier: SearchResult | None = None,
+    log: Callable[[str], None] | None = None,
+    recombine: Recombination | None = None,
+) -> SearchResult:
+    """Search a scaled problem globally, combined with an earlier search of the same problem.
+
+    Parameters
+    ----------
+    problem : HoppingProblem
+        In scaled units.
+    scales : (n,) array
+        Of its parameters; points of results have the units of the signals.
+    key : tuple of int
+        What is searched. The draws come from ``SeedSequence(seed, spawn_key=key)``, with the number
+        of restarts of the earlier search appended.
+    settings : SearchSettings
+    earlier : SearchResult, optional
+    log : callable, optional
+        Receives one line a restart.
+    recombine : callable, optional
+        See :func:`.memetic.memetic_search`.
+
+    Raises
+    ------
+    InputError
+        When no value was finite.
+    """
+    sequence = np.random.SeedSequence(settings.seed, spawn_key=(*key, *continuing(earlier)))
+    known = np.inf if earlier is None else earlier.value
+    generator = np.random.default_rng(sequence)
+    found = global_search(problem, settings, generator, log, known, recombine=recombine)
+    found = replace(found, point=found.point * scales)
+    return found if earlier is None else pooled(earlier, found)
 
 
 def global_search(
