@@ -26,6 +26,7 @@ from evopem.estimation.multi_input.problem import (
     STEPS,
     TOLERANCE,
     MultiInputProblem,
+    adapted_point,
     descended,
     starting_points,
 )
@@ -276,7 +277,7 @@ def reduced_orders(
                     continue
                 tried.add(neighbour)
                 own = errors.of_orders(neighbour)
-                optimum = descend(own, own.point_of(model), STEPS, TOLERANCE)
+                optimum = descend(own, adapted_point(own, model), STEPS, TOLERANCE)
                 bic = _bic(own, optimum.value)
                 if bic < best:
                     best, orders, changed = bic, neighbour, True

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +30,7 @@ from evopem.estimation.search.starting_polynomials import (
     steiglitz_mcbride,
 )
 from evopem.models.multi_input import MultiInputModel
-from evopem.models.polynomials import reflect_into_disc
+from evopem.models.polynomials import reflect_into_disc, roots
 
 Array = NDArray[np.float64]
 
@@ -180,6 +180,35 @@ def starting_points(
         if generator is not None:
             points += _with_further_poles(errors, model, generator)
     return points
+
+
+def adapted_point(errors: MultiInputErrors, model: MultiInputModel) -> Array:
+    """The best point next to a model of neighbouring orders.
+
+    A polynomial that is shorter by one loses its last coefficient, or one of its real roots.
+    """
+    o, other, parameters = errors.orders, model.orders, model.parameters
+    shorter = []
+    for letter, place in [("a", 0), ("c", 0), ("d", 0), *(("f", i) for i in range(o.inputs))]:
+        coefficients = parameters[other.part(letter, place)]
+        part = o.part(letter, place)
+        if part.stop - part.start != len(coefficients) - 1:
+            continue
+        found = roots(coefficients)
+        real = [k for k in range(len(found)) if found[k].imag == 0.0]
+        without = [np.atleast_1d(np.real(np.poly(np.delete(found, k))))[1:] for k in real]
+        shorter.append([(part, each) for each in (coefficients[:-1], *without)])
+    base = errors.point_of(model)
+    best, lowest = base, errors.value(base)
+    for choice in product(*shorter):
+        point = base.copy()
+        for part, coefficients in choice:
+            point[part] = coefficients
+        point = errors.completed(point)
+        value = errors.value(point)
+        if value < lowest:
+            best, lowest = point, value
+    return best
 
 
 def descended(errors: MultiInputErrors, starts: Sequence[Array], count: int) -> list[Optimum]:
