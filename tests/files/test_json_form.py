@@ -23,7 +23,7 @@ from evopem.config.settings import ChannelSettings, OrderSettings, SearchSetting
 from evopem.errors import InputError
 from evopem.estimation.candidate import Candidate, PhaseSelection
 from evopem.estimation.model_record import ModelRecord
-from evopem.estimation.state_space.model_record import ModesRecord, StateSpaceModelRecord
+from evopem.estimation.state_space.model_record import StateSpaceModelRecord
 from evopem.files.json_form import from_json, load, save, to_json
 from evopem.files.unfinished import UnfinishedJob
 from evopem.models.polynomial import PolynomialModel
@@ -36,6 +36,7 @@ from evopem.signals.preparation import Transforms
 from evopem.signals.recording_info import RecordingInfo
 from evopem.signals.spectral.summary import SpectrumSummary
 from evopem.synthesis.truth import Truth
+from evopem.validation.modes_record import ModesRecord
 from evopem.validation.multichannel import MultichannelValidation
 from evopem.validation.validation import Validation
 

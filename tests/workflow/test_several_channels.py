@@ -10,10 +10,11 @@ import pandas as pd
 import pytest
 from scipy.io import loadmat
 
-from evopem.estimation.state_space.model_record import ModesRecord, StateSpaceModelRecord
+from evopem.estimation.state_space.model_record import StateSpaceModelRecord
 from evopem.files.json_form import load
 from evopem.results.fleet import DatasetSummary
 from evopem.signals.multichannel_preparation import load_multichannel_data
+from evopem.validation.modes_record import ModesRecord
 from evopem.validation.multichannel import MultichannelValidation
 
 from .conftest import Folder

@@ -136,6 +136,7 @@ rule search_state_space:
         delays=files.decision("delays"),
     output:
         search=files.search("{variant}"),
+        models=files.models_of_orders("{variant}"),
     log:
         files.log("decisions/search/{variant}"),
     benchmark:
@@ -199,14 +200,6 @@ rule estimate_state_space:
             labels={"file": "model.json"},
         ),
         matlab=files.model_mat,
-        modes=report(
-            files.modes,
-            caption="../report/shapes.rst",
-            category="{dataset}",
-            subcategory="Tables",
-            labels={"table": "modes"},
-        ),
-        modes_json=files.modes_json,
         frequency_response=files.frequency_response,
     log:
         files.log("model"),
@@ -228,8 +221,10 @@ rule estimate_state_space:
 
 
 rule validate_state_space:
-    """Validate the model on samples that no choice has seen."""
+    """Validate the model and its modes on samples that no choice has seen."""
     input:
+        orders=provider.models_of_orders_of_variants,
+        comparison=files.decision("comparison"),
         prepared=files.prepared,
         transforms=files.transforms,
         model=files.model,
@@ -244,6 +239,14 @@ rule validate_state_space:
         residual_autocorrelation=files.residual_autocorrelation,
         cross_correlation=files.cross_correlation,
         simulation=files.simulation,
+        modes=report(
+            files.modes,
+            caption="../report/shapes.rst",
+            category="{dataset}",
+            subcategory="Tables",
+            labels={"table": "modes"},
+        ),
+        modes_json=files.modes_json,
     log:
         files.log("validation"),
     benchmark:

@@ -30,6 +30,7 @@ from evopem.estimation.state_space.estimate import (
     refitted,
 )
 from evopem.estimation.state_space.noise_model import RISES, WIDTH, noise_model, side_by_side
+from evopem.estimation.state_space.order_models import OrderModel, OrderModels
 from evopem.models.state_space import Form, StateSpaceModel
 from evopem.signals.multichannel import MultichannelRecording
 
@@ -192,7 +193,7 @@ def search_variant(
     orders: Sequence[int],
     settings: StateSpaceSettings,
     log: Log | None = None,
-) -> VariantSearch:
+) -> tuple[VariantSearch, OrderModels]:
     """Estimate every order of a variant, and score it on held-out samples.
 
     Parameters
@@ -216,7 +217,29 @@ def search_variant(
         log=log,
     )
     found = _until_bic_rises((each.model.order, each) for each in estimates)
-    return _scored(estimation, variant, found, delays, settings, log)
+    search = _scored(estimation, variant, found, delays, settings, log)
+    return search, _order_models(estimation, found)
+
+
+def _order_models(
+    estimation: MultichannelRecording, found: Mapping[int, StateSpaceEstimate]
+) -> OrderModels:
+    """The models with the rate and the names of the record."""
+    return OrderModels(
+        tuple(
+            OrderModel.of(
+                order,
+                estimate.bic,
+                replace(
+                    estimate.model,
+                    sampling_rate=estimation.sampling_rate,
+                    input_names=estimation.input_names,
+                    output_names=estimation.output_names,
+                ),
+            )
+            for order, estimate in found.items()
+        )
+    )
 
 
 def _search_box_jenkins(
@@ -226,13 +249,13 @@ def _search_box_jenkins(
     orders: Sequence[int],
     settings: StateSpaceSettings,
     log: Log | None,
-) -> VariantSearch:
+) -> tuple[VariantSearch, OrderModels]:
     """The same for innovations form next to output-error models, whose orders these are.
 
     None on large records, where a descent takes too long.
     """
     if _is_large(estimation):
-        return VariantSearch(variant, (), (), (), (), ())
+        return VariantSearch(variant, (), (), (), (), ()), OrderModels(())
     plants = estimates_of_orders(
         estimation.inputs,
         estimation.outputs,
@@ -254,7 +277,9 @@ def _search_box_jenkins(
                 log(f"{variant.name}: {plant.order} of {estimate.model.order} states")
             yield plant.order, estimate
 
-    return _scored(estimation, variant, _until_bic_rises(estimates()), delays, settings, log)
+    found = _until_bic_rises(estimates())
+    search = _scored(estimation, variant, found, delays, settings, log)
+    return search, _order_models(estimation, found)
 
 
 def _until_bic_rises(

@@ -344,8 +344,11 @@ class StateSpaceModel:
             free[sample] = response
             response = response @ dynamics
         weighted = (free * weights[:, None]).reshape(-1, self.order)
-        state = np.linalg.lstsq(weighted, (remainder * weights).ravel(), STATE_RANK)[0]
-        return np.asarray(state, dtype=float)
+        # States of very different sizes would make the small ones look undetermined.
+        sizes = np.linalg.norm(weighted, axis=0)
+        sizes = np.where(sizes > 0.0, sizes, 1.0)
+        state = np.linalg.lstsq(weighted / sizes, (remainder * weights).ravel(), STATE_RANK)[0]
+        return np.asarray(state / sizes, dtype=float)
 
     def _unit_circle(self, frequencies: ArrayLike) -> NDArray[np.complex128]:
         f = np.asarray(frequencies, dtype=float)

@@ -38,13 +38,13 @@ from evopem.config.state_space_settings import (
 )
 from evopem.errors import InputError
 from evopem.estimation.state_space.estimate import StateSpaceSettings, estimate_state_space
-from evopem.estimation.state_space.model_record import ModesRecord, StateSpaceModelRecord
+from evopem.estimation.state_space.model_record import StateSpaceModelRecord
 from evopem.estimation.state_space.noise_model import noise_model, side_by_side
+from evopem.estimation.state_space.order_models import OrderModel, OrderModels
 from evopem.files.atomic import write_table, write_text
 from evopem.files.json_form import load, save
 from evopem.models.matlab import save_state_space_mat
 from evopem.models.state_space import Form, StateSpaceModel
-from evopem.models.state_space_tables import shaped_modes_table
 from evopem.results.layout import DatasetFiles
 from evopem.results.multichannel import (
     DecisionList,
@@ -64,6 +64,8 @@ from evopem.signals.multichannel_reading import (
     describe_multichannel,
     read_multichannel,
 )
+from evopem.validation.mode_table import table_of_models
+from evopem.validation.modes_record import ModesRecord
 from evopem.validation.multichannel import validate_multichannel
 
 Log = Callable[[str], None]
@@ -165,10 +167,13 @@ def search_state_space(
     orders = searched_orders(estimation, limits, place)
     delays = load(DelayChoice, files.decision("delays")).delays
     try:
-        found = search_variant(estimation, variant, delays, orders, _settings(search, variant), log)
+        found, models = search_variant(
+            estimation, variant, delays, orders, _settings(search, variant), log
+        )
     except ValueError as error:
         raise _too_short(place, error) from None
     save(found, files.search(variant.name))
+    save(models, files.models_of_orders(variant.name))
 
 
 def choose_state_space(
@@ -228,9 +233,6 @@ def estimate_chosen_state_space(
     )
     save(record, files.model)
     save_state_space_mat(record.model, files.model_mat)
-    modes = ModesRecord.of(record.plant)
-    save(modes, files.modes_json)
-    write_table(files.modes, shaped_modes_table(modes.modes, modes.input_names, modes.output_names))
     with threadpool_limits(limits=1, user_api="blas"):
         write_table(files.frequency_response, frequency_response_rows(record, estimation))
 
@@ -246,14 +248,31 @@ def _with_noise_model(
 
 
 def validate_state_space(files: DatasetFiles) -> None:
-    """Validate the model on samples that no choice has seen."""
+    """Validate the model and its modes on samples that no choice has seen."""
     record = load(StateSpaceModelRecord, files.model)
+    prepared = _prepared(files).validation
     with threadpool_limits(limits=1, user_api="blas"):
-        validation, tables = validate_multichannel(record.model, _prepared(files).validation)
+        validation, tables = validate_multichannel(record.model, prepared)
+        modes = _judged_modes(files, record, prepared)
+    save(modes, files.modes_json)
+    write_table(files.modes, modes.rows())
     save(validation, files.validation)
     write_table(files.simulation, tables.simulation)
     write_table(files.residual_autocorrelation, tables.residual_autocorrelation)
     write_table(files.cross_correlation, tables.cross_correlation)
+
+
+def _judged_modes(
+    files: DatasetFiles, record: StateSpaceModelRecord, validation: MultichannelRecording
+) -> ModesRecord:
+    """The modes of the model and of the other orders of its form, with their evidence."""
+    choice = load(StateSpaceChoice, files.decision("comparison"))
+    searched = load(OrderModels, files.models_of_orders(choice.variant.name))
+    own = OrderModel.of(choice.order, record.bic, record.plant)
+    table = table_of_models(
+        searched.with_model(own).models, choice.order, validation.inputs, validation.outputs, 0
+    )
+    return ModesRecord.of(table, record.input_names, record.output_names)
 
 
 def collect_state_space_decisions(files: DatasetFiles) -> None:

@@ -511,6 +511,11 @@ class Provider:
         """The outputs of their searches."""
         return [FILES.search("_".join(each)) for each in self.searched_variants(wildcards)]
 
+    def models_of_orders_of_variants(self, wildcards: Wildcards) -> list[str]:
+        """The models of all orders that these searches leave."""
+        names = map("_".join, self.searched_variants(wildcards))
+        return [FILES.models_of_orders(name) for name in names]
+
     def start_and_rate_given(self, wildcards: Wildcards) -> tuple[bool, bool]:
         """Whether the configuration says where samples begin, and at which rate."""
         own = self.config.state_space[wildcards.dataset]

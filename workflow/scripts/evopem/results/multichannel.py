@@ -13,7 +13,7 @@ import pandas as pd
 from evopem.automatic.decision import Decision
 from evopem.automatic.state_space_choice import StateSpaceChoice, VariantSearch
 from evopem.config.state_space_settings import StateSpaceDataset
-from evopem.estimation.state_space.model_record import ModesRecord, StateSpaceModelRecord
+from evopem.estimation.state_space.model_record import StateSpaceModelRecord
 from evopem.files.checksums import sha256_of_file
 from evopem.files.json_form import load
 from evopem.models.modes import Mode
@@ -27,7 +27,8 @@ from evopem.signals.multichannel_preparation import MultichannelData, load_multi
 from evopem.signals.multichannel_reading import MultichannelInfo
 from evopem.signals.spectral.multichannel_response import multichannel_response
 from evopem.validation.checks import Check
-from evopem.validation.checks.state_space import mode_doubts, state_space_checks
+from evopem.validation.checks.state_space import state_space_checks
+from evopem.validation.modes_record import ModesRecord
 from evopem.validation.multichannel import MultichannelValidation
 
 NFFT = 1024
@@ -94,7 +95,7 @@ class MultichannelResults:
     @property
     def trusted_modes(self) -> list[ShapedMode]:
         """The modes that give no reason to doubt them."""
-        return [mode for mode in self.modes.modes if not mode_doubts(mode)]
+        return list(self.modes.table.trusted)
 
 
 def read_multichannel_results(
@@ -135,7 +136,7 @@ def summarize_multichannel(files: DatasetFiles) -> DatasetSummary:
     record = load(StateSpaceModelRecord, files.model)
     validation = load(MultichannelValidation, files.validation)
     info = load(MultichannelInfo, files.recording_info)
-    shaped = load(ModesRecord, files.modes_json).modes
+    modes = load(ModesRecord, files.modes_json)
     variant = load(StateSpaceChoice, files.decision("comparison")).variant
     tried = load(VariantSearch, files.search(variant.name)).tried
     return DatasetSummary(
@@ -159,10 +160,10 @@ def summarize_multichannel(files: DatasetFiles) -> DatasetSummary:
                 mode.frequency_se_hz,
                 mode.damping_se,
             )
-            for mode in shaped
+            for mode in modes.modes
         ),
-        trusted=tuple(not mode_doubts(mode) for mode in shaped),
-        shapes=tuple(tuple(map(complex, mode.shape)) for mode in shaped),
+        trusted=modes.trusted,
+        shapes=tuple(tuple(map(complex, mode.shape)) for mode in modes.modes),
         gain_db=_gain_outline(record),
         made_from={
             Path(file).name: sha256_of_file(file)

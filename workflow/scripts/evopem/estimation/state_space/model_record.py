@@ -1,4 +1,4 @@
-"""The contents of ``model.json`` of a state-space model, and of ``modes.json``."""
+"""The contents of ``model.json`` of a state-space model."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ from evopem.estimation.state_space.estimate import StateSpaceEstimate
 from evopem.estimation.state_space.noise_model import plant_of
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.state_space import StateSpaceModel
-from evopem.models.state_space_modes import ShapedMode, assurance
 from evopem.signals.multichannel_preparation import MultichannelTransforms
 from evopem.version import __version__
 
@@ -170,36 +169,3 @@ class StateSpaceModelRecord:
         form = _FORMS[self.form]
         states = f"{self.plant_states} state{'s' * (self.plant_states != 1)}"
         return f"state space, {states} ({form}{f', noise model of {noise}' if noise else ''})"
-
-
-@dataclass(frozen=True, eq=False)
-class ModesRecord:
-    """The modes of a plant with their shapes.
-
-    Attributes
-    ----------
-    input_names, output_names : tuple of str
-    modes : tuple of ShapedMode
-        By frequency.
-    assurance : tuple of tuples of float
-        Modal assurance criterion of each pair of shapes.
-    """
-
-    input_names: tuple[str, ...]
-    output_names: tuple[str, ...]
-    modes: tuple[ShapedMode, ...]
-    assurance: tuple[tuple[float, ...], ...]
-
-    @classmethod
-    def of(cls, plant: StateSpaceModel) -> ModesRecord:
-        """The modes of a plant."""
-        modes = tuple(plant.modes())
-        return cls(
-            plant.input_names,
-            plant.output_names,
-            modes,
-            tuple(
-                tuple(round(assurance(one.shape, other.shape), 12) for other in modes)
-                for one in modes
-            ),
-        )
