@@ -9,15 +9,17 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evopem.automatic.decision import Alternative, Decision, given_by_configuration
 from evopem.config.state_space_settings import (
+    ModelForm,
     OutputWeighting,
     StateSpaceChoices,
-    StateSpaceForm,
+    variant_name,
 )
 from evopem.errors import InputError
 from evopem.estimation.state_space.delays import estimate_delays
@@ -36,6 +38,8 @@ from evopem.signals.multichannel import MultichannelRecording
 
 Array = NDArray[np.float64]
 Log = Callable[[str], None]
+Refit = Callable[[Sequence[MultichannelRecording]], StateSpaceModel]
+"""The model that a descent ends at on parts of a record, from the one of the whole record."""
 
 # Designs of folds, each a number of folds of consecutive samples: few long ones show errors of the
 # gain and of slow poles, many leave more samples to fit.  Large records have the first alone.
@@ -59,15 +63,26 @@ LARGEST_DELAY = 10
 
 @dataclass(frozen=True)
 class Variant:
-    """A form with a weighting of the outputs."""
+    """A form, or a structure of polynomial models, with a weighting of the outputs."""
 
-    form: StateSpaceForm
+    form: ModelForm
     weighting: OutputWeighting
 
     @property
     def name(self) -> str:
         """Such as ``innovations_determinant``."""
-        return f"{self.form}_{self.weighting}"
+        return variant_name(self.form, self.weighting)
+
+
+class HasBic(Protocol):
+    """An estimate that was scored."""
+
+    @property
+    def bic(self) -> float:
+        """Its BIC."""
+
+
+Estimate = TypeVar("Estimate", bound=HasBic)
 
 
 @dataclass(frozen=True)
@@ -216,7 +231,7 @@ def search_variant(
         settings=settings,
         log=log,
     )
-    found = _until_bic_rises((each.model.order, each) for each in estimates)
+    found = until_bic_rises((each.model.order, each) for each in estimates)
     search = _scored(estimation, variant, found, delays, settings, log)
     return search, _order_models(estimation, found)
 
@@ -277,16 +292,14 @@ def _search_box_jenkins(
                 log(f"{variant.name}: {plant.order} of {estimate.model.order} states")
             yield plant.order, estimate
 
-    found = _until_bic_rises(estimates())
+    found = until_bic_rises(estimates())
     search = _scored(estimation, variant, found, delays, settings, log)
     return search, _order_models(estimation, found)
 
 
-def _until_bic_rises(
-    estimates: Iterable[tuple[int, StateSpaceEstimate]],
-) -> dict[int, StateSpaceEstimate]:
+def until_bic_rises(estimates: Iterable[tuple[int, Estimate]]) -> dict[int, Estimate]:
     """The estimates by order, up to where the BIC has risen so often that the search ends."""
-    found: dict[int, StateSpaceEstimate] = {}
+    found: dict[int, Estimate] = {}
     lowest = np.inf
     rises = 0
     for order, estimate in estimates:
@@ -343,14 +356,49 @@ def _scored(
     log: Log | None,
 ) -> VariantSearch:
     """The search of a variant, with errors on held-out samples up to the lowest BIC."""
-    if not estimates:
-        return VariantSearch(variant, (), (), (), (), ())
+
+    def refit_of(model: StateSpaceModel) -> Refit:
+        def refit(parts: Sequence[MultichannelRecording]) -> StateSpaceModel:
+            return refitted(
+                model,
+                [part.inputs for part in parts] if estimation.has_input else None,
+                [part.outputs for part in parts],
+                delays=tuple(delays),
+                settings=settings,
+            )
+
+        return refit
+
     bic = {order: each.bic for order, each in estimates.items()}
+    refits = {
+        order: refit_of(replace(each.model, covariance=None)) for order, each in estimates.items()
+    }
+    return scored_search(estimation, variant, bic, refits, log)
+
+
+def scored_search(
+    estimation: MultichannelRecording,
+    variant: Variant,
+    bic: Mapping[int, float],
+    refits: Mapping[int, Refit],
+    log: Log | None,
+) -> VariantSearch:
+    """The search of a variant from the BIC of each order, and how it is fitted to other samples.
+
+    Parameters
+    ----------
+    estimation : MultichannelRecording
+    variant : Variant
+    bic : mapping of int to float
+    refits : mapping of int to callable
+    log : callable, optional
+    """
+    if not bic:
+        return VariantSearch(variant, (), (), (), (), ())
     orders = _up_to_lowest(bic)
-    models = [replace(estimates[order].model, covariance=None) for order in orders]
     scores = []
     for count in _designs(estimation):
-        scores.append(_design_scores(estimation, count, models, delays, settings))
+        scores.append(_design_scores(estimation, count, [refits[order] for order in orders]))
         if log is not None:
             log(f"{variant.name}: {count} folds")
     with np.errstate(divide="ignore"):
@@ -445,11 +493,7 @@ def _designs(estimation: MultichannelRecording) -> tuple[int, ...]:
 
 
 def _design_scores(
-    estimation: MultichannelRecording,
-    count: int,
-    models: Sequence[StateSpaceModel],
-    delays: Sequence[int],
-    settings: StateSpaceSettings,
+    estimation: MultichannelRecording, count: int, refits: Sequence[Refit]
 ) -> Array:
     """Errors of simulation and prediction of each model, over all folds of one design.
 
@@ -461,7 +505,7 @@ def _design_scores(
     (2, models) array
     """
     edges = np.linspace(0, estimation.samples, count + 1).round().astype(int)
-    squares = np.zeros((2, len(models), estimation.outputs.shape[1]))
+    squares = np.zeros((2, len(refits), estimation.outputs.shape[1]))
     reference = np.zeros(estimation.outputs.shape[1])
     for first, stop in pairwise(edges):
         held = estimation.between(first, stop)
@@ -469,15 +513,9 @@ def _design_scores(
         parts = [part for part in ends if part.samples >= SHORTEST_FOLD // 2]
         power = np.sum((held.outputs - held.outputs.mean(axis=0)) ** 2, axis=0)
         reference += power
-        for place, model in enumerate(models):
+        for place, refit in enumerate(refits):
             try:
-                fitted = refitted(
-                    model,
-                    [part.inputs for part in parts] if estimation.has_input else None,
-                    [part.outputs for part in parts],
-                    delays=tuple(delays),
-                    settings=settings,
-                )
+                fitted = refit(parts)
             except ValueError:
                 squares[:, place] = np.inf
                 continue

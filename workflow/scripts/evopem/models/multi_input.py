@@ -83,6 +83,11 @@ class MultiInputOrders:
         """Index of the first residual whose past inputs and outputs are measured."""
         return max(self.na, *(nk + nb - 1 for nk, nb in zip(self.nk, self.nb, strict=True)), 0)
 
+    @property
+    def joint(self) -> int:
+        """The largest degree of A and F_i; without poles the largest number of B's coefficients."""
+        return max(self.na, *self.nf) or max(self.nb)
+
     def part(self, letter: str, place: int = 0) -> slice:
         """Where the coefficients of A, C, D, or B or F of an input, stand in the parameters."""
         lengths = [self.na, *self.nb, self.nc, self.nd, *self.nf]
@@ -282,9 +287,20 @@ class MultiInputModel:
 
     def modes(self) -> list[ShapedMode]:
         """Oscillating modes of A and all F_i, by frequency, with standard errors."""
-        from evopem.models.multi_input_modes import modes_of_inputs
+        return self.plant().state_space().modes()
 
-        return modes_of_inputs(self)
+    def plant(self) -> MultiInputModel:
+        """The model without noise poles of its own: those of D, or C where there is no A."""
+        o = self.orders
+        if not _has_own_noise(o):
+            return self
+        covariance = None
+        if self.covariance is not None:
+            noise = np.r_[o.part("c"), o.part("d")]
+            rows = np.delete(np.arange(o.coefficients + 1), noise)
+            covariance = self.covariance.part(rows)
+        one = np.ones(1)
+        return replace(self, C=one, D=one, covariance=covariance)
 
     def to_scipy(self):  # type: ignore[no-untyped-def]
         """``G`` as a discrete-time ``scipy.signal.StateSpace`` with one output."""
@@ -323,7 +339,7 @@ class MultiInputModel:
     @property
     def plant_states(self) -> int:
         """States of :meth:`state_space` that belong to the plant; those of the noise follow."""
-        return sum(size for size in _sizes(self.orders)[:-1])
+        return sum(_sizes(self.orders)[:-1])
 
     def state_space(self) -> StateSpaceModel:
         """The same model in innovations form, with the covariance of its entries.
@@ -376,10 +392,15 @@ def _taps(o: MultiInputOrders) -> Iterator[int]:
         yield nb if nk else nb - 1
 
 
+def _has_own_noise(o: MultiInputOrders) -> bool:
+    """Whether the noise has states of its own."""
+    return o.nd > 0 or (o.na == 0 and o.nc > 0)
+
+
 def _sizes(o: MultiInputOrders) -> list[int]:
     """States of the blocks: A with what enters it directly, each F_i, the noise."""
     direct = [taps for taps, nf in zip(_taps(o), o.nf, strict=True) if nf == 0]
-    own_noise = o.nd > 0 or o.na == 0
+    own_noise = _has_own_noise(o)
     shared = max([o.na, *direct, 0 if own_noise else o.nc])
     of_inputs = [max(nf, taps) if nf else 0 for taps, nf in zip(_taps(o), o.nf, strict=True)]
     noise = o.noise_states if own_noise else 0
@@ -398,7 +419,7 @@ def _matrices(o: MultiInputOrders, parameters: NDArray) -> tuple[NDArray, ...]:
     for first, stop in edges:
         A[range(first, stop - 1), range(first + 1, stop)] = 1.0
         C[0, first : min(first + 1, stop)] = 1.0
-    own_noise = o.nd > 0 or o.na == 0
+    own_noise = _has_own_noise(o)
     a, c, d = (parameters[o.part(letter)] for letter in "acd")
     for i in range(nu):
         b, f = parameters[o.part("b", i)], parameters[o.part("f", i)]

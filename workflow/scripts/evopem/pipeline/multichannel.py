@@ -13,6 +13,11 @@ from evopem.automatic.multichannel_preparation import (
     apply_multichannel_plan,
     decide_multichannel_preparation,
 )
+from evopem.automatic.multi_input_choice import (
+    estimate_structure,
+    search_structure,
+    searched_joint_orders,
+)
 from evopem.automatic.state_space_choice import (
     OUTPUT_ERROR_WEIGHTING,
     DelayChoice,
@@ -29,21 +34,27 @@ from evopem.automatic.state_space_choice import (
 from evopem.config.settings import SplitSettings
 from evopem.config.state_space_keys import state_space_yaml
 from evopem.config.state_space_settings import (
+    ONE_OUTPUT,
     ChannelLists,
     Geometry,
     StateSpaceChoices,
     StateSpaceDataset,
     StateSpaceSearchSettings,
+    is_polynomial,
     searched_variants,
 )
 from evopem.errors import InputError
-from evopem.estimation.state_space.estimate import StateSpaceSettings, estimate_state_space
+from evopem.estimation.state_space.estimate import (
+    StateSpaceEstimate,
+    StateSpaceSettings,
+    estimate_state_space,
+)
 from evopem.estimation.state_space.model_record import StateSpaceModelRecord
 from evopem.estimation.state_space.noise_model import noise_model, side_by_side
 from evopem.estimation.state_space.order_models import OrderModel, OrderModels
 from evopem.files.atomic import write_table, write_text
 from evopem.files.json_form import load, save
-from evopem.models.matlab import save_state_space_mat
+from evopem.models.matlab import save_multi_input_mat, save_state_space_mat
 from evopem.models.state_space import Form, StateSpaceModel
 from evopem.results.layout import DatasetFiles
 from evopem.results.multichannel import (
@@ -164,12 +175,17 @@ def search_state_space(
     """
     estimation = _prepared(files).estimation
     place = f"datasets.{files.name}"
-    orders = searched_orders(estimation, limits, place)
+    settings = _settings(search, variant)
     delays = load(DelayChoice, files.decision("delays")).delays
     try:
-        found, models = search_variant(
-            estimation, variant, delays, orders, _settings(search, variant), log
-        )
+        if is_polynomial(variant.form):
+            orders = searched_joint_orders(estimation, variant.form, limits, place)
+            found, models = search_structure(
+                estimation, variant, delays, orders, settings, log
+            )
+        else:
+            orders = searched_orders(estimation, limits, place)
+            found, models = search_variant(estimation, variant, delays, orders, settings, log)
     except ValueError as error:
         raise _too_short(place, error) from None
     save(found, files.search(variant.name))
@@ -199,42 +215,58 @@ def estimate_chosen_state_space(
     choice = load(StateSpaceChoice, files.decision("comparison"))
     delays = load(DelayChoice, files.decision("delays")).delays
     settings = _settings(search, choice.variant)
+    units = estimation.input_units, estimation.output_units
+    form, weighting = choice.variant.form, choice.variant.weighting
+    try:
+        if is_polynomial(form):
+            found = estimate_structure(estimation, form, choice.order, delays, settings, log)
+            record = StateSpaceModelRecord.of_polynomials(found, units, search, data.transforms)
+        else:
+            estimate, model = _state_space_model(estimation, choice, delays, settings, log)
+            record = StateSpaceModelRecord.of(
+                estimate, model, (form, weighting), units, search, data.transforms
+            )
+    except ValueError as error:
+        raise _too_short(f"datasets.{files.name}", error) from None
+    save(record, files.model)
+    if record.polynomials is None:
+        save_state_space_mat(record.model, files.model_mat)
+    else:
+        save_multi_input_mat(record.polynomials, files.model_mat)
+    with threadpool_limits(limits=1, user_api="blas"):
+        write_table(files.frequency_response, frequency_response_rows(record, estimation))
+
+
+def _state_space_model(
+    estimation: MultichannelRecording,
+    choice: StateSpaceChoice,
+    delays: tuple[int, ...],
+    settings: StateSpaceSettings,
+    log: Log | None,
+) -> tuple[StateSpaceEstimate, StateSpaceModel]:
+    """The chosen state-space model, and the same with its noise model."""
     form: Form = "innovations" if choice.variant.form == "innovations" else "output_error"
     first = settings
     if choice.variant.form == "box_jenkins":
         first = replace(settings, weighting=OUTPUT_ERROR_WEIGHTING)
-    try:
-        estimate = estimate_state_space(
-            estimation.inputs if estimation.has_input else None,
-            estimation.outputs,
-            choice.order,
-            estimation.sampling_rate,
-            form=form,
-            delays=delays,
-            settings=first,
-            input_names=estimation.input_names,
-            output_names=estimation.output_names,
-            log=log,
-        )
-        if choice.variant.form == "box_jenkins":
-            estimate = estimate_box_jenkins(estimation, estimate.model, delays, settings)
-        model = estimate.model
-        if choice.variant.form == "output_error":
-            model = _with_noise_model(estimation, model, settings)
-    except ValueError as error:
-        raise _too_short(f"datasets.{files.name}", error) from None
-    record = StateSpaceModelRecord.of(
-        estimate,
-        model,
-        (choice.variant.form, choice.variant.weighting),
-        (estimation.input_units, estimation.output_units),
-        search,
-        data.transforms,
+    estimate = estimate_state_space(
+        estimation.inputs if estimation.has_input else None,
+        estimation.outputs,
+        choice.order,
+        estimation.sampling_rate,
+        form=form,
+        delays=delays,
+        settings=first,
+        input_names=estimation.input_names,
+        output_names=estimation.output_names,
+        log=log,
     )
-    save(record, files.model)
-    save_state_space_mat(record.model, files.model_mat)
-    with threadpool_limits(limits=1, user_api="blas"):
-        write_table(files.frequency_response, frequency_response_rows(record, estimation))
+    if choice.variant.form == "box_jenkins":
+        estimate = estimate_box_jenkins(estimation, estimate.model, delays, settings)
+    model = estimate.model
+    if choice.variant.form == "output_error":
+        model = _with_noise_model(estimation, model, settings)
+    return estimate, model
 
 
 def _with_noise_model(
@@ -339,7 +371,8 @@ def identify_channels(
     prepare_channels(files, settings.split, settings.resample, given, bool(source.validation_file))
     decide_input_delays(files, choices.delays)
     for variant in variants:
-        search_state_space(files, variant, choices.orders, search, log)
+        limits = choices.joint if is_polynomial(variant.form) else choices.orders
+        search_state_space(files, variant, limits, search, log)
     choose_state_space(files, variants, choices)
     estimate_chosen_state_space(files, search, log)
     validate_state_space(files)
@@ -352,7 +385,7 @@ def identify_channels(
 def variant_named(name: str) -> Variant:
     """A form with its weighting, by the name of its file."""
     form, _, weighting = name.rpartition("_")
-    return variants_of([(form, weighting)])[0]
+    return variants_of([(name, ONE_OUTPUT) if is_polynomial(name) else (form, weighting)])[0]
 
 
 def variants_of(names: Sequence[tuple[str, str]]) -> list[Variant]:
@@ -374,4 +407,4 @@ def _settings(search: StateSpaceSearchSettings, variant: Variant) -> StateSpaceS
 
 
 def _too_short(place: str, error: ValueError) -> InputError:
-    return InputError(place, str(error), "give a longer recording, or lower orders.nx")
+    return InputError(place, str(error), "give a longer recording, or lower the orders")

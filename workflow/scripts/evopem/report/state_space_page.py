@@ -11,6 +11,7 @@ import pandas as pd
 from markupsafe import Markup
 
 from evopem.config.state_space_settings import Geometry
+from evopem.config.structures import STRUCTURES, structure_name
 from evopem.figures.channel_drawings import (
     assurance_matrix,
     response_panel,
@@ -42,7 +43,7 @@ VARIANT_WORDS = {
     "innovations": "innovations form",
     "output_error": "output-error form",
     "box_jenkins": "next to Box-Jenkins",
-}
+} | {structure: structure_name(structure) for structure in STRUCTURES}
 
 
 @dataclass(frozen=True)

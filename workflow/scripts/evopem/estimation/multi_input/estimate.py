@@ -82,6 +82,11 @@ class MultiInputEstimate:
     at_stability_bound: bool
     search: SearchResult = field(repr=False)
 
+    @property
+    def plant_states(self) -> int:
+        """States of the plant in state space."""
+        return self.model.plant_states
+
 
 def estimate_multi_input(
     inputs: ArrayLike | Sequence[ArrayLike],

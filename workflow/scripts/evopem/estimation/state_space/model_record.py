@@ -9,10 +9,12 @@ from importlib.metadata import version
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.config.state_space_settings import StateSpaceSearchSettings
+from evopem.config.state_space_settings import ONE_OUTPUT, StateSpaceSearchSettings
+from evopem.estimation.multi_input.estimate import MultiInputEstimate
 from evopem.estimation.search.problem import SearchDiagnostics
 from evopem.estimation.state_space.estimate import StateSpaceEstimate
 from evopem.estimation.state_space.noise_model import plant_of
+from evopem.models.multi_input import MultiInputModel
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.multichannel_preparation import MultichannelTransforms
@@ -63,6 +65,8 @@ class StateSpaceModelRecord:
     search : SearchDiagnostics
     settings : StateSpaceSearchSettings
     transforms : MultichannelTransforms
+    polynomials : MultiInputModel, optional
+        The polynomial model whose innovations form the matrices are.
     evopem : str
         Version of this package.
     versions : dict
@@ -95,16 +99,18 @@ class StateSpaceModelRecord:
     transforms: MultichannelTransforms
     evopem: str
     versions: dict[str, str]
+    polynomials: MultiInputModel | None = None
 
     @classmethod
     def of(
         cls,
-        estimate: StateSpaceEstimate,
+        estimate: StateSpaceEstimate | MultiInputEstimate,
         model: StateSpaceModel,
         variant: tuple[str, str],
         units: tuple[tuple[str, ...], tuple[str, ...]],
         settings: StateSpaceSearchSettings,
         transforms: MultichannelTransforms,
+        polynomials: MultiInputModel | None = None,
     ) -> StateSpaceModelRecord:
         """The record of an estimate, and of the model with its noise model."""
         return cls(
@@ -114,7 +120,7 @@ class StateSpaceModelRecord:
             input_delays=model.input_delays or (0,) * model.inputs,
             form=variant[0],
             weighting=variant[1],
-            plant_states=estimate.model.order,
+            plant_states=estimate.plant_states,
             input_names=model.input_names,
             output_names=model.output_names,
             input_units=units[0],
@@ -130,6 +136,22 @@ class StateSpaceModelRecord:
             evopem=__version__,
             versions={"python": platform.python_version()}
             | {library: version(library) for library in _LIBRARIES},
+            polynomials=polynomials,
+        )
+
+    @classmethod
+    def of_polynomials(
+        cls,
+        estimate: MultiInputEstimate,
+        units: tuple[tuple[str, ...], tuple[str, ...]],
+        settings: StateSpaceSearchSettings,
+        transforms: MultichannelTransforms,
+    ) -> StateSpaceModelRecord:
+        """The record of a polynomial model in innovations form."""
+        model = estimate.model
+        variant = (model.structure, ONE_OUTPUT)
+        return cls.of(
+            estimate, model.state_space(), variant, units, settings, transforms, model
         )
 
     @property
@@ -164,7 +186,9 @@ class StateSpaceModelRecord:
 
     @property
     def text(self) -> str:
-        """The model in a few words, such as "state space, 8 states (output error)"."""
+        """The model in a few words: "state space, 8 states (output error)", "OE([2 2],[2 1],[1 3])"."""
+        if self.polynomials is not None:
+            return str(self.polynomials.orders)
         noise = len(self.A) - self.plant_states
         form = _FORMS[self.form]
         states = f"{self.plant_states} state{'s' * (self.plant_states != 1)}"
