@@ -49,8 +49,8 @@ WIDTH, FINAL_WIDTH = 3, 8
 MOST_NOISE = 4
 # Orders of A of the general structure, whose F_i have the joint order.
 SHARED_POLES = 1
-# Rounds in which orders are changed by one, and samples that earlier coefficients may take.
-ROUNDS, EARLIER = 30, 2
+# Steps of a descent after which a model of smaller orders is scored.
+REDUCTION_STEPS = 20
 
 
 @dataclass(frozen=True, eq=False)
@@ -251,10 +251,10 @@ def reduced_orders(
     settings: SearchSettings | None = None,
     log: Log | None = None,
 ) -> MultiInputOrders:
-    """Orders and delays of lower BIC near some orders, each input its own.
+    """Smaller orders of lower BIC, each input its own, and its delay.
 
-    One order, or a pole with a zero, is changed by one at a time as long as BIC falls; a coefficient
-    of B_i also moves the delay.  All are scored on the same samples.
+    A coefficient of B_i at either end, of another polynomial, or a pole with a zero is left out at a
+    time, as long as BIC falls.  All are scored on the same samples.
 
     Parameters
     ----------
@@ -267,58 +267,51 @@ def reduced_orders(
     settings = settings or SETTINGS
     us, ys = _records(inputs, output)
     with threadpool_limits(limits=1, user_api="blas"):
-        record = _record(us, ys, orders, orders.first_residual + EARLIER)
+        record = _record(us, ys, orders, orders.first_residual)
         errors = MultiInputErrors(record, orders, settings.max_root_radius)
         found = _descents(errors, [], settings, FINAL_WIDTH)
         if not found:
             return orders
         best = _bic(errors, found[0].value)
         model = _in_scaled_units(errors, found[0].point)
-        tried = {orders}
-        for _ in range(ROUNDS):
-            changed = False
-            for neighbour in _neighbours(orders):
-                if neighbour in tried or neighbour.first_residual > record.start:
-                    continue
-                tried.add(neighbour)
-                own = errors.of_orders(neighbour)
-                optimum = descend(own, adapted_point(own, model), STEPS, TOLERANCE)
+        falls = True
+        while falls:
+            falls = False
+            for smaller in _smaller(orders):
+                own = errors.of_orders(smaller)
+                optimum = descend(own, adapted_point(own, model), REDUCTION_STEPS, TOLERANCE)
                 bic = _bic(own, optimum.value)
                 if bic < best:
-                    best, orders, changed = bic, neighbour, True
+                    best, orders, falls = bic, smaller, True
                     model = _in_scaled_units(own, optimum.point)
-            if not changed:
-                break
+                    break
     if log is not None:
-        log(f"orders of lower BIC: {orders}")
+        log(f"orders of lowest BIC: {orders}")
     return orders
 
 
-def _neighbours(orders: MultiInputOrders) -> Iterator[MultiInputOrders]:
-    """Orders that differ in one of them by one, smaller ones first."""
+def _smaller(orders: MultiInputOrders) -> Iterator[MultiInputOrders]:
+    """Orders with one coefficient less, or with one pole and one zero less."""
     names = STRUCTURES[orders.structure]
-    for step in (-1, 1):
-        # A pole that a zero cancels goes with it.
-        if {"nc", "nd"} <= set(names) and min(orders.nc, orders.nd) + step >= 0:
-            yield replace(orders, nc=orders.nc + step, nd=orders.nd + step)
-        for name in ("nc", "nd"):
-            value = getattr(orders, name) + step
-            if name in names and value >= 0:
-                yield replace(orders, **{name: value})
-        for i in range(orders.inputs):
-            nb, nf, nk = orders.nb[i], orders.nf[i], orders.nk[i]
-            if "nf" in names and nf + step >= 0:
-                changed = _with(orders.nf, i, nf + step)
-                if nb + step >= 1:
-                    yield replace(orders, nf=changed, nb=_with(orders.nb, i, nb + step))
-                yield replace(orders, nf=changed)
-            if nb + step >= 1:
-                changed = _with(orders.nb, i, nb + step)
-                yield replace(orders, nb=changed)
-                if nk - step >= 0:
-                    yield replace(orders, nb=changed, nk=_with(orders.nk, i, nk - step))
-        if "na" in names and orders.na + step >= 0:
-            yield replace(orders, na=orders.na + step)
+    noise = [name for name in ("nc", "nd") if getattr(orders, name) > 0]
+    # A pole that a zero cancels goes with it.
+    if len(noise) > 1:
+        yield replace(orders, nc=orders.nc - 1, nd=orders.nd - 1)
+    for name in noise:
+        yield replace(orders, **{name: getattr(orders, name) - 1})
+    for i in range(orders.inputs):
+        nb, nf, nk = orders.nb[i], orders.nf[i], orders.nk[i]
+        fewer_b = _with(orders.nb, i, nb - 1)
+        if nf > 0:
+            fewer_f = _with(orders.nf, i, nf - 1)
+            if nb > 1:
+                yield replace(orders, nf=fewer_f, nb=fewer_b)
+            yield replace(orders, nf=fewer_f)
+        if nb > 1:
+            yield replace(orders, nb=fewer_b)
+            yield replace(orders, nb=fewer_b, nk=_with(orders.nk, i, nk + 1))
+    if "na" in names and orders.na > 0:
+        yield replace(orders, na=orders.na - 1)
 
 
 def _with(values: tuple[int, ...], place: int, value: int) -> tuple[int, ...]:
