@@ -492,9 +492,7 @@ def _designs(estimation: MultichannelRecording) -> tuple[int, ...]:
     return tuple(n for n in DESIGNS if estimation.samples >= n * SHORTEST_FOLD) or DESIGNS[:1]
 
 
-def _design_scores(
-    estimation: MultichannelRecording, count: int, refits: Sequence[Refit]
-) -> Array:
+def _design_scores(estimation: MultichannelRecording, count: int, refits: Sequence[Refit]) -> Array:
     """Errors of simulation and prediction of each model, over all folds of one design.
 
     The training part of a fold is fitted by a descent from the model of all samples: so it is

@@ -263,8 +263,10 @@ def _check_keys(written: Keys, structure: str | None, source: str, place: str) -
                 f"{place}.{key}",
             )
     polynomial = structure is not None and is_polynomial(structure)
-    ranges = ("joint",) if polynomial else ("nx",) if structure == STRUCTURE else ("nx", "joint")
-    known = {"orders": ranges, "delay": ("nk",), "search": _SEARCH_KEYS}
+    ranges: tuple[str, ...] = ("nx", "joint")
+    if structure is not None:
+        ranges = ("joint",) if polynomial else ("nx",)
+    known: dict[str, tuple[str, ...]] = {"orders": ranges, "delay": ("nk",), "search": _SEARCH_KEYS}
     keys = tuple(key for key in KEYS if not (polynomial and key in _STATE_SPACE_ONLY))
     paths: list[tuple[str, tuple[str, ...], str]] = [(key, keys, key) for key in written]
     for group, names in known.items():

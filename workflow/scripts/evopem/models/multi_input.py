@@ -1,7 +1,7 @@
 """Polynomial models with several inputs and one output, as plain data.
 
-``A y = sum_i (B_i / F_i) u_i q^-nk_i + (C / D) e + level`` (Ljung 1999, section 4.2), the ``idpoly``
-model of MATLAB with one output.
+``A y = sum_i (B_i / F_i) u_i q^-nk_i + (C / D) e + level`` (Ljung 1999, section 4.2), the model
+``idpoly`` of MATLAB with one output.
 """
 
 from __future__ import annotations
@@ -149,7 +149,9 @@ def multi_input_orders(
         if several and len(numbers) != inputs:
             raise ValueError(f"{inputs} inputs need {inputs} orders {name}, not {value!r}")
         numbers = tuple(map(int, numbers))
-        found[name] = (numbers if several else numbers * inputs) if name in PER_INPUT else numbers[0]
+        found[name] = (
+            (numbers if several else numbers * inputs) if name in PER_INPUT else numbers[0]
+        )
     return MultiInputOrders(structure, **found)
 
 
@@ -283,7 +285,7 @@ class MultiInputModel:
             z**nk * polyval(z, b) / (polyval(z, self.A) * polyval(z, f))
             for b, f, nk in zip(self.B, self.F, self.nk, strict=True)
         ]
-        return np.stack(columns, axis=-1)[..., None, :]
+        return np.asarray(np.stack(columns, axis=-1)[..., None, :], dtype=complex)
 
     def modes(self) -> list[ShapedMode]:
         """Oscillating modes of A and all F_i, by frequency, with standard errors."""
@@ -307,7 +309,7 @@ class MultiInputModel:
         return self.state_space().to_scipy()
 
     def to_control(self):  # type: ignore[no-untyped-def]
-        """``G`` as a discrete-time ``control.TransferFunction`` of one row; needs python-control."""
+        """``G`` as a ``control.TransferFunction`` of one row; needs python-control."""
         import control
 
         from evopem.models.polynomials import powers_of_z

@@ -133,8 +133,8 @@ def shaped_modes(
 def _eigenvectors(A: Array) -> tuple[Complex, Complex, Complex]:
     """Eigenvalues, right and left eigenvectors with ``left[:, k]^H right[:, k] = 1``.
 
-    Left vectors of defective eigenvalues, such as repeated ones at zero, are zero: they have no part
-    of their own.
+    Left vectors of defective eigenvalues, such as repeated ones at zero, are zero: these have no
+    part of their own.
     """
     from scipy.linalg import eig
 

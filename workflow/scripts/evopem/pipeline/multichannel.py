@@ -8,15 +8,15 @@ from pathlib import Path
 
 from threadpoolctl import threadpool_limits
 
-from evopem.automatic.multichannel_preparation import (
-    MultichannelPlan,
-    apply_multichannel_plan,
-    decide_multichannel_preparation,
-)
 from evopem.automatic.multi_input_choice import (
     estimate_structure,
     search_structure,
     searched_joint_orders,
+)
+from evopem.automatic.multichannel_preparation import (
+    MultichannelPlan,
+    apply_multichannel_plan,
+    decide_multichannel_preparation,
 )
 from evopem.automatic.state_space_choice import (
     OUTPUT_ERROR_WEIGHTING,
@@ -180,9 +180,7 @@ def search_state_space(
     try:
         if is_polynomial(variant.form):
             orders = searched_joint_orders(estimation, variant.form, limits, place)
-            found, models = search_structure(
-                estimation, variant, delays, orders, settings, log
-            )
+            found, models = search_structure(estimation, variant, delays, orders, settings, log)
         else:
             orders = searched_orders(estimation, limits, place)
             found, models = search_variant(estimation, variant, delays, orders, settings, log)

@@ -81,7 +81,7 @@ def descend(
             if damping > LARGEST_DAMPING:
                 return Optimum(point, value, True, evaluations)
         gain = 1.0 - new / value
-        ratio = gain * total / promised if promised > 0.0 else 0.0
+        ratio = gain * total / float(promised) if promised > 0.0 else 0.0
         damping = max(damping * max(1.0 / 3.0, 1.0 - (2.0 * ratio - 1.0) ** 3), 1e-12)
         growth = 2.0
         point, residuals, value = trial, found, new

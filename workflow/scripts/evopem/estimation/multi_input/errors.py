@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -155,7 +156,7 @@ class MultiInputErrors:
         return max((max_root_radius(point[part]) for part in self._monic), default=0.0)
 
     def repaired(self, point: Array) -> Array:
-        """The point with roots outside the radius moved inside, by reflection at the unit circle."""
+        """The point with roots beyond the radius reflected at the unit circle, or drawn in."""
         moved = np.where(np.isfinite(point), point, 0.0)
         for part in self._monic:
             if max_root_radius(moved[part]) > self.radius:
@@ -228,7 +229,7 @@ class MultiInputErrors:
         """Where a record's level, states of the inputs and noise state stand in a point."""
         at = self.orders.coefficients + place * self._own
         edges = at + 1 + np.cumsum([0, *self.orders.nf, self.orders.noise_states])
-        parts = [slice(int(a), int(b)) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+        parts = [slice(first, stop) for first, stop in pairwise(edges.tolist())]
         return at, parts[:-1], parts[-1]
 
     def _signals(self, point: Array, place: int) -> tuple[list[Array], Array, Array]:

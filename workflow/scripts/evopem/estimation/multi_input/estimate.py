@@ -147,9 +147,7 @@ def estimate_multi_input(
         errors = MultiInputErrors(record, wanted, settings.max_root_radius)
         found = _searched(errors, settings, log)
         estimate = _described(errors, found, sampling_rate)
-    model = replace(
-        estimate.model, input_names=tuple(input_names), output_name=output_name
-    )
+    model = replace(estimate.model, input_names=tuple(input_names), output_name=output_name)
     return replace(estimate, model=model)
 
 
@@ -253,8 +251,8 @@ def reduced_orders(
 ) -> MultiInputOrders:
     """Smaller orders of lower BIC, each input its own, and its delay.
 
-    A coefficient of B_i at either end, of another polynomial, or a pole with a zero is left out at a
-    time, as long as BIC falls.  All are scored on the same samples.
+    One coefficient of B_i at either end, one of another polynomial, or a pole with a zero is left
+    out at a time, as long as BIC falls.  All are scored on the same samples.
 
     Parameters
     ----------
@@ -376,9 +374,7 @@ def _descents(
     return sorted(found, key=lambda optimum: optimum.value)
 
 
-def _searched(
-    errors: MultiInputErrors, settings: SearchSettings, log: Log | None
-) -> SearchResult:
+def _searched(errors: MultiInputErrors, settings: SearchSettings, log: Log | None) -> SearchResult:
     """Descents from estimates, then the global search, which has their optima among its own."""
     generator = _generator(errors, settings)
     optima = descended(errors, starting_points(errors), FINAL_WIDTH)

@@ -69,7 +69,9 @@ class MultiInputProblem:
         """A population, and the evaluations that it took; the first one holds the estimates."""
         if self._starts is None:
             return self.random(count, generator), 2 * count
-        points = np.vstack([self._starts, self.random(max(count - len(self._starts), 2), generator)])
+        points = np.vstack(
+            [self._starts, self.random(max(count - len(self._starts), 2), generator)]
+        )
         self._starts = None
         values = self.values(points)
         best = np.argsort(values, kind="stable")[:count]
@@ -240,9 +242,7 @@ def _plants(errors: MultiInputErrors) -> Iterator[list[Array]]:
             continue
         a, bs = _arx(errors, lag, (lag,) * o.inputs)
         a = reflect_into_disc(a[None, :], 0.9999)[0]
-        responses = [
-            lfilter(b, np.concatenate([[1.0], a]), np.eye(1, 6 * lag)[0]) for b in bs
-        ]
+        responses = [lfilter(b, np.concatenate([[1.0], a]), np.eye(1, 6 * lag)[0]) for b in bs]
         if not all(np.isfinite(each).all() for each in responses):
             continue
         yield [_reduced(responses, order)] * o.inputs
@@ -303,9 +303,7 @@ def _one_by_one(errors: MultiInputErrors, denominators: list[Array]) -> list[Arr
         alone[:, i] = record.inputs[0][:, i] * record.input_scales[i]
         own = model.simulate(alone) - model.level / float(np.sum(model.A))
         rest = y - simulated + own
-        steps = list(
-            steiglitz_mcbride(alone[:, i], rest, o.nf[i], o.nb[i], o.nk[i], errors.radius)
-        )
+        steps = list(steiglitz_mcbride(alone[:, i], rest, o.nf[i], o.nb[i], o.nk[i], errors.radius))
         found.append(steps[-1] if steps and o.nf[i] else denominators[i])
     return found
 

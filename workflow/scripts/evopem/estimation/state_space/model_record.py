@@ -150,9 +150,7 @@ class StateSpaceModelRecord:
         """The record of a polynomial model in innovations form."""
         model = estimate.model
         variant = (model.structure, ONE_OUTPUT)
-        return cls.of(
-            estimate, model.state_space(), variant, units, settings, transforms, model
-        )
+        return cls.of(estimate, model.state_space(), variant, units, settings, transforms, model)
 
     @property
     def sampling_rate(self) -> float:
@@ -186,7 +184,7 @@ class StateSpaceModelRecord:
 
     @property
     def text(self) -> str:
-        """The model in a few words: "state space, 8 states (output error)", "OE([2 2],[2 1],[1 3])"."""
+        """The model in a few words, such as "state space, 8 states (output error)"."""
         if self.polynomials is not None:
             return str(self.polynomials.orders)
         noise = len(self.A) - self.plant_states

@@ -151,8 +151,8 @@ def _independence(record: StateSpaceModelRecord, validation: MultichannelValidat
         INDEPENDENT_OF_INPUT,
         not bad,
         f"{found} Dependent: {names}." if bad else found,
-        f"Raise the upper end of “{_range_key(record)}”. Significant negative lags indicate feedback"
-        " from output to input."
+        f"Raise the upper end of “{_range_key(record)}”. Significant negative lags indicate"
+        " feedback from output to input."
         if bad
         else "",
     )
