@@ -19,8 +19,8 @@ from evopem.validation.checks.excitation import EXCITATION_ADEQUATE
 from evopem.validation.checks.residuals import INDEPENDENT_OF_INPUT, WHITE
 from evopem.validation.checks.roots import DISTINCT, INSIDE_BOUND
 
-# Poles and zeros that are left out where some cancel.
-FEWER_ROOTS = (1, 2, 3, 4, 6, 8)
+# Poles and zeros that are left out where some cancel, and most poles without zeros.
+FEWER_ROOTS, MOST_POLES_ALONE = (1, 2, 3, 4, 6, 8), 2
 # A remedy is taken only if the error for the purpose grows by no more than this share.
 TOLERATED = 0.02
 DELAY = "Delay"
@@ -133,9 +133,9 @@ def _failures(scorer: Scorer, candidate: Candidate) -> set[str]:
 
 
 def _is_better(scorer: Scorer, candidate: Candidate, best: Candidate) -> bool:
-    """Whether fewer checks fail, or as many at a lower BIC."""
-    number, known = (len(scorer.checks(each).failed) for each in (candidate, best))
-    return number < known or (number == known and candidate.bic < best.bic)
+    """Whether some of the failed checks hold and the others hold still, or the BIC is lower."""
+    found, known = (set(scorer.checks(each).failed) for each in (candidate, best))
+    return found < known or (found == known and candidate.bic < best.bic)
 
 
 def _is_allowed(scorer: Scorer, candidate: Candidate, first: Candidate, choice: Choice) -> bool:
@@ -239,8 +239,8 @@ def _with_own_noise_model(
             bic=float(loss + parameters * np.log(count) / count),
             model=model,
         )
-        failed = scorer.checks(found).failed
-        taken = WHITE not in failed and len(failed) <= len(scorer.checks(candidate).failed)
+        failed = set(scorer.checks(found).failed)
+        taken = WHITE not in failed and failed <= set(scorer.checks(candidate).failed)
         remedy = f"noise model of order {n} for the errors of simulation, plant kept"
         trials.append(_trial(scorer, WHITE, remedy, found, choice, taken))
         if taken:
@@ -270,6 +270,9 @@ def _fewer_roots(candidate: Candidate) -> Iterator[tuple[str, str, PolynomialOrd
         if getattr(o, name) > fewer and o.nb > fewer:
             changed = {name: getattr(o, name) - fewer, "nb": o.nb - fewer}
             yield f"{fewer} pole and zero less", candidate.structure, _changed(o, **changed)
+            if fewer <= MOST_POLES_ALONE:
+                del changed["nb"]
+                yield f"{fewer} pole less", candidate.structure, _changed(o, **changed)
 
 
 def _further_noise(candidate: Candidate) -> Iterator[tuple[str, str, PolynomialOrders]]:

@@ -33,10 +33,11 @@ SIGNIFICANT_FEEDBACK, WHITE, INDEPENDENT = 1e-3, 0.05, 1.8
 # which tails are heavy: 0.07 for Laplace's itself, -0.05 for the normal one.
 HEAVY = 0.1
 # Largest held-out simulation errors, against the lowest ones, of a model that is taken for its
-# likelihood: where its residuals are valid, where the record was made under feedback, and where
-# disturbances are heavy-tailed; those ring in simulations, and an output-error model takes them for
-# the response to the input.
-MOST_WHEN_VALID, MOST_UNDER_FEEDBACK, MOST_UNDER_HEAVY_TAILS = 1.25, 1.35, 3.0
+# likelihood: where its residuals are valid, where the record was made under feedback, where all its
+# checks hold, and where disturbances are heavy-tailed; those ring in simulations, and an
+# output-error model takes them for the response to the input.
+MOST_WHEN_VALID, MOST_UNDER_FEEDBACK = 1.25, 1.35
+MOST_WHEN_ALL_HOLD = MOST_UNDER_HEAVY_TAILS = 3.0
 FINALISTS = 2
 # A difference of BIC, not divided by the samples, that is strong evidence (Kass & Raftery 1995),
 # and the share by which a simulation error must fall to overrule a choice without strong evidence.
@@ -185,7 +186,7 @@ def _for_simulation(
     best = min(candidates, key=score)
     chosen, sentence = (
         _under_heavy_tails(scorer, candidates, score)
-        or _by_likelihood(scorer, candidates, score)
+        or _by_likelihood(scorer, candidates, level)
         or _by_simulation(scorer, candidates, best, level)
     )
     decision = _named(
@@ -240,7 +241,7 @@ def _without_evidence(
 
 
 def _by_likelihood(
-    scorer: Scorer, candidates: Sequence[Candidate], score: Callable[[Candidate], float]
+    scorer: Scorer, candidates: Sequence[Candidate], level: Level
 ) -> tuple[Candidate, str] | None:
     """The model of the lowest BIC, where nothing speaks against it.
 
@@ -248,10 +249,13 @@ def _by_likelihood(
     unbiased under feedback.  Simulation errors contain the noise as a whole; where it is narrow in
     frequency, they differ by chance by far more than the models do.
     """
+    score = _score_of(level)
     likeliest = min(candidates, key=lambda each: each.bic)
     ratio = score(likeliest) / min(map(score, candidates))
     white = whiteness_probability(likeliest.model, scorer.stretches)
-    if not (ratio < MOST_UNDER_FEEDBACK and white > WHITE):
+    all_hold = not scorer.checks(likeliest).failed
+    largest = MOST_WHEN_ALL_HOLD if all_hold else MOST_WHEN_VALID
+    if not (ratio < max(largest, MOST_UNDER_FEEDBACK) and white > WHITE):
         return None
     feedback = feedback_probability(likeliest.model, scorer.stretches)
     if feedback < SIGNIFICANT_FEEDBACK:
@@ -261,13 +265,15 @@ def _by_likelihood(
             "and white residuals."
         )
     correlation = input_correlation(likeliest.model, scorer.stretches)
-    if not (ratio < MOST_WHEN_VALID and correlation < INDEPENDENT):
+    if not (ratio < largest and correlation < INDEPENDENT):
         return None
     sentence = (
         f"{likeliest.name} has the lowest BIC, and its residuals are white and independent of the "
         "input."
     )
-    near = _fewest_failures(scorer, _without_evidence(scorer, candidates, likeliest))
+    near = _without_evidence(scorer, candidates, likeliest)
+    best = min(near, key=score)
+    near = _fewest_failures(scorer, [each for each in near if as_good(each, best, level)])
     better = min(near, key=score)
     if likeliest in near and not score(better) < (1.0 - CLEAR_GAIN) * score(likeliest):
         return likeliest, sentence
