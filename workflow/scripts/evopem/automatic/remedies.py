@@ -66,6 +66,8 @@ class Remedied:
     choice : Choice
     trials : tuple of Trial
     failed : tuple of str
+    statements : tuple of str
+        One sentence for each of these: what was tried, and why it stays failed.
     plant_kept : bool
         Whether the noise model was fitted to the errors of simulation of a plant that stays as it
         was estimated without one.
@@ -74,6 +76,7 @@ class Remedied:
     choice: Choice
     trials: tuple[Trial, ...]
     failed: tuple[str, ...]
+    statements: tuple[str, ...]
     plant_kept: bool = False
 
 
@@ -91,6 +94,7 @@ def act_on_checks(scorer: Scorer, choice: Choice) -> Remedied:
     choice : Choice
     """
     trials: list[Trial] = []
+    tried: list[tuple[str, Candidate]] = []
     current = choice.candidate
     scorer.remember([current])
     first, budget = current, MOST_TRIALS
@@ -111,6 +115,7 @@ def act_on_checks(scorer: Scorer, choice: Choice) -> Remedied:
             )
             named = " and ".join(check for check in checks if check in failed)
             trials.append(_trial(scorer, named, remedy, candidate, choice, taken))
+            tried.extend((check, candidate) for check in failed)
             if taken:
                 best = candidate
             if taken and not _failures(scorer, candidate).intersection(failed):
@@ -120,9 +125,13 @@ def act_on_checks(scorer: Scorer, choice: Choice) -> Remedied:
     if kept:
         current, kept = _with_another_noise_model(scorer, current, choice, trials)
     remaining = scorer.checks(current).failed
+    statements = tuple(
+        _statement(scorer, check, current, [each for name, each in tried if name == check], choice)
+        for check in remaining
+    )
     if not kept:
         current = scorer.on_all_samples(current)
-    return Remedied(replace(choice, candidate=current), tuple(trials), remaining, kept)
+    return Remedied(replace(choice, candidate=current), tuple(trials), remaining, statements, kept)
 
 
 def _failures(scorer: Scorer, candidate: Candidate) -> set[str]:
@@ -148,6 +157,35 @@ def _is_allowed(scorer: Scorer, candidate: Candidate, first: Candidate, choice: 
         return False
     as_before = _score(candidate, choice) <= (1.0 + TOLERATED) * _score(first, choice)
     return as_before or (fewer and as_good(candidate, first, choice.level))
+
+
+def _statement(
+    scorer: Scorer,
+    check: str,
+    current: Candidate,
+    tried: list[Candidate],
+    choice: Choice,
+) -> str:
+    """Why a check stays failed, in a sentence."""
+    holding = [each for each in tried if check not in scorer.checks(each).failed]
+    if holding:
+        best = min(holding, key=lambda each: _score(each, choice))
+        others = sorted(set(scorer.checks(best).failed) - set(scorer.checks(current).failed))
+        return (
+            f"“{check}” holds for {best.name}, whose error on held-out samples is"
+            f" {_score(best, choice):.3g} % instead of {_score(current, choice):.3g} %"
+            + (
+                f", and of which {' and '.join(f'“{each}”' for each in others)} fails"
+                * bool(others)
+            )
+            + "."
+        )
+    known = f"“{check}” held for none of the {len(tried)} models that were tried" + (
+        f": {CAUSES[check]}." if check in CAUSES else "."
+    )
+    if check in (WHITE, INDEPENDENT_OF_INPUT) and scorer.plan.repetition.independent < 1.0:
+        return f"{known} {REPEATED}"
+    return known
 
 
 def _trial(
@@ -299,6 +337,18 @@ def _changed(orders: PolynomialOrders, **changes: int) -> PolynomialOrders:
     return PolynomialOrders(**(given | changes))
 
 
+# Why a check fails, where no remedy makes it hold.
+CAUSES = {
+    WHITE: "the noise of this record is none of a linear filter of these orders",
+    INDEPENDENT_OF_INPUT: "the response is not linear, the input depends on the output, or another"
+    " input acts",
+    INSIDE_BOUND: "the record is too short to tell a drift from an integrator",
+    EXCITATION_ADEQUATE: "the input excites fewer directions than any model needs that is as good",
+}
+REPEATED = (
+    "The residuals repeat with the input, so they are a nonlinear response to it and no noise: a"
+    " linear model of any order leaves them."
+)
 REMEDIES = (
     ((DISTINCT, INSIDE_BOUND, EXCITATION_ADEQUATE), _fewer_roots),
     ((DELAY,), _later),

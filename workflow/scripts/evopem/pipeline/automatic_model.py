@@ -96,7 +96,7 @@ def collect_decisions(files: DatasetFiles, structures: Sequence[str], other: str
     choice = remedied.choice
     record = DecisionRecord(
         *(choice.purpose, decisions, remedied.trials, remedied.failed),
-        (*_remarks(files, choice.level), *_worse_than_peer(comparison)),
+        (*_remarks(files, choice.level), *_worse_than_peer(comparison), *remedied.statements),
         load(OtherModel, files.other_errors(other)),
     )
     save(record, files.decisions)
