@@ -5,6 +5,7 @@ from __future__ import annotations
 import platform
 from dataclasses import dataclass
 from importlib.metadata import version
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +42,9 @@ class StateSpaceModelRecord:
     Ts : float
         Sampling period in s.
     level : (ny,) array
+    level_of_simulation : {"constant", "state"}
+        Level of other samples than those of the estimation: this one, or one that is fitted to them
+        along with the initial state.
     noise_covariance : (ny, ny) array
         Of e.
     input_delays : tuple of int
@@ -76,6 +80,7 @@ class StateSpaceModelRecord:
     K: Array
     Ts: float
     level: Array
+    level_of_simulation: Literal["constant", "state"]
     noise_covariance: Array
     input_delays: tuple[int, ...]
     form: str
@@ -105,10 +110,12 @@ class StateSpaceModelRecord:
         units: tuple[tuple[str, ...], tuple[str, ...]],
         settings: StateSpaceSearchSettings,
         transforms: MultichannelTransforms,
+        level: Literal["constant", "state"] = "constant",
     ) -> StateSpaceModelRecord:
         """The record of an estimate, and of the model with its noise model."""
         return cls(
             **{name: getattr(model, name) for name in ("A", "B", "C", "D", "K", "level")},
+            level_of_simulation=level,
             Ts=1.0 / model.sampling_rate,
             noise_covariance=model.noise_covariance,
             input_delays=model.input_delays or (0,) * model.inputs,

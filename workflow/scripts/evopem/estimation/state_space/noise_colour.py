@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -25,11 +26,28 @@ def sample_autocovariances(errors: Array, bounds: NDArray[np.int64], lags: int) 
     return found / len(errors)
 
 
-def coloured_autocovariances(errors: Array, bounds: NDArray[np.int64]) -> Array:
-    """``E e_(t+k) e_t'`` for k = 0, 1, ... until they are negligible, (lags + 1, ny, ny).
+@dataclass(frozen=True, eq=False)
+class Autoregression:
+    """A vector autoregression of errors, ``e_t = sum_k coefficients[k - 1] e_(t-k) + noise``.
 
-    By multivariate Yule-Walker equations of the order that BIC prefers; order 0, white errors, is
-    among them.  Yule-Walker estimates are stable.
+    Attributes
+    ----------
+    coefficients : (order, ny, ny) array
+    autocovariances : (order + 1, ny, ny) array
+        Sample autocovariances of the errors, behind the coefficients.
+    bic : float
+        ``ln det(cov noise) + p ln(N) / N`` with p coefficients.
+    """
+
+    coefficients: Array
+    autocovariances: Array
+    bic: float
+
+
+def autoregression_of(errors: Array, bounds: NDArray[np.int64]) -> Autoregression:
+    """The vector autoregression of the order that BIC prefers; order 0 is among them.
+
+    By multivariate Yule-Walker equations, whose estimates are stable.
 
     Parameters
     ----------
@@ -51,9 +69,25 @@ def coloured_autocovariances(errors: Array, bounds: NDArray[np.int64]) -> Array:
             break
         bic = log_determinant + order * ny**2 * np.log(samples) / samples
         if bic < best:
-            best, chosen = bic, coefficients
-    found = list(gamma[: len(chosen) + 1])
-    limit = NEGLIGIBLE * np.trace(gamma[0])
+            best, chosen = float(bic), coefficients
+    return Autoregression(chosen, gamma[: len(chosen) + 1], best)
+
+
+def coloured_autocovariances(errors: Array, bounds: NDArray[np.int64]) -> Array:
+    """``E e_(t+k) e_t'`` for k = 0, 1, ... until they are negligible, (lags + 1, ny, ny).
+
+    Those of :func:`autoregression_of`.
+
+    Parameters
+    ----------
+    errors : (N, ny) array
+    bounds : (records + 1,) array
+        First sample of each record, and N.
+    """
+    samples, ny = errors.shape
+    fitted = autoregression_of(errors, bounds)
+    chosen, found = fitted.coefficients, list(fitted.autocovariances)
+    limit = NEGLIGIBLE * np.trace(found[0])
     while len(chosen) and len(found) <= min(LONGEST, samples // 2):
         found.append(sum(chosen[k] @ found[-1 - k] for k in range(len(chosen))))
         if max(np.abs(each).max() for each in found[-len(chosen) - 5 :]) < limit / ny:
