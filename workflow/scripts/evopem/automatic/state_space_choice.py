@@ -24,7 +24,7 @@ Kind = Literal["simulation", "free_level", "prediction"]
 
 # Models whose errors are within this share of the lowest, or within one standard error of it over
 # at least so many folds, are equally good by held-out samples.
-MARGIN, FEWEST_FOLDS = 0.01, 3
+MARGIN, FEWEST_FOLDS = 0.05, 3
 # A level that is fitted to held-out samples, too, has to gain this share.
 CLEAR_GAIN = 0.05
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -59,11 +60,7 @@ def autoregression_of(errors: Array, bounds: NDArray[np.int64]) -> Autoregressio
     most = int(min(MOST_LAGS, SHARE * samples / ny))
     gamma = sample_autocovariances(errors, bounds, max(most, 1))
     best, chosen = np.inf, np.empty((0, ny, ny))
-    for order in range(most + 1):
-        coefficients = _yule_walker(gamma, order)
-        noise = gamma[0] - sum(
-            (coefficients[k] @ gamma[k + 1].T for k in range(order)), np.zeros((ny, ny))
-        )
+    for order, (coefficients, noise) in enumerate(_recursion(gamma, most)):
         sign, log_determinant = np.linalg.slogdet(0.5 * (noise + noise.T))
         if sign <= 0:
             break
@@ -95,15 +92,26 @@ def coloured_autocovariances(errors: Array, bounds: NDArray[np.int64]) -> Array:
     return np.array(found)
 
 
-def _yule_walker(gamma: Array, order: int) -> Array:
-    """Coefficients of ``e_t = sum_k coefficients[k - 1] e_(t-k) + noise``, (order, ny, ny)."""
+def _recursion(gamma: Array, most: int) -> Iterator[tuple[Array, Array]]:
+    """Coefficients and noise covariance of the orders 0 ... ``most``.
+
+    The recursion of Levinson for several channels (Whittle 1963, Wiggins & Robinson 1965): forward
+    and backward predictions of one order give those of the next.
+    """
     ny = gamma.shape[1]
-    if order == 0:
-        return np.empty((0, ny, ny))
-    toeplitz = np.block(
-        [[gamma[j - i] if j >= i else gamma[i - j].T for j in range(order)] for i in range(order)]
-    )
-    right = np.hstack([gamma[k + 1] for k in range(order)])
-    solution = np.linalg.solve(toeplitz.T, right.T).T
-    coefficients: Array = solution.reshape(ny, order, ny).transpose(1, 0, 2)
-    return coefficients
+    forward, backward = np.empty((0, ny, ny)), np.empty((0, ny, ny))
+    ahead, behind = gamma[0], gamma[0]
+    for order in range(most + 1):
+        yield forward, ahead
+        if order == most:
+            return
+        # What the next lag explains beyond those before it.
+        rest = gamma[order + 1] - sum(
+            (forward[k] @ gamma[order - k] for k in range(order)), np.zeros((ny, ny))
+        )
+        last = np.linalg.solve(behind.T, rest.T).T
+        first = np.linalg.solve(ahead.T, rest).T
+        longer = np.concatenate([forward - last @ backward[::-1], last[None]])
+        backward = np.concatenate([backward - first @ forward[::-1], first[None]])
+        forward = longer
+        ahead, behind = ahead - last @ rest.T, behind - first @ rest
