@@ -21,6 +21,7 @@ from evopem.config.state_space_settings import (
 from evopem.errors import InputError
 from evopem.estimation.state_space.delays import estimate_delays
 from evopem.estimation.state_space.estimate import (
+    FINAL_WIDTH,
     StateSpaceEstimate,
     StateSpaceSettings,
     descend_from,
@@ -40,6 +41,8 @@ Log = Callable[[str], None]
 # gain and of slow poles, many leave more samples to fit.  Large records have the first alone.
 DESIGNS = (2, 5)
 LARGE = 100_000
+# Estimates of each order that are descended from on large records, whose estimates are good ones.
+LARGE_WIDTH = 2
 SHORTEST_FOLD = 40
 # Largest orders tried of plant and noise model, and output values for each parameter of the largest
 # model.
@@ -223,6 +226,7 @@ def search_variant(
         form=form,
         delays=tuple(delays),
         settings=settings,
+        width=LARGE_WIDTH if _is_large(estimation) else FINAL_WIDTH,
         log=log,
     )
     found = _until_bic_rises((each.model.order, each) for each in estimates)

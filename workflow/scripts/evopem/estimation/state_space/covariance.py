@@ -220,10 +220,10 @@ def _basis(errors: StateSpaceErrors, found: Projection) -> Array:
     P, C = _predictor(errors, found), found.linear[: errors.order].T
     with np.errstate(all="ignore"):
         # Of C, C P, C P^2, ..., twice as many in each step.
-        root = np.linalg.qr(np.vstack([C, np.zeros_like(P)]), mode="r")
+        root = np.asarray(np.linalg.qr(np.vstack([C, np.zeros_like(P)]), mode="r"))
         power = P
         for _ in range(DOUBLINGS):
-            root = np.linalg.qr(np.vstack([root, root @ power]), mode="r")
+            root = np.asarray(np.linalg.qr(np.vstack([root, root @ power]), mode="r"))
             power = power @ power
         size = np.linalg.norm(root, axis=0)
         ill = np.linalg.cond(root / size) > ILL_CONDITIONED
