@@ -42,6 +42,7 @@ from evopem.estimation.state_space.estimate import StateSpaceSettings
 from evopem.estimation.state_space.model_record import StateSpaceModelRecord
 from evopem.estimation.state_space.order_models import OrderModel, OrderModels
 from evopem.files.atomic import write_table, write_text
+from evopem.files.checksums import delete_results
 from evopem.files.json_form import load, save
 from evopem.models.matlab import save_state_space_mat
 from evopem.results.layout import DatasetFiles
@@ -72,6 +73,7 @@ Log = Callable[[str], None]
 
 def write_multichannel_configuration(files: DatasetFiles, settings: StateSpaceDataset) -> None:
     """Keep the complete configuration of a data set beside its results."""
+    delete_results(files.folder, {Path(files.details).name})  # its contents are written anew
     write_text(files.config, state_space_yaml(settings))
 
 

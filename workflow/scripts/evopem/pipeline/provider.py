@@ -7,7 +7,7 @@ here imports numpy, pandas or Snakemake.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Protocol
@@ -30,7 +30,8 @@ from evopem.config.state_space_settings import (
 from evopem.config.structures import AUTOMATIC_STRUCTURES, searched_structures
 from evopem.files.json_form import to_json
 from evopem.pipeline.constraint_plan import known_rate
-from evopem.results.layout import OVERVIEW, DatasetFiles
+from evopem.results.layout import BATCH_CHECKSUMS, OVERVIEW, DatasetFiles
+from evopem.results.made_from import is_finished
 from evopem.results.replaced_recordings import was_read_from
 
 _Dataset = DatasetSettings | StateSpaceDataset
@@ -59,6 +60,24 @@ class Wildcards(Protocol):
 
     def get(self, name: str) -> str | None:
         """Value of a wildcard, None where the job has no such one."""
+
+
+class BatchWildcards(Protocol):
+    """The wildcards of the job of a batch."""
+
+    batch: str
+
+
+@dataclass
+class _OfDataset:
+    """The wildcards of the job of one recording, where Snakemake has planned that of a batch."""
+
+    dataset: str
+    phase: str = ""
+
+    def get(self, name: str) -> str | None:
+        """Value of a wildcard, None where the job has no such one."""
+        return getattr(self, name, None) or None
 
 
 def _structure_of(dataset: _Dataset) -> str:
@@ -180,6 +199,18 @@ class Provider:
         return [*OVERVIEW] if several or any(map(resources.is_file, OVERVIEW)) else []
 
     @property
+    def targets(self) -> list[str]:
+        """What a run makes, apart from the lists of all data sets."""
+        if self.config.batches:
+            return self.batch_checksums
+        return [result for name in self.config.datasets for result in self.results(name)]
+
+    @property
+    def batch_checksums(self) -> list[str]:
+        """The outputs of the jobs of all batches."""
+        return [BATCH_CHECKSUMS.format(batch=batch) for batch in self.config.batches]
+
+    @property
     def order(self) -> dict[str, Any]:
         """What recordings are ordered by where modes are followed; empty for their own order."""
         return to_json(self.config.order) if self.config.order else {}
@@ -197,6 +228,8 @@ class Provider:
             The paths, by default with the name of the data set in them.
         """
         own = files or DatasetFiles.of_dataset(dataset)
+        if self.config.batches:
+            return own.batch_results
         truth = [own.truth] if dataset in self.synthetic else []
         validation = (
             [own.validation_recording, own.validation_recording_info]
@@ -258,10 +291,10 @@ class Provider:
     def last_results(self) -> list[str]:
         """The results that no other job of a data set needs, apart from its summary.
 
-        None where one job makes all results of a data set.
+        Where one job makes all results of a data set, none; of batches the outputs of their jobs.
         """
         if self.config.run.one_job_per == "recording":
-            return []
+            return self.batch_checksums
         return (
             [
                 result
@@ -330,6 +363,42 @@ class Provider:
             return {key: used} if used else {}
 
         return existing
+
+    def batch_files(self, wildcards: BatchWildcards) -> list[str]:
+        """The recorded files of a batch that exist: the job of a batch knows what it has read."""
+        return [
+            path
+            for name in self.config.batches[wildcards.batch]
+            for key in ("file", "validation_file")
+            if name in self.recorded
+            for path in self._files(name, key)
+            if resources.is_file(path)
+        ]
+
+    def batch_settings(self, wildcards: BatchWildcards) -> dict[str, Any]:
+        """The settings of the recordings of a batch, by their names."""
+        names = self.config.batches[wildcards.batch]
+        return {name: to_json(self.config.datasets[name]) for name in names}
+
+    def batch_memory(self, wildcards: BatchWildcards, threads: int, attempt: int) -> int:
+        """MB of the job of a batch: those of its largest recording."""
+        own = map(_OfDataset, self.config.batches[wildcards.batch])
+        return max(self.estimation_memory(each, threads, attempt) for each in own)
+
+    def batch_time(self, wildcards: BatchWildcards, threads: int, attempt: int) -> int:
+        """Minutes of the job of a batch: a margin for all, and what each recording may take."""
+        own = map(_OfDataset, self.config.batches[wildcards.batch])
+        margin = attempt * resources.MARGIN_MINUTES
+        return margin + sum(self.estimation_time(each, threads, attempt) - margin for each in own)
+
+    def unfinished(self, batches: Iterable[str], code: str) -> set[str]:
+        """Names of the recordings of batches that their jobs would identify."""
+        return {
+            name
+            for batch in batches
+            for name in self.config.batches[batch]
+            if not is_finished(DatasetFiles.of_dataset(name), self.config.datasets[name], code)
+        }
 
     def told_channels(self, wildcards: Wildcards) -> dict[str, str]:
         """The origin of the estimation recording, where it tells the channels of the others."""
