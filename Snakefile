@@ -14,7 +14,7 @@ include: "workflow/rules/common.smk"
 
 rule all:
     input:
-        [provider.results(dataset) for dataset in provider.config.datasets],
+        provider.targets,
         provider.lists,
 
 

@@ -144,6 +144,31 @@ def test_a_run_takes_the_keys_beside_the_data_sets():
     assert run == RunSettings(3, "recording", "none", "2/2")
 
 
+@pytest.mark.parametrize(
+    ("per_job", "sizes"), [(1, [1] * 40), (16, [16, 16, 8]), ("auto", [2] * 20)]
+)
+def test_recordings_are_divided_into_batches_before_shards(per_job, sizes):
+    names = ", ".join(f"r{n}: {{synthesis: armax, samples: 900}}" for n in range(40))
+    keys = f"recordings_per_job: {per_job}, one_job_per: recording, report: none"
+    whole = completed(f"{{datasets: {{{names}}}, {keys}}}")
+    assert [len(batch) for batch in whole.batches.values()] == sizes
+    shard = completed(f"{{datasets: {{{names}}}, {keys}, shard: 2/3}}")
+    assert shard.batches == {n: b for n, b in whole.batches.items() if int(n) % 3 == 2}
+    assert [*shard.datasets] == [name for batch in shard.batches.values() for name in batch]
+
+
+@pytest.mark.parametrize(
+    ("keys", "remedy"),
+    [
+        ("report: none", "write one_job_per: recording, or remove the key"),
+        ("one_job_per: recording", "write report: none, or remove the key"),
+    ],
+)
+def test_several_recordings_a_job_are_refused_where_there_is_no_such_job(keys, remedy):
+    with pytest.raises(InputError, match=f"recordings_per_job: .*{remedy}"):
+        completed(f"{{datasets: {{a: {{synthesis: armax}}}}, recordings_per_job: 2, {keys}}}")
+
+
 ARM = "datasets: {arm: {synthesis: armax, %s}}"
 FILE = "datasets: {arm: {file: x.csv, %s}}"
 

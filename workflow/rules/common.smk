@@ -31,7 +31,9 @@ from evopem.files.termination import interrupt_on_hangup
 from evopem.pipeline.planned_fits import check_planned_fits
 from evopem.pipeline.provider import FILES as files
 from evopem.pipeline.provider import Provider
-from evopem.results.layout import FIGURES, OVERVIEW, PHASES, DatasetFiles, check_folders
+from evopem.results.layout import BATCH, BATCH_CHECKSUMS, FIGURES, OVERVIEW, PHASES
+from evopem.results.layout import DatasetFiles, check_folders
+from evopem.results.made_from import forget_incomplete_batches
 from evopem.results.replaced_recordings import mark_replaced_recordings
 from evopem.version import __version__
 
@@ -73,7 +75,10 @@ except InputError as error:
 # Jobs parse this file as well, while the results of other jobs change.
 if workflow.is_main_process:
     interrupt_on_hangup()
-    mark_replaced_recordings(provider.config.datasets)
+    if provider.config.batches:
+        forget_incomplete_batches(provider.config.batches, provider.config.datasets)
+    else:
+        mark_replaced_recordings(provider.config.datasets)
 
 # Beside the schema: in a checkout below `workflow`, else in the installed package.
 TEMPLATE_FOLDER = schema_file().parents[1] / "templates"
@@ -100,7 +105,8 @@ def estimation_cores(wildcards):
     if provider.config.run.candidates_per_job != "auto" or workflow.remote_exec:
         return 1
     try:
-        return max(1, workflow.cores // len(provider.config.datasets))
+        jobs = provider.config.batches or provider.config.datasets
+        return max(1, workflow.cores // len(jobs))
     except WorkflowError:
         return 1
 
@@ -121,7 +127,7 @@ def mark_unfinished():
     A run that is killed cannot correct the lists any more.
     """
     exist = any(map(os.path.exists, provider.lists))
-    if exist and datasets_of(workflow.dag.needrun_jobs()):
+    if exist and left_of(workflow.dag.needrun_jobs()):
         collect_unfinished()
 
 
@@ -135,7 +141,23 @@ def list_other_targets():
 def datasets_of(jobs):
     """The names of the data sets that jobs belong to."""
     names = {getattr(job.wildcards, "dataset", None) for job in jobs}
+    batches = batches_of(jobs)
+    names.update(name for batch in batches for name in provider.config.batches[batch])
     return names & provider.config.datasets.keys()
+
+
+def batches_of(jobs):
+    """The batches that jobs belong to."""
+    batches = {getattr(job.wildcards, "batch", None) for job in jobs}
+    return batches & provider.config.batches.keys()
+
+
+def left_of(jobs):
+    """The names of the data sets that jobs have left to do: of a batch, its unfinished ones."""
+    jobs = list(jobs)
+    if not provider.config.batches:
+        return datasets_of(jobs)
+    return provider.unfinished(batches_of(jobs), code("identify_batch"))
 
 
 def collect_unfinished():
@@ -145,7 +167,7 @@ def collect_unfinished():
 
     if workflow.touch or not provider.lists:
         return
-    left = datasets_of(workflow.dag.needrun_jobs())
+    left = left_of(workflow.dag.needrun_jobs())
     required = {name: provider.results(name) for name in provider.config.datasets}
     fleet.collect_unfinished(
         required, TEMPLATE_FOLDER, provider.page, left, positions(provider.order)

@@ -6,9 +6,11 @@ rule collect_fleet:
     input:
         # Every other job of a data set is behind one of these: the lists come last.
         provider.last_results,
+        # Those of a batch are no outputs of Snakemake's jobs.
         summaries=[
             DatasetFiles.of_dataset(dataset).summary
             for dataset in provider.config.datasets
+            if not provider.config.batches
         ],
     output:
         index=report(
@@ -31,6 +33,7 @@ rule collect_fleet:
         mem_mb=1000,
         runtime=10,
     params:
+        names=list(provider.config.datasets),
         page=provider.page,
         order=provider.order,
         code=code("collect_fleet", *TEMPLATES),

@@ -19,7 +19,11 @@ onerror:
     print_results()
 
 
-if provider.config.run.one_job_per == "recording":
+if provider.config.batches:
+
+    include: "batch.smk"
+
+elif provider.config.run.one_job_per == "recording":
 
     include: "recording.smk"
 

@@ -191,6 +191,7 @@ rule estimate_state_space:
         transforms=files.transforms,
         delays=files.decision("delays"),
         comparison=files.decision("comparison"),
+        orders=provider.models_of_orders_of_variants,
     output:
         model=report(
             files.model,
@@ -218,6 +219,37 @@ rule estimate_state_space:
         code=code("estimate_state_space"),
     script:
         "../scripts/estimate_state_space.py"
+
+
+rule complete_other_state_space:
+    """Keep the model for another purpose than that of the configuration."""
+    input:
+        prepared=files.prepared,
+        transforms=files.transforms,
+        delays=files.decision("delays"),
+        comparison=files.decision("comparison"),
+        orders=provider.models_of_orders_of_variants,
+    output:
+        model=files.other_model("{purpose}"),
+        errors=files.other_errors("{purpose}"),
+    log:
+        files.log("decisions/models/{purpose}"),
+    benchmark:
+        files.benchmark("decisions/models/{purpose}")
+    wildcard_constraints:
+        dataset=provider.one_of(provider.state_space),
+        purpose="simulation|prediction",
+    conda:
+        "../envs/evopem.yaml"
+    threads: 1
+    resources:
+        mem_mb=provider.state_space_memory,
+        runtime=provider.state_space_time,
+    params:
+        search=provider.settings("search"),
+        code=code("complete_other_state_space"),
+    script:
+        "../scripts/complete_other_state_space.py"
 
 
 rule validate_state_space:
@@ -271,6 +303,7 @@ rule collect_state_space_decisions:
         plan=files.decision("preparation"),
         delays=files.decision("delays"),
         comparison=files.decision("comparison"),
+        other=provider.other_state_space,
     output:
         decisions=files.decisions,
     log:

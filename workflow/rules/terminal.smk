@@ -41,7 +41,7 @@ def print_results():
     from evopem.results.fleet import read_entry
     from evopem.terminal.results_text import run_text, show
 
-    left = datasets_of(workflow.dag.needrun_jobs())
+    left = left_of(workflow.dag.needrun_jobs())
     entries = {
         name: read_entry(
             DatasetFiles.of_dataset(name), provider.results(name), pending=name in left

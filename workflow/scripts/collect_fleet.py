@@ -7,13 +7,16 @@ from evopem.config.conditions import positions
 from evopem.files.job import job
 from evopem.pipeline.fleet import collect_fleet
 from evopem.report.templates import template_folder
+from evopem.results.layout import DatasetFiles
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
 
-with job(snakemake.log[0], snakemake.input.summaries, snakemake.output):
+names, results = snakemake.params.names, Path(snakemake.output.index).parent
+summaries = [DatasetFiles(f"{results}/{name}").summary for name in names]
+with job(snakemake.log[0], summaries, snakemake.output):
     collect_fleet(
-        [Path(file).parent.name for file in snakemake.input.summaries],
+        names,
         template_folder(),
         snakemake.params.page,
         snakemake.output.index,

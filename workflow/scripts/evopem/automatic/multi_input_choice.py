@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from evopem.automatic.state_space_choice import (
+from evopem.automatic.state_space_search import (
     VALUES_PER_PARAMETER,
     Refit,
     Variant,
@@ -32,7 +32,6 @@ from evopem.estimation.multi_input.estimate import (
 from evopem.estimation.state_space.estimate import StateSpaceSettings
 from evopem.estimation.state_space.order_models import OrderModel, OrderModels
 from evopem.models.multi_input import MultiInputModel
-from evopem.models.state_space import StateSpaceModel
 from evopem.signals.multichannel import MultichannelRecording
 
 Log = Callable[[str], None]
@@ -105,17 +104,22 @@ def search_structure(
             estimation.inputs, estimation.outputs, variant.form, orders, delays, search, log
         )
     )
-    bic = {order: each.bic for order, each in estimates.items()}
-    refits = {
-        order: _refit_of(each.model, search.max_root_radius) for order, each in estimates.items()
-    }
     models = OrderModels(
         tuple(
             OrderModel.of(order, each.bic, _named(each.model, estimation).plant().state_space())
             for order, each in estimates.items()
         )
     )
-    return scored_search(estimation, variant, bic, refits, log), models
+
+    def refit_of(estimate: MultiInputEstimate) -> Refit:
+        return lambda parts: refitted_multi_input(
+            estimate.model,
+            [part.inputs for part in parts],
+            [part.outputs for part in parts],
+            search.max_root_radius,
+        ).state_space()
+
+    return scored_search(estimation, variant, estimates, refit_of, log), models
 
 
 def estimate_structure(
@@ -124,9 +128,10 @@ def estimate_structure(
     order: int,
     delays: Sequence[int],
     settings: StateSpaceSettings,
+    globally: bool = True,
     log: Log | None = None,
 ) -> MultiInputEstimate:
-    """The model of a joint order, with orders and delays of each input by BIC, searched globally.
+    """The model of a joint order, with orders and delays of each input by BIC.
 
     Parameters
     ----------
@@ -136,6 +141,8 @@ def estimate_structure(
     order : int
     delays : sequence of int
     settings : StateSpaceSettings
+    globally : bool
+        Whether it is searched globally, or descended to from estimates alone.
     log : callable, optional
 
     Raises
@@ -148,19 +155,11 @@ def estimate_structure(
     orders = reduced_orders(inputs, outputs, joint_orders(structure, order, delays), search, log)
     return estimate_multi_input(
         *(inputs, outputs, orders, structure, estimation.sampling_rate),
-        settings=search,
+        settings=search if globally else replace(search, evaluations=0),
         input_names=estimation.input_names,
         output_name=estimation.output_names[0],
         log=log,
     )
-
-
-def _refit_of(model: MultiInputModel, max_root_radius: float) -> Refit:
-    def refit(parts: Sequence[MultichannelRecording]) -> StateSpaceModel:
-        inputs, outputs = [part.inputs for part in parts], [part.outputs for part in parts]
-        return refitted_multi_input(model, inputs, outputs, max_root_radius).state_space()
-
-    return refit
 
 
 def _named(model: MultiInputModel, estimation: MultichannelRecording) -> MultiInputModel:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from evopem.config.conditions import Positions
 from evopem.config.settings import DatasetSettings, RunSettings
@@ -11,11 +11,23 @@ from evopem.config.state_space_settings import StateSpaceDataset
 
 @dataclass(frozen=True)
 class Configuration:
-    """A checked and completed configuration."""
+    """A checked and completed configuration.
+
+    Attributes
+    ----------
+    datasets : dict of str to DatasetSettings or StateSpaceDataset
+    run : RunSettings
+    order : Positions, optional
+        What recordings are ordered by where modes are followed.
+    batches : dict of str to tuple of str
+        Names of the recordings that one job identifies, by the number of the batch; empty where
+        each recording has jobs of its own.
+    """
 
     datasets: dict[str, DatasetSettings | StateSpaceDataset]
     run: RunSettings
     order: Positions | None = None
+    batches: dict[str, tuple[str, ...]] = field(default_factory=dict)
 
     @property
     def single_channel(self) -> dict[str, DatasetSettings]:

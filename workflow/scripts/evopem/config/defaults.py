@@ -10,6 +10,7 @@ from typing import Any
 import yaml
 
 from evopem.config.automatic_keys import built_in_keys, check_automatic_keys, laid_over
+from evopem.config.batches import batches_of, check_batches
 from evopem.config.conditions import order_of
 from evopem.config.configuration import Configuration
 from evopem.config.dataset_names import check_names
@@ -123,12 +124,19 @@ def _completed(config: Keys, origin: Origin, source: str) -> Configuration:
     for each in datasets.values():
         if isinstance(each, DatasetSettings):
             check_several_recordings(each, source)
-    if "shard" in config:
-        datasets = shard_of(datasets, config["shard"], source)
     names = [field.name for field in fields(RunSettings)]
-    run = {name: config[name] for name in names if name in config}
+    given_run = {name: config[name] for name in names if name in config}
+    run = from_json(RunSettings, given_run, source)
+    check_batches(run, source)
+    batches = batches_of(datasets, run.recordings_per_job)
+    if batches and run.shard:
+        # Whole batches: the run that makes the lists has the same ones.
+        batches = shard_of(batches, run.shard, source)
+        datasets = {name: datasets[name] for batch in batches.values() for name in batch}
+    elif run.shard:
+        datasets = shard_of(datasets, run.shard, source)
     order = order_of(conditions, config["follow"], source) if "follow" in config else None
-    return Configuration(datasets, from_json(RunSettings, run, source), order)
+    return Configuration(datasets, run, order, batches)
 
 
 def _recipe(written: Keys, defaults: Keys) -> Recipe:

@@ -12,6 +12,13 @@ from evopem.config.settings import DatasetSettings, RecordedSource
 from evopem.config.state_space_settings import StateSpaceDataset, StateSpaceSource
 from evopem.config.structures import phases_of
 
+MARGIN_MINUTES = 10
+"""Of every job that estimates."""
+
+SECONDS_OF_RECIPE = 15.0
+SECONDS_OF_CHANNELS = 60.0
+"""Processor time of a short recording by the automatic recipe, and of one of several channels."""
+
 
 def recording_bytes(settings: DatasetSettings | StateSpaceDataset) -> int:
     """Size of a data set's recordings, known before any job has run."""
@@ -57,6 +64,21 @@ def estimation_memory(settings: DatasetSettings, threads: int, attempt: int) -> 
     return int(attempt * (400 + processes * each))
 
 
+def recording_seconds(settings: DatasetSettings | StateSpaceDataset) -> float:
+    """Processor time of all stages of a recording without figures, roughly.
+
+    The text of a sample has more than the 8 bytes of :func:`max_samples`; a few times too many
+    samples do no harm here.
+    """
+    if isinstance(settings, StateSpaceDataset):
+        return SECONDS_OF_CHANNELS
+    if settings.automatic is not None:
+        return SECONDS_OF_RECIPE + 2e-3 * max_samples(settings)
+    structure, grid = settings.order_grid.structure, settings.order_grid
+    count = sum(max_candidates_per_part(each, grid, "auto") for each in phases_of(structure))
+    return 1.0 + count * (0.05 + 3e-7 * _largest_fit(settings))
+
+
 def estimation_time(
     settings: DatasetSettings,
     phase: str | None,
@@ -70,7 +92,7 @@ def estimation_time(
         for each in ([phase] if phase else phases_of(settings.order_grid.structure))
     )
     seconds = 2 + 2e-9 * settings.search.evaluations * _largest_fit(settings)
-    return int(attempt * (10 + 3 * count * seconds / threads / 60))
+    return int(attempt * (MARGIN_MINUTES + 3 * count * seconds / threads / 60))
 
 
 def state_space_memory(settings: StateSpaceDataset, attempt: int) -> int:

@@ -392,6 +392,8 @@ class RunSettings:
         Number of a shard and of all shards, such as ``3/40``.
     follow : str, optional
         Name of the condition that recordings are ordered by where modes are followed.
+    recordings_per_job : int or "auto", optional
+        With ``"auto"`` as many as take about a minute. None for one, with all its files.
     """
 
     candidates_per_job: int | Literal["auto"] = "auto"
@@ -399,3 +401,4 @@ class RunSettings:
     report: Literal["html", "none"] = "html"
     shard: str | None = None
     follow: str | None = None
+    recordings_per_job: int | Literal["auto"] | None = None

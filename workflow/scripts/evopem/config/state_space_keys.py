@@ -263,9 +263,12 @@ def _check_keys(written: Keys, structure: str | None, source: str, place: str) -
                 f"{place}.{key}",
             )
     polynomial = structure is not None and is_polynomial(structure)
-    ranges: tuple[str, ...] = ("nx", "joint")
-    if structure is not None:
-        ranges = ("joint",) if polynomial else ("nx",)
+    outputs = _listed(written.get("output", 2))
+    ranges: tuple[str, ...] = ("nx",)
+    if polynomial:
+        ranges = ("joint",)
+    elif structure is None and len(outputs) == 1 and not is_pattern(outputs[0]):
+        ranges = ("nx", "joint")
     known: dict[str, tuple[str, ...]] = {"orders": ranges, "delay": ("nk",), "search": _SEARCH_KEYS}
     keys = tuple(key for key in KEYS if not (polynomial and key in _STATE_SPACE_ONLY))
     paths: list[tuple[str, tuple[str, ...], str]] = [(key, keys, key) for key in written]

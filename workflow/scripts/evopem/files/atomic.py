@@ -17,8 +17,8 @@ from evopem.errors import InputError
 if TYPE_CHECKING:
     import pandas as pd
 
-# Start of the names of temporary folders.
-_TEMPORARY = ".writing-"
+TEMPORARY = ".writing-"
+"""Start of the names of temporary folders."""
 _INSTALL = "install it, or evopem with its formats: pip install 'PATH[formats]'"
 
 
@@ -47,7 +47,7 @@ def atomic_write(path: str | Path) -> Iterator[Path]:
     path = Path(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=path.parent, prefix=_TEMPORARY) as folder:
+        with tempfile.TemporaryDirectory(dir=path.parent, prefix=TEMPORARY) as folder:
             # A file created in the temporary folder has the permissions of any new file, which
             # one made by tempfile.NamedTemporaryFile has not.
             temporary = Path(folder) / path.name
@@ -69,7 +69,7 @@ def files_below(folder: str | Path, ending: str) -> list[Path]:
     found: list[Path] = []
     # Path.rglob raises an error when a folder vanishes while it is read; os.walk does not.
     for parent, folders, names in os.walk(folder):
-        folders[:] = [name for name in folders if not name.startswith(_TEMPORARY)]
+        folders[:] = [name for name in folders if not name.startswith(TEMPORARY)]
         found += [Path(parent) / name for name in names if name.endswith(ending)]
     return sorted(found)
 

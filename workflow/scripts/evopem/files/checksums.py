@@ -8,7 +8,7 @@ folder of the data set, so that ``sha256sum -c`` verifies them from that folder.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from pathlib import Path
 
 from evopem.errors import InputError
@@ -48,6 +48,31 @@ def write_checksums(files: Iterable[str | Path], folder: str | Path, job: str) -
         if other_file != own_file:
             _remove_lines(other_file, folder, own)
     _write(own_file, own)
+
+
+def delete_results(folder: str | Path, only: Collection[str] | None = None) -> None:
+    """Delete results that jobs have written, and the lines about them.
+
+    Parameters
+    ----------
+    folder : path
+        Folder of the data set.
+    only : collection of str, optional
+        Their paths relative to the folder; by default all that have a checksum.
+    """
+    folder = Path(folder)
+    paths = {
+        path
+        for path in _checksums_in(folder)
+        if (only is None or path in only)
+        # A damaged file of checksums must not name files elsewhere.
+        and not Path(path).is_absolute()
+        and ".." not in Path(path).parts
+    }
+    for path in paths:
+        (folder / path).unlink(missing_ok=True)
+    for file in _checksum_files(folder) if paths else ():
+        _remove_lines(file, folder, paths)
 
 
 def verify_checksums(files: Iterable[str | Path], root: str | Path) -> None:

@@ -109,13 +109,24 @@ def _log_handler(log_file: Path) -> logging.FileHandler:
 
 @contextmanager
 def _attached(handler: logging.Handler) -> Iterator[logging.Logger]:
-    """Send the messages of the package, and all warnings, to a handler."""
+    """Send the messages of the package, and all warnings, to a handler.
+
+    Within the job of a batch, those of a recording go to its own log and not to the batch's.
+    """
     # A message that cannot be logged must not put a traceback on standard error.
     logging.raiseExceptions = False
     logger = logging.getLogger("evopem")
     warnings = logging.getLogger("py.warnings")
     logging.captureWarnings(True)
     logger.setLevel(logging.INFO)
+    outer = [
+        (each, kept)
+        for each in (logger, warnings)
+        for kept in each.handlers
+        if isinstance(kept, logging.FileHandler)
+    ]
+    for each, kept in outer:
+        each.removeHandler(kept)
     for each in (logger, warnings):
         each.addHandler(handler)
     try:
@@ -123,10 +134,12 @@ def _attached(handler: logging.Handler) -> Iterator[logging.Logger]:
     finally:
         for each in (logger, warnings):
             each.removeHandler(handler)
+        for each, kept in outer:
+            each.addHandler(kept)
         # On a full disk the last messages cannot be written; the job's own error is shown.
         with suppress(OSError):
             handler.close()
-        logging.captureWarnings(False)
+        logging.captureWarnings(bool(outer))
 
 
 def _lack_of_memory(logs: Path, record: UnfinishedJob) -> InputError:

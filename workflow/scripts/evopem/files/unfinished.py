@@ -82,6 +82,15 @@ def unfinished_jobs(logs: str | Path) -> list[UnfinishedJob]:
     return sorted(records, key=lambda record: _written(record, logs), reverse=True)
 
 
+def unfinished_record(job: str, logs: str | Path) -> UnfinishedJob | None:
+    """The record of a job that was started and has not succeeded; None where there is none."""
+    file = _file(job, logs)
+    try:
+        return load(UnfinishedJob, file) if file.exists() else None
+    except InputError:  # damaged, as by a power failure
+        return UnfinishedJob(job, ())
+
+
 def _written(record: UnfinishedJob, logs: Path) -> int:
     try:
         return _file(record.job, logs).stat().st_mtime_ns

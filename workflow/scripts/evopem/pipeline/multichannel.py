@@ -3,31 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 from threadpoolctl import threadpool_limits
 
-from evopem.automatic.multi_input_choice import (
-    estimate_structure,
-    search_structure,
-    searched_joint_orders,
-)
+from evopem.automatic.multi_input_choice import search_structure, searched_joint_orders
 from evopem.automatic.multichannel_preparation import (
     MultichannelPlan,
     apply_multichannel_plan,
     decide_multichannel_preparation,
 )
-from evopem.automatic.state_space_choice import (
-    OUTPUT_ERROR_WEIGHTING,
+from evopem.automatic.record import OtherModel
+from evopem.automatic.state_space_choice import ModelChoice, StateSpaceChoice, choose
+from evopem.automatic.state_space_chosen import (
+    ChosenModel,
+    estimate_as_searched,
+    search_chosen,
+)
+from evopem.automatic.state_space_search import (
     DelayChoice,
-    StateSpaceChoice,
     Variant,
     VariantSearch,
-    choose,
     decide_delays,
-    estimate_box_jenkins,
-    noise_orders,
     search_variant,
     searched_orders,
 )
@@ -44,18 +41,13 @@ from evopem.config.state_space_settings import (
     searched_variants,
 )
 from evopem.errors import InputError
-from evopem.estimation.state_space.estimate import (
-    StateSpaceEstimate,
-    StateSpaceSettings,
-    estimate_state_space,
-)
+from evopem.estimation.state_space.estimate import StateSpaceSettings
 from evopem.estimation.state_space.model_record import StateSpaceModelRecord
-from evopem.estimation.state_space.noise_model import noise_model, side_by_side
 from evopem.estimation.state_space.order_models import OrderModel, OrderModels
 from evopem.files.atomic import write_table, write_text
+from evopem.files.checksums import delete_results
 from evopem.files.json_form import load, save
 from evopem.models.matlab import save_multi_input_mat, save_state_space_mat
-from evopem.models.state_space import Form, StateSpaceModel
 from evopem.results.layout import DatasetFiles
 from evopem.results.multichannel import (
     DecisionList,
@@ -77,13 +69,14 @@ from evopem.signals.multichannel_reading import (
 )
 from evopem.validation.mode_table import table_of_models
 from evopem.validation.modes_record import ModesRecord
-from evopem.validation.multichannel import validate_multichannel
+from evopem.validation.multichannel import mean_errors, validate_multichannel
 
 Log = Callable[[str], None]
 
 
 def write_multichannel_configuration(files: DatasetFiles, settings: StateSpaceDataset) -> None:
     """Keep the complete configuration of a data set beside its results."""
+    delete_results(files.folder, {Path(files.details).name})  # its contents are written anew
     write_text(files.config, state_space_yaml(settings))
 
 
@@ -209,72 +202,69 @@ def estimate_chosen_state_space(
         When the record is too short.
     """
     data = _prepared(files)
-    estimation = data.estimation
-    choice = load(StateSpaceChoice, files.decision("comparison"))
+    choice = load(StateSpaceChoice, files.decision("comparison")).model
     delays = load(DelayChoice, files.decision("delays")).delays
+    searched = load(OrderModels, files.models_of_orders(choice.variant.name))
     settings = _settings(search, choice.variant)
-    units = estimation.input_units, estimation.output_units
-    form, weighting = choice.variant.form, choice.variant.weighting
+    start = searched.of_order(choice.order)
     try:
-        if is_polynomial(form):
-            found = estimate_structure(estimation, form, choice.order, delays, settings, log)
-            record = StateSpaceModelRecord.of_polynomials(found, units, search, data.transforms)
-        else:
-            estimate, model = _state_space_model(estimation, choice, delays, settings, log)
-            record = StateSpaceModelRecord.of(
-                estimate, model, (form, weighting), units, search, data.transforms
-            )
+        found = search_chosen(choice, start, data.estimation, delays, settings, log)
     except ValueError as error:
         raise _too_short(f"datasets.{files.name}", error) from None
+    record = _record_of(choice, found, data, search)
     save(record, files.model)
     if record.polynomials is None:
         save_state_space_mat(record.model, files.model_mat)
     else:
         save_multi_input_mat(record.polynomials, files.model_mat)
     with threadpool_limits(limits=1, user_api="blas"):
-        write_table(files.frequency_response, frequency_response_rows(record, estimation))
+        write_table(files.frequency_response, frequency_response_rows(record, data.estimation))
 
 
-def _state_space_model(
-    estimation: MultichannelRecording,
-    choice: StateSpaceChoice,
-    delays: tuple[int, ...],
-    settings: StateSpaceSettings,
-    log: Log | None,
-) -> tuple[StateSpaceEstimate, StateSpaceModel]:
-    """The chosen state-space model, and the same with its noise model."""
-    form: Form = "innovations" if choice.variant.form == "innovations" else "output_error"
-    first = settings
-    if choice.variant.form == "box_jenkins":
-        first = replace(settings, weighting=OUTPUT_ERROR_WEIGHTING)
-    estimate = estimate_state_space(
-        estimation.inputs if estimation.has_input else None,
-        estimation.outputs,
-        choice.order,
-        estimation.sampling_rate,
-        form=form,
-        delays=delays,
-        settings=first,
-        input_names=estimation.input_names,
-        output_names=estimation.output_names,
-        log=log,
+def complete_other_state_space(files: DatasetFiles, search: StateSpaceSearchSettings) -> None:
+    """Keep the model for the other purpose, with its errors on the validation samples.
+
+    It is the one of the search over orders, without a global search of its own.
+
+    Raises
+    ------
+    InputError
+        When the record is too short.
+    """
+    data = _prepared(files)
+    choice = load(StateSpaceChoice, files.decision("comparison")).other
+    assert choice is not None  # only data sets with inputs have another purpose
+    delays = load(DelayChoice, files.decision("delays")).delays
+    searched = load(OrderModels, files.models_of_orders(choice.variant.name))
+    settings = _settings(search, choice.variant)
+    start = searched.of_order(choice.order)
+    with threadpool_limits(limits=1, user_api="blas"):
+        try:
+            found = estimate_as_searched(choice, start, data.estimation, delays, settings)
+        except ValueError as error:
+            raise _too_short(f"datasets.{files.name}", error) from None
+        record = _record_of(choice, found, data, search)
+        errors = mean_errors(record.model, data.validation, choice.level == "state")
+    save(record, files.other_model(choice.purpose))
+    save(OtherModel(choice.purpose, record.text, *errors), files.other_errors(choice.purpose))
+
+
+def _record_of(
+    choice: ModelChoice,
+    found: ChosenModel,
+    data: MultichannelData,
+    search: StateSpaceSearchSettings,
+) -> StateSpaceModelRecord:
+    return StateSpaceModelRecord.of(
+        found.estimate,
+        found.model,
+        (choice.variant.form, choice.variant.weighting),
+        (data.estimation.input_units, data.estimation.output_units),
+        search,
+        data.transforms,
+        choice.level,
+        found.polynomials,
     )
-    if choice.variant.form == "box_jenkins":
-        estimate = estimate_box_jenkins(estimation, estimate.model, delays, settings)
-    model = estimate.model
-    if choice.variant.form == "output_error":
-        model = _with_noise_model(estimation, model, settings)
-    return estimate, model
-
-
-def _with_noise_model(
-    estimation: MultichannelRecording, plant: StateSpaceModel, settings: StateSpaceSettings
-) -> StateSpaceModel:
-    """A plant beside the noise model of its residuals, where they are not white."""
-    noise = noise_model(
-        plant, [estimation.inputs], [estimation.outputs], noise_orders(estimation), settings
-    )
-    return plant if noise is None else side_by_side(plant, noise)
 
 
 def validate_state_space(files: DatasetFiles) -> None:
@@ -282,7 +272,8 @@ def validate_state_space(files: DatasetFiles) -> None:
     record = load(StateSpaceModelRecord, files.model)
     prepared = _prepared(files).validation
     with threadpool_limits(limits=1, user_api="blas"):
-        validation, tables = validate_multichannel(record.model, prepared)
+        free_level = record.level_of_simulation == "state"
+        validation, tables = validate_multichannel(record.model, prepared, free_level)
         modes = _judged_modes(files, record, prepared)
     save(modes, files.modes_json)
     write_table(files.modes, modes.rows())
@@ -296,7 +287,7 @@ def _judged_modes(
     files: DatasetFiles, record: StateSpaceModelRecord, validation: MultichannelRecording
 ) -> ModesRecord:
     """The modes of the model and of the other orders of its form, with their evidence."""
-    choice = load(StateSpaceChoice, files.decision("comparison"))
+    choice = load(StateSpaceChoice, files.decision("comparison")).model
     searched = load(OrderModels, files.models_of_orders(choice.variant.name))
     own = OrderModel.of(choice.order, record.bic, record.plant)
     table = table_of_models(
@@ -311,7 +302,10 @@ def collect_state_space_decisions(files: DatasetFiles) -> None:
     delays = load(DelayChoice, files.decision("delays"))
     choice = load(StateSpaceChoice, files.decision("comparison"))
     decisions = (*preparation.decisions, delays.decision, *choice.decisions)
-    save(DecisionList(decisions), files.decisions)
+    other = None
+    if choice.other is not None:
+        other = load(OtherModel, files.other_errors(choice.other.purpose))
+    save(DecisionList(choice.model.purpose, decisions, other), files.decisions)
 
 
 def summarize_state_space(files: DatasetFiles) -> None:
@@ -373,6 +367,8 @@ def identify_channels(
         search_state_space(files, variant, limits, search, log)
     choose_state_space(files, variants, choices)
     estimate_chosen_state_space(files, search, log)
+    if source.channels.inputs:
+        complete_other_state_space(files, search)
     validate_state_space(files)
     collect_state_space_decisions(files)
     summarize_state_space(files)

@@ -7,7 +7,7 @@ here imports numpy, pandas or Snakemake.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Protocol
@@ -32,7 +32,8 @@ from evopem.config.state_space_settings import (
 from evopem.config.structures import AUTOMATIC_STRUCTURES, searched_structures
 from evopem.files.json_form import to_json
 from evopem.pipeline.constraint_plan import known_rate
-from evopem.results.layout import OVERVIEW, DatasetFiles
+from evopem.results.layout import BATCH_CHECKSUMS, OVERVIEW, DatasetFiles
+from evopem.results.made_from import is_finished
 from evopem.results.replaced_recordings import was_read_from
 
 _Dataset = DatasetSettings | StateSpaceDataset
@@ -63,16 +64,41 @@ class Wildcards(Protocol):
         """Value of a wildcard, None where the job has no such one."""
 
 
+class BatchWildcards(Protocol):
+    """The wildcards of the job of a batch."""
+
+    batch: str
+
+
+@dataclass
+class _OfDataset:
+    """The wildcards of the job of one recording, where Snakemake has planned that of a batch."""
+
+    dataset: str
+    phase: str = ""
+
+    def get(self, name: str) -> str | None:
+        """Value of a wildcard, None where the job has no such one."""
+        return getattr(self, name, None) or None
+
+
 def _structure_of(dataset: _Dataset) -> str:
     """The structure on which the results depend, with the automatic recipe before it."""
     if isinstance(dataset, StateSpaceDataset):
         forms = "_".join(variant_name(*each) for each in searched_variants(dataset))
-        return f"state_space_{forms}"
+        return "_".join(["state_space", forms, *_other_purposes(dataset)])
     automatic = dataset.automatic
     if automatic is None:
         return dataset.order_grid.structure
     purpose = "" if automatic.other_purpose == "prediction" else f"_{automatic.purpose}"
     return f"automatic{purpose}_{automatic.structure}".removesuffix("_None")
+
+
+def _other_purposes(dataset: StateSpaceDataset) -> tuple[str, ...]:
+    """The purpose whose model is kept beside that of the configuration; none without inputs."""
+    if not dataset.source.channels.inputs:
+        return ()
+    return ("simulation" if dataset.choices.purpose == "prediction" else "prediction",)
 
 
 @dataclass(frozen=True)
@@ -175,6 +201,18 @@ class Provider:
         return [*OVERVIEW] if several or any(map(resources.is_file, OVERVIEW)) else []
 
     @property
+    def targets(self) -> list[str]:
+        """What a run makes, apart from the lists of all data sets."""
+        if self.config.batches:
+            return self.batch_checksums
+        return [result for name in self.config.datasets for result in self.results(name)]
+
+    @property
+    def batch_checksums(self) -> list[str]:
+        """The outputs of the jobs of all batches."""
+        return [BATCH_CHECKSUMS.format(batch=batch) for batch in self.config.batches]
+
+    @property
     def order(self) -> dict[str, Any]:
         """What recordings are ordered by where modes are followed; empty for their own order."""
         return to_json(self.config.order) if self.config.order else {}
@@ -192,6 +230,8 @@ class Provider:
             The paths, by default with the name of the data set in them.
         """
         own = files or DatasetFiles.of_dataset(dataset)
+        if self.config.batches:
+            return own.batch_results
         truth = [own.truth] if dataset in self.synthetic else []
         validation = (
             [own.validation_recording, own.validation_recording_info]
@@ -202,7 +242,12 @@ class Provider:
         if isinstance(settings, StateSpaceDataset):
             names = [variant_name(*each) for each in searched_variants(settings)]
             report = [own.report] if self.with_report else []
-            return [*validation, *own.state_space_results(names), *report]
+            other = [
+                file
+                for purpose in _other_purposes(settings)
+                for file in (own.other_model(purpose), own.other_errors(purpose))
+            ]
+            return [*validation, *own.state_space_results(names), *other, *report]
         phases = [own.phase(each) for each in phases_of_dataset(settings)]
         decisions = [] if settings.automatic is None else self._decisions(dataset, own)
         read = [own.recording, *validation, own.prepared, *phases, *decisions]
@@ -248,10 +293,10 @@ class Provider:
     def last_results(self) -> list[str]:
         """The results that no other job of a data set needs, apart from its summary.
 
-        None where one job makes all results of a data set.
+        Where one job makes all results of a data set, none; of batches the outputs of their jobs.
         """
         if self.config.run.one_job_per == "recording":
-            return []
+            return self.batch_checksums
         return (
             [
                 result
@@ -320,6 +365,42 @@ class Provider:
             return {key: used} if used else {}
 
         return existing
+
+    def batch_files(self, wildcards: BatchWildcards) -> list[str]:
+        """The recorded files of a batch that exist: the job of a batch knows what it has read."""
+        return [
+            path
+            for name in self.config.batches[wildcards.batch]
+            for key in ("file", "validation_file")
+            if name in self.recorded
+            for path in self._files(name, key)
+            if resources.is_file(path)
+        ]
+
+    def batch_settings(self, wildcards: BatchWildcards) -> dict[str, Any]:
+        """The settings of the recordings of a batch, by their names."""
+        names = self.config.batches[wildcards.batch]
+        return {name: to_json(self.config.datasets[name]) for name in names}
+
+    def batch_memory(self, wildcards: BatchWildcards, threads: int, attempt: int) -> int:
+        """MB of the job of a batch: those of its largest recording."""
+        own = map(_OfDataset, self.config.batches[wildcards.batch])
+        return max(self.estimation_memory(each, threads, attempt) for each in own)
+
+    def batch_time(self, wildcards: BatchWildcards, threads: int, attempt: int) -> int:
+        """Minutes of the job of a batch: a margin for all, and what each recording may take."""
+        own = map(_OfDataset, self.config.batches[wildcards.batch])
+        margin = attempt * resources.MARGIN_MINUTES
+        return margin + sum(self.estimation_time(each, threads, attempt) - margin for each in own)
+
+    def unfinished(self, batches: Iterable[str], code: str) -> set[str]:
+        """Names of the recordings of batches that their jobs would identify."""
+        return {
+            name
+            for batch in batches
+            for name in self.config.batches[batch]
+            if not is_finished(DatasetFiles.of_dataset(name), self.config.datasets[name], code)
+        }
 
     def told_channels(self, wildcards: Wildcards) -> dict[str, str]:
         """The origin of the estimation recording, where it tells the channels of the others."""
@@ -522,6 +603,11 @@ class Provider:
         """The models of all orders that these searches leave."""
         names = [variant_name(*each) for each in self.searched_variants(wildcards)]
         return [FILES.models_of_orders(name) for name in names]
+
+    def other_state_space(self, wildcards: Wildcards) -> list[str]:
+        """What the model for the other purpose reaches; nothing without inputs."""
+        own = self.config.state_space[wildcards.dataset]
+        return [FILES.other_errors(purpose) for purpose in _other_purposes(own)]
 
     def start_and_rate_given(self, wildcards: Wildcards) -> tuple[bool, bool]:
         """Whether the configuration says where samples begin, and at which rate."""

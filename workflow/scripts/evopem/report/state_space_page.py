@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
+from evopem.automatic.state_space_choice import scores_of
 from evopem.config.state_space_settings import Geometry
 from evopem.config.structures import STRUCTURES, structure_name
 from evopem.figures.channel_drawings import (
@@ -23,7 +24,7 @@ from evopem.figures.shape_drawings import ShapeDrawing
 from evopem.models.state_space_modes import ShapedMode
 from evopem.report import provenance
 from evopem.report.numbers import count, hertz, number, percent, plural
-from evopem.report.sentences.about_decisions import decision_row
+from evopem.report.sentences.about_decisions import PurposeRow, decision_row
 from evopem.report.sentences.about_state_space import state_space_verdict
 from evopem.report.templates import environment
 from evopem.results.multichannel import MultichannelResults
@@ -138,7 +139,8 @@ def build_state_space_report(
         responses=_response_rows(results),
         scores=_scores(results),
         variant_words=VARIANT_WORDS,
-        decisions=[decision_row(each) for each in results.decisions],
+        purposes=_purposes(results),
+        decisions=[decision_row(each) for each in results.decisions.decisions],
         provenance=_provenance(results, commit),
         stages=wall_clock,
         command=provenance.command(commit),
@@ -273,16 +275,27 @@ def _strongest(names: tuple[str, ...], shares: np.ndarray) -> str:
 
 def _scores(results: MultichannelResults) -> Markup:
     """Errors on held-out samples over the order."""
-    purpose = results.choice.purpose
+    choice = results.choice.model
+    kind = scores_of(choice.purpose, choice.level)
     curves = [
-        (each.variant.form, each.orders, getattr(each, purpose))
+        (each.variant.form, each.orders, getattr(each, kind))
         for each in results.searches
         if each.orders
     ]
-    own = next(each for each in results.searches if each.variant == results.choice.variant)
-    order = results.choice.order
-    error = getattr(own, purpose)[own.orders.index(order)]
-    return Markup(scores_chart(curves, (order, error), "Errors on held-out samples over the order"))
+    own = next(each for each in results.searches if each.variant == choice.variant)
+    error = getattr(own, kind)[own.orders.index(choice.order)]
+    label = "Errors on held-out samples over the order"
+    return Markup(scores_chart(curves, (choice.order, error), label))
+
+
+def _purposes(results: MultichannelResults) -> list[PurposeRow]:
+    """The model and the one for the other purpose."""
+    other, validation = results.decisions.other, results.validation
+    own = PurposeRow(
+        *(results.decisions.purpose, "model.json", results.model.text),
+        *(validation.prediction_error_percent, validation.simulation_error_percent),
+    )
+    return [own] if other is None else [own, PurposeRow.of(other)]
 
 
 def _provenance(results: MultichannelResults, commit: str) -> list[tuple[str, str]]:

@@ -42,6 +42,15 @@ FLEET_MODES = f"{FOLDER}/fleet_modes.csv"
 OVERVIEW = (INDEX, FLEET_CSV, FLEET_PARQUET, FLEET_MODES)
 """The lists of all data sets."""
 
+IDENTIFICATION = "identification"
+"""The job that takes a recording through all stages."""
+
+BATCH = "batches/{batch}"
+"""The job that does so for several recordings."""
+
+BATCH_CHECKSUMS = f"{FOLDER}/checksums/{BATCH}.sha256"
+"""What the job of a batch writes when all its recordings are identified."""
+
 
 @dataclass(frozen=True)
 class DatasetFiles:
@@ -245,6 +254,33 @@ class DatasetFiles:
     def figures(self) -> list[str]:
         """All figures of the report, in its order."""
         return [self.figure(figure) for figure in FIGURES]
+
+    @property
+    def details(self) -> str:
+        """All other results of a recording that was identified in a batch."""
+        return f"{self.folder}/details.zip"
+
+    @property
+    def checksums(self) -> str:
+        """Checksums of the results that one job has made."""
+        return f"{self.folder}/checksums/{IDENTIFICATION}.sha256"
+
+    @property
+    def logs(self) -> str:
+        """Folder of the logs."""
+        return f"{self.folder}/logs"
+
+    @property
+    def batch_results(self) -> list[str]:
+        """The results of a recording that was identified in a batch."""
+        return [
+            self.recording_info,
+            self.model,
+            self.modes,
+            self.validation,
+            self.summary,
+            self.details,
+        ]
 
     def log(self, job: str) -> str:
         """Log of a job."""

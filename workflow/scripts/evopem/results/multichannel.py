@@ -11,7 +11,9 @@ import numpy as np
 import pandas as pd
 
 from evopem.automatic.decision import Decision
-from evopem.automatic.state_space_choice import StateSpaceChoice, VariantSearch
+from evopem.automatic.record import OtherModel
+from evopem.automatic.state_space_choice import StateSpaceChoice
+from evopem.automatic.state_space_search import VariantSearch
 from evopem.config.state_space_settings import StateSpaceDataset
 from evopem.estimation.state_space.model_record import StateSpaceModelRecord
 from evopem.files.checksums import sha256_of_file
@@ -36,9 +38,20 @@ NFFT = 1024
 
 @dataclass(frozen=True)
 class DecisionList:
-    """Every decision of a data set, in their order."""
+    """Every decision of a data set, in their order.
 
+    Attributes
+    ----------
+    purpose : {"simulation", "prediction"}
+        What the model is for.
+    decisions : tuple of Decision
+    other : OtherModel, optional
+        The model for the other purpose; None without inputs.
+    """
+
+    purpose: str
     decisions: tuple[Decision, ...]
+    other: OtherModel | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +72,7 @@ class MultichannelResults:
     validation : MultichannelValidation
     searches : tuple of VariantSearch
     choice : StateSpaceChoice
-    decisions : tuple of Decision
+    decisions : DecisionList
     """
 
     settings: StateSpaceDataset
@@ -73,7 +86,7 @@ class MultichannelResults:
     validation: MultichannelValidation
     searches: tuple[VariantSearch, ...]
     choice: StateSpaceChoice
-    decisions: tuple[Decision, ...]
+    decisions: DecisionList
 
     @property
     def name(self) -> str:
@@ -83,14 +96,12 @@ class MultichannelResults:
     @property
     def checks(self) -> list[Check]:
         """The checks of the model."""
-        return state_space_checks(
-            self.model, self.validation, self.tried, self.recording_info
-        )
+        return state_space_checks(self.model, self.validation, self.tried, self.recording_info)
 
     @property
     def tried(self) -> tuple[int, ...]:
         """The orders of the chosen variant that were searched."""
-        return next(each.tried for each in self.searches if each.variant == self.choice.variant)
+        return next(each.tried for each in self.searches if each.variant == self.choice.model.variant)
 
     @property
     def trusted_modes(self) -> list[ShapedMode]:
@@ -127,7 +138,7 @@ def read_multichannel_results(
         validation=load(MultichannelValidation, files.validation),
         searches=tuple(load(VariantSearch, files.search(name)) for name in variants),
         choice=load(StateSpaceChoice, files.decision("comparison")),
-        decisions=load(DecisionList, files.decisions).decisions,
+        decisions=load(DecisionList, files.decisions),
     )
 
 
@@ -137,7 +148,7 @@ def summarize_multichannel(files: DatasetFiles) -> DatasetSummary:
     validation = load(MultichannelValidation, files.validation)
     info = load(MultichannelInfo, files.recording_info)
     modes = load(ModesRecord, files.modes_json)
-    variant = load(StateSpaceChoice, files.decision("comparison")).variant
+    variant = load(StateSpaceChoice, files.decision("comparison")).model.variant
     tried = load(VariantSearch, files.search(variant.name)).tried
     return DatasetSummary(
         file=info.file.path,

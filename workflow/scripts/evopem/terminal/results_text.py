@@ -49,7 +49,7 @@ def run_text(entries: Mapping[str, Entry], page: str, lists: Sequence[str]) -> s
     if len(entries) <= _SHOWN_WHOLE:
         blocks = [
             _line(name, entry)
-            if isinstance(entry, IncompleteDataset)
+            if isinstance(entry, IncompleteDataset) or _is_packed(name)
             else _text_of(name, files[name])
             for name, entry in entries.items()
         ]
@@ -65,6 +65,11 @@ def _text_of(name: str, page: str) -> str:
     if Path(files.modes_json).exists():
         return state_space_text(load(DatasetSummary, files.summary), name, page)
     return results_text(read_dataset_results(files, read_settings(files.config)), page)
+
+
+def _is_packed(name: str) -> bool:
+    """Whether the results of a data set lie in an archive, as those of a batch do."""
+    return not Path(DatasetFiles.of_dataset(name).config).exists()
 
 
 def _line(name: str, entry: Entry) -> str:

@@ -52,10 +52,11 @@ class ModesRecord:
         """One row for each mode and output, as ``modes.csv`` has them."""
         columns = shaped_modes_table(self.modes, self.input_names, self.output_names)
         judged = [each for each in self.table.modes for _ in self.output_names]
-        return columns | {
+        evidence: dict[str, Column] = {
             "order": [each.order for each in judged],
             "recurrence": [each.recurrence for each in judged],
             "origin": [each.origin for each in judged],
-            "trusted": [each.trusted for each in judged],
+            "trusted": [str(each.trusted) for each in judged],
             "doubts": ["; ".join(each.doubts) for each in judged],
         }
+        return columns | evidence

@@ -32,6 +32,7 @@ from evopem.estimation.multi_input.problem import (
 )
 from evopem.estimation.search.global_search import global_search
 from evopem.estimation.search.problem import SearchDiagnostics, SearchResult
+from evopem.estimation.state_space.noise_colour import autoregression_of
 from evopem.models.multi_input import MultiInputModel, MultiInputOrders, multi_input_orders
 
 Array = NDArray[np.float64]
@@ -67,6 +68,9 @@ class MultiInputEstimate:
         ``100 (1 - ||e|| / ||y - mean(y)||)``.
     bic : float
         ``ln(||e||^2 / N) + n ln(N) / N``, the level among the n parameters.
+    coloured_bic : float
+        The same of the innovations of an autoregression of the errors, whose coefficients are
+        counted as parameters: it compares models with and without a noise model.
     residuals : tuple of (N,) arrays
         One for each record; NaN before the first.
     at_stability_bound : bool
@@ -78,6 +82,7 @@ class MultiInputEstimate:
     objective: float
     fit_percent: Array
     bic: float
+    coloured_bic: float
     residuals: tuple[Array, ...] = field(repr=False)
     at_stability_bound: bool
     search: SearchResult = field(repr=False)
@@ -433,13 +438,15 @@ def _described(
     variance = square / max(record.samples - errors.dimension, 1)
     model = errors.model(result.point, sampling_rate, variance)
     model = replace(model, covariance=parameter_covariance(errors, result.point, residuals))
-    value = errors.percent(residuals)
+    value, samples = errors.percent(residuals), record.samples
+    whitened = autoregression_of(residuals[:, None] * record.output_scale, record.bounds)
     parts = np.split(residuals * record.output_scale, record.bounds[1:-1])
     return MultiInputEstimate(
         model=model,
         objective=value,
         fit_percent=np.array([100.0 - 10.0 * np.sqrt(value)]),
         bic=_bic(errors, value),
+        coloured_bic=float(whitened.bic + errors.parameters * np.log(samples) / samples),
         residuals=tuple(np.concatenate([np.full(record.start, np.nan), part]) for part in parts),
         at_stability_bound=lies_at_bound(errors.largest_radius(result.point), errors.radius),
         search=result,

@@ -5,11 +5,12 @@ from __future__ import annotations
 import platform
 from dataclasses import dataclass
 from importlib.metadata import version
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.config.state_space_settings import ONE_OUTPUT, StateSpaceSearchSettings
+from evopem.config.state_space_settings import StateSpaceSearchSettings
 from evopem.estimation.multi_input.estimate import MultiInputEstimate
 from evopem.estimation.search.problem import SearchDiagnostics
 from evopem.estimation.state_space.estimate import StateSpaceEstimate
@@ -43,6 +44,9 @@ class StateSpaceModelRecord:
     Ts : float
         Sampling period in s.
     level : (ny,) array
+    level_of_simulation : {"constant", "state"}
+        Level of other samples than those of the estimation: this one, or one that is fitted to them
+        along with the initial state.
     noise_covariance : (ny, ny) array
         Of e.
     input_delays : tuple of int
@@ -80,6 +84,7 @@ class StateSpaceModelRecord:
     K: Array
     Ts: float
     level: Array
+    level_of_simulation: Literal["constant", "state"]
     noise_covariance: Array
     input_delays: tuple[int, ...]
     form: str
@@ -110,11 +115,13 @@ class StateSpaceModelRecord:
         units: tuple[tuple[str, ...], tuple[str, ...]],
         settings: StateSpaceSearchSettings,
         transforms: MultichannelTransforms,
+        level: Literal["constant", "state"] = "constant",
         polynomials: MultiInputModel | None = None,
     ) -> StateSpaceModelRecord:
         """The record of an estimate, and of the model with its noise model."""
         return cls(
             **{name: getattr(model, name) for name in ("A", "B", "C", "D", "K", "level")},
+            level_of_simulation=level,
             Ts=1.0 / model.sampling_rate,
             noise_covariance=model.noise_covariance,
             input_delays=model.input_delays or (0,) * model.inputs,
@@ -138,19 +145,6 @@ class StateSpaceModelRecord:
             | {library: version(library) for library in _LIBRARIES},
             polynomials=polynomials,
         )
-
-    @classmethod
-    def of_polynomials(
-        cls,
-        estimate: MultiInputEstimate,
-        units: tuple[tuple[str, ...], tuple[str, ...]],
-        settings: StateSpaceSearchSettings,
-        transforms: MultichannelTransforms,
-    ) -> StateSpaceModelRecord:
-        """The record of a polynomial model in innovations form."""
-        model = estimate.model
-        variant = (model.structure, ONE_OUTPUT)
-        return cls.of(estimate, model.state_space(), variant, units, settings, transforms, model)
 
     @property
     def sampling_rate(self) -> float:

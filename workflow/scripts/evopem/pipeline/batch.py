@@ -1,0 +1,125 @@
+"""A batch: several recordings, one after the other, in one process.
+
+Snakemake sees one job. Within it each recording is a job of its own: it has its log, its checksums
+and the record of an unfinished job, fails alone, and is passed over where it is finished already.
+"""
+
+from __future__ import annotations
+
+import shutil
+import time
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+from evopem.config.settings import DatasetSettings
+from evopem.config.state_space_settings import StateSpaceDataset
+from evopem.errors import InputError
+from evopem.files.archive import pack
+from evopem.files.atomic import TEMPORARY, files_below, write_text
+from evopem.files.checksums import delete_results
+from evopem.files.job import job
+from evopem.files.unfinished import unfinished_record
+from evopem.pipeline.identification import identify_recording
+from evopem.pipeline.multichannel import identify_channels
+from evopem.results.layout import IDENTIFICATION, DatasetFiles
+from evopem.results.made_from import MADE_FROM, is_finished, made_from
+
+Log = Callable[[str], None]
+_Settings = DatasetSettings | StateSpaceDataset
+_SHOWN = 5
+
+
+def identify_batch(
+    folder: str | Path,
+    recordings: Mapping[str, _Settings],
+    code: str,
+    log: Log,
+    cores: int = 1,
+) -> None:
+    """Identify recordings one after the other, each whatever becomes of the others.
+
+    Each keeps :attr:`.DatasetFiles.batch_results`, with all that is not among them in an archive.
+    One whose process was killed before is tried after all others, because it may be again.
+
+    Parameters
+    ----------
+    folder : path
+        The folder of all results.
+    recordings : mapping of str to DatasetSettings or StateSpaceDataset
+        Settings by the names of the data sets.
+    code : str
+        Digest of the code that identifies them.
+    log : callable
+        Receives a line for each recording.
+    cores : int
+
+    Raises
+    ------
+    InputError
+        At the end, when any recording could not be identified; its own message is on standard
+        error and in its log.
+    """
+    failed = []
+    for name in _killed_last(folder, recordings):
+        files, settings = DatasetFiles(f"{folder}/{name}"), recordings[name]
+        if is_finished(files, settings, code):
+            log(f"{name}: finished before")
+            continue
+        began = time.monotonic()
+        try:
+            _identify(files, settings, code, cores)
+        # Exit is how the job of a recording ends at an error that it has explained.
+        except (Exception, SystemExit):
+            record = unfinished_record(IDENTIFICATION, files.logs)
+            log(f"{name}: failed. {record.sentence if record else ''}")
+            failed.append(name)
+        else:
+            log(f"{name}: complete after {time.monotonic() - began:.1f} s")
+    if failed:
+        _explain(failed, len(recordings), folder)
+
+
+def _identify(files: DatasetFiles, settings: _Settings, code: str, cores: int) -> None:
+    """Take one recording through all stages, and pack what is not looked at every day."""
+    with job(files.log(IDENTIFICATION), (), files.batch_results, ends_with_parent=False) as logger:
+        delete_results(files.folder)  # nothing of an earlier run is left if this one fails
+        work = Path(files.folder) / f"{TEMPORARY}{IDENTIFICATION}"
+        shutil.rmtree(work, ignore_errors=True)  # of a process that was killed
+        # Sentences name the data set by its folder.
+        own = DatasetFiles(str(work / files.name))
+        write_text(f"{own.folder}/{MADE_FROM}", made_from(settings, code).text)
+        if isinstance(settings, StateSpaceDataset):
+            identify_channels(own, settings, with_report=False, log=logger.info)
+        else:
+            identify_recording(own, settings, with_report=False, log=logger.info, cores=cores)
+        _keep(own, files)
+        shutil.rmtree(work)
+
+
+def _keep(made: DatasetFiles, files: DatasetFiles) -> None:
+    """Move the results of a batch to their places, all others into the archive among them."""
+    moved = dict(zip(map(Path, made.batch_results), files.batch_results, strict=True))
+    others = [file for file in files_below(made.folder, "") if file not in moved]
+    pack(made.details, others, made.folder)
+    for file, place in moved.items():
+        file.replace(place)
+
+
+def _killed_last(folder: str | Path, names: Mapping[str, object]) -> list[str]:
+    """Names in their order, last those whose last job left a record without a message."""
+
+    def was_killed(name: str) -> bool:
+        record = unfinished_record(IDENTIFICATION, DatasetFiles(f"{folder}/{name}").logs)
+        return record is not None and record.message is None
+
+    return sorted(names, key=was_killed)
+
+
+def _explain(failed: Sequence[str], count: int, folder: str | Path) -> None:
+    shown = ", ".join(failed[:_SHOWN])
+    more = f" and {len(failed) - _SHOWN} more" if len(failed) > _SHOWN else ""
+    raise InputError(
+        str(folder),
+        f"{len(failed)} of the {count} recordings of this job failed ({shown}{more})",
+        "see the message of each one",
+    )

@@ -1,0 +1,147 @@
+"""What the results of a recording were made from: whether it has to be identified again.
+
+The job of a batch asks this of each of its recordings, where Snakemake asks it of the whole job.
+Nothing here imports numpy or pandas: a Snakefile uses this module.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from evopem.config.settings import DatasetSettings, RecordedSource
+from evopem.config.state_space_settings import StateSpaceDataset, StateSpaceSource
+from evopem.errors import InputError
+from evopem.files.archive import member_of
+from evopem.files.checksums import sha256_of_file, verify_checksums
+from evopem.files.json_form import from_json, to_json
+from evopem.files.unfinished import unfinished_record
+from evopem.results.layout import BATCH_CHECKSUMS, IDENTIFICATION, DatasetFiles
+
+MADE_FROM = "made_from.json"
+"""Name of the file in the archive of a recording's results."""
+
+
+@dataclass(frozen=True)
+class MadeFrom:
+    """What results depend on.
+
+    Attributes
+    ----------
+    code : str
+        Digest of the package's code.
+    settings : str
+        SHA-256 of the settings of the data set.
+    recordings : dict of str to str
+        SHA-256 of each recorded file by its path, empty for one that does not exist.
+    """
+
+    code: str
+    settings: str
+    recordings: dict[str, str]
+
+    @property
+    def text(self) -> str:
+        """What the archive keeps."""
+        return json.dumps(asdict(self), indent=2) + "\n"
+
+
+def made_from(settings: DatasetSettings | StateSpaceDataset, code: str) -> MadeFrom:
+    """Digest what the results of a data set would be made from now."""
+    content = json.dumps(to_json(settings), sort_keys=True)
+    digest = hashlib.sha256(content.encode()).hexdigest()
+    return MadeFrom(code, digest, _recordings(settings))
+
+
+def is_finished(
+    files: DatasetFiles, settings: DatasetSettings | StateSpaceDataset, code: str
+) -> bool:
+    """Whether a recording has the results of a batch, undamaged and made from what there is now.
+
+    A recorded file that no longer exists is taken for unchanged, so that nothing made from it is
+    lost.
+    """
+    if not all(map(_exists, (*files.batch_results, files.checksums))):
+        return False
+    if unfinished_record(IDENTIFICATION, files.logs):
+        return False
+    try:
+        verify_checksums(files.batch_results, files.folder)
+    except InputError:
+        return False
+    kept, now = _kept(files), made_from(settings, code)
+    if kept is None:
+        return False
+    recordings = {file: own or kept.recordings.get(file) for file, own in now.recordings.items()}
+    return (kept.code, kept.settings, kept.recordings) == (now.code, now.settings, recordings)
+
+
+def forget_incomplete_batches(
+    batches: Mapping[str, tuple[str, ...]],
+    datasets: Mapping[str, DatasetSettings | StateSpaceDataset],
+) -> None:
+    """Delete what the jobs of batches have written where a recording has to be identified again.
+
+    Snakemake knows the job of a batch and not the results of its recordings: it would not notice
+    that one of these is missing, nor that a recorded file was replaced by one of an older time.
+    """
+    for batch, names in batches.items():
+        output = Path(BATCH_CHECKSUMS.format(batch=batch))
+        if output.exists() and any(_is_outdated(name, datasets[name]) for name in names):
+            output.unlink(missing_ok=True)
+
+
+def _is_outdated(name: str, settings: DatasetSettings | StateSpaceDataset) -> bool:
+    """Whether results are missing, or a recorded file has another content than was read."""
+    files = DatasetFiles.of_dataset(name)
+    if not all(map(_exists, (*files.batch_results, files.checksums))):
+        return True
+    read_at = Path(files.recording_info).stat().st_mtime_ns
+    if not any(_changed_since(read_at, file) for file in _recorded_files(settings)):
+        return False
+    kept = _kept(files)
+    return kept is None or any(
+        own and own != kept.recordings.get(file)
+        for file, own in _recordings(settings).items()
+    )
+
+
+def _changed_since(time: int, file: str) -> bool:
+    """Whether a file's status changed after a time (ns), which the file system alone records."""
+    try:
+        return max(Path(file).lstat().st_ctime_ns, Path(file).stat().st_ctime_ns) > time
+    except (OSError, ValueError):  # no longer there
+        return False
+
+
+def _kept(files: DatasetFiles) -> MadeFrom | None:
+    """What the archive of a recording keeps; None where it keeps nothing that can be read."""
+    try:
+        return from_json(MadeFrom, json.loads(member_of(files.details, MADE_FROM) or b""))
+    except (InputError, ValueError):
+        return None
+
+
+def _recorded_files(settings: DatasetSettings | StateSpaceDataset) -> list[str]:
+    source = settings.source
+    if not isinstance(source, RecordedSource | StateSpaceSource):
+        return []
+    return list(dict.fromkeys((*source.files, *source.validation_files)))
+
+
+def _recordings(settings: DatasetSettings | StateSpaceDataset) -> dict[str, str]:
+    return {file: _checksum(file) for file in _recorded_files(settings)}
+
+
+def _exists(file: str) -> bool:
+    return Path(file).exists()
+
+
+def _checksum(file: str) -> str:
+    try:
+        return sha256_of_file(file)
+    except (OSError, ValueError):  # not there, or no name of a file: its job says so
+        return ""

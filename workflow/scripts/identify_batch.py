@@ -1,0 +1,25 @@
+"""Take the recordings of a batch through all stages, one after the other, in one process."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from evopem.config.settings import DatasetSettings
+from evopem.config.state_space_settings import StateSpaceDataset
+from evopem.files.job import job
+from evopem.files.json_form import from_json
+from evopem.pipeline.batch import identify_batch
+from evopem.results.layout import DatasetFiles
+
+if TYPE_CHECKING:
+    from snakemake.iocontainers import snakemake
+
+results = next(up.parent for up in Path(snakemake.log[0]).parents if up.name == "logs")
+settings = snakemake.params.settings
+recordings = {
+    name: from_json(StateSpaceDataset if "choices" in keys else DatasetSettings, keys)
+    for name, keys in settings.items()
+}
+finished = [DatasetFiles(f"{results}/{name}").checksums for name in recordings]
+# The output of the rule is the file of checksums that every job writes about what it has made.
+with job(snakemake.log[0], (), finished) as logger:
+    identify_batch(results, recordings, snakemake.params.code, logger.info, cores=snakemake.threads)
