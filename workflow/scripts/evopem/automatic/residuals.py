@@ -11,6 +11,7 @@ from evopem.automatic.fit import log_loss
 from evopem.automatic.simulation import prediction_errors
 from evopem.models.polynomial import PolynomialModel
 from evopem.signals.stretches import Stretch
+from evopem.validation.residual_tests import correlation_with_input
 
 Array = NDArray[np.float64]
 
@@ -75,17 +76,13 @@ def input_correlation(model: PolynomialModel, stretches: Sequence[Stretch]) -> f
 
     Lags 0 to 25, in the longest stretch.
     """
-    from evopem.validation.residual_tests import cross_correlation
-
     stretch = max(stretches, key=lambda each: each.samples)
     e = prediction_errors(model, stretch)
     u = stretch.input[len(stretch.input) - len(e) :]
     if len(e) < 3 or not (np.ptp(e) > 0.0 and np.ptp(u) > 0.0):
         return 0.0
-    table = cross_correlation(e, u, min(LAGS, len(e) // 5))
-    past = table[table["lag"] >= 0]
-    ratio = np.abs(past["cross_correlation"]) / past["bound95"]
-    return float(np.max(ratio))
+    found = correlation_with_input(e, u, min(LAGS, len(e) // 5))
+    return found.where(found.lag >= 0).largest_ratio
 
 
 def _residuals(model: PolynomialModel, stretches: Sequence[Stretch]) -> Array:
