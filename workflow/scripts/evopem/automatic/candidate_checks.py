@@ -30,13 +30,11 @@ from evopem.validation.checks.roots import (
 )
 from evopem.validation.excitation import excitation_order
 from evopem.validation.residual_tests import (
-    cross_correlation,
+    autocorrelation_of,
+    correlation_with_input,
     ljung_box_lags,
-    residual_autocorrelation,
-    share_inside,
     whiteness_test,
 )
-from evopem.validation.validation import CROSS_CORRELATION_LAGS
 
 # A coefficient of so few standard errors may be 0: the BIC of a model without it then decides.
 SMALL = 3.0
@@ -95,13 +93,9 @@ def check_model(
         if not white and structure not in WITHOUT_NOISE_MODEL:
             failed.append(WHITE)
         if np.ptp(inputs) > 0.0:
-            table = cross_correlation(
-                residuals, inputs, min(CROSS_CORRELATION_LAGS, len(residuals) - 1)
-            )
-            ratios = np.abs(table["cross_correlation"]) / table["bound95"]
-            share = share_inside(table["cross_correlation"], table["bound95"])
-            correlation = float(ratios.max())
-            if not are_independent(correlation, share, int(table["lag"].max())):
+            found = correlation_with_input(residuals, inputs)
+            correlation = found.largest_ratio
+            if not are_independent(correlation, found.share_inside, int(found.lag[-1])):
                 failed.append(INDEPENDENT_OF_INPUT)
     covariance = _covariance(errors, point)
     if _cancels(model, covariance):
@@ -121,13 +115,13 @@ def check_model(
 
 def _whiteness(errors: StretchErrors, point: np.ndarray) -> tuple[float, bool]:
     residuals, orders = errors.residuals(point), errors.orders
-    table = residual_autocorrelation(residuals)
-    largest = len(table) - 1
+    correlation = autocorrelation_of(residuals)
+    largest = int(correlation.lag[-1])
     lags = ljung_box_lags(len(residuals), orders.na + orders.nc + orders.nd, largest)
     if not 0 < lags < len(residuals):
         return math.nan, True
     test = whiteness_test(residuals, [errors.jacobian(point)], lags, errors.objective)
-    share = share_inside(table["autocorrelation"].iloc[1:], table["bound95"].iloc[1:])
+    share = correlation.where(correlation.lag > 0).share_inside
     return test.p_value, are_white(test.p_value, share, largest) is not False
 
 
