@@ -36,6 +36,9 @@ from evopem.validation.residual_tests import (
     whiteness_test,
 )
 
+# A coefficient of so few standard errors may be 0: the BIC of a model without it then decides.
+SMALL = 3.0
+
 
 @dataclass(frozen=True, eq=False)
 class CandidateChecks:
@@ -49,14 +52,15 @@ class CandidateChecks:
         p-value of the Ljung-Box test, the fit taken into account.
     correlation : float
         Largest cross-correlation of residuals and input, in its 95 % bounds.
-    later : bool
-        Whether the first coefficient of B does not differ from 0 by two standard errors.
+    later, shorter : bool
+        Whether the first, or the last, coefficient of B may be 0.
     """
 
     failed: tuple[str, ...]
     whiteness: float
     correlation: float
     later: bool
+    shorter: bool
 
 
 def check_model(
@@ -102,9 +106,11 @@ def check_model(
     longest = max(stretches, key=lambda each: each.samples)
     if excitation_order(longest.input, needed) < needed:
         failed.append(EXCITATION_ADEQUATE)
-    return CandidateChecks(
-        tuple(failed), whiteness, correlation, _responds_later(model, covariance)
+    later, shorter = (
+        _is_insignificant(model, covariance, coefficient)
+        for coefficient in (0, model.orders.nb - 1)
     )
+    return CandidateChecks(tuple(failed), whiteness, correlation, later, shorter)
 
 
 def _whiteness(errors: StretchErrors, point: np.ndarray) -> tuple[float, bool]:
@@ -136,9 +142,13 @@ def _cancels(model: PolynomialModel, covariance: ParameterCovariance | None) -> 
     return bool(np.any(distances < COINCIDENT_DISTANCE))
 
 
-def _responds_later(model: PolynomialModel, covariance: ParameterCovariance | None) -> bool:
+def _is_insignificant(
+    model: PolynomialModel, covariance: ParameterCovariance | None, coefficient: int
+) -> bool:
+    """Whether a coefficient of B, but not the only one, may be 0."""
     if covariance is None or model.orders.nb < 2:
         return False
     gradient = np.zeros((1, covariance.factor.shape[0]))
-    gradient[0, model.part("b").start] = 1.0
-    return bool(abs(model.b[0]) < 2.0 * float(covariance.standard_errors(gradient)[0]))
+    gradient[0, model.part("b").start + coefficient] = 1.0
+    spread = float(covariance.standard_errors(gradient)[0])
+    return bool(abs(model.b[coefficient]) < SMALL * spread)

@@ -11,29 +11,8 @@ from evopem.automatic.fit import log_loss
 from evopem.automatic.simulation import prediction_errors
 from evopem.models.polynomial import PolynomialModel
 from evopem.signals.stretches import Stretch
-from evopem.validation.residual_tests import correlation_with_input
 
 Array = NDArray[np.float64]
-
-LAGS = 25
-
-
-def whiteness_probability(model: PolynomialModel, stretches: Sequence[Stretch]) -> float:
-    """Probability of a Ljung-Box statistic as large as that of the residuals.
-
-    With as many degrees of freedom as lags: a screening test that errs on the side of accepting.
-    """
-    from scipy.stats import chi2
-
-    e = _residuals(model, stretches)
-    lags = min(LAGS, len(e) // 5)
-    if lags < 1 or not np.ptp(e) > 0.0:
-        return 1.0
-    e = e - e.mean()
-    rho = np.array([e[k:] @ e[:-k] for k in range(1, lags + 1)]) / (e @ e)
-    n = len(e)
-    statistic = n * (n + 2) * float(np.sum(rho**2 / (n - np.arange(1, lags + 1))))
-    return float(chi2.sf(statistic, lags))
 
 
 def heaviness(model: PolynomialModel, stretches: Sequence[Stretch]) -> float:
@@ -69,20 +48,6 @@ def feedback_probability(model: PolynomialModel, stretches: Sequence[Stretch]) -
         return 1.0
     statistic = (without - with_residuals) / lags / (with_residuals / freedom)
     return float(f.sf(statistic, lags, freedom))
-
-
-def input_correlation(model: PolynomialModel, stretches: Sequence[Stretch]) -> float:
-    """Largest cross-correlation of residuals with past inputs, in 95 % bounds of white residuals.
-
-    Lags 0 to 25, in the longest stretch.
-    """
-    stretch = max(stretches, key=lambda each: each.samples)
-    e = prediction_errors(model, stretch)
-    u = stretch.input[len(stretch.input) - len(e) :]
-    if len(e) < 3 or not (np.ptp(e) > 0.0 and np.ptp(u) > 0.0):
-        return 0.0
-    found = correlation_with_input(e, u, min(LAGS, len(e) // 5))
-    return found.where(found.lag >= 0).largest_ratio
 
 
 def _residuals(model: PolynomialModel, stretches: Sequence[Stretch]) -> Array:

@@ -92,6 +92,8 @@ def whiteness_test(
     k = np.arange(1, lags + 1)
     statistic = float(e.size * (e.size + 2) * np.sum(rho**2 / (e.size - k)))
     covariance = residual_autocorrelation_covariance(e, jacobian, lags, objective)
+    if not np.isfinite(covariance).all():
+        return WhitenessTest(statistic, math.nan, math.nan, lags)
     weights = np.maximum(np.linalg.eigvalsh(covariance), 0.0)
     expected = float(weights.sum())
     p_value = math.nan
@@ -140,10 +142,16 @@ def residual_autocorrelation_covariance(
 
 
 def _score_weight(residuals: Array, estimated: int, objective: str) -> float:
-    """How much of ``X J^-1 X'`` the fit takes from the autocorrelations; 1 for least squares."""
+    """How much of ``X J^-1 X'`` the fit takes from the autocorrelations; 1 for least squares.
+
+    NaN where the density of the residuals at zero cannot be estimated.
+    """
     if objective == "quadratic":
         return 1.0
-    sparsity = 1.0 / (2.0 * density_at_zero(residuals, estimated))
+    density = density_at_zero(residuals, estimated)
+    if not density > 0.0:
+        return math.nan
+    sparsity = 1.0 / (2.0 * density)
     mean_absolute = float(np.mean(np.abs(residuals)))
     return (2.0 * sparsity * mean_absolute - sparsity**2) / float(np.mean(residuals**2))
 
