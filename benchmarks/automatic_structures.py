@@ -95,6 +95,7 @@ def judged(
         [Stretch(*record_of(structure, seed))], truth.orders, FitSettings(), [truth]
     ).model
     ratio = _distance(model, given) / _distance(true_orders, truth)
+    ratio *= plan.output_scale / plan.input_scale
     gain = phase = np.nan
     if covariance is not None:
         found = replace(model, covariance=covariance)

@@ -30,13 +30,14 @@ from evopem.validation.checks.roots import (
 )
 from evopem.validation.excitation import excitation_order
 from evopem.validation.residual_tests import (
-    cross_correlation,
+    autocorrelation_of,
+    correlation_with_input,
     ljung_box_lags,
-    residual_autocorrelation,
-    share_inside,
     whiteness_test,
 )
-from evopem.validation.validation import CROSS_CORRELATION_LAGS
+
+# A coefficient of so few standard errors may be 0: the BIC of a model without it then decides.
+SMALL = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,14 +52,15 @@ class CandidateChecks:
         p-value of the Ljung-Box test, the fit taken into account.
     correlation : float
         Largest cross-correlation of residuals and input, in its 95 % bounds.
-    later : bool
-        Whether the first coefficient of B does not differ from 0 by two standard errors.
+    later, shorter : bool
+        Whether the first, or the last, coefficient of B may be 0.
     """
 
     failed: tuple[str, ...]
     whiteness: float
     correlation: float
     later: bool
+    shorter: bool
 
 
 def check_model(
@@ -91,13 +93,9 @@ def check_model(
         if not white and structure not in WITHOUT_NOISE_MODEL:
             failed.append(WHITE)
         if np.ptp(inputs) > 0.0:
-            table = cross_correlation(
-                residuals, inputs, min(CROSS_CORRELATION_LAGS, len(residuals) - 1)
-            )
-            ratios = np.abs(table["cross_correlation"]) / table["bound95"]
-            share = share_inside(table["cross_correlation"], table["bound95"])
-            correlation = float(ratios.max())
-            if not are_independent(correlation, share, int(table["lag"].max())):
+            found = correlation_with_input(residuals, inputs)
+            correlation = found.largest_ratio
+            if not are_independent(correlation, found.share_inside, int(found.lag[-1])):
                 failed.append(INDEPENDENT_OF_INPUT)
     covariance = _covariance(errors, point)
     if _cancels(model, covariance):
@@ -108,20 +106,22 @@ def check_model(
     longest = max(stretches, key=lambda each: each.samples)
     if excitation_order(longest.input, needed) < needed:
         failed.append(EXCITATION_ADEQUATE)
-    return CandidateChecks(
-        tuple(failed), whiteness, correlation, _responds_later(model, covariance)
+    later, shorter = (
+        _is_insignificant(model, covariance, coefficient)
+        for coefficient in (0, model.orders.nb - 1)
     )
+    return CandidateChecks(tuple(failed), whiteness, correlation, later, shorter)
 
 
 def _whiteness(errors: StretchErrors, point: np.ndarray) -> tuple[float, bool]:
     residuals, orders = errors.residuals(point), errors.orders
-    table = residual_autocorrelation(residuals)
-    largest = len(table) - 1
+    correlation = autocorrelation_of(residuals)
+    largest = int(correlation.lag[-1])
     lags = ljung_box_lags(len(residuals), orders.na + orders.nc + orders.nd, largest)
     if not 0 < lags < len(residuals):
         return math.nan, True
     test = whiteness_test(residuals, [errors.jacobian(point)], lags, errors.objective)
-    share = share_inside(table["autocorrelation"].iloc[1:], table["bound95"].iloc[1:])
+    share = correlation.where(correlation.lag > 0).share_inside
     return test.p_value, are_white(test.p_value, share, largest) is not False
 
 
@@ -142,9 +142,13 @@ def _cancels(model: PolynomialModel, covariance: ParameterCovariance | None) -> 
     return bool(np.any(distances < COINCIDENT_DISTANCE))
 
 
-def _responds_later(model: PolynomialModel, covariance: ParameterCovariance | None) -> bool:
+def _is_insignificant(
+    model: PolynomialModel, covariance: ParameterCovariance | None, coefficient: int
+) -> bool:
+    """Whether a coefficient of B, but not the only one, may be 0."""
     if covariance is None or model.orders.nb < 2:
         return False
     gradient = np.zeros((1, covariance.factor.shape[0]))
-    gradient[0, model.part("b").start] = 1.0
-    return bool(abs(model.b[0]) < 2.0 * float(covariance.standard_errors(gradient)[0]))
+    gradient[0, model.part("b").start + coefficient] = 1.0
+    spread = float(covariance.standard_errors(gradient)[0])
+    return bool(abs(model.b[coefficient]) < SMALL * spread)

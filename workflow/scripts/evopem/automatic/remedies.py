@@ -19,11 +19,12 @@ from evopem.validation.checks.excitation import EXCITATION_ADEQUATE
 from evopem.validation.checks.residuals import INDEPENDENT_OF_INPUT, WHITE
 from evopem.validation.checks.roots import DISTINCT, INSIDE_BOUND
 
-# Poles and zeros that are left out where some cancel, and most poles without zeros.
-FEWER_ROOTS, MOST_POLES_ALONE = (1, 2, 3, 4, 6, 8), 2
+# Poles and zeros that are left out where some cancel, most poles without zeros, and most roots that
+# become those of D.
+FEWER_ROOTS, MOST_POLES_ALONE, MOST_MOVED = (1, 2, 3, 4, 6, 8), 2, 2
 # A remedy is taken only if the error for the purpose grows by no more than this share.
 TOLERATED = 0.02
-DELAY = "Delay"
+DELAY, LENGTH = "Delay", "Length of B"
 NOISE_ORDERS = (1, 2, 3, 4, 6, 8, 10, 12)
 MOST_TRIALS = 12
 
@@ -84,9 +85,9 @@ def act_on_checks(scorer: Scorer, choice: Choice) -> Remedied:
     """Apply remedies until the checks hold, nothing helps, or the budget ends.
 
     Cancelling roots, roots at the bound, and more coefficients than the input excites: fewer poles
-    and zeros.  First coefficients of B that are not significant: a longer delay.  Coloured
-    residuals: a noise model of growing order.  Residuals that depend on past inputs: more
-    coefficients of B.
+    and zeros.  First coefficients of B that are not significant: a longer delay; last ones: a
+    shorter B.  Coloured residuals: a noise model of growing order.  Residuals that depend on past
+    inputs: more coefficients of B.
 
     Parameters
     ----------
@@ -138,6 +139,7 @@ def _failures(scorer: Scorer, candidate: Candidate) -> set[str]:
     """What there are remedies for: coloured residuals of a model without a noise model as well."""
     found = scorer.checks(candidate)
     failed = {*found.failed} | ({DELAY} if found.later else set())
+    failed |= {LENGTH} if found.shorter else set()
     return failed | ({WHITE} if _has_coloured_plant(scorer, candidate) else set())
 
 
@@ -148,15 +150,19 @@ def _is_better(scorer: Scorer, candidate: Candidate, best: Candidate) -> bool:
 
 
 def _is_allowed(scorer: Scorer, candidate: Candidate, first: Candidate, choice: Choice) -> bool:
-    """Whether the error for the purpose stays: to fail fewer checks, within a standard error."""
-    fewer = len(scorer.checks(candidate).failed) < len(scorer.checks(first).failed)
+    """Whether the error for the purpose stays.
+
+    Within a standard error, where fewer checks fail or the BIC is lower.
+    """
+    gains = len(scorer.checks(candidate).failed) < len(scorer.checks(first).failed)
+    gains |= candidate.bic < first.bic
     if choice.purpose != "simulation":
         return _score(candidate, choice) <= (1.0 + TOLERATED) * _score(first, choice)
-    largest = 2.0 * AS_GOOD if fewer else TOLERATED
+    largest = 2.0 * AS_GOOD if gains else TOLERATED
     if candidate.simulation_bic > first.simulation_bic + largest:
         return False
     as_before = _score(candidate, choice) <= (1.0 + TOLERATED) * _score(first, choice)
-    return as_before or (fewer and as_good(candidate, first, choice.level))
+    return as_before or (gains and as_good(candidate, first, choice.level))
 
 
 def _statement(
@@ -301,16 +307,32 @@ def _later(candidate: Candidate) -> Iterator[tuple[str, str, PolynomialOrders]]:
             yield f"delay of {o.nk + more}", candidate.structure, _changed(o, **changed)
 
 
+def _shorter(candidate: Candidate) -> Iterator[tuple[str, str, PolynomialOrders]]:
+    o = candidate.orders
+    for fewer in (1, 2, 3):
+        if o.nb > fewer:
+            yield (
+                *(f"{fewer} coefficients of B less", candidate.structure),
+                _changed(o, nb=o.nb - fewer),
+            )
+
+
 def _fewer_roots(candidate: Candidate) -> Iterator[tuple[str, str, PolynomialOrders]]:
     o = candidate.orders
     name = "nf" if o.nf else "na"
     for fewer in FEWER_ROOTS:
-        if getattr(o, name) > fewer and o.nb > fewer:
-            changed = {name: getattr(o, name) - fewer, "nb": o.nb - fewer}
-            yield f"{fewer} pole and zero less", candidate.structure, _changed(o, **changed)
-            if fewer <= MOST_POLES_ALONE:
-                del changed["nb"]
-                yield f"{fewer} pole less", candidate.structure, _changed(o, **changed)
+        if not (getattr(o, name) > fewer and o.nb > fewer):
+            continue
+        changed = {name: getattr(o, name) - fewer, "nb": o.nb - fewer}
+        if name == "na" and fewer <= MOST_MOVED:
+            # What A and B have in common belongs to D: A D y = B D u + C e.
+            moved = changed | {"nd": o.nd + fewer}
+            structure = "ararmax" if o.nc else "ararx"
+            yield f"{fewer} common roots of A and B moved to D", structure, _changed(o, **moved)
+        yield f"{fewer} pole and zero less", candidate.structure, _changed(o, **changed)
+        if fewer <= MOST_POLES_ALONE:
+            del changed["nb"]
+            yield f"{fewer} pole less", candidate.structure, _changed(o, **changed)
 
 
 def _further_noise(candidate: Candidate) -> Iterator[tuple[str, str, PolynomialOrders]]:
@@ -352,6 +374,7 @@ REPEATED = (
 REMEDIES = (
     ((DISTINCT, INSIDE_BOUND, EXCITATION_ADEQUATE), _fewer_roots),
     ((DELAY,), _later),
+    ((LENGTH,), _shorter),
     ((WHITE,), _further_noise),
     ((INDEPENDENT_OF_INPUT,), _longer_b),
 )

@@ -14,9 +14,8 @@ from evopem.automatic.peer import against_peer
 from evopem.automatic.residuals import (
     feedback_probability,
     heaviness,
-    input_correlation,
-    whiteness_probability,
 )
+from evopem.validation.checks.residuals import INDEPENDENT_OF_INPUT
 
 Purpose = Literal["simulation", "prediction", "modes", "auto"]
 Level = Literal["constant", "state"]
@@ -26,9 +25,9 @@ Level = Literal["constant", "state"]
 AS_GOOD = 0.1
 # Folds that are independent of each other, of those in all designs.
 INDEPENDENT_FOLDS = 4
-# Probabilities of feedback and of residuals as coloured as these by chance, and a cross-correlation
-# with past inputs, in its 95 % bounds.
-SIGNIFICANT_FEEDBACK, WHITE, INDEPENDENT = 1e-3, 0.05, 1.8
+# Probability of feedback, or of residuals as coloured as these, by chance, from which a choice
+# depends on it: far rarer than that of a failed check.
+BY_CHANCE = 1e-3
 # Evidence of a residual for Laplace's distribution against the normal one, as a logarithm, from
 # which tails are heavy: 0.07 for Laplace's itself, -0.05 for the normal one.
 HEAVY = 0.1
@@ -252,20 +251,18 @@ def _by_likelihood(
     score = _score_of(level)
     likeliest = min(candidates, key=lambda each: each.bic)
     ratio = score(likeliest) / min(map(score, candidates))
-    white = whiteness_probability(likeliest.model, scorer.stretches)
-    all_hold = not scorer.checks(likeliest).failed
-    largest = MOST_WHEN_ALL_HOLD if all_hold else MOST_WHEN_VALID
-    if not (ratio < max(largest, MOST_UNDER_FEEDBACK) and white > WHITE):
+    checks = scorer.checks(likeliest)
+    largest = MOST_WHEN_VALID if checks.failed else MOST_WHEN_ALL_HOLD
+    if not (ratio < max(largest, MOST_UNDER_FEEDBACK) and checks.whiteness >= BY_CHANCE):
         return None
     feedback = feedback_probability(likeliest.model, scorer.stretches)
-    if feedback < SIGNIFICANT_FEEDBACK:
+    if feedback < BY_CHANCE:
         return likeliest, (
             f"The input depends on past residuals (p = {feedback:.1g}): the record was made under "
             f"feedback, where simulation errors are biased. {likeliest.name} has the lowest BIC "
             "and white residuals."
         )
-    correlation = input_correlation(likeliest.model, scorer.stretches)
-    if not (ratio < largest and correlation < INDEPENDENT):
+    if not (ratio < largest and INDEPENDENT_OF_INPUT not in checks.failed):
         return None
     sentence = (
         f"{likeliest.name} has the lowest BIC, and its residuals are white and independent of the "
@@ -273,12 +270,12 @@ def _by_likelihood(
     )
     near = _without_evidence(scorer, candidates, likeliest)
     best = min(near, key=score)
-    near = _fewest_failures(scorer, [each for each in near if as_good(each, best, level)])
-    better = min(near, key=score)
-    if likeliest in near and not score(better) < (1.0 - CLEAR_GAIN) * score(likeliest):
+    equal = _fewest_failures(scorer, [each for each in near if as_good(each, best, level)])
+    chosen = min(equal, key=lambda each: each.bic)
+    if chosen is likeliest:
         return likeliest, sentence
-    return better, (
-        f"{sentence} {better.name}, against which the BIC gives no strong evidence, simulates "
+    return chosen, (
+        f"{sentence} {chosen.name}, against which the BIC gives no strong evidence, simulates "
         "held-out samples better or fails fewer checks."
     )
 
@@ -291,7 +288,7 @@ def _by_simulation(
     equal = _fewest_failures(scorer, equal)
     chosen = min(equal, key=lambda each: each.bic)
     reason = "has the lowest BIC of those that fail the fewest checks, and white residuals"
-    if whiteness_probability(chosen.model, scorer.stretches) < WHITE:
+    if scorer.checks(chosen).whiteness < BY_CHANCE:
         # No model of these describes the noise, so that one-step errors say little of the plant.
         chosen = min(equal, key=lambda each: each.simulation_bic)
         reason = (
