@@ -11,7 +11,8 @@ import pandas as pd
 from markupsafe import Markup
 
 from evopem.automatic.state_space_choice import scores_of
-from evopem.config.state_space_settings import Geometry
+from evopem.config.state_space_settings import Geometry, is_polynomial
+from evopem.config.structures import STRUCTURES, structure_name
 from evopem.figures.channel_drawings import (
     assurance_matrix,
     response_panel,
@@ -45,7 +46,7 @@ VARIANT_WORDS = {
     "innovations": "innovations form",
     "output_error": "output-error form",
     "box_jenkins": "next to Box-Jenkins",
-}
+} | {structure: structure_name(structure) for structure in STRUCTURES}
 
 
 @dataclass(frozen=True)
@@ -136,6 +137,7 @@ def build_state_space_report(
         responses=_response_rows(results),
         scores=_scores(results),
         variant_words=VARIANT_WORDS,
+        order_words=_order_words(results),
         purposes=_purposes(results),
         decisions=[decision_row(each) for each in results.decisions.decisions],
         provenance=_provenance(results, commit),
@@ -260,7 +262,9 @@ def _evidence(judged: JudgedMode, results: MultichannelResults, deviation: np.nd
     if len(results.modes.output_names) > 1:
         words.append(_seen_at(results.modes.output_names, mode.output_shares))
     if judged.order != table.order:
-        words.append(f"of the model of {plural(judged.order, 'state')}")
+        polynomial = results.model.polynomials is not None
+        size = f"joint order {judged.order}" if polynomial else plural(judged.order, "state")
+        words.append(f"of the model of {size}")
     words.append(f"{len(judged.orders)} of {plural(len(table.orders), 'order')}")
     return "; ".join(words)
 
@@ -304,6 +308,13 @@ def _purposes(results: MultichannelResults) -> list[PurposeRow]:
         *(validation.prediction_error_percent, validation.simulation_error_percent),
     )
     return [own] if other is None else [own, PurposeRow.of(other)]
+
+
+def _order_words(results: MultichannelResults) -> str:
+    """What the order of the searched models is."""
+    kinds = {is_polynomial(each.variant.form) for each in results.searches if each.orders}
+    words = {False: "the number of states of the plant", True: "the joint order of the polynomials"}
+    return " or ".join(words[kind] for kind in sorted(kinds))
 
 
 def _provenance(results: MultichannelResults, commit: str) -> list[tuple[str, str]]:
