@@ -35,6 +35,8 @@ from evopem.validation.multichannel import OutputValidation
 SHOWN_SAMPLES, POINTS = 200, 300
 # Decibels that a frequency response is shown over.
 DECIBELS = 80.0
+# Share of an output's energy below which a mode is not seen there.
+NEGLIGIBLE = 1e-3
 # Outputs that a mode is seen at and inputs that it is driven by, named at most.
 NAMED = 3
 # Outputs from which on panels are small.
@@ -73,9 +75,7 @@ class ModeRow:
     why : str
         Reasons not to trust it; empty for a trusted one.
     evidence : str
-        What drives it, and which orders have it.
-    seen_at, driven_by : str
-        The channels with the largest shares and participations.
+        What drives it, where it is seen, and which orders have it.
     bars : Markup
     still, moving : Markup, optional
         Over the geometry, where there is one.
@@ -84,8 +84,6 @@ class ModeRow:
     mode: ShapedMode
     why: str
     evidence: str
-    seen_at: str
-    driven_by: str
     bars: Markup
     still: Markup | None
     moving: Markup | None
@@ -228,16 +226,11 @@ def _mode_rows(results: MultichannelResults) -> list[ModeRow]:
     for number_, judged in enumerate(results.modes.table.modes, 1):
         mode = judged.mode
         label = f"Shape of mode {number_} at {hertz(mode.frequency_hz)}"
-        driven = np.abs(mode.input_participation) * deviation
         rows.append(
             ModeRow(
                 mode,
                 "; ".join(judged.doubts),
-                _evidence(judged, results),
-                _strongest(outputs, mode.output_shares),
-                _strongest(results.modes.input_names, driven / max(float(driven.sum()), 1e-300))
-                if driven.size
-                else "",
+                _evidence(judged, results, deviation),
                 Markup(shape_bars(outputs, mode.shape, mode.shape_se_real, label)),
                 Markup(drawing.still(mode.shape, label)) if drawing else None,
                 Markup(drawing.moving(mode.shape, f"{label}, moving")) if drawing else None,
@@ -254,16 +247,32 @@ _ORIGINS = {
 }
 
 
-def _evidence(judged: JudgedMode, results: MultichannelResults) -> str:
-    """What drives a mode, the model that it is of, and the orders that have it."""
-    table = results.modes.table
-    words = [_ORIGINS[judged.origin]]
+def _evidence(judged: JudgedMode, results: MultichannelResults, deviation: np.ndarray) -> str:
+    """What drives a mode, where it is seen, the model that it is of, and the orders that have it.
+
+    ``deviation``: standard deviations of the inputs, (nu,).
+    """
+    table, mode = results.modes.table, judged.mode
+    origin = _ORIGINS[judged.origin]
+    if judged.origin == "input" and len(deviation) > 1:
+        driven = np.abs(mode.input_participation) * deviation
+        shares = driven / max(float(driven.sum()), 1e-300)
+        origin = f"driven by {_strongest(results.modes.input_names, shares)}"
+    words = [origin]
+    if len(results.modes.output_names) > 1:
+        words.append(_seen_at(results.modes.output_names, mode.output_shares))
     if judged.order != table.order:
         polynomial = results.model.polynomials is not None
         size = f"joint order {judged.order}" if polynomial else plural(judged.order, "state")
         words.append(f"of the model of {size}")
     words.append(f"{len(judged.orders)} of {plural(len(table.orders), 'order')}")
-    return ", ".join(words)
+    return "; ".join(words)
+
+
+def _seen_at(outputs: tuple[str, ...], shares: np.ndarray) -> str:
+    if shares.max() < NEGLIGIBLE:
+        return f"below {percent(100.0 * NEGLIGIBLE, 1)} of the energy of every output"
+    return f"seen at {_strongest(outputs, shares)}"
 
 
 def _drawing(geometry: Geometry | None, outputs: tuple[str, ...]) -> ShapeDrawing | None:
@@ -272,7 +281,7 @@ def _drawing(geometry: Geometry | None, outputs: tuple[str, ...]) -> ShapeDrawin
 
 def _strongest(names: tuple[str, ...], shares: np.ndarray) -> str:
     """The channels with the largest shares, in percent."""
-    best = np.argsort(-shares, kind="stable")[:NAMED]
+    best = [k for k in np.argsort(-shares, kind="stable")[:NAMED] if shares[k] >= NEGLIGIBLE]
     return ", ".join(f"{names[k]} {percent(100.0 * float(shares[k]), 2)}" for k in best)
 
 
