@@ -46,7 +46,7 @@ def test_ends_of_b_that_are_zero_are_left_out():
 
 def test_what_stays_failed_is_said_in_words():
     generator = np.random.default_rng(3)
-    u = np.tile(generator.standard_normal(100), 4)
+    u = np.tile(generator.standard_normal(200), 4)
     y = lfilter([0.0, 1.0, 0.6], A, u + 0.3 * u**3) + 1e-3 * generator.standard_normal(len(u))
     _, _, found = remedied(y, u, "arx", na=2, nb=2, nk=1)
     assert len(found.statements) == len(found.failed) > 0
