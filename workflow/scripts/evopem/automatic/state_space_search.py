@@ -31,6 +31,7 @@ from evopem.estimation.state_space.estimate import (
 )
 from evopem.estimation.state_space.noise_model import RISES, WIDTH, noise_model, side_by_side
 from evopem.estimation.state_space.order_models import OrderModel, OrderModels
+from evopem.estimation.state_space.problem import STEPS
 from evopem.models.state_space import Form, StateSpaceModel
 from evopem.signals.multichannel import MultichannelRecording
 
@@ -41,8 +42,9 @@ Log = Callable[[str], None]
 # gain and of slow poles, many leave more samples to fit.  Large records have the first alone.
 DESIGNS = (2, 5)
 LARGE = 100_000
-# Estimates of each order that are descended from on large records, whose estimates are good ones.
-LARGE_WIDTH = 2
+# Estimates of each order that are descended from on large records, whose estimates are good ones,
+# and steps of these descents.
+LARGE_WIDTH, LARGE_STEPS = 2, 12
 SHORTEST_FOLD = 40
 # Largest orders tried of plant and noise model, and output values for each parameter of the largest
 # model.
@@ -227,6 +229,7 @@ def search_variant(
         delays=tuple(delays),
         settings=settings,
         width=LARGE_WIDTH if _is_large(estimation) else FINAL_WIDTH,
+        steps=_steps(estimation),
         log=log,
     )
     found = _until_bic_rises((each.model.order, each) for each in estimates)
@@ -431,6 +434,7 @@ def _design_scores(
                     [part.outputs for part in parts],
                     delays=tuple(delays),
                     settings=settings,
+                    steps=_steps(estimation),
                 )
             except ValueError:
                 continue
@@ -440,6 +444,11 @@ def _design_scores(
         relative[:, :2] = np.nan
     squares = np.einsum("fkmy,fy->kmy", relative**2, power) / power.sum(axis=0)
     return np.sqrt(squares).mean(axis=2), relative.mean(axis=3)
+
+
+def _steps(estimation: MultichannelRecording) -> int:
+    """Steps of a descent of the search over orders."""
+    return LARGE_STEPS if _is_large(estimation) else STEPS
 
 
 def _is_large(estimation: MultichannelRecording) -> bool:

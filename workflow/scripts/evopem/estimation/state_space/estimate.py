@@ -286,6 +286,7 @@ def estimates_of_orders(
     delays: int | Sequence[int] = 1,
     settings: StateSpaceSettings | None = None,
     width: int = FINAL_WIDTH,
+    steps: int = STEPS,
     log: Callable[[str], None] | None = None,
 ) -> Iterator[StateSpaceEstimate]:
     """The estimates of :func:`sweep_state_space_orders`, one after the other as they are needed.
@@ -294,13 +295,16 @@ def estimates_of_orders(
     ----------
     inputs, outputs, orders, form, delays, settings, width, log
         As there; a level is estimated, and the sampling rate is 1 Hz.
+    steps : int
+        Of each descent at most: too small orders, which do not describe the record, converge
+        slowly, and nothing depends on their last digits.
     """
     settings = settings or StateSpaceSettings()
     with threadpool_limits(limits=1, user_api="blas"):
         prepared = _prepared(inputs, outputs, delays, True)
         span = _span(orders)
         errors = _errors(prepared, span[-1], form, settings)
-        for problem, found in _swept(errors, prepared, span, settings, width, log):
+        for problem, found in _swept(errors, prepared, span, settings, width, log, steps=steps):
             yield _described(problem, found, prepared, 1.0, (), ())
 
 
@@ -346,6 +350,7 @@ def refitted(
     *,
     delays: int | Sequence[int] = 1,
     settings: StateSpaceSettings | None = None,
+    steps: int = STEPS,
 ) -> StateSpaceModel:
     """The same optimum of other records: as :func:`descend_from`, the model alone.
 
@@ -353,6 +358,8 @@ def refitted(
     ----------
     model, inputs, outputs, delays, settings
         As there.
+    steps : int
+        As of :func:`estimates_of_orders`.
 
     Raises
     ------
@@ -362,7 +369,7 @@ def refitted(
     settings = settings or StateSpaceSettings()
     with threadpool_limits(limits=1, user_api="blas"):
         prepared = _prepared(inputs, outputs, delays, True)
-        errors, found = _descended_from(model, prepared, settings, STEPS, TOLERANCE)
+        errors, found = _descended_from(model, prepared, settings, steps, TOLERANCE)
         projection = errors.projection(found.point)
         return model_of(errors, projection, model.sampling_rate, prepared.shifts, (), ())
 
@@ -652,11 +659,12 @@ def _swept(
     width: int,
     log: Callable[[str], None] | None,
     fold: int = 0,
+    steps: int = STEPS,
 ) -> Iterator[tuple[StateSpaceErrors, SearchResult]]:
     """The best optimum of each order that the rungs of a ladder reach."""
     models = StartingModels(errors, orders[-1], _cost(errors) <= HEAVY)
     generator = _generator(settings, orders[-1], errors.form, prepared, 1 + fold)
-    for problem, optima in rungs(errors, models, generator, width, orders):
+    for problem, optima in rungs(errors, models, generator, width, orders, steps):
         if not optima:
             continue
         best = optima[0]
