@@ -14,7 +14,7 @@ from evopem.models.state_space import StateSpaceModel
 Array = NDArray[np.float64]
 
 # Eigenvalues of the information matrix, its diagonal scaled to one, below this share of the
-# largest one come from rounding: the data do not determine their directions.
+# largest one come from rounding: they are raised to it, and standard errors are then lower bounds.
 UNDETERMINED = 1e-15
 # Condition of the states' responses at the outputs, scaled to one, above which another basis of the
 # states is taken, and doublings of the number of samples that they are seen over.
@@ -81,18 +81,21 @@ def parameter_covariance(errors: StateSpaceErrors, found: Projection) -> Paramet
     hessian = _information(errors, found, weights)
     score = _score_covariance(errors, found, weights)
     scale = np.sqrt(np.diag(hessian))
-    scale[scale == 0.0] = 1.0
+    unseen = scale == 0.0
+    scale[unseen] = 1.0
     values, vectors = np.linalg.eigh(hessian / np.outer(scale, scale))
     kept = np.arange(len(values)) >= errors.order
-    determined = kept & (values > UNDETERMINED * values[-1])
+    least = UNDETERMINED * values[-1]
+    determined = kept & (values > least)
     inverse = vectors[:, determined] / values[determined]
     middle = inverse.T @ (score / np.outer(scale, scale)) @ inverse
     square, turned = np.linalg.eigh(0.5 * (middle + middle.T))
     root = turned * np.sqrt(np.maximum(square, 0.0))
     mapping = _entries_jacobian(errors, found) / scale
-    undetermined = kept & ~determined
-    null_space = mapping @ vectors[:, undetermined]
-    return ParameterCovariance(mapping @ (vectors[:, determined] @ root), null_space)
+    # Rounding hides how far along these the data allow to go, but not what they hardly change.
+    farthest = vectors[:, kept & ~determined] / np.sqrt(least)
+    factor = mapping @ np.hstack([vectors[:, determined] @ root, farthest])
+    return ParameterCovariance(factor, mapping[:, unseen])
 
 
 def _degrees_of_freedom(errors: StateSpaceErrors) -> float:

@@ -69,13 +69,7 @@ def about_decisions(results: DatasetResults) -> list[str]:
     record = results.decisions
     if record is None:
         return []
-    sentences = [f"The model is for {record.purpose}.", *record.remarks]
-    if record.failed:
-        sentences.append(
-            f"No remedy that was tried made these hold: {', '.join(record.failed)}. The checks say"
-            " what that means for the model."
-        )
-    return [" ".join(sentences)]
+    return [" ".join([f"The model is for {record.purpose}.", *record.remarks])]
 
 
 @dataclass(frozen=True)
