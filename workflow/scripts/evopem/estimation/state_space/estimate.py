@@ -398,19 +398,6 @@ def _point_of(model: StateSpaceModel, errors: StateSpaceErrors) -> Array:
     return from_matrices(errors, model.predictor, drives)
 
 
-def errors_on(model: StateSpaceModel, inputs: Array, outputs: Array) -> tuple[Array, Array, Array]:
-    """Simulation errors with the level of the model and with a free one, and prediction errors.
-
-    See :func:`simulation_errors` and :func:`prediction_errors`.
-    """
-    with np.errstate(all="ignore"):
-        return (
-            simulation_errors(model, inputs, outputs),
-            simulation_errors(model, inputs, outputs, free_level=True),
-            prediction_errors(model, inputs, outputs),
-        )
-
-
 def _span(orders: Sequence[int]) -> range:
     """Orders as a range."""
     steps = {int(step) for step in np.diff(orders)} or {1}
@@ -419,9 +406,7 @@ def _span(orders: Sequence[int]) -> range:
     return range(min(orders), max(orders) + 1, steps.pop())
 
 
-def simulation_errors(
-    model: StateSpaceModel, inputs: Array, outputs: Array, free_level: bool = False
-) -> Array:
+def simulation_errors(model: StateSpaceModel, inputs: Array, outputs: Array) -> Array:
     """``100 ||y - yhat|| / ||y - mean(y)||`` of each output, (ny,), initial state fitted.
 
     Infinite where the simulation is not finite.
@@ -430,18 +415,46 @@ def simulation_errors(
     ----------
     model : StateSpaceModel
     inputs, outputs : (N, nu) and (N, ny) arrays
-    free_level : bool
-        Whether the level is fitted along with the initial state.
     """
     with np.errstate(all="ignore"):
         if np.abs(model.poles()).max() >= 1.0 + 1e-9:
             return np.full(model.outputs, np.inf)
-        if free_level:
-            model, state = model.levelled(inputs, outputs)
-        else:
-            state = model.simulation_state(inputs, outputs)
+        state = model.simulation_state(inputs, outputs)
         errors = outputs - model.simulate(inputs, state)
     return _relative(errors, outputs)
+
+
+def continued_errors(
+    model: StateSpaceModel, inputs: Array, outputs: Array, held_out: slice
+) -> tuple[Array, Array]:
+    """Errors of a simulation of held-out samples whose outputs determine no state.
+
+    It runs on from the samples before, with the initial state that fits all samples but the
+    held-out ones.  A state that were fitted to them would take up the noise that a lightly damped
+    or slow mode of the model resembles.
+
+    Parameters
+    ----------
+    model : StateSpaceModel
+    inputs, outputs : (N, nu) and (N, ny) arrays
+    held_out : slice
+        Not from the first sample on.
+
+    Returns
+    -------
+    two (ny,) arrays
+        As of :func:`simulation_errors`, with the level of the model, and with one that fits the
+        held-out samples.
+    """
+    known = np.ones(len(outputs), dtype=bool)
+    known[held_out] = False
+    with np.errstate(all="ignore"):
+        if np.abs(model.poles()).max() >= 1.0 + 1e-9:
+            return np.full(model.outputs, np.inf), np.full(model.outputs, np.inf)
+        state = model.simulation_state(inputs, outputs, known)
+        errors = (outputs - model.simulate(inputs, state))[held_out]
+    scored = outputs[held_out]
+    return _relative(errors, scored), _relative(errors - errors.mean(axis=0), scored)
 
 
 def prediction_errors(model: StateSpaceModel, inputs: Array, outputs: Array) -> Array:
