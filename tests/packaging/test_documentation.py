@@ -30,7 +30,12 @@ y = lfilter([0.0, 0.3, 0.2], [1.0, -1.3, 0.55], u) + 0.1 * e
 """
 BEFORE = {
     "README.md": RECORD + "import pandas\nframe = pandas.DataFrame({'u': u, 'y': y})[:200]\n",
-    "docs/structures.md": RECORD,
+    "docs/structures.md": RECORD
+    + """
+inputs = np.random.default_rng(2).standard_normal((400, 2))
+output = lfilter([0.0, 1.0, 0.5], [1.0, -1.5, 0.8], inputs[:, 0])
+output += lfilter([0.0, 0.0, 0.0, 1.0, 0.4], [1.0, -0.7], inputs[:, 1]) + 0.1 * e[:400]
+""",
     "docs/state_space.md": """
 import numpy as np
 from scipy.signal import lfilter

@@ -59,9 +59,9 @@ def descend(
         max_iterations -= 1
         columns = errors.jacobian(point)
         evaluations += 1
-        if not np.isfinite(columns).all():
-            break
         size = np.linalg.norm(columns, axis=0)
+        if not np.isfinite(size).all():
+            break
         size = np.where(size > 1e-12 * size.max(initial=1e-300), size, 1.0)
         columns /= size
         hessian, gradient = columns.T @ columns, columns.T @ residuals
