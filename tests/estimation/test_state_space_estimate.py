@@ -20,6 +20,7 @@ from evopem.estimation.state_space.errors import (
 )
 from evopem.estimation.state_space.estimate import (
     StateSpaceSettings,
+    continued_errors,
     estimate_state_space,
     simulation_errors,
     sweep_state_space_orders,
@@ -406,3 +407,22 @@ def test_nearly_equal_poles_do_not_spoil_the_matrices():
     assert np.abs(found.model.A).max() < 10.0
     simulated = found.model.simulate(u, found.initial_states[0])
     np.testing.assert_allclose(y - simulated, found.residuals[0], atol=1e-6 * y.std())
+
+
+def test_held_out_outputs_determine_no_state_of_a_simulation():
+    truth = structure(form="output_error")
+    generator = np.random.default_rng(7)
+    u = generator.standard_normal((300, 2))
+    y = truth.simulate(u, np.ones(truth.order))
+    held_out = slice(100, 200)
+    constant, free = continued_errors(truth, u, y, held_out)
+    np.testing.assert_allclose([constant, free], 0.0, atol=1e-6)
+    disturbance = generator.standard_normal((100, 3))
+    y[held_out] += disturbance
+    spread = np.linalg.norm(y[held_out] - y[held_out].mean(axis=0), axis=0)
+    for found, left in zip(
+        continued_errors(truth, u, y, held_out),
+        (disturbance, disturbance - disturbance.mean(axis=0)),
+        strict=True,
+    ):
+        np.testing.assert_allclose(found, 100.0 * np.linalg.norm(left, axis=0) / spread, rtol=1e-6)

@@ -4,11 +4,17 @@ import numpy as np
 import pytest
 
 from evopem.estimation.state_space.estimate import sweep_state_space_orders
+from evopem.estimation.state_space.order_models import OrderModel
 from evopem.files.json_form import from_json, to_json
 from evopem.models.state_space import StateSpaceModel
 from evopem.models.state_space_modes import assurance
 from evopem.synthesis.vibrating_structure import VibratingStructure
-from evopem.validation.mode_table import ModeTable, held_out_mode_tests, mode_table
+from evopem.validation.mode_table import (
+    ModeTable,
+    held_out_mode_tests,
+    mode_table,
+    table_of_models,
+)
 
 RATE = 100.0
 CLOSE = VibratingStructure(
@@ -54,6 +60,15 @@ def test_without_held_out_samples_a_mode_is_not_judged(ambient):
     unjudged = mode_table(scores, None, y)
     assert {each.origin for each in unjudged.modes} == {"not judged"}
     assert len(unjudged.modes) == len(table.modes)
+
+
+def test_smaller_orders_do_not_speak_against_a_mode_of_the_largest(ambient):
+    scores, _ = ambient
+    models = [OrderModel.of_estimate(each) for each in scores.estimates]
+    table = table_of_models(models, 12, None, np.zeros((2200, 3)))
+    own = [each for each in table.modes if each.order == 12]
+    assert own
+    assert {each.stable for each in own} == {None}
 
 
 def two_modes(driven, noisy, spurious=0.0):

@@ -22,13 +22,15 @@ from evopem.estimation.state_space.estimate import (
     FINAL_WIDTH,
     StateSpaceEstimate,
     StateSpaceSettings,
+    continued_errors,
     descend_from,
-    errors_on,
     estimates_of_orders,
+    prediction_errors,
     refitted,
 )
 from evopem.estimation.state_space.noise_model import RISES, WIDTH, noise_model, side_by_side
 from evopem.estimation.state_space.order_models import OrderModel, OrderModels
+from evopem.estimation.state_space.problem import STEPS
 from evopem.models.state_space import Form, StateSpaceModel
 from evopem.signals.multichannel import MultichannelRecording
 
@@ -41,8 +43,9 @@ Refit = Callable[[Sequence[MultichannelRecording]], StateSpaceModel]
 # gain and of slow poles, many leave more samples to fit.  Large records have the first alone.
 DESIGNS = (2, 5)
 LARGE = 100_000
-# Estimates of each order that are descended from on large records, whose estimates are good ones.
-LARGE_WIDTH = 2
+# Estimates of each order that are descended from on large records, whose estimates are good ones,
+# and steps of these descents.
+LARGE_WIDTH, LARGE_STEPS = 2, 12
 SHORTEST_FOLD = 40
 # Largest orders tried of plant and noise model, and output values for each parameter of the largest
 # model.
@@ -119,8 +122,8 @@ class VariantSearch:
         between forms with and without a noise model.
     simulation, free_level, prediction : tuple of float
         Errors on held-out samples in percent, one step ahead for prediction: the geometric mean
-        over the designs of the folds.  With a free level each held-out part has one of its own,
-        fitted along with its initial state.
+        over the designs of the folds.  Simulations run on from the samples before; with a free
+        level each held-out part has one of its own.
     folds : tuple of FoldErrors
         Errors of the models of all orders on each fold of the design with most folds.
     """
@@ -242,6 +245,7 @@ def search_variant(
         delays=tuple(delays),
         settings=settings,
         width=LARGE_WIDTH if _is_large(estimation) else FINAL_WIDTH,
+        steps=_steps(estimation),
         log=log,
     )
     found = until_bic_rises((each.model.order, each) for each in estimates)
@@ -378,6 +382,7 @@ def _scored(
             [part.outputs for part in parts],
             delays=tuple(delays),
             settings=settings,
+            steps=_steps(estimation),
         )
 
     return scored_search(estimation, variant, estimates, refit_of, log)
@@ -460,9 +465,11 @@ def _design_scores(
         Simulation with the level of the training part and with a free one, and prediction.
     """
     edges = np.linspace(0, estimation.samples, count + 1).round().astype(int)
-    relative = np.full((count, 3, len(refits), estimation.outputs.shape[1]), np.inf)
-    power = np.zeros((count, estimation.outputs.shape[1]))
-    for fold, (first, stop) in enumerate(pairwise(edges)):
+    # Simulations run on from samples before: the first part is never held out.
+    folds = list(pairwise(edges))[1:]
+    relative = np.full((len(folds), 3, len(refits), estimation.outputs.shape[1]), np.inf)
+    power = np.zeros((len(folds), estimation.outputs.shape[1]))
+    for fold, (first, stop) in enumerate(folds):
         held = estimation.between(first, stop)
         ends = (estimation.between(0, first), estimation.between(stop, estimation.samples))
         parts = [part for part in ends if part.samples >= SHORTEST_FOLD // 2]
@@ -472,12 +479,29 @@ def _design_scores(
                 fitted = refit(parts)
             except ValueError:
                 continue
-            errors = errors_on(fitted, held.inputs, held.outputs)
+            errors = _held_out_errors(fitted, estimation, first, stop)
             relative[fold, :, place] = np.minimum(errors, LARGEST_ERROR)
-    if not estimation.has_input:
-        relative[:, :2] = np.nan
     squares = np.einsum("fkmy,fy->kmy", relative**2, power) / power.sum(axis=0)
     return np.sqrt(squares).mean(axis=2), relative.mean(axis=3)
+
+
+def _held_out_errors(
+    model: StateSpaceModel, estimation: MultichannelRecording, first: int, stop: int
+) -> Array:
+    """Errors of simulations with the model's level and a free one, and of predictions, (3, ny)."""
+    held = estimation.between(first, stop)
+    with np.errstate(all="ignore"):
+        predicted = prediction_errors(model, held.inputs, held.outputs)
+    if not estimation.has_input:
+        unknown = np.full(len(predicted), np.nan)
+        return np.array([unknown, unknown, predicted])
+    simulated = continued_errors(model, estimation.inputs, estimation.outputs, slice(first, stop))
+    return np.array([*simulated, predicted])
+
+
+def _steps(estimation: MultichannelRecording) -> int:
+    """Steps of a descent of the search over orders."""
+    return LARGE_STEPS if _is_large(estimation) else STEPS
 
 
 def _is_large(estimation: MultichannelRecording) -> bool:

@@ -196,7 +196,9 @@ class StateSpaceModel:
             response = response @ self.A
         return predicted
 
-    def simulation_state(self, inputs: ArrayLike, outputs: ArrayLike) -> Array:
+    def simulation_state(
+        self, inputs: ArrayLike, outputs: ArrayLike, known: NDArray[np.bool_] | None = None
+    ) -> Array:
         """Initial state with which the simulation fits outputs best, (n,).
 
         Least squares, each output relative to its spread.
@@ -205,9 +207,12 @@ class StateSpaceModel:
         ----------
         inputs : (N, nu) array_like
         outputs : (N, ny) array_like
+        known : (N,) array of bool, optional
+            Samples whose outputs count, the first ones among them; by default all.
         """
         _, y = self._signals(inputs, outputs)
-        return self._fitted_state(self.A, y - self.simulate(inputs), np.std(y, axis=0))[0]
+        remainder = y - self.simulate(inputs)
+        return self._fitted_state(self.A, remainder, np.std(y, axis=0), known=known)[0]
 
     def levelled(self, inputs: ArrayLike, outputs: ArrayLike) -> tuple[StateSpaceModel, Array]:
         """The model with the level, and the initial state, of the simulation that fits best.
@@ -350,7 +355,12 @@ class StateSpaceModel:
         return u, y
 
     def _fitted_state(
-        self, dynamics: Array, remainder: Array, spread: Array, free_level: bool = False
+        self,
+        dynamics: Array,
+        remainder: Array,
+        spread: Array,
+        free_level: bool = False,
+        known: NDArray[np.bool_] | None = None,
     ) -> tuple[Array, Array]:
         """State whose free response through ``dynamics`` fits a remainder, (n,), and its level.
 
@@ -364,11 +374,14 @@ class StateSpaceModel:
         for sample in range(len(remainder)):
             free[sample, :, : self.order] = response
             response = response @ dynamics
-        weighted = (free * weights[:, None]).reshape(-1, columns)
+        weighted, wanted = free * weights[:, None], remainder * weights
+        if known is not None:
+            weighted, wanted = weighted[known], wanted[known]
+        weighted = weighted.reshape(-1, columns)
         # States of very different sizes would make the small ones look undetermined.
         sizes = np.linalg.norm(weighted, axis=0)
         sizes = np.where(sizes > 0.0, sizes, 1.0)
-        fitted = np.linalg.lstsq(weighted / sizes, (remainder * weights).ravel(), STATE_RANK)[0]
+        fitted = np.linalg.lstsq(weighted / sizes, wanted.ravel(), STATE_RANK)[0]
         fitted = fitted / sizes
         level: Array = np.zeros(self.outputs)
         level[: columns - self.order] = fitted[self.order :]

@@ -29,8 +29,6 @@ Complex = NDArray[np.complex128]
 
 # A mode that the chosen order lacks is listed where this many orders have it.
 PERSISTENT_ORDERS = 3
-# Smaller orders that recurrence is counted over where none is larger.
-NEAREST = 3
 
 
 @dataclass(frozen=True)
@@ -69,8 +67,7 @@ class JudgedMode:
     orders : tuple of int
         Orders whose models have it.
     recurrence : float
-        Share of the larger orders that have it, or of the :data:`NEAREST` smaller ones where none
-        is larger; NaN without other orders.
+        Share of the larger orders that have it; NaN where none is larger.
     stable : bool or None
         Whether that share is at least three quarters; None where it is not known.
     input_test : HeldOutTest
@@ -304,9 +301,8 @@ def _judged(
 
 def _recurrence(own: int, orders: Sequence[int], all_orders: Sequence[int]) -> float:
     """Share of the larger orders that have a mode; smaller ones lose true modes first."""
-    smaller = sorted((order for order in all_orders if order < own), reverse=True)
-    others = [order for order in all_orders if order > own] or smaller[:NEAREST]
-    return float(np.mean([order in orders for order in others])) if others else math.nan
+    larger = [order for order in all_orders if order > own]
+    return float(np.mean([order in orders for order in larger])) if larger else math.nan
 
 
 def _response(mode: ShapedMode, drives: Array, participation: Complex) -> Array:

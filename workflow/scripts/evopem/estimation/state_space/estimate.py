@@ -291,6 +291,7 @@ def estimates_of_orders(
     delays: int | Sequence[int] = 1,
     settings: StateSpaceSettings | None = None,
     width: int = FINAL_WIDTH,
+    steps: int = STEPS,
     log: Callable[[str], None] | None = None,
 ) -> Iterator[StateSpaceEstimate]:
     """The estimates of :func:`sweep_state_space_orders`, one after the other as they are needed.
@@ -299,13 +300,16 @@ def estimates_of_orders(
     ----------
     inputs, outputs, orders, form, delays, settings, width, log
         As there; a level is estimated, and the sampling rate is 1 Hz.
+    steps : int
+        Of each descent at most: too small orders, which do not describe the record, converge
+        slowly, and nothing depends on their last digits.
     """
     settings = settings or StateSpaceSettings()
     with threadpool_limits(limits=1, user_api="blas"):
         prepared = _prepared(inputs, outputs, delays, True)
         span = _span(orders)
         errors = _errors(prepared, span[-1], form, settings)
-        for problem, found in _swept(errors, prepared, span, settings, width, log):
+        for problem, found in _swept(errors, prepared, span, settings, width, log, steps=steps):
             yield _described(problem, found, prepared, 1.0, (), ())
 
 
@@ -351,6 +355,7 @@ def refitted(
     *,
     delays: int | Sequence[int] = 1,
     settings: StateSpaceSettings | None = None,
+    steps: int = STEPS,
 ) -> StateSpaceModel:
     """The same optimum of other records: as :func:`descend_from`, the model alone.
 
@@ -358,6 +363,8 @@ def refitted(
     ----------
     model, inputs, outputs, delays, settings
         As there.
+    steps : int
+        As of :func:`estimates_of_orders`.
 
     Raises
     ------
@@ -367,7 +374,7 @@ def refitted(
     settings = settings or StateSpaceSettings()
     with threadpool_limits(limits=1, user_api="blas"):
         prepared = _prepared(inputs, outputs, delays, True)
-        errors, found = _descended_from(model, prepared, settings, STEPS, TOLERANCE)
+        errors, found = _descended_from(model, prepared, settings, steps, TOLERANCE)
         projection = errors.projection(found.point)
         return model_of(errors, projection, model.sampling_rate, prepared.shifts, (), ())
 
@@ -396,19 +403,6 @@ def _point_of(model: StateSpaceModel, errors: StateSpaceErrors) -> Array:
     return from_matrices(errors, model.predictor, drives)
 
 
-def errors_on(model: StateSpaceModel, inputs: Array, outputs: Array) -> tuple[Array, Array, Array]:
-    """Simulation errors with the level of the model and with a free one, and prediction errors.
-
-    See :func:`simulation_errors` and :func:`prediction_errors`.
-    """
-    with np.errstate(all="ignore"):
-        return (
-            simulation_errors(model, inputs, outputs),
-            simulation_errors(model, inputs, outputs, free_level=True),
-            prediction_errors(model, inputs, outputs),
-        )
-
-
 def _span(orders: Sequence[int]) -> range:
     """Orders as a range."""
     steps = {int(step) for step in np.diff(orders)} or {1}
@@ -417,9 +411,7 @@ def _span(orders: Sequence[int]) -> range:
     return range(min(orders), max(orders) + 1, steps.pop())
 
 
-def simulation_errors(
-    model: StateSpaceModel, inputs: Array, outputs: Array, free_level: bool = False
-) -> Array:
+def simulation_errors(model: StateSpaceModel, inputs: Array, outputs: Array) -> Array:
     """``100 ||y - yhat|| / ||y - mean(y)||`` of each output, (ny,), initial state fitted.
 
     Infinite where the simulation is not finite.
@@ -428,18 +420,46 @@ def simulation_errors(
     ----------
     model : StateSpaceModel
     inputs, outputs : (N, nu) and (N, ny) arrays
-    free_level : bool
-        Whether the level is fitted along with the initial state.
     """
     with np.errstate(all="ignore"):
         if np.abs(model.poles()).max() >= 1.0 + 1e-9:
             return np.full(model.outputs, np.inf)
-        if free_level:
-            model, state = model.levelled(inputs, outputs)
-        else:
-            state = model.simulation_state(inputs, outputs)
+        state = model.simulation_state(inputs, outputs)
         errors = outputs - model.simulate(inputs, state)
     return _relative(errors, outputs)
+
+
+def continued_errors(
+    model: StateSpaceModel, inputs: Array, outputs: Array, held_out: slice
+) -> tuple[Array, Array]:
+    """Errors of a simulation of held-out samples whose outputs determine no state.
+
+    It runs on from the samples before, with the initial state that fits all samples but the
+    held-out ones.  A state that were fitted to them would take up the noise that a lightly damped
+    or slow mode of the model resembles.
+
+    Parameters
+    ----------
+    model : StateSpaceModel
+    inputs, outputs : (N, nu) and (N, ny) arrays
+    held_out : slice
+        Not from the first sample on.
+
+    Returns
+    -------
+    two (ny,) arrays
+        As of :func:`simulation_errors`, with the level of the model, and with one that fits the
+        held-out samples.
+    """
+    known = np.ones(len(outputs), dtype=bool)
+    known[held_out] = False
+    with np.errstate(all="ignore"):
+        if np.abs(model.poles()).max() >= 1.0 + 1e-9:
+            return np.full(model.outputs, np.inf), np.full(model.outputs, np.inf)
+        state = model.simulation_state(inputs, outputs, known)
+        errors = (outputs - model.simulate(inputs, state))[held_out]
+    scored = outputs[held_out]
+    return _relative(errors, scored), _relative(errors - errors.mean(axis=0), scored)
 
 
 def prediction_errors(model: StateSpaceModel, inputs: Array, outputs: Array) -> Array:
@@ -657,11 +677,12 @@ def _swept(
     width: int,
     log: Callable[[str], None] | None,
     fold: int = 0,
+    steps: int = STEPS,
 ) -> Iterator[tuple[StateSpaceErrors, SearchResult]]:
     """The best optimum of each order that the rungs of a ladder reach."""
     models = StartingModels(errors, orders[-1], _cost(errors) <= HEAVY)
     generator = _generator(settings, orders[-1], errors.form, prepared, 1 + fold)
-    for problem, optima in rungs(errors, models, generator, width, orders):
+    for problem, optima in rungs(errors, models, generator, width, orders, steps):
         if not optima:
             continue
         best = optima[0]

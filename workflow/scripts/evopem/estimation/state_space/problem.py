@@ -211,14 +211,16 @@ def extensions(
     return [points[k] for k in np.argsort(criteria, kind="stable")[:kept]]
 
 
-def descended(errors: StateSpaceErrors, starts: list[Array], count: int) -> list[Optimum]:
+def descended(
+    errors: StateSpaceErrors, starts: list[Array], count: int, steps: int = STEPS
+) -> list[Optimum]:
     """Optima from the best starts, the lowest first; infeasible ones are left out."""
     criteria = []
     for start in starts:
         found = errors.projection(start) if np.isfinite(start).all() else None
         criteria.append(np.inf if found is None else errors.criterion(found.covariance))
     order = np.argsort(criteria, kind="stable")[:count]
-    optima = [descend(errors, starts[k], STEPS, TOLERANCE) for k in order]
+    optima = [descend(errors, starts[k], steps, TOLERANCE) for k in order]
     optima = [optimum for optimum in optima if np.isfinite(optimum.criterion)]
     return sorted(optima, key=lambda optimum: optimum.criterion)
 
@@ -229,6 +231,7 @@ def rungs(
     generator: np.random.Generator,
     width: int,
     orders: range,
+    steps: int = STEPS,
 ) -> Iterator[tuple[StateSpaceErrors, list[Optimum]]]:
     """Optima of several orders, each from estimates and from the optima of smaller orders.
 
@@ -242,6 +245,8 @@ def rungs(
         Estimates of each order that are descended from.
     orders : range
         Ascending, in steps of one or two.
+    steps : int
+        Of each descent at most.
 
     Yields
     ------
@@ -250,17 +255,18 @@ def rungs(
     previous: list[tuple[StateSpaceErrors, Optimum]] = []
     for order in orders:
         problem = errors.of_order(order)
-        optima = descended(problem, list(models.points(problem)), width)
+        optima = descended(problem, list(models.points(problem)), width, steps)
         starts: list[Array] = []
         for smaller, optimum in previous[-2:]:
             starts += extensions(
                 problem, smaller, optimum.point, generator, 8 * width, max(width // 2, 1)
             )
-        optima += descended(problem, starts, len(starts))
+        optima += descended(problem, starts, len(starts), steps)
         for _ in range(20):
             if optima:
                 break
-            optima = descended(problem, [from_poles(problem, random_poles(order, generator))], 1)
+            start = from_poles(problem, random_poles(order, generator))
+            optima = descended(problem, [start], 1, steps)
         optima.sort(key=lambda optimum: optimum.criterion)
         if optima:
             previous.append((problem, optima[0]))
