@@ -44,7 +44,9 @@ def write_recordings(folder: Path, count: int, per_job: int | str) -> dict[str, 
         columns = np.column_stack([record.input, record.output])
         np.savetxt(folder / "data" / f"{number:05d}.csv", columns, delimiter=",")
     config = {
-        **{"one_job_per": "recording", "recordings_per_job": per_job, "report": "none"},
+        "one_job_per": "recording",
+        "recordings_per_job": per_job,
+        "report": "none",
         "defaults": DEFAULTS,
         "datasets": {"r*": {"file": "data/*.csv", "sampling_rate": 100}},
     }
