@@ -10,6 +10,7 @@ from evopem.automatic.fit import FitSettings
 from evopem.automatic.folds import FoldPlan, decide_folds
 from evopem.automatic.identify import identify
 from evopem.automatic.orders import Scorer, StructureSearch, decide_delay
+from evopem.automatic.repetition import decide_repetition
 from evopem.automatic.simulation import simulated
 from evopem.automatic.structures import Choice, compare_structures
 from evopem.files.json_form import from_json, to_json
@@ -85,7 +86,9 @@ def test_feedback_does_not_lead_to_an_output_error_model():
     for t in range(2, n):
         x[t] = 1.7 * x[t - 1] - 0.8 * x[t - 2] + 0.3 * u[t - 1] + 0.2 * u[t - 2]
         u[t] = reference[t] - 0.3 * (x[t] + noise[t])
-    scorer = Scorer([Stretch(u, x + noise)], FoldPlan(((2, 1),), ABOUT), FitSettings())
+    stretches = [Stretch(u, x + noise)]
+    plan = FoldPlan(((2, 1),), ABOUT, decide_repetition(stretches))
+    scorer = Scorer(stretches, plan, FitSettings())
     searches = [
         StructureSearch(structure, tuple(scorer.candidate(structure, o) for o in orders), ABOUT)
         for structure, orders in (

@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
-from evopem.automatic.state_space_choice import (
+from evopem.automatic.state_space_choice import choose
+from evopem.automatic.state_space_search import (
+    FoldErrors,
     Variant,
     VariantSearch,
-    choose,
     decide_delays,
     noise_orders,
     searched_orders,
@@ -20,10 +21,16 @@ OUTPUT_ERROR = Variant("output_error", "noise")
 BOX_JENKINS = Variant("box_jenkins", "determinant")
 
 
-def search(variant, simulation, prediction=None):
+def search(variant, simulation, prediction=None, free_level=None, bic=None, spread=0.0):
+    """A search of orders 1, 2, ... with the given scores; folds differ by ``spread``."""
     orders = tuple(range(1, len(simulation) + 1))
-    bic = tuple(-float(order) for order in orders)
-    return VariantSearch(variant, orders, orders, bic, simulation, prediction or simulation)
+    bic = bic or tuple(-float(order) for order in orders)
+    scores = simulation, free_level or simulation, prediction or simulation
+    folds = tuple(
+        FoldErrors(*(tuple(s * (1.0 + spread * (-1) ** fold * s) for s in each) for each in scores))
+        for fold in range(5)
+    )
+    return VariantSearch(variant, orders, orders, bic, bic, *scores, folds)
 
 
 def recording(samples, nu=2, ny=3):
@@ -39,46 +46,68 @@ def recording(samples, nu=2, ny=3):
     )
 
 
+def chosen(searches, **choices):
+    found = choose(searches, StateSpaceChoices(**choices)).model
+    return found.variant, found.order
+
+
 @pytest.mark.parametrize(
     ("output_error", "box_jenkins", "expected"),
     [
-        ((40.0, 30.0, 29.9), (50.0, 31.0), (OUTPUT_ERROR, 2)),  # 1 % is not worth a state
-        ((40.0, 39.0), (50.0, 37.5), (INNOVATIONS, 2)),  # a form has to gain 5 %
-        ((40.0, 30.0), (20.0, 19.0), (BOX_JENKINS, 2)),
+        ((40.0, 30.0), (50.0, 33.0), (OUTPUT_ERROR, 2)),
+        ((40.0, 39.0), (50.0, 37.0), (BOX_JENKINS, 2)),
         ((np.inf, np.nan), (np.nan,), (INNOVATIONS, 2)),
     ],
 )
-def test_the_simplest_choice_near_the_lowest_error(output_error, box_jenkins, expected):
+def test_held_out_samples_decide_between_forms(output_error, box_jenkins, expected):
     searches = [
         search(INNOVATIONS, (60.0, 39.2)),
         search(OUTPUT_ERROR, output_error),
         search(BOX_JENKINS, box_jenkins),
     ]
-    found = choose(searches, StateSpaceChoices())
-    assert (found.variant, found.order) == expected
-    assert found.purpose == "simulation"
-    assert [each.subject for each in found.decisions] == ["form and weighting", "order"]
+    assert chosen(searches) == expected
 
 
-def test_the_purpose_decides_which_errors_count():
+def test_the_likelihood_decides_between_models_that_held_out_samples_cannot_tell_apart():
+    near = search(INNOVATIONS, (60.0, 31.0, 30.0), bic=(-1.0, -5.0, -4.0))
+    far = search(OUTPUT_ERROR, (60.0, 33.0), bic=(-1.0, -9.0))
+    assert chosen([near, far]) == (INNOVATIONS, 2)
+    # The folds differ from each other by far more than the two forms do.
+    varying = search(OUTPUT_ERROR, (60.0, 33.0), bic=(-1.0, -9.0), spread=0.02)
+    assert chosen([near, varying]) == (OUTPUT_ERROR, 2)
+
+
+def test_a_level_is_fitted_to_other_samples_where_it_drifts():
+    drifting = search(INNOVATIONS, (60.0, 80.0), free_level=(40.0, 30.0))
+    found = choose([drifting], StateSpaceChoices())
+    assert (found.model.level, found.model.order) == ("state", 2)
+    steady = search(INNOVATIONS, (60.0, 80.0), free_level=(59.0, 79.0))
+    assert choose([steady], StateSpaceChoices()).model.level == "constant"
+
+
+def test_each_purpose_has_a_model():
     searches = [
         search(INNOVATIONS, (50.0, 50.0), (5.0, 4.0)),
         search(OUTPUT_ERROR, (20.0, 20.0), (20.0, 20.0)),
     ]
-    assert choose(searches, StateSpaceChoices()).variant == OUTPUT_ERROR
-    found = choose(searches, StateSpaceChoices(purpose="prediction"))
-    assert (found.variant, found.order) == (INNOVATIONS, 2)
+    found = choose(searches, StateSpaceChoices())
+    assert (found.model.purpose, found.model.variant) == ("simulation", OUTPUT_ERROR)
+    other = choose(searches, StateSpaceChoices(purpose="prediction"))
+    assert (other.model.variant, other.model.order) == (INNOVATIONS, 2)
+    assert (other.model, other.other) == (found.other, found.model)
 
 
 def test_without_an_input_prediction_counts():
-    alone = VariantSearch(INNOVATIONS, (1, 2), (1, 2), (-1.0, -2.0), (np.nan,) * 2, (9.0, 8.0))
-    assert choose([alone], StateSpaceChoices()).order == 2
+    unknown = (np.nan,) * 2
+    alone = search(INNOVATIONS, unknown, (9.0, 8.0), unknown)
+    found = choose([alone], StateSpaceChoices())
+    assert (found.model.order, found.model.purpose, found.other) == (2, "prediction", None)
     assert decide_delays(recording(100, nu=0), None).delays == ()
 
 
 def test_bic_decides_where_no_score_is_known():
     unknown = search(INNOVATIONS, (np.nan, np.inf, np.nan))
-    assert choose([unknown], StateSpaceChoices()).order == 3
+    assert chosen([unknown, search(OUTPUT_ERROR, (np.nan,))]) == (INNOVATIONS, 3)
 
 
 def test_orders_follow_the_length_of_the_record():

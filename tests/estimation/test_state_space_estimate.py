@@ -25,6 +25,7 @@ from evopem.estimation.state_space.estimate import (
     sweep_state_space_orders,
 )
 from evopem.estimation.state_space.levenberg_marquardt import descend
+from evopem.estimation.state_space.noise_colour import autoregression_of
 from evopem.estimation.state_space.problem import converted
 from evopem.estimation.state_space.sections import (
     inside,
@@ -369,3 +370,39 @@ def test_delays_are_those_of_the_truth():
     delayed = np.column_stack([u[:, 0], np.concatenate([np.zeros(4), u[:-4, 1]])])
     y = truth.simulate(delayed) + 0.1 * np.random.default_rng(1).standard_normal((600, 3))
     assert estimate_delays(u, y) == (1, 5)
+
+
+def test_the_recursion_solves_the_yule_walker_equations():
+    generator = np.random.default_rng(5)
+    e = generator.standard_normal((3000, 2))
+    for t in range(2, len(e)):
+        e[t] += [[0.5, 0.2], [-0.3, 0.4]] @ e[t - 1] - 0.3 * e[t - 2]
+    found = autoregression_of(e, np.array([0, len(e)]))
+    assert len(found.coefficients) == 2
+    gamma = found.autocovariances
+    big = np.block([[gamma[0], gamma[1]], [gamma[1].T, gamma[0]]])
+    expected = np.linalg.solve(big, np.vstack([gamma[1].T, gamma[2].T]))
+    np.testing.assert_allclose(np.vstack([c.T for c in found.coefficients]), expected, atol=1e-10)
+
+
+def test_nearly_equal_poles_do_not_spoil_the_matrices():
+    """Sections of nearly equal poles cancel each other; the entries of the model stay moderate."""
+    truth = StateSpaceModel(
+        A=np.array([[0.9, 1.0, 0.0], [0.0, 0.9, 1.0], [0.0, 0.0, 0.9]]),
+        B=np.array([[0.0], [0.0], [1.0]]),
+        C=np.array([[1.0, 0.0, 0.0]]),
+        D=np.zeros((1, 1)),
+        K=np.zeros((3, 1)),
+        sampling_rate=RATE,
+        level=np.zeros(1),
+        noise_covariance=np.eye(1),
+        form="output_error",
+    )
+    u = np.random.default_rng(6).standard_normal((600, 1))
+    y = truth.simulate(u)
+    found = estimate_state_space(
+        u, y, 3, RATE, form="output_error", settings=StateSpaceSettings(evaluations=0)
+    )
+    assert np.abs(found.model.A).max() < 10.0
+    simulated = found.model.simulate(u, found.initial_states[0])
+    np.testing.assert_allclose(y - simulated, found.residuals[0], atol=1e-6 * y.std())

@@ -17,16 +17,19 @@ from hypothesis.extra import numpy as arrays
 
 from evopem.automatic.multichannel_preparation import MultichannelPlan
 from evopem.automatic.record import OtherModel
-from evopem.automatic.state_space_choice import DelayChoice, StateSpaceChoice, VariantSearch
+from evopem.automatic.state_space_choice import StateSpaceChoice
+from evopem.automatic.state_space_search import DelayChoice, VariantSearch
 from evopem.config import settings, state_space_settings
 from evopem.config.settings import ChannelSettings, OrderSettings, SearchSettings, SyntheticSource
 from evopem.errors import InputError
 from evopem.estimation.candidate import Candidate, PhaseSelection
 from evopem.estimation.model_record import ModelRecord
-from evopem.estimation.state_space.model_record import ModesRecord, StateSpaceModelRecord
+from evopem.estimation.state_space.model_record import StateSpaceModelRecord
+from evopem.estimation.state_space.order_models import OrderModels
 from evopem.files.json_form import from_json, load, save, to_json
 from evopem.files.unfinished import UnfinishedJob
 from evopem.models.polynomial import PolynomialModel
+from evopem.models.state_space import StateSpaceModel
 from evopem.models.structures import PolynomialOrders, armax_orders
 from evopem.results.fleet import DatasetSummary
 from evopem.results.multichannel import DecisionList
@@ -36,6 +39,7 @@ from evopem.signals.preparation import Transforms
 from evopem.signals.recording_info import RecordingInfo
 from evopem.signals.spectral.summary import SpectrumSummary
 from evopem.synthesis.truth import Truth
+from evopem.validation.modes_record import ModesRecord
 from evopem.validation.multichannel import MultichannelValidation
 from evopem.validation.validation import Validation
 
@@ -51,6 +55,7 @@ RESULTS = [
     MultichannelPlan,
     MultichannelTransforms,
     MultichannelValidation,
+    OrderModels,
     OtherModel,
     StateSpaceChoice,
     StateSpaceModelRecord,
@@ -78,11 +83,23 @@ SETTINGS = sorted(
 FINITE = st.floats(allow_nan=False, allow_infinity=False)
 
 
+@st.composite
+def state_space_models(draw: st.DrawFn) -> StateSpaceModel:
+    """A model whose matrices fit together, with inputs or without."""
+    n, nu, ny = draw(st.integers(1, 3)), draw(st.integers(0, 2)), draw(st.integers(1, 3))
+    shapes = {"A": (n, n), "B": (n, nu), "C": (ny, n), "D": (ny, nu), "K": (n, ny)}
+    shapes |= {"level": (ny,), "noise_covariance": (ny, ny)}
+    matrices = {name: draw(arrays.arrays(float, shape)) for name, shape in shapes.items()}
+    return StateSpaceModel(**matrices, sampling_rate=draw(FINITE))
+
+
 def instances(kind: Any) -> st.SearchStrategy[Any]:
     """Any value of a type, as its annotation states it; floats may be infinite or NaN."""
     if kind is PolynomialOrders:
         high = st.integers(0, 60)
         return st.builds(PolynomialOrders, na=high, nb=st.integers(1, 60), nc=high, nk=high)
+    if kind is StateSpaceModel:
+        return state_space_models()
     if is_dataclass(kind):
         hints = get_type_hints(kind)
         return st.builds(kind, **{each.name: instances(hints[each.name]) for each in fields(kind)})

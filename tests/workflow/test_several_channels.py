@@ -10,10 +10,11 @@ import pandas as pd
 import pytest
 from scipy.io import loadmat
 
-from evopem.estimation.state_space.model_record import ModesRecord, StateSpaceModelRecord
+from evopem.estimation.state_space.model_record import StateSpaceModelRecord
 from evopem.files.json_form import load
 from evopem.results.fleet import DatasetSummary
 from evopem.signals.multichannel_preparation import load_multichannel_data
+from evopem.validation.modes_record import ModesRecord
 from evopem.validation.multichannel import MultichannelValidation
 
 from .conftest import Folder
@@ -176,7 +177,11 @@ def test_every_decision_is_a_file(run):
     files = folder.files_of("frame")
     decisions = json.loads(Path(files.decisions).read_text())["decisions"]
     subjects = [each["subject"] for each in decisions]
-    assert subjects == ["start", "decimation", "delays", "form and weighting", "order"]
+    assert subjects == [
+        *("start", "decimation", "delays", "level"),
+        *("form and weighting for simulation", "order for simulation"),
+        *("form and weighting for prediction", "order for prediction"),
+    ]
     assert json.loads(Path(files.decision("delays")).read_text())["delays"] == [1, 2]
 
 

@@ -136,6 +136,7 @@ rule search_state_space:
         delays=files.decision("delays"),
     output:
         search=files.search("{variant}"),
+        models=files.models_of_orders("{variant}"),
     log:
         files.log("decisions/search/{variant}"),
     benchmark:
@@ -190,6 +191,7 @@ rule estimate_state_space:
         transforms=files.transforms,
         delays=files.decision("delays"),
         comparison=files.decision("comparison"),
+        orders=provider.models_of_orders_of_variants,
     output:
         model=report(
             files.model,
@@ -199,14 +201,6 @@ rule estimate_state_space:
             labels={"file": "model.json"},
         ),
         matlab=files.model_mat,
-        modes=report(
-            files.modes,
-            caption="../report/shapes.rst",
-            category="{dataset}",
-            subcategory="Tables",
-            labels={"table": "modes"},
-        ),
-        modes_json=files.modes_json,
         frequency_response=files.frequency_response,
     log:
         files.log("model"),
@@ -227,9 +221,42 @@ rule estimate_state_space:
         "../scripts/estimate_state_space.py"
 
 
-rule validate_state_space:
-    """Validate the model on samples that no choice has seen."""
+rule complete_other_state_space:
+    """Keep the model for another purpose than that of the configuration."""
     input:
+        prepared=files.prepared,
+        transforms=files.transforms,
+        delays=files.decision("delays"),
+        comparison=files.decision("comparison"),
+        orders=provider.models_of_orders_of_variants,
+    output:
+        model=files.other_model("{purpose}"),
+        errors=files.other_errors("{purpose}"),
+    log:
+        files.log("decisions/models/{purpose}"),
+    benchmark:
+        files.benchmark("decisions/models/{purpose}")
+    wildcard_constraints:
+        dataset=provider.one_of(provider.state_space),
+        purpose="simulation|prediction",
+    conda:
+        "../envs/evopem.yaml"
+    threads: 1
+    resources:
+        mem_mb=provider.state_space_memory,
+        runtime=provider.state_space_time,
+    params:
+        search=provider.settings("search"),
+        code=code("complete_other_state_space"),
+    script:
+        "../scripts/complete_other_state_space.py"
+
+
+rule validate_state_space:
+    """Validate the model and its modes on samples that no choice has seen."""
+    input:
+        orders=provider.models_of_orders_of_variants,
+        comparison=files.decision("comparison"),
         prepared=files.prepared,
         transforms=files.transforms,
         model=files.model,
@@ -244,6 +271,14 @@ rule validate_state_space:
         residual_autocorrelation=files.residual_autocorrelation,
         cross_correlation=files.cross_correlation,
         simulation=files.simulation,
+        modes=report(
+            files.modes,
+            caption="../report/shapes.rst",
+            category="{dataset}",
+            subcategory="Tables",
+            labels={"table": "modes"},
+        ),
+        modes_json=files.modes_json,
     log:
         files.log("validation"),
     benchmark:
@@ -268,6 +303,7 @@ rule collect_state_space_decisions:
         plan=files.decision("preparation"),
         delays=files.decision("delays"),
         comparison=files.decision("comparison"),
+        other=provider.other_state_space,
     output:
         decisions=files.decisions,
     log:

@@ -8,11 +8,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.estimation.pem.covariance import estimate_covariance
 from evopem.estimation.pem.stretch_errors import StretchErrors
 from evopem.estimation.search.staged_descent import Stage
 from evopem.estimation.search.stretch_problem import SWEEP_STAGES, StretchProblem
-from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.structures import PolynomialOrders
 from evopem.signals.stretches import Stretch
@@ -158,40 +156,3 @@ def fit_at(errors: StretchErrors, point: Array, structure: str) -> Fit:
     )
     value = float(errors.values(point[None, :])[0])
     return Fit(model, tuple(map(float, levels)), residuals, value)
-
-
-def plant_covariance(
-    model: PolynomialModel, stretches: Sequence[Stretch], settings: FitSettings
-) -> ParameterCovariance | None:
-    """Covariance of the plant, ``[f_1.., b_0..]``, or with A where there is no F.
-
-    None where it cannot be computed.
-
-    Parameters
-    ----------
-    model : PolynomialModel
-        At or near an optimum of these stretches.
-    stretches : sequence of Stretch
-    settings : FitSettings
-    """
-    orders = model.orders
-    try:
-        errors = StretchErrors(
-            *(stretches, orders, settings.objective),
-            *(PLANT_RADIUS, NOISE_RADIUS, settings.level),
-        )
-        point = StretchProblem(errors, [model], own_starts=False).starts()[0]
-        triangle = np.asarray(np.linalg.qr(errors.jacobian(point), mode="r"))
-        residuals = errors.residuals(point)
-        output = np.concatenate([each.output for each in errors.stretches])
-        covariance = estimate_covariance(
-            triangle, residuals, output, orders.parameters, 0, settings.objective
-        )
-    except (ValueError, IndexError, np.linalg.LinAlgError):
-        return None
-    if covariance is None:
-        return None
-    parts = errors.parts()
-    denominator = parts["f"] if orders.nf else parts["a"]
-    rows = np.concatenate([np.arange(p.start, p.stop) for p in (denominator, parts["b"])])
-    return ParameterCovariance(covariance.factor[rows], covariance.null_space[rows])

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.fit import FOLD_STAGES, FitSettings, fit
+from evopem.automatic.repetition import Repetition, decide_repetition
 from evopem.automatic.simulation import prediction_errors, simulated
 from evopem.automatic.stretches import Fold, folds_of
 from evopem.models.polynomial import PolynomialModel
@@ -32,10 +33,20 @@ LARGEST_ERROR = 1e3
 
 @dataclass(frozen=True)
 class FoldPlan:
-    """How held-out samples are divided; designs as (folds, blocks of each fold)."""
+    """What models of all structures are compared on.
+
+    Attributes
+    ----------
+    designs : tuple of (int, int)
+        How held-out samples are divided: folds, and blocks of each fold.
+    decision : Decision
+    repetition : Repetition
+        How many of the samples are independent.
+    """
 
     designs: tuple[tuple[int, int], ...]
     decision: Decision
+    repetition: Repetition
 
 
 @dataclass(frozen=True)
@@ -77,7 +88,7 @@ class HeldOutScores:
 
 
 def decide_folds(stretches: Sequence[Stretch]) -> FoldPlan:
-    """Choose the designs of folds whose parts have common input spectra.
+    """Choose the designs of folds whose parts have common input spectra, and judge repetitions.
 
     Parameters
     ----------
@@ -105,6 +116,7 @@ def decide_folds(stretches: Sequence[Stretch]) -> FoldPlan:
             "share of a held-out part's input spectrum that the training part lacks",
             sentence,
         ),
+        decide_repetition(stretches),
     )
 
 

@@ -191,7 +191,7 @@ def identify_recordings(
         prepared = prepare(recordings, plan)
         folds = decide_folds(prepared.stretches)
         delay, about_delay = decide_delay(prepared.stretches)
-        tell((folds.decision, about_delay))
+        tell((folds.decision, folds.repetition.decision, about_delay))
         scorer = Scorer(prepared.stretches, folds, prepared.settings)
         searches: dict[str, StructureSearch] = {}
         for structure in NESTED:
@@ -209,6 +209,7 @@ def identify_recordings(
         decisions=(
             *plan.decisions,
             folds.decision,
+            folds.repetition.decision,
             about_delay,
             *(each.decision for each in searches.values()),
             *comparison.decisions,

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from evopem.automatic.candidate_checks import CandidateChecks, check_model
 from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.fit import Fit, FitSettings, fit, log_loss
 from evopem.automatic.folds import FoldPlan, HeldOutScores, held_out_scores
@@ -167,11 +168,23 @@ class Scorer:
         self.samples = total_samples(self.stretches)
         self.window = min(4 * max(PATH), min(each.samples for each in self.stretches) // 4)
         self._known: dict[tuple[str, PolynomialOrders], Candidate] = {}
+        self._checked: dict[Candidate, CandidateChecks] = {}
 
     @property
     def most_parameters(self) -> int:
         """Most parameters that the record carries."""
-        return max(4, self.samples // SAMPLES_PER_PARAMETER)
+        return max(4, round(self.independent_samples) // SAMPLES_PER_PARAMETER)
+
+    @property
+    def independent_samples(self) -> float:
+        """Samples that tell something new, where residuals repeat with the input."""
+        return self.samples * self.plan.repetition.independent
+
+    def penalty(self, parameters: int) -> float:
+        """What the BIC of a sample adds for parameters."""
+        count = self.samples - self.window * len(self.stretches)
+        independent = count * self.plan.repetition.independent
+        return float(parameters * np.log(independent) / independent)
 
     def candidate(
         self,
@@ -215,6 +228,19 @@ class Scorer:
             or candidate.simulation_bic <= min(each.simulation_bic for each in known) + REACH
         )
 
+    def checks(self, candidate: Candidate) -> CandidateChecks:
+        """What the checks of the report say of a candidate, on the compared samples.
+
+        Parameters
+        ----------
+        candidate : Candidate
+        """
+        if candidate not in self._checked:
+            self._checked[candidate] = check_model(
+                candidate.model, candidate.structure, self.stretches, self.settings
+            )
+        return self._checked[candidate]
+
     def on_all_samples(self, candidate: Candidate) -> Candidate:
         """The same orders, fitted to the whole record where the scores come from a part of it."""
         if self.samples == total_samples(self.whole):
@@ -235,8 +261,7 @@ class Scorer:
             self._known.setdefault((each.structure, each.orders), each)
 
     def _described(self, structure: str, found: Fit) -> Candidate:
-        count = self.samples - self.window * len(self.stretches)
-        penalty = found.parameters * np.log(count) / count
+        penalty = self.penalty(found.parameters)
         objective = self.settings.objective
         robust = objective == "absolute"
         simulation_errors = np.concatenate(

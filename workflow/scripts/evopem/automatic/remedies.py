@@ -6,31 +6,25 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from evopem.automatic.fit import FitSettings, fit, log_loss, plant_covariance
+from evopem.automatic.fit import FitSettings, fit, log_loss
 from evopem.automatic.orders import Candidate, Scorer
-from evopem.automatic.residuals import input_correlation, whiteness_probability
 from evopem.automatic.simulation import simulated
-from evopem.automatic.structures import Choice, Level
+from evopem.automatic.structures import AS_GOOD, Choice, Level, as_good
 from evopem.config.structures import ORDER_NAMES
-from evopem.models.polynomials import roots
 from evopem.models.structures import PolynomialOrders
 from evopem.signals.stretches import Stretch, total_samples
-from evopem.validation.checks.roots import (
-    COINCIDENT_DISTANCE,
-    MAX_CANCELLATION_DISTANCE,
-    indistinguishable,
-)
+from evopem.validation.checks.check import SIGNIFICANCE
+from evopem.validation.checks.excitation import EXCITATION_ADEQUATE
+from evopem.validation.checks.residuals import INDEPENDENT_OF_INPUT, WHITE
+from evopem.validation.checks.roots import DISTINCT, INSIDE_BOUND
 
-# Probability below which residuals are not white, and a cross-correlation, in its 95 % bounds, that
-# is not passed by chance in one of 26 lags (1 %).
-NOT_WHITE, CORRELATED = 0.01, 1.8
-# Poles and zeros that are left out where some cancel.
-FEWER_ROOTS = (1, 2, 3, 4, 6, 8)
+# Poles and zeros that are left out where some cancel, most poles without zeros, and most roots that
+# become those of D.
+FEWER_ROOTS, MOST_POLES_ALONE, MOST_MOVED = (1, 2, 3, 4, 6, 8), 2, 2
 # A remedy is taken only if the error for the purpose grows by no more than this share.
 TOLERATED = 0.02
-DELAY = "delay"
+DELAY, LENGTH = "Delay", "Length of B"
 NOISE_ORDERS = (1, 2, 3, 4, 6, 8, 10, 12)
 MOST_TRIALS = 12
 
@@ -49,9 +43,9 @@ class Trial:
     score : float
         Error for the purpose on held-out samples, percent.
     whiteness : float
-        Probability of residuals as coloured as these by chance.
+        p-value of the Ljung-Box test of the residuals.
     correlation : float
-        Largest cross-correlation of residuals and past inputs, in its 95 % bounds.
+        Largest cross-correlation of residuals and input, in its 95 % bounds.
     taken : bool
     """
 
@@ -73,6 +67,8 @@ class Remedied:
     choice : Choice
     trials : tuple of Trial
     failed : tuple of str
+    statements : tuple of str
+        One sentence for each of these: what was tried, and why it stays failed.
     plant_kept : bool
         Whether the noise model was fitted to the errors of simulation of a plant that stays as it
         was estimated without one.
@@ -81,15 +77,17 @@ class Remedied:
     choice: Choice
     trials: tuple[Trial, ...]
     failed: tuple[str, ...]
+    statements: tuple[str, ...]
     plant_kept: bool = False
 
 
 def act_on_checks(scorer: Scorer, choice: Choice) -> Remedied:
     """Apply remedies until the checks hold, nothing helps, or the budget ends.
 
-    Coloured residuals: a noise model of growing order.  Residuals that depend on past inputs: more
-    coefficients of B.  Cancelling roots: one pole and one zero less.  First coefficients of B that
-    are not significant: a longer delay.
+    Cancelling roots, roots at the bound, and more coefficients than the input excites: fewer poles
+    and zeros.  First coefficients of B that are not significant: a longer delay; last ones: a
+    shorter B.  Coloured residuals: a noise model of growing order.  Residuals that depend on past
+    inputs: more coefficients of B.
 
     Parameters
     ----------
@@ -97,17 +95,13 @@ def act_on_checks(scorer: Scorer, choice: Choice) -> Remedied:
     choice : Choice
     """
     trials: list[Trial] = []
+    tried: list[tuple[str, Candidate]] = []
     current = choice.candidate
     scorer.remember([current])
-    first, first_score = current, _score(current, choice)
-    budget, own_noise_model, plant_kept = MOST_TRIALS, False, False
-    for check, is_failed, remedies in (
-        ("cancelling roots", _cancels, _fewer_roots),
-        (DELAY, _responds_later, _later),
-        ("white residuals", _is_coloured, _further_noise),
-        ("residuals independent of the input", _depends_on_input, _longer_b),
-    ):
-        if not is_failed(scorer, current):
+    first, budget = current, MOST_TRIALS
+    for checks, remedies in REMEDIES:
+        failed = _failures(scorer, current).intersection(checks)
+        if not failed:
             continue
         best = current
         for remedy, structure, orders in remedies(current):
@@ -117,53 +111,141 @@ def act_on_checks(scorer: Scorer, choice: Choice) -> Remedied:
             candidate = scorer.candidate(structure, orders, [best.model, current.model])
             if candidate is None:
                 continue
-            holds = not is_failed(scorer, candidate)
-            allowed = _score(candidate, choice) <= (1.0 + TOLERATED) * first_score
-            if choice.purpose == "simulation":
-                allowed &= candidate.simulation_bic <= first.simulation_bic + TOLERATED
-            better = _better(scorer, candidate, best, check)
-            taken = bool(allowed and (holds or better))
-            trials.append(
-                Trial(
-                    check,
-                    remedy,
-                    candidate.name,
-                    _score(candidate, choice),
-                    whiteness_probability(candidate.model, scorer.stretches),
-                    input_correlation(candidate.model, scorer.stretches),
-                    taken,
-                )
+            taken = _is_better(scorer, candidate, best) and _is_allowed(
+                scorer, candidate, first, choice
             )
+            named = " and ".join(check for check in checks if check in failed)
+            trials.append(_trial(scorer, named, remedy, candidate, choice, taken))
+            tried.extend((check, candidate) for check in failed)
             if taken:
                 best = candidate
-            if taken and holds:
+            if taken and not _failures(scorer, candidate).intersection(failed):
                 break
-        if check == "white residuals" and is_failed(scorer, best) and first.orders.nf:
-            # The plant's last fit comes first: it is not changed afterwards.
-            plant = scorer.on_all_samples(best)
-            best = _with_own_noise_model(scorer, plant, trials)
-            own_noise_model, plant_kept = True, best is not plant
-        elif best is not current:
-            plant_kept = False
         current = best
-    failed = tuple(
-        check
-        for check, is_failed in (
-            ("cancelling roots", _cancels),
-            ("white residuals", _is_coloured),
-            ("residuals independent of the input", _depends_on_input),
-        )
-        if is_failed(scorer, current)
+    kept = choice.purpose == "simulation" and _has_coloured_plant(scorer, current)
+    if kept:
+        current, kept = _with_another_noise_model(scorer, current, choice, trials)
+    remaining = scorer.checks(current).failed
+    statements = tuple(
+        _statement(scorer, check, current, [each for name, each in tried if name == check], choice)
+        for check in remaining
     )
-    if not own_noise_model:
+    if not kept:
         current = scorer.on_all_samples(current)
-    return Remedied(replace(choice, candidate=current), tuple(trials), failed, plant_kept)
+    return Remedied(replace(choice, candidate=current), tuple(trials), remaining, statements, kept)
 
 
-def _with_own_noise_model(scorer: Scorer, candidate: Candidate, trials: list[Trial]) -> Candidate:
+def _failures(scorer: Scorer, candidate: Candidate) -> set[str]:
+    """What there are remedies for: coloured residuals of a model without a noise model as well."""
+    found = scorer.checks(candidate)
+    failed = {*found.failed} | ({DELAY} if found.later else set())
+    failed |= {LENGTH} if found.shorter else set()
+    return failed | ({WHITE} if _has_coloured_plant(scorer, candidate) else set())
+
+
+def _is_better(scorer: Scorer, candidate: Candidate, best: Candidate) -> bool:
+    """Whether some of the failed checks hold and the others hold still, or the BIC is lower."""
+    found, known = (set(scorer.checks(each).failed) for each in (candidate, best))
+    return found < known or (found == known and candidate.bic < best.bic)
+
+
+def _is_allowed(scorer: Scorer, candidate: Candidate, first: Candidate, choice: Choice) -> bool:
+    """Whether the error for the purpose stays.
+
+    Within a standard error, where fewer checks fail or the BIC is lower.
+    """
+    gains = len(scorer.checks(candidate).failed) < len(scorer.checks(first).failed)
+    gains |= candidate.bic < first.bic
+    if choice.purpose != "simulation":
+        return _score(candidate, choice) <= (1.0 + TOLERATED) * _score(first, choice)
+    largest = 2.0 * AS_GOOD if gains else TOLERATED
+    if candidate.simulation_bic > first.simulation_bic + largest:
+        return False
+    as_before = _score(candidate, choice) <= (1.0 + TOLERATED) * _score(first, choice)
+    return as_before or (gains and as_good(candidate, first, choice.level))
+
+
+def _statement(
+    scorer: Scorer,
+    check: str,
+    current: Candidate,
+    tried: list[Candidate],
+    choice: Choice,
+) -> str:
+    """Why a check stays failed, in a sentence."""
+    holding = [each for each in tried if check not in scorer.checks(each).failed]
+    if holding:
+        best = min(holding, key=lambda each: _score(each, choice))
+        others = sorted(set(scorer.checks(best).failed) - set(scorer.checks(current).failed))
+        return (
+            f"“{check}” holds for {best.name}, whose error on held-out samples is"
+            f" {_score(best, choice):.3g} % instead of {_score(current, choice):.3g} %"
+            + (
+                f", and of which {' and '.join(f'“{each}”' for each in others)} fails"
+                * bool(others)
+            )
+            + "."
+        )
+    known = f"“{check}” held for none of the {len(tried)} models that were tried" + (
+        f": {CAUSES[check]}." if check in CAUSES else "."
+    )
+    if check in (WHITE, INDEPENDENT_OF_INPUT) and scorer.plan.repetition.independent < 1.0:
+        return f"{known} {REPEATED}"
+    return known
+
+
+def _trial(
+    scorer: Scorer, check: str, remedy: str, candidate: Candidate, choice: Choice, taken: bool
+) -> Trial:
+    found, score = scorer.checks(candidate), _score(candidate, choice)
+    return Trial(
+        check, remedy, candidate.name, score, found.whiteness, found.correlation, bool(taken)
+    )
+
+
+def _has_coloured_plant(scorer: Scorer, candidate: Candidate) -> bool:
+    """Whether the residuals are coloured and the plant has poles of its own."""
+    orders = candidate.orders
+    return orders.nf > 0 and orders.na == 0 and scorer.checks(candidate).whiteness < SIGNIFICANCE
+
+
+def _with_another_noise_model(
+    scorer: Scorer, candidate: Candidate, choice: Choice, trials: list[Trial]
+) -> tuple[Candidate, bool]:
+    """The plant with a noise model that makes the residuals white, else with none.
+
+    A noise model that does not describe the noise makes standard errors wrong; those of an
+    output-error model take the colour of its residuals into account.
+
+    Returns
+    -------
+    Candidate, bool
+        The model, and whether its plant stays as it was estimated without the noise model.
+    """
+    # The plant's last fit comes first: it is not changed afterwards.
+    plant = scorer.on_all_samples(candidate)
+    described = _with_own_noise_model(scorer, plant, choice, trials)
+    if described is not plant:
+        return described, True
+    if candidate.structure == "oe":
+        return candidate, False
+    o = candidate.orders
+    orders = PolynomialOrders(nb=o.nb, nf=o.nf, nk=o.nk)
+    alone = scorer.candidate("oe", orders, [candidate.model])
+    if alone is None:
+        return candidate, False
+    taken = _is_better(scorer, alone, candidate) and _is_allowed(scorer, alone, candidate, choice)
+    trials.append(_trial(scorer, WHITE, "no noise model", alone, choice, taken))
+    return (alone if taken else candidate), False
+
+
+def _with_own_noise_model(
+    scorer: Scorer, candidate: Candidate, choice: Choice, trials: list[Trial]
+) -> Candidate:
     """The same plant with a noise model that is fitted to its errors of simulation.
 
-    Simulations stay as they are, predictions gain.  The best of several orders by BIC.
+    Simulations stay as they are, predictions gain.  The smallest order whose residuals are white;
+    the plant as it was where there is none.
     """
     level = candidate.model.level
     errors = [
@@ -172,7 +254,7 @@ def _with_own_noise_model(scorer: Scorer, candidate: Candidate, trials: list[Tri
         )
         for each in scorer.stretches
     ]
-    best, count = candidate, total_samples(errors)
+    count = total_samples(errors)
     for n in NOISE_ORDERS:
         orders = PolynomialOrders(na=n, nc=n)
         if candidate.parameters + orders.parameters > scorer.most_parameters:
@@ -201,24 +283,13 @@ def _with_own_noise_model(scorer: Scorer, candidate: Candidate, trials: list[Tri
             bic=float(loss + parameters * np.log(count) / count),
             model=model,
         )
-        white = whiteness_probability(model, scorer.stretches)
-        taken = bool(found.bic < best.bic)
-        trials.append(
-            Trial(
-                "white residuals",
-                f"noise model of order {n} for the errors of simulation, plant kept",
-                found.name,
-                candidate.scores.simulation,
-                white,
-                input_correlation(model, scorer.stretches),
-                taken,
-            )
-        )
+        failed = set(scorer.checks(found).failed)
+        taken = WHITE not in failed and failed <= set(scorer.checks(candidate).failed)
+        remedy = f"noise model of order {n} for the errors of simulation, plant kept"
+        trials.append(_trial(scorer, WHITE, remedy, found, choice, taken))
         if taken:
-            best = found
-        if white >= NOT_WHITE:
-            break
-    return best
+            return found
+    return candidate
 
 
 def _score(candidate: Candidate, choice: Choice) -> float:
@@ -226,53 +297,6 @@ def _score(candidate: Candidate, choice: Choice) -> float:
         return candidate.scores.prediction
     level: Level = choice.level
     return candidate.scores.free_level if level == "state" else candidate.scores.simulation
-
-
-def _better(scorer: Scorer, candidate: Candidate, best: Candidate, check: str) -> bool:
-    if check == "white residuals":
-        return candidate.bic < best.bic
-    if check == "cancelling roots":
-        return True
-    if check == DELAY:
-        return candidate.bic < best.bic
-    new = input_correlation(candidate.model, scorer.stretches)
-    return new < 0.9 * input_correlation(best.model, scorer.stretches)
-
-
-def _is_coloured(scorer: Scorer, candidate: Candidate) -> bool:
-    return whiteness_probability(candidate.model, scorer.stretches) < NOT_WHITE
-
-
-def _depends_on_input(scorer: Scorer, candidate: Candidate) -> bool:
-    return input_correlation(candidate.model, scorer.stretches) > CORRELATED
-
-
-def _cancels(scorer: Scorer, candidate: Candidate) -> bool:
-    """Whether a pole and a zero do not differ significantly, as the check of the report has it."""
-    model = candidate.model
-    denominator = model.f if model.orders.nf else model.a
-    poles, zeros = _upper(roots(denominator[1:])), _upper(model.zeros())
-    pairs = [(p, z) for p in poles for z in zeros if abs(p - z) < MAX_CANCELLATION_DISTANCE]
-    if not pairs:
-        return False
-    covariance = plant_covariance(model, scorer.stretches, scorer.settings)
-    if covariance is None:
-        return any(abs(p - z) < COINCIDENT_DISTANCE for p, z in pairs)
-    return any(indistinguishable(p, z, denominator, model.b, covariance) for p, z in pairs)
-
-
-def _responds_later(scorer: Scorer, candidate: Candidate) -> bool:
-    """Whether the first coefficient of B does not differ from 0 by two standard errors."""
-    model = candidate.model
-    if model.orders.nb < 2:
-        return False
-    covariance = plant_covariance(model, scorer.stretches, scorer.settings)
-    if covariance is None:
-        return False
-    gradient = np.zeros((1, covariance.factor.shape[0]))
-    gradient[0, model.orders.nf or model.orders.na] = 1.0
-    spread = float(covariance.standard_errors(gradient)[0])
-    return bool(abs(model.b[0]) < 2.0 * spread)
 
 
 def _later(candidate: Candidate) -> Iterator[tuple[str, str, PolynomialOrders]]:
@@ -283,17 +307,32 @@ def _later(candidate: Candidate) -> Iterator[tuple[str, str, PolynomialOrders]]:
             yield f"delay of {o.nk + more}", candidate.structure, _changed(o, **changed)
 
 
-def _upper(all_roots: NDArray[np.complex128]) -> list[complex]:
-    return [complex(root) for root in all_roots if root.imag >= 0.0]
+def _shorter(candidate: Candidate) -> Iterator[tuple[str, str, PolynomialOrders]]:
+    o = candidate.orders
+    for fewer in (1, 2, 3):
+        if o.nb > fewer:
+            yield (
+                *(f"{fewer} coefficients of B less", candidate.structure),
+                _changed(o, nb=o.nb - fewer),
+            )
 
 
 def _fewer_roots(candidate: Candidate) -> Iterator[tuple[str, str, PolynomialOrders]]:
     o = candidate.orders
     name = "nf" if o.nf else "na"
     for fewer in FEWER_ROOTS:
-        if getattr(o, name) > fewer and o.nb > fewer:
-            changed = {name: getattr(o, name) - fewer, "nb": o.nb - fewer}
-            yield f"{fewer} pole and zero less", candidate.structure, _changed(o, **changed)
+        if not (getattr(o, name) > fewer and o.nb > fewer):
+            continue
+        changed = {name: getattr(o, name) - fewer, "nb": o.nb - fewer}
+        if name == "na" and fewer <= MOST_MOVED:
+            # What A and B have in common belongs to D: A D y = B D u + C e.
+            moved = changed | {"nd": o.nd + fewer}
+            structure = "ararmax" if o.nc else "ararx"
+            yield f"{fewer} common roots of A and B moved to D", structure, _changed(o, **moved)
+        yield f"{fewer} pole and zero less", candidate.structure, _changed(o, **changed)
+        if fewer <= MOST_POLES_ALONE:
+            del changed["nb"]
+            yield f"{fewer} pole less", candidate.structure, _changed(o, **changed)
 
 
 def _further_noise(candidate: Candidate) -> Iterator[tuple[str, str, PolynomialOrders]]:
@@ -318,3 +357,24 @@ def _changed(orders: PolynomialOrders, **changes: int) -> PolynomialOrders:
     """Other orders, of the smallest structure that has them."""
     given = {name: getattr(orders, name) for name in ORDER_NAMES}
     return PolynomialOrders(**(given | changes))
+
+
+# Why a check fails, where no remedy makes it hold.
+CAUSES = {
+    WHITE: "the noise of this record is none of a linear filter of these orders",
+    INDEPENDENT_OF_INPUT: "the response is not linear, the input depends on the output, or another"
+    " input acts",
+    INSIDE_BOUND: "the record is too short to tell a drift from an integrator",
+    EXCITATION_ADEQUATE: "the input excites fewer directions than any model needs that is as good",
+}
+REPEATED = (
+    "The residuals repeat with the input, so they are a nonlinear response to it and no noise: a"
+    " linear model of any order leaves them."
+)
+REMEDIES = (
+    ((DISTINCT, INSIDE_BOUND, EXCITATION_ADEQUATE), _fewer_roots),
+    ((DELAY,), _later),
+    ((LENGTH,), _shorter),
+    ((WHITE,), _further_noise),
+    ((INDEPENDENT_OF_INPUT,), _longer_b),
+)

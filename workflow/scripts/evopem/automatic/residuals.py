@@ -14,26 +14,6 @@ from evopem.signals.stretches import Stretch
 
 Array = NDArray[np.float64]
 
-LAGS = 25
-
-
-def whiteness_probability(model: PolynomialModel, stretches: Sequence[Stretch]) -> float:
-    """Probability of a Ljung-Box statistic as large as that of the residuals.
-
-    With as many degrees of freedom as lags: a screening test that errs on the side of accepting.
-    """
-    from scipy.stats import chi2
-
-    e = _residuals(model, stretches)
-    lags = min(LAGS, len(e) // 5)
-    if lags < 1 or not np.ptp(e) > 0.0:
-        return 1.0
-    e = e - e.mean()
-    rho = np.array([e[k:] @ e[:-k] for k in range(1, lags + 1)]) / (e @ e)
-    n = len(e)
-    statistic = n * (n + 2) * float(np.sum(rho**2 / (n - np.arange(1, lags + 1))))
-    return float(chi2.sf(statistic, lags))
-
 
 def heaviness(model: PolynomialModel, stretches: Sequence[Stretch]) -> float:
     """How much likelier a residual is under Laplace's distribution than under a normal one.
@@ -68,24 +48,6 @@ def feedback_probability(model: PolynomialModel, stretches: Sequence[Stretch]) -
         return 1.0
     statistic = (without - with_residuals) / lags / (with_residuals / freedom)
     return float(f.sf(statistic, lags, freedom))
-
-
-def input_correlation(model: PolynomialModel, stretches: Sequence[Stretch]) -> float:
-    """Largest cross-correlation of residuals with past inputs, in 95 % bounds of white residuals.
-
-    Lags 0 to 25, in the longest stretch.
-    """
-    from evopem.validation.residual_tests import cross_correlation
-
-    stretch = max(stretches, key=lambda each: each.samples)
-    e = prediction_errors(model, stretch)
-    u = stretch.input[len(stretch.input) - len(e) :]
-    if len(e) < 3 or not (np.ptp(e) > 0.0 and np.ptp(u) > 0.0):
-        return 0.0
-    table = cross_correlation(e, u, min(LAGS, len(e) // 5))
-    past = table[table["lag"] >= 0]
-    ratio = np.abs(past["cross_correlation"]) / past["bound95"]
-    return float(np.max(ratio))
 
 
 def _residuals(model: PolynomialModel, stretches: Sequence[Stretch]) -> Array:

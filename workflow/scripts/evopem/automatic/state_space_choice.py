@@ -1,352 +1,78 @@
-"""Choice of a state-space model: delays, form, weighting of the outputs, and order.
+"""Choice of state-space models: level, form with weighting of the outputs, and order.
 
-Each variant, a form with a weighting, is searched over all orders: on all estimation samples for
-its BIC, and on the training part of each fold for its errors on held-out samples.
+Errors on held-out samples decide between models whose errors differ by more than these errors vary
+from fold to fold.  Between all others the likelihood does, which uses every sample at once.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from itertools import pairwise
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.automatic.decision import Alternative, Decision, given_by_configuration
-from evopem.config.state_space_settings import (
-    OutputWeighting,
-    StateSpaceChoices,
-    StateSpaceForm,
-)
-from evopem.errors import InputError
-from evopem.estimation.state_space.delays import estimate_delays
-from evopem.estimation.state_space.estimate import (
-    StateSpaceEstimate,
-    StateSpaceSettings,
-    descend_from,
-    errors_on,
-    estimates_of_orders,
-    refitted,
-)
-from evopem.estimation.state_space.noise_model import RISES, WIDTH, noise_model, side_by_side
-from evopem.models.state_space import Form, StateSpaceModel
-from evopem.signals.multichannel import MultichannelRecording
+from evopem.automatic.decision import Alternative, Decision
+from evopem.automatic.state_space_search import Variant, VariantSearch
+from evopem.config.state_space_settings import StateSpaceChoices
 
 Array = NDArray[np.float64]
-Log = Callable[[str], None]
+Purpose = Literal["simulation", "prediction"]
+Level = Literal["constant", "state"]
+Kind = Literal["simulation", "free_level", "prediction"]
 
-# Designs of folds, each a number of folds of consecutive samples: few long ones show errors of the
-# gain and of slow poles, many leave more samples to fit.  Large records have the first alone.
-DESIGNS = (2, 5)
-LARGE = 100_000
-SHORTEST_FOLD = 40
-# Largest orders tried of plant and noise model, and output values for each parameter of the largest
-# model.
-MOST_STATES, MOST_NOISE_STATES, VALUES_PER_PARAMETER = 20, 10, 5
-# Above this largest order they are tried in steps of two.
-SINGLE_STEPS = 10
-# Weighting of the output-error models that Box-Jenkins models begin with.
-OUTPUT_ERROR_WEIGHTING: OutputWeighting = "noise"
-# Errors beyond this, in percent, are all the same: useless.
-LARGEST_ERROR = 1e3
-# A smaller order is taken whose score is within this share of the lowest, and a further form has to
-# gain this share.
-MARGIN, LEAST_GAIN = 0.01, 0.05
-LARGEST_DELAY = 10
+# Models whose errors are within this share of the lowest, or within one standard error of it over
+# at least so many folds, are equally good by held-out samples.
+MARGIN, FEWEST_FOLDS = 0.05, 3
+# A level that is fitted to held-out samples, too, has to gain this share.
+CLEAR_GAIN = 0.05
 
 
 @dataclass(frozen=True)
-class Variant:
-    """A form with a weighting of the outputs."""
-
-    form: StateSpaceForm
-    weighting: OutputWeighting
-
-    @property
-    def name(self) -> str:
-        """Such as ``innovations_determinant``."""
-        return f"{self.form}_{self.weighting}"
-
-
-@dataclass(frozen=True)
-class DelayChoice:
-    """Delays of the inputs in samples, 0 for one that acts on the same sample."""
-
-    delays: tuple[int, ...]
-    decision: Decision
-
-
-@dataclass(frozen=True)
-class VariantSearch:
-    """The orders of one variant, with their evidence.
+class ModelChoice:
+    """The model for one purpose.
 
     Attributes
     ----------
+    purpose : {"simulation", "prediction"}
     variant : Variant
-    orders : tuple of int
-        Up to that of the lowest BIC.
-    tried : tuple of int
-        All orders whose BIC was computed.
-    bic : tuple of float
-        Of models of all estimation samples, of all orders tried.
-    simulation, prediction : tuple of float
-        Errors on held-out samples in percent, one step ahead for prediction: the geometric mean
-        over the designs of the folds.
+    order : int
+    level : {"constant", "state"}
+        Whether simulations of other samples have the level of the estimation samples, or fit one
+        along with the initial state.
     """
 
+    purpose: Purpose
     variant: Variant
-    orders: tuple[int, ...]
-    tried: tuple[int, ...]
-    bic: tuple[float, ...]
-    simulation: tuple[float, ...]
-    prediction: tuple[float, ...]
+    order: int
+    level: Level
 
 
 @dataclass(frozen=True)
 class StateSpaceChoice:
-    """The variant and order of the model, and the decisions that led to them."""
+    """The models that are estimated, and the decisions that led to them.
 
-    variant: Variant
-    order: int
-    purpose: str
+    Attributes
+    ----------
+    model : ModelChoice
+        For the purpose of the configuration.
+    other : ModelChoice, optional
+        For the other one of simulation and prediction; None without inputs.
+    decisions : tuple of Decision
+    """
+
+    model: ModelChoice
+    other: ModelChoice | None
     decisions: tuple[Decision, ...]
 
 
-def decide_delays(estimation: MultichannelRecording, limits: tuple[int, int] | None) -> DelayChoice:
-    """Decide the delay of each input by the BIC of vector ARX models.
-
-    Parameters
-    ----------
-    estimation : MultichannelRecording
-    limits : (lower, upper), optional
-    """
-    nu = estimation.inputs.shape[1]
-    low, high = limits or (0, LARGEST_DELAY)
-    if nu == 0 or low == high:
-        delays = (low,) * nu
-        return DelayChoice(delays, given_by_configuration("delays", _listed(delays) or "none"))
-    delays = estimate_delays(estimation.inputs, estimation.outputs, high, low)
-    alternatives = tuple(
-        Alternative(f"{name}: {delay}", np.nan)
-        for name, delay in zip(estimation.input_names, delays, strict=True)
-    )
-    return DelayChoice(
-        delays,
-        Decision(
-            *("delays", _listed(delays), alternatives, "BIC of vector ARX models"),
-            "The first lags of an input are left out as long as they explain nothing.",
-        ),
-    )
-
-
-def searched_orders(
-    estimation: MultichannelRecording, limits: tuple[int, int] | None, place: str
-) -> tuple[int, ...]:
-    """The orders that are tried: all that the record can determine, in steps of two where many.
-
-    Parameters
-    ----------
-    estimation : MultichannelRecording
-    limits : (lower, upper), optional
-    place : str
-        Configuration key of the data set, for an error to name.
-
-    Raises
-    ------
-    InputError
-        When the record is too short for any of them.
-    """
-    samples, ny = estimation.outputs.shape
-    nu = estimation.inputs.shape[1]
-    low, high = limits or (1, MOST_STATES)
-    # A fold of two leaves half of the samples.
-    affordable = samples * ny // 2 // VALUES_PER_PARAMETER // (nu + 2 * ny + 1)
-    affordable = min(affordable, samples // 12)
-    if affordable < low:
-        raise InputError(
-            f"{place}.orders.nx",
-            f"{samples} estimation samples are too few for {low} states with {nu} inputs and {ny}"
-            " outputs",
-            "record longer, or lower orders.nx",
-        )
-    high = min(high, affordable)
-    if limits is None and high > SINGLE_STEPS:
-        return tuple(range(2, high + 1, 2))
-    return tuple(range(low, high + 1))
-
-
-def noise_orders(estimation: MultichannelRecording) -> tuple[int, ...]:
-    """The orders that are tried for a noise model beside an output-error model."""
-    samples = estimation.samples
-    affordable = min(MOST_NOISE_STATES, samples // 12, samples // VALUES_PER_PARAMETER // 2)
-    if _is_large(estimation):
-        return tuple(range(2, max(affordable, 2) + 1, 2))
-    return tuple(range(1, max(affordable, 1) + 1))
-
-
-def search_variant(
-    estimation: MultichannelRecording,
-    variant: Variant,
-    delays: Sequence[int],
-    orders: Sequence[int],
-    settings: StateSpaceSettings,
-    log: Log | None = None,
-) -> VariantSearch:
-    """Estimate every order of a variant, and score it on held-out samples.
-
-    Parameters
-    ----------
-    estimation : MultichannelRecording
-    variant : Variant
-    delays, orders : sequence of int
-    settings : StateSpaceSettings
-    log : callable, optional
-    """
-    if variant.form == "box_jenkins":
-        return _search_box_jenkins(estimation, variant, delays, orders, settings, log)
-    form: Form = "output_error" if variant.form == "output_error" else "innovations"
-    estimates = estimates_of_orders(
-        estimation.inputs if estimation.has_input else None,
-        estimation.outputs,
-        orders,
-        form=form,
-        delays=tuple(delays),
-        settings=settings,
-        log=log,
-    )
-    found = _until_bic_rises((each.model.order, each) for each in estimates)
-    return _scored(estimation, variant, found, delays, settings, log)
-
-
-def _search_box_jenkins(
-    estimation: MultichannelRecording,
-    variant: Variant,
-    delays: Sequence[int],
-    orders: Sequence[int],
-    settings: StateSpaceSettings,
-    log: Log | None,
-) -> VariantSearch:
-    """The same for innovations form next to output-error models, whose orders these are.
-
-    None on large records, where a descent takes too long.
-    """
-    if _is_large(estimation):
-        return VariantSearch(variant, (), (), (), (), ())
-    plants = estimates_of_orders(
-        estimation.inputs,
-        estimation.outputs,
-        orders,
-        form="output_error",
-        delays=tuple(delays),
-        settings=replace(settings, weighting=OUTPUT_ERROR_WEIGHTING),
-        width=WIDTH,
-    )
-
-    def estimates() -> Iterator[tuple[int, StateSpaceEstimate]]:
-        for each in plants:
-            plant = each.model
-            try:
-                estimate = estimate_box_jenkins(estimation, plant, delays, settings)
-            except ValueError:
-                continue
-            if log is not None:
-                log(f"{variant.name}: {plant.order} of {estimate.model.order} states")
-            yield plant.order, estimate
-
-    return _scored(estimation, variant, _until_bic_rises(estimates()), delays, settings, log)
-
-
-def _until_bic_rises(
-    estimates: Iterable[tuple[int, StateSpaceEstimate]],
-) -> dict[int, StateSpaceEstimate]:
-    """The estimates by order, up to where the BIC has risen so often that the search ends."""
-    found: dict[int, StateSpaceEstimate] = {}
-    lowest = np.inf
-    rises = 0
-    for order, estimate in estimates:
-        found[order] = estimate
-        rises = 0 if estimate.bic < lowest else rises + 1
-        lowest = min(lowest, estimate.bic)
-        if rises >= RISES:
-            break
-    return found
-
-
-def estimate_box_jenkins(
-    estimation: MultichannelRecording,
-    plant: StateSpaceModel,
-    delays: Sequence[int],
-    settings: StateSpaceSettings,
-) -> StateSpaceEstimate:
-    """The optimum of innovations form next to a plant with its noise model.
-
-    Parameters
-    ----------
-    estimation : MultichannelRecording
-    plant : StateSpaceModel
-        Of output-error form.
-    delays : sequence of int
-    settings : StateSpaceSettings
-
-    Raises
-    ------
-    ValueError
-        When the record is too short, or the descent finds no stable model.
-    """
-    inputs, outputs = [estimation.inputs], [estimation.outputs]
-    noise = noise_model(plant, inputs, outputs, noise_orders(estimation), settings)
-    start = replace(plant, form="innovations", covariance=None)
-    return descend_from(
-        start if noise is None else side_by_side(plant, noise),
-        inputs,
-        outputs,
-        estimation.sampling_rate,
-        delays=tuple(delays),
-        settings=settings,
-        input_names=estimation.input_names,
-        output_names=estimation.output_names,
-    )
-
-
-def _scored(
-    estimation: MultichannelRecording,
-    variant: Variant,
-    estimates: Mapping[int, StateSpaceEstimate],
-    delays: Sequence[int],
-    settings: StateSpaceSettings,
-    log: Log | None,
-) -> VariantSearch:
-    """The search of a variant, with errors on held-out samples up to the lowest BIC."""
-    if not estimates:
-        return VariantSearch(variant, (), (), (), (), ())
-    bic = {order: each.bic for order, each in estimates.items()}
-    orders = _up_to_lowest(bic)
-    models = [replace(estimates[order].model, covariance=None) for order in orders]
-    scores = []
-    for count in _designs(estimation):
-        scores.append(_design_scores(estimation, count, models, delays, settings))
-        if log is not None:
-            log(f"{variant.name}: {count} folds")
-    with np.errstate(divide="ignore"):
-        mean = np.exp(np.mean(np.log(np.array(scores)), axis=0))
-    return VariantSearch(
-        variant,
-        orders,
-        tuple(bic),
-        tuple(map(float, bic.values())),
-        tuple(map(float, mean[0])),
-        tuple(map(float, mean[1])),
-    )
-
-
 def choose(searches: Sequence[VariantSearch], choices: StateSpaceChoices) -> StateSpaceChoice:
-    """Choose the variant and the order by their errors on held-out samples.
+    """Choose variant and order for each purpose.
 
     Parameters
     ----------
     searches : sequence of VariantSearch
-        Simpler ones first.
     choices : StateSpaceChoices
 
     Raises
@@ -354,120 +80,138 @@ def choose(searches: Sequence[VariantSearch], choices: StateSpaceChoices) -> Sta
     ValueError
         When no variant has a model.
     """
-    has_input = any(each.variant.form == "output_error" for each in searches) or any(
-        np.isfinite(each.simulation).any() for each in searches
-    )
-    purpose = choices.purpose
-    if purpose in ("auto", "modes"):
-        purpose = "simulation" if has_input else "prediction"
     possible = [each for each in searches if each.orders]
     if not possible:
         raise ValueError("no model could be estimated")
-    own = possible[0]
-    for each in possible[1:]:
-        if _lowest(each, purpose) < (1.0 - LEAST_GAIN) * _lowest(own, purpose):
-            own = each
-    variant = own.variant
-    scores = np.array(getattr(own, purpose))
-    near = np.flatnonzero(np.isfinite(scores) & (scores <= (1.0 + MARGIN) * _lowest(own, purpose)))
-    # Where no score is known, BIC alone decides.
-    order = own.orders[int(near[0])] if len(near) else own.orders[-1]
-    unit = (
-        "simulation error on held-out samples, %"
-        if purpose == "simulation"
-        else "one-step error on held-out samples, %"
+    has_input = any(np.isfinite(each.simulation).any() for each in possible) or any(
+        each.variant.form == "output_error" for each in possible
     )
-    best = tuple(Alternative(each.variant.name, _lowest(each, purpose)) for each in possible)
-    orders = tuple(
-        Alternative(str(n), float(score))
-        for n, score in zip(own.orders, getattr(own, purpose), strict=True)
-    )
-    decisions = (
-        Decision(
-            *("form and weighting", variant.name, best, unit),
-            "Models of parts of the estimation samples are scored on the others. A form takes the"
-            f" place of those before it if its lowest error is {100 * LEAST_GAIN:g} % smaller.",
-        ),
-        Decision(
-            *("order", str(order), orders, unit),
-            f"The smallest order within {100 * MARGIN:g} % of the lowest score, up to the order of"
-            f" the lowest BIC, {own.orders[-1]}.",
-        ),
-    )
-    return StateSpaceChoice(variant, order, purpose, decisions)
+    if not has_input:
+        model, decisions = _best_for("prediction", possible, "constant")
+        return StateSpaceChoice(model, None, decisions)
+    level, about_level = _decide_level(possible)
+    found = {
+        "simulation": _best_for("simulation", possible, level),
+        "prediction": _best_for("prediction", possible, level),
+    }
+    own, other = ("simulation", "prediction")
+    if choices.purpose == "prediction":
+        own, other = other, own
+    decisions = (about_level, *found[own][1], *found[other][1])
+    return StateSpaceChoice(found[own][0], found[other][0], decisions)
 
 
-def _lowest(search: VariantSearch, purpose: str) -> float:
+@dataclass(frozen=True)
+class _Candidate:
+    """One order of one variant, with what it is chosen by.
+
+    Attributes
+    ----------
+    score : float
+        Error on held-out samples, infinite where there is none.
+    of_folds : (folds,) array
+        The same on each fold.
+    """
+
+    variant: Variant
+    order: int
+    score: float
+    of_folds: Array
+    coloured_bic: float
+
+
+def _best_for(
+    purpose: Purpose, searches: Sequence[VariantSearch], level: Level
+) -> tuple[ModelChoice, tuple[Decision, ...]]:
+    """The most likely of the models that held-out samples cannot tell from the best one."""
+    kind = scores_of(purpose, level)
+    candidates = _candidates(searches, kind)
+    best = min(candidates, key=lambda each: each.score)
+    near = [each for each in candidates if _as_good(each, best)]
+    # Where no score is known, the likelihood alone decides.
+    own = min(near, key=lambda each: each.coloured_bic)
+    what = "one-step error" if purpose == "prediction" else "simulation error"
+    unit = f"{what} on held-out samples, %"
+    forms = tuple(Alternative(each.variant.name, _lowest(each, kind)) for each in searches)
+    searched = next(each for each in searches if each.variant == own.variant)
+    orders = tuple(map(Alternative, map(str, searched.orders), getattr(searched, kind)))
+    reason = (
+        f"{len(near)} models are as good on held-out samples, within {100 * MARGIN:g} % of the"
+        " lowest error or its standard error over the folds. The most likely one of them is taken,"
+        " by BIC with the colour of the errors."
+        if len(near) > 1
+        else "All others are worse on held-out samples by more than the standard error."
+    )
+    choice = ModelChoice(purpose, own.variant, own.order, level)
+    return choice, (
+        Decision(f"form and weighting for {purpose}", own.variant.name, forms, unit, reason),
+        Decision(
+            *(f"order for {purpose}", str(own.order), orders, unit),
+            "Decided along with the form, up to the order of the lowest BIC,"
+            f" {searched.orders[-1]}.",
+        ),
+    )
+
+
+def scores_of(purpose: Purpose, level: Level) -> Kind:
+    """The errors on held-out samples that decide for a purpose."""
+    if purpose == "prediction":
+        return "prediction"
+    return "free_level" if level == "state" else "simulation"
+
+
+def _candidates(searches: Sequence[VariantSearch], kind: Kind) -> list[_Candidate]:
+    return [
+        _Candidate(
+            search.variant,
+            order,
+            score if np.isfinite(score) else np.inf,
+            np.array([getattr(fold, kind)[place] for fold in search.folds]),
+            search.coloured_bic[place],
+        )
+        for search in searches
+        for place, (order, score) in enumerate(
+            zip(search.orders, getattr(search, kind), strict=True)
+        )
+    ]
+
+
+def _as_good(candidate: _Candidate, best: _Candidate) -> bool:
+    """Whether held-out samples cannot tell a model from the best one.
+
+    The errors of both are compared on the same folds, which differ more from each other than the
+    models do (the rule of one standard error: Breiman, Friedman, Olshen & Stone 1984, section
+    3.4.3).
+    """
+    if candidate.score <= (1.0 + MARGIN) * best.score:
+        return True
+    folds = len(best.of_folds)
+    if folds < FEWEST_FOLDS or not np.isfinite(candidate.score):
+        return False
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratios = np.log(candidate.of_folds / best.of_folds)
+        error = float(np.std(ratios, ddof=1) / np.sqrt(folds))
+        return bool(np.log(candidate.score / best.score) <= error)
+
+
+def _decide_level(searches: Sequence[VariantSearch]) -> tuple[Level, Decision]:
+    """Whether simulations of other samples fit a level of their own."""
+    constant = min(_lowest(each, "simulation") for each in searches)
+    free = min(_lowest(each, "free_level") for each in searches)
+    level: Level = "state" if free < (1.0 - CLEAR_GAIN) * constant else "constant"
+    sentence = (
+        "The level drifts: held-out samples are simulated better when their level is fitted to "
+        "them with the initial state."
+        if level == "state"
+        else "The level of the estimation samples holds for held-out samples as well."
+    )
+    alternatives = (Alternative("constant", constant), Alternative("state", free))
+    criterion = "lowest simulation error on held-out samples, %"
+    return level, Decision("level", level, alternatives, criterion, sentence)
+
+
+def _lowest(search: VariantSearch, kind: Kind) -> float:
     """The lowest score of a variant; infinite where none is known."""
-    scores = np.array(getattr(search, purpose), dtype=float)
+    scores = np.array(getattr(search, kind), dtype=float)
     known = scores[np.isfinite(scores)]
     return float(known.min()) if known.size else np.inf
-
-
-def _up_to_lowest(bic: Mapping[int, float]) -> tuple[int, ...]:
-    """The orders up to that of the lowest BIC.
-
-    Errors that are not white raise the order of BIC, but never lower it.
-    """
-    lowest = min(bic, key=lambda order: bic[order])
-    return tuple(order for order in bic if order <= lowest)
-
-
-def _designs(estimation: MultichannelRecording) -> tuple[int, ...]:
-    if _is_large(estimation):
-        return DESIGNS[:1]
-    return tuple(n for n in DESIGNS if estimation.samples >= n * SHORTEST_FOLD) or DESIGNS[:1]
-
-
-def _design_scores(
-    estimation: MultichannelRecording,
-    count: int,
-    models: Sequence[StateSpaceModel],
-    delays: Sequence[int],
-    settings: StateSpaceSettings,
-) -> Array:
-    """Errors of simulation and prediction of each model, over all folds of one design.
-
-    The training part of a fold is fitted by a descent from the model of all samples: so it is
-    the same optimum that is scored.
-
-    Returns
-    -------
-    (2, models) array
-    """
-    edges = np.linspace(0, estimation.samples, count + 1).round().astype(int)
-    squares = np.zeros((2, len(models), estimation.outputs.shape[1]))
-    reference = np.zeros(estimation.outputs.shape[1])
-    for first, stop in pairwise(edges):
-        held = estimation.between(first, stop)
-        ends = (estimation.between(0, first), estimation.between(stop, estimation.samples))
-        parts = [part for part in ends if part.samples >= SHORTEST_FOLD // 2]
-        power = np.sum((held.outputs - held.outputs.mean(axis=0)) ** 2, axis=0)
-        reference += power
-        for place, model in enumerate(models):
-            try:
-                fitted = refitted(
-                    model,
-                    [part.inputs for part in parts] if estimation.has_input else None,
-                    [part.outputs for part in parts],
-                    delays=tuple(delays),
-                    settings=settings,
-                )
-            except ValueError:
-                squares[:, place] = np.inf
-                continue
-            for row, relative in enumerate(errors_on(fitted, held.inputs, held.outputs)):
-                squares[row, place] += (np.minimum(relative, LARGEST_ERROR) / 100.0) ** 2 * power
-    errors: Array = 100.0 * np.sqrt(squares / reference).mean(axis=2)
-    if not estimation.has_input:
-        errors[0] = np.nan
-    return errors
-
-
-def _is_large(estimation: MultichannelRecording) -> bool:
-    channels = estimation.inputs.shape[1] + estimation.outputs.shape[1]
-    return estimation.samples * channels > LARGE
-
-
-def _listed(delays: Sequence[int]) -> str:
-    return ", ".join(map(str, delays))

@@ -14,9 +14,8 @@ from evopem.automatic.peer import against_peer
 from evopem.automatic.residuals import (
     feedback_probability,
     heaviness,
-    input_correlation,
-    whiteness_probability,
 )
+from evopem.validation.checks.residuals import INDEPENDENT_OF_INPUT
 
 Purpose = Literal["simulation", "prediction", "modes", "auto"]
 Level = Literal["constant", "state"]
@@ -26,17 +25,18 @@ Level = Literal["constant", "state"]
 AS_GOOD = 0.1
 # Folds that are independent of each other, of those in all designs.
 INDEPENDENT_FOLDS = 4
-# Probabilities of feedback and of residuals as coloured as these by chance, and a cross-correlation
-# with past inputs, in its 95 % bounds.
-SIGNIFICANT_FEEDBACK, WHITE, INDEPENDENT = 1e-3, 0.05, 1.8
+# Probability of feedback, or of residuals as coloured as these, by chance, from which a choice
+# depends on it: far rarer than that of a failed check.
+BY_CHANCE = 1e-3
 # Evidence of a residual for Laplace's distribution against the normal one, as a logarithm, from
 # which tails are heavy: 0.07 for Laplace's itself, -0.05 for the normal one.
 HEAVY = 0.1
 # Largest held-out simulation errors, against the lowest ones, of a model that is taken for its
-# likelihood: where its residuals are valid, where the record was made under feedback, and where
-# disturbances are heavy-tailed; those ring in simulations, and an output-error model takes them for
-# the response to the input.
-MOST_WHEN_VALID, MOST_UNDER_FEEDBACK, MOST_UNDER_HEAVY_TAILS = 1.25, 1.35, 3.0
+# likelihood: where its residuals are valid, where the record was made under feedback, where all its
+# checks hold, and where disturbances are heavy-tailed; those ring in simulations, and an
+# output-error model takes them for the response to the input.
+MOST_WHEN_VALID, MOST_UNDER_FEEDBACK = 1.25, 1.35
+MOST_WHEN_ALL_HOLD = MOST_UNDER_HEAVY_TAILS = 3.0
 FINALISTS = 2
 # A difference of BIC, not divided by the samples, that is strong evidence (Kass & Raftery 1995),
 # and the share by which a simulation error must fall to overrule a choice without strong evidence.
@@ -185,7 +185,7 @@ def _for_simulation(
     best = min(candidates, key=score)
     chosen, sentence = (
         _under_heavy_tails(scorer, candidates, score)
-        or _by_likelihood(scorer, candidates, score)
+        or _by_likelihood(scorer, candidates, level)
         or _by_simulation(scorer, candidates, best, level)
     )
     decision = _named(
@@ -208,15 +208,39 @@ def _under_heavy_tails(
         or not score(likeliest) < MOST_UNDER_HEAVY_TAILS * lowest_score
     ):
         return None
-    return likeliest, (
+    sentence = (
         "The disturbances are heavy-tailed and pass through the poles of the plant: simulation "
         f"errors are not robust against them. {likeliest.name} has the lowest BIC, of the absolute "
         "one-step errors."
     )
+    near = [each for each in _without_evidence(scorer, candidates, likeliest) if each.orders.na]
+    smallest = min(_fewest_failures(scorer, near), key=lambda each: (each.parameters, each.bic))
+    if smallest is likeliest:
+        return likeliest, sentence
+    return smallest, (
+        f"{sentence} {smallest.name}, against which the BIC gives no strong evidence, fails fewer "
+        "checks or has fewer parameters."
+    )
+
+
+def _fewest_failures(scorer: Scorer, candidates: Sequence[Candidate]) -> list[Candidate]:
+    """Those of which the fewest checks of the report fail on the estimation samples."""
+    failures = [len(scorer.checks(each).failed) for each in candidates]
+    return [
+        each for each, number in zip(candidates, failures, strict=True) if number == min(failures)
+    ]
+
+
+def _without_evidence(
+    scorer: Scorer, candidates: Sequence[Candidate], likeliest: Candidate
+) -> list[Candidate]:
+    """The models against which the BIC gives no strong evidence, the likeliest included."""
+    count = scorer.independent_samples
+    return [each for each in candidates if count * (each.bic - likeliest.bic) < STRONG]
 
 
 def _by_likelihood(
-    scorer: Scorer, candidates: Sequence[Candidate], score: Callable[[Candidate], float]
+    scorer: Scorer, candidates: Sequence[Candidate], level: Level
 ) -> tuple[Candidate, str] | None:
     """The model of the lowest BIC, where nothing speaks against it.
 
@@ -224,32 +248,35 @@ def _by_likelihood(
     unbiased under feedback.  Simulation errors contain the noise as a whole; where it is narrow in
     frequency, they differ by chance by far more than the models do.
     """
+    score = _score_of(level)
     likeliest = min(candidates, key=lambda each: each.bic)
     ratio = score(likeliest) / min(map(score, candidates))
-    white = whiteness_probability(likeliest.model, scorer.stretches)
-    if not (ratio < MOST_UNDER_FEEDBACK and white > WHITE):
+    checks = scorer.checks(likeliest)
+    largest = MOST_WHEN_VALID if checks.failed else MOST_WHEN_ALL_HOLD
+    if not (ratio < max(largest, MOST_UNDER_FEEDBACK) and checks.whiteness >= BY_CHANCE):
         return None
     feedback = feedback_probability(likeliest.model, scorer.stretches)
-    if feedback < SIGNIFICANT_FEEDBACK:
+    if feedback < BY_CHANCE:
         return likeliest, (
             f"The input depends on past residuals (p = {feedback:.1g}): the record was made under "
             f"feedback, where simulation errors are biased. {likeliest.name} has the lowest BIC "
             "and white residuals."
         )
-    correlation = input_correlation(likeliest.model, scorer.stretches)
-    if not (ratio < MOST_WHEN_VALID and correlation < INDEPENDENT):
+    if not (ratio < largest and INDEPENDENT_OF_INPUT not in checks.failed):
         return None
     sentence = (
         f"{likeliest.name} has the lowest BIC, and its residuals are white and independent of the "
         "input."
     )
-    near = [e for e in candidates if scorer.samples * (e.bic - likeliest.bic) < STRONG]
-    better = min(near, key=score)
-    if not score(better) < (1.0 - CLEAR_GAIN) * score(likeliest):
+    near = _without_evidence(scorer, candidates, likeliest)
+    best = min(near, key=score)
+    equal = _fewest_failures(scorer, [each for each in near if as_good(each, best, level)])
+    chosen = min(equal, key=lambda each: each.bic)
+    if chosen is likeliest:
         return likeliest, sentence
-    return better, (
-        f"{sentence} {better.name}, against which the BIC gives no strong evidence, simulates "
-        "held-out samples better."
+    return chosen, (
+        f"{sentence} {chosen.name}, against which the BIC gives no strong evidence, simulates "
+        "held-out samples better or fails fewer checks."
     )
 
 
@@ -257,13 +284,17 @@ def _by_simulation(
     scorer: Scorer, candidates: Sequence[Candidate], best: Candidate, level: Level
 ) -> tuple[Candidate, str]:
     """The lowest BIC of those that simulate held-out samples as well as the best."""
-    equal = [each for each in candidates if _as_good(each, best, level)]
+    equal = [each for each in candidates if as_good(each, best, level)]
+    equal = _fewest_failures(scorer, equal)
     chosen = min(equal, key=lambda each: each.bic)
-    reason = "has the lowest BIC of these, and white residuals"
-    if whiteness_probability(chosen.model, scorer.stretches) < WHITE:
+    reason = "has the lowest BIC of those that fail the fewest checks, and white residuals"
+    if scorer.checks(chosen).whiteness < BY_CHANCE:
         # No model of these describes the noise, so that one-step errors say little of the plant.
         chosen = min(equal, key=lambda each: each.simulation_bic)
-        reason = "has the lowest BIC of simulation errors of these, whose residuals are not white"
+        reason = (
+            "has the lowest BIC of simulation errors of those that fail the fewest checks, whose "
+            "residuals are not white"
+        )
     if chosen is best:
         return best, f"{best.name} simulates held-out samples with the lowest error."
     return chosen, (
@@ -272,7 +303,17 @@ def _by_simulation(
     )
 
 
-def _as_good(candidate: Candidate, best: Candidate, level: Level) -> bool:
+def as_good(candidate: Candidate, best: Candidate, level: Level) -> bool:
+    """Whether a model simulates held-out samples as well as another.
+
+    Within one standard error of the mean difference of the folds, and within 10 %.
+
+    Parameters
+    ----------
+    candidate, best : Candidate
+    level : {"constant", "state"}
+    """
+
     def folds(each: Candidate) -> tuple[float, ...]:
         scores = each.scores
         return scores.free_level_folds if level == "state" else scores.simulation_folds

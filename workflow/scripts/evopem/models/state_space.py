@@ -207,8 +207,22 @@ class StateSpaceModel:
         outputs : (N, ny) array_like
         """
         _, y = self._signals(inputs, outputs)
-        spread = np.std(y, axis=0)
-        return self._fitted_state(self.A, y - self.simulate(inputs), spread)
+        return self._fitted_state(self.A, y - self.simulate(inputs), np.std(y, axis=0))[0]
+
+    def levelled(self, inputs: ArrayLike, outputs: ArrayLike) -> tuple[StateSpaceModel, Array]:
+        """The model with the level, and the initial state, of the simulation that fits best.
+
+        As :meth:`simulation_state`, the level estimated along with the state.
+
+        Parameters
+        ----------
+        inputs : (N, nu) array_like
+        outputs : (N, ny) array_like
+        """
+        _, y = self._signals(inputs, outputs)
+        remainder = y - self.simulate(inputs)
+        state, change = self._fitted_state(self.A, remainder, np.std(y, axis=0), free_level=True)
+        return replace(self, level=self.level + change, covariance=None), state
 
     def prediction_state(self, inputs: ArrayLike, outputs: ArrayLike) -> Array:
         """Initial state with which the one-step prediction fits outputs best, (n,).
@@ -222,7 +236,7 @@ class StateSpaceModel:
         """
         errors = self.residuals(inputs, outputs)
         noise = np.sqrt(np.abs(np.diag(self.noise_covariance)))
-        return self._fitted_state(self.predictor, errors, noise)
+        return self._fitted_state(self.predictor, errors, noise)[0]
 
     def frequency_response(self, frequencies: ArrayLike) -> NDArray[np.complex128]:
         """``G = C (zI - A)^-1 B + D`` with its delays, (..., ny, nu).
@@ -335,17 +349,30 @@ class StateSpaceModel:
             raise ValueError(f"outputs must be ({len(u)}, {self.outputs}), not {y.shape}")
         return u, y
 
-    def _fitted_state(self, dynamics: Array, remainder: Array, spread: Array) -> Array:
-        """State whose free response through ``dynamics`` fits a remainder, (n,)."""
+    def _fitted_state(
+        self, dynamics: Array, remainder: Array, spread: Array, free_level: bool = False
+    ) -> tuple[Array, Array]:
+        """State whose free response through ``dynamics`` fits a remainder, (n,), and its level.
+
+        The level, (ny,), is zero unless it is free.
+        """
         weights = 1.0 / np.where(np.isfinite(spread) & (spread > 0.0), spread, 1.0)
-        free = np.empty((len(remainder), self.outputs, self.order))
+        columns = self.order + self.outputs * free_level
+        free = np.empty((len(remainder), self.outputs, columns))
+        free[:, :, self.order :] = np.eye(self.outputs)[:, : columns - self.order]
         response = self.C
         for sample in range(len(remainder)):
-            free[sample] = response
+            free[sample, :, : self.order] = response
             response = response @ dynamics
-        weighted = (free * weights[:, None]).reshape(-1, self.order)
-        state = np.linalg.lstsq(weighted, (remainder * weights).ravel(), STATE_RANK)[0]
-        return np.asarray(state, dtype=float)
+        weighted = (free * weights[:, None]).reshape(-1, columns)
+        # States of very different sizes would make the small ones look undetermined.
+        sizes = np.linalg.norm(weighted, axis=0)
+        sizes = np.where(sizes > 0.0, sizes, 1.0)
+        fitted = np.linalg.lstsq(weighted / sizes, (remainder * weights).ravel(), STATE_RANK)[0]
+        fitted = fitted / sizes
+        level: Array = np.zeros(self.outputs)
+        level[: columns - self.order] = fitted[self.order :]
+        return fitted[: self.order], level
 
     def _unit_circle(self, frequencies: ArrayLike) -> NDArray[np.complex128]:
         f = np.asarray(frequencies, dtype=float)

@@ -81,12 +81,14 @@ def complete_other_model(files: DatasetFiles, purpose: Purpose, search: SearchSe
 def collect_decisions(files: DatasetFiles, structures: Sequence[str], other: str) -> None:
     """Put all decisions of a data set into one file, in their order."""
     plan = load(PreparationPlan, files.decision("preparation"))
+    folds = load(FoldPlan, files.decision("folds"))
     comparison = load(Comparison, files.decision("comparison"))
     remedied = load(Remedied, files.decision("remedies"))
     decisions: tuple[Decision, ...] = (
         *_about_channels(load(RecordingInfo, files.recording_info)),
         *plan.decisions,
-        load(FoldPlan, files.decision("folds")).decision,
+        folds.decision,
+        folds.repetition.decision,
         load(DelayDecision, files.decision("delay")).decision,
         *(load(StructureSearch, files.search(each)).decision for each in structures),
         *comparison.decisions,
@@ -94,7 +96,7 @@ def collect_decisions(files: DatasetFiles, structures: Sequence[str], other: str
     choice = remedied.choice
     record = DecisionRecord(
         *(choice.purpose, decisions, remedied.trials, remedied.failed),
-        (*_remarks(files, choice.level), *_worse_than_peer(comparison)),
+        (*_remarks(files, choice.level), *_worse_than_peer(comparison), *remedied.statements),
         load(OtherModel, files.other_errors(other)),
     )
     save(record, files.decisions)

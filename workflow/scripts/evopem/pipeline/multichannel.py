@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 from threadpoolctl import threadpool_limits
@@ -13,16 +12,18 @@ from evopem.automatic.multichannel_preparation import (
     apply_multichannel_plan,
     decide_multichannel_preparation,
 )
-from evopem.automatic.state_space_choice import (
-    OUTPUT_ERROR_WEIGHTING,
+from evopem.automatic.record import OtherModel
+from evopem.automatic.state_space_choice import ModelChoice, StateSpaceChoice, choose
+from evopem.automatic.state_space_chosen import (
+    ChosenModel,
+    estimate_as_searched,
+    search_chosen,
+)
+from evopem.automatic.state_space_search import (
     DelayChoice,
-    StateSpaceChoice,
     Variant,
     VariantSearch,
-    choose,
     decide_delays,
-    estimate_box_jenkins,
-    noise_orders,
     search_variant,
     searched_orders,
 )
@@ -37,15 +38,13 @@ from evopem.config.state_space_settings import (
     searched_variants,
 )
 from evopem.errors import InputError
-from evopem.estimation.state_space.estimate import StateSpaceSettings, estimate_state_space
-from evopem.estimation.state_space.model_record import ModesRecord, StateSpaceModelRecord
-from evopem.estimation.state_space.noise_model import noise_model, side_by_side
+from evopem.estimation.state_space.estimate import StateSpaceSettings
+from evopem.estimation.state_space.model_record import StateSpaceModelRecord
+from evopem.estimation.state_space.order_models import OrderModel, OrderModels
 from evopem.files.atomic import write_table, write_text
 from evopem.files.checksums import delete_results
 from evopem.files.json_form import load, save
 from evopem.models.matlab import save_state_space_mat
-from evopem.models.state_space import Form, StateSpaceModel
-from evopem.models.state_space_tables import shaped_modes_table
 from evopem.results.layout import DatasetFiles
 from evopem.results.multichannel import (
     DecisionList,
@@ -65,7 +64,9 @@ from evopem.signals.multichannel_reading import (
     describe_multichannel,
     read_multichannel,
 )
-from evopem.validation.multichannel import validate_multichannel
+from evopem.validation.mode_table import table_of_models
+from evopem.validation.modes_record import ModesRecord
+from evopem.validation.multichannel import mean_errors, validate_multichannel
 
 Log = Callable[[str], None]
 
@@ -167,10 +168,13 @@ def search_state_space(
     orders = searched_orders(estimation, limits, place)
     delays = load(DelayChoice, files.decision("delays")).delays
     try:
-        found = search_variant(estimation, variant, delays, orders, _settings(search, variant), log)
+        found, models = search_variant(
+            estimation, variant, delays, orders, _settings(search, variant), log
+        )
     except ValueError as error:
         raise _too_short(place, error) from None
     save(found, files.search(variant.name))
+    save(models, files.models_of_orders(variant.name))
 
 
 def choose_state_space(
@@ -192,70 +196,94 @@ def estimate_chosen_state_space(
         When the record is too short.
     """
     data = _prepared(files)
-    estimation = data.estimation
-    choice = load(StateSpaceChoice, files.decision("comparison"))
+    choice = load(StateSpaceChoice, files.decision("comparison")).model
     delays = load(DelayChoice, files.decision("delays")).delays
+    searched = load(OrderModels, files.models_of_orders(choice.variant.name))
     settings = _settings(search, choice.variant)
-    form: Form = "innovations" if choice.variant.form == "innovations" else "output_error"
-    first = settings
-    if choice.variant.form == "box_jenkins":
-        first = replace(settings, weighting=OUTPUT_ERROR_WEIGHTING)
+    start = searched.of_order(choice.order)
     try:
-        estimate = estimate_state_space(
-            estimation.inputs if estimation.has_input else None,
-            estimation.outputs,
-            choice.order,
-            estimation.sampling_rate,
-            form=form,
-            delays=delays,
-            settings=first,
-            input_names=estimation.input_names,
-            output_names=estimation.output_names,
-            log=log,
-        )
-        if choice.variant.form == "box_jenkins":
-            estimate = estimate_box_jenkins(estimation, estimate.model, delays, settings)
-        model = estimate.model
-        if choice.variant.form == "output_error":
-            model = _with_noise_model(estimation, model, settings)
+        found = search_chosen(choice, start, data.estimation, delays, settings, log)
     except ValueError as error:
         raise _too_short(f"datasets.{files.name}", error) from None
-    record = StateSpaceModelRecord.of(
-        estimate,
-        model,
-        (choice.variant.form, choice.variant.weighting),
-        (estimation.input_units, estimation.output_units),
-        search,
-        data.transforms,
-    )
+    record = _record_of(choice, found, data, search)
     save(record, files.model)
     save_state_space_mat(record.model, files.model_mat)
-    modes = ModesRecord.of(record.plant)
-    save(modes, files.modes_json)
-    write_table(files.modes, shaped_modes_table(modes.modes, modes.input_names, modes.output_names))
     with threadpool_limits(limits=1, user_api="blas"):
-        write_table(files.frequency_response, frequency_response_rows(record, estimation))
+        write_table(files.frequency_response, frequency_response_rows(record, data.estimation))
 
 
-def _with_noise_model(
-    estimation: MultichannelRecording, plant: StateSpaceModel, settings: StateSpaceSettings
-) -> StateSpaceModel:
-    """A plant beside the noise model of its residuals, where they are not white."""
-    noise = noise_model(
-        plant, [estimation.inputs], [estimation.outputs], noise_orders(estimation), settings
+def complete_other_state_space(files: DatasetFiles, search: StateSpaceSearchSettings) -> None:
+    """Keep the model for the other purpose, with its errors on the validation samples.
+
+    It is the one of the search over orders, without a global search of its own.
+
+    Raises
+    ------
+    InputError
+        When the record is too short.
+    """
+    data = _prepared(files)
+    choice = load(StateSpaceChoice, files.decision("comparison")).other
+    assert choice is not None  # only data sets with inputs have another purpose
+    delays = load(DelayChoice, files.decision("delays")).delays
+    searched = load(OrderModels, files.models_of_orders(choice.variant.name))
+    settings = _settings(search, choice.variant)
+    start = searched.of_order(choice.order)
+    with threadpool_limits(limits=1, user_api="blas"):
+        try:
+            found = estimate_as_searched(choice, start, data.estimation, delays, settings)
+        except ValueError as error:
+            raise _too_short(f"datasets.{files.name}", error) from None
+        record = _record_of(choice, found, data, search)
+        errors = mean_errors(record.model, data.validation, choice.level == "state")
+    save(record, files.other_model(choice.purpose))
+    save(OtherModel(choice.purpose, record.text, *errors), files.other_errors(choice.purpose))
+
+
+def _record_of(
+    choice: ModelChoice,
+    found: ChosenModel,
+    data: MultichannelData,
+    search: StateSpaceSearchSettings,
+) -> StateSpaceModelRecord:
+    return StateSpaceModelRecord.of(
+        found.estimate,
+        found.model,
+        (choice.variant.form, choice.variant.weighting),
+        (data.estimation.input_units, data.estimation.output_units),
+        search,
+        data.transforms,
+        choice.level,
     )
-    return plant if noise is None else side_by_side(plant, noise)
 
 
 def validate_state_space(files: DatasetFiles) -> None:
-    """Validate the model on samples that no choice has seen."""
+    """Validate the model and its modes on samples that no choice has seen."""
     record = load(StateSpaceModelRecord, files.model)
+    prepared = _prepared(files).validation
     with threadpool_limits(limits=1, user_api="blas"):
-        validation, tables = validate_multichannel(record.model, _prepared(files).validation)
+        free_level = record.level_of_simulation == "state"
+        validation, tables = validate_multichannel(record.model, prepared, free_level)
+        modes = _judged_modes(files, record, prepared)
+    save(modes, files.modes_json)
+    write_table(files.modes, modes.rows())
     save(validation, files.validation)
     write_table(files.simulation, tables.simulation)
     write_table(files.residual_autocorrelation, tables.residual_autocorrelation)
     write_table(files.cross_correlation, tables.cross_correlation)
+
+
+def _judged_modes(
+    files: DatasetFiles, record: StateSpaceModelRecord, validation: MultichannelRecording
+) -> ModesRecord:
+    """The modes of the model and of the other orders of its form, with their evidence."""
+    choice = load(StateSpaceChoice, files.decision("comparison")).model
+    searched = load(OrderModels, files.models_of_orders(choice.variant.name))
+    own = OrderModel.of(choice.order, record.bic, record.plant)
+    table = table_of_models(
+        searched.with_model(own).models, choice.order, validation.inputs, validation.outputs, 0
+    )
+    return ModesRecord.of(table, record.input_names, record.output_names)
 
 
 def collect_state_space_decisions(files: DatasetFiles) -> None:
@@ -264,7 +292,10 @@ def collect_state_space_decisions(files: DatasetFiles) -> None:
     delays = load(DelayChoice, files.decision("delays"))
     choice = load(StateSpaceChoice, files.decision("comparison"))
     decisions = (*preparation.decisions, delays.decision, *choice.decisions)
-    save(DecisionList(decisions), files.decisions)
+    other = None
+    if choice.other is not None:
+        other = load(OtherModel, files.other_errors(choice.other.purpose))
+    save(DecisionList(choice.model.purpose, decisions, other), files.decisions)
 
 
 def summarize_state_space(files: DatasetFiles) -> None:
@@ -325,6 +356,8 @@ def identify_channels(
         search_state_space(files, variant, choices.orders, search, log)
     choose_state_space(files, variants, choices)
     estimate_chosen_state_space(files, search, log)
+    if source.channels.inputs:
+        complete_other_state_space(files, search)
     validate_state_space(files)
     collect_state_space_decisions(files)
     summarize_state_space(files)

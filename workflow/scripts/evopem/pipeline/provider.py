@@ -84,12 +84,19 @@ def _structure_of(dataset: _Dataset) -> str:
     """The structure on which the results depend, with the automatic recipe before it."""
     if isinstance(dataset, StateSpaceDataset):
         forms = "_".join(f"{form}_{weighting}" for form, weighting in searched_variants(dataset))
-        return f"state_space_{forms}"
+        return "_".join(["state_space", forms, *_other_purposes(dataset)])
     automatic = dataset.automatic
     if automatic is None:
         return dataset.order_grid.structure
     purpose = "" if automatic.other_purpose == "prediction" else f"_{automatic.purpose}"
     return f"automatic{purpose}_{automatic.structure}".removesuffix("_None")
+
+
+def _other_purposes(dataset: StateSpaceDataset) -> tuple[str, ...]:
+    """The purpose whose model is kept beside that of the configuration; none without inputs."""
+    if not dataset.source.channels.inputs:
+        return ()
+    return ("simulation" if dataset.choices.purpose == "prediction" else "prediction",)
 
 
 @dataclass(frozen=True)
@@ -233,7 +240,12 @@ class Provider:
         if isinstance(settings, StateSpaceDataset):
             names = map("_".join, searched_variants(settings))
             report = [own.report] if self.with_report else []
-            return [*validation, *own.state_space_results(names), *report]
+            other = [
+                file
+                for purpose in _other_purposes(settings)
+                for file in (own.other_model(purpose), own.other_errors(purpose))
+            ]
+            return [*validation, *own.state_space_results(names), *other, *report]
         phases = [own.phase(each) for each in phases_of_dataset(settings)]
         decisions = [] if settings.automatic is None else self._decisions(dataset, own)
         read = [own.recording, *validation, own.prepared, *phases, *decisions]
@@ -579,6 +591,16 @@ class Provider:
     def variant_searches(self, wildcards: Wildcards) -> list[str]:
         """The outputs of their searches."""
         return [FILES.search("_".join(each)) for each in self.searched_variants(wildcards)]
+
+    def models_of_orders_of_variants(self, wildcards: Wildcards) -> list[str]:
+        """The models of all orders that these searches leave."""
+        names = map("_".join, self.searched_variants(wildcards))
+        return [FILES.models_of_orders(name) for name in names]
+
+    def other_state_space(self, wildcards: Wildcards) -> list[str]:
+        """What the model for the other purpose reaches; nothing without inputs."""
+        own = self.config.state_space[wildcards.dataset]
+        return [FILES.other_errors(purpose) for purpose in _other_purposes(own)]
 
     def start_and_rate_given(self, wildcards: Wildcards) -> tuple[bool, bool]:
         """Whether the configuration says where samples begin, and at which rate."""

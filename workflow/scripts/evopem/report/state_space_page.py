@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
+from evopem.automatic.state_space_choice import scores_of
 from evopem.config.state_space_settings import Geometry
 from evopem.figures.channel_drawings import (
     assurance_matrix,
@@ -21,12 +22,12 @@ from evopem.figures.channel_drawings import (
 from evopem.figures.shape_drawings import ShapeDrawing
 from evopem.models.state_space_modes import ShapedMode
 from evopem.report import provenance
-from evopem.report.numbers import count, hertz, number, percent
-from evopem.report.sentences.about_decisions import decision_row
+from evopem.report.numbers import count, hertz, number, percent, plural
+from evopem.report.sentences.about_decisions import PurposeRow, decision_row
 from evopem.report.sentences.about_state_space import state_space_verdict
 from evopem.report.templates import environment
 from evopem.results.multichannel import MultichannelResults
-from evopem.validation.checks.state_space import mode_doubts
+from evopem.validation.mode_table import JudgedMode
 from evopem.validation.multichannel import OutputValidation
 
 # Validation samples that a panel shows, and points of a line at most.
@@ -70,6 +71,8 @@ class ModeRow:
     mode : ShapedMode
     why : str
         Reasons not to trust it; empty for a trusted one.
+    evidence : str
+        What drives it, and which orders have it.
     seen_at, driven_by : str
         The channels with the largest shares and participations.
     bars : Markup
@@ -79,6 +82,7 @@ class ModeRow:
 
     mode: ShapedMode
     why: str
+    evidence: str
     seen_at: str
     driven_by: str
     bars: Markup
@@ -134,7 +138,8 @@ def build_state_space_report(
         responses=_response_rows(results),
         scores=_scores(results),
         variant_words=VARIANT_WORDS,
-        decisions=[decision_row(each) for each in results.decisions],
+        purposes=_purposes(results),
+        decisions=[decision_row(each) for each in results.decisions.decisions],
         provenance=_provenance(results, commit),
         stages=wall_clock,
         command=provenance.command(commit),
@@ -218,13 +223,15 @@ def _mode_rows(results: MultichannelResults) -> list[ModeRow]:
     drawing = _drawing(geometry, outputs)
     deviation = results.prepared.estimation.inputs.std(axis=0)
     rows = []
-    for number_, mode in enumerate(results.modes.modes, 1):
+    for number_, judged in enumerate(results.modes.table.modes, 1):
+        mode = judged.mode
         label = f"Shape of mode {number_} at {hertz(mode.frequency_hz)}"
         driven = np.abs(mode.input_participation) * deviation
         rows.append(
             ModeRow(
                 mode,
-                "; ".join(mode_doubts(mode)),
+                "; ".join(judged.doubts),
+                _evidence(judged, results),
                 _strongest(outputs, mode.output_shares),
                 _strongest(results.modes.input_names, driven / max(float(driven.sum()), 1e-300))
                 if driven.size
@@ -235,6 +242,24 @@ def _mode_rows(results: MultichannelResults) -> list[ModeRow]:
             )
         )
     return rows
+
+
+_ORIGINS = {
+    "input": "driven by the inputs",
+    "noise": "in the noise",
+    "neither": "neither in the response nor in the noise",
+    "not judged": "not tested",
+}
+
+
+def _evidence(judged: JudgedMode, results: MultichannelResults) -> str:
+    """What drives a mode, the model that it is of, and the orders that have it."""
+    table = results.modes.table
+    words = [_ORIGINS[judged.origin]]
+    if judged.order != table.order:
+        words.append(f"of the model of {plural(judged.order, 'state')}")
+    words.append(f"{len(judged.orders)} of {plural(len(table.orders), 'order')}")
+    return ", ".join(words)
 
 
 def _drawing(geometry: Geometry | None, outputs: tuple[str, ...]) -> ShapeDrawing | None:
@@ -249,16 +274,27 @@ def _strongest(names: tuple[str, ...], shares: np.ndarray) -> str:
 
 def _scores(results: MultichannelResults) -> Markup:
     """Errors on held-out samples over the order."""
-    purpose = results.choice.purpose
+    choice = results.choice.model
+    kind = scores_of(choice.purpose, choice.level)
     curves = [
-        (each.variant.form, each.orders, getattr(each, purpose))
+        (each.variant.form, each.orders, getattr(each, kind))
         for each in results.searches
         if each.orders
     ]
-    own = next(each for each in results.searches if each.variant == results.choice.variant)
-    order = results.choice.order
-    error = getattr(own, purpose)[own.orders.index(order)]
-    return Markup(scores_chart(curves, (order, error), "Errors on held-out samples over the order"))
+    own = next(each for each in results.searches if each.variant == choice.variant)
+    error = getattr(own, kind)[own.orders.index(choice.order)]
+    label = "Errors on held-out samples over the order"
+    return Markup(scores_chart(curves, (choice.order, error), label))
+
+
+def _purposes(results: MultichannelResults) -> list[PurposeRow]:
+    """The model and the one for the other purpose."""
+    other, validation = results.decisions.other, results.validation
+    own = PurposeRow(
+        *(results.decisions.purpose, "model.json", results.model.text),
+        *(validation.prediction_error_percent, validation.simulation_error_percent),
+    )
+    return [own] if other is None else [own, PurposeRow.of(other)]
 
 
 def _provenance(results: MultichannelResults, commit: str) -> list[tuple[str, str]]:

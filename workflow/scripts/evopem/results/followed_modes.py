@@ -205,9 +205,7 @@ def _rows(followed: FollowedMode) -> list[dict[str, object]]:
         rows.append(
             {"group": followed.group, "mode": followed.number, "dataset": name, "place": place}
             | _interval("frequency", "_hz", mode.frequency_hz, mode.frequency_se_hz)
-            | _interval(
-                "damping", "_percent", 100.0 * mode.damping_ratio, 100.0 * mode.damping_se
-            )
+            | _interval("damping", "_percent", 100.0 * mode.damping_ratio, 100.0 * mode.damping_se)
             | {
                 "mac": assurance(np.array(first), np.array(mode.shape)) if first else math.nan,
                 "level_hz": math.nan if levels is None else levels.values[index],
@@ -244,9 +242,7 @@ def _tracks(recordings: Sequence[Sequence[RecordedMode]]) -> list[_Track]:
         usable = [mode for mode in modes if _usable(mode)]
         paired: set[int] = set()
         if tracks and usable:
-            distances = np.array(
-                [[_distance(track, mode) for track in tracks] for mode in usable]
-            )
+            distances = np.array([[_distance(track, mode) for track in tracks] for mode in usable])
             # Pairs that are too far apart all have one large cost, so that none displaces another.
             rows, columns = linear_sum_assignment(np.where(distances <= 1.0, distances, 1e3))
             for row, column in zip(rows.tolist(), columns.tolist(), strict=True):

@@ -154,6 +154,10 @@ class DatasetFiles:
         """The search of one structure's orders by the automatic recipe."""
         return self.decision(f"search/{structure}")
 
+    def models_of_orders(self, variant: str) -> str:
+        """The models of all orders of one form with its weighting, of several channels."""
+        return self.decision(f"orders/{variant}")
+
     @property
     def stretches(self) -> str:
         """Prepared estimation samples of the automatic recipe, between breaks."""
@@ -317,6 +321,7 @@ class DatasetFiles:
         variants : iterable of str
             Names of the forms with their weightings that are searched.
         """
+        names = tuple(variants)
         return [
             self.config,
             self.recording,
@@ -324,7 +329,8 @@ class DatasetFiles:
             self.prepared,
             self.transforms,
             *map(self.decision, ("preparation", "delays", "comparison")),
-            *map(self.search, variants),
+            *map(self.search, names),
+            *map(self.models_of_orders, names),
             self.decisions,
             self.model,
             self.model_mat,

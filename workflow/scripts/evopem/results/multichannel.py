@@ -11,9 +11,11 @@ import numpy as np
 import pandas as pd
 
 from evopem.automatic.decision import Decision
-from evopem.automatic.state_space_choice import StateSpaceChoice, VariantSearch
+from evopem.automatic.record import OtherModel
+from evopem.automatic.state_space_choice import StateSpaceChoice
+from evopem.automatic.state_space_search import VariantSearch
 from evopem.config.state_space_settings import StateSpaceDataset
-from evopem.estimation.state_space.model_record import ModesRecord, StateSpaceModelRecord
+from evopem.estimation.state_space.model_record import StateSpaceModelRecord
 from evopem.files.checksums import sha256_of_file
 from evopem.files.json_form import load
 from evopem.models.modes import Mode
@@ -27,7 +29,8 @@ from evopem.signals.multichannel_preparation import MultichannelData, load_multi
 from evopem.signals.multichannel_reading import MultichannelInfo
 from evopem.signals.spectral.multichannel_response import multichannel_response
 from evopem.validation.checks import Check
-from evopem.validation.checks.state_space import mode_doubts, state_space_checks
+from evopem.validation.checks.state_space import state_space_checks
+from evopem.validation.modes_record import ModesRecord
 from evopem.validation.multichannel import MultichannelValidation
 
 NFFT = 1024
@@ -35,9 +38,20 @@ NFFT = 1024
 
 @dataclass(frozen=True)
 class DecisionList:
-    """Every decision of a data set, in their order."""
+    """Every decision of a data set, in their order.
 
+    Attributes
+    ----------
+    purpose : {"simulation", "prediction"}
+        What the model is for.
+    decisions : tuple of Decision
+    other : OtherModel, optional
+        The model for the other purpose; None without inputs.
+    """
+
+    purpose: str
     decisions: tuple[Decision, ...]
+    other: OtherModel | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +72,7 @@ class MultichannelResults:
     validation : MultichannelValidation
     searches : tuple of VariantSearch
     choice : StateSpaceChoice
-    decisions : tuple of Decision
+    decisions : DecisionList
     """
 
     settings: StateSpaceDataset
@@ -72,7 +86,7 @@ class MultichannelResults:
     validation: MultichannelValidation
     searches: tuple[VariantSearch, ...]
     choice: StateSpaceChoice
-    decisions: tuple[Decision, ...]
+    decisions: DecisionList
 
     @property
     def name(self) -> str:
@@ -82,19 +96,17 @@ class MultichannelResults:
     @property
     def checks(self) -> list[Check]:
         """The checks of the model."""
-        return state_space_checks(
-            self.model, self.validation, self.tried, self.recording_info
-        )
+        return state_space_checks(self.model, self.validation, self.tried, self.recording_info)
 
     @property
     def tried(self) -> tuple[int, ...]:
         """The orders of the chosen variant that were searched."""
-        return next(each.tried for each in self.searches if each.variant == self.choice.variant)
+        return next(each.tried for each in self.searches if each.variant == self.choice.model.variant)
 
     @property
     def trusted_modes(self) -> list[ShapedMode]:
         """The modes that give no reason to doubt them."""
-        return [mode for mode in self.modes.modes if not mode_doubts(mode)]
+        return list(self.modes.table.trusted)
 
 
 def read_multichannel_results(
@@ -126,7 +138,7 @@ def read_multichannel_results(
         validation=load(MultichannelValidation, files.validation),
         searches=tuple(load(VariantSearch, files.search(name)) for name in variants),
         choice=load(StateSpaceChoice, files.decision("comparison")),
-        decisions=load(DecisionList, files.decisions).decisions,
+        decisions=load(DecisionList, files.decisions),
     )
 
 
@@ -135,8 +147,8 @@ def summarize_multichannel(files: DatasetFiles) -> DatasetSummary:
     record = load(StateSpaceModelRecord, files.model)
     validation = load(MultichannelValidation, files.validation)
     info = load(MultichannelInfo, files.recording_info)
-    shaped = load(ModesRecord, files.modes_json).modes
-    variant = load(StateSpaceChoice, files.decision("comparison")).variant
+    modes = load(ModesRecord, files.modes_json)
+    variant = load(StateSpaceChoice, files.decision("comparison")).model.variant
     tried = load(VariantSearch, files.search(variant.name)).tried
     return DatasetSummary(
         file=info.file.path,
@@ -159,10 +171,10 @@ def summarize_multichannel(files: DatasetFiles) -> DatasetSummary:
                 mode.frequency_se_hz,
                 mode.damping_se,
             )
-            for mode in shaped
+            for mode in modes.modes
         ),
-        trusted=tuple(not mode_doubts(mode) for mode in shaped),
-        shapes=tuple(tuple(map(complex, mode.shape)) for mode in shaped),
+        trusted=modes.trusted,
+        shapes=tuple(tuple(map(complex, mode.shape)) for mode in modes.modes),
         gain_db=_gain_outline(record),
         made_from={
             Path(file).name: sha256_of_file(file)

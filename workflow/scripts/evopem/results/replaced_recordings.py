@@ -19,7 +19,9 @@ from evopem.files.checksums import sha256_of_file
 from evopem.results.layout import DatasetFiles
 
 
-def mark_replaced_recordings(datasets: Mapping[str, DatasetSettings | StateSpaceDataset]) -> list[str]:
+def mark_replaced_recordings(
+    datasets: Mapping[str, DatasetSettings | StateSpaceDataset],
+) -> list[str]:
     """Make the outputs of reading a recording older than it, where its content has changed.
 
     The content is compared, by its SHA-256, only where the size differs or the file's status

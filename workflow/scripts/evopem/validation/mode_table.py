@@ -2,8 +2,8 @@
 
 For each mode: which orders have it, whether the input reaches it, whether the predictor needs it
 beside the noise, and how well it is known.  A mode is a group of poles of several orders that
-agree (:mod:`evopem.models.mode_clusters`); its numbers are those of the model of the order that
-BIC chose or, where that one lacks it, of the best model that has it.
+agree (:mod:`evopem.models.mode_clusters`); its numbers are those of the model of the chosen order
+or, where that one lacks it, of the model of lowest BIC that has it.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from evopem.estimation.state_space.estimate import OrderScores
+from evopem.estimation.state_space.order_models import OrderModel
 from evopem.models.mode_clusters import cluster_modes
 from evopem.models.state_space import StateSpaceModel
 from evopem.models.state_space_modes import ShapedMode
@@ -119,7 +120,7 @@ class ModeTable:
     Attributes
     ----------
     order : int
-        The order that BIC chose.
+        The order that was chosen.
     orders : tuple of int
         All orders.
     modes : tuple of JudgedMode
@@ -162,31 +163,58 @@ def mode_table(
     ValueError
         When the signals have other channels than the models.
     """
+    models = [OrderModel.of_estimate(each) for each in scores.estimates]
+    chosen = min(models, key=lambda each: each.bic).order
+    return table_of_models(models, chosen, inputs, outputs, first)
+
+
+def table_of_models(
+    models: Sequence[OrderModel],
+    chosen: int,
+    inputs: ArrayLike | None,
+    outputs: ArrayLike,
+    first: int | None = None,
+) -> ModeTable:
+    """The table of models of several orders, of which one was chosen.
+
+    Parameters
+    ----------
+    models : sequence of OrderModel
+        By order.
+    chosen : int
+        The order whose modes are all listed.
+    inputs, outputs, first
+        As of :func:`mode_table`.
+
+    Raises
+    ------
+    ValueError
+        As there.
+    """
     y = np.asarray(outputs, dtype=float)
     u = np.empty((len(y), 0)) if inputs is None else np.asarray(inputs, dtype=float)
     first = len(y) if first is None else first
-    models = dict(zip(scores.orders, (each.model for each in scores.estimates), strict=True))
-    bics = dict(zip(scores.orders, scores.bic, strict=True))
-    chosen = min(scores.orders, key=lambda order: bics[order])
-    modes = {order: model.modes() for order, model in models.items()}
+    by_order = {each.order: each for each in models}
+    orders = tuple(by_order)
     tests: dict[int, list[tuple[HeldOutTest, HeldOutTest]]] = {}
     judged: list[JudgedMode] = []
     row_of: dict[tuple[int, int], int] = {}
-    for group in cluster_modes(modes):
+    for group in cluster_modes({order: each.modes for order, each in by_order.items()}):
         if chosen not in group and len(group) < PERSISTENT_ORDERS:
             continue
-        own = chosen if chosen in group else min(group, key=lambda order: bics[order])
+        own = chosen if chosen in group else min(group, key=lambda order: by_order[order].bic)
+        found = by_order[own]
         if own not in tests:
-            tests[own] = held_out_mode_tests(models[own], modes[own], u, y, first)
+            tests[own] = held_out_mode_tests(found.model, found.modes, u, y, first)
         row_of |= {(order, index): len(judged) for order, index in group.items()}
         judged.append(
             _judged(
-                modes[own][group[own]],
+                found.modes[group[own]],
                 own,
                 tuple(sorted(group)),
                 tests[own][group[own]],
-                models[own],
-                scores.orders,
+                found.model,
+                orders,
             )
         )
     poles = tuple(
@@ -199,10 +227,10 @@ def mode_table(
             phase_collinearity=mode.phase_collinearity,
             mode=row_of.get((order, index)),
         )
-        for order in scores.orders
-        for index, mode in enumerate(modes[order])
+        for order, each in by_order.items()
+        for index, mode in enumerate(each.modes)
     )
-    return ModeTable(chosen, tuple(scores.orders), tuple(judged), poles)
+    return ModeTable(chosen, orders, tuple(judged), poles)
 
 
 def held_out_mode_tests(

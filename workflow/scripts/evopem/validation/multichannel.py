@@ -130,7 +130,7 @@ class MultichannelTables:
 
 
 def validate_multichannel(
-    model: StateSpaceModel, validation: MultichannelRecording
+    model: StateSpaceModel, validation: MultichannelRecording, free_level: bool = False
 ) -> tuple[MultichannelValidation, MultichannelTables]:
     """Score a model on validation samples, and test its residuals there.
 
@@ -139,6 +139,9 @@ def validate_multichannel(
     model : StateSpaceModel
     validation : MultichannelRecording
         Less the means of the estimation samples.
+    free_level : bool
+        Whether the simulation fits its level to the validation samples, as it fits the initial
+        state.
     """
     u, y = validation.inputs, validation.outputs
     with np.errstate(all="ignore"):
@@ -148,7 +151,7 @@ def validate_multichannel(
         ahead = [model.predict(u, y, k, state) for k in horizons]
         simulated = np.full(y.shape, np.nan)
         if validation.has_input:
-            simulated = model.simulate(u, model.simulation_state(u, y))
+            simulated = _simulated(model, validation, free_level)
     tests = [residual_autocorrelation(e, CORRELATION_LAGS) for e in residuals.T]
     outputs = tuple(
         _output(
@@ -194,6 +197,31 @@ def validate_multichannel(
         else pd.DataFrame(columns=["output", "input", "lag", "cross_correlation", "bound95"]),
     )
     return found, tables
+
+
+def _simulated(
+    model: StateSpaceModel, validation: MultichannelRecording, free_level: bool
+) -> Array:
+    """Response to the validation inputs from the state that fits the validation outputs best."""
+    u, y = validation.inputs, validation.outputs
+    if free_level:
+        model, state = model.levelled(u, y)
+        return model.simulate(u, state)
+    return model.simulate(u, model.simulation_state(u, y))
+
+
+def mean_errors(
+    model: StateSpaceModel, validation: MultichannelRecording, free_level: bool
+) -> tuple[float, float]:
+    """Errors one step ahead and of the simulation in percent, means over the outputs.
+
+    Parameters
+    ----------
+    model, validation, free_level
+        As of :func:`validate_multichannel`.
+    """
+    found, _ = validate_multichannel(model, validation, free_level)
+    return found.prediction_error_percent, found.simulation_error_percent
 
 
 def _output(

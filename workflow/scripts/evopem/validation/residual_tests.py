@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from evopem.errors import check_choice
@@ -18,7 +18,14 @@ from evopem.models.gain_interval import NORMAL_95
 from evopem.signals import correlation as signals
 from evopem.validation.weighted_chi_square import weighted_chi_square_tail
 
+if TYPE_CHECKING:
+    import pandas as pd
+
 Array = NDArray[np.float64]
+
+# Missed dynamics and feedback show at short lags; more lags only dilute the test.
+CROSS_CORRELATION_LAGS = 200
+"""Largest lag to either side at which residuals are compared with the input."""
 
 # A sum of squares that is expected to be smaller than this has no distribution worth testing.
 LEAST_EXPECTED = 0.5
@@ -85,6 +92,8 @@ def whiteness_test(
     k = np.arange(1, lags + 1)
     statistic = float(e.size * (e.size + 2) * np.sum(rho**2 / (e.size - k)))
     covariance = residual_autocorrelation_covariance(e, jacobian, lags, objective)
+    if not np.isfinite(covariance).all():
+        return WhitenessTest(statistic, math.nan, math.nan, lags)
     weights = np.maximum(np.linalg.eigvalsh(covariance), 0.0)
     expected = float(weights.sum())
     p_value = math.nan
@@ -133,15 +142,59 @@ def residual_autocorrelation_covariance(
 
 
 def _score_weight(residuals: Array, estimated: int, objective: str) -> float:
-    """How much of ``X J^-1 X'`` the fit takes from the autocorrelations; 1 for least squares."""
+    """How much of ``X J^-1 X'`` the fit takes from the autocorrelations; 1 for least squares.
+
+    NaN where the density of the residuals at zero cannot be estimated.
+    """
     if objective == "quadratic":
         return 1.0
-    sparsity = 1.0 / (2.0 * density_at_zero(residuals, estimated))
+    density = density_at_zero(residuals, estimated)
+    if not density > 0.0:
+        return math.nan
+    sparsity = 1.0 / (2.0 * density)
     mean_absolute = float(np.mean(np.abs(residuals)))
     return (2.0 * sparsity * mean_absolute - sparsity**2) / float(np.mean(residuals**2))
 
 
-def residual_autocorrelation(residuals: ArrayLike, lags: int = 1200) -> pd.DataFrame:
+@dataclass(frozen=True, eq=False)
+class ResidualCorrelation:
+    """Correlations of residuals with themselves or with the input.
+
+    Attributes
+    ----------
+    lag : (L,) int array
+    values : (L,) array
+        Normalised to ±1; ``nan`` where a series does not vary.
+    bound95 : (L,) array
+        95 % bound of each, were the residuals white and independent of the input.
+    """
+
+    lag: NDArray[np.int64]
+    values: Array
+    bound95: Array
+
+    @property
+    def largest_ratio(self) -> float:
+        """Largest correlation in 95 % bounds."""
+        return float(np.max(np.abs(self.values) / self.bound95))
+
+    @property
+    def share_inside(self) -> float:
+        """Share of the correlations inside their bounds, 0 to 1; ``nan`` for none."""
+        return share_inside(self.values, self.bound95)
+
+    def where(self, chosen: NDArray[np.bool_]) -> ResidualCorrelation:
+        """Some of the lags."""
+        return ResidualCorrelation(self.lag[chosen], self.values[chosen], self.bound95[chosen])
+
+    def table(self, name: str) -> pd.DataFrame:
+        """Columns ``lag``, the values by name, and ``bound95``."""
+        import pandas as pd
+
+        return pd.DataFrame({"lag": self.lag, name: self.values, "bound95": self.bound95})
+
+
+def autocorrelation_of(residuals: ArrayLike, lags: int = 1200) -> ResidualCorrelation:
     """Sample autocorrelation of the residuals, with the 95 % bound of a white sequence.
 
     Parameters
@@ -153,9 +206,9 @@ def residual_autocorrelation(residuals: ArrayLike, lags: int = 1200) -> pd.DataF
 
     Returns
     -------
-    pandas.DataFrame
-        ``lag`` 0, 1, …, ``autocorrelation`` (1 at lag 0; biased estimate, mean removed) and
-        ``bound95`` = 1.96/√N (0 at lag 0, which is 1 by definition).
+    ResidualCorrelation
+        At lags 0, 1, …: biased estimate, mean removed. The bound is 1.96/√N, and 0 at lag 0, where
+        the value is 1 by definition.
 
     Notes
     -----
@@ -170,9 +223,12 @@ def residual_autocorrelation(residuals: ArrayLike, lags: int = 1200) -> pd.DataF
     )
     bound = np.full(lags + 1, NORMAL_95 / math.sqrt(e.size))
     bound[0] = 0.0
-    return pd.DataFrame(
-        {"lag": np.arange(lags + 1), "autocorrelation": correlation, "bound95": bound}
-    )
+    return ResidualCorrelation(np.arange(lags + 1), correlation, bound)
+
+
+def residual_autocorrelation(residuals: ArrayLike, lags: int = 1200) -> pd.DataFrame:
+    """The table of :func:`autocorrelation_of`: ``lag``, ``autocorrelation``, ``bound95``."""
+    return autocorrelation_of(residuals, lags).table("autocorrelation")
 
 
 def share_inside(correlation: ArrayLike, bound: ArrayLike) -> float:
@@ -192,7 +248,9 @@ def ljung_box_lags(samples: int, parameters: int, largest: int) -> int:
     return max(0, min(largest, max(parameters + 10, round(10 * math.log10(samples)))))
 
 
-def cross_correlation(residuals: ArrayLike, inputs: ArrayLike, lags: int = 200) -> pd.DataFrame:
+def correlation_with_input(
+    residuals: ArrayLike, inputs: ArrayLike, lags: int = CROSS_CORRELATION_LAGS
+) -> ResidualCorrelation:
     """Cross-correlation of residuals with the input, with its 95 % bound.
 
     Parameters
@@ -204,10 +262,10 @@ def cross_correlation(residuals: ArrayLike, inputs: ArrayLike, lags: int = 200) 
 
     Returns
     -------
-    pandas.DataFrame
-        ``lag`` from -lags to lags, ``cross_correlation`` of ``e(t)`` with ``u(t - lag)`` (both
-        without mean, normalised to ±1) and ``bound95``. At positive lags the residual follows
-        the input: dynamics the model missed. At negative lags it precedes it: feedback.
+    ResidualCorrelation
+        Of ``e(t)`` with ``u(t - lag)``, lags from -lags to lags, both without mean. At positive
+        lags the residual follows the input: dynamics the model missed. At negative lags it
+        precedes it: feedback.
 
     Notes
     -----
@@ -221,7 +279,7 @@ def cross_correlation(residuals: ArrayLike, inputs: ArrayLike, lags: int = 200) 
     lag = np.arange(-lags, lags + 1)
     if np.ptp(e) == 0 or np.ptp(u) == 0:
         missing = np.full(lag.size, np.nan)
-        return pd.DataFrame({"lag": lag, "cross_correlation": missing, "bound95": missing})
+        return ResidualCorrelation(lag, missing, missing)
     correlation = signals.cross_correlation(e, u, lags).values
     # Parseval: the mean of the product of spectra is the sum of products of covariances.
     length = 2 * e.size
@@ -229,4 +287,11 @@ def cross_correlation(residuals: ArrayLike, inputs: ArrayLike, lags: int = 200) 
     power_u = np.abs(np.fft.fft(u - u.mean(), length)) ** 2
     variance = np.mean(power_e * power_u) / (np.mean(power_e) * np.mean(power_u))
     bound = np.full(lag.size, NORMAL_95 * math.sqrt(variance / e.size))
-    return pd.DataFrame({"lag": lag, "cross_correlation": correlation, "bound95": bound})
+    return ResidualCorrelation(lag, correlation, bound)
+
+
+def cross_correlation(
+    residuals: ArrayLike, inputs: ArrayLike, lags: int = CROSS_CORRELATION_LAGS
+) -> pd.DataFrame:
+    """The table of :func:`correlation_with_input`: ``lag``, ``cross_correlation``, ``bound95``."""
+    return correlation_with_input(residuals, inputs, lags).table("cross_correlation")

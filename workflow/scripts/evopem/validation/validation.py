@@ -32,6 +32,7 @@ from evopem.validation.recorded_units import (
     recorded_series,
 )
 from evopem.validation.residual_tests import (
+    CROSS_CORRELATION_LAGS,
     WhitenessTest,
     cross_correlation,
     ljung_box_lags,
@@ -53,9 +54,6 @@ if TYPE_CHECKING:
     from evopem.models.polynomial import PolynomialModel
     from evopem.signals.preparation import PreparedData
     from evopem.signals.recording import Recording
-
-# Missed dynamics and feedback show at short lags; more lags only dilute the test.
-CROSS_CORRELATION_LAGS = 200
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,11 @@ from evopem.models.state_space import StateSpaceModel
 Array = NDArray[np.float64]
 
 # Eigenvalues of the information matrix, its diagonal scaled to one, below this share of the
-# largest one come from rounding: the data do not determine their directions.
+# largest one come from rounding: they are raised to it, and standard errors are then lower bounds.
 UNDETERMINED = 1e-15
+# Condition of the states' responses at the outputs, scaled to one, above which another basis of the
+# states is taken, and doublings of the number of samples that they are seen over.
+ILL_CONDITIONED, DOUBLINGS = 1e4, 20
 
 
 def model_of(
@@ -57,7 +60,7 @@ def initial_states(
     """
     record = errors.record
     levels = record_levels(errors, found)
-    drives = errors.drive_matrix(found)[:, errors.driving :]
+    drives = _basis(errors, found) @ errors.drive_matrix(found)[:, errors.driving :]
     offset = (levels - record.output_offsets) / record.output_scales
     P = model.predictor
     steady = np.linalg.lstsq(
@@ -78,18 +81,21 @@ def parameter_covariance(errors: StateSpaceErrors, found: Projection) -> Paramet
     hessian = _information(errors, found, weights)
     score = _score_covariance(errors, found, weights)
     scale = np.sqrt(np.diag(hessian))
-    scale[scale == 0.0] = 1.0
+    unseen = scale == 0.0
+    scale[unseen] = 1.0
     values, vectors = np.linalg.eigh(hessian / np.outer(scale, scale))
     kept = np.arange(len(values)) >= errors.order
-    determined = kept & (values > UNDETERMINED * values[-1])
+    least = UNDETERMINED * values[-1]
+    determined = kept & (values > least)
     inverse = vectors[:, determined] / values[determined]
     middle = inverse.T @ (score / np.outer(scale, scale)) @ inverse
     square, turned = np.linalg.eigh(0.5 * (middle + middle.T))
     root = turned * np.sqrt(np.maximum(square, 0.0))
     mapping = _entries_jacobian(errors, found) / scale
-    undetermined = kept & ~determined
-    null_space = mapping @ vectors[:, undetermined]
-    return ParameterCovariance(mapping @ (vectors[:, determined] @ root), null_space)
+    # Rounding hides how far along these the data allow to go, but not what they hardly change.
+    farthest = vectors[:, kept & ~determined] / np.sqrt(least)
+    factor = mapping @ np.hstack([vectors[:, determined] @ root, farthest])
+    return ParameterCovariance(factor, mapping[:, unseen])
 
 
 def _degrees_of_freedom(errors: StateSpaceErrors) -> float:
@@ -159,9 +165,11 @@ def _matrices(errors: StateSpaceErrors, found: Projection) -> tuple[Array, ...]:
     linear = found.linear
     C, D = linear[:n].T, np.zeros((ny, nu))
     D[:, record.feedthrough] = linear[n : n + direct].T
-    K = errors.gain(found)
-    A = errors.state_matrix(found)
-    B = errors.drive_matrix(found)[:, :nu] + K @ D
+    basis = _basis(errors, found)
+    inverse = np.linalg.inv(basis)
+    C, K = C @ inverse, basis @ errors.gain(found)
+    A = basis @ _predictor(errors, found) @ inverse + K @ C
+    B = basis @ errors.drive_matrix(found)[:, :nu] + K @ D
     level = _level(errors, found, _constant(errors, found))
     u, y = record.input_scales, record.output_scales
     return (
@@ -205,22 +213,46 @@ def _predictor(errors: StateSpaceErrors, found: Projection) -> Array:
     return state_matrix(found.sections, errors.layout)
 
 
+def _basis(errors: StateSpaceErrors, found: Projection) -> Array:
+    """The states of the model from those of the sections, (n, n).
+
+    The same ones, unless sections with nearly equal poles cancel each other: entries of A and C
+    would be so large that rounding spoils simulations.  The model then has states whose responses
+    at the outputs are orthonormal (output-normal form).
+    """
+    P, C = _predictor(errors, found), found.linear[: errors.order].T
+    with np.errstate(all="ignore"):
+        # Of C, C P, C P^2, ..., twice as many in each step.
+        root = np.asarray(np.linalg.qr(np.vstack([C, np.zeros_like(P)]), mode="r"))
+        power = P
+        for _ in range(DOUBLINGS):
+            root = np.asarray(np.linalg.qr(np.vstack([root, root @ power]), mode="r"))
+            power = power @ power
+        size = np.linalg.norm(root, axis=0)
+        ill = np.linalg.cond(root / size) > ILL_CONDITIONED
+        usable = np.isfinite(np.linalg.inv(root)).all() if np.all(np.diag(root)) else False
+    return root if ill and usable else np.eye(len(P))
+
+
 def _entries_jacobian(errors: StateSpaceErrors, found: Projection) -> Array:
     """Derivatives of all entries by coordinates and linear coefficients."""
     record, layout, n = errors.record, errors.layout, errors.order
     nu, ny = record.inputs.shape[1], record.outputs.shape[1]
     direct = np.flatnonzero(record.feedthrough)
     q = found.regressors.shape[1]
-    K, C = errors.gain(found), found.linear[:n].T
+    basis = _basis(errors, found)
+    inverse = np.linalg.inv(basis)
+    K, C = basis @ errors.gain(found), found.linear[:n].T @ inverse
     D = np.zeros((ny, nu))
     D[:, direct] = found.linear[n : n + len(direct)].T
     u, y = record.input_scales, record.output_scales
-    resolvent = np.linalg.inv(np.eye(n) - _predictor(errors, found))
+    resolvent = basis @ np.linalg.inv(np.eye(n) - _predictor(errors, found)) @ inverse
     closed = np.eye(ny) - C @ resolvent @ K
     level = _level(errors, found, _constant(errors, found))
     shares = np.diff(record.bounds) / record.samples
 
     def column(dP: Array, dB: Array, dK: Array, dC: Array, dD: Array, dconstant: Array) -> Array:
+        dP, dB, dK, dC = basis @ dP @ inverse, basis @ dB, basis @ dK, dC @ inverse
         dA = dP + dK @ C + K @ dC
         dBu = dB + dK @ D + K @ dD
         dfeedback = dC @ resolvent @ K + C @ resolvent @ (dK + dP @ resolvent @ K)

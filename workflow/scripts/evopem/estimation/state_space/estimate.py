@@ -26,6 +26,7 @@ from evopem.estimation.state_space.errors import (
     state_space_record,
 )
 from evopem.estimation.state_space.levenberg_marquardt import Optimum, descend
+from evopem.estimation.state_space.noise_colour import autoregression_of
 from evopem.estimation.state_space.problem import (
     POLISH_STEPS,
     POLISH_TOLERANCE,
@@ -98,6 +99,9 @@ class StateSpaceEstimate:
         ``100 (1 - ||e|| / ||y - mean(y)||)`` of each output.
     bic : float
         ``ln det(cov e) + p ln(N) / N`` with p independent parameters; outputs in their units.
+    coloured_bic : float
+        The same of the innovations of a vector autoregression of the errors, whose coefficients
+        are counted as parameters: it compares models with and without a noise model.
     residuals : tuple of (N, ny) arrays
         One for each record; NaN at first samples whose delayed inputs are not known.
     initial_states : (records, n) array
@@ -113,6 +117,7 @@ class StateSpaceEstimate:
     objective: float
     fit_percent: Array
     bic: float
+    coloured_bic: float
     residuals: tuple[Array, ...] = field(repr=False)
     initial_states: Array = field(repr=False)
     record_levels: Array = field(repr=False)
@@ -158,6 +163,7 @@ def estimate_state_space(
     delays: int | Sequence[int] = 1,
     level: bool = True,
     settings: StateSpaceSettings | None = None,
+    starts: Sequence[StateSpaceModel] = (),
     input_names: Sequence[str] = (),
     output_names: Sequence[str] = (),
     log: Callable[[str], None] | None = None,
@@ -182,6 +188,9 @@ def estimate_state_space(
         Whether a constant output is estimated, for each record.
     settings : StateSpaceSettings, optional
         The draws come from ``SeedSequence(seed, spawn_key=(order, form, level, *delays))``.
+    starts : sequence of StateSpaceModel
+        Models of this order, form and delays that are among the points to descend from, such as
+        those of a search over orders.  A very large problem has no others then.
     input_names, output_names : sequences of str, optional
     log : callable, optional
         Receives one line for each step of the search.
@@ -211,7 +220,8 @@ def estimate_state_space(
         prepared = _prepared(inputs, outputs, delays, level)
         errors = _errors(prepared, order, form, settings)
         generator = _generator(settings, order, form, prepared)
-        found = _searched(errors, generator, settings, log)
+        points = [_point_of(each, errors) for each in starts]
+        found = _searched(errors, points, generator, settings, log)
         return _described(
             errors, found, prepared, sampling_rate, tuple(input_names), tuple(output_names)
         )
@@ -365,11 +375,7 @@ def _descended_from(
     tolerance: float,
 ) -> tuple[StateSpaceErrors, SearchResult]:
     errors = _errors(prepared, model.order, model.form, settings)
-    scales = prepared.record.input_scales, prepared.record.output_scales
-    drives = (model.B - model.K @ model.D) * scales[0]
-    if errors.innovations:
-        drives = np.column_stack([drives, model.K * scales[1]])
-    found = descend(errors, from_matrices(errors, model.predictor, drives), steps, tolerance)
+    found = descend(errors, _point_of(model, errors), steps, tolerance)
     if not np.isfinite(found.criterion):
         raise ValueError("the descent found no stable model")
     value = errors.percent(found.criterion)
@@ -377,10 +383,25 @@ def _descended_from(
     return errors, SearchResult(found.point, value, diagnostics)
 
 
-def errors_on(model: StateSpaceModel, inputs: Array, outputs: Array) -> tuple[Array, Array]:
-    """:func:`simulation_errors` and :func:`prediction_errors` of other samples."""
+def _point_of(model: StateSpaceModel, errors: StateSpaceErrors) -> Array:
+    """The point of a problem that a model of its order, form and delays is."""
+    drives = (model.B - model.K @ model.D) * errors.record.input_scales
+    if errors.innovations:
+        drives = np.column_stack([drives, model.K * errors.record.output_scales])
+    return from_matrices(errors, model.predictor, drives)
+
+
+def errors_on(model: StateSpaceModel, inputs: Array, outputs: Array) -> tuple[Array, Array, Array]:
+    """Simulation errors with the level of the model and with a free one, and prediction errors.
+
+    See :func:`simulation_errors` and :func:`prediction_errors`.
+    """
     with np.errstate(all="ignore"):
-        return simulation_errors(model, inputs, outputs), prediction_errors(model, inputs, outputs)
+        return (
+            simulation_errors(model, inputs, outputs),
+            simulation_errors(model, inputs, outputs, free_level=True),
+            prediction_errors(model, inputs, outputs),
+        )
 
 
 def _span(orders: Sequence[int]) -> range:
@@ -391,7 +412,9 @@ def _span(orders: Sequence[int]) -> range:
     return range(min(orders), max(orders) + 1, steps.pop())
 
 
-def simulation_errors(model: StateSpaceModel, inputs: Array, outputs: Array) -> Array:
+def simulation_errors(
+    model: StateSpaceModel, inputs: Array, outputs: Array, free_level: bool = False
+) -> Array:
     """``100 ||y - yhat|| / ||y - mean(y)||`` of each output, (ny,), initial state fitted.
 
     Infinite where the simulation is not finite.
@@ -400,11 +423,16 @@ def simulation_errors(model: StateSpaceModel, inputs: Array, outputs: Array) -> 
     ----------
     model : StateSpaceModel
     inputs, outputs : (N, nu) and (N, ny) arrays
+    free_level : bool
+        Whether the level is fitted along with the initial state.
     """
     with np.errstate(all="ignore"):
         if np.abs(model.poles()).max() >= 1.0 + 1e-9:
             return np.full(model.outputs, np.inf)
-        state = model.simulation_state(inputs, outputs)
+        if free_level:
+            model, state = model.levelled(inputs, outputs)
+        else:
+            state = model.simulation_state(inputs, outputs)
         errors = outputs - model.simulate(inputs, state)
     return _relative(errors, outputs)
 
@@ -533,13 +561,19 @@ def _evaluations(errors: StateSpaceErrors, settings: StateSpaceSettings) -> int:
 
 def _searched(
     errors: StateSpaceErrors,
+    starts: list[Array],
     generator: np.random.Generator,
     settings: StateSpaceSettings,
     log: Callable[[str], None] | None,
 ) -> SearchResult:
     """Descents from estimates and from smaller orders, then the memetic search among them."""
+    budget = _evaluations(errors, settings)
+    if starts and _cost(errors) > HEAVY and budget == 0:
+        return _polished(errors, starts, 0)
     models = StartingModels(errors, errors.order, _cost(errors) <= HEAVY)
-    points, spent = [], 0
+    given = descended(errors, starts, len(starts))
+    points = [optimum.point for optimum in given]
+    spent = sum(optimum.evaluations for optimum in given)
     for problem in (errors, *_other_form(errors)):
         optima = _optima_from_estimates(problem, models, generator)
         if problem is not errors:
@@ -550,7 +584,6 @@ def _searched(
         spent += sum(optimum.evaluations for optimum in optima)
         if log is not None:
             log(f"starts of {problem.form} form: {len(optima)} optima, {spent} evaluations")
-    budget = _evaluations(errors, settings)
     if budget == 0 and points:
         return _polished(errors, points, spent)
     search = StateSpaceProblem(errors, np.array(points).reshape(-1, errors.dimension))
@@ -696,7 +729,8 @@ def _described(
     spread = np.linalg.norm(y - y.mean(axis=0), axis=0)
     fit = 100.0 * (1.0 - np.linalg.norm(e, axis=0) / np.where(spread > 0.0, spread, np.nan))
     sign, log_determinant = np.linalg.slogdet(e.T @ e / record.samples)
-    bic = log_determinant + errors.parameters * np.log(record.samples) / record.samples
+    penalty = errors.parameters * np.log(record.samples) / record.samples
+    whitened = autoregression_of(e, record.bounds)
     lost = max(prepared.shifts, default=0)
     residuals = []
     for first, stop in zip(record.bounds[:-1], record.bounds[1:], strict=True):
@@ -708,7 +742,8 @@ def _described(
         model=model,
         objective=result.value,
         fit_percent=fit,
-        bic=float(bic if sign > 0 else -np.inf),
+        bic=float(log_determinant + penalty if sign > 0 else -np.inf),
+        coloured_bic=float(whitened.bic + penalty),
         residuals=tuple(residuals),
         initial_states=states,
         record_levels=levels,

@@ -1,10 +1,11 @@
-"""The contents of ``model.json`` of a state-space model, and of ``modes.json``."""
+"""The contents of ``model.json`` of a state-space model."""
 
 from __future__ import annotations
 
 import platform
 from dataclasses import dataclass
 from importlib.metadata import version
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,6 @@ from evopem.estimation.state_space.estimate import StateSpaceEstimate
 from evopem.estimation.state_space.noise_model import plant_of
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.state_space import StateSpaceModel
-from evopem.models.state_space_modes import ShapedMode, assurance
 from evopem.signals.multichannel_preparation import MultichannelTransforms
 from evopem.version import __version__
 
@@ -42,6 +42,9 @@ class StateSpaceModelRecord:
     Ts : float
         Sampling period in s.
     level : (ny,) array
+    level_of_simulation : {"constant", "state"}
+        Level of other samples than those of the estimation: this one, or one that is fitted to them
+        along with the initial state.
     noise_covariance : (ny, ny) array
         Of e.
     input_delays : tuple of int
@@ -77,6 +80,7 @@ class StateSpaceModelRecord:
     K: Array
     Ts: float
     level: Array
+    level_of_simulation: Literal["constant", "state"]
     noise_covariance: Array
     input_delays: tuple[int, ...]
     form: str
@@ -106,10 +110,12 @@ class StateSpaceModelRecord:
         units: tuple[tuple[str, ...], tuple[str, ...]],
         settings: StateSpaceSearchSettings,
         transforms: MultichannelTransforms,
+        level: Literal["constant", "state"] = "constant",
     ) -> StateSpaceModelRecord:
         """The record of an estimate, and of the model with its noise model."""
         return cls(
             **{name: getattr(model, name) for name in ("A", "B", "C", "D", "K", "level")},
+            level_of_simulation=level,
             Ts=1.0 / model.sampling_rate,
             noise_covariance=model.noise_covariance,
             input_delays=model.input_delays or (0,) * model.inputs,
@@ -170,36 +176,3 @@ class StateSpaceModelRecord:
         form = _FORMS[self.form]
         states = f"{self.plant_states} state{'s' * (self.plant_states != 1)}"
         return f"state space, {states} ({form}{f', noise model of {noise}' if noise else ''})"
-
-
-@dataclass(frozen=True, eq=False)
-class ModesRecord:
-    """The modes of a plant with their shapes.
-
-    Attributes
-    ----------
-    input_names, output_names : tuple of str
-    modes : tuple of ShapedMode
-        By frequency.
-    assurance : tuple of tuples of float
-        Modal assurance criterion of each pair of shapes.
-    """
-
-    input_names: tuple[str, ...]
-    output_names: tuple[str, ...]
-    modes: tuple[ShapedMode, ...]
-    assurance: tuple[tuple[float, ...], ...]
-
-    @classmethod
-    def of(cls, plant: StateSpaceModel) -> ModesRecord:
-        """The modes of a plant."""
-        modes = tuple(plant.modes())
-        return cls(
-            plant.input_names,
-            plant.output_names,
-            modes,
-            tuple(
-                tuple(round(assurance(one.shape, other.shape), 12) for other in modes)
-                for one in modes
-            ),
-        )

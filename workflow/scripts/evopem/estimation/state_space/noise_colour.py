@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -25,11 +27,28 @@ def sample_autocovariances(errors: Array, bounds: NDArray[np.int64], lags: int) 
     return found / len(errors)
 
 
-def coloured_autocovariances(errors: Array, bounds: NDArray[np.int64]) -> Array:
-    """``E e_(t+k) e_t'`` for k = 0, 1, ... until they are negligible, (lags + 1, ny, ny).
+@dataclass(frozen=True, eq=False)
+class Autoregression:
+    """A vector autoregression of errors, ``e_t = sum_k coefficients[k - 1] e_(t-k) + noise``.
 
-    By multivariate Yule-Walker equations of the order that BIC prefers; order 0, white errors, is
-    among them.  Yule-Walker estimates are stable.
+    Attributes
+    ----------
+    coefficients : (order, ny, ny) array
+    autocovariances : (order + 1, ny, ny) array
+        Sample autocovariances of the errors, behind the coefficients.
+    bic : float
+        ``ln det(cov noise) + p ln(N) / N`` with p coefficients.
+    """
+
+    coefficients: Array
+    autocovariances: Array
+    bic: float
+
+
+def autoregression_of(errors: Array, bounds: NDArray[np.int64]) -> Autoregression:
+    """The vector autoregression of the order that BIC prefers; order 0 is among them.
+
+    By multivariate Yule-Walker equations, whose estimates are stable.
 
     Parameters
     ----------
@@ -41,19 +60,31 @@ def coloured_autocovariances(errors: Array, bounds: NDArray[np.int64]) -> Array:
     most = int(min(MOST_LAGS, SHARE * samples / ny))
     gamma = sample_autocovariances(errors, bounds, max(most, 1))
     best, chosen = np.inf, np.empty((0, ny, ny))
-    for order in range(most + 1):
-        coefficients = _yule_walker(gamma, order)
-        noise = gamma[0] - sum(
-            (coefficients[k] @ gamma[k + 1].T for k in range(order)), np.zeros((ny, ny))
-        )
+    for order, (coefficients, noise) in enumerate(_recursion(gamma, most)):
         sign, log_determinant = np.linalg.slogdet(0.5 * (noise + noise.T))
         if sign <= 0:
             break
         bic = log_determinant + order * ny**2 * np.log(samples) / samples
         if bic < best:
-            best, chosen = bic, coefficients
-    found = list(gamma[: len(chosen) + 1])
-    limit = NEGLIGIBLE * np.trace(gamma[0])
+            best, chosen = float(bic), coefficients
+    return Autoregression(chosen, gamma[: len(chosen) + 1], best)
+
+
+def coloured_autocovariances(errors: Array, bounds: NDArray[np.int64]) -> Array:
+    """``E e_(t+k) e_t'`` for k = 0, 1, ... until they are negligible, (lags + 1, ny, ny).
+
+    Those of :func:`autoregression_of`.
+
+    Parameters
+    ----------
+    errors : (N, ny) array
+    bounds : (records + 1,) array
+        First sample of each record, and N.
+    """
+    samples, ny = errors.shape
+    fitted = autoregression_of(errors, bounds)
+    chosen, found = fitted.coefficients, list(fitted.autocovariances)
+    limit = NEGLIGIBLE * np.trace(found[0])
     while len(chosen) and len(found) <= min(LONGEST, samples // 2):
         found.append(sum(chosen[k] @ found[-1 - k] for k in range(len(chosen))))
         if max(np.abs(each).max() for each in found[-len(chosen) - 5 :]) < limit / ny:
@@ -61,15 +92,26 @@ def coloured_autocovariances(errors: Array, bounds: NDArray[np.int64]) -> Array:
     return np.array(found)
 
 
-def _yule_walker(gamma: Array, order: int) -> Array:
-    """Coefficients of ``e_t = sum_k coefficients[k - 1] e_(t-k) + noise``, (order, ny, ny)."""
+def _recursion(gamma: Array, most: int) -> Iterator[tuple[Array, Array]]:
+    """Coefficients and noise covariance of the orders 0 ... ``most``.
+
+    The recursion of Levinson for several channels (Whittle 1963, Wiggins & Robinson 1965): forward
+    and backward predictions of one order give those of the next.
+    """
     ny = gamma.shape[1]
-    if order == 0:
-        return np.empty((0, ny, ny))
-    toeplitz = np.block(
-        [[gamma[j - i] if j >= i else gamma[i - j].T for j in range(order)] for i in range(order)]
-    )
-    right = np.hstack([gamma[k + 1] for k in range(order)])
-    solution = np.linalg.solve(toeplitz.T, right.T).T
-    coefficients: Array = solution.reshape(ny, order, ny).transpose(1, 0, 2)
-    return coefficients
+    forward, backward = np.empty((0, ny, ny)), np.empty((0, ny, ny))
+    ahead, behind = gamma[0], gamma[0]
+    for order in range(most + 1):
+        yield forward, ahead
+        if order == most:
+            return
+        # What the next lag explains beyond those before it.
+        rest = gamma[order + 1] - sum(
+            (forward[k] @ gamma[order - k] for k in range(order)), np.zeros((ny, ny))
+        )
+        last = np.linalg.solve(behind.T, rest.T).T
+        first = np.linalg.solve(ahead.T, rest).T
+        longer = np.concatenate([forward - last @ backward[::-1], last[None]])
+        backward = np.concatenate([backward - first @ forward[::-1], first[None]])
+        forward = longer
+        ahead, behind = ahead - last @ rest.T, behind - first @ rest

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 from evopem.automatic.decision import Decision
+from evopem.automatic.record import OtherModel
 from evopem.report.numbers import number
 from evopem.results.dataset import DatasetResults
 
@@ -34,22 +35,26 @@ class PurposeRow:
     prediction_error_percent: float
     simulation_error_percent: float
 
+    @classmethod
+    def of(cls, other: OtherModel) -> PurposeRow:
+        """The row of the model for another purpose."""
+        return cls(
+            *(other.purpose, f"model.{other.purpose}.json", other.model),
+            *(other.prediction_error_percent, other.simulation_error_percent),
+        )
+
 
 def purpose_rows(results: DatasetResults) -> list[PurposeRow]:
     """The model and the one for another purpose; empty for the chapter's recipe."""
     record, validation = results.decisions, results.validation
     if record is None:
         return []
-    other = record.other
     return [
         PurposeRow(
             *(record.purpose, "model.json", str(results.model.orders)),
             *(validation.prediction_error_percent, validation.simulation_error_percent),
         ),
-        PurposeRow(
-            *(other.purpose, f"model.{other.purpose}.json", other.model),
-            *(other.prediction_error_percent, other.simulation_error_percent),
-        ),
+        PurposeRow.of(record.other),
     ]
 
 
@@ -64,13 +69,7 @@ def about_decisions(results: DatasetResults) -> list[str]:
     record = results.decisions
     if record is None:
         return []
-    sentences = [f"The model is for {record.purpose}.", *record.remarks]
-    if record.failed:
-        sentences.append(
-            f"No remedy that was tried made these hold: {', '.join(record.failed)}. The checks say"
-            " what that means for the model."
-        )
-    return [" ".join(sentences)]
+    return [" ".join([f"The model is for {record.purpose}.", *record.remarks])]
 
 
 @dataclass(frozen=True)

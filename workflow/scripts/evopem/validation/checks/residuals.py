@@ -31,10 +31,46 @@ WITHOUT_NOISE_MODEL = ("fir", "oe")
 
 def white(validation: Validation) -> bool | None:
     """Whether the residuals are as white as a test can tell; None where it was not possible."""
-    share, lags = validation.autocorrelation_share_inside95, validation.lags
-    if math.isnan(share) or math.isnan(validation.ljung_box.p_value) or lags < 1:
+    return are_white(
+        validation.ljung_box.p_value, validation.autocorrelation_share_inside95, validation.lags
+    )
+
+
+def are_white(p_value: float, share: float, lags: int) -> bool | None:
+    """Whether residuals are as white as a test can tell; None where it was not possible.
+
+    Parameters
+    ----------
+    p_value : float
+        Of the joint test.
+    share : float
+        Share of the autocorrelations inside their 95 % bounds, 0 to 1.
+    lags : int
+        Number of these.
+    """
+    if math.isnan(share) or math.isnan(p_value) or lags < 1:
         return None
-    return validation.ljung_box.p_value >= SIGNIFICANCE and share >= _least_share(lags)
+    return p_value >= SIGNIFICANCE and share >= _least_share(lags)
+
+
+def are_independent(largest: float, share: float, lags: int) -> bool:
+    """Whether the cross-correlations of residuals and input are as small as chance makes them.
+
+    Parameters
+    ----------
+    largest : float
+        The largest one, in its 95 % bounds.
+    share : float
+        Share of them inside these bounds, 0 to 1.
+    lags : int
+        Largest lag, of both signs.
+    """
+    return largest <= _largest_by_chance(lags) and share >= MIN_CROSS_CORRELATION_SHARE
+
+
+def _largest_by_chance(lags: int) -> float:
+    """Of 2 lags + 1 correlations in 95 % bounds; Bonferroni's inequality needs no independence."""
+    return float(ndtri(1 - SIGNIFICANCE / (2 * (2 * lags + 1))) / ndtri(0.975))
 
 
 def _least_share(lags: int) -> float:
@@ -104,9 +140,8 @@ def input_independence(validation: Validation) -> Check:
             "Use a record whose input varies, or fewer parameters.",
         )
     count = 2 * test.lags + 1
-    # The Bonferroni inequality holds for any dependence between lags.
-    allowed = float(ndtri(1 - SIGNIFICANCE / (2 * count)) / ndtri(0.975))
-    passed = test.max_in_bounds <= allowed and test.share_inside95 >= MIN_CROSS_CORRELATION_SHARE
+    allowed = _largest_by_chance(test.lags)
+    passed = are_independent(test.max_in_bounds, test.share_inside95, test.lags)
     return Check(
         name,
         passed,

@@ -26,6 +26,7 @@ COINCIDENT_DISTANCE = 0.01
 
 
 DISTINCT = "Poles and zeros distinct"
+INSIDE_BOUND = "Roots inside the stability bound"
 
 
 def stability(model: ModelRecord) -> Check:
@@ -85,7 +86,7 @@ def _inside_unit_circle(name: str, polynomial: str, found: Roots, advice: str) -
 
 def stability_bound(model: ModelRecord) -> Check:
     """No root of A, C, D or F at the largest radius that the search allows."""
-    name = "Roots inside the stability bound"
+    name = INSIDE_BOUND
     bound = f"the stability bound (radius {model.search.settings.max_root_radius:g})"
     letters = _letters(model, "acdf").replace(" and ", " or ")
     if not letters:
@@ -116,14 +117,12 @@ def cancellation(model: ModelRecord) -> Check:
     if poles.size == 0 or zeros.size == 0:
         return Check(name, True, "The model has no pair of a pole and a zero.")
     own = model.model
-    pairs = [
-        (abs(pole - zero), complex(pole), complex(zero), letter)
-        for letter in "af"
-        for pole in roots(getattr(own, letter)[1:])
+    distance, pole, zero = min(
+        (abs(pole - zero), complex(pole), complex(zero))
+        for pole in poles
         for zero in zeros
         if pole.imag >= 0 and zero.imag >= 0
-    ]
-    distance, pole, zero, _ = min(pairs, key=lambda pair: pair[0])
+    )
     nearest = f"The nearest pair, pole {_root_text(pole)} and zero {_root_text(zero)}, is"
     order = plant_order(model.orders.structure)
     advice = (
@@ -144,11 +143,7 @@ def cancellation(model: ModelRecord) -> Check:
         )
     indistinct = [
         f"{_root_text(pole)} and {_root_text(zero)}"
-        for distance, pole, zero, letter in pairs
-        if distance < MAX_CANCELLATION_DISTANCE
-        and indistinguishable(
-            pole, zero, getattr(own, letter), own.b, _with_numerator(own, letter, covariance)
-        )
+        for pole, zero in cancelling_pairs(own, covariance)
     ]
     if indistinct:
         return Check(
@@ -164,6 +159,35 @@ def cancellation(model: ModelRecord) -> Check:
         f"{nearest} {distance:.2g} apart. No pair closer than {MAX_CANCELLATION_DISTANCE:g} is"
         " within its joint 95 % uncertainty.",
     )
+
+
+def cancelling_pairs(
+    model: PolynomialModel, covariance: ParameterCovariance
+) -> list[tuple[complex, complex]]:
+    """Pairs of a pole of A or F and a zero that do not differ significantly.
+
+    Parameters
+    ----------
+    model : PolynomialModel
+    covariance : ParameterCovariance
+        Of its coefficients.
+    """
+    return [
+        (complex(pole), complex(zero))
+        for letter in "af"
+        for pole in roots(getattr(model, letter)[1:])
+        for zero in model.zeros()
+        if pole.imag >= 0
+        and zero.imag >= 0
+        and abs(pole - zero) < MAX_CANCELLATION_DISTANCE
+        and indistinguishable(
+            complex(pole),
+            complex(zero),
+            getattr(model, letter),
+            model.b,
+            _with_numerator(model, letter, covariance),
+        )
+    ]
 
 
 def _with_numerator(

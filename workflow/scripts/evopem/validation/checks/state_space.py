@@ -21,15 +21,11 @@ from evopem.validation.checks.search import repeatability
 
 if TYPE_CHECKING:
     from evopem.estimation.state_space.model_record import StateSpaceModelRecord
-    from evopem.models.state_space_modes import ShapedMode
     from evopem.signals.multichannel_reading import MultichannelInfo
     from evopem.validation.multichannel import MultichannelValidation
 
 # Names that a sentence lists at most.
 LISTED = 6
-# A mode with a wider standard error of its frequency, or with a smaller share of the energy of all
-# modes at every output, is not to be trusted.
-LARGEST_FREQUENCY_ERROR, LEAST_SHARE = 0.05, 1e-3
 
 
 def state_space_checks(
@@ -60,21 +56,6 @@ def state_space_checks(
         _outliers(validation),
         _saturation(recording),
     ]
-
-
-def mode_doubts(mode: ShapedMode) -> tuple[str, ...]:
-    """Reasons not to trust a mode, in clauses; none for one to be trusted."""
-    doubts = []
-    error = mode.frequency_se_hz
-    if not math.isfinite(error) or not math.isfinite(mode.damping_se):
-        doubts.append("its standard errors are not known")
-    elif error > LARGEST_FREQUENCY_ERROR * mode.frequency_hz:
-        doubts.append(f"its frequency is only known to {100 * error / mode.frequency_hz:.0f} %")
-    if mode.damping_ratio <= 0.0:
-        doubts.append("it is not damped")
-    if mode.output_shares.size and float(np.max(mode.output_shares)) < LEAST_SHARE:
-        doubts.append(f"it carries less than {100 * LEAST_SHARE:g} % of the energy at any output")
-    return tuple(doubts)
 
 
 def _named(names: Sequence[str]) -> str:

@@ -1,0 +1,170 @@
+"""The automatic recipe on records of each structure: what it chooses, and what its intervals cover.
+
+    PYTHONPATH=workflow/scripts python benchmarks/automatic_structures.py --records 15
+
+Records of known truths, identified with nothing but input and output given.  The frequency response
+of the chosen model is compared with the truth's, and with that of a model of the true structure and
+orders, estimated from the same samples: a ratio of 1 is as near as one can hope for.  The 95 %
+intervals of gain and phase take everything that was decided for given.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections import Counter
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from polynomial_selection import FREQUENCIES, NORMAL_95, truth_of
+from threadpoolctl import threadpool_limits
+
+from evopem import PolynomialModel
+from evopem.automatic.fit import NOISE_RADIUS, PLANT_RADIUS, FitSettings, fit
+from evopem.automatic.identify import identify_recordings
+from evopem.automatic.preparation import PreparedRecord
+from evopem.estimation.pem.stretch_errors import StretchErrors
+from evopem.estimation.polynomial_estimate import covariance_of
+from evopem.models.polynomial_intervals import response_standard_errors
+from evopem.signals.recording import Recording
+from evopem.signals.stretches import Stretch
+from evopem.synthesis.polynomial import polynomial_record
+
+Array = NDArray[np.float64]
+
+STRUCTURES = ("fir", "arx", "armax", "ararx", "ararmax", "oe", "bj")
+SAMPLES, NOISE = 1000, 20.0
+# A frequency response as near to the truth as that of the true structure and orders.
+AS_NEAR = 1.1
+
+
+class Outcome(NamedTuple):
+    """What one record gave.
+
+    Attributes
+    ----------
+    structure, model : str
+    ratio : float
+        Error of the frequency response, over that of a model of the true structure and orders.
+    gain, phase : float
+        Shares of the frequencies whose intervals cover the truth; NaN without intervals.
+    failed : tuple of str
+        Checks that stay failed.
+    """
+
+    structure: str
+    model: str
+    ratio: float
+    gain: float
+    phase: float
+    failed: tuple[str, ...]
+
+
+def record_of(structure: str, seed: int) -> tuple[Array, Array]:
+    """Input and output of one record."""
+    sequence = np.random.SeedSequence(seed, spawn_key=(STRUCTURES.index(structure), 17))
+    u, y, _ = polynomial_record(
+        truth_of(structure), SAMPLES, NOISE, np.random.default_rng(sequence)
+    )
+    return u, y
+
+
+def judged(
+    structure: str,
+    seed: int,
+    prepared: PreparedRecord,
+    name: str,
+    model: PolynomialModel,
+    failed: tuple[str, ...],
+) -> Outcome:
+    """Compare a model of the prepared stretches with the truth."""
+    truth, plan = truth_of(structure), prepared.plan
+    given = replace(truth, b=truth.b * plan.input_scale / plan.output_scale)
+    orders = replace(model.orders, structure=name.split()[0])
+    errors = StretchErrors(
+        *(prepared.stretches, orders, plan.objective, PLANT_RADIUS, NOISE_RADIUS, True)
+    )
+    point = errors.completed_by_states(model)
+    covariance = covariance_of(
+        *(errors, point, errors.residuals(point), errors.scored_outputs()),
+        errors.residual_counts(),
+    )
+    true_orders = fit(
+        [Stretch(*record_of(structure, seed))], truth.orders, FitSettings(), [truth]
+    ).model
+    ratio = _distance(model, given) / _distance(true_orders, truth)
+    ratio *= plan.output_scale / plan.input_scale
+    gain = phase = np.nan
+    if covariance is not None:
+        found = replace(model, covariance=covariance)
+        difference = _logarithm(found) - _logarithm(given)
+        difference[1] = np.angle(np.exp(1j * difference[1]))
+        inside = np.abs(difference) < NORMAL_95 * response_standard_errors(found, _logarithm)
+        gain, phase = map(float, np.mean(inside, axis=1))
+    return Outcome(name.split()[0], name, float(ratio), gain, phase, failed)
+
+
+def _logarithm(model: PolynomialModel) -> Array:
+    logarithm = np.log(model.frequency_response(FREQUENCIES))
+    return np.stack([logarithm.real, logarithm.imag])
+
+
+def _distance(model: PolynomialModel, truth: PolynomialModel) -> float:
+    response = truth.frequency_response(FREQUENCIES)
+    return float(np.linalg.norm(model.frequency_response(FREQUENCIES) - response))
+
+
+def identified(structure: str, seed: int) -> Outcome:
+    """Identify one record and judge the model."""
+    found = identify_recordings([Recording(*record_of(structure, seed), 1.0)])
+    candidate = found.choice.candidate
+    with threadpool_limits(limits=1, user_api="blas"):
+        return judged(
+            *(structure, seed, found.prepared, candidate.name, candidate.model, found.failed)
+        )
+
+
+def row(structure: str, outcomes: list[Outcome]) -> str:
+    """A row of the table."""
+    right = [each.structure == structure for each in outcomes]
+    near = [own or each.ratio <= AS_NEAR for own, each in zip(right, outcomes, strict=True)]
+    ratios = np.array([each.ratio for each in outcomes])
+    chosen = ", ".join(
+        f"{name} {count}" for name, count in Counter(e.structure for e in outcomes).most_common()
+    )
+    shares = [
+        100.0 * np.nanmean([getattr(e, kind) for e in outcomes]) for kind in ("gain", "phase")
+    ]
+    return (
+        f"| {structure} | {len(outcomes)} | {chosen} | {100.0 * np.mean(right):.0f} "
+        f"| {100.0 * np.mean(near):.0f} | {np.median(ratios):.2f} | {ratios.max():.2f} "
+        f"| {shares[0]:.1f} | {shares[1]:.1f} | {np.mean([len(e.failed) for e in outcomes]):.2f} |"
+    )
+
+
+HEADER = (
+    "| truth | records | chosen | right, % | right or as near, % | median ratio | largest "
+    "| gain covered, % | phase covered, % | failed checks |"
+)
+
+
+def main() -> None:
+    """Print a row for each structure."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--records", type=int, default=15)
+    parser.add_argument("--only", default="", help="structures whose name contains this")
+    arguments = parser.parse_args()
+    print(HEADER)
+    print("|---" * 10 + "|")
+    for structure in STRUCTURES:
+        if arguments.only not in structure:
+            continue
+        begun = time.process_time()
+        outcomes = [identified(structure, seed) for seed in range(arguments.records)]
+        print(row(structure, outcomes), f"{time.process_time() - begun:.0f} s", flush=True)
+
+
+if __name__ == "__main__":
+    main()

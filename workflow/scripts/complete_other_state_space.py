@@ -1,0 +1,18 @@
+"""Complete the state-space model for the other purpose."""
+
+from typing import TYPE_CHECKING
+
+from evopem.config.state_space_settings import StateSpaceSearchSettings
+from evopem.files.job import job
+from evopem.files.json_form import from_json
+from evopem.pipeline.multichannel import complete_other_state_space
+from evopem.results.layout import DatasetFiles
+
+if TYPE_CHECKING:
+    from snakemake.iocontainers import snakemake
+
+with job(snakemake.log[0], snakemake.input, snakemake.output):
+    complete_other_state_space(
+        DatasetFiles.of_log(snakemake.log[0]),
+        from_json(StateSpaceSearchSettings, snakemake.params.search),
+    )

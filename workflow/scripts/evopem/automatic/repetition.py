@@ -1,0 +1,171 @@
+"""Residuals that repeat with the period of the input, and how many samples tell something new.
+
+A periodic input makes the errors of a linear model of a nonlinear system periodic as well
+(Pintelon & Schoukens 2012, chapter 4).  Every further period then repeats the same errors: a
+criterion that counts all samples as independent takes a model of too many parameters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evopem.automatic.decision import Alternative, Decision
+from evopem.signals.stretches import Stretch
+
+Array = NDArray[np.float64]
+
+# The input repeats at a lag where its correlation is as large as this, once it has fallen below
+# the other; with the opposite sign for an input of odd harmonics alone.
+REPEATS, HAS_CHANGED = 0.95, 0.5
+# Longest lag as a share of the stretch: what overlaps must tell something of the whole.
+LONGEST_LAG = 2.0 / 3.0
+# Orders of the ARX models whose residuals are judged, as far as there are SAMPLES_PER_ORDER samples
+# for each.
+ORDERS, SAMPLES_PER_ORDER = (2, 4, 8, 12, 16), 25
+# A correlation of this many standard errors is significant (1 %).
+SIGNIFICANT = 2.6
+
+
+@dataclass(frozen=True)
+class Repetition:
+    """How far residuals repeat with the input.
+
+    Attributes
+    ----------
+    lag : int
+        Samples after which the input repeats, as it is or with the opposite sign; 0 for none.
+    correlation : float
+        Of residuals whole lags apart, with the sign of the input's.
+    independent : float
+        Share of the samples that are independent: ``1 / (1 + 2 r sum_k (1 - k lag / N))`` with
+        that correlation r (the design effect; Kish 1965).
+    decision : Decision
+    """
+
+    lag: int
+    correlation: float
+    independent: float
+    decision: Decision
+
+
+def decide_repetition(stretches: Sequence[Stretch]) -> Repetition:
+    """Judge the residuals of ARX models of the longest stretch.
+
+    Parameters
+    ----------
+    stretches : sequence of Stretch
+    """
+    stretch = max(stretches, key=lambda each: each.samples)
+    lag = repetition_lag(stretch.input)
+    if lag == 0:
+        return _of(0, 0.0, 1.0, "The input does not repeat: every sample counts.")
+    correlation = repeated_correlation(arx_residuals(stretch), stretch.input, lag)
+    n = stretch.samples
+    if not correlation > SIGNIFICANT / np.sqrt(n - lag):
+        return _of(
+            *(lag, correlation, 1.0),
+            f"The input repeats after {lag} samples; the residuals do not: every sample counts.",
+        )
+    pairs = float(np.sum(1.0 - lag * np.arange(1, -(-n // lag)) / n))
+    independent = 1.0 / (1.0 + 2.0 * pairs * correlation)
+    return _of(
+        *(lag, correlation, independent),
+        f"The input repeats after {lag} samples, and so do the residuals (correlation"
+        f" {correlation:.2f}): they are caused by the input, in a way that no linear model"
+        f" describes. Repetitions tell little that is new, so that {n} samples count as"
+        f" {round(independent * n)} in the BIC.",
+    )
+
+
+def _of(lag: int, correlation: float, independent: float, sentence: str) -> Repetition:
+    alternatives = (Alternative("repeated", correlation), Alternative("all", 0.0))
+    choice = "all" if independent == 1.0 else f"{100.0 * independent:.0f} %"
+    decision = Decision(
+        *("independent samples", choice, alternatives),
+        *("correlation of residuals where the input repeats", sentence),
+    )
+    return Repetition(lag, correlation, independent, decision)
+
+
+def repetition_lag(signal: Array) -> int:
+    """Samples after which a signal repeats, as it is or with the opposite sign; 0 for none.
+
+    Parameters
+    ----------
+    signal : (N,) array
+    """
+    n = len(signal)
+    longest = int(LONGEST_LAG * n)
+    x = signal - signal.mean()
+    if longest < 2 or not np.ptp(x) > 0.0:
+        return 0
+    spectrum = np.fft.rfft(x, 2 * n)
+    products = np.fft.irfft(np.abs(spectrum) ** 2, 2 * n)[: longest + 1]
+    power = np.concatenate([[0.0], np.cumsum(x**2)])
+    lags = np.arange(longest + 1)
+    scale = np.sqrt(power[n - lags] * (power[n] - power[lags]))
+    correlation = np.divide(products, scale, out=np.zeros(longest + 1), where=scale > 0.0)
+    changed = np.flatnonzero(np.abs(correlation) < HAS_CHANGED)
+    if not len(changed):
+        return 0
+    repeats = np.abs(correlation) >= REPEATS
+    repeats[: changed[0]] = False
+    if not repeats.any():
+        return 0
+    first = int(np.argmax(repeats))
+    # The largest correlation of the first lags in sequence that repeat.
+    last = first + int(np.argmin(np.append(repeats[first:], False)))
+    return first + int(np.argmax(np.abs(correlation[first:last])))
+
+
+def repeated_correlation(residuals: Array, signal: Array, lag: int) -> float:
+    """Mean correlation of residuals 1, 2, ... lags apart, each with the sign of the input's.
+
+    Parameters
+    ----------
+    residuals : (M,) array
+        Of the last M samples.
+    signal : (N,) array
+        The input.
+    lag : int
+    """
+    e = residuals - residuals.mean()
+    u = (signal - signal.mean())[-len(e) :]
+    power = float(e @ e) / len(e)
+    if not power > 0.0:
+        return 0.0
+    multiples = range(lag, int(LONGEST_LAG * len(e)) + 1, lag)
+    found = [
+        float(np.sign(u[k:] @ u[:-k])) * float(e[k:] @ e[:-k]) / ((len(e) - k) * power)
+        for k in multiples
+    ]
+    return float(np.mean(found)) if found else 0.0
+
+
+def arx_residuals(stretch: Stretch) -> Array:
+    """Residuals of the ARX model of the lowest BIC, (M,), of the last M samples.
+
+    Parameters
+    ----------
+    stretch : Stretch
+    """
+    u, y, n = stretch.input, stretch.output, stretch.samples
+    first = max(ORDERS)
+    best, residuals = np.inf, y[first:] - y[first:].mean()
+    for order in ORDERS:
+        if n < max(order * SAMPLES_PER_ORDER, 3 * first):
+            break
+        columns = [y[first - i : n - i] for i in range(1, order + 1)]
+        columns += [u[first - i : n - i] for i in range(order + 1)]
+        regressors = np.column_stack([*columns, np.ones(n - first)])
+        e = y[first:] - regressors @ np.linalg.lstsq(regressors, y[first:], rcond=None)[0]
+        count = len(e)
+        mean_square = max(float(e @ e) / count, np.finfo(float).tiny)
+        bic = np.log(mean_square) + regressors.shape[1] * np.log(count) / count
+        if bic < best:
+            best, residuals = bic, e
+    return residuals

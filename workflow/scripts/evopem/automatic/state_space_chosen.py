@@ -1,0 +1,164 @@
+"""Estimation of the state-space models that were chosen."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+from evopem.automatic.state_space_choice import ModelChoice
+from evopem.automatic.state_space_search import (
+    OUTPUT_ERROR_WEIGHTING,
+    estimate_box_jenkins,
+    noise_orders,
+)
+from evopem.estimation.state_space.estimate import (
+    StateSpaceEstimate,
+    StateSpaceSettings,
+    descend_from,
+    estimate_state_space,
+)
+from evopem.estimation.state_space.noise_model import noise_model, side_by_side
+from evopem.models.state_space import Form, StateSpaceModel
+from evopem.signals.multichannel import MultichannelRecording
+
+Log = Callable[[str], None]
+
+
+@dataclass(frozen=True, eq=False)
+class ChosenModel:
+    """A chosen model.
+
+    Attributes
+    ----------
+    estimate : StateSpaceEstimate
+        What was searched: the plant alone in output-error form.
+    model : StateSpaceModel
+        With the noise model beside an output-error plant.
+    """
+
+    estimate: StateSpaceEstimate
+    model: StateSpaceModel
+
+
+def search_chosen(
+    choice: ModelChoice,
+    searched: StateSpaceModel,
+    estimation: MultichannelRecording,
+    delays: Sequence[int],
+    settings: StateSpaceSettings,
+    log: Log | None = None,
+) -> ChosenModel:
+    """Search a chosen model globally, the one of the search over orders among the starts.
+
+    Parameters
+    ----------
+    choice : ModelChoice
+    searched : StateSpaceModel
+        Of the search over orders.
+    estimation : MultichannelRecording
+    delays : sequence of int
+    settings : StateSpaceSettings
+    log : callable, optional
+
+    Raises
+    ------
+    ValueError
+        When the record is too short.
+    """
+    if choice.variant.form == "box_jenkins":
+        return _search_box_jenkins(choice, searched, estimation, delays, settings, log)
+    form: Form = "innovations" if choice.variant.form == "innovations" else "output_error"
+    estimate = _searched(estimation, choice.order, form, delays, settings, (searched,), log)
+    return _completed(choice, estimate, estimation, settings)
+
+
+def estimate_as_searched(
+    choice: ModelChoice,
+    searched: StateSpaceModel,
+    estimation: MultichannelRecording,
+    delays: Sequence[int],
+    settings: StateSpaceSettings,
+) -> ChosenModel:
+    """The optimum that the search over orders found, with its covariance and its noise model.
+
+    Parameters and errors as of :func:`search_chosen`.
+    """
+    estimate = _descended(searched, estimation, delays, settings)
+    return _completed(choice, estimate, estimation, settings)
+
+
+def _search_box_jenkins(
+    choice: ModelChoice,
+    searched: StateSpaceModel,
+    estimation: MultichannelRecording,
+    delays: Sequence[int],
+    settings: StateSpaceSettings,
+    log: Log | None,
+) -> ChosenModel:
+    """The better one of the optima next to the globally searched plant and next to the first."""
+    first = replace(settings, weighting=OUTPUT_ERROR_WEIGHTING)
+    plant = _searched(estimation, choice.order, "output_error", delays, first, (), log)
+    estimates = [
+        _descended(searched, estimation, delays, settings),
+        estimate_box_jenkins(estimation, plant.model, delays, settings),
+    ]
+    best = min(estimates, key=lambda each: each.bic)
+    return ChosenModel(best, best.model)
+
+
+def _searched(
+    estimation: MultichannelRecording,
+    order: int,
+    form: Form,
+    delays: Sequence[int],
+    settings: StateSpaceSettings,
+    starts: Sequence[StateSpaceModel],
+    log: Log | None,
+) -> StateSpaceEstimate:
+    return estimate_state_space(
+        estimation.inputs if estimation.has_input else None,
+        estimation.outputs,
+        order,
+        estimation.sampling_rate,
+        form=form,
+        delays=tuple(delays),
+        settings=settings,
+        starts=starts,
+        input_names=estimation.input_names,
+        output_names=estimation.output_names,
+        log=log,
+    )
+
+
+def _descended(
+    model: StateSpaceModel,
+    estimation: MultichannelRecording,
+    delays: Sequence[int],
+    settings: StateSpaceSettings,
+) -> StateSpaceEstimate:
+    return descend_from(
+        model,
+        estimation.inputs if estimation.has_input else None,
+        estimation.outputs,
+        estimation.sampling_rate,
+        delays=tuple(delays),
+        settings=settings,
+        input_names=estimation.input_names,
+        output_names=estimation.output_names,
+    )
+
+
+def _completed(
+    choice: ModelChoice,
+    estimate: StateSpaceEstimate,
+    estimation: MultichannelRecording,
+    settings: StateSpaceSettings,
+) -> ChosenModel:
+    """A noise model stands beside an output-error plant whose residuals are not white."""
+    plant = estimate.model
+    if choice.variant.form != "output_error":
+        return ChosenModel(estimate, plant)
+    noise = noise_model(
+        plant, [estimation.inputs], [estimation.outputs], noise_orders(estimation), settings
+    )
+    return ChosenModel(estimate, plant if noise is None else side_by_side(plant, noise))

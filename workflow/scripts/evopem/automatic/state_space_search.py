@@ -1,0 +1,451 @@
+"""Searches behind the choice of a state-space model: delays, and all orders of each form.
+
+Each variant, a form with a weighting, is searched over all orders: on all estimation samples for
+its BIC, and on the training part of each fold for its errors on held-out samples.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evopem.automatic.decision import Alternative, Decision, given_by_configuration
+from evopem.config.state_space_settings import (
+    OutputWeighting,
+    StateSpaceForm,
+)
+from evopem.errors import InputError
+from evopem.estimation.state_space.delays import estimate_delays
+from evopem.estimation.state_space.estimate import (
+    FINAL_WIDTH,
+    StateSpaceEstimate,
+    StateSpaceSettings,
+    descend_from,
+    errors_on,
+    estimates_of_orders,
+    refitted,
+)
+from evopem.estimation.state_space.noise_model import RISES, WIDTH, noise_model, side_by_side
+from evopem.estimation.state_space.order_models import OrderModel, OrderModels
+from evopem.models.state_space import Form, StateSpaceModel
+from evopem.signals.multichannel import MultichannelRecording
+
+Array = NDArray[np.float64]
+Log = Callable[[str], None]
+
+# Designs of folds, each a number of folds of consecutive samples: few long ones show errors of the
+# gain and of slow poles, many leave more samples to fit.  Large records have the first alone.
+DESIGNS = (2, 5)
+LARGE = 100_000
+# Estimates of each order that are descended from on large records, whose estimates are good ones.
+LARGE_WIDTH = 2
+SHORTEST_FOLD = 40
+# Largest orders tried of plant and noise model, and output values for each parameter of the largest
+# model.
+MOST_STATES, MOST_NOISE_STATES, VALUES_PER_PARAMETER = 20, 10, 5
+# Above this largest order they are tried in steps of two.
+SINGLE_STEPS = 10
+# Weighting of the output-error models that Box-Jenkins models begin with.
+OUTPUT_ERROR_WEIGHTING: OutputWeighting = "noise"
+# Errors beyond this, in percent, are all the same: useless.
+LARGEST_ERROR = 1e3
+LARGEST_DELAY = 10
+
+
+@dataclass(frozen=True)
+class Variant:
+    """A form with a weighting of the outputs."""
+
+    form: StateSpaceForm
+    weighting: OutputWeighting
+
+    @property
+    def name(self) -> str:
+        """Such as ``innovations_determinant``."""
+        return f"{self.form}_{self.weighting}"
+
+
+@dataclass(frozen=True)
+class DelayChoice:
+    """Delays of the inputs in samples, 0 for one that acts on the same sample."""
+
+    delays: tuple[int, ...]
+    decision: Decision
+
+
+@dataclass(frozen=True)
+class FoldErrors:
+    """Errors in percent of the models of all orders on one fold, mean over the outputs."""
+
+    simulation: tuple[float, ...]
+    free_level: tuple[float, ...]
+    prediction: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class VariantSearch:
+    """The orders of one variant, with their evidence.
+
+    Attributes
+    ----------
+    variant : Variant
+    orders : tuple of int
+        Up to that of the lowest BIC.
+    tried : tuple of int
+        All orders whose BIC was computed.
+    bic : tuple of float
+        Of models of all estimation samples, of all orders tried.
+    coloured_bic : tuple of float
+        Of these models with a vector autoregression of their errors, of all orders: comparable
+        between forms with and without a noise model.
+    simulation, free_level, prediction : tuple of float
+        Errors on held-out samples in percent, one step ahead for prediction: the geometric mean
+        over the designs of the folds.  With a free level each held-out part has one of its own,
+        fitted along with its initial state.
+    folds : tuple of FoldErrors
+        Errors of the models of all orders on each fold of the design with most folds.
+    """
+
+    variant: Variant
+    orders: tuple[int, ...]
+    tried: tuple[int, ...]
+    bic: tuple[float, ...]
+    coloured_bic: tuple[float, ...]
+    simulation: tuple[float, ...]
+    free_level: tuple[float, ...]
+    prediction: tuple[float, ...]
+    folds: tuple[FoldErrors, ...]
+
+    @classmethod
+    def without_models(cls, variant: Variant) -> VariantSearch:
+        """The search of a variant that no model could be estimated of."""
+        return cls(variant, *((),) * 8)
+
+
+def decide_delays(estimation: MultichannelRecording, limits: tuple[int, int] | None) -> DelayChoice:
+    """Decide the delay of each input by the BIC of vector ARX models.
+
+    Parameters
+    ----------
+    estimation : MultichannelRecording
+    limits : (lower, upper), optional
+    """
+    nu = estimation.inputs.shape[1]
+    low, high = limits or (0, LARGEST_DELAY)
+    if nu == 0 or low == high:
+        delays = (low,) * nu
+        return DelayChoice(delays, given_by_configuration("delays", _listed(delays) or "none"))
+    delays = estimate_delays(estimation.inputs, estimation.outputs, high, low)
+    alternatives = tuple(
+        Alternative(f"{name}: {delay}", np.nan)
+        for name, delay in zip(estimation.input_names, delays, strict=True)
+    )
+    return DelayChoice(
+        delays,
+        Decision(
+            *("delays", _listed(delays), alternatives, "BIC of vector ARX models"),
+            "The first lags of an input are left out as long as they explain nothing.",
+        ),
+    )
+
+
+def searched_orders(
+    estimation: MultichannelRecording, limits: tuple[int, int] | None, place: str
+) -> tuple[int, ...]:
+    """The orders that are tried: all that the record can determine, in steps of two where many.
+
+    Parameters
+    ----------
+    estimation : MultichannelRecording
+    limits : (lower, upper), optional
+    place : str
+        Configuration key of the data set, for an error to name.
+
+    Raises
+    ------
+    InputError
+        When the record is too short for any of them.
+    """
+    samples, ny = estimation.outputs.shape
+    nu = estimation.inputs.shape[1]
+    low, high = limits or (1, MOST_STATES)
+    # A fold of two leaves half of the samples.
+    affordable = samples * ny // 2 // VALUES_PER_PARAMETER // (nu + 2 * ny + 1)
+    affordable = min(affordable, samples // 12)
+    if affordable < low:
+        raise InputError(
+            f"{place}.orders.nx",
+            f"{samples} estimation samples are too few for {low} states with {nu} inputs and {ny}"
+            " outputs",
+            "record longer, or lower orders.nx",
+        )
+    high = min(high, affordable)
+    if limits is None and high > SINGLE_STEPS:
+        return tuple(range(2, high + 1, 2))
+    return tuple(range(low, high + 1))
+
+
+def noise_orders(estimation: MultichannelRecording) -> tuple[int, ...]:
+    """The orders that are tried for a noise model beside an output-error model."""
+    samples = estimation.samples
+    affordable = min(MOST_NOISE_STATES, samples // 12, samples // VALUES_PER_PARAMETER // 2)
+    if _is_large(estimation):
+        return tuple(range(2, max(affordable, 2) + 1, 2))
+    return tuple(range(1, max(affordable, 1) + 1))
+
+
+def search_variant(
+    estimation: MultichannelRecording,
+    variant: Variant,
+    delays: Sequence[int],
+    orders: Sequence[int],
+    settings: StateSpaceSettings,
+    log: Log | None = None,
+) -> tuple[VariantSearch, OrderModels]:
+    """Estimate every order of a variant, and score it on held-out samples.
+
+    Parameters
+    ----------
+    estimation : MultichannelRecording
+    variant : Variant
+    delays, orders : sequence of int
+    settings : StateSpaceSettings
+    log : callable, optional
+    """
+    if variant.form == "box_jenkins":
+        return _search_box_jenkins(estimation, variant, delays, orders, settings, log)
+    form: Form = "output_error" if variant.form == "output_error" else "innovations"
+    estimates = estimates_of_orders(
+        estimation.inputs if estimation.has_input else None,
+        estimation.outputs,
+        orders,
+        form=form,
+        delays=tuple(delays),
+        settings=settings,
+        width=LARGE_WIDTH if _is_large(estimation) else FINAL_WIDTH,
+        log=log,
+    )
+    found = _until_bic_rises((each.model.order, each) for each in estimates)
+    search = _scored(estimation, variant, found, delays, settings, log)
+    return search, _order_models(estimation, found)
+
+
+def _order_models(
+    estimation: MultichannelRecording, found: Mapping[int, StateSpaceEstimate]
+) -> OrderModels:
+    """The models with the rate and the names of the record."""
+    return OrderModels(
+        tuple(
+            OrderModel.of(
+                order,
+                estimate.bic,
+                replace(
+                    estimate.model,
+                    sampling_rate=estimation.sampling_rate,
+                    input_names=estimation.input_names,
+                    output_names=estimation.output_names,
+                ),
+            )
+            for order, estimate in found.items()
+        )
+    )
+
+
+def _search_box_jenkins(
+    estimation: MultichannelRecording,
+    variant: Variant,
+    delays: Sequence[int],
+    orders: Sequence[int],
+    settings: StateSpaceSettings,
+    log: Log | None,
+) -> tuple[VariantSearch, OrderModels]:
+    """The same for innovations form next to output-error models, whose orders these are.
+
+    None on large records, where a descent takes too long.
+    """
+    if _is_large(estimation):
+        return VariantSearch.without_models(variant), OrderModels(())
+    plants = estimates_of_orders(
+        estimation.inputs,
+        estimation.outputs,
+        orders,
+        form="output_error",
+        delays=tuple(delays),
+        settings=replace(settings, weighting=OUTPUT_ERROR_WEIGHTING),
+        width=WIDTH,
+    )
+
+    def estimates() -> Iterator[tuple[int, StateSpaceEstimate]]:
+        for each in plants:
+            plant = each.model
+            try:
+                estimate = estimate_box_jenkins(estimation, plant, delays, settings)
+            except ValueError:
+                continue
+            if log is not None:
+                log(f"{variant.name}: {plant.order} of {estimate.model.order} states")
+            yield plant.order, estimate
+
+    found = _until_bic_rises(estimates())
+    search = _scored(estimation, variant, found, delays, settings, log)
+    return search, _order_models(estimation, found)
+
+
+def _until_bic_rises(
+    estimates: Iterable[tuple[int, StateSpaceEstimate]],
+) -> dict[int, StateSpaceEstimate]:
+    """The estimates by order, up to where the BIC has risen so often that the search ends."""
+    found: dict[int, StateSpaceEstimate] = {}
+    lowest = np.inf
+    rises = 0
+    for order, estimate in estimates:
+        found[order] = estimate
+        rises = 0 if estimate.bic < lowest else rises + 1
+        lowest = min(lowest, estimate.bic)
+        if rises >= RISES:
+            break
+    return found
+
+
+def estimate_box_jenkins(
+    estimation: MultichannelRecording,
+    plant: StateSpaceModel,
+    delays: Sequence[int],
+    settings: StateSpaceSettings,
+) -> StateSpaceEstimate:
+    """The optimum of innovations form next to a plant with its noise model.
+
+    Parameters
+    ----------
+    estimation : MultichannelRecording
+    plant : StateSpaceModel
+        Of output-error form.
+    delays : sequence of int
+    settings : StateSpaceSettings
+
+    Raises
+    ------
+    ValueError
+        When the record is too short, or the descent finds no stable model.
+    """
+    inputs, outputs = [estimation.inputs], [estimation.outputs]
+    noise = noise_model(plant, inputs, outputs, noise_orders(estimation), settings)
+    start = replace(plant, form="innovations", covariance=None)
+    return descend_from(
+        start if noise is None else side_by_side(plant, noise),
+        inputs,
+        outputs,
+        estimation.sampling_rate,
+        delays=tuple(delays),
+        settings=settings,
+        input_names=estimation.input_names,
+        output_names=estimation.output_names,
+    )
+
+
+def _scored(
+    estimation: MultichannelRecording,
+    variant: Variant,
+    estimates: Mapping[int, StateSpaceEstimate],
+    delays: Sequence[int],
+    settings: StateSpaceSettings,
+    log: Log | None,
+) -> VariantSearch:
+    """The search of a variant, with errors on held-out samples up to the lowest BIC."""
+    if not estimates:
+        return VariantSearch.without_models(variant)
+    bic = {order: each.bic for order, each in estimates.items()}
+    orders = _up_to_lowest(bic)
+    models = [replace(estimates[order].model, covariance=None) for order in orders]
+    scores = []
+    for count in _designs(estimation):
+        errors, of_folds = _design_scores(estimation, count, models, delays, settings)
+        scores.append(errors)
+        if log is not None:
+            log(f"{variant.name}: {count} folds")
+    with np.errstate(divide="ignore"):
+        mean = np.exp(np.mean(np.log(np.array(scores)), axis=0))
+    simulation, free_level, prediction = (tuple(map(float, row)) for row in mean)
+    return VariantSearch(
+        variant,
+        orders,
+        tuple(bic),
+        tuple(map(float, bic.values())),
+        tuple(float(estimates[order].coloured_bic) for order in orders),
+        simulation,
+        free_level,
+        prediction,
+        tuple(FoldErrors(*(tuple(map(float, row)) for row in fold)) for fold in of_folds),
+    )
+
+
+def _up_to_lowest(bic: Mapping[int, float]) -> tuple[int, ...]:
+    """The orders up to that of the lowest BIC.
+
+    Errors that are not white raise the order of BIC, but never lower it.
+    """
+    lowest = min(bic, key=lambda order: bic[order])
+    return tuple(order for order in bic if order <= lowest)
+
+
+def _designs(estimation: MultichannelRecording) -> tuple[int, ...]:
+    if _is_large(estimation):
+        return DESIGNS[:1]
+    return tuple(n for n in DESIGNS if estimation.samples >= n * SHORTEST_FOLD) or DESIGNS[:1]
+
+
+def _design_scores(
+    estimation: MultichannelRecording,
+    count: int,
+    models: Sequence[StateSpaceModel],
+    delays: Sequence[int],
+    settings: StateSpaceSettings,
+) -> tuple[Array, Array]:
+    """Errors of each model over all folds of one design, and on each fold.
+
+    The training part of a fold is fitted by a descent from the model of all samples: so it is
+    the same optimum that is scored.
+
+    Returns
+    -------
+    (3, models) and (folds, 3, models) arrays
+        Simulation with the level of the training part and with a free one, and prediction.
+    """
+    edges = np.linspace(0, estimation.samples, count + 1).round().astype(int)
+    relative = np.full((count, 3, len(models), estimation.outputs.shape[1]), np.inf)
+    power = np.zeros((count, estimation.outputs.shape[1]))
+    for fold, (first, stop) in enumerate(pairwise(edges)):
+        held = estimation.between(first, stop)
+        ends = (estimation.between(0, first), estimation.between(stop, estimation.samples))
+        parts = [part for part in ends if part.samples >= SHORTEST_FOLD // 2]
+        power[fold] = np.sum((held.outputs - held.outputs.mean(axis=0)) ** 2, axis=0)
+        for place, model in enumerate(models):
+            try:
+                fitted = refitted(
+                    model,
+                    [part.inputs for part in parts] if estimation.has_input else None,
+                    [part.outputs for part in parts],
+                    delays=tuple(delays),
+                    settings=settings,
+                )
+            except ValueError:
+                continue
+            errors = errors_on(fitted, held.inputs, held.outputs)
+            relative[fold, :, place] = np.minimum(errors, LARGEST_ERROR)
+    if not estimation.has_input:
+        relative[:, :2] = np.nan
+    squares = np.einsum("fkmy,fy->kmy", relative**2, power) / power.sum(axis=0)
+    return np.sqrt(squares).mean(axis=2), relative.mean(axis=3)
+
+
+def _is_large(estimation: MultichannelRecording) -> bool:
+    channels = estimation.inputs.shape[1] + estimation.outputs.shape[1]
+    return estimation.samples * channels > LARGE
+
+
+def _listed(delays: Sequence[int]) -> str:
+    return ", ".join(map(str, delays))
