@@ -12,7 +12,12 @@ from evopem.config.state_space_keys import (
     read_state_space_settings,
     state_space_yaml,
 )
-from evopem.config.state_space_settings import ChannelPlace, StateSpaceDataset, UnitSettings
+from evopem.config.state_space_settings import (
+    ChannelPlace,
+    StateSpaceDataset,
+    UnitSettings,
+    searched_variants,
+)
 from evopem.errors import InputError
 
 SCHEMA = Path(__file__).parents[2] / "workflow" / "schemas" / "config.schema.yaml"
@@ -55,6 +60,33 @@ def test_the_structure_alone_does_so_too():
     found = dataset("structure: state_space")
     assert found.source.channels.inputs == (1,)
     assert found.source.channels.outputs == (2,)
+
+
+def test_several_inputs_and_one_output_take_every_polynomial_structure():
+    keys = "input: [u1, u2]\n    output: y\n    structure: {}\n    orders: {{joint: [2, 5]}}"
+    for structure in ("fir", "arx", "armax", "ararx", "ararmax", "oe", "bj", "general"):
+        found = dataset(keys.format(structure))
+        assert isinstance(found, StateSpaceDataset)
+        assert searched_variants(found) == ((structure, "determinant"),)
+        assert found.choices.joint == (2, 5)
+
+
+def test_polynomial_structures_are_searched_beside_state_space_where_nothing_is_written():
+    polynomial = ["arx", "armax", "oe", "bj"]
+    of_one_output = searched_variants(dataset("input: [u1, u2]\n    output: y"))
+    assert [form for form, _ in of_one_output][3:] == polynomial
+    for keys in (
+        "input: [u1, u2]\n    output: [y, z]",
+        "input: [u1, u2]\n    output: 'y*'",
+        "input: [u1, u2]\n    output: y\n    structure: state_space",
+        "input: [u1, u2]\n    output: y\n    form: innovations",
+    ):
+        assert not set(polynomial).intersection(dict(searched_variants(dataset(keys))))
+
+
+def test_a_structure_from_the_defaults_holds_for_several_inputs_too():
+    found = dataset("input: [u1, u2]\n    output: y", "{structure: oe, form: innovations}")
+    assert searched_variants(found) == (("oe", "determinant"),)
 
 
 def test_an_output_alone():
@@ -103,7 +135,24 @@ def test_complete_keys_come_back(tmp_path):
         ("output: [y, y]", "datasets.a.output", "y stands there twice"),
         ("output: [u, y]\n    input: [u]", "datasets.a.output", "u is both input and output"),
         ("output: [2, 3]\n    time: 3", "datasets.a.output", "3 is both time and output"),
-        ("output: [2, 3]\n    structure: oe", "datasets.a.output", "one input and one output"),
+        ("output: [2, 3]\n    structure: oe", "datasets.a.output", "structure oe has one output"),
+        ("input: [1, 2]\n    output: 'y*'\n    structure: bj", "datasets.a.output", "one output"),
+        ("input: [1, 2]\n    output: 3\n    structure: arma", "datasets.a.structure", "no input"),
+        (
+            "input: none\n    output: [3]\n    structure: arx",
+            "datasets.a.input",
+            "needs an input, and there is none",
+        ),
+        (
+            "input: [1, 2]\n    output: 3\n    structure: oe\n    form: innovations",
+            "datasets.a.form",
+            "structure oe with several inputs has no such key",
+        ),
+        (
+            "input: [1, 2]\n    output: 3\n    structure: oe\n    orders: {nx: 3}",
+            "datasets.a.orders.nx",
+            "structure oe with several inputs has no such key",
+        ),
         ("output: [2, 3]\n    recipe: chapter", "datasets.a.recipe", "the chapter's recipe"),
         ("output: []", "datasets.a.output", "holds 0 values"),
         ("output: [2, 3]\n    output_unit: [m]", "datasets.a.output_unit", "1 units and 2 outputs"),

@@ -171,5 +171,5 @@ def test_reasons_to_doubt_a_mode(results):
         "does not improve the prediction of validation samples"
     ]
     assert of(reached=None, needed_by_noise=None) == ["could not be tested on validation samples"]
-    assert of(stable=False, recurrence=0.5) == ["was found at only 50 % of the other orders"]
+    assert of(stable=False, recurrence=0.5) == ["was found at only 50 % of the orders compared"]
     assert of(stable=None) == []

@@ -20,7 +20,7 @@ def listed(files):
     properties = [name for name, each in vars(DatasetFiles).items() if isinstance(each, property)]
     for name in properties:
         value = getattr(files, name)
-        if name not in ("name", "results", "pages"):  # these two are made of the others
+        if name not in ("name", "results", "batch_results", "pages"):  # these are made of the others
             yield from [value] if isinstance(value, str) else value
 
 

@@ -151,7 +151,7 @@ rule search_state_space:
         mem_mb=provider.state_space_memory,
         runtime=provider.state_space_time,
     params:
-        limits=provider.settings("choices.orders"),
+        limits=provider.order_limits,
         search=provider.settings("search"),
         code=code("search_state_space"),
     script:

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from evopem.config.settings import ScoringWindow, SearchSettings
     from evopem.errors import InputError
     from evopem.estimation.model_record import load_model as load
+    from evopem.estimation.multi_input.estimate import MultiInputEstimate, estimate_multi_input
     from evopem.estimation.polynomial_estimate import PolynomialEstimate
     from evopem.estimation.state_space.delays import estimate_delays
     from evopem.estimation.state_space.estimate import (
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
         sweep_state_space_orders,
     )
     from evopem.estimation.structured_estimate import estimate
+    from evopem.models.multi_input import MultiInputModel, MultiInputOrders
     from evopem.models.polynomial import PolynomialModel
     from evopem.models.state_space import StateSpaceModel
     from evopem.models.structures import PolynomialOrders
@@ -38,6 +40,9 @@ __all__ = [
     "IdentificationResults",
     "InputError",
     "ModeTable",
+    "MultiInputEstimate",
+    "MultiInputModel",
+    "MultiInputOrders",
     "PolynomialEstimate",
     "PolynomialModel",
     "PolynomialOrders",
@@ -50,6 +55,7 @@ __all__ = [
     "__version__",
     "estimate",
     "estimate_delays",
+    "estimate_multi_input",
     "estimate_state_space",
     "identify",
     "load",
@@ -63,6 +69,9 @@ _HOMES = {
     "Constraints": "evopem.config.constraints",
     "FixedPole": "evopem.config.constraints",
     "InputError": "evopem.errors",
+    "MultiInputEstimate": "evopem.estimation.multi_input.estimate",
+    "MultiInputModel": "evopem.models.multi_input",
+    "MultiInputOrders": "evopem.models.multi_input",
     "PolynomialEstimate": "evopem.estimation.polynomial_estimate",
     "PolynomialModel": "evopem.models.polynomial",
     "PolynomialOrders": "evopem.models.structures",
@@ -76,6 +85,7 @@ _HOMES = {
     "identify": "evopem.notebook.identify",
     "read_results": "evopem.notebook.identify",
     "estimate_delays": "evopem.estimation.state_space.delays",
+    "estimate_multi_input": "evopem.estimation.multi_input.estimate",
     "estimate_state_space": "evopem.estimation.state_space.estimate",
     "mode_table": "evopem.validation.mode_table",
     "ModeTable": "evopem.validation.mode_table",

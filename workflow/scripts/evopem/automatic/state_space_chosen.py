@@ -5,12 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
+from evopem.automatic.multi_input_choice import estimate_structure
 from evopem.automatic.state_space_choice import ModelChoice
 from evopem.automatic.state_space_search import (
     OUTPUT_ERROR_WEIGHTING,
     estimate_box_jenkins,
     noise_orders,
 )
+from evopem.config.state_space_settings import is_polynomial
+from evopem.estimation.multi_input.estimate import MultiInputEstimate
 from evopem.estimation.state_space.estimate import (
     StateSpaceEstimate,
     StateSpaceSettings,
@@ -18,6 +21,7 @@ from evopem.estimation.state_space.estimate import (
     estimate_state_space,
 )
 from evopem.estimation.state_space.noise_model import noise_model, side_by_side
+from evopem.models.multi_input import MultiInputModel
 from evopem.models.state_space import Form, StateSpaceModel
 from evopem.signals.multichannel import MultichannelRecording
 
@@ -30,14 +34,22 @@ class ChosenModel:
 
     Attributes
     ----------
-    estimate : StateSpaceEstimate
+    estimate : StateSpaceEstimate or MultiInputEstimate
         What was searched: the plant alone in output-error form.
     model : StateSpaceModel
-        With the noise model beside an output-error plant.
+        With the noise model beside an output-error plant; of a polynomial model its innovations
+        form.
+    polynomials : MultiInputModel, optional
     """
 
-    estimate: StateSpaceEstimate
+    estimate: StateSpaceEstimate | MultiInputEstimate
     model: StateSpaceModel
+    polynomials: MultiInputModel | None = None
+
+    @classmethod
+    def of_polynomials(cls, estimate: MultiInputEstimate) -> ChosenModel:
+        """A chosen polynomial model."""
+        return cls(estimate, estimate.model.state_space(), estimate.model)
 
 
 def search_chosen(
@@ -65,10 +77,17 @@ def search_chosen(
     ValueError
         When the record is too short.
     """
-    if choice.variant.form == "box_jenkins":
+    form = choice.variant.form
+    if is_polynomial(form):
+        return ChosenModel.of_polynomials(
+            estimate_structure(estimation, form, choice.order, delays, settings, log=log)
+        )
+    if form == "box_jenkins":
         return _search_box_jenkins(choice, searched, estimation, delays, settings, log)
-    form: Form = "innovations" if choice.variant.form == "innovations" else "output_error"
-    estimate = _searched(estimation, choice.order, form, delays, settings, (searched,), log)
+    searched_form: Form = "innovations" if form == "innovations" else "output_error"
+    estimate = _searched(
+        estimation, choice.order, searched_form, delays, settings, (searched,), log
+    )
     return _completed(choice, estimate, estimation, settings)
 
 
@@ -79,10 +98,15 @@ def estimate_as_searched(
     delays: Sequence[int],
     settings: StateSpaceSettings,
 ) -> ChosenModel:
-    """The optimum that the search over orders found, with its covariance and its noise model.
+    """The optimum that the search over orders found, with its covariance and noise model.
 
     Parameters and errors as of :func:`search_chosen`.
     """
+    form = choice.variant.form
+    if is_polynomial(form):
+        return ChosenModel.of_polynomials(
+            estimate_structure(estimation, form, choice.order, delays, settings, globally=False)
+        )
     estimate = _descended(searched, estimation, delays, settings)
     return _completed(choice, estimate, estimation, settings)
 

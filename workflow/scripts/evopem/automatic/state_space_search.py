@@ -9,15 +9,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evopem.automatic.decision import Alternative, Decision, given_by_configuration
-from evopem.config.state_space_settings import (
-    OutputWeighting,
-    StateSpaceForm,
-)
+from evopem.config.state_space_settings import ModelForm, OutputWeighting, variant_name
 from evopem.errors import InputError
 from evopem.estimation.state_space.delays import estimate_delays
 from evopem.estimation.state_space.estimate import (
@@ -36,6 +34,8 @@ from evopem.signals.multichannel import MultichannelRecording
 
 Array = NDArray[np.float64]
 Log = Callable[[str], None]
+Refit = Callable[[Sequence[MultichannelRecording]], StateSpaceModel]
+"""The model that a descent ends at on parts of a record, from the one of the whole record."""
 
 # Designs of folds, each a number of folds of consecutive samples: few long ones show errors of the
 # gain and of slow poles, many leave more samples to fit.  Large records have the first alone.
@@ -58,15 +58,30 @@ LARGEST_DELAY = 10
 
 @dataclass(frozen=True)
 class Variant:
-    """A form with a weighting of the outputs."""
+    """A form, or a structure of polynomial models, with a weighting of the outputs."""
 
-    form: StateSpaceForm
+    form: ModelForm
     weighting: OutputWeighting
 
     @property
     def name(self) -> str:
         """Such as ``innovations_determinant``."""
-        return f"{self.form}_{self.weighting}"
+        return variant_name(self.form, self.weighting)
+
+
+class ScoredEstimate(Protocol):
+    """What an order is scored by on all samples."""
+
+    @property
+    def bic(self) -> float:
+        """BIC of white errors."""
+
+    @property
+    def coloured_bic(self) -> float:
+        """BIC of the innovations of an autoregression of the errors."""
+
+
+Estimate = TypeVar("Estimate", bound=ScoredEstimate)
 
 
 @dataclass(frozen=True)
@@ -229,7 +244,7 @@ def search_variant(
         width=LARGE_WIDTH if _is_large(estimation) else FINAL_WIDTH,
         log=log,
     )
-    found = _until_bic_rises((each.model.order, each) for each in estimates)
+    found = until_bic_rises((each.model.order, each) for each in estimates)
     search = _scored(estimation, variant, found, delays, settings, log)
     return search, _order_models(estimation, found)
 
@@ -290,16 +305,14 @@ def _search_box_jenkins(
                 log(f"{variant.name}: {plant.order} of {estimate.model.order} states")
             yield plant.order, estimate
 
-    found = _until_bic_rises(estimates())
+    found = until_bic_rises(estimates())
     search = _scored(estimation, variant, found, delays, settings, log)
     return search, _order_models(estimation, found)
 
 
-def _until_bic_rises(
-    estimates: Iterable[tuple[int, StateSpaceEstimate]],
-) -> dict[int, StateSpaceEstimate]:
+def until_bic_rises(estimates: Iterable[tuple[int, Estimate]]) -> dict[int, Estimate]:
     """The estimates by order, up to where the BIC has risen so often that the search ends."""
-    found: dict[int, StateSpaceEstimate] = {}
+    found: dict[int, Estimate] = {}
     lowest = np.inf
     rises = 0
     for order, estimate in estimates:
@@ -356,14 +369,47 @@ def _scored(
     log: Log | None,
 ) -> VariantSearch:
     """The search of a variant, with errors on held-out samples up to the lowest BIC."""
+
+    def refit_of(estimate: StateSpaceEstimate) -> Refit:
+        model = replace(estimate.model, covariance=None)
+        return lambda parts: refitted(
+            model,
+            [part.inputs for part in parts] if estimation.has_input else None,
+            [part.outputs for part in parts],
+            delays=tuple(delays),
+            settings=settings,
+        )
+
+    return scored_search(estimation, variant, estimates, refit_of, log)
+
+
+def scored_search(
+    estimation: MultichannelRecording,
+    variant: Variant,
+    estimates: Mapping[int, Estimate],
+    refit_of: Callable[[Estimate], Refit],
+    log: Log | None,
+) -> VariantSearch:
+    """The search of a variant, with errors on held-out samples up to the lowest BIC.
+
+    Parameters
+    ----------
+    estimation : MultichannelRecording
+    variant : Variant
+    estimates : mapping of int to ScoredEstimate
+        Of all samples, by order.
+    refit_of : callable
+        How an estimate is fitted to other samples.
+    log : callable, optional
+    """
     if not estimates:
         return VariantSearch.without_models(variant)
     bic = {order: each.bic for order, each in estimates.items()}
     orders = _up_to_lowest(bic)
-    models = [replace(estimates[order].model, covariance=None) for order in orders]
+    refits = [refit_of(estimates[order]) for order in orders]
     scores = []
     for count in _designs(estimation):
-        errors, of_folds = _design_scores(estimation, count, models, delays, settings)
+        errors, of_folds = _design_scores(estimation, count, refits)
         scores.append(errors)
         if log is not None:
             log(f"{variant.name}: {count} folds")
@@ -401,9 +447,7 @@ def _designs(estimation: MultichannelRecording) -> tuple[int, ...]:
 def _design_scores(
     estimation: MultichannelRecording,
     count: int,
-    models: Sequence[StateSpaceModel],
-    delays: Sequence[int],
-    settings: StateSpaceSettings,
+    refits: Sequence[Refit],
 ) -> tuple[Array, Array]:
     """Errors of each model over all folds of one design, and on each fold.
 
@@ -416,22 +460,16 @@ def _design_scores(
         Simulation with the level of the training part and with a free one, and prediction.
     """
     edges = np.linspace(0, estimation.samples, count + 1).round().astype(int)
-    relative = np.full((count, 3, len(models), estimation.outputs.shape[1]), np.inf)
+    relative = np.full((count, 3, len(refits), estimation.outputs.shape[1]), np.inf)
     power = np.zeros((count, estimation.outputs.shape[1]))
     for fold, (first, stop) in enumerate(pairwise(edges)):
         held = estimation.between(first, stop)
         ends = (estimation.between(0, first), estimation.between(stop, estimation.samples))
         parts = [part for part in ends if part.samples >= SHORTEST_FOLD // 2]
         power[fold] = np.sum((held.outputs - held.outputs.mean(axis=0)) ** 2, axis=0)
-        for place, model in enumerate(models):
+        for place, refit in enumerate(refits):
             try:
-                fitted = refitted(
-                    model,
-                    [part.inputs for part in parts] if estimation.has_input else None,
-                    [part.outputs for part in parts],
-                    delays=tuple(delays),
-                    settings=settings,
-                )
+                fitted = refit(parts)
             except ValueError:
                 continue
             errors = errors_on(fitted, held.inputs, held.outputs)

@@ -18,8 +18,11 @@ from evopem.config.state_space_settings import (
     StateSpaceSearchSettings,
     StateSpaceSource,
     UnitSettings,
+    is_pattern,
+    is_polynomial,
 )
 from evopem.config.strict_yaml import Keys
+from evopem.config.structures import has_input
 from evopem.config.values import ALL_SAMPLES
 from evopem.config.yaml_form import dataset_yaml, read_dataset
 from evopem.errors import InputError
@@ -29,6 +32,8 @@ STRUCTURE = "state_space"
 NO_INPUT = "none"
 OWN_KEYS = ("form", "weighting", "geometry")
 """Keys that single-channel structures do not have."""
+
+_STATE_SPACE_ONLY = ("form", "weighting")
 
 _CHANNEL_KEYS = ("input", "output")
 _UNIT_KEYS = ("input_unit", "output_unit")
@@ -95,8 +100,11 @@ def complete_state_space(
     """
     place = f"datasets.{name}"
     _check_structure(written, defaults, source, place)
-    _check_keys(written, source, place)
     own = {key: defaults[key] for key in _ANALYSIS_KEYS if key in defaults} | dict(written)
+    structure = own.get("structure")
+    _check_keys(written, structure, source, place)
+    if structure is not None and is_polynomial(structure):
+        own = {key: own[key] for key in own if key not in _STATE_SPACE_ONLY}
     for group in ("split", "delay", "orders", "search"):
         own[group] = {**defaults.get(group, {}), **written.get(group, {})}
     _check_split(own, written, source, place)
@@ -132,7 +140,7 @@ def state_space_settings(name: str, keys: Keys) -> StateSpaceDataset:
     )
     search = {key: keys["search"][key] for key in _SEARCH_KEYS[:3] if key in keys["search"]}
     resample = keys.get("resample", "none")
-    given = {key: keys[key] for key in ("form", "weighting") if key in keys}
+    given = {key: keys[key] for key in ("structure", *_STATE_SPACE_ONLY) if key in keys}
     geometry = keys.get("geometry")
     return StateSpaceDataset(
         name=name,
@@ -147,6 +155,7 @@ def state_space_settings(name: str, keys: Keys) -> StateSpaceDataset:
         choices=StateSpaceChoices(
             purpose=keys.get("purpose", "auto"),
             orders=_range(keys.get("orders", {}).get("nx")),
+            joint=_range(keys.get("orders", {}).get("joint")),
             delays=_range(keys.get("delay", {}).get("nk")),
             **given,
         ),
@@ -159,6 +168,7 @@ def keys_of_state_space(settings: StateSpaceDataset) -> dict[str, Any]:
     """List the keys that give these settings; what is decided from the recording is left out."""
     source, choices = settings.source, settings.choices
     channels = source.channels
+    orders = {"nx": choices.orders, "joint": choices.joint}
     keys: dict[str, Any] = {
         "file": source.file,
         "input": list(channels.inputs) or NO_INPUT,
@@ -171,11 +181,11 @@ def keys_of_state_space(settings: StateSpaceDataset) -> dict[str, Any]:
         "purpose": choices.purpose,
         "resample": (settings.resample or "none") if settings.rate_given else None,
         "split": {key: getattr(settings.split, key) for key in ("discard", "estimation")},
-        "structure": STRUCTURE,
+        "structure": choices.structure,
         "form": choices.form,
         "weighting": choices.weighting,
         "delay": {"nk": list(choices.delays)} if choices.delays else None,
-        "orders": {"nx": list(choices.orders)} if choices.orders else None,
+        "orders": {key: list(limits) for key, limits in orders.items() if limits} or None,
         "search": {k: v for k, v in to_json(settings.search).items() if v is not None},
         "geometry": None if settings.geometry is None else geometry_keys(settings.geometry),
     }
@@ -199,28 +209,43 @@ def read_state_space_settings(path: str | Path) -> StateSpaceDataset:
 
 
 def _check_structure(written: Keys, defaults: Keys, source: str, place: str) -> None:
-    """Refuse lists of channels with a structure of one input and one output."""
-    structure = written.get("structure", defaults.get("structure", STRUCTURE))
-    if structure != STRUCTURE:
-        key = next(key for key in _CHANNEL_KEYS if isinstance(written.get(key), list))
-        where = "" if "structure" in written else " (from defaults)"
-        raise InputError(
-            source,
-            f"there is a list of channels, and structure {structure}{where} has one input and one"
-            " output",
-            f"write structure: {STRUCTURE}, or name one channel",
-            f"{place}.{key}",
-        )
+    """Refuse a structure that does not have the channels."""
+    structure = written.get("structure", defaults.get("structure"))
+    where = "" if "structure" in written else " (from defaults)"
+    inputs = _listed(written.get("input", 1))
+    outputs = _listed(written.get("output", 2))
+    if structure is not None and is_polynomial(structure):
+        if len(outputs) > 1 or any(map(is_pattern, outputs)):
+            raise InputError(
+                source,
+                f"there is a list of outputs, and structure {structure}{where} has one output",
+                f"write structure: {STRUCTURE}, or name one channel",
+                f"{place}.output",
+            )
+        if not has_input(structure):
+            raise InputError(
+                source,
+                f"there is a list of channels, and structure {structure}{where} has no input",
+                f"write structure: {STRUCTURE}, or name one output and no input",
+                f"{place}.structure",
+            )
+        if not inputs:
+            raise InputError(
+                source,
+                f"structure {structure}{where} needs an input, and there is none",
+                f"write structure: {STRUCTURE}, or name an input",
+                f"{place}.input",
+            )
     if written.get("recipe") == "chapter":
         raise InputError(
             source,
             "the chapter's recipe has one input and one output",
-            "remove the key: a state-space model is found by recipe auto",
+            "remove the key: models of several channels are found by recipe auto",
             f"{place}.recipe",
         )
 
 
-def _check_keys(written: Keys, source: str, place: str) -> None:
+def _check_keys(written: Keys, structure: str | None, source: str, place: str) -> None:
     """Refuse keys that a data set with several channels does not have."""
     if "file" not in written:
         problem = (
@@ -237,26 +262,34 @@ def _check_keys(written: Keys, source: str, place: str) -> None:
                 "name one file",
                 f"{place}.{key}",
             )
-    known = {"orders": ("nx",), "delay": ("nk",), "search": _SEARCH_KEYS}
-    paths: list[tuple[str, tuple[str, ...], str]] = [(key, KEYS, key) for key in written]
+    polynomial = structure is not None and is_polynomial(structure)
+    outputs = _listed(written.get("output", 2))
+    ranges: tuple[str, ...] = ("nx",)
+    if polynomial:
+        ranges = ("joint",)
+    elif structure is None and len(outputs) == 1 and not is_pattern(outputs[0]):
+        ranges = ("nx", "joint")
+    known: dict[str, tuple[str, ...]] = {"orders": ranges, "delay": ("nk",), "search": _SEARCH_KEYS}
+    keys = tuple(key for key in KEYS if not (polynomial and key in _STATE_SPACE_ONLY))
+    paths: list[tuple[str, tuple[str, ...], str]] = [(key, keys, key) for key in written]
     for group, names in known.items():
         paths += [(key, names, f"{group}.{key}") for key in written.get(group, {})]
     for key, names, path in paths:
         if key not in names:
             raise InputError(
                 source,
-                f"structure {STRUCTURE} has no such key",
+                f"{_described(structure)} has no such key",
                 f"remove it, or give one of {', '.join(names)}",
                 f"{place}.{path}",
             )
     if written.get("search", {}).get("objective", "quadratic") != "quadratic":
         raise InputError(
             source,
-            "state-space models have quadratic objectives only",
+            "models of several channels have quadratic objectives only",
             "remove the key, or write quadratic",
             f"{place}.search.objective",
         )
-    for group, name in (("orders", "nx"), ("delay", "nk")):
+    for group, name in (("orders", "nx"), ("orders", "joint"), ("delay", "nk")):
         limits = _range(written.get(group, {}).get(name))
         if limits and limits[0] > limits[1]:
             raise InputError(
@@ -265,6 +298,13 @@ def _check_keys(written: Keys, source: str, place: str) -> None:
                 f"write [{limits[1]}, {limits[0]}]",
                 f"{place}.{group}.{name}",
             )
+
+
+def _described(structure: str | None) -> str:
+    """What a data set with several channels is called in an error."""
+    if structure is None:
+        return "a data set with several channels"
+    return f"structure {structure}" + (" with several inputs" if is_polynomial(structure) else "")
 
 
 def _check_split(own: Keys, written: Keys, source: str, place: str) -> None:
@@ -346,11 +386,6 @@ def _check_units(
             )
 
 
-def is_pattern(reference: Reference) -> bool:
-    """Whether a reference stands for all channels whose names it matches."""
-    return isinstance(reference, str) and "*" in reference
-
-
 def _check_without_input(own: Keys, written: Keys, source: str, place: str) -> None:
     """Refuse keys that need an input."""
     for key in ("input_unit", "delay"):
@@ -384,7 +419,7 @@ def _one(file: Any) -> str:
 
 
 def _range(given: Any) -> tuple[int, int] | None:
-    if given is None:
+    if given is None or given == "auto":
         return None
     return (given[0], given[1]) if isinstance(given, list | tuple) else (given, given)
 

@@ -6,9 +6,12 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from evopem.config.settings import Purpose, Range, SplitSettings
+from evopem.config.structures import STRUCTURES
 
 Reference = int | str
 StateSpaceForm = Literal["innovations", "output_error", "box_jenkins"]
+InputStructure = Literal["fir", "arx", "armax", "ararx", "ararmax", "oe", "bj", "general"]
+ModelForm = StateSpaceForm | InputStructure
 OutputWeighting = Literal["determinant", "noise", "power"]
 
 Vector = tuple[float, float, float]
@@ -85,20 +88,26 @@ class StateSpaceChoices:
     ----------
     purpose : {"auto", "simulation", "prediction", "modes"}
         What the model is for; ``auto`` is simulation, or prediction without inputs.
+    structure : str, optional
+        ``state_space``, or the structure of a polynomial model with one output.
     form : {"innovations", "output_error", "box_jenkins"}, optional
         ``box_jenkins`` is the optimum of innovations form next to an output-error model with its
         noise model.  None, here and below, where the recording decides.
     weighting : {"determinant", "noise", "power"}, optional
     orders : (lower, upper), optional
         Limits of the number of states.
+    joint : (lower, upper), optional
+        Limits of the joint order of polynomial models.
     delays : (lower, upper), optional
         Limits of the delay of each input, in samples.
     """
 
     purpose: Purpose = "auto"
+    structure: Literal["state_space"] | InputStructure | None = None
     form: StateSpaceForm | None = None
     weighting: OutputWeighting | None = None
     orders: Range | None = None
+    joint: Range | None = None
     delays: Range | None = None
 
 
@@ -190,7 +199,36 @@ VARIANTS = (
     ("output_error", "noise"),
     ("box_jenkins", "determinant"),
 )
-"""Forms with their weightings of the outputs that are searched where nothing is given."""
+"""Forms of state-space models with their weightings of the outputs that are searched where nothing
+is given."""
+
+ONE_OUTPUT = "determinant"
+"""Weighting of polynomial models: of one output there is nothing to weigh."""
+
+MULTI_INPUT_STRUCTURES = ("arx", "armax", "oe", "bj")
+"""Structures of polynomial models that are searched beside, where there is one output."""
+
+
+def is_polynomial(form: str) -> bool:
+    """Whether a form is a structure of polynomial models.
+
+    Examples
+    --------
+    >>> is_polynomial("oe"), is_polynomial("output_error")
+    (True, False)
+    """
+    return form in STRUCTURES
+
+
+def variant_name(form: str, weighting: str) -> str:
+    """The name of a form with its weighting, as in names of files.
+
+    Examples
+    --------
+    >>> variant_name("innovations", "noise"), variant_name("armax", "determinant")
+    ('innovations_noise', 'armax')
+    """
+    return form if is_polynomial(form) else f"{form}_{weighting}"
 
 
 def searched_variants(dataset: StateSpaceDataset) -> tuple[tuple[str, str], ...]:
@@ -204,10 +242,29 @@ def searched_variants(dataset: StateSpaceDataset) -> tuple[tuple[str, str], ...]
     >>> choices = StateSpaceChoices(weighting="power")
     >>> searched_variants(StateSpaceDataset("a", source, choices=choices))
     (('innovations', 'power'), ('output_error', 'power'), ('box_jenkins', 'power'))
+    >>> source = StateSpaceSource("a.csv", ChannelLists((1, 2), (3,)))
+    >>> [form for form, _ in searched_variants(StateSpaceDataset("a", source))]
+    ['innovations', 'output_error', 'box_jenkins', 'arx', 'armax', 'oe', 'bj']
     """
-    choices = dataset.choices
+    choices, channels = dataset.choices, dataset.source.channels
+    if choices.structure is not None and is_polynomial(choices.structure):
+        return ((choices.structure, ONE_OUTPUT),)
     forms = [form for form, _ in VARIANTS if choices.form in (None, form)]
-    if not dataset.source.channels.inputs:
+    if not channels.inputs:
         forms = ["innovations"]
     built_in = dict(VARIANTS)
-    return tuple((form, choices.weighting or built_in[form]) for form in forms)
+    variants = tuple((form, choices.weighting or built_in[form]) for form in forms)
+    undecided = (choices.structure, choices.form, choices.weighting) == (None, None, None)
+    if undecided and channels.inputs and has_one_output(channels):
+        variants += tuple((structure, ONE_OUTPUT) for structure in MULTI_INPUT_STRUCTURES)
+    return variants
+
+
+def has_one_output(channels: ChannelLists) -> bool:
+    """Whether there is one output, which no pattern stands for."""
+    return len(channels.outputs) == 1 and not is_pattern(channels.outputs[0])
+
+
+def is_pattern(reference: Reference) -> bool:
+    """Whether a reference stands for all channels whose names it matches."""
+    return isinstance(reference, str) and "*" in reference

@@ -198,4 +198,4 @@ def read_dataset(path: str | Path, settings_of_keys: Callable[[str, Keys], Setti
 
 
 def _single_channel_settings(name: str, keys: Keys) -> DatasetSettings | None:
-    return None if keys.get("structure") == "state_space" else settings_of(name, keys)
+    return None if isinstance(keys.get("output"), list) else settings_of(name, keys)

@@ -14,6 +14,7 @@ from evopem.files.atomic import atomic_write
 from evopem.models.polynomial import PolynomialModel
 
 if TYPE_CHECKING:
+    from evopem.models.multi_input import MultiInputModel
     from evopem.models.state_space import StateSpaceModel
 
 
@@ -43,6 +44,11 @@ def save_model_mat(model: PolynomialModel, path: str | os.PathLike[str]) -> None
 def save_state_space_mat(model: StateSpaceModel, path: str | os.PathLike[str]) -> None:
     """Write :meth:`StateSpaceModel.idss_arguments` to a v5 MAT file."""
     _save(model.idss_arguments(), path)
+
+
+def save_multi_input_mat(model: MultiInputModel, path: str | os.PathLike[str]) -> None:
+    """Write :meth:`MultiInputModel.idpoly_arguments` to a v5 MAT file."""
+    _save(model.idpoly_arguments(), path)
 
 
 def _save(contents: Mapping[str, ArrayLike], path: str | os.PathLike[str]) -> None:

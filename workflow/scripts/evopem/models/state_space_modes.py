@@ -12,6 +12,9 @@ from evopem.models.parameter_covariance import ParameterCovariance
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
+# Product of the left and right eigenvectors of unit length below which an eigenvalue is defective.
+DEFECTIVE = 1e-13
+
 
 @dataclass(frozen=True, eq=False)
 class ShapedMode:
@@ -88,8 +91,7 @@ def shaped_modes(
     covariance : ParameterCovariance, optional
         Of ``[A, B, C, D, K, level]``, row by row; propagated to first order.
     """
-    poles, right = np.linalg.eig(A)
-    left = np.linalg.pinv(right).conj().T  # left[:, k]^H right[:, k] = 1
+    poles, right, left = _eigenvectors(A)
     adjoint: Complex = left.conj().T.astype(complex)
     shapes: Complex = (C @ right).astype(complex)
     energies = _energies(poles, shapes, (adjoint @ (B if B.shape[1] else K)).astype(complex))
@@ -126,6 +128,21 @@ def shaped_modes(
             )
         )
     return sorted(modes, key=lambda mode: mode.frequency_hz)
+
+
+def _eigenvectors(A: Array) -> tuple[Complex, Complex, Complex]:
+    """Eigenvalues, right and left eigenvectors with ``left[:, k]^H right[:, k] = 1``.
+
+    Left vectors of defective eigenvalues, such as repeated ones at zero, are zero: these have no
+    part of their own.
+    """
+    from scipy.linalg import eig
+
+    poles, left, right = eig(A, left=True, right=True)
+    products = np.sum(left.conj() * right, axis=0)
+    defective = np.abs(products) < DEFECTIVE
+    scales = np.where(defective, np.inf, products.conj())
+    return poles, right.astype(complex), left / scales
 
 
 def phase_collinearity(shape: Complex) -> float:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from threadpoolctl import threadpool_limits
 
+from evopem.automatic.multi_input_choice import search_structure, searched_joint_orders
 from evopem.automatic.multichannel_preparation import (
     MultichannelPlan,
     apply_multichannel_plan,
@@ -30,11 +31,13 @@ from evopem.automatic.state_space_search import (
 from evopem.config.settings import SplitSettings
 from evopem.config.state_space_keys import state_space_yaml
 from evopem.config.state_space_settings import (
+    ONE_OUTPUT,
     ChannelLists,
     Geometry,
     StateSpaceChoices,
     StateSpaceDataset,
     StateSpaceSearchSettings,
+    is_polynomial,
     searched_variants,
 )
 from evopem.errors import InputError
@@ -44,7 +47,7 @@ from evopem.estimation.state_space.order_models import OrderModel, OrderModels
 from evopem.files.atomic import write_table, write_text
 from evopem.files.checksums import delete_results
 from evopem.files.json_form import load, save
-from evopem.models.matlab import save_state_space_mat
+from evopem.models.matlab import save_multi_input_mat, save_state_space_mat
 from evopem.results.layout import DatasetFiles
 from evopem.results.multichannel import (
     DecisionList,
@@ -165,12 +168,15 @@ def search_state_space(
     """
     estimation = _prepared(files).estimation
     place = f"datasets.{files.name}"
-    orders = searched_orders(estimation, limits, place)
+    settings = _settings(search, variant)
     delays = load(DelayChoice, files.decision("delays")).delays
     try:
-        found, models = search_variant(
-            estimation, variant, delays, orders, _settings(search, variant), log
-        )
+        if is_polynomial(variant.form):
+            orders = searched_joint_orders(estimation, variant.form, limits, place)
+            found, models = search_structure(estimation, variant, delays, orders, settings, log)
+        else:
+            orders = searched_orders(estimation, limits, place)
+            found, models = search_variant(estimation, variant, delays, orders, settings, log)
     except ValueError as error:
         raise _too_short(place, error) from None
     save(found, files.search(variant.name))
@@ -207,7 +213,10 @@ def estimate_chosen_state_space(
         raise _too_short(f"datasets.{files.name}", error) from None
     record = _record_of(choice, found, data, search)
     save(record, files.model)
-    save_state_space_mat(record.model, files.model_mat)
+    if record.polynomials is None:
+        save_state_space_mat(record.model, files.model_mat)
+    else:
+        save_multi_input_mat(record.polynomials, files.model_mat)
     with threadpool_limits(limits=1, user_api="blas"):
         write_table(files.frequency_response, frequency_response_rows(record, data.estimation))
 
@@ -254,6 +263,7 @@ def _record_of(
         search,
         data.transforms,
         choice.level,
+        found.polynomials,
     )
 
 
@@ -353,7 +363,8 @@ def identify_channels(
     prepare_channels(files, settings.split, settings.resample, given, bool(source.validation_file))
     decide_input_delays(files, choices.delays)
     for variant in variants:
-        search_state_space(files, variant, choices.orders, search, log)
+        limits = choices.joint if is_polynomial(variant.form) else choices.orders
+        search_state_space(files, variant, limits, search, log)
     choose_state_space(files, variants, choices)
     estimate_chosen_state_space(files, search, log)
     if source.channels.inputs:
@@ -368,7 +379,7 @@ def identify_channels(
 def variant_named(name: str) -> Variant:
     """A form with its weighting, by the name of its file."""
     form, _, weighting = name.rpartition("_")
-    return variants_of([(form, weighting)])[0]
+    return variants_of([(name, ONE_OUTPUT) if is_polynomial(name) else (form, weighting)])[0]
 
 
 def variants_of(names: Sequence[tuple[str, str]]) -> list[Variant]:
@@ -390,4 +401,4 @@ def _settings(search: StateSpaceSearchSettings, variant: Variant) -> StateSpaceS
 
 
 def _too_short(place: str, error: ValueError) -> InputError:
-    return InputError(place, str(error), "give a longer recording, or lower orders.nx")
+    return InputError(place, str(error), "give a longer recording, or lower the orders")

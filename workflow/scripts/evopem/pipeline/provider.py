@@ -25,7 +25,9 @@ from evopem.config.settings import (
 from evopem.config.state_space_settings import (
     StateSpaceDataset,
     StateSpaceSource,
+    is_polynomial,
     searched_variants,
+    variant_name,
 )
 from evopem.config.structures import AUTOMATIC_STRUCTURES, searched_structures
 from evopem.files.json_form import to_json
@@ -83,7 +85,7 @@ class _OfDataset:
 def _structure_of(dataset: _Dataset) -> str:
     """The structure on which the results depend, with the automatic recipe before it."""
     if isinstance(dataset, StateSpaceDataset):
-        forms = "_".join(f"{form}_{weighting}" for form, weighting in searched_variants(dataset))
+        forms = "_".join(variant_name(*each) for each in searched_variants(dataset))
         return "_".join(["state_space", forms, *_other_purposes(dataset)])
     automatic = dataset.automatic
     if automatic is None:
@@ -169,7 +171,7 @@ class Provider:
     def variants(self) -> frozenset[str]:
         """Names of the forms with their weightings that any data set searches."""
         datasets = self.config.state_space.values()
-        return frozenset("_".join(each) for own in datasets for each in searched_variants(own))
+        return frozenset(variant_name(*each) for own in datasets for each in searched_variants(own))
 
     @cached_property
     def by_chapter(self) -> frozenset[str]:
@@ -238,7 +240,7 @@ class Provider:
         )
         settings = self.config.datasets[dataset]
         if isinstance(settings, StateSpaceDataset):
-            names = map("_".join, searched_variants(settings))
+            names = [variant_name(*each) for each in searched_variants(settings)]
             report = [own.report] if self.with_report else []
             other = [
                 file
@@ -588,13 +590,18 @@ class Provider:
         """The forms with their weightings that a data set with several channels searches."""
         return list(searched_variants(self.config.state_space[wildcards.dataset]))
 
+    def order_limits(self, wildcards: Wildcards) -> tuple[int, int] | None:
+        """Limits of the orders of the variant that a job searches; None where none are given."""
+        choices = self.config.state_space[wildcards.dataset].choices
+        return choices.joint if is_polynomial(wildcards.get("variant") or "") else choices.orders
+
     def variant_searches(self, wildcards: Wildcards) -> list[str]:
         """The outputs of their searches."""
-        return [FILES.search("_".join(each)) for each in self.searched_variants(wildcards)]
+        return [FILES.search(variant_name(*each)) for each in self.searched_variants(wildcards)]
 
     def models_of_orders_of_variants(self, wildcards: Wildcards) -> list[str]:
         """The models of all orders that these searches leave."""
-        names = map("_".join, self.searched_variants(wildcards))
+        names = [variant_name(*each) for each in self.searched_variants(wildcards)]
         return [FILES.models_of_orders(name) for name in names]
 
     def other_state_space(self, wildcards: Wildcards) -> list[str]:

@@ -11,7 +11,8 @@ import pandas as pd
 from markupsafe import Markup
 
 from evopem.automatic.state_space_choice import scores_of
-from evopem.config.state_space_settings import Geometry
+from evopem.config.state_space_settings import Geometry, is_polynomial
+from evopem.config.structures import STRUCTURES, structure_name
 from evopem.figures.channel_drawings import (
     assurance_matrix,
     response_panel,
@@ -34,6 +35,8 @@ from evopem.validation.multichannel import OutputValidation
 SHOWN_SAMPLES, POINTS = 200, 300
 # Decibels that a frequency response is shown over.
 DECIBELS = 80.0
+# Share of an output's energy below which a mode is not seen there.
+NEGLIGIBLE = 1e-3
 # Outputs that a mode is seen at and inputs that it is driven by, named at most.
 NAMED = 3
 # Outputs from which on panels are small.
@@ -43,7 +46,7 @@ VARIANT_WORDS = {
     "innovations": "innovations form",
     "output_error": "output-error form",
     "box_jenkins": "next to Box-Jenkins",
-}
+} | {structure: structure_name(structure) for structure in STRUCTURES}
 
 
 @dataclass(frozen=True)
@@ -72,9 +75,7 @@ class ModeRow:
     why : str
         Reasons not to trust it; empty for a trusted one.
     evidence : str
-        What drives it, and which orders have it.
-    seen_at, driven_by : str
-        The channels with the largest shares and participations.
+        What drives it, where it is seen, and which orders have it.
     bars : Markup
     still, moving : Markup, optional
         Over the geometry, where there is one.
@@ -83,8 +84,6 @@ class ModeRow:
     mode: ShapedMode
     why: str
     evidence: str
-    seen_at: str
-    driven_by: str
     bars: Markup
     still: Markup | None
     moving: Markup | None
@@ -138,6 +137,7 @@ def build_state_space_report(
         responses=_response_rows(results),
         scores=_scores(results),
         variant_words=VARIANT_WORDS,
+        order_words=_order_words(results),
         purposes=_purposes(results),
         decisions=[decision_row(each) for each in results.decisions.decisions],
         provenance=_provenance(results, commit),
@@ -226,16 +226,11 @@ def _mode_rows(results: MultichannelResults) -> list[ModeRow]:
     for number_, judged in enumerate(results.modes.table.modes, 1):
         mode = judged.mode
         label = f"Shape of mode {number_} at {hertz(mode.frequency_hz)}"
-        driven = np.abs(mode.input_participation) * deviation
         rows.append(
             ModeRow(
                 mode,
                 "; ".join(judged.doubts),
-                _evidence(judged, results),
-                _strongest(outputs, mode.output_shares),
-                _strongest(results.modes.input_names, driven / max(float(driven.sum()), 1e-300))
-                if driven.size
-                else "",
+                _evidence(judged, results, deviation),
                 Markup(shape_bars(outputs, mode.shape, mode.shape_se_real, label)),
                 Markup(drawing.still(mode.shape, label)) if drawing else None,
                 Markup(drawing.moving(mode.shape, f"{label}, moving")) if drawing else None,
@@ -252,14 +247,32 @@ _ORIGINS = {
 }
 
 
-def _evidence(judged: JudgedMode, results: MultichannelResults) -> str:
-    """What drives a mode, the model that it is of, and the orders that have it."""
-    table = results.modes.table
-    words = [_ORIGINS[judged.origin]]
+def _evidence(judged: JudgedMode, results: MultichannelResults, deviation: np.ndarray) -> str:
+    """What drives a mode, where it is seen, the model that it is of, and the orders that have it.
+
+    ``deviation``: standard deviations of the inputs, (nu,).
+    """
+    table, mode = results.modes.table, judged.mode
+    origin = _ORIGINS[judged.origin]
+    if judged.origin == "input" and len(deviation) > 1:
+        driven = np.abs(mode.input_participation) * deviation
+        shares = driven / max(float(driven.sum()), 1e-300)
+        origin = f"driven by {_strongest(results.modes.input_names, shares)}"
+    words = [origin]
+    if len(results.modes.output_names) > 1:
+        words.append(_seen_at(results.modes.output_names, mode.output_shares))
     if judged.order != table.order:
-        words.append(f"of the model of {plural(judged.order, 'state')}")
+        polynomial = results.model.polynomials is not None
+        size = f"joint order {judged.order}" if polynomial else plural(judged.order, "state")
+        words.append(f"of the model of {size}")
     words.append(f"{len(judged.orders)} of {plural(len(table.orders), 'order')}")
-    return ", ".join(words)
+    return "; ".join(words)
+
+
+def _seen_at(outputs: tuple[str, ...], shares: np.ndarray) -> str:
+    if shares.max() < NEGLIGIBLE:
+        return f"below {percent(100.0 * NEGLIGIBLE, 1)} of the energy of every output"
+    return f"seen at {_strongest(outputs, shares)}"
 
 
 def _drawing(geometry: Geometry | None, outputs: tuple[str, ...]) -> ShapeDrawing | None:
@@ -268,7 +281,7 @@ def _drawing(geometry: Geometry | None, outputs: tuple[str, ...]) -> ShapeDrawin
 
 def _strongest(names: tuple[str, ...], shares: np.ndarray) -> str:
     """The channels with the largest shares, in percent."""
-    best = np.argsort(-shares, kind="stable")[:NAMED]
+    best = [k for k in np.argsort(-shares, kind="stable")[:NAMED] if shares[k] >= NEGLIGIBLE]
     return ", ".join(f"{names[k]} {percent(100.0 * float(shares[k]), 2)}" for k in best)
 
 
@@ -295,6 +308,13 @@ def _purposes(results: MultichannelResults) -> list[PurposeRow]:
         *(validation.prediction_error_percent, validation.simulation_error_percent),
     )
     return [own] if other is None else [own, PurposeRow.of(other)]
+
+
+def _order_words(results: MultichannelResults) -> str:
+    """What the order of the searched models is."""
+    kinds = {is_polynomial(each.variant.form) for each in results.searches if each.orders}
+    words = {False: "the number of states of the plant", True: "the joint order of the polynomials"}
+    return " or ".join(words[kind] for kind in sorted(kinds))
 
 
 def _provenance(results: MultichannelResults, commit: str) -> list[tuple[str, str]]:

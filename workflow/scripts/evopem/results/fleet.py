@@ -339,10 +339,10 @@ def _rows(name: str, entry: Entry) -> list[dict[str, object]]:
 
 def _reason(files: DatasetFiles, missing: str | None) -> IncompleteDataset:
     """Why the results of a data set are not complete."""
-    jobs = unfinished_jobs(Path(files.folder) / "logs")
+    jobs = unfinished_jobs(Path(files.logs))
     if jobs:
-        log = f"logs/{jobs[0].job}.log"
-        written = (Path(files.folder) / log).is_file()
-        return IncompleteDataset("failed", jobs[0].sentence, log if written else "")
+        log = Path(files.log(jobs[0].job))
+        shown = log.relative_to(files.folder).as_posix() if log.is_file() else ""
+        return IncompleteDataset("failed", jobs[0].sentence, shown)
     what = f"{missing} has not been made" if missing else "not all of its jobs have run"
     return IncompleteDataset("unfinished", f"{what}; run snakemake again.")

@@ -9,8 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
-from evopem.config.state_space_keys import is_pattern
-from evopem.config.state_space_settings import ChannelLists, Geometry, Reference, UnitSettings
+from evopem.config.state_space_settings import (
+    ChannelLists,
+    Geometry,
+    Reference,
+    UnitSettings,
+    is_pattern,
+)
 from evopem.errors import InputError
 from evopem.signals.multichannel import MultichannelRecording, check_multichannel
 from evopem.signals.readers.channels import Channel, listing

@@ -86,7 +86,7 @@ def doubts(evidence: Evidence, sampling_rate: float) -> list[str]:
     elif evidence.origin == "not judged":
         found.append("could not be tested on validation samples")
     if evidence.stable is False:
-        found.append(f"was found at only {100 * evidence.recurrence:.0f} % of the other orders")
+        found.append(f"was found at only {100 * evidence.recurrence:.0f} % of the orders compared")
     half_width = 1.96 * mode.frequency_se_hz
     if not math.isfinite(half_width):
         found.append("has no known standard error")

@@ -124,6 +124,11 @@ class StateSpaceEstimate:
     at_stability_bound: bool
     search: SearchResult = field(repr=False)
 
+    @property
+    def plant_states(self) -> int:
+        """Number of states: a noise model beside the plant is no part of an estimate."""
+        return self.model.order
+
 
 @dataclass(frozen=True, eq=False)
 class OrderScores:

@@ -11,9 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.config.state_space_settings import StateSpaceSearchSettings
+from evopem.estimation.multi_input.estimate import MultiInputEstimate
 from evopem.estimation.search.problem import SearchDiagnostics
 from evopem.estimation.state_space.estimate import StateSpaceEstimate
 from evopem.estimation.state_space.noise_model import plant_of
+from evopem.models.multi_input import MultiInputModel
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.multichannel_preparation import MultichannelTransforms
@@ -67,6 +69,8 @@ class StateSpaceModelRecord:
     search : SearchDiagnostics
     settings : StateSpaceSearchSettings
     transforms : MultichannelTransforms
+    polynomials : MultiInputModel, optional
+        The polynomial model whose innovations form the matrices are.
     evopem : str
         Version of this package.
     versions : dict
@@ -100,17 +104,19 @@ class StateSpaceModelRecord:
     transforms: MultichannelTransforms
     evopem: str
     versions: dict[str, str]
+    polynomials: MultiInputModel | None = None
 
     @classmethod
     def of(
         cls,
-        estimate: StateSpaceEstimate,
+        estimate: StateSpaceEstimate | MultiInputEstimate,
         model: StateSpaceModel,
         variant: tuple[str, str],
         units: tuple[tuple[str, ...], tuple[str, ...]],
         settings: StateSpaceSearchSettings,
         transforms: MultichannelTransforms,
         level: Literal["constant", "state"] = "constant",
+        polynomials: MultiInputModel | None = None,
     ) -> StateSpaceModelRecord:
         """The record of an estimate, and of the model with its noise model."""
         return cls(
@@ -121,7 +127,7 @@ class StateSpaceModelRecord:
             input_delays=model.input_delays or (0,) * model.inputs,
             form=variant[0],
             weighting=variant[1],
-            plant_states=estimate.model.order,
+            plant_states=estimate.plant_states,
             input_names=model.input_names,
             output_names=model.output_names,
             input_units=units[0],
@@ -137,6 +143,7 @@ class StateSpaceModelRecord:
             evopem=__version__,
             versions={"python": platform.python_version()}
             | {library: version(library) for library in _LIBRARIES},
+            polynomials=polynomials,
         )
 
     @property
@@ -172,6 +179,8 @@ class StateSpaceModelRecord:
     @property
     def text(self) -> str:
         """The model in a few words, such as "state space, 8 states (output error)"."""
+        if self.polynomials is not None:
+            return str(self.polynomials.orders)
         noise = len(self.A) - self.plant_states
         form = _FORMS[self.form]
         states = f"{self.plant_states} state{'s' * (self.plant_states != 1)}"

@@ -50,7 +50,7 @@ def state_space_checks(
         _stability_bound(record),
         *([_better_than_mean(validation)] if has_input else []),
         _whiteness(record, validation),
-        *([_independence(validation)] if has_input else []),
+        *([_independence(record, validation)] if has_input else []),
         _order(record, tried),
         repeatability(record.search),
         _outliers(validation),
@@ -80,8 +80,7 @@ def _stability_bound(record: StateSpaceModelRecord) -> Check:
     return Check(
         "Roots inside the stability bound",
         passed,
-        f"{'No' if passed else 'An'} eigenvalue of A or of A − K C lies at the largest radius"
-        f" allowed, {bound:g}.",
+        f"{_number_of_roots(record, passed)} lies at the largest radius allowed, {bound:g}.",
         ""
         if passed
         else "Standard errors do not hold at a bound. Raise “search.max_root_radius” towards 1, or"
@@ -122,14 +121,14 @@ def _whiteness(record: StateSpaceModelRecord, validation: MultichannelValidation
         WHITE,
         not coloured,
         f"{found} Coloured: {_named(coloured)}." if coloured else found,
-        "Raise the upper end of “orders.nx”, or look for trends, mains hum or nonlinearity in the"
-        " record."
+        f"Raise the upper end of “{_range_key(record)}”, or look for trends, mains hum or"
+        " nonlinearity in the record."
         if coloured
         else "",
     )
 
 
-def _independence(validation: MultichannelValidation) -> Check:
+def _independence(record: StateSpaceModelRecord, validation: MultichannelValidation) -> Check:
     pairs, count = validation.pairs, 2 * validation.correlation_lags + 1
     if any(math.isnan(each.max_in_bounds) for each in pairs):
         return Check(
@@ -152,31 +151,46 @@ def _independence(validation: MultichannelValidation) -> Check:
         INDEPENDENT_OF_INPUT,
         not bad,
         f"{found} Dependent: {names}." if bad else found,
-        "Raise the upper end of “orders.nx”. Significant negative lags indicate feedback from"
-        " output to input."
+        f"Raise the upper end of “{_range_key(record)}”. Significant negative lags indicate"
+        " feedback from output to input."
         if bad
         else "",
     )
 
 
 def _order(record: StateSpaceModelRecord, tried: Sequence[int]) -> Check:
-    name, order = "Order inside its range", record.plant_states
-    text = f"{order} states; {min(tried)} to {max(tried)} were tried"
+    name, key = "Order inside its range", _range_key(record)
+    order, text = record.plant_states, f"{record.plant_states} states"
+    if record.polynomials is not None:
+        order, text = record.polynomials.orders.joint, f"{record.text}, joint order"
+    text += f"; {min(tried)} to {max(tried)} were tried"
     if len(tried) == 1:
         return Check(
             name,
             None,
             f"The configuration fixes the order: {text}.",
-            "Give “orders.nx” a range, if the order is not known.",
+            f"Give “{key}” a range, if the order is not known.",
         )
-    if order == max(tried):
+    if order >= max(tried):
         return Check(
             name,
             False,
             f"At the upper end: {text}.",
-            "Give “orders.nx” a higher upper end; a larger model may be better.",
+            f"Give “{key}” a higher upper end; a larger model may be better.",
         )
     return Check(name, True, f"Inside: {text}.")
+
+
+def _range_key(record: StateSpaceModelRecord) -> str:
+    """Key of the range of orders."""
+    return "orders.nx" if record.polynomials is None else "orders.joint"
+
+
+def _number_of_roots(record: StateSpaceModelRecord, none: bool) -> str:
+    """Such as "No root of A, C, D or F", or that there is one."""
+    if record.polynomials is None:
+        return f"{'No' if none else 'An'} eigenvalue of A or of A − K C"
+    return f"{'No' if none else 'A'} root of A, C, D or F"
 
 
 def _outliers(validation: MultichannelValidation) -> Check:

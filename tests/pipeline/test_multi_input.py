@@ -1,0 +1,122 @@
+"""Polynomial structures with several inputs, from the file to the report."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+from scipy.io import loadmat
+from scipy.signal import lfilter
+
+from evopem.config.defaults import complete
+from evopem.errors import InputError
+from evopem.estimation.state_space.model_record import StateSpaceModelRecord
+from evopem.files.json_form import load
+from evopem.pipeline.multichannel import identify_channels
+from evopem.results.fleet import DatasetSummary
+from evopem.results.layout import DatasetFiles
+from evopem.validation.multichannel import MultichannelValidation
+
+SCHEMA_PATH = Path(__file__).parents[2] / "workflow" / "schemas" / "config.schema.yaml"
+A = np.array([1.0, -1.5, 0.8])
+SAMPLES = 700
+
+
+def signals():
+    """ARMAX with two inputs, delays 1 and 3, and 10 % noise."""
+    generator = np.random.default_rng(4)
+    u, e = generator.standard_normal((SAMPLES, 2)), generator.standard_normal(SAMPLES)
+    driven = lfilter([0.0, 1.0, 0.5], [1.0], u[:, 0]) + lfilter([0, 0, 0, -0.7], [1.0], u[:, 1])
+    clean, noise = lfilter([1.0], A, driven), lfilter([1.0, -0.5], A, e)
+    scale = 0.1 * clean.std() / noise.std()
+    return pd.DataFrame({"hot": u[:, 0], "cold": u[:, 1], "y": 3.0 + clean + scale * noise}), scale
+
+
+def identified(path, monkeypatch, keys, samples=SAMPLES, with_report=True):
+    monkeypatch.chdir(path)
+    signals()[0][:samples].to_csv("mixer.csv", index=False)
+    dataset = {"file": "mixer.csv", "sampling_rate": 10, "input": ["hot", "cold"], "output": "y"}
+    dataset |= {"search": {"evaluations": 50}} | keys
+    settings = complete({"datasets": {"mixer": dataset}}, SCHEMA_PATH).datasets["mixer"]
+    files = DatasetFiles.of_dataset("mixer")
+    identify_channels(files, settings, with_report)
+    return files
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory):
+    with pytest.MonkeyPatch.context() as patch:
+        path = tmp_path_factory.mktemp("mixer")
+        files = identified(path, patch, {"structure": "armax", "orders": {"joint": [1, 3]}})
+        return path, files
+
+
+def test_the_model_is_the_truth(results):
+    path, files = results
+    record = load(StateSpaceModelRecord, path / files.model)
+    model = record.polynomials
+    assert str(model.orders) == "ARMAX(2,[2 1],1,[1 3])"
+    assert record.text == str(model.orders)
+    assert (model.sampling_rate, record.Ts, model.input_names) == (10.0, 0.1, ("hot", "cold"))
+    errors = model.covariance.standard_errors(np.eye(len(model.parameters)))[:-1]
+    truth = np.array([-1.5, 0.8, 1.0, 0.5, -0.7, -0.5])
+    assert np.abs((model.parameters[:-1] - truth) / errors).max() < 3.5
+    assert model.noise_variance == pytest.approx(signals()[1] ** 2, rel=0.2)
+    response = model.frequency_response([0.5, 3.0])
+    assert np.allclose(record.plant.frequency_response([0.5, 3.0]), response)
+
+
+def test_validation_is_as_good_as_the_noise_allows(results):
+    path, files = results
+    validation = load(MultichannelValidation, path / files.validation)
+    held_out = signals()[0]["y"].to_numpy()[int(0.8 * SAMPLES) :]
+    least = 100.0 * signals()[1] / held_out.std()
+    assert validation.prediction_error_percent == pytest.approx(least, rel=0.15)
+    assert len(validation.pairs) == 2
+
+
+def test_every_file_is_there_and_says_the_same(results):
+    path, files = results
+    stored = loadmat(path / files.model_mat)
+    assert stored["B"][0, 1].ravel()[:3].tolist() == [0.0, 0.0, 0.0]
+    modes = pd.read_csv(path / files.modes)
+    pole = np.roots(A)[0]
+    assert modes["frequency_hz"][0] == pytest.approx(10 * abs(np.log(pole)) / 2 / np.pi, rel=0.02)
+    assert {"participation_real_hot", "participation_real_cold"} <= set(modes)
+    responses = pd.read_csv(path / files.frequency_response)
+    assert sorted(set(responses["input"])) == ["cold", "hot"]
+    assert (responses["gain_upper"] > responses["gain_lower"]).all()
+    assert "simulated_y" in pd.read_csv(path / files.simulation)
+    summary = load(DatasetSummary, path / files.summary)
+    assert summary.state_space == "ARMAX(2,[2 1],1,[1 3])"
+    decisions = json.loads((path / files.decisions).read_text())["decisions"]
+    assert any(each["choice"] == "armax" for each in decisions)
+    page = (path / files.report).read_text()
+    assert "ARMAX(2,[2 1],1,[1 3])" in page
+    assert "orders.nx" not in page
+    assert "joint order" in page
+
+
+def test_the_written_configuration_gives_the_same_settings(results):
+    path, files = results
+    keys = yaml.safe_load((path / files.config).read_text())
+    again = complete(keys, SCHEMA_PATH).datasets["mixer"]
+    assert again.choices.structure == "armax"
+    assert again.choices.joint == (1, 3)
+
+
+def test_polynomials_and_state_space_are_compared_by_one_criterion(tmp_path, monkeypatch):
+    keys = {"orders": {"joint": 1, "nx": 2}, "search": {"evaluations": 1}}
+    files = identified(tmp_path, monkeypatch, keys, samples=240, with_report=False)
+    decisions = json.loads((tmp_path / files.decisions).read_text())["decisions"]
+    forms = next(each for each in decisions if each["subject"].startswith("form and weighting"))
+    names = {each["name"] for each in forms["alternatives"]}
+    assert {"innovations_determinant", "output_error_noise", "arx", "armax", "oe", "bj"} <= names
+
+
+def test_a_record_that_is_too_short_is_refused_in_one_sentence(tmp_path, monkeypatch):
+    with pytest.raises(InputError, match=r"too few for joint order 40 with 2 inputs") as caught:
+        identified(tmp_path, monkeypatch, {"structure": "bj", "orders": {"joint": 40}})
+    assert "datasets.mixer.orders.joint" in str(caught.value)

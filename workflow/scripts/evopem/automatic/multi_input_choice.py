@@ -1,0 +1,181 @@
+"""Polynomial structures with several inputs: their joint orders, and the model of the chosen one.
+
+They are scored as state-space models are, by BIC and by errors on held-out samples, so that all
+forms are compared by the same numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+from evopem.automatic.state_space_search import (
+    VALUES_PER_PARAMETER,
+    Refit,
+    Variant,
+    VariantSearch,
+    scored_search,
+    until_bic_rises,
+)
+from evopem.config.settings import SearchSettings
+from evopem.config.structures import STRUCTURES
+from evopem.errors import InputError
+from evopem.estimation.multi_input.estimate import (
+    SETTINGS,
+    MultiInputEstimate,
+    estimate_multi_input,
+    joint_orders,
+    multi_input_estimates,
+    reduced_orders,
+    refitted_multi_input,
+)
+from evopem.estimation.state_space.estimate import StateSpaceSettings
+from evopem.estimation.state_space.order_models import OrderModel, OrderModels
+from evopem.models.multi_input import MultiInputModel
+from evopem.signals.multichannel import MultichannelRecording
+
+Log = Callable[[str], None]
+
+# Largest joint order tried, and largest number of coefficients of B_i, in steps of two, of a model
+# without poles.
+MOST_POLES, MOST_TAPS = 10, 40
+
+
+def searched_joint_orders(
+    estimation: MultichannelRecording, structure: str, limits: tuple[int, int] | None, place: str
+) -> tuple[int, ...]:
+    """The joint orders that are tried: all that the record can determine.
+
+    Parameters
+    ----------
+    estimation : MultichannelRecording
+    structure : str
+    limits : (lower, upper), optional
+    place : str
+        Configuration key of the data set, for an error to name.
+
+    Raises
+    ------
+    InputError
+        When the record is too short for any of them.
+    """
+    names, nu = STRUCTURES[structure], estimation.inputs.shape[1]
+    without_poles = structure == "fir"
+    low, high = limits or (1, MOST_TAPS if without_poles else MOST_POLES)
+    of_order = nu * (1 + ("nf" in names)) + len({"na", "nc", "nd"}.intersection(names))
+    # A fold of two leaves half of the samples.
+    affordable = estimation.samples // 2 // VALUES_PER_PARAMETER // of_order
+    if affordable < low:
+        raise InputError(
+            f"{place}.orders.joint",
+            f"{estimation.samples} estimation samples are too few for joint order {low} with {nu}"
+            f" input{'s' * (nu > 1)}",
+            "record longer, or lower orders.joint",
+        )
+    high = min(high, affordable)
+    if without_poles and limits is None:
+        return tuple(range(2, max(high, 2) + 1, 2))
+    return tuple(range(low, high + 1))
+
+
+def search_structure(
+    estimation: MultichannelRecording,
+    variant: Variant,
+    delays: Sequence[int],
+    orders: Sequence[int],
+    settings: StateSpaceSettings,
+    log: Log | None = None,
+) -> tuple[VariantSearch, OrderModels]:
+    """Estimate every joint order of a structure, and score it on held-out samples.
+
+    Parameters
+    ----------
+    estimation : MultichannelRecording
+        With one output.
+    variant : Variant
+        Whose form is a structure.
+    delays, orders : sequence of int
+    settings : StateSpaceSettings
+    log : callable, optional
+    """
+    search = _search_settings(settings)
+    estimates = until_bic_rises(
+        multi_input_estimates(
+            estimation.inputs, estimation.outputs, variant.form, orders, delays, search, log
+        )
+    )
+    models = OrderModels(
+        tuple(
+            OrderModel.of(order, each.bic, _named(each.model, estimation).plant().state_space())
+            for order, each in estimates.items()
+        )
+    )
+
+    def refit_of(estimate: MultiInputEstimate) -> Refit:
+        return lambda parts: refitted_multi_input(
+            estimate.model,
+            [part.inputs for part in parts],
+            [part.outputs for part in parts],
+            search.max_root_radius,
+        ).state_space()
+
+    return scored_search(estimation, variant, estimates, refit_of, log), models
+
+
+def estimate_structure(
+    estimation: MultichannelRecording,
+    structure: str,
+    order: int,
+    delays: Sequence[int],
+    settings: StateSpaceSettings,
+    globally: bool = True,
+    log: Log | None = None,
+) -> MultiInputEstimate:
+    """The model of a joint order, with orders and delays of each input by BIC.
+
+    Parameters
+    ----------
+    estimation : MultichannelRecording
+        With one output.
+    structure : str
+    order : int
+    delays : sequence of int
+    settings : StateSpaceSettings
+    globally : bool
+        Whether it is searched globally, or descended to from estimates alone.
+    log : callable, optional
+
+    Raises
+    ------
+    ValueError
+        When the record is too short.
+    """
+    search = _search_settings(settings)
+    inputs, outputs = estimation.inputs, estimation.outputs
+    orders = reduced_orders(inputs, outputs, joint_orders(structure, order, delays), search, log)
+    return estimate_multi_input(
+        *(inputs, outputs, orders, structure, estimation.sampling_rate),
+        settings=search if globally else replace(search, evaluations=0),
+        input_names=estimation.input_names,
+        output_name=estimation.output_names[0],
+        log=log,
+    )
+
+
+def _named(model: MultiInputModel, estimation: MultichannelRecording) -> MultiInputModel:
+    """A model with the rate and the names of the record."""
+    return replace(
+        model,
+        sampling_rate=estimation.sampling_rate,
+        input_names=estimation.input_names,
+        output_name=estimation.output_names[0],
+    )
+
+
+def _search_settings(settings: StateSpaceSettings) -> SearchSettings:
+    return replace(
+        SETTINGS,
+        seed=settings.seed,
+        max_root_radius=settings.max_root_radius,
+        evaluations=SETTINGS.evaluations if settings.evaluations is None else settings.evaluations,
+    )

@@ -1,0 +1,1 @@
+"""Estimation of polynomial models with several inputs and one output."""

@@ -1,0 +1,318 @@
+"""The prediction-error problem of polynomial models with several inputs.
+
+A *point* is ``[a, b_1 ... b_m, c, d, f_1 ... f_m]``, then for each record its level, the states of
+all B_i / F_i (nf_i entries each) and the noise state (``max(nc, nd)`` entries), which are what the
+unknown past adds to the first equations of
+
+    F_i x_i = -B_i u_i + g_i,    v = A y + sum_i x_i - level,    C e = D v + s.
+
+The residuals are linear in B_i, level and states.  Signals are scaled.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from evopem.models.multi_input import MultiInputModel, MultiInputOrders
+from evopem.models.polynomials import max_root_radius, reflect_into_disc
+
+Array = NDArray[np.float64]
+
+# Singular values of the linear regressors, their columns scaled to unit length, below this share
+# of the largest one are rounding.
+RANK = 1e-10
+
+
+@dataclass(frozen=True, eq=False)
+class MultiInputRecord:
+    """Scaled signals of one or more records.
+
+    Attributes
+    ----------
+    inputs : tuple of (N, nu) arrays
+        Divided by ``input_scales``.
+    outputs : tuple of (N,) arrays
+        ``(y - offset) / output_scale``: of unit mean square.
+    input_scales : (nu,) array
+    output_scale, offset : float
+    start : int
+        First residual of each record.
+    """
+
+    inputs: tuple[Array, ...]
+    outputs: tuple[Array, ...]
+    input_scales: Array
+    output_scale: float
+    offset: float
+    start: int
+
+    @property
+    def samples(self) -> int:
+        """Residuals of all records."""
+        return sum(len(y) - self.start for y in self.outputs)
+
+    @property
+    def bounds(self) -> NDArray[np.int64]:
+        """First residual of each record among those of all, and their number, (records + 1,)."""
+        lengths = [len(y) - self.start for y in self.outputs]
+        return np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64)
+
+
+def multi_input_record(
+    inputs: Sequence[Array], outputs: Sequence[Array], start: int
+) -> MultiInputRecord:
+    """Scale records, of (N, nu) inputs and (N,) outputs, whose residuals begin at ``start``."""
+    kept = np.concatenate([y[start:] for y in outputs])
+    offset = float(kept.mean())
+    size = float(np.sqrt(np.mean((kept - offset) ** 2))) or 1.0
+    scales = np.sqrt(np.mean(np.concatenate(list(inputs)) ** 2, axis=0))
+    scales[scales == 0.0] = 1.0
+    return MultiInputRecord(
+        tuple(np.asarray(u / scales) for u in inputs),
+        tuple((y - offset) / size for y in outputs),
+        *(scales, size, offset, start),
+    )
+
+
+class MultiInputErrors:
+    """Residuals, their Jacobian, and feasibility of models of some orders on a record.
+
+    Parameters
+    ----------
+    record : MultiInputRecord
+        Whose residuals begin no earlier than those of the orders.
+    orders : MultiInputOrders
+    radius : float
+        Largest radius of roots of A, C, D and F_i.
+    """
+
+    def __init__(self, record: MultiInputRecord, orders: MultiInputOrders, radius: float) -> None:
+        if orders.first_residual > record.start:
+            raise ValueError(f"{orders} has no residuals before sample {orders.first_residual}")
+        self.record, self.orders, self.radius = record, orders, radius
+        self._own = 1 + sum(orders.nf) + orders.noise_states
+
+    @property
+    def dimension(self) -> int:
+        """Length of a point."""
+        return self.orders.coefficients + self._own * len(self.record.outputs)
+
+    @property
+    def parameters(self) -> int:
+        """Coefficients and level: what the model has, without states."""
+        return self.orders.coefficients + 1
+
+    def of_orders(self, orders: MultiInputOrders) -> MultiInputErrors:
+        """The problem of other orders on the same samples."""
+        return MultiInputErrors(self.record, orders, self.radius)
+
+    @property
+    def linear(self) -> NDArray[np.bool_]:
+        """Entries of a point that the residuals are linear in: B_i, levels and states."""
+        linear = np.zeros(self.dimension, dtype=bool)
+        linear[self.orders.coefficients :] = True
+        for i in range(self.orders.inputs):
+            linear[self.orders.part("b", i)] = True
+        return linear
+
+    def residuals(self, point: Array) -> Array:
+        """Residuals of all records, one after the other, (samples,)."""
+        with np.errstate(all="ignore"):
+            return np.concatenate(
+                [self._signals(point, place)[-1] for place in range(len(self.record.outputs))]
+            )
+
+    def value(self, point: Array) -> float:
+        """``100 sum e^2 / sum y^2`` in percent; infinite where the point is not feasible."""
+        if not self.feasible(point):
+            return float("inf")
+        return self.percent(self.residuals(point))
+
+    def percent(self, residuals: Array) -> float:
+        """``100 sum e^2 / sum y^2``; the scaled output has unit mean square."""
+        square = float(residuals @ residuals)
+        return 100.0 * square / self.record.samples if np.isfinite(square) else float("inf")
+
+    def jacobian(self, point: Array) -> Array:
+        """Derivatives of the residuals by a point, (samples, dimension)."""
+        with np.errstate(all="ignore"):
+            blocks = [self._jacobian(point, place) for place in range(len(self.record.outputs))]
+        return np.concatenate(blocks)
+
+    def feasible(self, point: Array) -> bool:
+        """Whether all is finite and all roots lie within the radius."""
+        if not np.isfinite(point).all():
+            return False
+        return self.largest_radius(point) <= self.radius
+
+    def largest_radius(self, point: Array) -> float:
+        """Largest radius of the roots of A, C, D and F_i."""
+        return max((max_root_radius(point[part]) for part in self._monic), default=0.0)
+
+    def repaired(self, point: Array) -> Array:
+        """The point with roots beyond the radius reflected at the unit circle, or drawn in."""
+        moved = np.where(np.isfinite(point), point, 0.0)
+        for part in self._monic:
+            if max_root_radius(moved[part]) > self.radius:
+                inside = self.radius * (1.0 - 1e-9)
+                moved[part] = reflect_into_disc(moved[None, part], inside)[0]
+        return moved
+
+    def completed(self, point: Array) -> Array:
+        """A feasible point with B_i, levels and states by least squares, given A, C, D and F_i."""
+        linear = self.linear
+        found = self.repaired(np.where(linear, 0.0, point))
+        columns = self.jacobian(found)[:, linear]
+        size = np.linalg.norm(columns, axis=0)
+        size[size == 0.0] = 1.0
+        remainder = self.residuals(found)
+        if np.isfinite(columns).all() and np.isfinite(remainder).all():
+            found[linear] = np.linalg.lstsq(columns / size, -remainder, rcond=RANK)[0] / size
+        return found
+
+    def model(self, point: Array, sampling_rate: float, noise_variance: float) -> MultiInputModel:
+        """The model of a point in the units of the records; its level is their mean."""
+        o, record = self.orders, self.record
+        weights = np.diff(record.bounds) / record.samples
+        levels = point[o.coefficients :].reshape(-1, self._own)[:, 0]
+        a = point[o.part("a")]
+        scaled = np.append(point[: o.coefficients], float(weights @ levels))
+        # Only the lengths of these polynomials count.
+        blank = MultiInputModel(
+            o.structure,
+            A=np.ones(1 + o.na),
+            B=tuple(np.ones(nb) for nb in o.nb),
+            C=np.ones(1 + o.nc),
+            D=np.ones(1 + o.nd),
+            F=tuple(np.ones(1 + nf) for nf in o.nf),
+            nk=o.nk,
+            sampling_rate=sampling_rate,
+            noise_variance=noise_variance * record.output_scale**2,
+        )
+        parameters = scaled * self.units
+        parameters[-1] += record.offset * (1.0 + float(np.sum(a)))
+        return blank.with_parameters(parameters)
+
+    @property
+    def units(self) -> Array:
+        """Units of coefficients and level, by which scaled ones are multiplied, (parameters,)."""
+        units = np.ones(self.parameters)
+        for i, scale in enumerate(self.record.input_scales):
+            units[self.orders.part("b", i)] = self.record.output_scale / scale
+        units[-1] = self.record.output_scale
+        return units
+
+    def point_of(self, model: MultiInputModel) -> Array:
+        """The feasible point next to a model of any orders, cut off or filled up with zeros."""
+        o, other = self.orders, model.orders
+        point, parameters = np.zeros(self.dimension), model.parameters
+        for letter, places in (("a", 1), ("c", 1), ("d", 1), ("f", o.inputs)):
+            for i in range(places):
+                into, source = o.part(letter, i), parameters[other.part(letter, i)]
+                kept = source[: into.stop - into.start]
+                point[into.start : into.start + len(kept)] = kept
+        return self.completed(point)
+
+    @property
+    def _monic(self) -> list[slice]:
+        o = self.orders
+        parts = [o.part("a"), o.part("c"), o.part("d"), *(o.part("f", i) for i in range(o.inputs))]
+        return [part for part in parts if part.stop > part.start]
+
+    def _own_parts(self, place: int) -> tuple[int, list[slice], slice]:
+        """Where a record's level, states of the inputs and noise state stand in a point."""
+        at = self.orders.coefficients + place * self._own
+        edges = at + 1 + np.cumsum([0, *self.orders.nf, self.orders.noise_states])
+        parts = [slice(first, stop) for first, stop in pairwise(edges.tolist())]
+        return at, parts[:-1], parts[-1]
+
+    def _signals(self, point: Array, place: int) -> tuple[list[Array], Array, Array]:
+        """x_i, v and e of a record, from its first residual on."""
+        o, start = self.orders, self.record.start
+        u, y = self.record.inputs[place], self.record.outputs[place]
+        at, of_inputs, of_noise = self._own_parts(place)
+        v = lfilter(_monic(point[o.part("a")]), [1.0], y)[start:] - point[at]
+        xs = []
+        for i in range(o.inputs):
+            b = np.concatenate([np.zeros(o.nk[i]), point[o.part("b", i)]])
+            x = -lfilter(b, [1.0], u[:, i])[start:]
+            if o.nf[i]:
+                state = point[of_inputs[i]][: len(x)]
+                x[: len(state)] += state
+                x = lfilter([1.0], _monic(point[o.part("f", i)]), x)
+            xs.append(x)
+            v = v + x
+        e = lfilter(_monic(point[o.part("d")]), [1.0], v)
+        state = point[of_noise][: len(e)]
+        e[: len(state)] += state
+        return xs, v, lfilter([1.0], _monic(point[o.part("c")]), e)
+
+    def _jacobian(self, point: Array, place: int) -> Array:
+        """Columns are delayed copies of filtered signals; see the module."""
+        o, start = self.orders, self.record.start
+        u, y = self.record.inputs[place], self.record.outputs[place]
+        at, of_inputs, of_noise = self._own_parts(place)
+        xs, v, e = self._signals(point, place)
+        c, d = _monic(point[o.part("c")]), _monic(point[o.part("d")])
+        found = np.zeros((len(e), self.dimension))
+        impulse = np.zeros(len(e))
+        impulse[0] = 1.0
+        by_noise = lfilter(d, c, impulse)
+        if o.na:
+            entering = lfilter(d, c, _before(y, start, 1))
+            found[:, o.part("a")] = _copies(entering, by_noise, y[:start], 1, o.na)
+        found[:, at] = -lfilter(d, c, np.ones(len(e)))
+        found[:, o.part("c")] = -_shifted(lfilter([1.0], c, e), o.nc)
+        found[:, o.part("d")] = _shifted(lfilter([1.0], c, v), o.nd)
+        found[:, of_noise] = _shifted(lfilter([1.0], c, impulse), o.noise_states, first=0)
+        for i in range(o.inputs):
+            f = _monic(point[o.part("f", i)])
+            response = lfilter([1.0], f, by_noise)
+            entering = lfilter([1.0], f, lfilter(d, c, _before(u[:, i], start, o.nk[i])))
+            found[:, o.part("b", i)] = -_copies(entering, response, u[:start, i], o.nk[i], o.nb[i])
+            if o.nf[i]:
+                through = lfilter([1.0], f, lfilter(d, c, xs[i]))
+                found[:, o.part("f", i)] = -_shifted(through, o.nf[i])
+                found[:, of_inputs[i]] = _shifted(response, o.nf[i], first=0)
+        return found
+
+
+def _monic(coefficients: Array) -> Array:
+    return np.concatenate([[1.0], coefficients])
+
+
+def _before(signal: Array, start: int, lag: int) -> Array:
+    """``signal[t - lag]`` for t from ``start`` on; the record begins no later than that."""
+    return signal[start - lag : len(signal) - lag]
+
+
+def _copies(filtered: Array, response: Array, past: Array, lag: int, count: int) -> Array:
+    """Copies of a filtered signal, each a sample later than the one before, (N, count).
+
+    The j-th one is that of the signal at lag ``lag + j``: the copy before, a sample later, and what
+    the sample of the past that enters it adds.
+    """
+    columns = np.empty((len(filtered), count))
+    copy = filtered
+    for j in range(count):
+        if j:
+            entering = past[len(past) - lag - j] * response
+            entering[1:] += copy[:-1]
+            copy = entering
+        columns[:, j] = copy
+    return columns
+
+
+def _shifted(signal: Array, count: int, first: int = 1) -> Array:
+    """Columns ``signal[t - first - j]``, zero before the signal, (N, count)."""
+    columns = np.zeros((len(signal), count))
+    for j in range(count):
+        lag = first + j
+        columns[lag:, j] = signal[: len(signal) - lag]
+    return columns
