@@ -1,8 +1,9 @@
-"""Time and memory of planning many recordings, one job per recording or one per stage.
+"""Time and memory of planning many recordings, several a job, one a job or one job per stage.
 
     python benchmarks/fleet_graph.py FOLDER [RECORDINGS ...]
 
-plans fleets of empty recordings in FOLDER by dry runs and prints processor seconds and MB.
+plans fleets of recordings without contents in FOLDER by dry runs, and prints processor seconds and
+MB.
 """
 
 import os
@@ -15,9 +16,16 @@ import yaml
 ROOT = Path(__file__).parents[1]
 
 
+DIVISIONS = {
+    "about a minute": {"one_job_per": "recording", "recordings_per_job": "auto"},
+    "recording": {"one_job_per": "recording"},
+    "stage": {"one_job_per": "stage"},
+}
+
+
 def plan(folder: Path, per: str) -> tuple[float, float, int]:
     """Processor seconds, largest memory in MB, and the number of jobs of one dry run."""
-    config = {"datasets": "recordings.csv", "one_job_per": per, "report": "none"}
+    config = {"datasets": "recordings.csv", "report": "none", **DIVISIONS[per]}
     config["defaults"] = {"recipe": "chapter"}
     (folder / "config.yaml").write_text(yaml.safe_dump(config))
     command = [sys.executable, "-m", "snakemake", "--snakefile", str(ROOT / "Snakefile")]
@@ -41,10 +49,12 @@ def main() -> None:
         (folder / "data").mkdir(parents=True, exist_ok=True)
         rows = ["name,file,sampling_rate"]
         for number in range(count):
-            (folder / "data" / f"{number}.csv").touch()
+            # As long as 2000 samples of text, which decides how many recordings a job takes.
+            with (folder / "data" / f"{number}.csv").open("wb") as file:
+                file.truncate(100_000)
             rows.append(f"r{number},data/{number}.csv,100")
         (folder / "recordings.csv").write_text("\n".join(rows) + "\n")
-        for per in ("recording", "stage"):
+        for per in DIVISIONS if count < 10_000 else list(DIVISIONS)[:2]:
             seconds, memory, jobs = plan(folder, per)
             print(f"| {count} | {per} | {jobs} | {seconds:.1f} s | {memory:.0f} MB |", flush=True)
 

@@ -76,7 +76,7 @@ def recording_seconds(settings: DatasetSettings | StateSpaceDataset) -> float:
         return SECONDS_OF_RECIPE + 2e-3 * max_samples(settings)
     structure, grid = settings.order_grid.structure, settings.order_grid
     count = sum(max_candidates_per_part(each, grid, "auto") for each in phases_of(structure))
-    return 1.0 + count * (0.05 + 3e-7 * _largest_fit(settings))
+    return 1.0 + count * (0.05 + 6e-8 * _largest_fit(settings))
 
 
 def estimation_time(

@@ -120,6 +120,7 @@ def estimate(
         problem, scales = _scaled_problem(errors, settings.initialization)
         key = (orders.na, orders.nb, orders.nc, orders.nk)
         result = continued_search(problem, scales, key, settings, earlier, log)
+        del problem  # its tables are as large as those that follow
         return describe(errors, result, sampling_rate)
 
 

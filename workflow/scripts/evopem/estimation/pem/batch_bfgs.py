@@ -37,22 +37,26 @@ class Descent:
     evaluations: int
 
 
+# What the line search of a start knows. One array of records in place of one for each field: every
+# array of a compiled function costs time when it is compiled, and at each call.
+_LINE = np.dtype(
+    [
+        *((name, np.float64) for name in ("value", "slope", "step", "low", "high")),
+        *((name, np.int64) for name in ("tries", "iterations")),
+        *((name, np.bool_) for name in ("converged", "active")),
+    ],
+    align=True,
+)
+
+
 class _State(NamedTuple):
-    """Where each start is, and what its line search knows."""
+    """Where each start is, its gradient, inverse Hessian and direction, and its line search."""
 
     x: Array
-    f: Array
     g: Array
     h: Array
     d: Array
-    slope: Array
-    step: Array
-    low: Array
-    high: Array
-    tries: NDArray[np.int64]
-    iterations: NDArray[np.int64]
-    converged: NDArray[np.bool_]
-    active: NDArray[np.bool_]
+    line: NDArray[np.void]
 
 
 def descend(
@@ -92,23 +96,11 @@ def descend(
     x = starts.copy()
     f, g = evaluate(x, np.arange(len(x)))
     evaluations = count = len(x)
-    state = _State(
-        x=x,
-        f=f,
-        g=g,
-        h=np.zeros((*x.shape, x.shape[1])),
-        d=np.zeros_like(x),
-        slope=np.zeros(count),
-        step=np.ones(count),
-        low=np.zeros(count),
-        high=np.full(count, np.inf),
-        tries=np.zeros(count, dtype=np.int64),
-        iterations=np.zeros(count, dtype=np.int64),
-        converged=np.zeros(count, dtype=np.bool_),
-        active=np.isfinite(f),
-    )
+    line = np.zeros(count, _LINE)
+    line["value"], line["active"] = f, np.isfinite(f)
+    state = _State(x=x, g=g, h=np.zeros((*x.shape, x.shape[1])), d=np.zeros_like(x), line=line)
     trials, latest = 0, np.inf
-    while len(rows := np.flatnonzero(state.active)) and trials < latest:
+    while len(rows := np.flatnonzero(line["active"])) and trials < latest:
         if wait is not None and latest == np.inf and 2 * len(rows) <= count:
             latest = (1.0 + wait) * trials
         if trials == 0 or (refresh and trials % REFRESH == 0):
@@ -118,7 +110,7 @@ def descend(
         values, gradients = evaluate(trial, rows)
         trials += 1
         evaluations += _advance(state, rows, trial, values, gradients, tolerance, max_iterations)
-    return Descent(x, f, state.converged, evaluations)
+    return Descent(x, line["value"].copy(), line["converged"].copy(), evaluations)
 
 
 @cached_njit
@@ -127,7 +119,7 @@ def _trial_points(state: _State, rows: Rows) -> Array:
     trial = np.empty((rows.size, state.x.shape[1]))
     for k, r in enumerate(rows):
         for i in range(trial.shape[1]):
-            trial[k, i] = state.x[r, i] + state.step[r] * state.d[r, i]
+            trial[k, i] = state.x[r, i] + state.line[r].step * state.d[r, i]
     return trial
 
 
@@ -155,19 +147,21 @@ def _advance(
     evaluations = 0
     for k, r in enumerate(rows):
         evaluations += np.isfinite(values[k])
-        state.tries[r] += 1
-        step, slope = state.step[r], state.slope[r]
-        last = state.tries[r] >= LONGEST_LINE_SEARCH
-        if not values[k] <= state.f[r] + SUFFICIENT_DECREASE * step * slope:
-            state.high[r] = step
+        state.line[r].tries += 1
+        step, slope = state.line[r].step, state.line[r].slope
+        last = state.line[r].tries >= LONGEST_LINE_SEARCH
+        if not values[k] <= state.line[r].value + SUFFICIENT_DECREASE * step * slope:
+            state.line[r].high = step
         # A search that keeps its decrease but never flattens ends with the decrease it has.
         elif last or _dot(gradients[k], state.d[r]) >= CURVATURE * slope:
             _accept(state, r, trial[k], values[k], gradients[k], tolerance, max_iterations)
             continue
         else:
-            state.low[r] = step
-        state.active[r] = not last
-        state.step[r] = _next_step(state.low[r], state.high[r], state.f[r], slope, values[k])
+            state.line[r].low = step
+        state.line[r].active = not last
+        state.line[r].step = _next_step(
+            state.line[r].low, state.line[r].high, state.line[r].value, slope, values[k]
+        )
     return evaluations
 
 
@@ -199,20 +193,22 @@ def _accept(
     max_iterations: int,
 ) -> None:
     """Move a start to its trial point and aim from there; end it where it has converged."""
-    drop = state.f[r] - value
+    drop = state.line[r].value - value
     step, change = np.empty(point.size), np.empty(point.size)
     for i in range(point.size):
-        step[i] = state.step[r] * state.d[r, i]
+        step[i] = state.line[r].step * state.d[r, i]
         change[i] = gradient[i] - state.g[r, i]
         state.x[r, i], state.g[r, i] = point[i], gradient[i]
-    state.f[r] = value
+    state.line[r].value = value
     _update(state.h[r], step, change)
-    state.iterations[r] += 1
-    state.tries[r] = 0
+    state.line[r].iterations += 1
+    state.line[r].tries = 0
     _aim(state, r)
     limit = tolerance * abs(value)
-    state.converged[r] = -0.5 * state.slope[r] <= limit and drop <= limit
-    state.active[r] = not (state.converged[r] or state.iterations[r] >= max_iterations)
+    state.line[r].converged = -0.5 * state.line[r].slope <= limit and drop <= limit
+    state.line[r].active = not (
+        state.line[r].converged or state.line[r].iterations >= max_iterations
+    )
 
 
 @njit
@@ -222,14 +218,14 @@ def _aim(state: _State, r: int) -> None:
     product = _times(h, g)
     for i in range(g.size):
         d[i] = -product[i]
-    state.slope[r] = _dot(d, g)
-    if not state.slope[r] < 0.0:
+    state.line[r].slope = _dot(d, g)
+    if not state.line[r].slope < 0.0:
         for i in range(g.size):
             for j in range(g.size):
                 h[i, j] = 1.0 if i == j else 0.0
             d[i] = -g[i]
-        state.slope[r] = _dot(d, g)
-    state.step[r], state.low[r], state.high[r] = 1.0, 0.0, np.inf
+        state.line[r].slope = _dot(d, g)
+    state.line[r].step, state.line[r].low, state.line[r].high = 1.0, 0.0, np.inf
 
 
 @njit

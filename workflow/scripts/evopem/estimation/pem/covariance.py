@@ -66,7 +66,8 @@ def jacobian_blocks(
     samples = len(output)
     impulse = np.zeros(samples)
     impulse[recursion_start] = 1.0
-    residuals = np.where(np.arange(samples) < recursion_start, 0.0, residuals)
+    residuals = residuals.copy()
+    residuals[:recursion_start] = 0.0
     columns = (
         [(output, i, 1.0) for i in range(1, o.na + 1)]
         + [(input, o.nk + j, -1.0) for j in range(o.nb)]

@@ -10,6 +10,8 @@ array.  Numerics only: no search lives here.
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -78,8 +80,6 @@ class PredictionErrorProblem:
             loss_start=scoring_start,
             loss_stop=self.samples,
         )
-        self._workspace = kernels.workspace_for(self._record)
-        self._lag_sums = kernels.lag_sums_for(self._record)
         absolute = objective == "absolute"
         scored = self._record.y[scoring_start : self.samples]
         self._scale = float(np.sum(np.abs(scored)) if absolute else scored @ scored)
@@ -92,6 +92,16 @@ class PredictionErrorProblem:
             state_weight=STATE_WEIGHT * 100.0 / self._scale / state_unit,
             max_root_radius=max_root_radius,
         )
+
+    # Tables of eight numbers a sample, made when they are needed: a problem that is only scaled
+    # needs none.
+    @cached_property
+    def _workspace(self) -> kernels.Workspace:
+        return kernels.workspace_for(self._record)
+
+    @cached_property
+    def _lag_sums(self) -> kernels.LagSums:
+        return kernels.lag_sums_for(self._record)
 
     def of_orders(self, orders: PolynomialOrders) -> PredictionErrorProblem:
         """The same problem for other orders that have residuals from ``recursion_start`` on."""
