@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import time
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -50,6 +51,8 @@ class Outcome(NamedTuple):
         Error of the frequency response, over that of a model of the true structure and orders.
     gain, phase : float
         Shares of the frequencies whose intervals cover the truth; NaN without intervals.
+    true_gain, true_phase : float
+        The same for the model of the true structure and orders.
     failed : tuple of str
         Checks that stay failed.
     """
@@ -59,6 +62,8 @@ class Outcome(NamedTuple):
     ratio: float
     gain: float
     phase: float
+    true_gain: float
+    true_phase: float
     failed: tuple[str, ...]
 
 
@@ -82,28 +87,38 @@ def judged(
     """Compare a model of the prepared stretches with the truth."""
     truth, plan = truth_of(structure), prepared.plan
     given = replace(truth, b=truth.b * plan.input_scale / plan.output_scale)
-    orders = replace(model.orders, structure=name.split()[0])
-    errors = StretchErrors(
-        *(prepared.stretches, orders, plan.objective, PLANT_RADIUS, NOISE_RADIUS, True)
-    )
+    stretches = [Stretch(*record_of(structure, seed))]
+    true_orders = fit(stretches, truth.orders, FitSettings(), [truth]).model
+    ratio = _distance(model, given) / _distance(true_orders, truth)
+    ratio *= plan.output_scale / plan.input_scale
+    own = _covered(model, given, name.split()[0], prepared.stretches, plan.objective)
+    of_true = _covered(true_orders, truth, structure, stretches, "quadratic")
+    return Outcome(name.split()[0], name, float(ratio), *own, *of_true, failed)
+
+
+def _covered(
+    model: PolynomialModel,
+    truth: PolynomialModel,
+    structure: str,
+    stretches: Sequence[Stretch],
+    objective: str,
+) -> tuple[float, float]:
+    """Shares of the frequencies whose 95 % intervals of gain and of phase cover the truth."""
+    orders = replace(model.orders, structure=structure)
+    errors = StretchErrors(stretches, orders, objective, PLANT_RADIUS, NOISE_RADIUS, True)
     point = errors.completed_by_states(model)
     covariance = covariance_of(
         *(errors, point, errors.residuals(point), errors.scored_outputs()),
         errors.residual_counts(),
     )
-    true_orders = fit(
-        [Stretch(*record_of(structure, seed))], truth.orders, FitSettings(), [truth]
-    ).model
-    ratio = _distance(model, given) / _distance(true_orders, truth)
-    ratio *= plan.output_scale / plan.input_scale
-    gain = phase = np.nan
-    if covariance is not None:
-        found = replace(model, covariance=covariance)
-        difference = _logarithm(found) - _logarithm(given)
-        difference[1] = np.angle(np.exp(1j * difference[1]))
-        inside = np.abs(difference) < NORMAL_95 * response_standard_errors(found, _logarithm)
-        gain, phase = map(float, np.mean(inside, axis=1))
-    return Outcome(name.split()[0], name, float(ratio), gain, phase, failed)
+    if covariance is None:
+        return np.nan, np.nan
+    found = replace(model, covariance=covariance)
+    difference = _logarithm(found) - _logarithm(truth)
+    difference[1] = np.angle(np.exp(1j * difference[1]))
+    inside = np.abs(difference) < NORMAL_95 * response_standard_errors(found, _logarithm)
+    gain, phase = np.mean(inside, axis=1)
+    return float(gain), float(phase)
 
 
 def _logarithm(model: PolynomialModel) -> Array:
@@ -134,19 +149,21 @@ def row(structure: str, outcomes: list[Outcome]) -> str:
     chosen = ", ".join(
         f"{name} {count}" for name, count in Counter(e.structure for e in outcomes).most_common()
     )
-    shares = [
-        100.0 * np.nanmean([getattr(e, kind) for e in outcomes]) for kind in ("gain", "phase")
-    ]
+    kinds = ("gain", "phase", "true_gain", "true_phase")
+    covered = " | ".join(
+        f"{100.0 * np.nanmean([getattr(each, kind) for each in outcomes]):.1f}" for kind in kinds
+    )
     return (
         f"| {structure} | {len(outcomes)} | {chosen} | {100.0 * np.mean(right):.0f} "
         f"| {100.0 * np.mean(near):.0f} | {np.median(ratios):.2f} | {ratios.max():.2f} "
-        f"| {shares[0]:.1f} | {shares[1]:.1f} | {np.mean([len(e.failed) for e in outcomes]):.2f} |"
+        f"| {covered} | {np.mean([len(e.failed) for e in outcomes]):.2f} |"
     )
 
 
 HEADER = (
     "| truth | records | chosen | right, % | right or as near, % | median ratio | largest "
-    "| gain covered, % | phase covered, % | failed checks |"
+    "| gain covered, % | phase covered, % | gain, true orders | phase, true orders "
+    "| failed checks |"
 )
 
 
@@ -157,7 +174,7 @@ def main() -> None:
     parser.add_argument("--only", default="", help="structures whose name contains this")
     arguments = parser.parse_args()
     print(HEADER)
-    print("|---" * 10 + "|")
+    print("|---" * 12 + "|")
     for structure in STRUCTURES:
         if arguments.only not in structure:
             continue

@@ -186,12 +186,12 @@ def _statement(
             )
             + "."
         )
-    known = f"“{check}” held for none of the {len(tried)} models that were tried" + (
-        f": {CAUSES[check]}." if check in CAUSES else "."
+    causes = CAUSES
+    if scorer.plan.repetition.independent < 1.0:
+        causes = CAUSES | {WHITE: REPEATED, INDEPENDENT_OF_INPUT: REPEATED}
+    return f"“{check}” held for none of the {len(tried)} models that were tried" + (
+        f": {causes[check]}." if check in causes else "."
     )
-    if check in (WHITE, INDEPENDENT_OF_INPUT) and scorer.plan.repetition.independent < 1.0:
-        return f"{known} {REPEATED}"
-    return known
 
 
 def _trial(
@@ -368,8 +368,8 @@ CAUSES = {
     EXCITATION_ADEQUATE: "the input excites fewer directions than any model needs that is as good",
 }
 REPEATED = (
-    "The residuals repeat with the input, so they are a nonlinear response to it and no noise: a"
-    " linear model of any order leaves them."
+    "the residuals repeat with the input, so that they are a nonlinear response to it more than"
+    " noise, and a linear model of any order leaves them"
 )
 REMEDIES = (
     ((DISTINCT, INSIDE_BOUND, EXCITATION_ADEQUATE), _fewer_roots),

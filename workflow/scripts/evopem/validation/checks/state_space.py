@@ -160,10 +160,10 @@ def _independence(record: StateSpaceModelRecord, validation: MultichannelValidat
 
 def _order(record: StateSpaceModelRecord, tried: Sequence[int]) -> Check:
     name, key = "Order inside its range", _range_key(record)
-    order, text = record.plant_states, f"{record.plant_states} states"
+    order, text = record.plant_states, f"{record.plant_states} states;"
     if record.polynomials is not None:
-        order, text = record.polynomials.orders.joint, f"{record.text}, joint order"
-    text += f"; {min(tried)} to {max(tried)} were tried"
+        order, text = record.polynomials.orders.joint, f"{record.text}; joint orders"
+    text += f" {min(tried)} to {max(tried)} were tried"
     if len(tried) == 1:
         return Check(
             name,
