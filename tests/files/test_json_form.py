@@ -32,6 +32,7 @@ from evopem.models.polynomial import PolynomialModel
 from evopem.models.state_space import StateSpaceModel
 from evopem.models.structures import PolynomialOrders, armax_orders
 from evopem.results.fleet import DatasetSummary
+from evopem.results.made_from import MadeFrom
 from evopem.results.multichannel import DecisionList
 from evopem.signals.multichannel_preparation import MultichannelTransforms
 from evopem.signals.multichannel_reading import MultichannelInfo
@@ -49,6 +50,7 @@ RESULTS = [
     DatasetSummary,
     DecisionList,
     DelayChoice,
+    MadeFrom,
     ModelRecord,
     ModesRecord,
     MultichannelInfo,
