@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from evopem.automatic.fit import FitSettings, fit, log_loss
+from evopem.automatic.level_decision import Level
 from evopem.automatic.orders import Candidate, Scorer
 from evopem.automatic.simulation import simulated
-from evopem.automatic.structures import AS_GOOD, Choice, Level, as_good
+from evopem.automatic.structures import AS_GOOD, Choice, as_good
 from evopem.config.structures import ORDER_NAMES
 from evopem.models.structures import PolynomialOrders
 from evopem.signals.stretches import Stretch, total_samples

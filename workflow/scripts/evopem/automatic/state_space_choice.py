@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.automatic.decision import Alternative, Decision
+from evopem.automatic.level_decision import Level, decide_level
 from evopem.automatic.state_space_search import Variant, VariantSearch
 from evopem.config.state_space_settings import StateSpaceChoices
 
 Array = NDArray[np.float64]
 Purpose = Literal["simulation", "prediction"]
-Level = Literal["constant", "state"]
 Kind = Literal["simulation", "free_level", "prediction"]
 
 # Models whose errors are within this share of the lowest, or within one standard error of it over
@@ -89,7 +89,11 @@ def choose(searches: Sequence[VariantSearch], choices: StateSpaceChoices) -> Sta
     if not has_input:
         model, decisions = _best_for("prediction", possible, "constant")
         return StateSpaceChoice(model, None, decisions)
-    level, about_level = _decide_level(possible)
+    level, about_level = decide_level(
+        min(_lowest(each, "simulation") for each in possible),
+        min(_lowest(each, "free_level") for each in possible),
+        CLEAR_GAIN,
+    )
     found = {
         "simulation": _best_for("simulation", possible, level),
         "prediction": _best_for("prediction", possible, level),
@@ -192,22 +196,6 @@ def _as_good(candidate: _Candidate, best: _Candidate) -> bool:
         ratios = np.log(candidate.of_folds / best.of_folds)
         error = float(np.std(ratios, ddof=1) / np.sqrt(folds))
         return bool(np.log(candidate.score / best.score) <= error)
-
-
-def _decide_level(searches: Sequence[VariantSearch]) -> tuple[Level, Decision]:
-    """Whether simulations of other samples fit a level of their own."""
-    constant = min(_lowest(each, "simulation") for each in searches)
-    free = min(_lowest(each, "free_level") for each in searches)
-    level: Level = "state" if free < (1.0 - CLEAR_GAIN) * constant else "constant"
-    sentence = (
-        "The level drifts: held-out samples are simulated better when their level is fitted to "
-        "them with the initial state."
-        if level == "state"
-        else "The level of the estimation samples holds for held-out samples as well."
-    )
-    alternatives = (Alternative("constant", constant), Alternative("state", free))
-    criterion = "lowest simulation error on held-out samples, %"
-    return level, Decision("level", level, alternatives, criterion, sentence)
 
 
 def _lowest(search: VariantSearch, kind: Kind) -> float:

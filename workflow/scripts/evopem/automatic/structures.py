@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 
 from evopem.automatic.decision import Alternative, Decision
+from evopem.automatic.level_decision import Level, decide_level
 from evopem.automatic.orders import Candidate, Scorer, StructureSearch, refine_orders
 from evopem.automatic.peer import against_peer
 from evopem.automatic.residuals import (
@@ -18,7 +19,6 @@ from evopem.automatic.residuals import (
 from evopem.validation.checks.residuals import INDEPENDENT_OF_INPUT
 
 Purpose = Literal["simulation", "prediction", "modes", "auto"]
-Level = Literal["constant", "state"]
 
 # Models whose simulation errors are within one standard error of the lowest, and within this share,
 # are as good.
@@ -97,7 +97,10 @@ def compare_structures(scorer: Scorer, searches: Sequence[StructureSearch]) -> C
     if not candidates:
         raise ValueError("the record is too short for a model of any structure")
     scorer.remember(candidates)
-    level, about_level = _decide_level(candidates)
+    level, about_level = decide_level(
+        min(each.scores.simulation for each in candidates),
+        min(each.scores.free_level for each in candidates),
+    )
     score = _score_of(level)
     finalists = _best_of_structures(candidates, score)[:FINALISTS]
     for finalist in finalists:
@@ -136,21 +139,6 @@ def _score_of(level: Level) -> Callable[[Candidate], float]:
     if level == "state":
         return lambda each: each.scores.free_level
     return lambda each: each.scores.simulation
-
-
-def _decide_level(candidates: Sequence[Candidate]) -> tuple[Level, Decision]:
-    constant = min(each.scores.simulation for each in candidates)
-    free = min(each.scores.free_level for each in candidates)
-    level: Level = "state" if free < constant else "constant"
-    sentence = (
-        "The level drifts: held-out samples are simulated better when their level is fitted to "
-        "them with the initial state."
-        if level == "state"
-        else "The level of the estimation samples holds for held-out samples as well."
-    )
-    alternatives = (Alternative("constant", constant), Alternative("state", free))
-    criterion = "lowest simulation error on held-out samples, %"
-    return level, Decision("level", level, alternatives, criterion, sentence)
 
 
 def _level_of(candidate: Candidate, level: Level, decision: Decision) -> tuple[Level, Decision]:
