@@ -9,6 +9,7 @@ from evopem.automatic.multi_input_choice import estimate_structure
 from evopem.automatic.state_space_choice import ModelChoice
 from evopem.automatic.state_space_search import (
     OUTPUT_ERROR_WEIGHTING,
+    descended,
     estimate_box_jenkins,
     noise_orders,
 )
@@ -17,7 +18,6 @@ from evopem.estimation.multi_input.estimate import MultiInputEstimate
 from evopem.estimation.state_space.estimate import (
     StateSpaceEstimate,
     StateSpaceSettings,
-    descend_from,
     estimate_state_space,
 )
 from evopem.estimation.state_space.noise_model import noise_model, side_by_side
@@ -107,7 +107,7 @@ def estimate_as_searched(
         return ChosenModel.of_polynomials(
             estimate_structure(estimation, form, choice.order, delays, settings, globally=False)
         )
-    estimate = _descended(searched, estimation, delays, settings)
+    estimate = descended(searched, estimation, delays, settings)
     return _completed(choice, estimate, estimation, settings)
 
 
@@ -123,7 +123,7 @@ def _search_box_jenkins(
     first = replace(settings, weighting=OUTPUT_ERROR_WEIGHTING)
     plant = _searched(estimation, choice.order, "output_error", delays, first, (), log)
     estimates = [
-        _descended(searched, estimation, delays, settings),
+        descended(searched, estimation, delays, settings),
         estimate_box_jenkins(estimation, plant.model, delays, settings),
     ]
     best = min(estimates, key=lambda each: each.bic)
@@ -151,24 +151,6 @@ def _searched(
         input_names=estimation.input_names,
         output_names=estimation.output_names,
         log=log,
-    )
-
-
-def _descended(
-    model: StateSpaceModel,
-    estimation: MultichannelRecording,
-    delays: Sequence[int],
-    settings: StateSpaceSettings,
-) -> StateSpaceEstimate:
-    return descend_from(
-        model,
-        estimation.inputs if estimation.has_input else None,
-        estimation.outputs,
-        estimation.sampling_rate,
-        delays=tuple(delays),
-        settings=settings,
-        input_names=estimation.input_names,
-        output_names=estimation.output_names,
     )
 
 

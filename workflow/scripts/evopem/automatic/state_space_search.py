@@ -349,13 +349,38 @@ def estimate_box_jenkins(
     ValueError
         When the record is too short, or the descent finds no stable model.
     """
-    inputs, outputs = [estimation.inputs], [estimation.outputs]
-    noise = noise_model(plant, inputs, outputs, noise_orders(estimation), settings)
+    noise = noise_model(
+        plant, [estimation.inputs], [estimation.outputs], noise_orders(estimation), settings
+    )
     start = replace(plant, form="innovations", covariance=None)
+    beside = start if noise is None else side_by_side(plant, noise)
+    return descended(beside, estimation, delays, settings)
+
+
+def descended(
+    model: StateSpaceModel,
+    estimation: MultichannelRecording,
+    delays: Sequence[int],
+    settings: StateSpaceSettings,
+) -> StateSpaceEstimate:
+    """The optimum next to a model, on the estimation samples.
+
+    Parameters
+    ----------
+    model : StateSpaceModel
+    estimation : MultichannelRecording
+    delays : sequence of int
+    settings : StateSpaceSettings
+
+    Raises
+    ------
+    ValueError
+        When the record is too short, or the descent finds no stable model.
+    """
     return descend_from(
-        start if noise is None else side_by_side(plant, noise),
-        inputs,
-        outputs,
+        model,
+        estimation.inputs if estimation.has_input else None,
+        estimation.outputs,
         estimation.sampling_rate,
         delays=tuple(delays),
         settings=settings,

@@ -20,6 +20,7 @@ from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomials import roots
 from evopem.models.state_space import StateSpaceModel
 from evopem.models.state_space_modes import ShapedMode
+from evopem.models.structures import named_orders
 
 Array = NDArray[np.float64]
 
@@ -125,21 +126,10 @@ def multi_input_orders(
     if structure not in STRUCTURES or "nb" not in STRUCTURES[structure]:
         known = ", ".join(name for name in STRUCTURES if "nb" in STRUCTURES[name])
         raise ValueError(f"structure must be one of {known}, not {structure!r}")
-    names = STRUCTURES[structure]
-    if not isinstance(orders, Mapping):
-        if len(orders) != len(names):
-            raise ValueError(
-                f"structure {structure!r} takes the orders ({', '.join(names)}), not {orders!r}"
-            )
-        orders = dict(zip(names, orders, strict=True))
-    unknown = sorted(set(orders) - set(names))
-    if unknown:
-        raise ValueError(
-            f"structure {structure!r} has the orders {', '.join(names)}, not {', '.join(unknown)}"
-        )
+    given = named_orders(structure, orders)
     found: dict[str, Any] = {}
     for name in ORDER_NAMES:
-        value = orders.get(name, 0)
+        value = given.get(name, 0)
         several = isinstance(value, Sequence) and not isinstance(value, str)
         numbers = tuple(value) if several else (value,)
         if any(isinstance(each, bool) or not isinstance(each, Integral) for each in numbers):

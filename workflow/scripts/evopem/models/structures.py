@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from numbers import Integral
+from typing import Any
 
 from evopem.config.structures import ORDER_NAMES, STRUCTURES, structure_name
 
@@ -114,25 +115,41 @@ def orders_of(
     """
     if structure not in STRUCTURES:
         raise ValueError(f"structure must be one of {', '.join(STRUCTURES)}, not {structure!r}")
-    names = STRUCTURES[structure]
     if isinstance(orders, PolynomialOrders):
-        given = {name: getattr(orders, name) for name in ORDER_NAMES if getattr(orders, name)}
-    elif isinstance(orders, Mapping):
-        given = dict(orders)
-    else:
-        if len(orders) != len(names):
-            raise ValueError(
-                f"structure {structure!r} takes the orders ({', '.join(names)}), not {orders!r}"
-            )
-        given = dict(zip(names, orders, strict=True))
-    unknown = sorted(set(given) - set(names))
-    if unknown:
-        raise ValueError(
-            f"structure {structure!r} has the orders {', '.join(names)}, not {', '.join(unknown)}"
-        )
+        orders = {name: getattr(orders, name) for name in ORDER_NAMES if getattr(orders, name)}
+    given = named_orders(structure, orders)
     for name, order in given.items():
         if isinstance(order, bool) or not isinstance(order, Integral):
             raise ValueError(f"order {name} must be a whole number, not {order!r}")
     return PolynomialOrders(
         **{name: int(order) for name, order in given.items()}, structure=structure
     )
+
+
+def named_orders(structure: str, orders: Mapping[str, Any] | Sequence[Any]) -> dict[str, Any]:
+    """Orders by name, from a mapping or from a sequence in the order of the structure.
+
+    Parameters
+    ----------
+    structure : str
+        One of ``STRUCTURES``.
+    orders : mapping or sequence
+
+    Raises
+    ------
+    ValueError
+        When there are too few or too many, or names that the structure does not have.
+    """
+    names = STRUCTURES[structure]
+    if not isinstance(orders, Mapping):
+        if len(orders) != len(names):
+            raise ValueError(
+                f"structure {structure!r} takes the orders ({', '.join(names)}), not {orders!r}"
+            )
+        return dict(zip(names, orders, strict=True))
+    unknown = sorted(set(orders) - set(names))
+    if unknown:
+        raise ValueError(
+            f"structure {structure!r} has the orders {', '.join(names)}, not {', '.join(unknown)}"
+        )
+    return dict(orders)

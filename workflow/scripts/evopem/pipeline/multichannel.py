@@ -48,6 +48,7 @@ from evopem.files.atomic import write_table, write_text
 from evopem.files.checksums import delete_results
 from evopem.files.json_form import load, save
 from evopem.models.matlab import save_multi_input_mat, save_state_space_mat
+from evopem.models.state_space import StateSpaceModel
 from evopem.results.layout import DatasetFiles
 from evopem.results.multichannel import (
     DecisionList,
@@ -203,10 +204,8 @@ def estimate_chosen_state_space(
     """
     data = _prepared(files)
     choice = load(StateSpaceChoice, files.decision("comparison")).model
-    delays = load(DelayChoice, files.decision("delays")).delays
-    searched = load(OrderModels, files.models_of_orders(choice.variant.name))
+    delays, start = _searched(files, choice)
     settings = _settings(search, choice.variant)
-    start = searched.of_order(choice.order)
     try:
         found = search_chosen(choice, start, data.estimation, delays, settings, log)
     except ValueError as error:
@@ -234,10 +233,8 @@ def complete_other_state_space(files: DatasetFiles, search: StateSpaceSearchSett
     data = _prepared(files)
     choice = load(StateSpaceChoice, files.decision("comparison")).other
     assert choice is not None  # only data sets with inputs have another purpose
-    delays = load(DelayChoice, files.decision("delays")).delays
-    searched = load(OrderModels, files.models_of_orders(choice.variant.name))
+    delays, start = _searched(files, choice)
     settings = _settings(search, choice.variant)
-    start = searched.of_order(choice.order)
     with threadpool_limits(limits=1, user_api="blas"):
         try:
             found = estimate_as_searched(choice, start, data.estimation, delays, settings)
@@ -247,6 +244,13 @@ def complete_other_state_space(files: DatasetFiles, search: StateSpaceSearchSett
         errors = mean_errors(record.model, data.validation, choice.level == "state")
     save(record, files.other_model(choice.purpose))
     save(OtherModel(choice.purpose, record.text, *errors), files.other_errors(choice.purpose))
+
+
+def _searched(files: DatasetFiles, choice: ModelChoice) -> tuple[tuple[int, ...], StateSpaceModel]:
+    """The delays, and the model that the search over orders found for a choice."""
+    delays = load(DelayChoice, files.decision("delays")).delays
+    models = load(OrderModels, files.models_of_orders(choice.variant.name))
+    return delays, models.of_order(choice.order)
 
 
 def _record_of(
