@@ -26,10 +26,11 @@ def estimate_delays(
     """Delay nk of each input in samples, 0 for one that acts on the same sample.
 
     Lags of a vector ARX model, of a fixed last lag, are left out from the first one on: as many as
-    give the lowest BIC, as long as a likelihood ratio test does not find that they explain
-    something together.  BIC alone leaves out too many: each lag has a coefficient for every
-    output there, but the lags of a state-space model have their states in common.  A delay that
-    is too short costs a few states at most, and one that is too long distorts the response.
+    give the lowest BIC, as long as a likelihood ratio test does not find that those from 1 on
+    explain something together.  BIC alone leaves out too many of them: each has a coefficient for
+    every output there, but the lags of a state-space model have their states in common.  A delay
+    that is too short costs a few states at most, and one that is too long distorts the response.
+    Lag 0 has coefficients of its own in a state-space model as well, the matrix D.
 
     Parameters
     ----------
@@ -61,6 +62,7 @@ def estimate_delays(
     known = np.column_stack([np.ones(len(rows)), *past])
     with threadpool_limits(limits=1, user_api="blas"):
         delays = [smallest] * nu
+        whole = max(1 - smallest, 0)
         for _ in range(ROUNDS):
             before = list(delays)
             for j in range(nu):
@@ -69,9 +71,9 @@ def estimate_delays(
                     for delay in range(smallest, largest + 1)
                 ]
                 possible = [
-                    left_out
-                    for left_out, fit in enumerate(found)
-                    if fit.adds_nothing_to(found[0], left_out)
+                    place
+                    for place, fit in enumerate(found)
+                    if place <= whole or fit.adds_nothing_to(found[whole], place - whole)
                 ]
                 delays[j] = smallest + min(possible, key=lambda place: found[place].bic)
             if delays == before:
@@ -107,8 +109,6 @@ class _Fit:
 
         Wilks' likelihood ratio with Bartlett's factor (Anderson 2003, section 8.5).
         """
-        if left_out == 0:
-            return True
         factor = whole.count - whole.regressors - (whole.outputs - left_out + 1) / 2.0
         statistic = factor * (self.log_determinant - whole.log_determinant)
         return bool(chi2.sf(statistic, left_out * whole.outputs) > SIGNIFICANCE)
