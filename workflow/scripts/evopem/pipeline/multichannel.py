@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from threadpoolctl import threadpool_limits
@@ -67,6 +68,7 @@ from evopem.signals.multichannel_reading import (
     check_measured_places,
     describe_multichannel,
     read_multichannel,
+    with_time_told,
 )
 from evopem.validation.mode_table import table_of_models
 from evopem.validation.modes_record import ModesRecord
@@ -107,10 +109,12 @@ def read_channels(
     ------
     InputError
     """
-    recording = read_multichannel(file, channels)
+    told = with_time_told(file, channels)
+    recording = read_multichannel(file, told)
     check_measured_places(geometry, recording.output_names, f"{place}.geometry")
     save_multichannel(recording, recording_file)
-    save(describe_multichannel(file, recording), info_file)
+    info = describe_multichannel(file, recording)
+    save(replace(info, time_told=None if told == channels else told.time), info_file)
 
 
 def prepare_channels(
