@@ -63,9 +63,6 @@ def test_several_channels_have_modes_and_a_report(folder, capsys):
     assert "at 100 Hz" in shown
     assert shown.endswith("report  results/data/report.html\n")
     assert "y_2" in (folder / "results" / "data" / "report.html").read_text()
-    # Results of one recording may be replaced, with other channels as well.
-    assert main(["data.csv", "--input", "u", "--output", "y_3", "--config", "small.yaml"]) == 1
-    assert 'no column "y_3"' in capsys.readouterr().err
 
 
 def test_the_settings_are_those_of_the_same_keys_in_a_configuration(folder, capsys):
