@@ -4,9 +4,9 @@
     PYTHON_WITH_SIPPY benchmarks/state_space_choice.py sippy FOLDER
     python benchmarks/state_space_choice.py table FOLDER
 
-``search`` runs the delays and the searches of the workflow on each record, and simulates the samples
-after it by every candidate.  ``table`` applies the rules to what was found.  The records are draws
-of random plants; nothing was set by looking at one of them.
+``search`` runs the delays and the searches of the workflow on each record, and simulates the
+samples after it by every candidate.  ``table`` applies the rules to what was found.  The records
+are draws of random plants; nothing was set by looking at one of them.
 """
 
 from __future__ import annotations
