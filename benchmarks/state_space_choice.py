@@ -149,11 +149,11 @@ def recording_of(u: np.ndarray, y: np.ndarray):  # type: ignore[no-untyped-def]
 
 def run_search(folder: Path, count: int, kinds: tuple[str, ...]) -> None:
     folder.mkdir(parents=True, exist_ok=True)
-    for seed in range(count):
-        for kind in kinds:
-            made = record(kind, seed)
-            savemat(folder / f"record_{kind}_{seed}.mat", made)
-            search_record(folder, f"{kind}_{seed}", made)
+    made = {f"{kind}_{seed}": record(kind, seed) for seed in range(count) for kind in kinds}
+    for name, each in made.items():
+        savemat(folder / f"record_{name}.mat", each)
+    for name, each in made.items():
+        search_record(folder, name, each)
 
 
 def search_record(folder: Path, name: str, made: dict[str, np.ndarray]) -> None:
@@ -385,7 +385,7 @@ def print_table(folder: Path) -> None:
         each = [found[kind] for kind in kinds]
         every = np.concatenate(each)
         cells = [_mean(np.array(values)) for values in (*each, every)]
-        print(f"| {rule} | " + " | ".join(cells) + f" | {np.max(every[np.isfinite(every)]):.2f} |")
+        print(f"| {rule} | " + " | ".join(cells) + f" | {np.max(every, initial=1.0):.2f} |")
 
 
 def _mean(ratios: np.ndarray) -> str:
