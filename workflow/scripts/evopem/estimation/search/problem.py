@@ -42,7 +42,7 @@ class Problem(Protocol):
         """Descend from each row by BFGS; values as of :meth:`values`."""
 
     def polish(self, points: Array, coarse: bool = False) -> Descent:
-        """Descend from each row to the last digits, or to 1e-5 of the value where ``coarse``."""
+        """Descend from each row to the last digits, or to 1e-4 of the value where ``coarse``."""
 
 
 @dataclass(frozen=True)
