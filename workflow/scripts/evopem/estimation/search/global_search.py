@@ -40,6 +40,8 @@ RESTART_EVALUATIONS = 4000
 # Restarts of the memetic search; where they do not agree, hops from descents find more.
 MEMETIC_RESTARTS = 2
 NEVER = 2**31
+# Evaluations of a search that is the first pass of a race: one batch, coarsely polished.
+FIRST_PASS = 0
 
 
 class _Record:
@@ -190,16 +192,17 @@ def _descend_from_random_points(
     """Descend from independent batches of random points, and polish the lowest of each.
 
     They are polished together, because a pass over the record costs the same for several points as
-    for one.  A single batch is the first pass of a race, and only polished coarsely.
+    for one.
     """
-    lowest, used = [], 0
-    while found.points < BATCHES * BATCH and used < evaluations:
+    lowest: list[Array] = []
+    used = 0
+    while not lowest or (found.points < BATCHES * BATCH and used < evaluations):
         descents = problem.descend(problem.random(BATCH, generator))
         found.optima.extend(converged_values(descents))
         lowest.append(descents.points[int(np.argmin(descents.values))])
         found.points += BATCH
         used += descents.evaluations
-    polished = problem.polish(np.array(lowest), coarse=len(lowest) < BATCHES)
+    polished = problem.polish(np.array(lowest), coarse=evaluations == FIRST_PASS)
     used += polished.evaluations
     for point, value in zip(polished.points, polished.values, strict=True):
         found.add("random points", point, float(value), used // len(lowest))
