@@ -206,9 +206,12 @@ class ArmaxProblem:
         """BFGS from points whose Gauss-Newton matrix may be singular."""
         return staged_descent(self.errors, points, DESCENT_STAGES, self._scale, PREDICTION_DAMPING)
 
-    def polish(self, points: Array) -> Descent:
-        """BFGS with ever less smoothing; never worse than the starting points."""
-        return polish(self.errors, points, self._scale)
+    def polish(self, points: Array, coarse: bool = False) -> Descent:
+        """BFGS with ever less smoothing; never worse than the starting points.
+
+        Each point ends where it would end alone.
+        """
+        return polish(self.errors, points, self._scale, coarse, wait=None)
 
 
 def _best_of_each(descents: Descent, count: int) -> tuple[Array, Array]:

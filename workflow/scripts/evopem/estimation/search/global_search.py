@@ -43,6 +43,8 @@ RESTART_EVALUATIONS = 4000
 # Restarts of the memetic search; where they do not agree, hops from descents find more.
 MEMETIC_RESTARTS = 2
 NEVER = 2**31
+# Evaluations of a search that is the first pass of a race: one batch, coarsely polished.
+FIRST_PASS = 0
 
 
 class _Record:
@@ -204,15 +206,23 @@ def _exchange_of(problem: HoppingProblem) -> SectionExchange | None:
 def _descend_from_random_points(
     problem: HoppingProblem, evaluations: int, generator: np.random.Generator, found: _Record
 ) -> None:
-    """Descend from independent batches of random points."""
-    while found.points < BATCHES * BATCH and found.spent < evaluations:
+    """Descend from independent batches of random points, and polish the lowest of each.
+
+    They are polished together, because a pass over the record costs the same for several points as
+    for one.
+    """
+    lowest: list[Array] = []
+    used = 0
+    while not lowest or (found.points < BATCHES * BATCH and used < evaluations):
         descents = problem.descend(problem.random(BATCH, generator))
         found.optima.extend(converged_values(descents))
-        lowest = int(np.argmin(descents.values))
-        polished = problem.polish(descents.points[[lowest]])
-        used = descents.evaluations + polished.evaluations
+        lowest.append(descents.points[int(np.argmin(descents.values))])
         found.points += BATCH
-        found.add("random points", polished.points[0], float(polished.values[0]), used)
+        used += descents.evaluations
+    polished = problem.polish(np.array(lowest), coarse=evaluations == FIRST_PASS)
+    used += polished.evaluations
+    for point, value in zip(polished.points, polished.values, strict=True):
+        found.add("random points", point, float(value), used // len(lowest))
     found.undiscovered = undiscovered(found.optima)
     found.one_optimum = found.undiscovered <= ONE_OPTIMUM and count_distinct(found.optima) == 1
 

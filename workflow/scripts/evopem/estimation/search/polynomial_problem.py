@@ -119,9 +119,12 @@ class PolynomialProblem:
             self.errors, points, DESCENT_STAGES, self._largest_value, PREDICTION_DAMPING
         )
 
-    def polish(self, points: Array) -> Descent:
-        """BFGS with ever less smoothing; never worse than where it began."""
-        return polish(self.errors, points, self._largest_value)
+    def polish(self, points: Array, coarse: bool = False) -> Descent:
+        """BFGS with ever less smoothing; never worse than where it began.
+
+        Each point ends where it would end alone.
+        """
+        return polish(self.errors, points, self._largest_value, coarse, wait=None)
 
     def estimates(self) -> Array:
         """Points from estimates of the record, (M, n): the first population before its descent."""
