@@ -36,10 +36,7 @@ class State:
         if self.one_job_per == "batch":
             jobs = {"one_job_per": "recording", "recordings_per_job": 2}
         folder.configure(
-            TINY
-            | {"report": "none"}
-            | jobs
-            | {"defaults": defaults, "datasets": datasets}
+            TINY | {"report": "none"} | jobs | {"defaults": defaults, "datasets": datasets}
         )
 
 
