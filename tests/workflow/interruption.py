@@ -35,7 +35,7 @@ def results_of(folder: Folder, dataset: str) -> dict[str, bytes]:
     """The results of a data set that do not depend on how its stages are divided into jobs.
 
     Candidates of one part of a phase and checksums, which lie in a file for each job, do depend.
-    Those of a job of several recordings are unpacked, but for the record of what they are made from.
+    Those of a job of several recordings are unpacked, without the record of their making.
     """
     found = {
         name: content
