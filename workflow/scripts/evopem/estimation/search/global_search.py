@@ -1,9 +1,11 @@
-"""The search of identification: descents from random points, the memetic search, and hops.
+"""The search of identification: descents from random points, growth and exchange of sections.
 
 Most problems at orders that the record supports have one optimum, and descents from a few random
-points all end there: the search is over.  Where they do not agree, restarts of the memetic search
-follow, and hops between neighbouring optima (:mod:`.section_hopping`), until enough independent
-restarts have ended at the lowest value and hops from it have found nothing lower.
+points all end there: the search is over.  Where they do not agree, independent searches by growth
+from small orders and exchange of sections follow (:mod:`.section_exchange`), until enough of them
+have ended at the lowest value and exchange from it has found nothing lower.  Where polynomials
+share no sections, restarts of the memetic search and hops between neighbouring optima
+(:mod:`.section_hopping`) take their place.
 """
 
 from __future__ import annotations
@@ -29,6 +31,7 @@ from evopem.estimation.search.problem import (
     same_optimum,
     undiscovered,
 )
+from evopem.estimation.search.section_exchange import ExchangeProblem, SectionExchange
 from evopem.estimation.search.section_hopping import HoppingProblem, hop
 
 Array = NDArray[np.float64]
@@ -149,19 +152,27 @@ def global_search(
     """
     found = _Record(log)
     _descend_from_random_points(problem, settings.evaluations, generator, found)
+    exchange = None if found.one_optimum else _exchange_of(problem)
     refuted_from = np.inf
     while not (found.one_optimum and same_optimum(found.value, known_minimum)):
         agreed = found.agree(min(found.value, known_minimum))
         if agreed and same_optimum(refuted_from, found.value):
             break
         if agreed and found.point is not None:
-            # Hops from the lowest optimum have to find nothing lower.
+            # Neighbours of the lowest optimum have to be no lower.
             refuted_from = found.value
-            hops = hop(problem, found.point, found.value, np.inf, generator)
+            if exchange is not None:
+                hops = exchange.search_from(found.point, found.value, np.inf, generator)
+            else:
+                hops = hop(problem, found.point, found.value, np.inf, generator)
             found.optima.extend(hops.optima)
-            found.lower("hops from the lowest", hops.point, hops.value, hops.evaluations)
+            found.lower("neighbours of the lowest", hops.point, hops.value, hops.evaluations)
         elif found.spent >= settings.evaluations:
             break
+        elif exchange is not None:
+            hops = exchange.search(settings.evaluations - found.spent, generator)
+            found.optima.extend(hops.optima)
+            found.add("growth and exchange", hops.point, hops.value, hops.evaluations)
         else:
             _restart(problem, settings, generator, recombine, found, known_minimum)
     if found.point is None:
@@ -184,6 +195,12 @@ def global_search(
             convergence=tuple(found.convergence),
         ),
     )
+
+
+def _exchange_of(problem: HoppingProblem) -> SectionExchange | None:
+    """The exchange of sections, where the problem has some."""
+    exchange = SectionExchange(problem) if isinstance(problem, ExchangeProblem) else None
+    return exchange if exchange is not None and exchange.possible else None
 
 
 def _descend_from_random_points(

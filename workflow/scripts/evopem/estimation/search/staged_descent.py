@@ -150,6 +150,31 @@ def _bfgs(
     )
 
 
+def promised_values(
+    errors: PredictionErrors, points: Array, value: float, largest_value: float, damping: float
+) -> Array:
+    """Objective that one Gauss-Newton step from each feasible point predicts, (M,).
+
+    Parameters
+    ----------
+    errors : PredictionErrors
+    points : (M, n) array
+    value : float
+        The size of the values, which smoothing and barrier depend on.
+    largest_value : float
+        See :func:`staged_descent`.
+    damping : float
+        Of the Gauss-Newton matrix.
+    """
+    smoothing, barriers = stage_weights(
+        errors, DESCENT_STAGES[0], np.full(len(points), value), largest_value
+    )
+    values, gradients = errors.values_and_gradients(points, smoothing, barriers)
+    inverses = damped_inverses(errors.curvatures(points, smoothing, barriers), damping)
+    gains: Array = np.einsum("ij,ijk,ik->i", gradients, inverses, gradients)
+    return values - 0.5 * gains
+
+
 def damped_inverses(matrices: Array, damping: float = DAMPING) -> Array:
     """Inverses of positive semidefinite matrices, scaled to a unit diagonal and damped."""
     count = matrices.shape[1]
