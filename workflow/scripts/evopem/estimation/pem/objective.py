@@ -67,21 +67,8 @@ class PredictionErrorProblem:
         self.recursion_start = recursion_start
         self.scoring_start = scoring_start
         self.max_root_radius = max_root_radius
-        padded = kernels.padded_length(self.samples, self.recursion_start)
-        self._record = kernels.Record(
-            y=_padded(output, padded),
-            u=_padded(input, padded),
-            na=orders.na,
-            nb=orders.nb,
-            nc=orders.nc,
-            nk=orders.nk,
-            rows_c=max(orders.nc, kernels.MIN_NC),
-            residual_start=recursion_start,
-            loss_start=scoring_start,
-            loss_stop=self.samples,
-        )
         absolute = objective == "absolute"
-        scored = self._record.y[scoring_start : self.samples]
+        scored = output[scoring_start:]
         self._scale = float(np.sum(np.abs(scored)) if absolute else scored @ scored)
         self.scored_samples = self.samples - scoring_start
         # A square in the unit of the loss.
@@ -91,6 +78,25 @@ class PredictionErrorProblem:
             factor=100.0 / self._scale,
             state_weight=STATE_WEIGHT * 100.0 / self._scale / state_unit,
             max_root_radius=max_root_radius,
+        )
+
+    @cached_property
+    def _record(self) -> kernels.Record:
+        """The padded record, a copy that takes the place of the given signals, made when needed."""
+        padded = kernels.padded_length(self.samples, self.recursion_start)
+        y, u = _padded(self.output, padded), _padded(self.input, padded)
+        self.output, self.input = y[: self.samples], u[: self.samples]
+        return kernels.Record(
+            y=y,
+            u=u,
+            na=self.orders.na,
+            nb=self.orders.nb,
+            nc=self.orders.nc,
+            nk=self.orders.nk,
+            rows_c=max(self.orders.nc, kernels.MIN_NC),
+            residual_start=self.recursion_start,
+            loss_start=self.scoring_start,
+            loss_stop=self.samples,
         )
 
     # Tables of eight numbers a sample, made when they are needed: a problem that is only scaled
@@ -119,6 +125,16 @@ class PredictionErrorProblem:
     def dimension(self) -> int:
         """Length of a point: n = na + nb + nc parameters and nc noise states."""
         return self.orders.parameters + self.orders.nc
+
+    def parts(self) -> dict[str, slice]:
+        """Where the parts of a point stand: a, b, c and noise."""
+        o = self.orders
+        return {
+            "a": slice(0, o.na),
+            "b": slice(o.na, o.na + o.nb),
+            "c": slice(o.na + o.nb, o.parameters),
+            "noise": slice(o.parameters, self.dimension),
+        }
 
     def values(self, points: Array) -> Array:
         """Objective of each row of an (M, n) population, in percent; infeasible rows are inf.
@@ -171,10 +187,22 @@ class PredictionErrorProblem:
 
     def residuals(self, point: Array) -> Array:
         """Residuals of one parameter vector, (N,); zero before ``recursion_start``."""
+        # Tables that are not there are not kept: they are larger than what is wanted.
+        workspace = self.__dict__.get("_workspace") or kernels.workspace_for(self._record, 1)
         residuals: Array = kernels.residuals(
-            self._record, self._workspace, _rows(point[None, :]), np.zeros(1, dtype=np.intp)
+            self._record, workspace, _rows(point[None, :]), np.zeros(1, dtype=np.intp)
         )
         return residuals[0, : self.samples]
+
+    def residuals_and_slopes(self, point: Array) -> tuple[Array, Array]:
+        """Residuals, (N,), and half the slopes of squares or those of magnitudes.
+
+        Slopes are zero where the residuals do not count.
+        """
+        residuals = self.residuals(point)
+        slopes = np.sign(residuals) if self.objective == "absolute" else residuals.copy()
+        slopes[: self.scoring_start] = 0.0
+        return residuals, slopes
 
     def feasible(self, points: Array) -> NDArray[np.bool_]:
         """Whether A and C of each row have all roots within ``max_root_radius``."""
@@ -193,15 +221,11 @@ class PredictionErrorProblem:
         inner = self.max_root_radius * (1.0 - 1e-6)
         rows = np.flatnonzero(~self.feasible(points))
         finite = np.where(np.isfinite(points[rows]), points[rows], 0.0)
-        for part in self._polynomials():
+        for name in "ac":
+            part = self.parts()[name]
             finite[:, part] = reflect_into_disc(finite[:, part], inner)
         repaired[rows] = finite
         return repaired
-
-    def _polynomials(self) -> tuple[slice, slice]:
-        """Where the coefficients of A and of C stand in a point."""
-        o = self.orders
-        return slice(0, o.na), slice(o.na + o.nb, o.parameters)
 
 
 def _rows(points: Array) -> Array:

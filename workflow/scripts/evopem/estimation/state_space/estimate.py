@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 
 from evopem.config.settings import SearchSettings
 from evopem.estimation.criteria import lies_at_bound
-from evopem.estimation.search.certificate import AGREEING_OF_MANY_OPTIMA
+from evopem.estimation.search.certificate import AGREEING
 from evopem.estimation.search.memetic import memetic_search
 from evopem.estimation.search.problem import SearchDiagnostics, SearchResult
 from evopem.estimation.state_space.covariance import (
@@ -59,7 +59,7 @@ WIDTH, FINAL_WIDTH = 3, 8
 CROSSED = 2
 # Restarts that must agree before the multistart check, which is one more: a certificate needs so
 # many where there are many optima, as there are nearly always.
-AGREEING_BEFORE_CHECK = AGREEING_OF_MANY_OPTIMA - 1
+AGREEING_BEFORE_CHECK = AGREEING[-1][1] - 1
 
 
 @dataclass(frozen=True)
