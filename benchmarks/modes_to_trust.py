@@ -22,6 +22,7 @@ import argparse
 import json
 import sys
 import time
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -30,14 +31,24 @@ ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
 
 RATE = 100.0
-# Samples of records of unmeasured and of measured forces, and number of the latter.
-AMBIENT_SAMPLES, DRIVEN_SAMPLES, FORCES = 3000, 1500, 2
-ORDERS, WIDTH = range(8, 17, 2), 2
-# Block rows and largest order of SSI, and largest order of pLSCF.
-BLOCK_ROWS, SSI_ORDER, PLSCF_ORDER = 30, 40, 30
+
+
+@dataclass(frozen=True)
+class Study:
+    """Samples of a record; evopem's orders and starts; pyOMA2's largest order and clusterings."""
+
+    samples: int
+    orders: range
+    width: int
+    ssi_order: int
+    clusterings: tuple[str, ...]
+
+
+DRIVEN = Study(1500, range(8, 17, 2), 2, 40, ("Neu", "Kvaale", "Dederichs", "hier_avg"))
+AMBIENT = Study(4000, range(6, 17, 2), 3, 60, ("Magalhaes", "Reynders", *DRIVEN.clusterings))
+# Measured forces, block rows of SSI, and the largest order of pLSCF.
+FORCES, BLOCK_ROWS, PLSCF_ORDER = 2, 30, 30
 SAME_FREQUENCY, SAME_SHAPE = 0.02, 0.8
-# Names of pyOMA2's clusterings.
-CLUSTERINGS = ("Neu", "Kvaale", "Dederichs", "hier_avg")
 # Distances within which stable poles of pLSCF are linked.
 REACHES = (0.02, 0.05)
 
@@ -51,9 +62,9 @@ def write_records(folder: Path, count: int, driven: bool) -> None:
         structure = random_structure(generator)
         noise = generator.uniform(0.05, 0.3)
         if driven:
-            u, y = structure.driven_record(DRIVEN_SAMPLES, RATE, FORCES, noise, generator)
+            u, y = structure.driven_record(DRIVEN.samples, RATE, FORCES, noise, generator)
         else:
-            y = structure.ambient_record(AMBIENT_SAMPLES, RATE, noise, generator)
+            y = structure.ambient_record(AMBIENT.samples, RATE, noise, generator)
             u = np.empty((len(y), 0))
         np.savez(
             folder / f"{number:03d}.npz",
@@ -87,13 +98,16 @@ def run_peers(folder: Path, count: int) -> None:
         results = {}
         setup = SingleSetup(y, fs=RATE)
         begun = time.process_time()
+        study = DRIVEN if u.shape[1] else AMBIENT
         method, inputs = ("IOcov", {"U": u}) if u.shape[1] else ("cov", {})
-        ssi = SSI(name=method, method=method, br=BLOCK_ROWS, ordmax=SSI_ORDER, step=2, **inputs)
+        ssi = SSI(
+            name=method, method=method, br=BLOCK_ROWS, ordmax=study.ssi_order, step=2, **inputs
+        )
         setup.add_algorithms(ssi)
         setup.run_by_name(method)
         seconds = time.process_time() - begun
         results[f"SSI-{method}, read with the truth"] = read_with_truth(ssi.result, record)
-        for name in CLUSTERINGS:
+        for name in study.clusterings:
             begun = time.process_time()
             try:
                 ssi.add_clustering(Clustering(name=name, quick=name))
@@ -181,16 +195,17 @@ def run_own(folder: Path, count: int) -> None:
         record = np.load(file)
         y = record["y"]
         u = record["u"] if record["u"].shape[1] else None
+        study = AMBIENT if u is None else DRIVEN
         kept = 3 * len(y) // 4
         begun = time.process_time()
         scores = sweep_state_space_orders(
             u if u is None else u[:kept],
             y[:kept],
-            ORDERS,
+            study.orders,
             RATE,
             form="innovations" if u is None else "output_error",
             folds=False,
-            width=WIDTH,
+            width=study.width,
         )
         table = mode_table(scores, u, y, kept)
         seconds = time.process_time() - begun

@@ -6,7 +6,8 @@ Parts:
 
 - recordings: simulation and one-step errors on validation samples that no choice has seen.
 - optimum: the objective against the best of descents of Marquardt's method, all entries of A, B, C,
-  K, level and initial state free, from independent starts.
+  K, level and initial state free, from independent starts.  Only the descents with which a search
+  begins: it cannot end above them.
 - coverage: the share of 95 % intervals of frequencies, damping and shapes that cover the truth.
 - large: the time for 28 outputs at order 20.
 """
@@ -43,7 +44,7 @@ RATE = 100.0
 # Inputs, outputs and modes of the truths.
 TRUTHS = ((2, 2, 2), (1, 6, 3), (3, 3, 4), (2, 2, 6))
 # Those whose optimum is compared with independent starts.
-OPTIMA = ((2, 2, 2), (2, 2, 6), (1, 6, 2), (1, 6, 4), (3, 3, 2), (3, 3, 4))
+OPTIMA = ((2, 2, 2), (3, 3, 2), (1, 6, 2), (3, 3, 4), (1, 6, 4), (2, 2, 6))
 # Largest radius of poles, as in StateSpaceSettings.
 LARGEST_RADIUS = 0.9999
 
@@ -271,9 +272,8 @@ def optimum(starts: int) -> None:
             true = truth(nu, ny, modes, form)
             u, y = recorded(true, 300, 0.3, 1)
             begun = time.process_time()
-            found = estimate_state_space(
-                u, y, true.order, RATE, form=form, settings=StateSpaceSettings(weighting="power")
-            )
+            settings = StateSpaceSettings(weighting="power", evaluations=0)
+            found = estimate_state_space(u, y, true.order, RATE, form=form, settings=settings)
             spent = time.process_time() - begun
             begun = time.process_time()
             values = np.array(independent_optima(u, y, true, starts))
@@ -283,7 +283,7 @@ def optimum(starts: int) -> None:
             print(
                 f"| {nu} × {ny} | {true.order} | {form} | {found.objective:.7f} | {best:.7f} | "
                 f"{(found.objective - best) / best:+.1e} | {near} of {starts} | "
-                f"{spent:.0f} s | {peer:.0f} s |",
+                f"{spent:.1f} s | {peer:.1f} s |",
                 flush=True,
             )
 
