@@ -19,7 +19,9 @@ report: $(VENV)/installed  ## run config.yaml from data to report
 test: $(VENV)/installed-dev  ## run every test, and the examples of the docstrings
 	# First what compiles the kernels, once for the processes that share the tests.
 	$(BIN)/pytest --quiet --doctest-modules workflow/scripts/evopem
-	$(BIN)/pytest --numprocesses auto --dist loadfile --no-loadscope-reorder tests/workflow tests
+	# Then the longest files first, so that no process is left alone with one at the end.
+	$(BIN)/pytest --numprocesses auto --dist loadfile --no-loadscope-reorder \
+		tests/workflow tests/packaging tests/fletcher_powell tests
 
 test-slurm: $(VENV)/installed-dev  ## run the tests on SLURM, started for them where that can be done
 	EVOPEM_TEST_SLURM=1 PATH="$(CURDIR)/$(BIN):$$PATH" tests/workflow/with_slurm.sh $(BIN)/pytest tests/workflow/test_slurm.py

@@ -1,18 +1,23 @@
 """The processor time of a fleet, and what of it is not the search: the check of docs/planning.md.
 
-    python benchmarks/fleet_run.py FOLDER RECORDINGS [PER_JOB] [CORES]
+    python benchmarks/fleet_run.py FOLDER RECORDINGS [--per-job auto] [--cores 2] [--bad]
 
 identifies so many synthetic recordings with the built-in grids of the chapter, several a job, and
 runs the stages of a few of them again in this process to see what the searches take. Prints both,
-the wall clock, the share of the rest, and the files and bytes of a recording. A folder with results
-is continued, and what it finds finished is not counted.
+the wall clock, the share of the rest, the memory of Snakemake, and the files and bytes of a
+recording. With ``--bad`` three recordings cannot be used. A folder with results is continued, and
+what it finds finished is not counted.
 """
 
+import argparse
+import csv
 import os
 import subprocess
 import sys
 import tempfile
+import threading
 import time
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -36,13 +41,26 @@ DEFAULTS = {
 }
 
 
-def write_recordings(folder: Path, count: int, per_job: int | str) -> dict[str, object]:
+# Where in the fleet recordings cannot be used, as shares of it, and what is done to their samples.
+BAD = {0.05: "a text cell", 0.45: "a constant output", 0.85: "too few samples"}
+
+
+def write_recordings(
+    folder: Path, count: int, per_job: int | str, bad: bool = False
+) -> dict[str, object]:
     """Recordings of different systems, and the configuration that identifies them."""
     (folder / "data").mkdir(parents=True, exist_ok=True)
+    spoiled = {int(share * count): how for share, how in BAD.items()} if bad else {}
     for number in range(count):
+        file = folder / "data" / f"{number:05d}.csv"
+        if file.exists():
+            continue
         record, _ = armax(seed=number, samples=SAMPLES)
         columns = np.column_stack([record.input, record.output])
-        np.savetxt(folder / "data" / f"{number:05d}.csv", columns, delimiter=",")
+        if number in spoiled:
+            _write_spoiled(file, columns, spoiled[number])
+        else:
+            np.savetxt(file, columns, delimiter=",")
     config = {
         "one_job_per": "recording",
         "recordings_per_job": per_job,
@@ -52,6 +70,42 @@ def write_recordings(folder: Path, count: int, per_job: int | str) -> dict[str, 
     }
     (folder / "config.yaml").write_text(yaml.safe_dump(config))
     return config
+
+
+def _write_spoiled(file: Path, columns: np.ndarray, how: str) -> None:
+    """A recording that cannot be used."""
+    if how == "a constant output":
+        columns[:, 1] = 1.0
+    np.savetxt(file, columns[:20] if how == "too few samples" else columns, delimiter=",")
+    if how == "a text cell":
+        lines = file.read_text().splitlines()
+        lines[SAMPLES // 2] = "0.1,oops"
+        file.write_text("\n".join(lines) + "\n")
+
+
+class PeakMemory(threading.Thread):
+    """The largest resident memory of a process, without its children, in MB."""
+
+    def __init__(self, pid: int) -> None:
+        super().__init__(daemon=True)
+        self.status = Path(f"/proc/{pid}/status")
+        self.megabytes = 0.0
+
+    def run(self) -> None:
+        """Read it every second, until the process has ended."""
+        while True:
+            try:
+                lines = dict(line.split(":", 1) for line in self.status.read_text().splitlines())
+                self.megabytes = int(lines["VmHWM"].split()[0]) / 1024
+            except (OSError, KeyError):
+                return
+            time.sleep(1.0)
+
+
+def listed(folder: Path) -> dict[str, tuple[str, str]]:
+    """Status and problem of each recording in the list of all of them."""
+    with (folder / "results" / "fleet.csv").open(newline="") as file:
+        return {row["dataset"]: (row["status"], row["problem"]) for row in csv.DictReader(file)}
 
 
 def seconds_of_stages(settings: DatasetSettings, folder: Path) -> tuple[float, float]:
@@ -73,18 +127,34 @@ def seconds_of_stages(settings: DatasetSettings, folder: Path) -> tuple[float, f
 
 
 def main() -> None:
-    folder, count = Path(sys.argv[1]).resolve(), int(sys.argv[2])
-    per_job = sys.argv[3] if len(sys.argv) > 3 else "auto"
-    cores = sys.argv[4] if len(sys.argv) > 4 else "2"
-    config = write_recordings(folder, count, per_job if per_job == "auto" else int(per_job))
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("recordings", type=int)
+    parser.add_argument("--per-job", default="auto")
+    parser.add_argument("--cores", default="2")
+    parser.add_argument("--bad", action="store_true")
+    given = parser.parse_args()
+    folder, count = given.folder.resolve(), given.recordings
+    per_job = given.per_job if given.per_job == "auto" else int(given.per_job)
+    config = write_recordings(folder, count, per_job, given.bad)
     command = [sys.executable, "-m", "snakemake", "--snakefile", str(ROOT / "Snakefile")]
     began = time.monotonic()
-    run = subprocess.Popen([*command, "--cores", cores, "--quiet", "all"], cwd=folder)
+    run = subprocess.Popen([*command, "--cores", given.cores, "--quiet", "all"], cwd=folder)
+    memory = PeakMemory(run.pid)
+    memory.start()
     _, status, used = os.wait4(run.pid, 0)
     wall, total = time.monotonic() - began, used.ru_utime + used.ru_stime
-    assert status == 0, "the run failed"
-    print(f"{count} recordings of {SAMPLES} samples on {cores} cores: {wall:.0f} s wall clock,")
-    print(f"{total:.0f} s of processor time, {total / count:.2f} s a recording.", flush=True)
+    assert (status == 0) != given.bad, f"the run ended with {status}"
+    print(
+        f"{count} recordings of {SAMPLES} samples on {given.cores} cores: {wall:.0f} s wall clock,"
+    )
+    print(f"{total:.0f} s of processor time, {total / count:.2f} s a recording.")
+    print(f"Snakemake itself took up to {memory.megabytes:.0f} MB.", flush=True)
+    rows = listed(folder)
+    print(f"In the list: {dict(Counter(status for status, _ in rows.values()))}.")
+    for name, (status, problem) in rows.items():
+        if status != "complete":
+            print(f"{name}: {status}, {problem}")
     os.chdir(folder)
     names = list(complete(config, schema_file()).datasets.values())
     seconds_of_stages(names[0], folder)  # loads what the jobs have loaded

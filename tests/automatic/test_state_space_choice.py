@@ -114,6 +114,8 @@ def test_orders_follow_the_length_of_the_record():
     assert searched_orders(recording(5000), None, "datasets.a") == tuple(range(2, 21, 2))
     assert searched_orders(recording(100), None, "datasets.a") == (1, 2, 3)
     assert searched_orders(recording(5000), (3, 5), "datasets.a") == (3, 4, 5)
+    # Five folds leave four fifths of a short record to fit.
+    assert searched_orders(recording(160, 5, 3), None, "datasets.a") == tuple(range(1, 7))
     assert max(noise_orders(recording(100))) == 8
     with pytest.raises(InputError, match="30 estimation samples are too few"):
         searched_orders(recording(30), (4, 4), "datasets.a")

@@ -56,6 +56,12 @@ def test_lists_of_channels_mean_a_state_space_model():
     assert (found.split.discard, found.split.estimation) == (0, 0.8)
 
 
+def test_so_does_a_pattern_without_a_list():
+    found = dataset("output: acc_*\n    input: u")
+    assert isinstance(found, StateSpaceDataset)
+    assert found.source.channels.outputs == ("acc_*",)
+
+
 def test_the_structure_alone_does_so_too():
     found = dataset("structure: state_space")
     assert found.source.channels.inputs == (1,)

@@ -373,6 +373,15 @@ def test_delays_are_those_of_the_truth():
     assert estimate_delays(u, y) == (1, 5)
 
 
+def test_noise_does_not_make_delays_of_inputs_that_act_at_once():
+    truth = structure(2, modes=4, nu=2, ny=8, damping=0.01, form="output_error")
+    generator = np.random.default_rng(2)
+    u = generator.standard_normal((600, 2))
+    clean = truth.simulate(u)
+    noise = 0.5 * clean.std(axis=0) * generator.standard_normal(clean.shape)
+    assert estimate_delays(u, clean + noise) == (1, 1)
+
+
 def test_the_recursion_solves_the_yule_walker_equations():
     generator = np.random.default_rng(5)
     e = generator.standard_normal((3000, 2))

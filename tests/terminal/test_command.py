@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 import yaml
 
@@ -46,6 +47,22 @@ def test_one_command_identifies_a_recording(folder):
     stages = [line for line in ended.stderr.splitlines() if line.startswith("[")]
     assert len(stages) == 14
     assert stages[-1].startswith("[14/14]")
+
+
+def test_several_channels_have_modes_and_a_report(folder, capsys):
+    written = {"orders": {"nx": [3, 3]}, "form": "innovations", "search": {"evaluations": 1}}
+    (folder / "small.yaml").write_text(yaml.safe_dump({"defaults": written}))
+    table = np.loadtxt("data.csv", delimiter=",", skiprows=1)
+    noise = np.random.default_rng(1).standard_normal(len(table)) * table[:, 2].std()
+    table = np.column_stack([table, np.roll(table[:, 2], 2) + noise])
+    np.savetxt("data.csv", table, delimiter=",", header="time,u,y_1,y_2", comments="")
+    # The rate is that of the channel named as a time.
+    assert main(["data.csv", "--input", "u", "--output", "y_*", "--config", "small.yaml"]) == 0
+    shown = capsys.readouterr().out
+    assert "state space, 3 states (innovations" in shown
+    assert "at 100 Hz" in shown
+    assert shown.endswith("report  results/data/report.html\n")
+    assert "y_2" in (folder / "results" / "data" / "report.html").read_text()
 
 
 def test_the_settings_are_those_of_the_same_keys_in_a_configuration(folder, capsys):

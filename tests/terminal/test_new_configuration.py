@@ -83,3 +83,12 @@ def test_a_folder_without_recordings_is_refused(tmp_path):
     with pytest.raises(InputError, match="is not a folder"):
         write_configuration(tmp_path / "missing")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_names_of_several_channels_make_lists(tmp_path):
+    table = np.random.default_rng(1).standard_normal((50, 4))
+    header = "force_1,force_2,acc_1,acc_2"
+    np.savetxt(tmp_path / "beam.csv", table, delimiter=",", header=header, comments="")
+    written = configuration_text(tmp_path)
+    assert "input: [force_1, force_2]\n" in written
+    assert "output: [acc_1, acc_2]\n" in written

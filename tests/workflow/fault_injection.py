@@ -35,6 +35,7 @@ LONGEST_RUN = 300.0  # seconds
 SENTENCE = 'bad.csv, line 51, column 2: "oops" is not a finite number; repair or remove that sample'
 DAMAGED = re.compile(r"(results/\S+): was changed or damaged after it was written; delete it")
 
+JOBS = ("stage", "recording", "batch")
 FAULTS = (
     "kill one job",
     "kill all processes",
@@ -75,7 +76,7 @@ class Sequence:
 
     def __post_init__(self) -> None:
         self.random = random.Random(self.seed)
-        self.state = State(one_job_per=self.random.choice(["stage", "recording"]))
+        self.state = State(one_job_per=self.random.choice(JOBS))
         self.spoiled: set[Path] = set()
 
     def run(self) -> None:
@@ -110,8 +111,8 @@ class Sequence:
                 choices = {("good", "bad"), ("good",), ("bad",)} - {self.state.names}
                 self.turn(names=self.random.choice(sorted(choices)))
             case "divide the stages differently":
-                modes = {"stage": "recording", "recording": "stage"}
-                self.turn(one_job_per=modes[self.state.one_job_per])
+                others = [each for each in JOBS if each != self.state.one_job_per]
+                self.turn(one_job_per=self.random.choice(others))
             case _:
                 name = f"{name}: {self.spoil(name)}"
         self.story.append(name)

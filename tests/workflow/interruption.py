@@ -5,6 +5,9 @@ Nothing here starts a run. `tests.workflow.fault_injection` disturbs runs, and b
 """
 
 import csv
+import io
+import zipfile
+import zlib
 from pathlib import Path
 
 from evopem.files.checksums import sha256_of_file
@@ -32,12 +35,24 @@ def results_of(folder: Folder, dataset: str) -> dict[str, bytes]:
     """The results of a data set that do not depend on how its stages are divided into jobs.
 
     Candidates of one part of a phase and checksums, which lie in a file for each job, do depend.
+    Those of a job of several recordings are unpacked, without the record of their making.
     """
-    return {
+    found = {
         name: content
         for name, content in final_files(folder).items()
         if name.startswith(f"{dataset}/") and "/part-" not in name and "/checksums/" not in name
     }
+    return found | unpacked(found.pop(f"{dataset}/details.zip", b""), dataset)
+
+
+def unpacked(details: bytes, dataset: str) -> dict[str, bytes]:
+    """Results that a job of several recordings has packed; none of a damaged archive."""
+    try:
+        with zipfile.ZipFile(io.BytesIO(details)) as archive:
+            packed = {f"{dataset}/{name}": archive.read(name) for name in archive.namelist()}
+    except (zipfile.BadZipFile, zlib.error, OSError, ValueError):
+        return {}
+    return {name: content for name, content in packed.items() if "made_from" not in name}
 
 
 def wrong_checksums(folder: Folder) -> list[Path]:

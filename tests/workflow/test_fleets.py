@@ -68,6 +68,7 @@ def test_a_fleet_in_shards_of_batches_with_a_bad_recording_is_listed_and_later_c
     listed = {row["dataset"]: row for row in table(folder)}
     assert [row["status"] for row in listed.values()] == ["complete", "failed", "complete"]
     assert "2.csv, line 2, column 2" in listed["r2"]["problem"]
+    assert not list((folder.results / "r2").glob(".*")), "a part of a recording that failed"
     html = (folder.results / "index.html").read_text(encoding="utf-8")
     assert html.index(">r2<") < min(html.index(f">r{n}<") for n in (1, 3))
     assert re.search(r"<h1>3 data sets", html)

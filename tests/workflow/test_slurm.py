@@ -198,13 +198,14 @@ def test_a_job_out_of_memory_gets_more(runs):
 
 
 def test_an_array_job_takes_a_fleet_in_shards(runs, recorded):
-    """Two tasks of an array identify four recordings, the last job lists them, one of them bad."""
+    """Two tasks identify two recordings each, the last job lists them, one of them bad."""
     folder = Folder(runs.base / "fleet")
     (folder.path / "data").mkdir(parents=True)
     for number in range(1, 4):
         np.savetxt(folder.path / "data" / f"{number}.csv", recorded[number:], delimiter=",")
     (folder.path / "data" / "4.csv").write_text("1.5,2.5\n3.5,oops\n" * 300)
-    config = ONE_JOB | {"datasets": {"r*": {"file": "data/*.csv", "sampling_rate": 100}}}
+    fleet = {"r*": {"file": "data/*.csv", "sampling_rate": 100}}
+    config = ONE_JOB | {"recordings_per_job": 2, "datasets": fleet}
     array_job = [str(ROOT / "profiles" / "slurm" / "array_job.sh"), "2", "--time=5", "--mem=1000"]
     runs.folders["fleet"] = folder
     runs.start("fleet", config, command=array_job)

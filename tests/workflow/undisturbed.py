@@ -16,7 +16,10 @@ ARGUMENTS = ("--cores", "2")
 
 @dataclass(frozen=True)
 class State:
-    """The inputs of a run: which of two recordings and values, which data sets, which jobs."""
+    """The inputs of a run: which of two recordings and values, which data sets, which jobs.
+
+    ``one_job_per`` is ``"batch"`` where one job takes both data sets.
+    """
 
     recording: int = 0
     nfft: int = 512
@@ -29,10 +32,11 @@ class State:
             write_recording(folder.path / f"{name}.csv", self.recording, name == "bad", modified)
         defaults = TINY["defaults"] | {"spectrum": {"nfft": self.nfft}}
         datasets = {name: {"file": f"{name}.csv", "sampling_rate": 100} for name in self.names}
+        jobs = {"one_job_per": self.one_job_per}
+        if self.one_job_per == "batch":
+            jobs = {"one_job_per": "recording", "recordings_per_job": 2}
         folder.configure(
-            TINY
-            | {"report": "none", "one_job_per": self.one_job_per}
-            | {"defaults": defaults, "datasets": datasets}
+            TINY | {"report": "none"} | jobs | {"defaults": defaults, "datasets": datasets}
         )
 
 

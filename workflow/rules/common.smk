@@ -121,6 +121,21 @@ def code(script, *templates):
     return code_version(SCRIPTS / f"{script}.py", templates)
 
 
+def schedule_when_jobs_end():
+    """Before the first job of a local run, look for the next jobs when one has ended, and then only.
+
+    To start at most 100 jobs a second, Snakemake would look at the recorded files of all waiting
+    jobs each second: with a thousand recordings that takes a seventh of a core.
+    """
+    limiter = workflow.scheduler.job_rate_limiter
+    if (
+        workflow.local_exec
+        and limiter
+        and (limiter.max_jobs, limiter.timespan) == (100, 1)
+    ):
+        workflow.scheduler.job_rate_limiter = None
+
+
 def mark_unfinished():
     """Before the first job, list the data sets with jobs to run as unfinished.
 

@@ -6,6 +6,7 @@ include: "terminal.smk"
 
 onstart:
     shorten_job_messages()
+    schedule_when_jobs_end()
     mark_unfinished()
 
 

@@ -14,6 +14,7 @@ from evopem.automatic.state_space_search import (
     Refit,
     Variant,
     VariantSearch,
+    fewest_fitted,
     scored_search,
     until_bic_rises,
 )
@@ -63,8 +64,7 @@ def searched_joint_orders(
     without_poles = structure == "fir"
     low, high = limits or (1, MOST_TAPS if without_poles else MOST_POLES)
     of_order = nu * (1 + ("nf" in names)) + len({"na", "nc", "nd"}.intersection(names))
-    # A fold of two leaves half of the samples.
-    affordable = estimation.samples // 2 // VALUES_PER_PARAMETER // of_order
+    affordable = fewest_fitted(estimation) // VALUES_PER_PARAMETER // of_order
     if affordable < low:
         raise InputError(
             f"{place}.orders.joint",

@@ -40,13 +40,14 @@ Refit = Callable[[Sequence[MultichannelRecording]], StateSpaceModel]
 """The model that a descent ends at on parts of a record, from the one of the whole record."""
 
 # Designs of folds, each a number of folds of consecutive samples: few long ones show errors of the
-# gain and of slow poles, many leave more samples to fit.  Large records have the first alone.
+# gain and of slow poles, many leave more samples to fit.  Large records have the first alone, and
+# records of few samples the last one: half of them say too little.
 DESIGNS = (2, 5)
-LARGE = 100_000
+LARGE, FEW = 100_000, 400
 # Estimates of each order that are descended from on large records, whose estimates are good ones,
 # and steps of these descents.
 LARGE_WIDTH, LARGE_STEPS = 2, 12
-SHORTEST_FOLD = 40
+SHORTEST_FOLD = 24
 # Largest orders tried of plant and noise model, and output values for each parameter of the largest
 # model.
 MOST_STATES, MOST_NOISE_STATES, VALUES_PER_PARAMETER = 20, 10, 5
@@ -191,8 +192,8 @@ def searched_orders(
     samples, ny = estimation.outputs.shape
     nu = estimation.inputs.shape[1]
     low, high = limits or (1, MOST_STATES)
-    # A fold of two leaves half of the samples.
-    affordable = samples * ny // 2 // VALUES_PER_PARAMETER // (nu + 2 * ny + 1)
+    fitted = fewest_fitted(estimation)
+    affordable = fitted * ny // VALUES_PER_PARAMETER // (nu + 2 * ny + 1)
     affordable = min(affordable, samples // 12)
     if affordable < low:
         raise InputError(
@@ -469,9 +470,15 @@ def _up_to_lowest(bic: Mapping[int, float]) -> tuple[int, ...]:
 
 
 def _designs(estimation: MultichannelRecording) -> tuple[int, ...]:
-    if _is_large(estimation):
+    if _is_large(estimation) or estimation.samples < DESIGNS[-1] * SHORTEST_FOLD:
         return DESIGNS[:1]
-    return tuple(n for n in DESIGNS if estimation.samples >= n * SHORTEST_FOLD) or DESIGNS[:1]
+    return DESIGNS[-1:] if estimation.samples < FEW else DESIGNS
+
+
+def fewest_fitted(estimation: MultichannelRecording) -> int:
+    """Samples that the smallest training part of all folds has."""
+    fewest_folds = min(_designs(estimation))
+    return estimation.samples - -(-estimation.samples // fewest_folds)
 
 
 def _design_scores(
@@ -497,7 +504,7 @@ def _design_scores(
     for fold, (first, stop) in enumerate(folds):
         held = estimation.between(first, stop)
         ends = (estimation.between(0, first), estimation.between(stop, estimation.samples))
-        parts = [part for part in ends if part.samples >= SHORTEST_FOLD // 2]
+        parts = [part for part in ends if part.samples >= SHORTEST_FOLD]
         power[fold] = np.sum((held.outputs - held.outputs.mean(axis=0)) ** 2, axis=0)
         for place, refit in enumerate(refits):
             try:

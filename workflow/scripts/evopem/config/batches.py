@@ -10,8 +10,8 @@ from evopem.config.settings import DatasetSettings, RunSettings
 from evopem.config.state_space_settings import StateSpaceDataset
 from evopem.errors import InputError
 
-SECONDS_OF_A_BATCH = 60.0
-"""Work of a job, by estimate, beside which the 2 s of its start count little."""
+SECONDS_OF_A_BATCH = 120.0
+"""Work of a job, by estimate, beside which the 2 s of its start are less than a fiftieth."""
 
 LEAST_BATCHES = 16
 """So many batches, or one for each recording, keep the cores busy to the end of a run."""

@@ -393,7 +393,7 @@ class RunSettings:
     follow : str, optional
         Name of the condition that recordings are ordered by where modes are followed.
     recordings_per_job : int or "auto", optional
-        With ``"auto"`` as many as take about a minute. None for one, with all its files.
+        With ``"auto"`` as many as take about two minutes. None for one, with all its files.
     """
 
     candidates_per_job: int | Literal["auto"] = "auto"

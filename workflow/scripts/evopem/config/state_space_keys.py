@@ -48,7 +48,8 @@ _SEARCH_KEYS = ("seed", "evaluations", "max_root_radius", "objective")
 
 def is_state_space(written: Keys, defaults: Keys) -> bool:
     """Whether a data set has the keys of several channels, or structure state_space."""
-    lists = any(isinstance(written.get(key), list) for key in _CHANNEL_KEYS)
+    channels = [written.get(key) for key in _CHANNEL_KEYS]
+    lists = any(isinstance(each, list) or is_pattern(each) for each in channels)
     return lists or written.get("structure", defaults.get("structure")) == STRUCTURE
 
 

@@ -265,6 +265,6 @@ def has_one_output(channels: ChannelLists) -> bool:
     return len(channels.outputs) == 1 and not is_pattern(channels.outputs[0])
 
 
-def is_pattern(reference: Reference) -> bool:
+def is_pattern(reference: object) -> bool:
     """Whether a reference stands for all channels whose names it matches."""
     return isinstance(reference, str) and "*" in reference

@@ -17,6 +17,7 @@ import numpy as np
 from evopem.config.settings import SearchSettings
 from evopem.estimation.candidate import Candidate
 from evopem.estimation.search.certificate import is_certified
+from evopem.estimation.search.global_search import FIRST_PASS
 
 # By how much a full search lowers BIC after the first pass, times samples over parameters: at most
 # this in 474 of 500 test problems, most others of orders twice too large
@@ -29,7 +30,7 @@ Settle = Callable[[Sequence[Candidate]], list[Candidate]]
 
 def first_pass(settings: SearchSettings) -> SearchSettings:
     """Settings of a search that ends after a batch of descents from random points."""
-    return replace(settings, evaluations=1)
+    return replace(settings, evaluations=FIRST_PASS)
 
 
 def race(

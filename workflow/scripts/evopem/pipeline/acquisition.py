@@ -9,7 +9,9 @@ from pathlib import Path
 from evopem.config.settings import ChannelSettings
 from evopem.files.json_form import load, save
 from evopem.signals.channel_roles import roles_of
+from evopem.signals.inspection import time_told
 from evopem.signals.joining import joined
+from evopem.signals.readers.channels import Reference
 from evopem.signals.reading import read_recording as read_channels
 from evopem.signals.recording import Recording, save_recording
 from evopem.signals.recording_info import RecordingInfo, describe_recorded_files
@@ -52,10 +54,24 @@ def read_recording(
         roles = roles_of(Path(folder) / recorded[0])
     if roles is not None:
         channels = replace(channels, input=roles.input, output=roles.output, time=roles.time)
-    recordings = [_read(Path(folder) / file, channels) for file in recorded]
+    times = [_time_told(Path(folder) / file, channels) for file in recorded]
+    recordings = [
+        _read(Path(folder) / file, replace(channels, time=channels.time if time is None else time))
+        for file, time in zip(recorded, times, strict=True)
+    ]
     recording = joined(recordings, recorded) if len(recordings) > 1 else recordings[0]
     save_recording(recording, recording_file)
-    save(describe_recorded_files(recorded, recording, channels, folder, roles), info_file)
+    info = describe_recorded_files(recorded, recording, channels, folder, roles)
+    save(replace(info, time_told=times[0]), info_file)
+
+
+def _time_told(file: Path, channels: ChannelSettings) -> Reference | None:
+    """The channel of time stamps where neither rate nor time nor the form of a table is stated."""
+    stated = (channels.sampling_rate, channels.time, channels.header_lines, channels.decimal_mark)
+    if any(each is not None for each in stated):
+        return None
+    signals = [channels.output] if channels.input is None else [channels.input, channels.output]
+    return time_told(file, signals)
 
 
 def _read(file: Path, channels: ChannelSettings) -> Recording:

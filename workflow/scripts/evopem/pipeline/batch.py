@@ -87,13 +87,15 @@ def _identify(files: DatasetFiles, settings: _Settings, code: str, cores: int) -
         shutil.rmtree(work, ignore_errors=True)  # of a process that was killed
         # Sentences name the data set by its folder.
         own = DatasetFiles(str(work / files.name))
-        write_text(f"{own.folder}/{MADE_FROM}", made_from(settings, code).text)
-        if isinstance(settings, StateSpaceDataset):
-            identify_channels(own, settings, with_report=False, log=logger.info)
-        else:
-            identify_recording(own, settings, with_report=False, log=logger.info, cores=cores)
-        _keep(own, files)
-        shutil.rmtree(work)
+        try:
+            write_text(f"{own.folder}/{MADE_FROM}", made_from(settings, code).text)
+            if isinstance(settings, StateSpaceDataset):
+                identify_channels(own, settings, with_report=False, log=logger.info)
+            else:
+                identify_recording(own, settings, with_report=False, log=logger.info, cores=cores)
+            _keep(own, files)
+        finally:
+            shutil.rmtree(work, ignore_errors=True)
 
 
 def _keep(made: DatasetFiles, files: DatasetFiles) -> None:

@@ -5,7 +5,6 @@ Snakemake schedules the same stages as separate jobs, or this whole sequence as 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
@@ -39,14 +38,12 @@ from evopem.pipeline.configuration import write_configuration
 from evopem.pipeline.model import complete_model
 from evopem.pipeline.order_search import Log, estimate_candidates, select_candidate
 from evopem.pipeline.preparation import prepare_signals
+from evopem.pipeline.progress import Announce, Stage, run_stages
 from evopem.pipeline.spectrum import estimate_spectrum
 from evopem.pipeline.summary import summarize_dataset
 from evopem.pipeline.synthesis import synthesize_recording
 from evopem.pipeline.validation import validate_model
 from evopem.results.layout import DatasetFiles
-
-Stage = Callable[[], None]
-Announce = Callable[[str, int, int], None]
 
 
 def stages(
@@ -163,10 +160,7 @@ def identify_recording(
         for name, stage in stages(files, settings, log, cores, folder).items()
         if with_report or name not in ("figures", "report")
     }
-    for number, (name, stage) in enumerate(listed.items(), start=1):
-        if announce is not None:
-            announce(name, number, len(listed))
-        stage()
+    run_stages(listed, announce)
 
 
 def run_stage(name: str, folder: str | Path, log: Log | None = print) -> None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from threadpoolctl import threadpool_limits
@@ -49,6 +51,7 @@ from evopem.files.checksums import delete_results
 from evopem.files.json_form import load, save
 from evopem.models.matlab import save_multi_input_mat, save_state_space_mat
 from evopem.models.state_space import StateSpaceModel
+from evopem.pipeline.progress import Announce, Stage, run_stages
 from evopem.results.layout import DatasetFiles
 from evopem.results.multichannel import (
     DecisionList,
@@ -67,6 +70,7 @@ from evopem.signals.multichannel_reading import (
     check_measured_places,
     describe_multichannel,
     read_multichannel,
+    with_time_told,
 )
 from evopem.validation.mode_table import table_of_models
 from evopem.validation.modes_record import ModesRecord
@@ -107,10 +111,12 @@ def read_channels(
     ------
     InputError
     """
-    recording = read_multichannel(file, channels)
+    told = with_time_told(file, channels)
+    recording = read_multichannel(file, told)
     check_measured_places(geometry, recording.output_names, f"{place}.geometry")
     save_multichannel(recording, recording_file)
-    save(describe_multichannel(file, recording), info_file)
+    info = describe_multichannel(file, recording)
+    save(replace(info, time_told=None if told == channels else told.time), info_file)
 
 
 def prepare_channels(
@@ -335,8 +341,64 @@ def write_state_space_report(
     write_text(files.report, page)
 
 
+def channel_stages(
+    files: DatasetFiles,
+    settings: StateSpaceDataset,
+    with_report: bool,
+    log: Log | None = None,
+) -> dict[str, Stage]:
+    """List the stages of a data set by their names, in their order, ready to be called.
+
+    Parameters are those of :func:`identify_channels`.
+    """
+    source, choices, search = settings.source, settings.choices, settings.search
+    variants = variants_of(searched_variants(settings))
+    given = (bool(settings.split.discard), settings.rate_given)
+    read = partial(
+        read_channels,
+        channels=source.channels,
+        geometry=settings.geometry,
+        place=f"datasets.{files.name}",
+    )
+    listed: dict[str, Stage] = {
+        "configuration": partial(write_multichannel_configuration, files, settings),
+        "recording": partial(
+            read, source.file, recording_file=files.recording, info_file=files.recording_info
+        ),
+    }
+    if source.validation_file:
+        listed["validation_recording"] = partial(
+            read,
+            source.validation_file,
+            recording_file=files.validation_recording,
+            info_file=files.validation_recording_info,
+        )
+    listed["preparation"] = partial(
+        prepare_channels,
+        *(files, settings.split, settings.resample, given, bool(source.validation_file)),
+    )
+    listed["delays"] = partial(decide_input_delays, files, choices.delays)
+    for variant in variants:
+        limits = choices.joint if is_polynomial(variant.form) else choices.orders
+        listed[variant.name] = partial(search_state_space, files, variant, limits, search, log)
+    listed["structures"] = partial(choose_state_space, files, variants, choices)
+    listed["chosen"] = partial(estimate_chosen_state_space, files, search, log)
+    if source.channels.inputs:
+        listed["other_model"] = partial(complete_other_state_space, files, search)
+    listed["validation"] = partial(validate_state_space, files)
+    listed["decisions"] = partial(collect_state_space_decisions, files)
+    listed["summary"] = partial(summarize_state_space, files)
+    if with_report:
+        listed["report"] = partial(write_state_space_report, files, settings, variants)
+    return listed
+
+
 def identify_channels(
-    files: DatasetFiles, settings: StateSpaceDataset, with_report: bool, log: Log | None = None
+    files: DatasetFiles,
+    settings: StateSpaceDataset,
+    with_report: bool,
+    log: Log | None = None,
+    announce: Announce | None = None,
 ) -> None:
     """Take one data set from its recording to its results.
 
@@ -347,37 +409,10 @@ def identify_channels(
     with_report : bool
     log : callable, optional
         Receives progress in words.
+    announce : callable, optional
+        Receives each stage before it begins: its name, its number from 1, and how many there are.
     """
-    source, choices, search = settings.source, settings.choices, settings.search
-    place = f"datasets.{files.name}"
-    variants = variants_of(searched_variants(settings))
-    write_multichannel_configuration(files, settings)
-    recordings = [(source.file, files.recording, files.recording_info)]
-    if source.validation_file:
-        recordings.append(
-            (
-                source.validation_file,
-                files.validation_recording,
-                files.validation_recording_info,
-            )
-        )
-    for file, recording, info in recordings:
-        read_channels(file, source.channels, settings.geometry, place, recording, info)
-    given = (bool(settings.split.discard), settings.rate_given)
-    prepare_channels(files, settings.split, settings.resample, given, bool(source.validation_file))
-    decide_input_delays(files, choices.delays)
-    for variant in variants:
-        limits = choices.joint if is_polynomial(variant.form) else choices.orders
-        search_state_space(files, variant, limits, search, log)
-    choose_state_space(files, variants, choices)
-    estimate_chosen_state_space(files, search, log)
-    if source.channels.inputs:
-        complete_other_state_space(files, search)
-    validate_state_space(files)
-    collect_state_space_decisions(files)
-    summarize_state_space(files)
-    if with_report:
-        write_state_space_report(files, settings, variants)
+    run_stages(channel_stages(files, settings, with_report, log), announce)
 
 
 def variant_named(name: str) -> Variant:

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TextIO
 
 from evopem.config.structures import STRUCTURES
+
+Stage = Callable[[], None]
+Announce = Callable[[str, int, int], None]
 
 _STAGES = {
     "configuration": "settings",
@@ -17,6 +21,7 @@ _STAGES = {
     "plan": "deciding how to prepare the samples",
     "folds": "choosing the held-out samples",
     "delay": "searching the delay",
+    "delays": "searching the delays of the inputs",
     "joint": "searching the joint order",
     "nc": "searching the order of C",
     "nb": "searching the order of B",
@@ -32,13 +37,29 @@ _STAGES = {
     "figures": "figures",
     "report": "report",
 }
+_FORMS = {
+    "innovations": "innovations",
+    "output_error": "output-error",
+    "box_jenkins": "Box-Jenkins",
+}
 
 
 def stage_title(stage: str) -> str:
-    """What a stage does, in words; a structure stands for the search of its orders."""
+    """What a stage does, in words; a structure or form stands for the search of its orders."""
     if stage in STRUCTURES:
         return f"searching the orders of {stage.upper()} models"
+    form = stage.rpartition("_")[0]  # of the name of a form with its weighting
+    if form in _FORMS:
+        return f"searching the orders of state-space models in {_FORMS[form]} form"
     return _STAGES.get(stage, stage)
+
+
+def run_stages(stages: Mapping[str, Stage], announce: Announce | None = None) -> None:
+    """Run stages in their order, and say before each one its name, its number and their count."""
+    for number, (name, stage) in enumerate(stages.items(), start=1):
+        if announce is not None:
+            announce(name, number, len(stages))
+        stage()
 
 
 @dataclass

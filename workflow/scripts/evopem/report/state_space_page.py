@@ -319,12 +319,14 @@ def _order_words(results: MultichannelResults) -> str:
 
 def _provenance(results: MultichannelResults, commit: str) -> list[tuple[str, str]]:
     file, model = results.recording_info.file, results.model
+    time = results.recording_info.time_told
     versions = provenance.listed({"evopem": model.evopem} | model.versions)
     return [
         ("File", file.path),
         ("SHA-256", file.sha256),
         ("Size", f"{count(file.bytes)} bytes"),
         ("Format", file.format),
+        *([("Sampling rate", f"of the time stamps “{time}”, told by name")] if time else []),
         ("Seed of the search", str(model.settings.seed)),
         ("Objective evaluations of the last search", count(model.search.evaluations)),
         ("Commit of the workflow", commit),

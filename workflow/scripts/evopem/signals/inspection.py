@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,7 +11,7 @@ import numpy as np
 from evopem.errors import InputError
 from evopem.signals.readers.channels import Channel, Reference
 from evopem.signals.reading import channel_names, read_channels
-from evopem.signals.timestamps import STEP_TOLERANCE, sampling_rate_of
+from evopem.signals.timestamps import STEP_TOLERANCE, names_time, sampling_rate_of
 
 
 @dataclass(frozen=True)
@@ -95,6 +96,39 @@ def inspect_file(path: str | Path) -> FileContents:
                 SignalColumn(reference, channel.unit, channel.values.size, channel.sampling_rate)
             )
     return FileContents(tuple(signals), time)
+
+
+def time_told(path: str | Path, signals: Sequence[Reference]) -> Reference | None:
+    """The channel of time stamps of a file that states no sampling rate; None where none is sure.
+
+    It has a word for time in its name, uniform stamps and a unit that is known.
+
+    Parameters
+    ----------
+    path : str or Path
+    signals : sequence of int or str
+        The channels that are read, of which none is the time.
+
+    Raises
+    ------
+    InputError
+        When the file cannot be read as its format, or there is no such channel.
+    """
+    first = read_channels(path, signals[:1])[0]
+    if first.sampling_rate is not None:
+        return None
+    names = channel_names(path)
+    for number, name in enumerate(names, start=1):
+        if not names_time(name) or {name, number}.intersection(signals):
+            continue
+        try:
+            (channel,) = read_channels(path, [number])
+        except InputError:
+            continue
+        reference = name if names.count(name) == 1 else number
+        if channel.values.size == first.values.size and _is_time(channel):
+            return reference if _time_column(channel, reference, str(path)).sampling_rate else None
+    return None
 
 
 def _is_time(channel: Channel) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +17,7 @@ from evopem.config.state_space_settings import (
     is_pattern,
 )
 from evopem.errors import InputError
+from evopem.signals.inspection import time_told
 from evopem.signals.multichannel import MultichannelRecording, check_multichannel
 from evopem.signals.readers.channels import Channel, listing
 from evopem.signals.reading import channel_names, format_of, local_path, read_columns, sha256
@@ -63,6 +64,8 @@ class MultichannelInfo:
     file : FileFacts
     further_files : tuple of FileFacts
         None: a recording of several channels is one file.
+    time_told : int or str, optional
+        The channel of time stamps, where it was told from the file.
     """
 
     samples: int
@@ -71,6 +74,7 @@ class MultichannelInfo:
     outputs: tuple[ChannelInfo, ...]
     file: FileFacts
     further_files: tuple[FileFacts, ...] = ()
+    time_told: int | str | None = None
 
 
 def read_multichannel(path: str | Path, channels: ChannelLists) -> MultichannelRecording:
@@ -132,6 +136,21 @@ def read_multichannel(path: str | Path, channels: ChannelLists) -> MultichannelR
                 f'{role} "{each.name}"',
             )
     return recording
+
+
+def with_time_told(path: str | Path, channels: ChannelLists) -> ChannelLists:
+    """Add the channel of time stamps that the file tells, where neither it nor a rate is stated.
+
+    Raises
+    ------
+    InputError
+        As :func:`.time_told`, and where a pattern matches nothing.
+    """
+    stated = (channels.sampling_rate, channels.time, channels.header_lines, channels.decimal_mark)
+    if any(each is not None for each in stated):
+        return channels
+    literal = [each for each in (*channels.inputs, *channels.outputs) if not is_pattern(each)]
+    return replace(channels, time=time_told(path, literal or _expanded(path, channels)[1][-1:]))
 
 
 def describe_multichannel(path: str | Path, recording: MultichannelRecording) -> MultichannelInfo:

@@ -56,6 +56,8 @@ class RecordingInfo:
         The others, where several recordings are one data set.
     roles : ChannelRoles, optional
         Where input, output and time were told from the first file.
+    time_told : int or str, optional
+        The channel of time stamps of the first file, where it alone was told from the file.
     """
 
     kind: Literal["file", "synthesis"]
@@ -70,6 +72,7 @@ class RecordingInfo:
     file: FileOrigin | None = None
     further_files: tuple[FileOrigin, ...] = ()
     roles: ChannelRoles | None = None
+    time_told: int | str | None = None
 
     @property
     def files(self) -> tuple[FileOrigin, ...]:

@@ -140,6 +140,11 @@ def seconds_of(unit: str) -> float | None:
     return TIME_UNITS[_UNIT_OF[spelled]] if spelled in _UNIT_OF else None
 
 
+def names_time(name: str) -> bool:
+    """Whether the name of a channel holds a word for time."""
+    return not _TIME_WORDS.isdisjoint(map(_spelled, _words(name)))
+
+
 def is_time(signal: NDArray[np.float64], sampling_rate: float) -> bool:
     """Whether a signal increases by the sampling period, in one of `TIME_UNITS`, throughout."""
     steps = np.diff(signal)
@@ -231,6 +236,10 @@ def _stated_unit(name: str, unit: str, source: str, place: str) -> str | None:
     return units.pop() if units else None
 
 
+def _words(name: str) -> list[str]:
+    return re.split(r"[\s_\-./,:;|\[\](){}<>]+", _CAMEL_CASE.sub(" ", name))
+
+
 def _unit_in_name(name: str) -> str:
     """What stands for a unit in the name of a time channel, known or not; empty if nothing does.
 
@@ -241,8 +250,7 @@ def _unit_in_name(name: str) -> str:
     bracketed = _BRACKET.search(name)
     if bracketed:
         return _spelled(bracketed.group(1))
-    split = re.split(r"[\s_\-./,:;|]+", _CAMEL_CASE.sub(" ", name))
-    words = [word for word in map(_spelled, split) if word]
+    words = [word for word in map(_spelled, _words(name)) if word]
     while len(words) > 1 and (words[-1] in _OTHER_WORDS or words[-1].isdigit()):
         words.pop()
     if not words:

@@ -7,6 +7,7 @@ import os
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +18,14 @@ from evopem.config.defaults import complete
 from evopem.config.environment import check_environment, job_environment
 from evopem.config.order_grid import phases_of_dataset
 from evopem.config.schema import schema_file
-from evopem.config.settings import DatasetSettings, RecordedSource
+from evopem.config.settings import DatasetSettings, SyntheticSource
+from evopem.config.state_space_settings import (
+    StateSpaceDataset,
+    searched_variants,
+    variant_name,
+)
 from evopem.config.strict_yaml import check_yaml_files
-from evopem.config.yaml_form import read_settings
+from evopem.config.yaml_form import read_dataset
 from evopem.errors import InputError
 from evopem.files.job import job
 from evopem.pipeline.packages import FOR_REPORT, check_packages
@@ -29,14 +35,15 @@ from evopem.version import __version__
 
 _INTERRUPTED = 130
 _DESCRIPTION = """\
-Identify a dynamic system from a recording of its input and output: an ARMAX model, natural
-frequencies and damping ratios with standard errors, and a report that says how far to trust them.
+Identify a dynamic system from a recording of its inputs and outputs: a model, natural frequencies
+and damping ratios with standard errors, and a report that says how far to trust them.
 """
 _EPILOG = """\
 examples:
   evopem data.csv --input u --output y --rate 100
   evopem bench.mat --input iq_adx --output omega_max --rate 2500
   evopem log.csv --input 2 --output 3 --time 1
+  evopem beam.uff --input force --output 'acc_*'      several channels: mode shapes as well
   evopem init measurements      write measurements/config.yaml for many recordings
   evopem compare results/a results/b      lay results side by side on one page
 
@@ -83,7 +90,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         "evopem",
-        usage="evopem FILE --input CHANNEL --output CHANNEL [--rate HZ | --time CHANNEL] …\n"
+        usage="evopem FILE --input CHANNEL … --output CHANNEL … [--rate HZ | --time CHANNEL] …\n"
         "       evopem init [FOLDER]\n"
         "       evopem compare FOLDER FOLDER … [--page FILE]",
         description=_DESCRIPTION,
@@ -92,13 +99,15 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"evopem {__version__}")
     parser.add_argument("file", metavar="FILE", help="the recording")
-    channel = "number from 1, or name of a column, variable or channel"
+    several: dict[str, Any] = {"required": True, "action": "append", "type": _channel}
     parser.add_argument(
-        "--input", required=True, type=_channel, metavar="CHANNEL", help=f"the input: {channel}"
+        "--input",
+        **several,
+        metavar="CHANNEL",
+        help="the input: number from 1, or name of a column, variable or channel; repeated, or a "
+        "pattern such as 'force_*', for several inputs; none for outputs alone",
     )
-    parser.add_argument(
-        "--output", required=True, type=_channel, metavar="CHANNEL", help="the output, likewise"
-    )
+    parser.add_argument("--output", **several, metavar="CHANNEL", help="the output, likewise")
     rate = parser.add_mutually_exclusive_group()
     rate.add_argument(
         "--rate", type=float, metavar="HZ", help="sampling rate, where the file states none"
@@ -170,37 +179,35 @@ def _identify(arguments: argparse.Namespace) -> int:
     files = DatasetFiles(str(Path(arguments.results) / settings.name))
     _check_folder(files, settings)
     from evopem.pipeline.identification import identify_recording
-    from evopem.report.results_text import results_text
-    from evopem.results.dataset import read_dataset_results
-    from evopem.terminal.results_text import show
+    from evopem.pipeline.multichannel import identify_channels
+    from evopem.terminal.results_text import dataset_text, show
 
     progress = ProgressLine(sys.stderr)
-    phases = [files.phase(each) for each in phases_of_dataset(settings)]
-    outputs = [*files.results, *files.pages, files.recording, files.prepared, *phases]
+    if isinstance(settings, DatasetSettings):
+        phases = [files.phase(each) for each in phases_of_dataset(settings)]
+        outputs = [*files.results, *files.pages, files.recording, files.prepared, *phases]
+        identify = partial(identify_recording, files, settings, cores=_cores())
+    else:
+        variants = [variant_name(*each) for each in searched_variants(settings)]
+        outputs = [*files.state_space_results(variants), files.report]
+        identify = partial(identify_channels, files, settings)
     try:
         with job(files.log("identification"), (), outputs, ends_with_parent=False) as logger:
-            identify_recording(
-                files,
-                settings,
-                with_report=True,
-                log=logger.info,
-                cores=_cores(),
-                announce=progress.announce,
-            )
+            identify(with_report=True, log=logger.info, announce=progress.announce)
     finally:
         progress.close()
-    show(results_text(read_dataset_results(files, settings), files.report))
+    show(dataset_text(files, files.report))
     return 0
 
 
-def _settings(arguments: argparse.Namespace) -> DatasetSettings:
+def _settings(arguments: argparse.Namespace) -> DatasetSettings | StateSpaceDataset:
     """The settings that a data set of these keys has in a configuration."""
     from evopem.terminal.new_configuration import dataset_name
 
     keys: dict[str, Any] = {
         "file": arguments.file,
-        "input": arguments.input,
-        "output": arguments.output,
+        "input": _one_or_list(arguments.input),
+        "output": _one_or_list(arguments.output),
     }
     keys |= {} if arguments.rate is None else {"sampling_rate": arguments.rate}
     keys |= {} if arguments.time is None else {"time": arguments.time}
@@ -217,14 +224,11 @@ def _settings(arguments: argparse.Namespace) -> DatasetSettings:
             raise
         option = {"sampling_rate": "--rate", "file": "FILE"}.get(key, f"--{key}")
         raise InputError(option, error.problem, error.remedy) from None
-    if name not in completed.single_channel:
-        raise InputError(
-            arguments.config or "evopem",
-            "this command identifies one input and one output",
-            "run the workflow for structure state_space",
-            "defaults.structure",
-        )
-    return completed.single_channel[name]
+    return completed.datasets[name]
+
+
+def _one_or_list(channels: list[int | str]) -> int | str | list[int | str]:
+    return channels[0] if len(channels) == 1 else channels
 
 
 def _defaults(path: str) -> Any:
@@ -234,7 +238,7 @@ def _defaults(path: str) -> Any:
     return yaml.safe_load(Path(path).read_text(encoding="utf-8")).get("defaults")
 
 
-def _check_folder(files: DatasetFiles, settings: DatasetSettings) -> None:
+def _check_folder(files: DatasetFiles, settings: DatasetSettings | StateSpaceDataset) -> None:
     """Refuse to overwrite the results of another recording.
 
     Raises
@@ -246,9 +250,10 @@ def _check_folder(files: DatasetFiles, settings: DatasetSettings) -> None:
         raise InputError(str(folder), "is a file, and the results need this folder", "move it")
     if not Path(files.config).exists():
         return
-    other, own = read_settings(files.config).source, settings.source
-    held = other.files if isinstance(other, RecordedSource) else ("a synthetic recording",)
-    given = own.files if isinstance(own, RecordedSource) else ()
+    held = read_dataset(files.config, lambda _, keys: keys.get("file", "a synthetic recording"))
+    held = [held] if isinstance(held, str) else list(held)
+    own = settings.source
+    given = [] if isinstance(own, SyntheticSource) else own.files
     if list(map(_absolute, held)) != list(map(_absolute, given)):
         raise InputError(
             str(folder),

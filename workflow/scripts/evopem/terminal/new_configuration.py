@@ -138,13 +138,14 @@ def dataset_name(path: Path) -> str:
 
 
 def _entry(name: str, file: str, contents: FileContents) -> str:
-    source, target, sure = _channels(contents.signals)
-    others = [each for each in contents.signals if each not in (source, target)]
+    sources, targets, sure = _channels(contents.signals)
+    others = [each for each in contents.signals if each not in (*sources, *targets)]
     lines = [f"  {name}:", f"    file: {_scalar(file)}"]
     guess = "" if sure else "  # a guess by the order of the channels"
-    lines.append(f"    input: {_scalar(source.reference)}{_unit(source)}{guess}")
-    lines.append(f"    output: {_scalar(target.reference)}{_unit(target)}{guess}")
-    lines += _rate(source, target, contents.time)
+    lines.append(f"    input: {_one_or_list(sources)}{_unit(sources[0])}{guess}")
+    lines.append(f"    output: {_one_or_list(targets)}{_unit(targets[0])}{guess}")
+    source = sources[0]
+    lines += _rate(source, targets[0], contents.time)
     if others:
         listed = ", ".join(_scalar(each.reference) for each in others)
         lines.append(f"    # other channels: {_comment(listed)}")
@@ -152,15 +153,23 @@ def _entry(name: str, file: str, contents: FileContents) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _channels(signals: Sequence[SignalColumn]) -> tuple[SignalColumn, SignalColumn, bool]:
-    """Input and output, and whether their names say so; else the first two signals."""
+def _channels(
+    signals: Sequence[SignalColumn],
+) -> tuple[list[SignalColumn], list[SignalColumn], bool]:
+    """Inputs and outputs, and whether their names say so; else the first two signals."""
     sources = named(signals, INPUT_NAMES)
     targets = named(signals, OUTPUT_NAMES)
-    if len(sources) == 1 and len(targets) == 1:
-        return sources[0], targets[0], True
+    one_rate = len({(each.samples, each.sampling_rate) for each in (*sources, *targets)}) == 1
+    if sources and targets and one_rate and not any(each in targets for each in sources):
+        return sources, targets, True
     source = sources[0] if sources else next(each for each in signals if each not in targets[:1])
     target = next((each for each in targets if each != source), None)
-    return source, target or next(each for each in signals if each != source), False
+    return [source], [target or next(each for each in signals if each != source)], False
+
+
+def _one_or_list(channels: Sequence[SignalColumn]) -> str:
+    listed = [_scalar(each.reference) for each in channels]
+    return listed[0] if len(listed) == 1 else f"[{', '.join(listed)}]"
 
 
 def _rate(source: SignalColumn, target: SignalColumn, time: TimeColumn | None) -> list[str]:

@@ -50,7 +50,7 @@ def run_text(entries: Mapping[str, Entry], page: str, lists: Sequence[str]) -> s
         blocks = [
             _line(name, entry)
             if isinstance(entry, IncompleteDataset) or _is_packed(name)
-            else _text_of(name, files[name])
+            else dataset_text(DatasetFiles.of_dataset(name), files[name])
             for name, entry in entries.items()
         ]
     else:
@@ -60,10 +60,10 @@ def run_text(entries: Mapping[str, Entry], page: str, lists: Sequence[str]) -> s
     return "\n\n".join([*blocks, *([f"All data sets: {lists[0]}"] if lists else [])])
 
 
-def _text_of(name: str, page: str) -> str:
-    files = DatasetFiles.of_dataset(name)
+def dataset_text(files: DatasetFiles, page: str) -> str:
+    """The lines about one data set of any number of channels; `page` is the file to open next."""
     if Path(files.modes_json).exists():
-        return state_space_text(load(DatasetSummary, files.summary), name, page)
+        return state_space_text(load(DatasetSummary, files.summary), files.name, page)
     return results_text(read_dataset_results(files, read_settings(files.config)), page)
 
 

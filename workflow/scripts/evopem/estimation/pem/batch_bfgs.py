@@ -100,7 +100,7 @@ def descend(
     line["value"], line["active"] = f, np.isfinite(f)
     state = _State(x=x, g=g, h=np.zeros((*x.shape, x.shape[1])), d=np.zeros_like(x), line=line)
     trials, latest = 0, np.inf
-    while len(rows := np.flatnonzero(line["active"])) and trials < latest:
+    while len(rows := line["active"].nonzero()[0]) and trials < latest:
         if wait is not None and latest == np.inf and 2 * len(rows) <= count:
             latest = (1.0 + wait) * trials
         if trials == 0 or (refresh and trials % REFRESH == 0):

@@ -120,6 +120,16 @@ class PredictionErrorProblem:
         """Length of a point: n = na + nb + nc parameters and nc noise states."""
         return self.orders.parameters + self.orders.nc
 
+    def parts(self) -> dict[str, slice]:
+        """Where the parts of a point stand: a, b, c and noise."""
+        o = self.orders
+        return {
+            "a": slice(0, o.na),
+            "b": slice(o.na, o.na + o.nb),
+            "c": slice(o.na + o.nb, o.parameters),
+            "noise": slice(o.parameters, self.dimension),
+        }
+
     def values(self, points: Array) -> Array:
         """Objective of each row of an (M, n) population, in percent; infeasible rows are inf.
 
@@ -176,6 +186,16 @@ class PredictionErrorProblem:
         )
         return residuals[0, : self.samples]
 
+    def residuals_and_slopes(self, point: Array) -> tuple[Array, Array]:
+        """Residuals, (N,), and half the slopes of squares or those of magnitudes.
+
+        Slopes are zero where the residuals do not count.
+        """
+        residuals = self.residuals(point)
+        slopes = np.sign(residuals) if self.objective == "absolute" else residuals.copy()
+        slopes[: self.scoring_start] = 0.0
+        return residuals, slopes
+
     def feasible(self, points: Array) -> NDArray[np.bool_]:
         """Whether A and C of each row have all roots within ``max_root_radius``."""
         feasible: NDArray[np.bool_] = kernels.feasible_rows(
@@ -193,15 +213,11 @@ class PredictionErrorProblem:
         inner = self.max_root_radius * (1.0 - 1e-6)
         rows = np.flatnonzero(~self.feasible(points))
         finite = np.where(np.isfinite(points[rows]), points[rows], 0.0)
-        for part in self._polynomials():
+        for name in "ac":
+            part = self.parts()[name]
             finite[:, part] = reflect_into_disc(finite[:, part], inner)
         repaired[rows] = finite
         return repaired
-
-    def _polynomials(self) -> tuple[slice, slice]:
-        """Where the coefficients of A and of C stand in a point."""
-        o = self.orders
-        return slice(0, o.na), slice(o.na + o.nb, o.parameters)
 
 
 def _rows(points: Array) -> Array:

@@ -209,6 +209,16 @@ class PolynomialErrors:
         )
         return jacobian
 
+    def residuals_and_slopes(self, point: Array) -> tuple[Array, Array]:
+        """Residuals, (N,), and half the slopes of squares or those of magnitudes.
+
+        Slopes are zero where the residuals do not count.
+        """
+        residuals = self.residuals(point)
+        slopes = np.sign(residuals) if self.objective == "absolute" else residuals.copy()
+        slopes[: self.loss_start] = 0.0
+        return residuals, slopes
+
     def feasible(self, points: Array) -> NDArray[np.bool_]:
         """Whether all roots of A, C, D and F of each row lie within their radii."""
         feasible: NDArray[np.bool_] = kernels.feasible_polynomials(

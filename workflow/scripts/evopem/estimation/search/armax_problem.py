@@ -12,8 +12,10 @@ from evopem.estimation.pem.arx import fit_arx
 from evopem.estimation.pem.batch_bfgs import Descent
 from evopem.estimation.pem.objective import PredictionErrorProblem
 from evopem.estimation.search.incremental_order import random_pairs, smaller_orders, with_factor
+from evopem.estimation.search.linear_completion import solve_linear
 from evopem.estimation.search.root_recombination import Sections, product_of, sections_of
 from evopem.estimation.search.section_hopping import (
+    COMMON_DAMPING,
     FARTHEST_NEIGHBOUR,
     PLACES,
     PREDICTION_DAMPING,
@@ -24,11 +26,11 @@ from evopem.estimation.search.section_hopping import (
 from evopem.estimation.search.staged_descent import (
     DAMPING,
     DESCENT_STAGES,
-    damped_inverses,
     polish,
-    stage_weights,
+    promised_values,
     staged_descent,
 )
+from evopem.models.structures import PolynomialOrders
 
 Array = NDArray[np.float64]
 
@@ -58,11 +60,24 @@ class ArmaxProblem:
     def __init__(self, errors: PredictionErrorProblem, initialization: str = "arx") -> None:
         self.errors = errors
         self.initialization = initialization
-        self._regression = fit_arx(
-            errors.input, errors.output, errors.orders, errors.recursion_start
-        )
-        # The objective of stage one bounds the weight of the barrier at poor points.
-        self._scale = float(self.values(self.random(1, np.random.default_rng(0)))[0])
+
+    @cached_property
+    def _regression(self) -> Array:
+        """A and B of stage one."""
+        errors = self.errors
+        return fit_arx(errors.input, errors.output, errors.orders, errors.recursion_start)
+
+    @cached_property
+    def _scale(self) -> float:
+        """The objective of stage one, which bounds the weight of the barrier at poor points."""
+        return float(self.values(self.random(1, np.random.default_rng(0)))[0])
+
+    @cached_property
+    def _states(self) -> NDArray[np.bool_]:
+        """Which coordinates of a point are states."""
+        states = np.zeros(self.errors.dimension, dtype=bool)
+        states[self.errors.parts()["noise"]] = True
+        return states
 
     @property
     def min_multistart(self) -> int:
@@ -119,12 +134,22 @@ class ArmaxProblem:
 
     def _promise(self, points: Array, value: float, damping: float = DAMPING) -> Array:
         """Objective that one Gauss-Newton step from each point predicts; inf where infeasible."""
-        smoothing, barriers = stage_weights(
-            self.errors, DESCENT_STAGES[0], np.full(len(points), value), self._scale
-        )
-        values, gradients = self.errors.values_and_gradients(points, smoothing, barriers)
-        inverses = damped_inverses(self.errors.curvatures(points, smoothing, barriers), damping)
-        return values - 0.5 * np.einsum("ij,ijk,ik->i", gradients, inverses, gradients)
+        return promised_values(self.errors, points, value, self._scale, damping)
+
+    def promised(self, points: Array, value: float) -> Array:
+        """Objective that one Gauss-Newton step from each point predicts; inf where meaningless.
+
+        The states are fitted first, in place.
+        """
+        solve_linear(self.errors, points, self._states, 1)
+        promised = self._promise(points, value, COMMON_DAMPING)
+        return np.where(promised > 0.0, promised, np.inf)
+
+    def of_orders(self, orders: PolynomialOrders) -> ArmaxProblem:
+        """The problem of other orders."""
+        problem = ArmaxProblem(self.errors.of_orders(orders))
+        problem._scale = self._scale
+        return problem
 
     def neighbours(
         self, point: Array, value: float, count: int, generator: np.random.Generator
@@ -181,9 +206,12 @@ class ArmaxProblem:
         """BFGS from points whose Gauss-Newton matrix may be singular."""
         return staged_descent(self.errors, points, DESCENT_STAGES, self._scale, PREDICTION_DAMPING)
 
-    def polish(self, points: Array) -> Descent:
-        """BFGS with ever less smoothing; never worse than the starting points."""
-        return polish(self.errors, points, self._scale)
+    def polish(self, points: Array, coarse: bool = False) -> Descent:
+        """BFGS with ever less smoothing; never worse than the starting points.
+
+        Each point ends where it would end alone.
+        """
+        return polish(self.errors, points, self._scale, coarse, wait=None)
 
 
 def _best_of_each(descents: Descent, count: int) -> tuple[Array, Array]:

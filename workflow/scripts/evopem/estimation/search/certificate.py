@@ -11,13 +11,10 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from evopem.estimation.search.problem import SearchDiagnostics
 
-# Independent restarts that must end at the lowest value, and be at least half of all: where
-# descents from random points found few optima, and where they found many.  Later restarts go on in
-# hops; the first ones may all fall into the widest funnel.
-AGREEING, AGREEING_OF_MANY_OPTIMA = 3, 5
-FEW_OPTIMA = 0.03
-# Undiscovered probability above which no number of agreeing restarts is evidence enough.
-TOO_MANY_OPTIMA = 0.5
+# Independent restarts that must end at the lowest value, and be at least half of all, by the
+# largest undiscovered probability.  Where descents from random points find more optima than the
+# last of them allows, all searches may fall into one wide funnel: no number of them is evidence.
+AGREEING = ((0.03, 3), (0.2, 5))
 # Undiscovered probability at which descents from random points are evidence enough: that of 17
 # or more which all end at one optimum.
 ONE_OPTIMUM = 0.0075
@@ -38,8 +35,8 @@ def enough_agree(agreeing: int, restarts: int, undiscovered: float) -> bool:
     undiscovered : float
         Probability that a descent from a random point leads to an undiscovered optimum.
     """
-    needed = AGREEING if undiscovered <= FEW_OPTIMA else AGREEING_OF_MANY_OPTIMA
-    return undiscovered <= TOO_MANY_OPTIMA and agreeing >= needed and 2 * agreeing >= restarts
+    needed = [count for largest, count in AGREEING if undiscovered <= largest]
+    return bool(needed) and agreeing >= needed[0] and 2 * agreeing >= restarts
 
 
 def is_certified(found: SearchDiagnostics) -> bool:

@@ -1,9 +1,11 @@
-"""The search of identification: descents from random points, the memetic search, and hops.
+"""The search of identification: descents from random points, growth and exchange of sections.
 
 Most problems at orders that the record supports have one optimum, and descents from a few random
-points all end there: the search is over.  Where they do not agree, restarts of the memetic search
-follow, and hops between neighbouring optima (:mod:`.section_hopping`), until enough independent
-restarts have ended at the lowest value and hops from it have found nothing lower.
+points all end there: the search is over.  Where they do not agree, independent searches by growth
+from small orders and exchange of sections follow (:mod:`.section_exchange`), until enough of them
+have ended at the lowest value and exchange from it has found nothing lower.  Where polynomials
+share no sections, restarts of the memetic search and hops between neighbouring optima
+(:mod:`.section_hopping`) take their place.
 """
 
 from __future__ import annotations
@@ -29,6 +31,7 @@ from evopem.estimation.search.problem import (
     same_optimum,
     undiscovered,
 )
+from evopem.estimation.search.section_exchange import ExchangeProblem, SectionExchange
 from evopem.estimation.search.section_hopping import HoppingProblem, hop
 
 Array = NDArray[np.float64]
@@ -40,6 +43,8 @@ RESTART_EVALUATIONS = 4000
 # Restarts of the memetic search; where they do not agree, hops from descents find more.
 MEMETIC_RESTARTS = 2
 NEVER = 2**31
+# Evaluations of a search that is the first pass of a race: one batch, coarsely polished.
+FIRST_PASS = 0
 
 
 class _Record:
@@ -147,19 +152,27 @@ def global_search(
     """
     found = _Record(log)
     _descend_from_random_points(problem, settings.evaluations, generator, found)
+    exchange = None if found.one_optimum else _exchange_of(problem)
     refuted_from = np.inf
     while not (found.one_optimum and same_optimum(found.value, known_minimum)):
         agreed = found.agree(min(found.value, known_minimum))
         if agreed and same_optimum(refuted_from, found.value):
             break
         if agreed and found.point is not None:
-            # Hops from the lowest optimum have to find nothing lower.
+            # Neighbours of the lowest optimum have to be no lower.
             refuted_from = found.value
-            hops = hop(problem, found.point, found.value, np.inf, generator)
+            if exchange is not None:
+                hops = exchange.search_from(found.point, found.value, np.inf, generator)
+            else:
+                hops = hop(problem, found.point, found.value, np.inf, generator)
             found.optima.extend(hops.optima)
-            found.lower("hops from the lowest", hops.point, hops.value, hops.evaluations)
+            found.lower("neighbours of the lowest", hops.point, hops.value, hops.evaluations)
         elif found.spent >= settings.evaluations:
             break
+        elif exchange is not None:
+            hops = exchange.search(settings.evaluations - found.spent, generator)
+            found.optima.extend(hops.optima)
+            found.add("growth and exchange", hops.point, hops.value, hops.evaluations)
         else:
             _restart(problem, settings, generator, recombine, found, known_minimum)
     if found.point is None:
@@ -184,18 +197,32 @@ def global_search(
     )
 
 
+def _exchange_of(problem: HoppingProblem) -> SectionExchange | None:
+    """The exchange of sections, where the problem has some."""
+    exchange = SectionExchange(problem) if isinstance(problem, ExchangeProblem) else None
+    return exchange if exchange is not None and exchange.possible else None
+
+
 def _descend_from_random_points(
     problem: HoppingProblem, evaluations: int, generator: np.random.Generator, found: _Record
 ) -> None:
-    """Descend from independent batches of random points."""
-    while found.points < BATCHES * BATCH and found.spent < evaluations:
+    """Descend from independent batches of random points, and polish the lowest of each.
+
+    They are polished together, because a pass over the record costs the same for several points as
+    for one.
+    """
+    lowest: list[Array] = []
+    used = 0
+    while not lowest or (found.points < BATCHES * BATCH and used < evaluations):
         descents = problem.descend(problem.random(BATCH, generator))
         found.optima.extend(converged_values(descents))
-        lowest = int(np.argmin(descents.values))
-        polished = problem.polish(descents.points[[lowest]])
-        used = descents.evaluations + polished.evaluations
+        lowest.append(descents.points[int(np.argmin(descents.values))])
         found.points += BATCH
-        found.add("random points", polished.points[0], float(polished.values[0]), used)
+        used += descents.evaluations
+    polished = problem.polish(np.array(lowest), coarse=evaluations == FIRST_PASS)
+    used += polished.evaluations
+    for point, value in zip(polished.points, polished.values, strict=True):
+        found.add("random points", point, float(value), used // len(lowest))
     found.undiscovered = undiscovered(found.optima)
     found.one_optimum = found.undiscovered <= ONE_OPTIMUM and count_distinct(found.optima) == 1
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,7 @@ from evopem.estimation.search.root_recombination import (
     sections_of,
 )
 from evopem.estimation.search.section_hopping import (
+    COMMON_DAMPING,
     PLACES,
     PREDICTION_DAMPING,
     random_sections,
@@ -29,6 +31,7 @@ from evopem.estimation.search.section_hopping import (
 from evopem.estimation.search.staged_descent import (
     DESCENT_STAGES,
     polish,
+    promised_values,
     staged_descent,
 )
 from evopem.estimation.search.starting_polynomials import (
@@ -69,6 +72,14 @@ class PolynomialProblem:
         self._parts = errors.parts()
         self._drawn = False
 
+    @cached_property
+    def _states(self) -> NDArray[np.bool_]:
+        """Which coordinates of a point are states."""
+        states = np.zeros(self.errors.dimension, dtype=bool)
+        for name in ("plant", "noise"):
+            states[self._parts[name]] = True
+        return states
+
     @property
     def min_multistart(self) -> int:
         """Points of a multistart check: shorter records have more optima and cheaper descents."""
@@ -108,9 +119,12 @@ class PolynomialProblem:
             self.errors, points, DESCENT_STAGES, self._largest_value, PREDICTION_DAMPING
         )
 
-    def polish(self, points: Array) -> Descent:
-        """BFGS with ever less smoothing; never worse than where it began."""
-        return polish(self.errors, points, self._largest_value)
+    def polish(self, points: Array, coarse: bool = False) -> Descent:
+        """BFGS with ever less smoothing; never worse than where it began.
+
+        Each point ends where it would end alone.
+        """
+        return polish(self.errors, points, self._largest_value, coarse, wait=None)
 
     def estimates(self) -> Array:
         """Points from estimates of the record, (M, n): the first population before its descent."""
@@ -181,6 +195,21 @@ class PolynomialProblem:
         values = self.values(points)
         best = np.argsort(values, kind="stable")[:count]
         return points[best], used + len(values)
+
+    def promised(self, points: Array, value: float) -> Array:
+        """Objective that one Gauss-Newton step from each point predicts; inf where meaningless.
+
+        The states are fitted first, in place.
+        """
+        solve_linear(self.errors, points, self._states, 1)
+        promised = promised_values(self.errors, points, value, self._largest_value, COMMON_DAMPING)
+        return np.where(promised > 0.0, promised, np.inf)
+
+    def of_orders(self, orders: PolynomialOrders) -> Self | None:
+        """The problem of other orders."""
+        problem = type(self)(self._errors_of(orders))
+        problem._largest_value = self._largest_value
+        return problem
 
     def completed(self, points: Array) -> tuple[Array, int]:
         """Points with B, level and states by least squares, given A, C, D and F; evaluations.

@@ -41,8 +41,8 @@ class Problem(Protocol):
     def descend(self, points: Array) -> Descent:
         """Descend from each row by BFGS; values as of :meth:`values`."""
 
-    def polish(self, points: Array) -> Descent:
-        """Descend from each row to the last digits."""
+    def polish(self, points: Array, coarse: bool = False) -> Descent:
+        """Descend from each row to the last digits, or to 1e-4 of the value where ``coarse``."""
 
 
 @dataclass(frozen=True)

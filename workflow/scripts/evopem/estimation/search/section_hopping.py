@@ -31,6 +31,9 @@ FARTHEST_NEIGHBOUR = 1.2
 # Damping of that step, and of the descent: relative to the scaled diagonal of the Gauss-Newton
 # matrix, which is singular where a section is common to all polynomials.
 PREDICTION_DAMPING = 1e-3
+# Damping of the step from a point with a section that polynomials share exactly: the matrix is
+# singular in the directions of the section, where there is no slope either.
+COMMON_DAMPING = 1e-6
 # Distances of a section's roots from the unit circle: as far as a pole that rings for two samples,
 # and as near as one that rings for hundreds.
 FARTHEST, NEAREST = 0.4, 0.003

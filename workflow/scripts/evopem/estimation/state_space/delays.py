@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.stats import chi2
 from threadpoolctl import threadpool_limits
 
 Array = NDArray[np.float64]
@@ -14,6 +16,8 @@ Array = NDArray[np.float64]
 OUTPUT_LAGS, INPUT_LAGS = 10, 10
 # Rounds over the inputs; the choice hardly ever changes after the first one.
 ROUNDS = 3
+# Level of the test that the lags before a delay explain nothing.
+SIGNIFICANCE = 0.05
 
 
 def estimate_delays(
@@ -21,8 +25,12 @@ def estimate_delays(
 ) -> tuple[int, ...]:
     """Delay nk of each input in samples, 0 for one that acts on the same sample.
 
-    The largest delay of an input is taken at which the vector ARX model, of a fixed last lag, has
-    the lowest BIC: its first lags are left out as long as they explain nothing.
+    Lags of a vector ARX model, of a fixed last lag, are left out from the first one on: as many as
+    give the lowest BIC, as long as a likelihood ratio test does not find that those from 1 on
+    explain something together.  BIC alone leaves out too many of them: each has a coefficient for
+    every output there, but the lags of a state-space model have their states in common.  A delay
+    that is too short costs a few states at most, and one that is too long distorts the response.
+    Lag 0 has coefficients of its own in a state-space model as well, the matrix D.
 
     Parameters
     ----------
@@ -54,24 +62,62 @@ def estimate_delays(
     known = np.column_stack([np.ones(len(rows)), *past])
     with threadpool_limits(limits=1, user_api="blas"):
         delays = [smallest] * nu
+        whole = max(1 - smallest, 0)
         for _ in range(ROUNDS):
             before = list(delays)
             for j in range(nu):
-                scores = []
-                for delay in range(smallest, largest + 1):
-                    trial = [*delays[:j], delay, *delays[j + 1 :]]
-                    scores.append(_bic(known, lagged, trial, y[rows]))
-                delays[j] = smallest + int(np.argmin(scores))
+                found = [
+                    _fit(known, lagged, [*delays[:j], delay, *delays[j + 1 :]], y[rows])
+                    for delay in range(smallest, largest + 1)
+                ]
+                possible = [
+                    place
+                    for place, fit in enumerate(found)
+                    if place <= whole or fit.adds_nothing_to(found[whole], place - whole)
+                ]
+                delays[j] = smallest + min(possible, key=lambda place: found[place].bic)
             if delays == before:
                 break
     return tuple(delays)
 
 
-def _bic(known: Array, lagged: Sequence[Array], delays: Sequence[int], targets: Array) -> float:
+@dataclass(frozen=True)
+class _Fit:
+    """Least squares of a vector ARX model.
+
+    Attributes
+    ----------
+    log_determinant : float
+        Of the covariance of the errors.
+    count, outputs, regressors : int
+        Of samples, of outputs, and of coefficients of each.
+    """
+
+    log_determinant: float
+    count: int
+    outputs: int
+    regressors: int
+
+    @property
+    def bic(self) -> float:
+        """Bayes' information criterion for each sample."""
+        coefficients = self.regressors * self.outputs
+        return self.log_determinant + coefficients * np.log(self.count) / self.count
+
+    def adds_nothing_to(self, whole: _Fit, left_out: int) -> bool:
+        """Whether regressors that are left out of a whole model explain nothing in it.
+
+        Wilks' likelihood ratio with Bartlett's factor (Anderson 2003, section 8.5).
+        """
+        factor = whole.count - whole.regressors - (whole.outputs - left_out + 1) / 2.0
+        statistic = factor * (self.log_determinant - whole.log_determinant)
+        return bool(chi2.sf(statistic, left_out * whole.outputs) > SIGNIFICANCE)
+
+
+def _fit(known: Array, lagged: Sequence[Array], delays: Sequence[int], targets: Array) -> _Fit:
     x = np.column_stack([known, *(each[:, nk:] for each, nk in zip(lagged, delays, strict=True))])
     errors = targets - x @ np.linalg.lstsq(x, targets, rcond=None)[0]
     count, ny = targets.shape
     covariance = errors.T @ errors / count
     floor = 1e-14 * np.diag(np.mean(targets**2, axis=0) + np.finfo(float).tiny)
-    log_determinant = np.linalg.slogdet(covariance + floor)[1]
-    return float(log_determinant + x.shape[1] * ny * np.log(count) / count)
+    return _Fit(float(np.linalg.slogdet(covariance + floor)[1]), count, ny, x.shape[1])

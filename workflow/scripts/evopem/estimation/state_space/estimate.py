@@ -12,6 +12,7 @@ from threadpoolctl import threadpool_limits
 
 from evopem.config.settings import SearchSettings
 from evopem.estimation.criteria import lies_at_bound
+from evopem.estimation.search.certificate import AGREEING
 from evopem.estimation.search.memetic import memetic_search
 from evopem.estimation.search.problem import SearchDiagnostics, SearchResult
 from evopem.estimation.state_space.covariance import (
@@ -56,6 +57,9 @@ LEAST_EVALUATIONS, MOST_EVALUATIONS = 500, 8000
 WIDTH, FINAL_WIDTH = 3, 8
 # Optima of the other form that are descended from.
 CROSSED = 2
+# Restarts that must agree before the multistart check, which is one more: a certificate needs so
+# many where there are many optima, as there are nearly always.
+AGREEING_BEFORE_CHECK = AGREEING[-1][1] - 1
 
 
 @dataclass(frozen=True)
@@ -615,7 +619,14 @@ def _searched(
     sizes = SearchSettings(
         mu=8, lambda_=16, nu=6, refine="random", seed=settings.seed, evaluations=max(budget, 1)
     )
-    result = memetic_search(search, sizes, generator, log, recombine=search.recombine)
+    result = memetic_search(
+        search,
+        sizes,
+        generator,
+        log,
+        agreeing_restarts=AGREEING_BEFORE_CHECK,
+        recombine=search.recombine,
+    )
     diagnostics = replace(result.diagnostics, evaluations=result.diagnostics.evaluations + spent)
     return replace(result, diagnostics=diagnostics)
 

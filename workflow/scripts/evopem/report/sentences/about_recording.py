@@ -25,6 +25,8 @@ def recording(results: DatasetResults) -> list[str]:
     sentences = [_contents(results.recording_info)]
     if results.recording_info.roles is not None:
         sentences.append(results.recording_info.roles.sentence)
+    if results.recording_info.time_told is not None:
+        sentences.append(sampling_rate_told(results.recording_info.time_told))
     if transforms.resampled_from is not None:
         sentences.append(
             f"It was resampled from {hertz(transforms.resampled_from)} to"
@@ -37,6 +39,11 @@ def recording(results: DatasetResults) -> list[str]:
     sentences.append(_division(transforms))
     sentences.append(_means(transforms))
     return [" ".join(sentences)]
+
+
+def sampling_rate_told(time: int | str) -> str:
+    """Where the sampling rate comes from, when the configuration does not say it."""
+    return f"The sampling rate is that of the time stamps “{time}”, which were told by name."
 
 
 def _means(transforms: Transforms) -> str:

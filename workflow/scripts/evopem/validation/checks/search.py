@@ -141,7 +141,7 @@ def repeatability(diagnostics: SearchDiagnostics) -> Check:
     return Check(
         name,
         False,
-        f"Not certified: {reached} that was found. In 95 % of such test problems a minimum found"
-        f" elsewhere was at most {LOWER_ELSEWHERE:g} % lower.",
+        f"Not certified: {reached} that was found, too few for a certificate. In 95 % of"
+        f" such test problems a minimum found elsewhere was at most {LOWER_ELSEWHERE:g} % lower.",
         advice,
     )

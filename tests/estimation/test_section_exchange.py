@@ -1,0 +1,113 @@
+"""Sections that polynomials share: growth, gains by spectra, and exchange."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from evopem.config.settings import ScoringWindow, SearchSettings
+from evopem.estimation.pem.objective import PredictionErrorProblem
+from evopem.estimation.polynomial_estimate import polynomial_errors, scaled_problem
+from evopem.estimation.search.armax_problem import ArmaxProblem
+from evopem.estimation.search.common_sections import (
+    growth,
+    places,
+    with_common_section,
+    without_common_section,
+)
+from evopem.estimation.search.memetic import memetic_search
+from evopem.estimation.search.section_exchange import SectionExchange
+from evopem.estimation.search.section_gains import gains, grid
+from evopem.models.structures import armax_orders, orders_of
+from evopem.synthesis.armax import armax
+
+CASES = [
+    ("armax", (6, 6, 6, 3)),
+    ("oe", (6, 6, 3)),
+    ("bj", (6, 4, 4, 6, 3)),
+    ("arma", (6, 6)),
+    ("ararmax", (6, 6, 4, 4, 3)),
+]
+
+
+def problem(structure, orders, objective="quadratic", samples=500):
+    record = armax(seed=2, samples=samples)[0]
+    settings = SearchSettings(objective=objective)
+    orders = orders_of(structure, orders)
+    if structure == "armax":
+        signals = (record.input, record.output)
+        return ArmaxProblem(PredictionErrorProblem(*signals, orders, objective, 20, 40, 0.9999))
+    u = record.input if structure != "arma" else np.zeros_like(record.output)
+    errors = polynomial_errors(u, record.output, orders, settings, ScoringWindow(20, 40), False)
+    return scaled_problem(errors)[0]
+
+
+def optimum(searched):
+    descents = searched.descend(searched.random(8, np.random.default_rng(1)))
+    lowest = int(np.argmin(descents.values))
+    return descents.points[lowest], float(descents.values[lowest])
+
+
+@pytest.mark.parametrize(("structure", "orders"), CASES)
+def test_a_shared_section_changes_no_value_and_comes_off_again(structure, orders):
+    larger = problem(structure, orders)
+    (*_, (below, _), (_, shared)) = growth(larger.errors.orders)
+    smaller = larger.of_orders(below)
+    point, value = optimum(smaller)
+    sections = places(5, np.random.default_rng(3))[:4]  # the last has real roots
+    grown = with_common_section(point, smaller.errors, larger.errors, shared, sections)
+    larger.promised(grown, value)  # fits the states
+    # More states fit a little more; with D, too few of them make up for all of the past.
+    ratios = larger.values(grown) / value
+    assert np.all(ratios > 0.97)
+    assert np.median(ratios) < 1.005
+    part = smaller.errors.parts()[shared[0]]
+    for own in grown:
+        back = without_common_section(own, larger.errors, smaller.errors, shared)
+        assert np.min(np.max(np.abs(back - point)[:, part], axis=1)) < 1e-6
+
+
+@pytest.mark.parametrize(("structure", "orders"), [*CASES, ("ararx", (6, 6, 4, 3))])
+def test_growth_leads_from_small_orders_to_the_problems_own(structure, orders):
+    own = orders_of(structure, orders)
+    steps = growth(own)
+    assert steps[-1][0] == own
+    assert (len(steps) > 1) is (structure != "ararx")
+    for (smaller, _), (larger, shared) in pairwise(steps):
+        assert larger.contains(smaller)
+        assert larger.parameters - smaller.parameters == 2 * sum(
+            getattr(larger, f"n{name}") > 0 for name in shared
+        )
+
+
+def test_spectra_rank_places_as_gauss_newton_steps_do():
+    larger = problem("armax", (6, 6, 6, 3), samples=2000)
+    smaller = larger.of_orders(armax_orders(4, 4, 4, 3))
+    point, value = optimum(smaller)
+    every = np.arange(0, len(grid()), 8)
+    gained = gains(smaller.errors, point, "abc", every)
+    grown = with_common_section(point, smaller.errors, larger.errors, "abc", grid()[every])
+    promised = 1.0 - larger.promised(grown, value) / value
+    usable = np.isfinite(promised)
+    assert np.corrcoef(gained[usable], promised[usable])[0, 1] > 0.5
+
+
+@pytest.mark.parametrize("objective", ["quadratic", "absolute"])
+def test_exchange_never_leads_up_and_repeats_to_the_bit(objective):
+    searched = problem("armax", (6, 6, 6, 3), objective)
+    point, value = optimum(searched)
+    one, two = (
+        SectionExchange(searched).search_from(point, value, 20000, np.random.default_rng(5))
+        for _ in range(2)
+    )
+    assert one.value <= value
+    assert searched.values(one.point[None, :])[0] == one.value == two.value
+    np.testing.assert_array_equal(one.point, two.point)
+
+
+def test_growth_and_exchange_lead_lower_than_the_memetic_search():
+    """Orders with spare sections: nearly every choice of their places is an optimum."""
+    searched = problem("armax", (10, 10, 10, 3), samples=800)
+    alone = memetic_search(searched, SearchSettings(), np.random.default_rng(1))
+    found = SectionExchange(searched).search(20000, np.random.default_rng(1))
+    assert found.value < alone.value * (1.0 - 1e-4)

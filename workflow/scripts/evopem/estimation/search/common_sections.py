@@ -1,0 +1,151 @@
+"""Sections that several polynomials of a model share: with one the residuals stay the same.
+
+``A y = B u + C e`` times a quadratic factor is a model of orders two higher with the very same
+residuals, and so is ``B/F`` or ``C/D`` with a factor above and below.  A descent from there can
+only gain, and where the factor's roots lie decides how much.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evopem.estimation.search.root_recombination import Sections, product_of, sections_of
+from evopem.estimation.search.section_hopping import (
+    random_sections,
+    section_roots,
+    without_nearest_section,
+)
+from evopem.models.structures import PolynomialOrders
+
+Array = NDArray[np.float64]
+
+# Polynomials that may share a factor; the poles of the first are those of the section.
+SHARING = ("fb", "abc", "dc")
+# States, and the polynomial whose sections they share.
+STATES_OF = {"plant": "f", "noise": "c"}
+# Share of the places that have two real roots, and how far these lie from the unit circle at most
+# and at least.
+REAL_SHARE, FARTHEST_REAL, NEAREST_REAL = 0.2, 0.9, 0.003
+
+
+class PartedErrors(Protocol):
+    """Prediction errors whose points have parts."""
+
+    orders: PolynomialOrders
+
+    @property
+    def dimension(self) -> int:
+        """Length of a point."""
+
+    def parts(self) -> dict[str, slice]:
+        """Where the polynomials "a", "b", "c", "d" and "f" and the states stand in a point."""
+
+
+def growth(orders: PolynomialOrders) -> list[tuple[PolynomialOrders, str]]:
+    """Orders in steps of one common section up to some orders, with what shares the section.
+
+    The first are the smallest, and share nothing; orders too small for smaller ones are alone.
+
+    Examples
+    --------
+    >>> from evopem.models.structures import armax_orders
+    >>> [(str(each), shared) for each, shared in growth(armax_orders(4, 4, 4, 1))]
+    [('ARMAX(2,2,2,1)', ''), ('ARMAX(4,4,4,1)', 'abc')]
+    """
+    steps: list[tuple[PolynomialOrders, str]] = []
+    while True:
+        before = len(steps)
+        for shared in SHARING:
+            smaller = with_fewer_sections(orders, shared)
+            if smaller is not None:
+                steps.append((orders, shared))
+                orders = smaller
+        if len(steps) == before:
+            return [(orders, ""), *reversed(steps)]
+
+
+def with_fewer_sections(orders: PolynomialOrders, shared: str) -> PolynomialOrders | None:
+    """Orders with a section less, or None where a polynomial would have no roots."""
+    sharing = shared if orders.nb else shared.replace("b", "")
+    lower = {f"n{name}": getattr(orders, f"n{name}") - 2 for name in sharing}
+    if len(lower) < 2 or min(lower.values()) < 1:
+        return None
+    return replace(orders, **lower)
+
+
+def places(count: int, generator: np.random.Generator) -> Array:
+    """Monic sections, (count, 3), spread over all frequencies, damping, and real roots."""
+    real = round(REAL_SHARE * count)
+    distances = FARTHEST_REAL * (NEAREST_REAL / FARTHEST_REAL) ** generator.random((real, 2))
+    roots = (1.0 - distances) * generator.choice([-1.0, 1.0], (real, 2))
+    of_real = np.column_stack([np.ones(real), -roots.sum(axis=1), roots.prod(axis=1)])
+    return np.concatenate([random_sections(count - real, generator), of_real])
+
+
+def with_common_section(
+    point: Array, smaller: PartedErrors, larger: PartedErrors, shared: str, sections: Array
+) -> Array:
+    """A point of smaller orders times each of some sections, (M, n).
+
+    The residuals are those of the point but for what the states do to the first of them.
+    """
+    own, parts, points = smaller.parts(), larger.parts(), []
+    for section in sections:
+        grown = np.zeros(larger.dimension)
+        for name, part in own.items():
+            coefficients = point[part]
+            if name in "acdf" and name in shared:
+                coefficients = np.convolve(np.append(1.0, coefficients), section)[1:]
+            elif name == "b" and not len(coefficients):
+                continue
+            elif STATES_OF.get(name, name) in shared:
+                coefficients = np.convolve(coefficients, section)
+            length = parts[name].stop - parts[name].start
+            grown[parts[name]] = coefficients[:length]
+        points.append(grown)
+    return np.array(points)
+
+
+def without_common_section(
+    point: Array, larger: PartedErrors, smaller: PartedErrors, shared: str
+) -> Array:
+    """A point without each section of the first of the polynomials that share, (M, n).
+
+    The others lose the section that lies nearest to it.
+    """
+    parts, kept, points = larger.parts(), smaller.parts(), []
+    lead, *others = [name for name in shared if parts[name].stop > parts[name].start]
+    found = sections_of(point[parts[lead]])
+    for row, section in enumerate(found.quadratic):
+        shrunk = np.zeros(smaller.dimension)
+        for name, part in kept.items():
+            coefficients = point[parts[name]]
+            if name in ("plant", "noise"):
+                coefficients = coefficients[: part.stop - part.start]
+            if part.stop - part.start == len(coefficients):
+                shrunk[part] = coefficients
+        rest = Sections(np.delete(found.quadratic, row, axis=0), found.single)
+        shrunk[kept[lead]] = product_of(rest)
+        left = {name: _without_nearest(name, point[parts[name]], section) for name in others}
+        for name, lower in left.items():
+            if lower is not None:
+                shrunk[kept[name]] = lower
+        if all(lower is not None for lower in left.values()):
+            points.append(shrunk)
+    return np.array(points).reshape(len(points), smaller.dimension)
+
+
+def _without_nearest(name: str, coefficients: Array, section: Array) -> Array | None:
+    """Coefficients of a polynomial without the section nearest to another one."""
+    gain = coefficients[0] if name == "b" else 1.0
+    if gain == 0.0:
+        return None
+    monic = coefficients[1:] / gain if name == "b" else coefficients
+    rest = without_nearest_section(monic, section_roots(section))
+    if rest is None:
+        return None
+    return gain * rest if name == "b" else rest[1:]

@@ -1,0 +1,232 @@
+"""Growth from small orders, and exchange of sections: optima of more orders than needed.
+
+A model of more orders than a record supports has an optimum for nearly every choice of places at
+which its spare sections lie.  A search grows the model section by section
+(:mod:`.common_sections`): places are judged by what they may explain (:mod:`.section_gains`), the
+best are descended from, and a few optima are kept.  Then sections are exchanged: each optimum
+without one of its sections, descended from again, gains one at another place.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evopem.estimation.search.common_sections import (
+    PartedErrors,
+    growth,
+    places,
+    with_common_section,
+    with_fewer_sections,
+    without_common_section,
+)
+from evopem.estimation.search.problem import converged_values, same_optimum
+from evopem.estimation.search.section_gains import ScoredErrors, gains, grid
+from evopem.estimation.search.section_hopping import HoppingProblem, Hops
+from evopem.models.structures import PolynomialOrders
+
+Array = NDArray[np.float64]
+
+# Random points that the smallest orders are descended from, and optima that are kept.
+FIRST, KEPT = 8, 4
+# Share of all places of a section that are looked at for an optimum, drawn anew each time: a search
+# that always took the best of all would find the same again.
+DRAWN = 0.15
+# The best of these, and further random ones, that are judged by a step; those of each optimum that
+# may be descended from, and those of all optima together.
+JUDGED, FURTHER, OF_EACH, DESCENDED = 16, 12, 6, 16
+# What the spectra of an optimum cost, in evaluations.
+SPECTRA = 100
+# Exchanges without a gain after which none is expected.
+PATIENCE = 3
+# Descents that begin anew, further from the edge of the stability region, until they gain no more
+# than this: along the edge a descent ends early.
+POLISHES, LAST_GAIN = 5, 1e-7
+
+
+class ExchangeErrors(PartedErrors, ScoredErrors, Protocol):
+    """Prediction errors of points with parts, and the slopes of their loss."""
+
+
+@runtime_checkable
+class ExchangeProblem(HoppingProblem, Protocol):
+    """A problem of polynomials with sections that they may share."""
+
+    errors: ExchangeErrors
+
+    def of_orders(self, orders: PolynomialOrders) -> ExchangeProblem | None:
+        """The problem of the same record in other orders; None where sections do not exchange."""
+
+    def promised(self, points: Array, value: float) -> Array:
+        """Objective that one Gauss-Newton step from each point predicts, (M,)."""
+
+
+class Optimum(NamedTuple):
+    """Value and point, (n,), of an optimum."""
+
+    value: float
+    point: Array
+
+
+class SectionExchange:
+    """Searches of a problem by growth and exchange, each independent of the others.
+
+    Parameters
+    ----------
+    problem : ExchangeProblem
+    """
+
+    def __init__(self, problem: ExchangeProblem) -> None:
+        self.problem = problem
+        self._steps = growth(problem.errors.orders)
+        self._shared = tuple(dict.fromkeys(shared for _, shared in self._steps[1:]))
+
+    @property
+    def possible(self) -> bool:
+        """Whether the problem has sections to exchange."""
+        return len(self._steps) > 1 and self.problem.of_orders(self._steps[0][0]) is not None
+
+    def search(self, max_evaluations: float, generator: np.random.Generator) -> Hops:
+        """An independent search: growth from the smallest orders, then exchange."""
+        found = _Found(self.problem, generator)
+        # A problem is made when it is needed, and not kept: its tables are as long as the record.
+        smaller = self._of(self._steps[0][0])
+        optima = found.descents(smaller, smaller.random(FIRST, generator))
+        for orders, shared in self._steps[1:]:
+            larger = self._of(orders)
+            optima = found.with_sections(optima, smaller, larger, shared)
+            smaller = larger
+        return self._exchanged(optima, found, max_evaluations)
+
+    def search_from(
+        self, point: Array, value: float, max_evaluations: float, generator: np.random.Generator
+    ) -> Hops:
+        """Exchange sections of an optimum."""
+        found = _Found(self.problem, generator)
+        return self._exchanged([Optimum(value, point)], found, max_evaluations)
+
+    def _of(self, orders: PolynomialOrders) -> ExchangeProblem:
+        """The problem of some orders on the way."""
+        if orders == self.problem.errors.orders:
+            return self.problem
+        smaller = self.problem.of_orders(orders)
+        assert smaller is not None
+        return smaller
+
+    def _exchanged(self, optima: list[Optimum], found: _Found, max_evaluations: float) -> Hops:
+        """Exchange sections of the best optimum not tried, until that has failed for some time."""
+        tried: list[float] = []
+        failed = 0
+        while optima and failed < PATIENCE and found.evaluations < max_evaluations:
+            lowest = optima[0].value
+            fresh = [each for each in optima if each.value not in tried]
+            chosen = (fresh or optima)[0]
+            tried.append(chosen.value)
+            for shared in self._shared:
+                optima = _lowest([*optima, *self._neighbours(chosen, shared, found)])
+            failed = failed + 1 if same_optimum(lowest, optima[0].value) else 0
+        if not optima:
+            return Hops(np.empty(0), np.inf, found.evaluations, [])
+        best = found.polished(optima[0])
+        return Hops(best.point, best.value, found.evaluations, found.ended)
+
+    def _neighbours(self, optimum: Optimum, shared: str, found: _Found) -> list[Optimum]:
+        """Optima with one of the sections of an optimum elsewhere."""
+        errors = self.problem.errors
+        orders = with_fewer_sections(errors.orders, shared)
+        assert orders is not None
+        smaller = self._of(orders)
+        starts = without_common_section(optimum.point, errors, smaller.errors, shared)
+        left = found.descents(smaller, smaller.repair(starts))
+        return found.with_sections(left, smaller, self.problem, shared)
+
+
+class _Found:
+    """What a search has found of a problem so far, and what it took."""
+
+    def __init__(self, problem: ExchangeProblem, generator: np.random.Generator) -> None:
+        self.problem, self.generator = problem, generator
+        self.evaluations = 0
+        self.ended: list[float] = []
+
+    def with_sections(
+        self,
+        optima: list[Optimum],
+        smaller: ExchangeProblem,
+        larger: ExchangeProblem,
+        shared: str,
+    ) -> list[Optimum]:
+        """Optima of larger orders from the most promising places of a further section."""
+        starts, promised = [np.empty((0, larger.errors.dimension))], [np.empty(0)]
+        for optimum in optima:
+            grown, each = self._most_promising(optimum, smaller, larger, shared)
+            starts.append(grown)
+            promised.append(each)
+        best = np.argsort(np.concatenate(promised), kind="stable")[:DESCENDED]
+        return self.descents(larger, np.concatenate(starts)[best])
+
+    def _most_promising(
+        self, optimum: Optimum, smaller: ExchangeProblem, larger: ExchangeProblem, shared: str
+    ) -> tuple[Array, Array]:
+        """An optimum with a further section at the best of random places, and what is promised.
+
+        The gains of all places come first; one Gauss-Newton step from each of the best is nearer
+        to the truth.  For the absolute value, whose slopes jump, it is not.
+        """
+        value, point = optimum
+        drawn = np.flatnonzero(self.generator.random(len(grid())) < DRAWN)
+        gained = gains(smaller.errors, point, shared, drawn)
+        self.evaluations += SPECTRA
+        best = np.argsort(-gained, kind="stable")
+        absolute = larger.errors.objective == "absolute"
+        best = best[: OF_EACH if absolute else JUDGED]
+        sections = grid()[drawn[best]]
+        if not absolute:
+            sections = np.concatenate([sections, places(FURTHER, self.generator)])
+        grown = with_common_section(point, smaller.errors, larger.errors, shared, sections)
+        grown = larger.repair(grown)
+        if absolute:
+            return grown, value * (1.0 - gained[best])
+        promised = larger.promised(grown, value)
+        self.evaluations += 9 * len(grown)
+        best = np.argsort(promised, kind="stable")[:OF_EACH]
+        return grown[best], promised[best]
+
+    def descents(self, problem: ExchangeProblem, starts: Array) -> list[Optimum]:
+        """The lowest optima that descents from some starts lead to."""
+        if not len(starts):
+            return []
+        descents = problem.descend_from_neighbours(starts)
+        self.evaluations += descents.evaluations
+        if problem is self.problem:
+            self.ended.extend(converged_values(descents))
+        return _lowest(list(map(Optimum, descents.values.tolist(), descents.points)))
+
+    def polished(self, optimum: Optimum) -> Optimum:
+        """An optimum to the last digits, by descents that begin anew away from the edge."""
+        best = optimum
+        start = self.problem.polish(optimum.point[None, :])
+        self.evaluations += start.evaluations
+        for _ in range(POLISHES):
+            best = min(best, Optimum(float(start.values[0]), start.points[0]), key=_value)
+            descent = self.problem.descend(start.points)
+            start = self.problem.polish(descent.points)
+            self.evaluations += descent.evaluations + start.evaluations
+            if same_optimum(best.value, float(start.values[0]), LAST_GAIN):
+                break
+        return min(best, Optimum(float(start.values[0]), start.points[0]), key=_value)
+
+
+def _value(optimum: Optimum) -> float:
+    return optimum.value
+
+
+def _lowest(optima: list[Optimum]) -> list[Optimum]:
+    """The lowest of some optima, none of them twice."""
+    kept: list[Optimum] = []
+    for each in sorted(optima, key=lambda each: each.value):
+        if np.isfinite(each.value) and not (kept and same_optimum(each.value, kept[-1].value)):
+            kept.append(each)
+    return kept[:KEPT]

@@ -1,0 +1,143 @@
+"""What a further section may explain at each of many places, from cross spectra of the residuals.
+
+At an optimum a section that polynomials share leaves the residuals as they are.  A small change of
+its coefficients adds the residuals and the input to them, filtered through the section's
+resonance.  How far these explain the slopes of the loss is a score test of each place (Söderström
+& Stoica 1989, section 11.5), and all of its sums follow from three spectra.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evopem.estimation.pem.kernels.filtering import filter_rows
+from evopem.models.structures import PolynomialOrders
+
+Array = NDArray[np.float64]
+
+# Distances of a pair of roots from the unit circle, each twice the last, and how far apart places
+# lie in these distances: a resonance is as wide as it is distant.
+NEAREST, FARTHEST, SPACING = 0.005, 0.45, 2.0
+# Distances of real roots, taken in pairs.
+OF_REAL_ROOTS = (0.01, 0.04, 0.12, 0.3, 0.6)
+# Frequencies that spectra are summed to: half as far apart as the nearest places are wide.
+BINS = 1257
+# Added to the unit diagonal of the products of the signals of one place.
+DAMPING = 1e-3
+# Mean second derivative of the absolute value of Gaussian residuals is this over their mean.
+CURVATURE_OF_ABSOLUTE = 2.0 / np.pi
+
+
+class ScoredErrors(Protocol):
+    """Prediction errors whose loss has slopes."""
+
+    input: Array
+    orders: PolynomialOrders
+    objective: str
+
+    def parts(self) -> dict[str, slice]:
+        """Where the polynomials "a", "b", "c", "d" and "f" and the states stand in a point."""
+
+    def residuals_and_slopes(self, point: Array) -> tuple[Array, Array]:
+        """Residuals, (N,), and the slopes of their losses, zero where these do not count."""
+
+
+@lru_cache(maxsize=1)
+def grid() -> Array:
+    """Monic sections, (K, 3), at all places."""
+    found, distance = [], NEAREST
+    while distance < FARTHEST:
+        count = int(np.ceil(np.pi / (SPACING * distance)))
+        angles = np.pi * (np.arange(count) + 0.5) / count
+        radii = np.full(count, 1.0 - distance)
+        found.append(np.column_stack([np.ones(count), -2.0 * radii * np.cos(angles), radii**2]))
+        distance *= 2.0
+    roots = np.array([sign * (1.0 - away) for away in OF_REAL_ROOTS for sign in (1.0, -1.0)])
+    one, other = roots[np.array(np.triu_indices(len(roots)))]
+    found.append(np.column_stack([np.ones(len(one)), -one - other, one * other]))
+    return np.concatenate(found)
+
+
+@lru_cache(maxsize=1)
+def _responses(bins: int) -> tuple[NDArray[np.complex64], NDArray[np.float32]]:
+    """Frequency response of the inverse of each section of the grid, and its square."""
+    delay = np.exp(-1j * np.pi * (np.arange(bins) + 0.5) / bins)
+    sections = grid()
+    response = 1.0 / (sections[:, :1] + sections[:, 1:2] * delay + sections[:, 2:] * delay**2)
+    return response.astype(np.complex64), (np.abs(response) ** 2).astype(np.float32)
+
+
+def gains(errors: ScoredErrors, point: Array, shared: str, places: NDArray[np.intp]) -> Array:
+    """Part of the objective that a shared section explains at each of some places, (M,).
+
+    Parameters
+    ----------
+    errors : ScoredErrors
+    point : (n,) array
+        An optimum.
+    shared : str
+        The polynomials that share the section.
+    places : (M,) int array
+        Rows of :func:`grid`.
+    """
+    residuals, slopes = errors.residuals_and_slopes(point)
+    counted = slopes != 0.0
+    spectra = np.fft.rfft([slopes, *_signals(errors, point, residuals, shared)])
+    bins = min(BINS, spectra.shape[1])
+    first_of_bin = -(-np.arange(bins) * spectra.shape[1] // bins)
+    response, power = (each[places] for each in _responses(bins))
+    delay = np.exp(-1j * np.pi * np.arange(spectra.shape[1]) / spectra.shape[1])
+
+    def summed(*products: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        return np.add.reduceat(np.stack(products), first_of_bin, axis=1).T
+
+    count = len(spectra) - 1
+    scores = np.empty((len(places), 2 * count))
+    matrices = np.empty((len(places), 2 * count, 2 * count))
+    for i, one in enumerate(spectra[1:]):
+        cross = spectra[0].conj() * one
+        both = summed(cross * delay, cross * delay**2).astype(np.complex64)
+        scores[:, 2 * i : 2 * i + 2] = (response @ both).real
+        for j, other in enumerate(spectra[1 : i + 2]):
+            cross = one * other.conj()
+            lags = summed(cross, cross * delay, cross * delay.conj()).real.astype(np.float32)
+            same, later, earlier = (power @ lags).T
+            block = np.array([[same, earlier], [later, same]]).transpose(2, 0, 1)
+            rows, columns = slice(2 * i, 2 * i + 2), slice(2 * j, 2 * j + 2)
+            matrices[:, rows, columns] = block
+            matrices[:, columns, rows] = block.transpose(0, 2, 1)
+    size = np.sqrt(np.einsum("ijj->ij", matrices))
+    size[size == 0.0] = 1.0
+    matrices /= size[:, :, None] * size[:, None, :]
+    matrices += DAMPING * np.eye(2 * count)
+    scores /= size
+    solved = np.linalg.solve(matrices, scores[:, :, None])[:, :, 0]
+    explained: Array = np.einsum("ij,ij->i", scores, solved) * 2.0 / len(residuals)
+    if errors.objective == "absolute":
+        return explained / (2.0 * CURVATURE_OF_ABSOLUTE * np.count_nonzero(counted))
+    return explained / float(slopes @ slopes)
+
+
+def _signals(errors: ScoredErrors, point: Array, residuals: Array, shared: str) -> list[Array]:
+    """Residuals and input as the coefficients of the shared polynomials would add them."""
+    parts = errors.parts()
+    c, d, f = (
+        np.append(1.0, point[parts[name]]) if name in parts else np.ones(1) for name in "cdf"
+    )
+    signals = []
+    if "c" in shared:
+        signals.append(_filtered(residuals, np.ones(1), c))
+    if "b" in shared and errors.orders.nb:
+        signals.append(_filtered(errors.input, d, np.convolve(c, f)))
+    return signals
+
+
+def _filtered(signal: Array, numerator: Array, denominator: Array) -> Array:
+    """A signal filtered from rest."""
+    filtered = np.convolve(signal, numerator)[None, : len(signal)]
+    filter_rows(filtered, denominator, np.zeros((1, len(denominator) - 1)))
+    return filtered[0]
