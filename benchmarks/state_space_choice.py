@@ -149,11 +149,11 @@ def recording_of(u: np.ndarray, y: np.ndarray):  # type: ignore[no-untyped-def]
 
 def run_search(folder: Path, count: int, kinds: tuple[str, ...]) -> None:
     folder.mkdir(parents=True, exist_ok=True)
-    for seed in range(count):
-        for kind in kinds:
-            made = record(kind, seed)
-            savemat(folder / f"record_{kind}_{seed}.mat", made)
-            search_record(folder, f"{kind}_{seed}", made)
+    made = {f"{kind}_{seed}": record(kind, seed) for seed in range(count) for kind in kinds}
+    for name, each in made.items():
+        savemat(folder / f"record_{name}.mat", each)
+    for name, each in made.items():
+        search_record(folder, name, each)
 
 
 def search_record(folder: Path, name: str, made: dict[str, np.ndarray]) -> None:
@@ -230,16 +230,15 @@ def run_sippy(folder: Path) -> None:
             savemat(target, {name: getattr(found, name) for name in "ABCD"})
 
 
-def peer_errors(folder: Path, name: str) -> dict[str, float]:
-    """Errors of the peers on the fresh samples, with a level of their own; infinite if unstable."""
+def peer_errors(folder: Path, name: str, free_level: bool) -> dict[str, float]:
+    """Errors of the peers on the fresh samples, with the level that the candidates have there."""
     from evopem.models.state_space import StateSpaceModel
     from evopem.validation.multichannel import mean_errors
 
     made = loadmat(folder / f"record_{name}.mat")
     kept = int(made["kept"][0, 0])
-    fresh = recording_of(made["u"] - made["u"][:kept].mean(axis=0), made["y"]).between(
-        kept, len(made["y"])
-    )
+    u, y = (made[key] - made[key][:kept].mean(axis=0) for key in "uy")
+    fresh = recording_of(u, y).between(kept, len(y))
     errors = {}
     for method in ("N4SID", "MOESP"):
         file = folder / f"sippy {method}_{name}.mat"
@@ -257,7 +256,7 @@ def peer_errors(folder: Path, name: str) -> dict[str, float]:
             level=np.zeros(ny),
             noise_covariance=np.eye(ny),
         )
-        errors[method] = mean_errors(model, fresh, True)[1]
+        errors[method] = mean_errors(model, fresh, free_level)[1]
     return errors
 
 
@@ -285,7 +284,7 @@ def scored_candidates(content: dict, made: dict) -> tuple[list[Scored], str]:  #
     searches = [from_json(VariantSearch, each) for each in content["searches"]]
     searches = [each for each in searches if each.orders]
     lowest = [
-        min(float(np.nanmin(getattr(each, kind))) for each in searches)
+        float(np.nanmin(np.concatenate([getattr(each, kind) for each in searches])))
         for kind in ("simulation", "free_level")
     ]
     level, _ = decide_level(*lowest, CLEAR_GAIN)
@@ -373,11 +372,11 @@ def print_table(folder: Path) -> None:
         kind = name.rpartition("_")[0]
         kinds += [kind] if kind not in kinds else []
         made = loadmat(folder / f"record_{name}.mat")
-        candidates, _ = scored_candidates(json.loads(file.read_text()), made)
+        candidates, level = scored_candidates(json.loads(file.read_text()), made)
         best = min(each.fresh for each in candidates)
         for rule, choose in RULES.items():
             rows.setdefault(rule, {}).setdefault(kind, []).append(choose(candidates).fresh / best)
-        for method, error in peer_errors(folder, name).items():
+        for method, error in peer_errors(folder, name, level == "state").items():
             rows.setdefault(f"SIPPY {method}", {}).setdefault(kind, []).append(error / best)
     print("| rule | " + " | ".join(kinds) + " | all | worst |")
     print("|---" * (len(kinds) + 3) + "|")
@@ -385,7 +384,7 @@ def print_table(folder: Path) -> None:
         each = [found[kind] for kind in kinds]
         every = np.concatenate(each)
         cells = [_mean(np.array(values)) for values in (*each, every)]
-        print(f"| {rule} | " + " | ".join(cells) + f" | {np.max(every[np.isfinite(every)]):.2f} |")
+        print(f"| {rule} | " + " | ".join(cells) + f" | {np.max(every, initial=1.0):.2f} |")
 
 
 def _mean(ratios: np.ndarray) -> str:

@@ -81,6 +81,27 @@ def test_adjoint_gradient_is_the_derivative(orders, objective):
         np.testing.assert_allclose((up - down) / 2e-6 / scale, gradients[:, i] / scale, atol=1e-6)
 
 
+@pytest.mark.parametrize("objective", ["absolute", "quadratic"])
+@pytest.mark.parametrize("orders", CASES, ids=str)
+def test_a_record_in_parts_is_the_whole_record(orders, objective, monkeypatch):
+    """Of a long record some residuals are not kept, but computed again."""
+    whole, _, _ = problem(orders, objective, samples=1500)
+    points = population(orders, 9)
+    weights = np.full(9, 0.3), np.full(9, 0.2)
+    monkeypatch.setattr("evopem.estimation.pem.kernels.record.KEPT", 256)
+    parted, _, _ = problem(orders, objective, samples=1500)
+    for kept in (0, 256):  # two parts, and six
+        parted._workspace = kernels.workspace_for(parted._record, kept)
+        assert len(parted._workspace.residuals) < 800
+        np.testing.assert_array_equal(parted.residuals(points[0]), whole.residuals(points[0]))
+        for own, other in zip(
+            (parted.curvatures(points, *weights), *parted.values_and_gradients(points, *weights)),
+            (whole.curvatures(points, *weights), *whole.values_and_gradients(points, *weights)),
+            strict=True,
+        ):
+            np.testing.assert_allclose(own, other, rtol=1e-11, atol=1e-11 * np.abs(other).max())
+
+
 @pytest.mark.parametrize("orders", CASES, ids=str)
 def test_gauss_newton_matrix_is_that_of_the_jacobian(orders):
     errors, _, y = problem(orders, samples=1500)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-CHUNK = 65536
+CHUNK = 8192
 
 
 def chunks(start: int, stop: int) -> Iterator[tuple[int, int]]:

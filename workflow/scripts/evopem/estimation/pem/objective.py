@@ -67,21 +67,8 @@ class PredictionErrorProblem:
         self.recursion_start = recursion_start
         self.scoring_start = scoring_start
         self.max_root_radius = max_root_radius
-        padded = kernels.padded_length(self.samples, self.recursion_start)
-        self._record = kernels.Record(
-            y=_padded(output, padded),
-            u=_padded(input, padded),
-            na=orders.na,
-            nb=orders.nb,
-            nc=orders.nc,
-            nk=orders.nk,
-            rows_c=max(orders.nc, kernels.MIN_NC),
-            residual_start=recursion_start,
-            loss_start=scoring_start,
-            loss_stop=self.samples,
-        )
         absolute = objective == "absolute"
-        scored = self._record.y[scoring_start : self.samples]
+        scored = output[scoring_start:]
         self._scale = float(np.sum(np.abs(scored)) if absolute else scored @ scored)
         self.scored_samples = self.samples - scoring_start
         # A square in the unit of the loss.
@@ -91,6 +78,25 @@ class PredictionErrorProblem:
             factor=100.0 / self._scale,
             state_weight=STATE_WEIGHT * 100.0 / self._scale / state_unit,
             max_root_radius=max_root_radius,
+        )
+
+    @cached_property
+    def _record(self) -> kernels.Record:
+        """The padded record, a copy that takes the place of the given signals, made when needed."""
+        padded = kernels.padded_length(self.samples, self.recursion_start)
+        y, u = _padded(self.output, padded), _padded(self.input, padded)
+        self.output, self.input = y[: self.samples], u[: self.samples]
+        return kernels.Record(
+            y=y,
+            u=u,
+            na=self.orders.na,
+            nb=self.orders.nb,
+            nc=self.orders.nc,
+            nk=self.orders.nk,
+            rows_c=max(self.orders.nc, kernels.MIN_NC),
+            residual_start=self.recursion_start,
+            loss_start=self.scoring_start,
+            loss_stop=self.samples,
         )
 
     # Tables of eight numbers a sample, made when they are needed: a problem that is only scaled
@@ -181,8 +187,10 @@ class PredictionErrorProblem:
 
     def residuals(self, point: Array) -> Array:
         """Residuals of one parameter vector, (N,); zero before ``recursion_start``."""
+        # Tables that are not there are not kept: they are larger than what is wanted.
+        workspace = self.__dict__.get("_workspace") or kernels.workspace_for(self._record, 1)
         residuals: Array = kernels.residuals(
-            self._record, self._workspace, _rows(point[None, :]), np.zeros(1, dtype=np.intp)
+            self._record, workspace, _rows(point[None, :]), np.zeros(1, dtype=np.intp)
         )
         return residuals[0, : self.samples]
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 # Independent restarts that must end at the lowest value, and be at least half of all, by the
 # largest undiscovered probability.  Where descents from random points find more optima than the
 # last of them allows, all searches may fall into one wide funnel: no number of them is evidence.
-AGREEING = ((0.03, 3), (0.2, 5))
+AGREEING = ((0.03, 3), (0.1, 5))
 # Undiscovered probability at which descents from random points are evidence enough: that of 17
 # or more which all end at one optimum.
 ONE_OPTIMUM = 0.0075

@@ -12,7 +12,12 @@ from evopem.estimation.pem.kernels.record import (
     load_points,
     load_smoothing,
 )
-from evopem.estimation.pem.kernels.residuals import all_residuals, filter_block, sum_of_losses
+from evopem.estimation.pem.kernels.residuals import (
+    filter_block,
+    kept_residuals,
+    residuals_of_part,
+    sum_of_losses,
+)
 from evopem.estimation.pem.kernels.simd import (
     LANES,
     add,
@@ -31,6 +36,13 @@ DECAYED = 1e-100
 
 
 @njit
+def _counted_rows(record, begin, end):
+    """Rows of the residuals of a part that the loss counts."""
+    before = begin - record.rows_c
+    return max(begin, record.loss_start) - before, min(end, record.loss_stop) - before
+
+
+@njit
 def _mean_second_derivatives(record, workspace, bandwidth):
     """Mean second derivative of ``sqrt(e**2 + width**2)`` over the residuals, to ``total``.
 
@@ -39,17 +51,26 @@ def _mean_second_derivatives(record, workspace, bandwidth):
     """
     zero = constant(0.0)
     count = record.loss_stop - record.loss_start
-    s = sum_of_losses(workspace.residuals, True, record.loss_start, record.loss_stop, zero)
+    parts = kept_residuals(record, workspace)[1]
+    s = zero
+    for part in range(parts):
+        begin, end = residuals_of_part(record, workspace, part)
+        first, last = _counted_rows(record, begin, end)
+        s = sum_of_losses(workspace.residuals, True, first, last, s)
     store(workspace.total, 0, s)
     for lane in range(LANES):
         width = bandwidth * workspace.total[0, lane] / count
         workspace.total[0, lane] = max(width, workspace.smoothing[0, lane])
     width_squared = fma(load(workspace.total, 0), load(workspace.total, 0), zero)
     s = zero
-    for t in range(record.loss_start, record.loss_stop):
-        v = load(workspace.residuals, t)
-        r = fma(v, v, width_squared)
-        s = add(s, divide(width_squared, fma(r, square_root(r), zero)))
+    for part in range(parts):
+        if parts > 1:
+            begin, end = residuals_of_part(record, workspace, part)
+        first, last = _counted_rows(record, begin, end)
+        for row in range(first, last):
+            v = load(workspace.residuals, row)
+            r = fma(v, v, width_squared)
+            s = add(s, divide(width_squared, fma(r, square_root(r), zero)))
     store(workspace.total, 0, s)
     for lane in range(LANES):
         workspace.total[0, lane] /= count
@@ -66,8 +87,11 @@ def _inverse_filter(parameters, c, nc, source, source_row, size, filtered, filte
 
 
 @njit
-def _filter_signals(record, workspace, begin, end, segment, history):
-    """A stretch of ``y``, ``u``, ``e`` and an impulse at the start, filtered through 1/C."""
+def _filter_signals(record, workspace, before, begin, end, segment, history):
+    """A stretch of ``y``, ``u``, ``e`` and an impulse at the start, filtered through 1/C.
+
+    Row ``t - before`` of the residuals is sample t.
+    """
     table, source, size = workspace.filtered, 4 * segment, end - begin
     c, nc = record.na + record.nb, record.rows_c
     parameters = workspace.parameters
@@ -77,9 +101,8 @@ def _filter_signals(record, workspace, begin, end, segment, history):
     for t in range(begin, end):
         store(table, source + t - begin, sample(record.u, t))
     _inverse_filter(parameters, c, nc, table, source, size, table, segment + history)
-    _inverse_filter(
-        parameters, c, nc, workspace.residuals, begin, size, table, 2 * segment + history
-    )
+    e, row = workspace.residuals, begin - before
+    _inverse_filter(parameters, c, nc, e, row, size, table, 2 * segment + history)
     for t in range(begin, end):
         store(table, source + t - begin, constant(1.0 if t == record.residual_start else 0.0))
     _inverse_filter(parameters, c, nc, table, source, size, table, 3 * segment + history)
@@ -159,29 +182,31 @@ def _gauss_newton(record, workspace, lag_sums):
     table = workspace.filtered
     fill(table, 0, table.shape[0], 0.0)
     fill(sums, 0, sums.shape[0], 0.0)
-    for begin in range(record.residual_start, record.y.size, CHUNK):
-        end = min(begin + CHUNK, record.y.size)
-        _filter_signals(record, workspace, begin, end, segment, history)
-        if begin <= record.loss_start < end:
-            _keep_ends(workspace, segment, history, record.loss_start - begin, heads)
-        if begin < record.loss_stop <= end:
-            _keep_ends(workspace, segment, history, record.loss_stop - begin, tails)
-        low, high = max(begin, record.loss_start), min(end, record.loss_stop)
-        size, now = high - low, history + low - begin
-        for one in range(4):
-            x = one * segment + now - lags[one]
-            for other in range(one, 4):
-                z = other * segment + now - lags[other]
-                row = places[one] * width + places[other]
-                if size > 0 and counts[one] > 0:
-                    _add_products(table, x, z, size, counts[other], sums, row, 1)
-                    if other > one and counts[other] > 0:
-                        rest = counts[one] - 1
-                        _add_products(table, z, x - 1, size, rest, sums, row + width, width)
-        for signal in range(4):
-            for row in range(signal * segment, signal * segment + history):
-                store(table, row, load(table, row + end - begin))
-        forget_decayed(table, 3 * segment, history)
+    for part in range(kept_residuals(record, workspace)[1]):
+        first, stop = residuals_of_part(record, workspace, part)
+        for begin in range(first, stop, CHUNK):
+            end = min(begin + CHUNK, stop)
+            _filter_signals(record, workspace, first - record.rows_c, begin, end, segment, history)
+            if begin <= record.loss_start < end:
+                _keep_ends(workspace, segment, history, record.loss_start - begin, heads)
+            if begin < record.loss_stop <= end:
+                _keep_ends(workspace, segment, history, record.loss_stop - begin, tails)
+            low, high = max(begin, record.loss_start), min(end, record.loss_stop)
+            size, now = high - low, history + low - begin
+            for one in range(4):
+                x = one * segment + now - lags[one]
+                for other in range(one, 4):
+                    z = other * segment + now - lags[other]
+                    row = places[one] * width + places[other]
+                    if size > 0 and counts[one] > 0:
+                        _add_products(table, x, z, size, counts[other], sums, row, 1)
+                        if other > one and counts[other] > 0:
+                            rest = counts[one] - 1
+                            _add_products(table, z, x - 1, size, rest, sums, row + width, width)
+            for signal in range(4):
+                for row in range(signal * segment, signal * segment + history):
+                    store(table, row, load(table, row + end - begin))
+            forget_decayed(table, 3 * segment, history)
     minus = constant(-1.0)
     for one in range(4):
         for other in range(one, 4):
@@ -214,7 +239,6 @@ def gauss_newton_matrices(
     for begin in range(0, count, LANES):
         rows = np.arange(begin, min(begin + LANES, count))
         load_points(record, points, rows, workspace.parameters)
-        all_residuals(record, workspace)
         if objective.absolute:
             load_smoothing(smoothing, rows, workspace)
             _mean_second_derivatives(record, workspace, bandwidth)

@@ -16,7 +16,7 @@ from evopem.estimation.pem.kernels.record import (
     marked_rows,
     squared_state,
 )
-from evopem.estimation.pem.kernels.residuals import all_residuals
+from evopem.estimation.pem.kernels.residuals import kept_residuals, residuals_of_part
 from evopem.estimation.pem.kernels.simd import (
     LANES,
     add,
@@ -32,10 +32,11 @@ from evopem.estimation.pem.kernels.stability import barrier
 
 
 @njit
-def _slopes(record, workspace, absolute, slope, begin, end, s):
+def _slopes(record, workspace, absolute, slope, before, begin, end, s):
     """Derivative of the loss with respect to each residual, from row 0 on; ``s`` plus the losses.
 
-    The absolute value is smoothed: ``sqrt(e**2 + smoothing**2)``.
+    Row ``t - before`` of the residuals is sample t.  The absolute value is smoothed:
+    ``sqrt(e**2 + smoothing**2)``.
     """
     zero, two = constant(0.0), constant(2.0)
     e = workspace.residuals
@@ -44,12 +45,12 @@ def _slopes(record, workspace, absolute, slope, begin, end, s):
         if t < record.loss_start or t >= record.loss_stop:
             store(slope, t - begin, zero)
         elif absolute:
-            v = load(e, t)
+            v = load(e, t - before)
             r = square_root(fma(v, v, smoothing_squared))
             s = add(s, r)
             store(slope, t - begin, divide(v, r))
         else:
-            v = load(e, t)
+            v = load(e, t - before)
             s = fma(v, v, s)
             store(slope, t - begin, fma(two, v, zero))
     return s
@@ -79,11 +80,12 @@ def filter_block_back(parameters, c, nc, slope, row):
 
 
 @njit
-def _sweep_back(record, parameters, e, slope, begin, end, gradient):
+def _sweep_back(record, parameters, e, before, slope, begin, end, gradient):
     """Filter the slopes of a stretch backwards through 1/C, and correlate them with the signals.
 
-    Row ``t - begin`` of ``slope`` is sample t; the ``rows_c`` rows after the last are known.  The
-    correlations keep the processor busy while the recursion waits for itself.
+    Row ``t - begin`` of ``slope`` and row ``t - before`` of ``e`` are sample t; the ``rows_c`` rows
+    of slopes after the last are known.  The correlations keep the processor busy while the
+    recursion waits for itself.
     """
     y, u, na, nb, nc = record.y, record.u, record.na, record.nb, record.rows_c
     zero = constant(0.0)
@@ -106,7 +108,7 @@ def _sweep_back(record, parameters, e, slope, begin, end, gradient):
             odd = fma(s7, sample(u, q - 7), fma(s5, sample(u, q - 5), odd))
             store(gradient, row, add(even, odd))
         for k in range(nc):
-            row, q = c + k, t - 1 - k
+            row, q = c + k, t - 1 - k - before
             even = fma(s2, load(e, q - 2), fma(s0, load(e, q), load(gradient, row)))
             odd = fma(s3, load(e, q - 3), fma(s1, load(e, q - 1), zero))
             even = fma(s6, load(e, q - 6), fma(s4, load(e, q - 4), even))
@@ -120,23 +122,27 @@ def _loss_and_gradient(record, workspace, absolute):
 
     The gradient, with respect to the signed parameters, goes to its table; the loss is returned.
     """
-    all_residuals(record, workspace)
+    kept, parts = kept_residuals(record, workspace)
+    for part in range(parts):
+        first, end = residuals_of_part(record, workspace, part)
     e, gradient = workspace.residuals, workspace.gradient
     fill(gradient, 0, gradient.shape[0], 0.0)
     slope, history, start = workspace.window, record.rows_c, record.residual_start
     fill(slope, 0, slope.shape[0], 0.0)
     s = constant(0.0)
-    end = record.y.size
-    while True:
-        begin = max(end - CHUNK, start)
-        s = _slopes(record, workspace, absolute, slope, begin, end, s)
-        _sweep_back(record, workspace.parameters, e, slope, begin, end, gradient)
-        if begin == start:
-            break
-        following = min(CHUNK, begin - start)
-        for k in range(history - 1, -1, -1):
-            store(slope, following + k, load(slope, k))
-        end = begin
+    for part in range(parts - 1, -1, -1):
+        if part < parts - 1:
+            first, end = residuals_of_part(record, workspace, part)
+        before = first - history
+        while end > first:
+            begin = max(end - CHUNK, first)
+            s = _slopes(record, workspace, absolute, slope, before, begin, end, s)
+            _sweep_back(record, workspace.parameters, e, before, slope, begin, end, gradient)
+            if begin > start:
+                following = min(CHUNK, begin - first) if begin > first else min(CHUNK, kept)
+                for k in range(history - 1, -1, -1):
+                    store(slope, following + k, load(slope, k))
+            end = begin
     noise_state = record.na + record.nb + history
     for k in range(history):
         store(gradient, noise_state + k, load(slope, k))

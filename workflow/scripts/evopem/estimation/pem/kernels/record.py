@@ -21,6 +21,9 @@ BLOCK = 4
 MIN_NC = BLOCK - 1
 # Samples of a stretch, a multiple of two blocks: its buffers fit the first-level cache.
 CHUNK = 128
+# Residuals that are kept for a backward pass, a multiple of stretches: all of a record of this
+# length, half of a longer one.  The others are computed again when the pass comes to them.
+KEPT = 2**17
 
 
 class Record(NamedTuple):
@@ -59,14 +62,16 @@ class Objective(NamedTuple):
 class Workspace(NamedTuple):
     """Buffers of a pass, each a table with one column for each of the eight models.
 
-    Parameters and gradient of the loaded models, their residuals, one row each for the smoothing
-    of the absolute value and for sums, a stretch of residuals or slopes, and stretches of signals
-    filtered through 1/C.
+    Parameters and gradient of the loaded models, the residuals of a part of the record with the
+    ``rows_c`` before it, the last ``rows_c`` residuals before each part, one row each for the
+    smoothing of the absolute value and for sums, a stretch of residuals or slopes, and stretches
+    of signals filtered through 1/C.
     """
 
     parameters: NDArray[np.float64]
     gradient: NDArray[np.float64]
     residuals: NDArray[np.float64]
+    ends: NDArray[np.float64]
     smoothing: NDArray[np.float64]
     total: NDArray[np.float64]
     window: NDArray[np.float64]
@@ -86,13 +91,16 @@ def padded_length(samples: int, residual_start: int) -> int:
     return residual_start + 2 * BLOCK * -(-(samples - residual_start) // (2 * BLOCK))
 
 
-def workspace_for(record: Record) -> Workspace:
-    """Buffers for passes over a record."""
+def workspace_for(record: Record, kept: int = 0) -> Workspace:
+    """Buffers for passes over a record that keep at least some residuals, by default half."""
     rows = record.na + record.nb + 2 * record.rows_c
+    samples = len(record.y) - record.residual_start
+    kept = max(kept or -(-samples // (2 * CHUNK)) * CHUNK, KEPT)
     return Workspace(
         parameters=lanes_table(rows),
         gradient=lanes_table(rows),
-        residuals=lanes_table(len(record.y)),
+        residuals=lanes_table(record.rows_c + min(samples, kept)),
+        ends=lanes_table((-(-samples // kept) + 1) * record.rows_c),
         smoothing=lanes_table(1),
         total=lanes_table(1),
         window=lanes_table(CHUNK + record.rows_c),

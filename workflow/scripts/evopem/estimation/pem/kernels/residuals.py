@@ -96,11 +96,29 @@ def _residuals(record, parameters, e, before, begin, end):
 
 
 @njit
-def all_residuals(record, workspace):
-    """Residuals of the loaded models, zero before the first, meaningless beyond the last."""
-    e, start = workspace.residuals, record.residual_start
-    fill(e, 0, start, 0.0)
-    _residuals(record, workspace.parameters, e, 0, start, record.y.size)
+def kept_residuals(record, workspace):
+    """Number of residuals that are kept, and of the parts of the record that it makes."""
+    kept = workspace.residuals.shape[0] - record.rows_c
+    return kept, -(-(record.y.size - record.residual_start) // kept)
+
+
+@njit
+def residuals_of_part(record, workspace, part):
+    """Residuals of the loaded models in a part of the record, after the part before it.
+
+    They are meaningless beyond the record.  Returns the first sample of the part and the one after
+    its last; sample t is row ``t - first + rows_c``.
+    """
+    e, ends, history = workspace.residuals, workspace.ends, record.rows_c
+    kept = e.shape[0] - history
+    begin = record.residual_start + part * kept
+    end = min(begin + kept, record.y.size)
+    for k in range(history):
+        store(e, k, load(ends, part * history + k))
+    _residuals(record, workspace.parameters, e, begin - history, begin, end)
+    for k in range(history):
+        store(ends, (part + 1) * history + k, load(e, end - begin + k))
+    return begin, end
 
 
 @njit
@@ -123,11 +141,12 @@ def residuals(record, workspace, points, rows):
     Zero before ``residual_start``, meaningless beyond the record.
     """
     load_points(record, points, rows, workspace.parameters)
-    all_residuals(record, workspace)
-    e = np.empty((rows.size, record.y.size))
-    for lane in range(rows.size):
-        for t in range(record.y.size):
-            e[lane, t] = workspace.residuals[t, lane]
+    e = np.zeros((rows.size, record.y.size))
+    for part in range(kept_residuals(record, workspace)[1]):
+        begin, end = residuals_of_part(record, workspace, part)
+        for lane in range(rows.size):
+            for t in range(begin, end):
+                e[lane, t] = workspace.residuals[t - begin + record.rows_c, lane]
     return e
 
 
