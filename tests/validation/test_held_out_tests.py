@@ -11,6 +11,7 @@ from evopem.validation.held_out_tests import (
     free_responses,
     improvement_test,
     input_significance,
+    joint_contribution_test,
 )
 
 SEARCH = SearchSettings(objective="quadratic", mu=4, lambda_=4, nu=4, evaluations=1)
@@ -92,3 +93,32 @@ def test_improvement_is_one_sided():
     assert improvement_test(e + 0.5 * x, e).p_value < 1e-4
     assert improvement_test(e, e + 0.5 * x).p_value > 0.999
     assert improvement_test(e + 0.5 * x, e).coefficient == pytest.approx(0.2, abs=0.05)
+
+
+def _of_three_outputs(seed, effect):
+    """Coloured errors that outputs share, and a contribution that is weak at each of them."""
+    generator = np.random.default_rng([8, seed])
+    mixing = np.array([[1.0, 0.0, 0.0], [0.7, 1.0, 0.0], [0.5, 0.3, 1.0]])
+    e = lfilter([1.0], [1.0, -0.8], generator.standard_normal((300, 3)) @ mixing.T, axis=0)
+    x = generator.standard_normal((300, 1)) * np.array([0.5, -1.0, 0.8])
+    return joint_contribution_test(e + effect * x, x, [np.ones((300, 1))] * 3), e + effect * x, x
+
+
+def test_the_joint_level_holds_for_outputs_with_common_noise():
+    p_values = np.array([_of_three_outputs(seed, 0.0)[0].p_value for seed in range(300)])
+    error = np.sqrt(0.05 * 0.95 / 300)
+    assert np.mean(p_values < 0.05) == pytest.approx(0.05, abs=4 * error)
+
+
+def test_what_is_weak_at_each_output_is_found_at_all_together():
+    joint, single = [], []
+    for seed in range(40):
+        together, e, x = _of_three_outputs(seed, 0.1)
+        joint.append(together.p_value < 0.01)
+        single.append(min(contribution_test(e[:, k], x[:, k]).p_value for k in range(3)) < 0.01 / 3)
+    assert np.mean(joint) > np.mean(single) + 0.2
+    _, e, x = _of_three_outputs(1, 0.1)
+    alone = contribution_test(e[:, 0], x[:, 0])
+    joined = joint_contribution_test(e[:, :1], x[:, :1], [np.ones((300, 0))])
+    assert joined.statistic == pytest.approx(alone.statistic)
+    assert joined.p_value == pytest.approx(alone.p_value)

@@ -1,4 +1,4 @@
-"""Records of vibrating structures with known modes, shaken by forces that nobody measured."""
+"""Records of vibrating structures with known modes, shaken by measured or unmeasured forces."""
 
 from __future__ import annotations
 
@@ -61,7 +61,46 @@ class VibratingStructure:
         values, vectors = np.linalg.eigh(covariance)
         root = vectors * np.sqrt(np.maximum(values, 0.0))
         pushes = generator.standard_normal((RUN_IN + samples, len(dynamics))) @ root.T
-        velocities = _states(transition, pushes)[RUN_IN:, 1::2] @ self.shapes.T
+        return self._measured(_states(transition, pushes), noise, generator)
+
+    def driven_record(
+        self,
+        samples: int,
+        sampling_rate: float,
+        inputs: int,
+        noise: float,
+        generator: np.random.Generator,
+    ) -> tuple[Array, Array]:
+        """Measured white forces at the first sensors and velocities with sensor noise.
+
+        Forces are held between samples, and the velocities are those of the continuous structure.
+
+        Parameters
+        ----------
+        samples : int
+        sampling_rate : float
+            Hz.
+        inputs : int
+            Number of forces.
+        noise : float
+            As of :meth:`ambient_record`.
+        generator : numpy.random.Generator
+
+        Returns
+        -------
+        (N, inputs) array
+            Forces.
+        (N, ny) array
+            Velocities.
+        """
+        dynamics, forces = self._continuous()
+        transition, entry = _held(dynamics, forces[:, :inputs], 1.0 / sampling_rate)
+        u = generator.standard_normal((RUN_IN + samples, inputs))
+        return u[RUN_IN:], self._measured(_states(transition, u @ entry.T), noise, generator)
+
+    def _measured(self, states: Array, noise: float, generator: np.random.Generator) -> Array:
+        """Velocities at the sensors after the run-in, with sensor noise."""
+        velocities = states[RUN_IN:, 1::2] @ self.shapes.T
         sensors = generator.standard_normal(velocities.shape)
         record: Array = velocities + noise * velocities.std(axis=0) * sensors
         return record
@@ -120,6 +159,16 @@ def _sampled(dynamics: Array, forces: Array, step: float) -> tuple[Array, Array]
     transition = exponential[n:, n:].T
     covariance = transition @ exponential[:n, n:]
     return transition, 0.5 * (covariance + covariance.T)
+
+
+def _held(dynamics: Array, forces: Array, step: float) -> tuple[Array, Array]:
+    """Transition matrix and entry of forces that are constant between samples."""
+    from scipy.linalg import expm
+
+    n, inputs = forces.shape
+    block = np.block([[dynamics, forces], [np.zeros((inputs, n + inputs))]])
+    exponential = expm(block * step)
+    return exponential[:n, :n], exponential[:n, n:]
 
 
 def _states(transition: Array, pushes: Array) -> Array:

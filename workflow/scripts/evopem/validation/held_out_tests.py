@@ -8,6 +8,7 @@ often.  On held-out samples neither has any influence on the level of a test.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -111,31 +112,99 @@ def contribution_test(
     nuisance : (N, k) array_like, optional
         Further regressors; a constant is always one.
     """
-    from scipy.special import stdtr
-
     e, x = np.asarray(errors_without, dtype=float), np.asarray(contribution, dtype=float)
-    samples = e.size
-    not_possible = HeldOutTest(math.nan, math.nan, math.nan, samples)
-    if samples < FEWEST_SAMPLES or not (np.isfinite(e).all() and np.isfinite(x).all()):
-        return not_possible
-    others = np.ones((samples, 1))
+    found = _whitened_regression(e, x, nuisance)
+    if found is None:
+        return HeldOutTest(math.nan, math.nan, math.nan, e.size)
+    power = float(found.unexplained @ found.unexplained)
+    coefficient = float(found.unexplained @ found.remainder) / power
+    return _one_sided(coefficient, math.sqrt(found.variance / power), found.freedom, e.size)
+
+
+def joint_contribution_test(
+    errors_without: ArrayLike, contributions: ArrayLike, nuisance: Sequence[ArrayLike]
+) -> HeldOutTest:
+    """The test of :func:`contribution_test` for what one part contributes to several outputs.
+
+    One coefficient for all outputs, each weighed by the inverse of its noise (Zellner 1962 without
+    the correlations).  Its standard error takes the correlations of the outputs' noise at the same
+    sample into account.  A part that is weak at each output can be significant at all together.
+
+    Parameters
+    ----------
+    errors_without, contributions : (N, ny) array_like
+        Over held-out samples.
+    nuisance : sequence of (N, k) array_like
+        Further regressors of each output, with coefficients of their own.
+    """
+    e, x = np.asarray(errors_without, dtype=float), np.asarray(contributions, dtype=float)
+    regressions = [
+        found
+        for k, others in enumerate(nuisance)
+        if (found := _whitened_regression(e[:, k], x[:, k], others)) is not None
+    ]
+    if not regressions:
+        return HeldOutTest(math.nan, math.nan, math.nan, len(e))
+    # Whitening takes away a different number of first samples.
+    common = min(len(found.rest) for found in regressions)
+    deviations = [math.sqrt(found.variance) for found in regressions]
+    if min(deviations) == 0.0:
+        return HeldOutTest(1.0, math.inf, 0.0, len(e))
+    scaled = list(zip(regressions, deviations, strict=True))
+    unexplained = np.array([found.unexplained[-common:] / sd for found, sd in scaled])
+    remainder = np.array([found.remainder[-common:] / sd for found, sd in scaled])
+    correlation = np.corrcoef([found.rest[-common:] for found in regressions])
+    precision = float(np.sum(unexplained**2))
+    coefficient = float(np.sum(unexplained * remainder)) / precision
+    spread = float(np.sum(unexplained @ unexplained.T * correlation))
+    freedom = min(found.freedom for found in regressions)
+    return _one_sided(coefficient, math.sqrt(spread) / precision, freedom, len(e))
+
+
+@dataclass(frozen=True, eq=False)
+class _Regression:
+    """A whitened signal and contribution, both without what other regressors explain.
+
+    ``rest`` is what the contribution leaves of the signal, and ``variance`` that of its white
+    noise, with ``freedom`` degrees of freedom.
+    """
+
+    remainder: Array
+    unexplained: Array
+    rest: Array
+    variance: float
+    freedom: int
+
+
+def _whitened_regression(
+    e: Array, x: Array, nuisance: ArrayLike | None = None
+) -> _Regression | None:
+    """The regression of :func:`contribution_test`; None where no test is possible."""
+    if e.size < FEWEST_SAMPLES or not (np.isfinite(e).all() and np.isfinite(x).all()):
+        return None
+    others = np.ones((e.size, 1))
     if nuisance is not None:
         others = np.hstack([others, np.asarray(nuisance, dtype=float)])
     remainder, unexplained = _without(e, others), _without(x, others)
     if _vanishes(unexplained, x) or _vanishes(remainder, e):
-        return not_possible
+        return None
     coefficient = float(unexplained @ remainder) / float(unexplained @ unexplained)
     whitening = autoregression(remainder - coefficient * unexplained, MOST_WHITENING)
     e, x, *columns = (np.convolve(signal, whitening, mode="valid") for signal in (e, x, *others.T))
     others = np.column_stack(columns)
     remainder, unexplained = _without(e, others), _without(x, others)
-    power = float(unexplained @ unexplained)
-    coefficient = float(unexplained @ remainder) / power
-    rest = remainder - coefficient * unexplained
     freedom = e.size - others.shape[1] - len(whitening)
     if freedom < 1 or _vanishes(unexplained, x):
-        return not_possible
-    error = math.sqrt(float(rest @ rest) / freedom / power)
+        return None
+    coefficient = float(unexplained @ remainder) / float(unexplained @ unexplained)
+    rest = remainder - coefficient * unexplained
+    return _Regression(remainder, unexplained, rest, float(rest @ rest) / freedom, freedom)
+
+
+def _one_sided(coefficient: float, error: float, freedom: int, samples: int) -> HeldOutTest:
+    """Student's test of a coefficient above 0."""
+    from scipy.special import stdtr
+
     # A part that explains the errors without remainder is as significant as can be.
     statistic = coefficient / error if error > 0.0 else math.inf
     p_value = float(stdtr(freedom, -statistic)) if math.isfinite(statistic) else 0.0

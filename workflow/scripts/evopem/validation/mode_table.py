@@ -20,7 +20,7 @@ from evopem.estimation.state_space.order_models import OrderModel
 from evopem.models.mode_clusters import cluster_modes
 from evopem.models.state_space import StateSpaceModel
 from evopem.models.state_space_modes import ShapedMode
-from evopem.validation.held_out_tests import HeldOutTest, contribution_test
+from evopem.validation.held_out_tests import HeldOutTest, joint_contribution_test
 from evopem.validation.mode_evidence import NO_TEST, SIGNIFICANCE, STABLE_SHARE, origin_of
 from evopem.validation.mode_trust import doubts
 
@@ -72,7 +72,7 @@ class JudgedMode:
         Whether that share is at least three quarters; None where it is not known.
     input_test : HeldOutTest
         Of the mode's response to the inputs, on held-out samples, beside the responses of all
-        other modes.  The smallest p-value of all outputs, times their number (Bonferroni).
+        other modes; one test of all outputs.
     reached : bool or None
         Whether the inputs reach the mode, by ``input_test``; None where it is not possible.
     noise_test : HeldOutTest
@@ -332,15 +332,9 @@ def _free_responses(poles: Complex, samples: int) -> Array:
 def _of_all_outputs(
     outputs: Array, contribution: Array, others: Sequence[Array], free: Array, first: int
 ) -> HeldOutTest:
-    """The most significant test of all outputs, corrected for their number."""
-    tests = []
-    for column in range(outputs.shape[1]):
-        nuisance = np.column_stack([*(other[first:, column] for other in others), free])
-        tests.append(
-            contribution_test(outputs[first:, column], contribution[first:, column], nuisance)
-        )
-    possible = [test for test in tests if not math.isnan(test.p_value)]
-    if not possible:
-        return tests[0]
-    best = min(possible, key=lambda test: (test.p_value, -test.statistic))
-    return replace(best, p_value=min(1.0, len(possible) * best.p_value))
+    """The test of a contribution to all outputs, beside others and the initial states."""
+    nuisance = [
+        np.column_stack([*(other[first:, column] for other in others), free])
+        for column in range(outputs.shape[1])
+    ]
+    return joint_contribution_test(outputs[first:], contribution[first:], nuisance)
