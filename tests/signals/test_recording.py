@@ -122,3 +122,5 @@ def test_a_signal_of_a_few_levels_is_not_called_saturated():
     assert saturated_share(telegraph) == 0.0
     white = np.random.default_rng(1).standard_normal(1000)
     assert saturated_share(np.round(white * 20) / 20) == 0.0
+    # Random steps rest at every level, the lowest and the highest ones among them.
+    assert saturated_share(np.repeat(white[:50], 20)) == 0.0

@@ -254,7 +254,8 @@ def check_measured(recording: Recording, source: str) -> None:
 def saturated_share(signal: NDArray[np.float64]) -> float:
     """Share of samples in runs of `MIN_SATURATED_RUN` or more at the smallest or largest value.
 
-    0 for a signal of at most `MAX_DESIGNED_LEVELS` levels.
+    0 for a signal of at most `MAX_DESIGNED_LEVELS` levels, and for one that is held for as long at
+    most of its other values, such as random steps.
     """
     if np.unique(signal).size <= MAX_DESIGNED_LEVELS:
         return 0.0
@@ -262,6 +263,8 @@ def saturated_share(signal: NDArray[np.float64]) -> float:
     starts = np.flatnonzero(np.diff(signal) != 0.0) + 1
     lengths = np.diff(np.concatenate(([0], starts, [signal.size])))
     stays = np.repeat(lengths >= MIN_SATURATED_RUN, lengths)
+    if not at_limit.all() and stays[~at_limit].mean() > 0.5:
+        return 0.0
     return float(np.mean(at_limit & stays))
 
 
