@@ -20,7 +20,7 @@ from evopem.estimation.search.certificate import is_certified
 from evopem.estimation.search.global_search import FIRST_PASS
 
 # By how much a full search lowers BIC after the first pass, times samples over parameters: at most
-# this in 474 of 500 test problems, most others of orders twice too large
+# this in 176 of 188 test problems, most others of orders twice too large
 # (docs/evidence/certificate.md).
 LIKELY_GAIN = 1.35
 

@@ -20,10 +20,10 @@ AGREEING = ((0.03, 3), (0.1, 5))
 ONE_OPTIMUM = 0.0075
 
 # Test problems whose search was certified, and those of them with a lower value elsewhere.
-CERTIFIED, CERTIFIED_WRONG = 300, 3
+CERTIFIED, CERTIFIED_WRONG = 100, 3
 # Percent by which the objective of 95 % of the searches without a certificate was at most above the
 # best known value.
-LOWER_ELSEWHERE = 1.4
+LOWER_ELSEWHERE = 1.3
 
 
 def enough_agree(agreeing: int, restarts: int, undiscovered: float) -> bool:
