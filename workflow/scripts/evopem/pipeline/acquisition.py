@@ -9,7 +9,7 @@ from pathlib import Path
 from evopem.config.settings import ChannelSettings
 from evopem.files.json_form import load, save
 from evopem.signals.channel_roles import roles_of
-from evopem.signals.inspection import time_told
+from evopem.signals.inspection import may_tell_time, time_told
 from evopem.signals.joining import joined
 from evopem.signals.readers.channels import Reference
 from evopem.signals.reading import read_recording as read_channels
@@ -67,8 +67,7 @@ def read_recording(
 
 def _time_told(file: Path, channels: ChannelSettings) -> Reference | None:
     """The channel of time stamps where neither rate nor time nor the form of a table is stated."""
-    stated = (channels.sampling_rate, channels.time, channels.header_lines, channels.decimal_mark)
-    if any(each is not None for each in stated):
+    if not may_tell_time(channels):
         return None
     signals = [channels.output] if channels.input is None else [channels.input, channels.output]
     return time_told(file, signals)

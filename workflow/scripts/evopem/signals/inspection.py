@@ -8,6 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from evopem.config.settings import ChannelSettings
+from evopem.config.state_space_settings import ChannelLists
 from evopem.errors import InputError
 from evopem.signals.readers.channels import Channel, Reference
 from evopem.signals.reading import channel_names, read_channels
@@ -96,6 +98,12 @@ def inspect_file(path: str | Path) -> FileContents:
                 SignalColumn(reference, channel.unit, channel.values.size, channel.sampling_rate)
             )
     return FileContents(tuple(signals), time)
+
+
+def may_tell_time(channels: ChannelSettings | ChannelLists) -> bool:
+    """Whether neither rate nor time nor the form of a text table is stated."""
+    stated = (channels.sampling_rate, channels.time, channels.header_lines, channels.decimal_mark)
+    return all(each is None for each in stated)
 
 
 def time_told(path: str | Path, signals: Sequence[Reference]) -> Reference | None:

@@ -17,7 +17,7 @@ from evopem.config.state_space_settings import (
     is_pattern,
 )
 from evopem.errors import InputError
-from evopem.signals.inspection import time_told
+from evopem.signals.inspection import may_tell_time, time_told
 from evopem.signals.multichannel import MultichannelRecording, check_multichannel
 from evopem.signals.readers.channels import Channel, listing
 from evopem.signals.reading import channel_names, format_of, local_path, read_columns, sha256
@@ -146,8 +146,7 @@ def with_time_told(path: str | Path, channels: ChannelLists) -> ChannelLists:
     InputError
         As :func:`.time_told`, and where a pattern matches nothing.
     """
-    stated = (channels.sampling_rate, channels.time, channels.header_lines, channels.decimal_mark)
-    if any(each is not None for each in stated):
+    if not may_tell_time(channels):
         return channels
     literal = [each for each in (*channels.inputs, *channels.outputs) if not is_pattern(each)]
     return replace(channels, time=time_told(path, literal or _expanded(path, channels)[1][-1:]))

@@ -144,12 +144,11 @@ def _entry(name: str, file: str, contents: FileContents) -> str:
     guess = "" if sure else "  # a guess by the order of the channels"
     lines.append(f"    input: {_one_or_list(sources)}{_unit(sources[0])}{guess}")
     lines.append(f"    output: {_one_or_list(targets)}{_unit(targets[0])}{guess}")
-    source = sources[0]
-    lines += _rate(source, targets[0], contents.time)
+    lines += _rate(sources[0], targets[0], contents.time)
     if others:
         listed = ", ".join(_scalar(each.reference) for each in others)
         lines.append(f"    # other channels: {_comment(listed)}")
-    lines.append(f"    # {source.samples} samples")
+    lines.append(f"    # {sources[0].samples} samples")
     return "\n".join(lines) + "\n"
 
 
