@@ -195,14 +195,9 @@ class PredictionErrorProblem:
         return residuals[0, : self.samples]
 
     def residuals_and_slopes(self, point: Array) -> tuple[Array, Array]:
-        """Residuals, (N,), and half the slopes of squares or those of magnitudes.
-
-        Slopes are zero where the residuals do not count.
-        """
+        """Residuals, (N,), and the :func:`slopes_of` their losses."""
         residuals = self.residuals(point)
-        slopes = np.sign(residuals) if self.objective == "absolute" else residuals.copy()
-        slopes[: self.scoring_start] = 0.0
-        return residuals, slopes
+        return residuals, slopes_of(residuals, self.objective, self.scoring_start)
 
     def feasible(self, points: Array) -> NDArray[np.bool_]:
         """Whether A and C of each row have all roots within ``max_root_radius``."""
@@ -226,6 +221,13 @@ class PredictionErrorProblem:
             finite[:, part] = reflect_into_disc(finite[:, part], inner)
         repaired[rows] = finite
         return repaired
+
+
+def slopes_of(residuals: Array, objective: str, first: int) -> Array:
+    """Half the slopes of squares, or those of magnitudes; 0 before the first residual counted."""
+    slopes = np.sign(residuals) if objective == "absolute" else residuals.copy()
+    slopes[:first] = 0.0
+    return slopes
 
 
 def _rows(points: Array) -> Array:

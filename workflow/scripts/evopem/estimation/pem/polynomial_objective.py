@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.estimation.pem.kernels import polynomial as kernels
-from evopem.estimation.pem.objective import DENSITY_BANDWIDTH, STATE_WEIGHT
+from evopem.estimation.pem.objective import DENSITY_BANDWIDTH, STATE_WEIGHT, slopes_of
 from evopem.models.polynomials import reflect_into_disc
 from evopem.models.structures import PolynomialOrders
 
@@ -210,14 +210,9 @@ class PolynomialErrors:
         return jacobian
 
     def residuals_and_slopes(self, point: Array) -> tuple[Array, Array]:
-        """Residuals, (N,), and half the slopes of squares or those of magnitudes.
-
-        Slopes are zero where the residuals do not count.
-        """
+        """Residuals, (N,), and the :func:`slopes_of` their losses."""
         residuals = self.residuals(point)
-        slopes = np.sign(residuals) if self.objective == "absolute" else residuals.copy()
-        slopes[: self.loss_start] = 0.0
-        return residuals, slopes
+        return residuals, slopes_of(residuals, self.objective, self.loss_start)
 
     def feasible(self, points: Array) -> NDArray[np.bool_]:
         """Whether all roots of A, C, D and F of each row lie within their radii."""
