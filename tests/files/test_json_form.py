@@ -24,7 +24,7 @@ from evopem.config.settings import ChannelSettings, OrderSettings, SearchSetting
 from evopem.errors import InputError
 from evopem.estimation.candidate import Candidate, PhaseSelection
 from evopem.estimation.model_record import ModelRecord
-from evopem.estimation.state_space.model_record import StateSpaceModelRecord
+from evopem.estimation.state_space.model_record import MultichannelModelRecord
 from evopem.estimation.state_space.order_models import OrderModels
 from evopem.files.json_form import from_json, load, save, to_json
 from evopem.files.unfinished import UnfinishedJob
@@ -60,7 +60,7 @@ RESULTS = [
     OrderModels,
     OtherModel,
     StateSpaceChoice,
-    StateSpaceModelRecord,
+    MultichannelModelRecord,
     VariantSearch,
     PolynomialOrders,
     PhaseSelection,

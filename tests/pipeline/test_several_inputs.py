@@ -12,7 +12,7 @@ from scipy.signal import lfilter
 
 from evopem.config.defaults import complete
 from evopem.errors import InputError
-from evopem.estimation.state_space.model_record import StateSpaceModelRecord
+from evopem.estimation.state_space.model_record import MultichannelModelRecord
 from evopem.files.json_form import load
 from evopem.pipeline.multichannel import identify_channels
 from evopem.results.fleet import DatasetSummary
@@ -55,7 +55,7 @@ def results(tmp_path_factory):
 
 def test_the_model_is_the_truth(results):
     path, files = results
-    record = load(StateSpaceModelRecord, path / files.model)
+    record = load(MultichannelModelRecord, path / files.model)
     model = record.polynomials
     assert str(model.orders) == "ARMAX(2,[2 1],1,[1 3])"
     assert record.text == str(model.orders)

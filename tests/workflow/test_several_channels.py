@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 from scipy.io import loadmat
 
-from evopem.estimation.state_space.model_record import StateSpaceModelRecord
+from evopem.estimation.state_space.model_record import MultichannelModelRecord
 from evopem.files.json_form import load
 from evopem.results.fleet import DatasetSummary
 from evopem.signals.multichannel_preparation import load_multichannel_data
@@ -104,7 +104,7 @@ def test_what_is_printed(run):
 def test_the_truth_is_found(run):
     folder, _ = run
     files = folder.files_of("frame")
-    record = load(StateSpaceModelRecord, files.model)
+    record = load(MultichannelModelRecord, files.model)
     assert record.input_delays == (0, 1)
     assert record.plant_states == 4
     assert record.output_units == ("m/s2", "m/s2", "")
@@ -125,7 +125,7 @@ def test_the_tables_hold_every_channel(run):
     folder, _ = run
     files = folder.files_of("frame")
     simulation = pd.read_csv(files.simulation)
-    record = load(StateSpaceModelRecord, files.model)
+    record = load(MultichannelModelRecord, files.model)
     data = load_multichannel_data(files.prepared, files.transforms)
     u, y = data.validation.inputs, data.validation.outputs
     simulated = record.model.simulate(u, record.model.simulation_state(u, y))
@@ -147,7 +147,7 @@ def test_octave_reads_the_model(run, tmp_path):
     folder, _ = run
     files = folder.files_of("frame")
     stored = loadmat(files.model_mat)
-    record = load(StateSpaceModelRecord, files.model)
+    record = load(MultichannelModelRecord, files.model)
     np.testing.assert_array_equal(stored["A"], record.A)
     assert stored["InputDelay"].ravel().tolist() == list(record.input_delays)
     octave = shutil.which("octave-cli") or shutil.which("octave")

@@ -44,7 +44,7 @@ from evopem.config.state_space_settings import (
 )
 from evopem.errors import InputError
 from evopem.estimation.state_space.estimate import StateSpaceSettings
-from evopem.estimation.state_space.model_record import StateSpaceModelRecord
+from evopem.estimation.state_space.model_record import MultichannelModelRecord
 from evopem.estimation.state_space.order_models import OrderModel, OrderModels
 from evopem.files.atomic import write_table, write_text
 from evopem.files.checksums import delete_results
@@ -264,8 +264,8 @@ def _record_of(
     found: ChosenModel,
     data: MultichannelData,
     search: StateSpaceSearchSettings,
-) -> StateSpaceModelRecord:
-    return StateSpaceModelRecord.of(
+) -> MultichannelModelRecord:
+    return MultichannelModelRecord.of(
         found.estimate,
         found.model,
         (choice.variant.form, choice.variant.weighting),
@@ -279,7 +279,7 @@ def _record_of(
 
 def validate_state_space(files: DatasetFiles) -> None:
     """Validate the model and its modes on samples that no choice has seen."""
-    record = load(StateSpaceModelRecord, files.model)
+    record = load(MultichannelModelRecord, files.model)
     prepared = _prepared(files).validation
     with threadpool_limits(limits=1, user_api="blas"):
         free_level = record.level_of_simulation == "state"
@@ -294,7 +294,7 @@ def validate_state_space(files: DatasetFiles) -> None:
 
 
 def _judged_modes(
-    files: DatasetFiles, record: StateSpaceModelRecord, validation: MultichannelRecording
+    files: DatasetFiles, record: MultichannelModelRecord, validation: MultichannelRecording
 ) -> ModesRecord:
     """The modes of the model and of the other orders of its form, with their evidence."""
     choice = load(StateSpaceChoice, files.decision("comparison")).model

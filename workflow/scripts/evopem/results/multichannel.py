@@ -15,7 +15,7 @@ from evopem.automatic.record import OtherModel
 from evopem.automatic.state_space_choice import StateSpaceChoice
 from evopem.automatic.state_space_search import VariantSearch
 from evopem.config.state_space_settings import StateSpaceDataset
-from evopem.estimation.state_space.model_record import StateSpaceModelRecord
+from evopem.estimation.state_space.model_record import MultichannelModelRecord
 from evopem.files.checksums import sha256_of_file
 from evopem.files.json_form import load
 from evopem.models.modes import Mode
@@ -65,7 +65,7 @@ class MultichannelResults:
         The complete configuration.
     recording_info : MultichannelInfo
     prepared : MultichannelData
-    model : StateSpaceModelRecord
+    model : MultichannelModelRecord
     modes : ModesRecord
     frequency_response, simulation : pandas.DataFrame
         As in ``frequency_response.csv`` and ``simulation.csv``.
@@ -79,7 +79,7 @@ class MultichannelResults:
     config_text: str
     recording_info: MultichannelInfo
     prepared: MultichannelData
-    model: StateSpaceModelRecord
+    model: MultichannelModelRecord
     modes: ModesRecord
     frequency_response: pd.DataFrame
     simulation: pd.DataFrame
@@ -131,7 +131,7 @@ def read_multichannel_results(
         config_text=Path(files.config).read_text(encoding="utf-8"),
         recording_info=load(MultichannelInfo, files.recording_info),
         prepared=load_multichannel_data(files.prepared, files.transforms),
-        model=load(StateSpaceModelRecord, files.model),
+        model=load(MultichannelModelRecord, files.model),
         modes=load(ModesRecord, files.modes_json),
         frequency_response=read_table(files.frequency_response),
         simulation=read_table(files.simulation),
@@ -144,7 +144,7 @@ def read_multichannel_results(
 
 def summarize_multichannel(files: DatasetFiles) -> DatasetSummary:
     """Summarize one data set with several channels."""
-    record = load(StateSpaceModelRecord, files.model)
+    record = load(MultichannelModelRecord, files.model)
     validation = load(MultichannelValidation, files.validation)
     info = load(MultichannelInfo, files.recording_info)
     modes = load(ModesRecord, files.modes_json)
@@ -184,7 +184,7 @@ def summarize_multichannel(files: DatasetFiles) -> DatasetSummary:
 
 
 def frequency_response_rows(
-    record: StateSpaceModelRecord, estimation: MultichannelRecording
+    record: MultichannelModelRecord, estimation: MultichannelRecording
 ) -> dict[str, list[Any]]:
     """Gains and phases of every pair of output and input, the model's and the measured ones.
 
@@ -192,7 +192,7 @@ def frequency_response_rows(
 
     Parameters
     ----------
-    record : StateSpaceModelRecord
+    record : MultichannelModelRecord
     estimation : MultichannelRecording
         Samples behind the measured response.
     """
@@ -228,7 +228,7 @@ def frequency_response_rows(
     return rows
 
 
-def _gain_outline(record: StateSpaceModelRecord) -> tuple[float, ...]:
+def _gain_outline(record: MultichannelModelRecord) -> tuple[float, ...]:
     """The largest singular value of each band, in decibels to one decimal."""
     bands = np.linspace(0.0, record.sampling_rate / 2, 8 * GAIN_BANDS + 1)[1:]
     model = record.plant if record.input_names else record.model

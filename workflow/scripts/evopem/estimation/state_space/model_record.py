@@ -1,4 +1,4 @@
-"""The contents of ``model.json`` of a state-space model."""
+"""The contents of ``model.json`` of a data set with several channels."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ _LIBRARIES = ("numpy", "scipy", "numba")
 
 
 @dataclass(frozen=True, eq=False)
-class StateSpaceModelRecord:
-    """A state-space model with everything that is known of it.
+class MultichannelModelRecord:
+    """A model of several channels, in state-space form, with everything that is known of it.
 
     ``x+ = A x + B u + K e, y = output_means + level + C x + D u + e``, with u less the means of the
     inputs and shifted by ``input_delays``.
@@ -117,7 +117,7 @@ class StateSpaceModelRecord:
         transforms: MultichannelTransforms,
         level: Literal["constant", "state"] = "constant",
         polynomials: MultiInputModel | None = None,
-    ) -> StateSpaceModelRecord:
+    ) -> MultichannelModelRecord:
         """The record of an estimate, and of the model with its noise model."""
         return cls(
             **{name: getattr(model, name) for name in ("A", "B", "C", "D", "K", "level")},

@@ -20,7 +20,7 @@ from evopem.validation.checks.residuals import (
 from evopem.validation.checks.search import repeatability
 
 if TYPE_CHECKING:
-    from evopem.estimation.state_space.model_record import StateSpaceModelRecord
+    from evopem.estimation.state_space.model_record import MultichannelModelRecord
     from evopem.signals.multichannel_reading import MultichannelInfo
     from evopem.validation.multichannel import MultichannelValidation
 
@@ -29,7 +29,7 @@ LISTED = 6
 
 
 def state_space_checks(
-    record: StateSpaceModelRecord,
+    record: MultichannelModelRecord,
     validation: MultichannelValidation,
     tried: Sequence[int],
     recording: MultichannelInfo,
@@ -38,7 +38,7 @@ def state_space_checks(
 
     Parameters
     ----------
-    record : StateSpaceModelRecord
+    record : MultichannelModelRecord
     validation : MultichannelValidation
     tried : sequence of int
         Orders that were searched.
@@ -63,7 +63,7 @@ def _named(names: Sequence[str]) -> str:
     return shown if len(names) <= LISTED else f"{shown} and {len(names) - LISTED} more"
 
 
-def _stability(record: StateSpaceModelRecord) -> Check:
+def _stability(record: MultichannelModelRecord) -> Check:
     radius = float(np.max(np.abs(np.linalg.eigvals(record.A))))
     passed = radius < 1.0
     return Check(
@@ -74,7 +74,7 @@ def _stability(record: StateSpaceModelRecord) -> Check:
     )
 
 
-def _stability_bound(record: StateSpaceModelRecord) -> Check:
+def _stability_bound(record: MultichannelModelRecord) -> Check:
     passed = not record.at_stability_bound
     bound = record.settings.max_root_radius
     return Check(
@@ -98,7 +98,7 @@ def _better_than_mean(validation: MultichannelValidation) -> Check:
     )
 
 
-def _whiteness(record: StateSpaceModelRecord, validation: MultichannelValidation) -> Check:
+def _whiteness(record: MultichannelModelRecord, validation: MultichannelValidation) -> Check:
     """Ljung-Box tests of all outputs, with Bonferroni's bound for their number."""
     tests = [each.ljung_box_p for each in validation.outputs]
     if any(map(math.isnan, tests)):
@@ -128,7 +128,7 @@ def _whiteness(record: StateSpaceModelRecord, validation: MultichannelValidation
     )
 
 
-def _independence(record: StateSpaceModelRecord, validation: MultichannelValidation) -> Check:
+def _independence(record: MultichannelModelRecord, validation: MultichannelValidation) -> Check:
     pairs, count = validation.pairs, 2 * validation.correlation_lags + 1
     if any(math.isnan(each.max_in_bounds) for each in pairs):
         return Check(
@@ -158,7 +158,7 @@ def _independence(record: StateSpaceModelRecord, validation: MultichannelValidat
     )
 
 
-def _order(record: StateSpaceModelRecord, tried: Sequence[int]) -> Check:
+def _order(record: MultichannelModelRecord, tried: Sequence[int]) -> Check:
     name, key = "Order inside its range", _range_key(record)
     order, text = record.plant_states, f"{record.plant_states} states;"
     if record.polynomials is not None:
@@ -181,12 +181,12 @@ def _order(record: StateSpaceModelRecord, tried: Sequence[int]) -> Check:
     return Check(name, True, f"Inside: {text}.")
 
 
-def _range_key(record: StateSpaceModelRecord) -> str:
+def _range_key(record: MultichannelModelRecord) -> str:
     """Key of the range of orders."""
     return "orders.nx" if record.polynomials is None else "orders.joint"
 
 
-def _number_of_roots(record: StateSpaceModelRecord, none: bool) -> str:
+def _number_of_roots(record: MultichannelModelRecord, none: bool) -> str:
     """Such as "No root of A, C, D or F", or that there is one."""
     if record.polynomials is None:
         return f"{'No' if none else 'An'} eigenvalue of A or of A − K C"
