@@ -81,8 +81,8 @@ def keys_of(settings: DatasetSettings) -> dict[str, Any]:
     """List the keys that give these settings; what is not set is left out."""
     source = settings.source
     if isinstance(source, RecordedSource):
-        own = {"file": _one_or_list(source.files), **to_json(source.channels)}
-        own["validation_file"] = _one_or_list(source.validation_files)
+        own = {"file": one_or_list(source.files), **to_json(source.channels)}
+        own["validation_file"] = one_or_list(source.validation_files)
         if source.channels.input is None:
             own["input_unit"] = None
         if source.channels_from_file:
@@ -103,7 +103,8 @@ def files_of(written: Any) -> list[str]:
     return [written] if isinstance(written, str) else list(written)
 
 
-def _one_or_list(paths: Sequence[str]) -> str | list[str] | None:
+def one_or_list(paths: Sequence[str]) -> str | list[str] | None:
+    """What stands under a key for paths: the reverse of :func:`files_of`."""
     return list(paths) if len(paths) > 1 else next(iter(paths), None)
 
 
