@@ -39,6 +39,7 @@ ANALYSIS_KEYS = (
 NO_RESAMPLING = "none"
 
 Settings = TypeVar("Settings")
+Value = TypeVar("Value")
 
 
 def settings_of(name: str, keys: Keys) -> DatasetSettings:
@@ -103,9 +104,9 @@ def files_of(written: Any) -> list[str]:
     return [written] if isinstance(written, str) else list(written)
 
 
-def one_or_list(paths: Sequence[str]) -> str | list[str] | None:
-    """What stands under a key for paths: the reverse of :func:`files_of`."""
-    return list(paths) if len(paths) > 1 else next(iter(paths), None)
+def one_or_list(values: Sequence[Value]) -> Value | list[Value] | None:
+    """What stands under a key that has one value or a list, such as that of :func:`files_of`."""
+    return list(values) if len(values) > 1 else next(iter(values), None)
 
 
 def analysis_keys(

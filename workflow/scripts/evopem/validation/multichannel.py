@@ -85,6 +85,21 @@ class PairCorrelation:
 
 
 @dataclass(frozen=True)
+class RecordingErrors:
+    """Errors on one held-out recording in percent, means over the outputs.
+
+    Attributes
+    ----------
+    samples : int
+    prediction_error_percent, simulation_error_percent : float
+    """
+
+    samples: int
+    prediction_error_percent: float
+    simulation_error_percent: float
+
+
+@dataclass(frozen=True)
 class MultichannelValidation:
     """Errors and tests of a state-space model.
 
@@ -100,6 +115,8 @@ class MultichannelValidation:
     pairs : tuple of PairCorrelation
     correlation_lags : int
         Largest lag of the cross-correlations to either side.
+    recordings : tuple of RecordingErrors
+        Of each held-out recording.
     """
 
     samples: int
@@ -109,6 +126,7 @@ class MultichannelValidation:
     outputs: tuple[OutputValidation, ...]
     pairs: tuple[PairCorrelation, ...]
     correlation_lags: int
+    recordings: tuple[RecordingErrors, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,6 +197,10 @@ def validate_multichannel(
         outputs=outputs,
         pairs=tuple(_pair(*names, table) for names, table in crossed.items()),
         correlation_lags=min(CORRELATION_LAGS, len(y) - 1),
+        recordings=tuple(
+            _errors_of(record, *part[:2])
+            for record, part in zip(validation.records, parts, strict=True)
+        ),
     )
     tables = MultichannelTables(
         _simulation_table(validation, residuals, simulated),
@@ -214,6 +236,18 @@ def _responses(
         simulated = _simulated(model, record, free_level)
     ahead = [model.predict(u, y, k, state) for k in horizons]
     return [model.residuals(u, y, state), simulated, *ahead]
+
+
+def _errors_of(
+    record: MultichannelRecording, residuals: Array, simulated: Array
+) -> RecordingErrors:
+    columns = range(record.outputs.shape[1])
+    measured, predicted = record.outputs, record.outputs - residuals
+    return RecordingErrors(
+        record.samples,
+        float(np.mean([_finite_error(measured[:, k], predicted[:, k]) for k in columns])),
+        float(np.mean([_finite_error(measured[:, k], simulated[:, k]) for k in columns])),
+    )
 
 
 def _simulated(model: StateSpaceModel, record: MultichannelRecording, free_level: bool) -> Array:
