@@ -22,23 +22,31 @@ DEFAULT = "default"
 MULTI_START = "multi-start"
 MONOTONIC_HOPPING = "monotonic-basin-hopping"
 BASIN_HOPPING = ("basin-hopping", MONOTONIC_HOPPING)
-# Those that know the residuals, as the default search does.
-ON_RESIDUALS = ("multi-start-least-squares", "least-squares-hopping")
+# It knows the residuals, as the default search does.
+SCIPY_LEAST_SQUARES = "multi-start-least-squares"
 # Their libraries take most of their time in Python, so they get fewer runs.
 SLOW = (
     "multi-start-scipy",
     "multi-start-lbfgsb",
-    *BASIN_HOPPING,
+    SCIPY_LEAST_SQUARES,
+    "basin-hopping",
     "cma-es",
     "differential-evolution",
     "dual-annealing",
 )
-IN_TABLE = (*CHAPTER, *HYBRIDS[1:], DEFAULT, MULTI_START, *SLOW)
+IN_TABLE = (*CHAPTER, *HYBRIDS[1:], DEFAULT, MULTI_START, MONOTONIC_HOPPING, *SLOW)
 IN_PRECISE = (*HYBRIDS, MULTI_START)
 # In every dimension of the study of scale, and in its largest dimension only.
 IN_SCALE = ("hybrid", DEFAULT, MULTI_START, *BASIN_HOPPING)
 AT_LARGEST = (*HYBRIDS[1:], SMALL_HYBRID)
-IN_CONTEST = ("hybrid", DEFAULT, MULTI_START, MONOTONIC_HOPPING, *ON_RESIDUALS)
+IN_CONTEST = (
+    "hybrid",
+    DEFAULT,
+    MULTI_START,
+    MONOTONIC_HOPPING,
+    SCIPY_LEAST_SQUARES,
+    "least-squares-hopping",
+)
 
 TAKING_PART = {"table": IN_TABLE, "scale": (*IN_SCALE, *AT_LARGEST), "contest": IN_CONTEST}
 PARTS = tuple(TAKING_PART)
@@ -149,7 +157,5 @@ def _dimensions(part: str, algorithm: str, settings: Settings) -> tuple[int, ...
 
 def _runs(part: str, algorithm: str, settings: Settings) -> int:
     """Runs of an algorithm on one instance."""
-    if part == "contest":
-        return settings.runs
-    runs = settings.runs if part == "table" else settings.scale.runs
+    runs = settings.scale.runs if part == "scale" else settings.runs
     return min(runs, settings.slow_runs) if algorithm in SLOW else runs
