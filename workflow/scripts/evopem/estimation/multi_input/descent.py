@@ -1,18 +1,33 @@
-"""Levenberg-Marquardt descents of polynomial models with several inputs."""
+"""Levenberg-Marquardt descents on a sum of squares."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
-from evopem.estimation.multi_input.errors import MultiInputErrors
-
 Array = NDArray[np.float64]
 
 FIRST_DAMPING, LARGEST_DAMPING = 1e-3, 1e10
+
+
+class LeastSquares(Protocol):
+    """A sum of squares, and what a descent needs to know of it."""
+
+    def repaired(self, point: Array) -> Array:
+        """Move a point that lies outside into the feasible region."""
+
+    def residuals(self, point: Array) -> Array:
+        """Residuals at a point, (N,)."""
+
+    def percent(self, residuals: Array) -> float:
+        """Objective: the sum of the squares of the residuals, in a unit of its own."""
+
+    def jacobian(self, point: Array) -> Array:
+        """Derivatives of the residuals, (N, n)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,16 +50,14 @@ class Optimum:
     evaluations: int
 
 
-def descend(
-    errors: MultiInputErrors, start: Array, max_iterations: int, tolerance: float
-) -> Optimum:
+def descend(errors: LeastSquares, start: Array, max_iterations: int, tolerance: float) -> Optimum:
     """Descend from a point by damped Gauss-Newton steps (Marquardt 1963, Nielsen 1999).
 
     A step beyond the radius of the roots is drawn in to it, so that a descent goes on along it.
 
     Parameters
     ----------
-    errors : MultiInputErrors
+    errors : LeastSquares
     start : (n,) array
     max_iterations : int
     tolerance : float
