@@ -30,8 +30,8 @@ from evopem.estimation.multi_input.estimate import (
     reduced_orders,
     refitted_multi_input,
 )
-from evopem.estimation.state_space.estimate import StateSpaceSettings
 from evopem.estimation.state_space.order_models import OrderModel, OrderModels
+from evopem.estimation.state_space.settings import StateSpaceSettings
 from evopem.models.multi_input import MultiInputModel
 from evopem.signals.multichannel import MultichannelRecording
 

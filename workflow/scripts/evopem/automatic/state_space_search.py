@@ -19,18 +19,17 @@ from evopem.config.state_space_settings import ModelForm, OutputWeighting, varia
 from evopem.errors import InputError
 from evopem.estimation.state_space.delays import estimate_delays
 from evopem.estimation.state_space.estimate import (
-    FINAL_WIDTH,
     StateSpaceEstimate,
-    StateSpaceSettings,
-    continued_errors,
     descend_from,
     estimates_of_orders,
-    prediction_errors,
     refitted,
 )
+from evopem.estimation.state_space.held_out import continued_errors, prediction_errors
 from evopem.estimation.state_space.noise_model import RISES, WIDTH, noise_model, side_by_side
 from evopem.estimation.state_space.order_models import OrderModel, OrderModels
 from evopem.estimation.state_space.problem import STEPS
+from evopem.estimation.state_space.search import FINAL_WIDTH
+from evopem.estimation.state_space.settings import StateSpaceSettings
 from evopem.models.state_space import Form, StateSpaceModel
 from evopem.signals.multichannel import MultichannelRecording
 
