@@ -226,7 +226,7 @@ def test_the_covariance_is_that_of_a_numerical_jacobian(form):
     point = descend(errors, from_poles(errors, truth.predictor_poles()), 300, 1e-13).point
     found = errors.projection(point)
     model = model_of(errors, found, RATE, (0,), (), ())
-    covariance = parameter_covariance(errors, found)
+    covariance = parameter_covariance(errors, found, errors.weights(found.covariance))
     state = np.zeros(2)
 
     def of(p):

@@ -116,7 +116,7 @@ def search_structure(
             estimate.model,
             [part.inputs for part in parts],
             [part.outputs for part in parts],
-            search.max_root_radius,
+            search,
         ).state_space()
 
     return scored_search(estimation, variant, estimates, refit_of, log), models
@@ -175,6 +175,7 @@ def _named(model: MultiInputModel, estimation: MultichannelRecording) -> MultiIn
 def _search_settings(settings: StateSpaceSettings) -> SearchSettings:
     return replace(
         SETTINGS,
+        objective=settings.objective,
         seed=settings.seed,
         max_root_radius=settings.max_root_radius,
         evaluations=SETTINGS.evaluations if settings.evaluations is None else settings.evaluations,

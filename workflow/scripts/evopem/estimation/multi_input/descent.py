@@ -8,10 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
+from evopem.estimation import absolute_descent
+from evopem.estimation.absolute_descent import POLISH_WIDTH, SEARCH_WIDTH
 from evopem.estimation.multi_input.errors import MultiInputErrors
 
 Array = NDArray[np.float64]
 
+# Tolerance of a descent of the search.
+TOLERANCE = 1e-7
 FIRST_DAMPING, LARGEST_DAMPING = 1e-3, 1e10
 
 
@@ -36,6 +40,29 @@ class Optimum:
 
 
 def descend(
+    errors: MultiInputErrors, start: Array, max_iterations: int, tolerance: float
+) -> Optimum:
+    """Descend from a point, in the way of the objective.
+
+    Parameters
+    ----------
+    errors : MultiInputErrors
+    start : (n,) array
+    max_iterations : int
+        Of the quadratic objective.
+    tolerance : float
+        As of :func:`_descend_squares`.  The absolute objective is smoothed until the end of a
+        descent of a search, or to the last digits where the tolerance is below its own.
+    """
+    if errors.objective == "quadratic":
+        return _descend_squares(errors, start, max_iterations, tolerance)
+    width = SEARCH_WIDTH if tolerance >= TOLERANCE else POLISH_WIDTH
+    found = absolute_descent.descend(errors, start, width)
+    value = 100.0 * (float(np.exp(found.criterion)) - absolute_descent.ROUNDING)
+    return Optimum(found.point, value, found.converged, found.evaluations)
+
+
+def _descend_squares(
     errors: MultiInputErrors, start: Array, max_iterations: int, tolerance: float
 ) -> Optimum:
     """Descend from a point by damped Gauss-Newton steps (Marquardt 1963, Nielsen 1999).

@@ -14,6 +14,7 @@ from evopem.estimation.state_space.absolute_errors import AbsoluteStateSpaceErro
 from evopem.estimation.state_space.covariance import parameter_covariance
 from evopem.estimation.state_space.errors import Projection, StateSpaceErrors
 from evopem.estimation.state_space.levenberg_marquardt import Optimum
+from evopem.estimation.state_space.noise_colour import limited
 from evopem.estimation.state_space.problem import TOLERANCE, StateSpaceProblem
 from evopem.models.parameter_covariance import ParameterCovariance
 
@@ -21,9 +22,6 @@ Array = NDArray[np.float64]
 
 # Quadratic optima of an order that are descended from in the search over orders.
 DESCENDED = 3
-# Errors beyond this many standard deviations, from the median of the absolute ones, are limited to
-# it where an autoregression describes them.
-LIMIT, DEVIATIONS = 3.0, 1.4826
 
 
 class AbsoluteStateSpaceProblem(StateSpaceProblem):
@@ -95,9 +93,7 @@ class AbsoluteStateSpaceProblem(StateSpaceProblem):
 
     def limited(self, errors: Array) -> Array:
         """Errors, (N, ny), with those that stand out drawn in."""
-        middle = np.median(errors, axis=0)
-        limit = LIMIT * DEVIATIONS * np.median(np.abs(errors - middle), axis=0)
-        return np.asarray(np.clip(errors, middle - limit, middle + limit))
+        return limited(errors)
 
     def covariance(self, found: Projection) -> ParameterCovariance | None:
         """Covariance of the entries; None where no density of the errors at zero is known.
