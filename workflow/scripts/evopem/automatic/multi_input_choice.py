@@ -119,7 +119,8 @@ def search_structure(
             search,
         ).state_space()
 
-    return scored_search(estimation, variant, estimates, refit_of, log), models
+    found = scored_search(estimation, variant, estimates, refit_of, settings.objective, log)
+    return found, models
 
 
 def estimate_structure(

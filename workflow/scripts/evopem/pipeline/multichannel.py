@@ -436,6 +436,7 @@ def _settings(search: StateSpaceSearchSettings, variant: Variant) -> StateSpaceS
         max_root_radius=search.max_root_radius,
         seed=search.seed,
         evaluations=search.evaluations,
+        objective=search.objective,
     )
 
 

@@ -16,6 +16,7 @@ from evopem.estimation.state_space.errors import Projection, StateSpaceErrors
 from evopem.estimation.state_space.levenberg_marquardt import Optimum
 from evopem.estimation.state_space.noise_colour import limited
 from evopem.estimation.state_space.problem import TOLERANCE, StateSpaceProblem
+from evopem.estimation.state_space.settings import Objective
 from evopem.models.parameter_covariance import ParameterCovariance
 
 Array = NDArray[np.float64]
@@ -27,7 +28,7 @@ DESCENDED = 3
 class AbsoluteStateSpaceProblem(StateSpaceProblem):
     """As :class:`.StateSpaceProblem`; C, D and levels are part of a point."""
 
-    differs = True
+    objective: Objective = "absolute"
 
     def __init__(self, errors: StateSpaceErrors) -> None:
         super().__init__(errors)
@@ -85,11 +86,6 @@ class AbsoluteStateSpaceProblem(StateSpaceProblem):
         """Descents from each row, to the last digits where the tolerance asks for them."""
         width = SEARCH_WIDTH if tolerance >= TOLERANCE else POLISH_WIDTH
         return self._absolute.descents(points, width)
-
-    def log_loss(self, errors: Array) -> float:
-        """Minus twice the log-likelihood of a sample of Laplace errors, but for a constant."""
-        with np.errstate(divide="ignore"):
-            return 2.0 * float(np.sum(np.log(np.mean(np.abs(errors), axis=0))))
 
     def limited(self, errors: Array) -> Array:
         """Errors, (N, ny), with those that stand out drawn in."""

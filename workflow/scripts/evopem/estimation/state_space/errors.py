@@ -15,7 +15,7 @@ those signals, whose size does not depend on the number of outputs, gives the no
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -225,6 +225,11 @@ class StateSpaceErrors:
     def of_order(self, order: int) -> StateSpaceErrors:
         """The same problem for another order."""
         return StateSpaceErrors(self.record, order, self.form, self.weighting, self.radius)
+
+    def with_outputs(self, outputs: Array) -> StateSpaceErrors:
+        """The same problem for other scaled outputs, (N, ny)."""
+        record = replace(self.record, outputs=outputs)
+        return StateSpaceErrors(record, self.order, self.form, self.weighting, self.radius)
 
     def of_form(self, form: str) -> StateSpaceErrors:
         """The same problem for another form."""

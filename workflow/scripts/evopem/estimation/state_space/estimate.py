@@ -15,6 +15,7 @@ from evopem.estimation.search.problem import SearchResult
 from evopem.estimation.state_space.covariance import initial_states, model_of
 from evopem.estimation.state_space.errors import StateSpaceErrors
 from evopem.estimation.state_space.held_out import simulation_errors
+from evopem.estimation.state_space.likelihood import log_loss
 from evopem.estimation.state_space.noise_colour import autoregression_of
 from evopem.estimation.state_space.prepared import (
     PreparedRecords,
@@ -438,7 +439,7 @@ def _described(
         model=model,
         objective=result.value,
         fit_percent=fit,
-        bic=problem.log_loss(e) + float(penalty),
+        bic=log_loss(e, problem.objective) + float(penalty),
         coloured_bic=float(whitened.bic + penalty),
         residuals=tuple(residuals),
         initial_states=states,

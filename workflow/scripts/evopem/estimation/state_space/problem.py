@@ -12,6 +12,7 @@ from evopem.estimation.state_space.covariance import parameter_covariance
 from evopem.estimation.state_space.errors import Projection, StateSpaceErrors
 from evopem.estimation.state_space.levenberg_marquardt import Optimum, descend
 from evopem.estimation.state_space.sections import inside, normalised
+from evopem.estimation.state_space.settings import Objective
 from evopem.estimation.state_space.starting_points import (
     extended_by,
     from_matrices,
@@ -49,8 +50,7 @@ class StateSpaceProblem:
     errors : StateSpaceErrors
     """
 
-    differs = False
-    """Whether the objective is another one than that of the errors."""
+    objective: Objective = "quadratic"
     grams = 1
     """Gram matrices of one set of normal equations."""
 
@@ -82,11 +82,6 @@ class StateSpaceProblem:
     def projection(self, point: Array) -> Projection:
         """States, linear coefficients and errors of a point."""
         return self.errors.projection(point)
-
-    def log_loss(self, errors: Array) -> float:
-        """Minus twice the log-likelihood of a sample of (N, ny) errors, but for a constant."""
-        sign, log_determinant = np.linalg.slogdet(errors.T @ errors / len(errors))
-        return float(log_determinant) if sign > 0 else -np.inf
 
     def limited(self, errors: Array) -> Array:
         """Errors, (N, ny), as their autoregression is fitted to them."""

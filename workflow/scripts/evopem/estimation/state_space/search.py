@@ -90,21 +90,22 @@ def searched(
     budget = _evaluations(problem, settings)
     if starts and _cost(errors) > HEAVY and budget == 0:
         return problem, _polished(problem, starts, 0)
-    models = StartingModels(errors, errors.order, _cost(errors) <= HEAVY)
-    given = descended(errors, starts, len(starts))
+    plain = without_outliers(problem)
+    models = StartingModels(plain, errors.order, _cost(errors) <= HEAVY)
+    given = descended(plain, starts, len(starts))
     points = [optimum.point for optimum in given]
     spent = sum(optimum.evaluations for optimum in given)
-    for each in (errors, *_other_form(errors)):
+    for each in (plain, *_other_form(plain)):
         optima = _optima_from_estimates(each, models, generator)
-        if each is not errors:
+        if each is not plain:
             spent += sum(optimum.evaluations for optimum in optima)
-            crossing = [converted(errors, each, optimum.point) for optimum in optima[:CROSSED]]
-            optima = descended(errors, crossing, CROSSED)
+            crossing = [converted(plain, each, optimum.point) for optimum in optima[:CROSSED]]
+            optima = descended(plain, crossing, CROSSED)
         points += [optimum.point for optimum in optima]
         spent += sum(optimum.evaluations for optimum in optima)
         if log is not None:
             log(f"starts of {each.form} form: {len(optima)} optima, {spent} evaluations")
-    if problem.differs:
+    if problem.objective == "absolute":
         points += starts  # what was an optimum of this objective is none of the quadratic one
     if budget == 0 and points:
         return problem, _polished(problem, points, spent)
@@ -185,18 +186,36 @@ def swept(
     steps: int = STEPS,
 ) -> Iterator[tuple[StateSpaceProblem, SearchResult]]:
     """The best optimum of each order that the rungs of a ladder reach."""
-    models = StartingModels(errors, orders[-1], _cost(errors) <= HEAVY)
+    plain = without_outliers(problem_for(errors, settings))
+    models = StartingModels(plain, orders[-1], _cost(errors) <= HEAVY)
     generator = generator_of(settings, orders[-1], errors.form, prepared, 1 + fold)
-    for each, optima in rungs(errors, models, generator, width, orders, steps):
+    for each, optima in rungs(plain, models, generator, width, orders, steps):
         if not optima:
             continue
-        problem = problem_for(each, settings)
+        problem = problem_for(errors.of_order(each.order), settings)
         point, value, used = problem.lowest_of(optima)
         spent = sum(optimum.evaluations for optimum in optima) + used
         if log is not None:
             log(f"order {each.order}: {value:.9g} %, {spent} evaluations")
         diagnostics = without_generations(value, spent, len(optima))
         yield problem, SearchResult(point, value, diagnostics)
+
+
+def without_outliers(problem: StateSpaceProblem) -> StateSpaceErrors:
+    """The quadratic problem that is descended from: of the outputs without what stands out.
+
+    What stands out of the errors of a first optimum is subtracted from the outputs, so that
+    estimates by linear algebra bear outliers as well.  Of the quadratic objective itself nothing.
+    """
+    errors = problem.errors
+    if problem.objective == "quadratic":
+        return errors
+    models = StartingModels(errors, errors.order, thorough=False)
+    optima = descended(errors, list(models.points(errors)), WIDTH)
+    if not optima:
+        return errors
+    found = problem.projection(problem.lowest_of(optima)[0]).errors
+    return errors.with_outputs(errors.record.outputs - (found - problem.limited(found)))
 
 
 def problem_for(errors: StateSpaceErrors, settings: StateSpaceSettings) -> StateSpaceProblem:
