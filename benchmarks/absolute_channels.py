@@ -33,9 +33,9 @@ from evopem.models.state_space import StateSpaceModel  # noqa: E402
 
 TARGET = ROOT / "docs" / "evidence" / "outliers.md"
 OBJECTIVES = ("absolute", "quadratic")
-SHAPES = ((2, 2, 2), (1, 6, 3), (3, 3, 4))
+SHAPES, COVERED = ((2, 2, 2), (3, 3, 2), (1, 6, 3)), ((2, 2, 2), (1, 3, 2))
 FORMS = ("output_error", "innovations")
-SHARES = (0.0, 0.01, 0.03, 0.1)
+SHARES = (0.0, 0.03, 0.1)
 SAMPLES, NOISE, SIZE = 1000, 0.1, 10.0
 SMALL = ((2, 2, 2), (3, 3, 2), (1, 6, 2), (2, 2, 3))
 COLOUR = 0.8
@@ -110,9 +110,9 @@ def optimum(starts: int) -> list[str]:
     lines = [
         "`python benchmarks/absolute_channels.py optimum`: records of 200 samples, 3 % outliers.",
         f"{starts} independent starts, at random poles or at the truth with entries changed by 2,",
-        "10 or 30 %, are descended from by successive linear programmes over all entries, which are",
-        "redundant; so is evopem's optimum. Objectives in percent of the mean absolute outputs,",
-        "evopem's less the best one, relative to it.",
+        "10 or 30 %, are descended from by successive linear programmes over all entries, which",
+        "are redundant; so is evopem's optimum. Objectives in percent of the mean absolute",
+        "outputs, evopem's less the best one, relative to it.",
         "",
         "| channels | order | form | evopem | linear programmes | difference | to the continued |"
         " starts within 1e-6 | evopem | programmes |",
@@ -141,8 +141,9 @@ def optimum(starts: int) -> list[str]:
             near = sum(end < best * (1.0 + 1e-6) for end in ends)
             lines.append(
                 f"| {nu} × {ny} | {true.order} | {form.replace('_', ' ')} | {value:.6f} | "
-                f"{best:.6f} | {(value - best) / best:+.1e} | {(value - continued) / continued:+.1e} | "
-                f"{near} of {starts} | {spent:.1f} s | {peer:.0f} s |"
+                f"{best:.6f} | {(value - best) / best:+.1e} | "
+                f"{(value - continued) / continued:+.1e} | {near} of {starts} | "
+                f"{spent:.1f} s | {peer:.0f} s |"
             )
             print(lines[-1], flush=True)
     return lines
@@ -211,14 +212,14 @@ NOISES = ("Laplace", "normal with 3 % outliers", "Laplace, coloured")
 def coverage(records: int) -> list[str]:
     lines = [
         f"`python benchmarks/absolute_channels.py coverage`: {records} records of {SAMPLES}",
-        "samples, noise of 10 % of the outputs, true orders, absolute objective. How often 95 % intervals contain the truth,",
-        "in percent: those of all modes, and of the real and imaginary parts of the frequency",
-        "responses of all pairs at five frequencies.",
+        "samples, noise of 10 % of the outputs, true orders, absolute objective. How often 95 %",
+        "intervals contain the truth, in percent: those of all modes, and of the real and",
+        "imaginary parts of the frequency responses of all pairs at five frequencies.",
         "",
         "| channels | order | form | noise | frequency | damping | responses |",
         "|---|---|---|---|---|---|---|",
     ]
-    for nu, ny, modes in SHAPES[:2]:
+    for nu, ny, modes in COVERED:
         for form in FORMS:
             for noise in NOISES if form == "output_error" else NOISES[:1]:
                 true = truth(nu, ny, modes, form)
