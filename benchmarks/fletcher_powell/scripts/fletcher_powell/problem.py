@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.estimation.multi_input.descent import descend as descend_by_least_squares
+from evopem.estimation.pem import levenberg_marquardt
 from evopem.estimation.pem.batch_bfgs import Descent, descend
 from fletcher_powell.function import wrap
 from fletcher_powell.objective import Objective
@@ -137,7 +137,7 @@ def least_squares_in_turn(objective: Objective, points: Array, tolerance: float)
     before = objective.evaluations
     residuals = _Residuals(objective)
     ends = [
-        descend_by_least_squares(residuals, point, LEAST_SQUARES_STEPS, tolerance)
+        levenberg_marquardt.descend(residuals, point, LEAST_SQUARES_STEPS, tolerance)
         for point in points
     ]
     return Descent(
