@@ -75,13 +75,24 @@ def test_the_truth_leaves_the_noise_whatever_the_recordings_are(count):
             )
         )
         expected = 100.0 * NOISE * np.sqrt(fold.held_out.samples) / spread
-        np.testing.assert_allclose(fold.errors(TRUTH), np.tile(expected, (3, 1)), rtol=0.1)
+        np.testing.assert_allclose(
+            fold.errors(TRUTH, "quadratic"), np.tile(expected, (3, 1)), rtol=0.1
+        )
     # What the other recordings of a fold are makes no difference to one that is held out.
     one, other = folds_of(whole, 3)[0], folds_of(whole.with_records([parts[0], parts[2]]), 2)[0]
-    np.testing.assert_array_equal(one.errors(TRUTH), other.errors(TRUTH))
+    np.testing.assert_array_equal(one.errors(TRUTH, "quadratic"), other.errors(TRUTH, "quadratic"))
 
 
 def test_an_unstable_model_simulates_nothing():
     whole, _ = joined(100, 100)
-    errors = folds_of(whole, 2)[0].errors(replace(TRUTH, A=1.2 * TRUTH.A))
+    errors = folds_of(whole, 2)[0].errors(replace(TRUTH, A=1.2 * TRUTH.A), "quadratic")
     assert np.isinf(errors[:2]).all()
+
+
+def test_absolute_errors_are_pooled_as_sums_of_them():
+    whole, _ = joined(400, 300)
+    fold = folds_of(whole, 2)[0]
+    (held,) = fold.held_out.records
+    spread = np.abs(held.outputs - np.median(held.outputs, axis=0)).mean(axis=0)
+    expected = 100.0 * NOISE * np.sqrt(2.0 / np.pi) / spread
+    np.testing.assert_allclose(fold.errors(TRUTH, "absolute"), np.tile(expected, (3, 1)), rtol=0.1)

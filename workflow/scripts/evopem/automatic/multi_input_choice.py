@@ -29,8 +29,8 @@ from evopem.estimation.multi_input.estimate import (
     reduced_orders,
     refitted_multi_input,
 )
-from evopem.estimation.state_space.estimate import StateSpaceSettings
 from evopem.estimation.state_space.order_models import OrderModels
+from evopem.estimation.state_space.settings import StateSpaceSettings
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.multichannel import MultichannelRecording
 
@@ -109,10 +109,12 @@ def search_structure(
             estimate.model,
             training.input_records,
             training.output_records,
-            search.max_root_radius,
+            search,
         ).state_space()
 
-    return searched_variant(estimation, variant, estimates, plant_of, refit_of, log)
+    return searched_variant(
+        *(estimation, variant, estimates, plant_of, refit_of, settings.objective, log)
+    )
 
 
 def estimate_structure(
@@ -158,6 +160,7 @@ def estimate_structure(
 def _search_settings(settings: StateSpaceSettings) -> SearchSettings:
     return replace(
         SETTINGS,
+        objective=settings.objective,
         seed=settings.seed,
         max_root_radius=settings.max_root_radius,
         evaluations=SETTINGS.evaluations if settings.evaluations is None else settings.evaluations,

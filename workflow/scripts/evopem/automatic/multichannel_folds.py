@@ -15,11 +15,12 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.estimation.state_space.estimate import (
+from evopem.estimation.state_space.held_out import (
     continued_errors,
     prediction_errors,
     simulation_errors,
 )
+from evopem.estimation.state_space.settings import Objective
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.multichannel import MultichannelRecording
 
@@ -42,8 +43,8 @@ class Fold(Protocol):
     def training(self) -> MultichannelRecording:
         """Each stretch of consecutive samples as a recording of its own."""
 
-    def errors(self, model: StateSpaceModel) -> Array:
-        """Errors in percent of a model of the training part, (3, ny).
+    def errors(self, model: StateSpaceModel, objective: Objective) -> Array:
+        """Errors in percent of a model of the training part, (3, ny), by their kind of mean.
 
         Of simulations of the held-out samples with the model's level and with a free one, NaN
         without an input, and of predictions.
@@ -65,16 +66,16 @@ class PartOfRecording:
         ends = recording.between(0, self.first), recording.between(self.stop, recording.samples)
         return recording.with_records([each for each in ends if each.samples >= SHORTEST_FOLD])
 
-    def errors(self, model: StateSpaceModel) -> Array:
+    def errors(self, model: StateSpaceModel, objective: Objective) -> Array:
         """Errors in percent, (3, ny)."""
         recording = self.recording
         held = recording.between(self.first, self.stop)
         with np.errstate(all="ignore"):
-            predicted = prediction_errors(model, held.inputs, held.outputs)
+            predicted = prediction_errors(model, held.inputs, held.outputs, objective)
         if not recording.has_input:
             return _of_prediction(predicted)
         of_part = slice(self.first, self.stop)
-        simulated = continued_errors(model, recording.inputs, recording.outputs, of_part)
+        simulated = continued_errors(model, recording.inputs, recording.outputs, of_part, objective)
         return np.array([*simulated, predicted])
 
 
@@ -85,15 +86,18 @@ class WholeRecordings:
     training: MultichannelRecording
     held_out: MultichannelRecording
 
-    def errors(self, model: StateSpaceModel) -> Array:
-        """Errors in percent, (3, ny): root mean square over the recordings."""
-        squares, power = np.zeros((3, model.outputs)), np.zeros(model.outputs)
+    def errors(self, model: StateSpaceModel, objective: Objective) -> Array:
+        """Errors in percent, (3, ny): root mean square, or mean, over the recordings."""
+        power = 1.0 if objective == "absolute" else 2.0
+        centre = np.median if objective == "absolute" else np.mean
+        total, spreads = np.zeros((3, model.outputs)), np.zeros(model.outputs)
         for each in self.held_out.records:
-            spread = np.sum((each.outputs - each.outputs.mean(axis=0)) ** 2, axis=0)
-            squares += _errors_alone(model, each) ** 2 * spread
-            power += spread
+            around = centre(each.outputs, axis=0)
+            spread = np.sum(np.abs(each.outputs - around) ** power, axis=0)
+            total += _errors_alone(model, each, objective) ** power * spread
+            spreads += spread
         with np.errstate(all="ignore"):
-            return np.asarray(np.sqrt(squares / power))
+            return np.asarray((total / spreads) ** (1.0 / power))
 
 
 def folds_of(estimation: MultichannelRecording, count: int) -> list[Fold]:
@@ -150,20 +154,22 @@ def is_large(estimation: MultichannelRecording) -> bool:
     return estimation.samples * channels > LARGE
 
 
-def _errors_alone(model: StateSpaceModel, record: MultichannelRecording) -> Array:
+def _errors_alone(
+    model: StateSpaceModel, record: MultichannelRecording, objective: Objective
+) -> Array:
     """Errors in percent from the states that fit a record, (3, ny).
 
     Squares are divided by the values less the states, and levels, that were fitted to them.
     """
     u, y = record.inputs, record.outputs
     with np.errstate(all="ignore"):
-        predicted = prediction_errors(model, u, y) * _inflation(y, model.order)
+        predicted = prediction_errors(model, u, y, objective) * _inflation(y, model.order)
         if not record.has_input:
             return _of_prediction(predicted)
-        constant = simulation_errors(model, u, y)
+        constant = simulation_errors(model, u, y, objective)
         free = constant
         if np.isfinite(constant).all():
-            free = simulation_errors(model.levelled(u, y)[0], u, y)
+            free = simulation_errors(model.levelled(u, y)[0], u, y, objective)
     of_states, of_levels = _inflation(y, model.order), _inflation(y, model.order + model.outputs)
     return np.array([constant * of_states, free * of_levels, predicted])
 

@@ -19,9 +19,7 @@ from evopem.config.state_space_settings import ModelForm, OutputWeighting, varia
 from evopem.errors import InputError
 from evopem.estimation.state_space.delays import estimate_delays
 from evopem.estimation.state_space.estimate import (
-    FINAL_WIDTH,
     StateSpaceEstimate,
-    StateSpaceSettings,
     descend_from,
     estimates_of_orders,
     refitted,
@@ -29,6 +27,8 @@ from evopem.estimation.state_space.estimate import (
 from evopem.estimation.state_space.noise_model import RISES, WIDTH, noise_model, side_by_side
 from evopem.estimation.state_space.order_models import OrderModel, OrderModels
 from evopem.estimation.state_space.problem import STEPS
+from evopem.estimation.state_space.search import FINAL_WIDTH
+from evopem.estimation.state_space.settings import Objective, StateSpaceSettings
 from evopem.models.state_space import Form, StateSpaceModel
 from evopem.signals.multichannel import MultichannelRecording
 
@@ -246,7 +246,9 @@ def search_variant(
     )
     by_order = ((each.model.order, each) for each in estimates)
     refit_of = _refits(estimation, delays, settings)
-    return searched_variant(estimation, variant, by_order, _plant, refit_of, log)
+    return searched_variant(
+        *(estimation, variant, by_order, _plant, refit_of, settings.objective, log)
+    )
 
 
 def _plant(estimate: StateSpaceEstimate) -> StateSpaceModel:
@@ -289,7 +291,9 @@ def _search_box_jenkins(
             yield plant.order, estimate
 
     refit_of = _refits(estimation, delays, settings)
-    return searched_variant(estimation, variant, estimates(), _plant, refit_of, log)
+    return searched_variant(
+        *(estimation, variant, estimates(), _plant, refit_of, settings.objective, log)
+    )
 
 
 def searched_variant(
@@ -298,6 +302,7 @@ def searched_variant(
     estimates: Iterable[tuple[int, Estimate]],
     plant_of: Callable[[Estimate], StateSpaceModel],
     refit_of: Callable[[Estimate], Refit],
+    objective: Objective,
     log: Log | None,
 ) -> tuple[VariantSearch, OrderModels]:
     """The search of a variant of any form, and the plants of its orders.
@@ -312,6 +317,8 @@ def searched_variant(
         The plant of an estimate in state space.
     refit_of : callable
         How an estimate is fitted to other samples.
+    objective : {"quadratic", "absolute"}
+        Of the errors on held-out samples.
     log : callable, optional
     """
     found = _until_bic_rises(estimates)
@@ -328,7 +335,8 @@ def searched_variant(
         )
         for order, each in found.items()
     )
-    return _scored(estimation, variant, found, refit_of, log), OrderModels(models)
+    search = _scored(estimation, variant, found, refit_of, objective, log)
+    return search, OrderModels(models)
 
 
 def _until_bic_rises(estimates: Iterable[tuple[int, Estimate]]) -> dict[int, Estimate]:
@@ -434,6 +442,7 @@ def _scored(
     variant: Variant,
     estimates: Mapping[int, Estimate],
     refit_of: Callable[[Estimate], Refit],
+    objective: Objective,
     log: Log | None,
 ) -> VariantSearch:
     """The search of a variant, with errors on held-out samples up to the lowest BIC."""
@@ -444,7 +453,7 @@ def _scored(
     refits = [refit_of(estimates[order]) for order in orders]
     of_designs = []
     for count in designs_of(estimation):
-        of_designs.append(_errors_of_folds(estimation, count, refits))
+        of_designs.append(_errors_of_folds(estimation, count, refits, objective))
         if log is not None:
             log(f"{variant.name}: {count} folds")
     scores = _without_worst_fold(np.concatenate(of_designs))
@@ -475,6 +484,7 @@ def _errors_of_folds(
     estimation: MultichannelRecording,
     count: int,
     refits: Sequence[Refit],
+    objective: Objective,
 ) -> Array:
     """Errors of each model on each fold of a design, (folds, 3, models), mean over the outputs.
 
@@ -490,7 +500,7 @@ def _errors_of_folds(
                 fitted = refit(fold.training)
             except ValueError:
                 continue
-            errors = np.minimum(fold.errors(fitted), LARGEST_ERROR)
+            errors = np.minimum(fold.errors(fitted, objective), LARGEST_ERROR)
             relative[number, :, place] = errors.mean(axis=-1)
     return relative
 

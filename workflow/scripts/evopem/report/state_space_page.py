@@ -337,6 +337,7 @@ def _provenance(results: MultichannelResults, commit: str) -> list[tuple[str, st
     return [
         *(row for file in results.files for row in provenance.file_rows(file)),
         *([("Sampling rate", f"of the time stamps “{time}”, told by name")] if time else []),
+        ("Objective of the search", model.settings.objective),
         ("Seed of the search", str(model.settings.seed)),
         ("Objective evaluations of the last search", count(model.search.evaluations)),
         ("Commit of the workflow", commit),

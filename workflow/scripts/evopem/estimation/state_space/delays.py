@@ -11,7 +11,7 @@ from scipy.linalg import block_diag
 from scipy.stats import chi2
 from threadpoolctl import threadpool_limits
 
-from evopem.estimation.state_space.estimate import records_of
+from evopem.estimation.state_space.prepared import records_of
 
 Array = NDArray[np.float64]
 
