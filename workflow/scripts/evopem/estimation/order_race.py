@@ -74,10 +74,8 @@ def race(
         aim = None if phase == "delay" else _aim(settled[row], lacks[row], samples, settings)
         settled[row], finished[row] = search_on(settled[row], aim), True
     return [
-        each
-        if _finished(each, settings)
-        else replace(each, pruned=_reason(phase, lack, 0.0 if done else gain))
-        for each, done, lack, gain in zip(settled, finished, lacks, gains, strict=True)
+        each if _finished(each, settings) else replace(each, pruned=_reason(phase, lack, gain))
+        for each, lack, gain in zip(settled, lacks, gains, strict=True)
     ]
 
 
@@ -125,8 +123,10 @@ def _lacks_of_delays(candidates: Sequence[Candidate], gains: Sequence[float]) ->
 
 
 def _reason(phase: str, lack: float, gain: float) -> str:
+    """Why a candidate was left, ``gain`` being 0 where its search had begun."""
     if phase == "delay":
         return "no likely gain of it changes the choice of the delay"
-    return (
-        f"its BIC lies {lack:.4f} above the lowest; full searches rarely gain more than {gain:.4f}"
-    )
+    above = f"its BIC lies {lack:.4f} above the lowest"
+    if not gain:
+        return f"{above}, more than the rest of its search is likely to gain"
+    return f"{above}; full searches rarely gain more than {gain:.4f}"
