@@ -210,7 +210,7 @@ class PolynomialProblem:
         promised = promised_values(self.errors, points, value, self._largest_value, COMMON_DAMPING)
         return np.where(promised > 0.0, promised, np.inf)
 
-    def of_orders(self, orders: PolynomialOrders) -> Self | None:
+    def of_orders(self, orders: PolynomialOrders) -> Self:
         """The problem of other orders."""
         problem = type(self)(self._errors_of(orders))
         problem._largest_value = self._largest_value
