@@ -94,7 +94,7 @@ def print_table(folder: Path) -> None:
     """Geometric means over the records of each truth."""
     from state_space import TRUTHS
 
-    from evopem.estimation.state_space.estimate import prediction_errors, simulation_errors
+    from evopem.estimation.state_space.held_out import prediction_errors, simulation_errors
     from evopem.models.state_space import StateSpaceModel
 
     print("| inputs × outputs, order | method | simulation | noise-free output | one step | time |")
