@@ -23,6 +23,7 @@ from evopem.estimation.search.likely_gain import AFTER_BATCHES, AFTER_RESTART, A
 from evopem.estimation.search.memetic import Recombination, memetic_search
 from evopem.estimation.search.problem import (
     SAME_COARSE_DESCENT,
+    CoarseProblem,
     SearchDiagnostics,
     SearchResult,
     continuing,
@@ -40,7 +41,8 @@ Array = NDArray[np.float64]
 
 # Independent batches of random points, and the points of each.
 BATCHES, BATCH = 2, 16
-# Undiscovered probability after a batch from which on another one hardly leads to a certificate.
+# Undiscovered probability after a batch from which on another one hardly leads to a certificate,
+# and growth and exchange find lower values.
 HOPELESS = 0.4
 # Evaluations after which a restart of the memetic search begins no further generation.
 RESTART_EVALUATIONS = 4000
@@ -170,12 +172,12 @@ def global_search(
     InputError
         When no value was finite.
     """
-    found = _Record(log)
+    found, exchange = _Record(log), _exchange_of(problem)
     if settings.evaluations == FIRST_PASS:
         _descend_coarsely(problem, generator, found)
     else:
-        _descend_from_random_points(problem, settings.evaluations, generator, found)
-    exchange = None if found.one_optimum else _exchange_of(problem)
+        hopeless = np.inf if exchange is None else HOPELESS
+        _descend_from_random_points(problem, settings.evaluations, generator, found, hopeless)
     refuted_from = np.inf
     while not (found.one_optimum and same_optimum(found.value, known_minimum)):
         agreed = found.agree(min(found.value, known_minimum))
@@ -227,9 +229,15 @@ def _exchange_of(problem: HoppingProblem) -> SectionExchange | None:
 
 
 def _descend_from_random_points(
-    problem: HoppingProblem, evaluations: int, generator: np.random.Generator, found: _Record
+    problem: HoppingProblem,
+    evaluations: int,
+    generator: np.random.Generator,
+    found: _Record,
+    hopeless: float,
 ) -> None:
-    """Descend from batches of random points, unless one finds many optima; polish their lowest.
+    """Descend from batches of random points, and polish the lowest of each.
+
+    No further batch follows one that leaves a ``hopeless`` undiscovered probability.
 
     They are polished together, because a pass over the record costs the same for several points as
     for one.
@@ -237,7 +245,7 @@ def _descend_from_random_points(
     lowest: list[Array] = []
     used = 0
     while not lowest or (
-        found.points < BATCHES * BATCH and used < evaluations and found.undiscovered < HOPELESS
+        found.points < BATCHES * BATCH and used < evaluations and found.undiscovered < hopeless
     ):
         descents = problem.descend(problem.random(BATCH, generator))
         found.optima.extend(converged_values(descents))
@@ -256,7 +264,11 @@ def _descend_coarsely(
     problem: HoppingProblem, generator: np.random.Generator, found: _Record
 ) -> None:
     """The first pass of a race: coarse descents from a few random points."""
-    descents = problem.descend_coarsely(problem.random(FIRST_BATCH, generator))
+    starts = problem.random(FIRST_BATCH, generator)
+    if isinstance(problem, CoarseProblem):
+        descents = problem.descend_coarsely(starts)
+    else:
+        descents = problem.descend(starts)
     lowest = int(np.argmin(descents.values))
     found.optima, found.points = converged_values(descents), FIRST_BATCH
     found.add("first pass", descents.points[lowest], descents.values[lowest], descents.evaluations)

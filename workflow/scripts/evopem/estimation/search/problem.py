@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,14 @@ SAME_OPTIMUM = 1e-6
 SAME_DESCENT = 1e-5
 # The same for the coarse descents of a first pass.
 SAME_COARSE_DESCENT = 1e-4
+
+
+@runtime_checkable
+class CoarseProblem(Protocol):
+    """A problem with descents that a race of many orders can afford for each of them."""
+
+    def descend_coarsely(self, points: Array) -> Descent:
+        """Descend from each row to near its optimum."""
 
 
 class Problem(Protocol):

@@ -47,9 +47,6 @@ class HoppingProblem(Problem, Protocol):
     ) -> tuple[Array, int]:
         """The most promising of random neighbours, (at most count, n), and the evaluations."""
 
-    def descend_coarsely(self, points: Array) -> Descent:
-        """Descend from each row to near its optimum, for the first pass of a race."""
-
     def descend_from_neighbours(self, points: Array) -> Descent:
         """Descend from each row, where the Gauss-Newton matrix may be singular."""
 
