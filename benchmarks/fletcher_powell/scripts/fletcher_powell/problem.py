@@ -66,7 +66,7 @@ class FletcherPowellProblem:
         result = descend_in_turn(self.objective, points)
         return replace(result, evaluations=self.objective.evaluations - before)
 
-    def polish(self, points: Array, coarse: bool = False) -> Descent:  # noqa: ARG002
+    def polish(self, points: Array) -> Descent:
         """Descend from each row; the descents of this problem always run to convergence."""
         return self.descend(points)
 
