@@ -22,7 +22,8 @@ import argparse
 import json
 import sys
 import time
-from dataclasses import dataclass
+from collections import defaultdict
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -138,14 +139,18 @@ def unfinished(folder: Path, count: int, suffix: str) -> list[Path]:
     return [file for file in files if not file.with_suffix(suffix).exists()]
 
 
+def stable_poles(result):  # type: ignore[no-untyped-def]
+    """Frequencies, (m,), damping ratios and shapes, (m, ny), that pyOMA2 labels stable."""
+    stable = (result.Lab == 1) & np.isfinite(result.Fn_poles)
+    return result.Fn_poles[stable], result.Xi_poles[stable], result.Phi_poles[stable]
+
+
 def read_with_truth(result, truth):  # type: ignore[no-untyped-def]
     """Of the poles that pyOMA2 labels stable, the one nearest to each true mode, where one is.
 
     The best that a reader of the stabilisation diagram can do: no false mode is possible.
     """
-    rows, columns = np.nonzero((result.Lab == 1) & np.isfinite(result.Fn_poles))
-    f, z = result.Fn_poles[rows, columns], result.Xi_poles[rows, columns]
-    shapes = result.Phi_poles[rows, columns]
+    f, z, shapes = stable_poles(result)
     if not len(f):
         return found_modes([], [], np.zeros((shapes.shape[1], 0)))
     size = np.linalg.norm(shapes, axis=1)
@@ -166,9 +171,7 @@ def stable_groups(result, reach):  # type: ignore[no-untyped-def]
     from scipy.cluster.hierarchy import fcluster, linkage
     from scipy.spatial.distance import squareform
 
-    rows, columns = np.nonzero((result.Lab == 1) & np.isfinite(result.Fn_poles))
-    f, z = result.Fn_poles[rows, columns], result.Xi_poles[rows, columns]
-    shapes = result.Phi_poles[rows, columns]
+    f, z, shapes = stable_poles(result)
     if len(f) < 2:
         return found_modes(f, z, shapes.T)
     unit = shapes / np.linalg.norm(shapes, axis=1)[:, None]
@@ -262,12 +265,48 @@ def own_results(table):  # type: ignore[no-untyped-def]
     }
 
 
+@dataclass
+class Tally:
+    """Modes of one method over records, and the relative errors of those that were found."""
+
+    false: int = 0
+    missed: int = 0
+    exact: int = 0
+    failed: int = 0
+    frequency_errors: list[float] = field(default_factory=list)
+    damping_errors: list[float] = field(default_factory=list)
+
+    def add(self, found, truth) -> None:  # type: ignore[no-untyped-def]
+        """Count one record."""
+        pairs = paired(found, truth)
+        hit = pairs >= 0
+        false, missed = int((~hit).sum()), len(truth["frequencies_hz"]) - int(hit.sum())
+        self.false += false
+        self.missed += missed
+        self.exact += false == missed == 0
+        self.failed += "error" in found
+        for name, errors in (
+            ("frequencies_hz", self.frequency_errors),
+            ("damping_ratios", self.damping_errors),
+        ):
+            errors += list(np.array(found[name])[hit] / truth[name][pairs[hit]] - 1.0)
+
+    def cells(self) -> str:
+        """Cells of a row of the table."""
+        frequency = 100.0 * np.sqrt(np.mean(np.square(self.frequency_errors)))
+        damping = 100.0 * np.median(np.abs(self.damping_errors))
+        return (
+            f"{self.false} | {self.missed} | {self.exact} | {frequency:.2f} % | {damping:.0f} % | "
+            f"{self.failed}"
+        )
+
+
 def print_table(folder: Path, half: str) -> None:
     """False and missed modes of every method over the records that all have worked on."""
     from evopem.files.json_form import load
     from evopem.validation.mode_table import ModeTable
 
-    counts: dict[str, dict[str, list[float]]] = {}
+    tallies: defaultdict[str, Tally] = defaultdict(Tally)
     files = [
         file
         for file in sorted(folder.glob("???.npz"))
@@ -282,27 +321,12 @@ def print_table(folder: Path, half: str) -> None:
         results = own_results(load(ModeTable, file.with_suffix(".table.json")))
         results |= json.loads(file.with_suffix(".peers.json").read_text())
         for name, found in results.items():
-            pairs = paired(found, truth)
-            hit = pairs >= 0
-            own = counts.setdefault(
-                name, {key: [] for key in ("false", "missed", "f", "z", "exact", "failed")}
-            )
-            own["failed"].append(float("error" in found))
-            own["false"].append(int((~hit).sum()))
-            own["missed"].append(len(truth["frequencies_hz"]) - int(hit.sum()))
-            own["exact"].append(float(hit.all() and hit.sum() == len(truth["frequencies_hz"])))
-            f, z = np.array(found["frequencies_hz"]), np.array(found["damping_ratios"])
-            own["f"] += list(f[hit] / truth["frequencies_hz"][pairs[hit]] - 1.0)
-            own["z"] += list(z[hit] / truth["damping_ratios"][pairs[hit]] - 1.0)
+            tallies[name].add(found, truth)
     print(f"{len(files)} records, {true_modes} true modes")
     print("| method | false | missed | all six and no other | frequency | damping | failed |")
     print("|---|---|---|---|---|---|---|")
-    for name, own in counts.items():
-        print(
-            f"| {name} | {sum(own['false'])} | {sum(own['missed'])} | {sum(own['exact']):.0f} | "
-            f"{100 * np.sqrt(np.mean(np.square(own['f']))):.2f} % | "
-            f"{100 * np.median(np.abs(own['z'])):.0f} % | {sum(own['failed']):.0f} |"
-        )
+    for name, tally in tallies.items():
+        print(f"| {name} | {tally.cells()} |")
 
 
 def main() -> None:
