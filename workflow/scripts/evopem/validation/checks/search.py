@@ -129,9 +129,9 @@ def repeatability(diagnostics: SearchDiagnostics, measured: Calibration = POLYNO
         return Check(
             name,
             True,
-            f"Certified: {confirming} of {restarts} reached the same minimum. Of {measured.certified} such"
-            f" searches of test problems {measured.wrong} missed a lower minimum (at most"
-            f" {rate:.2g} % with 95 % confidence).",
+            f"Certified: {confirming} of {restarts} reached the same minimum. Of"
+            f" {measured.certified} such searches of test problems {measured.wrong or 'none'} missed"
+            f" a lower minimum (at most {rate:.2g} % with 95 % confidence).",
             "",
         )
     reached = f"{confirming if confirming else 'None'} of {restarts} reached the lowest minimum"
