@@ -130,8 +130,8 @@ def repeatability(diagnostics: SearchDiagnostics, measured: Calibration = POLYNO
             name,
             True,
             f"Certified: {confirming} of {restarts} reached the same minimum. Of"
-            f" {measured.certified} such searches of test problems {measured.wrong or 'none'} missed"
-            f" a lower minimum (at most {rate:.2g} % with 95 % confidence).",
+            f" {measured.certified} such searches of test problems {measured.wrong or 'none'}"
+            f" missed a lower minimum (at most {rate:.2g} % with 95 % confidence).",
             "",
         )
     reached = f"{confirming if confirming else 'None'} of {restarts} reached the lowest minimum"
