@@ -54,6 +54,8 @@ OPTIMA = (
 LARGEST_RADIUS = 0.9999
 # Distance within which a pole of an estimate is that of a true mode.
 SAME_POLE = 0.1
+# Estimates that are descended from where coverage is counted.
+COVERAGE_WIDTH = 2
 
 
 def truth(nu: int, ny: int, modes: int, form: str, seed: int = 0) -> StateSpaceModel:
@@ -302,7 +304,9 @@ def coverage(records: int) -> None:
             counted = CoveredIntervals()
             for seed in range(records):
                 u, y = recorded(true, 1000, 0.2, 100 + seed, colour)
-                scores = sweep_state_space_orders(u, y, [true.order], RATE, form=form, folds=False)
+                scores = sweep_state_space_orders(
+                    u, y, [true.order], RATE, form=form, folds=False, width=COVERAGE_WIDTH
+                )
                 modes_found = scores.estimates[0].model.modes()
                 counted.begin_record()
                 for each in true.modes():

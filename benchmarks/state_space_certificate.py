@@ -197,9 +197,11 @@ def main() -> None:
     rows = read(arguments.file)
     done = {row["index"] for row in rows}
     with threadpool_limits(limits=1):
-        for index in range(arguments.problems):
-            if index not in done:
-                rows.append(run(case_of(index)))
+        cases = [case_of(index) for index in range(arguments.problems)]
+        # Short records first: they take the least time.
+        for case in sorted(cases, key=lambda case: case.samples):
+            if case.index not in done:
+                rows.append(run(case))
                 with arguments.file.open("a") as sink:
                     sink.write(json.dumps(rows[-1]) + "\n")
     print_table(rows)
