@@ -34,12 +34,14 @@ from covered_intervals import CoveredIntervals  # noqa: E402
 
 from evopem.estimation.state_space.delays import estimate_delays  # noqa: E402
 from evopem.estimation.state_space.estimate import (  # noqa: E402
-    StateSpaceSettings,
     estimate_state_space,
-    prediction_errors,
-    simulation_errors,
     sweep_state_space_orders,
 )
+from evopem.estimation.state_space.held_out import (  # noqa: E402
+    prediction_errors,
+    simulation_errors,
+)
+from evopem.estimation.state_space.settings import StateSpaceSettings  # noqa: E402
 from evopem.models.state_space import StateSpaceModel  # noqa: E402
 
 RATE = 100.0

@@ -34,19 +34,16 @@ from evopem import SearchSettings  # noqa: E402
 from evopem.config.state_space_settings import VARIANTS  # noqa: E402
 from evopem.estimation.search.certificate import is_certified  # noqa: E402
 from evopem.estimation.search.memetic import memetic_search  # noqa: E402
-from evopem.estimation.state_space.errors import (  # noqa: E402
-    StateSpaceErrors,
-    state_space_record,
-)
 from evopem.estimation.state_space.estimate import (  # noqa: E402
-    MOST_EVALUATIONS,
     StateSpaceEstimate,
-    StateSpaceSettings,
     descend_from,
     estimate_state_space,
     sweep_state_space_orders,
 )
+from evopem.estimation.state_space.prepared import prepared_records, problem_of  # noqa: E402
 from evopem.estimation.state_space.problem import StateSpaceProblem  # noqa: E402
+from evopem.estimation.state_space.search import MOST_EVALUATIONS  # noqa: E402
+from evopem.estimation.state_space.settings import StateSpaceSettings  # noqa: E402
 from evopem.models.state_space import StateSpaceModel  # noqa: E402
 
 CHANNELS = ((2, 2), (1, 3))
@@ -130,19 +127,17 @@ def run(case: Case) -> Row:
 
 def from_random_points(u: np.ndarray, y: np.ndarray, case: Case, certified: bool) -> float:
     """The lowest value of many restarts, none of which has estimates to begin with."""
-    record = state_space_record([u], [y], (1,) * case.inputs, True)
-    errors = StateSpaceErrors(
-        record, case.order, case.form, FORMS[case.form], StateSpaceSettings().max_root_radius
-    )
-    search = StateSpaceProblem(errors, np.empty((0, errors.dimension)))
+    settings = StateSpaceSettings(weighting=FORMS[case.form])
+    errors = problem_of(prepared_records(u, y, 1, True), case.order, case.form, settings)
+    search = StateSpaceProblem(errors)
     factor = REFERENCE_FACTOR if certified else UNCERTIFIED_FACTOR
-    settings = SearchSettings(
+    sizes = SearchSettings(
         mu=8, lambda_=16, nu=6, refine="random", evaluations=factor * MOST_EVALUATIONS
     )
     # No restart can agree with a value of 0: the search spends all its evaluations.
     found = memetic_search(
         search,
-        settings,
+        sizes,
         np.random.default_rng([case.index, 2]),
         known_minimum=0.0,
         recombine=search.recombine,

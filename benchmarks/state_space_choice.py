@@ -169,7 +169,7 @@ def search_record(folder: Path, name: str, made: dict[str, np.ndarray]) -> None:
         searched_orders,
     )
     from evopem.config.state_space_settings import VARIANTS
-    from evopem.estimation.state_space.estimate import StateSpaceSettings
+    from evopem.estimation.state_space.settings import StateSpaceSettings
     from evopem.pipeline.multichannel import variants_of
     from evopem.validation.multichannel import mean_errors
 

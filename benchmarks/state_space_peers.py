@@ -77,7 +77,7 @@ def save_model(file: Path, method: str, model, seconds: float) -> None:  # type:
 
 def scores_of(file: Path, method: str) -> tuple[float, float, float, float]:
     """Errors of simulation, of the noise-free output and one step ahead, percent; seconds."""
-    from evopem.estimation.state_space.estimate import prediction_errors, simulation_errors
+    from evopem.estimation.state_space.held_out import prediction_errors, simulation_errors
     from evopem.models.state_space import StateSpaceModel
 
     found = loadmat(file)

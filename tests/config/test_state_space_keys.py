@@ -125,7 +125,8 @@ def test_complete_keys_come_back(tmp_path):
         "input: [1, u2]\n    output: [acc, 5]\n    output_unit: [m, s]\n    time: 4\n"
         "    validation_file: b.csv\n    resample: 20\n    form: output_error\n"
         "    weighting: power\n    delay: {nk: [1, 3]}\n    orders: {nx: [2, 8]}\n"
-        "    purpose: prediction\n    search: {seed: 3, evaluations: 50}" + GEOMETRY
+        "    purpose: prediction\n    search: {seed: 3, evaluations: 50, objective: absolute}"
+        + GEOMETRY
     )
     file = tmp_path / "config.yaml"
     file.write_text(state_space_yaml(found))
@@ -167,9 +168,9 @@ def test_complete_keys_come_back(tmp_path):
         ("output: [2, 3]\n    orders: {nx: [4, 2]}", "datasets.a.orders.nx", "above the upper one"),
         ("output: [2, 3]\n    search: {mu: 3}", "datasets.a.search.mu", "no such key"),
         (
-            "output: [2, 3]\n    search: {objective: absolute}",
-            "datasets.a.search.objective",
-            "quadratic",
+            "output: [2, 3]\n    weighting: determinant\n    search: {objective: absolute}",
+            "datasets.a.weighting",
+            "no covariance",
         ),
         ("output: [2, 3]\n    input: none\n    delay: {nk: 1}", "datasets.a.delay", "no input"),
         (

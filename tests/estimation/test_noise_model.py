@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from evopem.estimation.state_space.estimate import (
-    StateSpaceSettings,
     descend_from,
     estimate_state_space,
     estimates_of_orders,
 )
 from evopem.estimation.state_space.noise_model import noise_model, plant_of, side_by_side
+from evopem.estimation.state_space.settings import StateSpaceSettings
 
 N = 700
 SETTINGS = StateSpaceSettings(evaluations=0)

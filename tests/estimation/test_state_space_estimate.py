@@ -18,13 +18,8 @@ from evopem.estimation.state_space.errors import (
     StateSpaceErrors,
     state_space_record,
 )
-from evopem.estimation.state_space.estimate import (
-    StateSpaceSettings,
-    continued_errors,
-    estimate_state_space,
-    simulation_errors,
-    sweep_state_space_orders,
-)
+from evopem.estimation.state_space.estimate import estimate_state_space, sweep_state_space_orders
+from evopem.estimation.state_space.held_out import continued_errors, simulation_errors
 from evopem.estimation.state_space.levenberg_marquardt import descend
 from evopem.estimation.state_space.noise_colour import autoregression_of
 from evopem.estimation.state_space.problem import converted
@@ -38,6 +33,7 @@ from evopem.estimation.state_space.sections import (
     sections_of,
     state_matrix,
 )
+from evopem.estimation.state_space.settings import StateSpaceSettings
 from evopem.estimation.state_space.starting_points import from_poles, random_poles
 from evopem.models.state_space import StateSpaceModel
 
@@ -230,7 +226,7 @@ def test_the_covariance_is_that_of_a_numerical_jacobian(form):
     point = descend(errors, from_poles(errors, truth.predictor_poles()), 300, 1e-13).point
     found = errors.projection(point)
     model = model_of(errors, found, RATE, (0,), (), ())
-    covariance = parameter_covariance(errors, found)
+    covariance = parameter_covariance(errors, found, errors.weights(found.covariance))
     state = np.zeros(2)
 
     def of(p):

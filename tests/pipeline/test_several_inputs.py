@@ -22,6 +22,9 @@ from evopem.validation.multichannel import MultichannelValidation
 SCHEMA_PATH = Path(__file__).parents[2] / "workflow" / "schemas" / "config.schema.yaml"
 A = np.array([1.0, -1.5, 0.8])
 SAMPLES = 700
+# Frequency in Hz at 10 Hz, and damping ratio, of the poles of A.
+POLE = np.log(np.roots(A)[0])
+TRUTH = (10.0 * abs(POLE) / (2.0 * np.pi), -POLE.real / abs(POLE))
 
 
 def signals():
@@ -34,9 +37,9 @@ def signals():
     return pd.DataFrame({"hot": u[:, 0], "cold": u[:, 1], "y": 3.0 + clean + scale * noise}), scale
 
 
-def identified(path, monkeypatch, keys, samples=SAMPLES, with_report=True):
+def identified(path, monkeypatch, keys, samples=SAMPLES, with_report=True, table=None):
     monkeypatch.chdir(path)
-    signals()[0][:samples].to_csv("mixer.csv", index=False)
+    (signals()[0] if table is None else table)[:samples].to_csv("mixer.csv", index=False)
     dataset = {"file": "mixer.csv", "sampling_rate": 10, "input": ["hot", "cold"], "output": "y"}
     dataset |= {"search": {"evaluations": 50}} | keys
     settings = complete({"datasets": {"mixer": dataset}}, SCHEMA_PATH).datasets["mixer"]
@@ -120,3 +123,19 @@ def test_a_record_that_is_too_short_is_refused_in_one_sentence(tmp_path, monkeyp
     with pytest.raises(InputError, match=r"too few for joint order 40 with 2 inputs") as caught:
         identified(tmp_path, monkeypatch, {"structure": "bj", "orders": {"joint": 40}})
     assert "datasets.mixer.orders.joint" in str(caught.value)
+
+
+@pytest.mark.parametrize("keys", [{"structure": "armax"}, {"form": "output_error"}], ids=str)
+def test_the_absolute_objective_bears_outliers(tmp_path, monkeypatch, keys):
+    table = signals()[0]
+    hits = np.random.default_rng(1).random(SAMPLES) < 0.03
+    table["y"] += np.where(hits, 40.0, 0.0)
+    orders = {"joint": 2} if "structure" in keys else {"nx": 2}
+    keys = keys | {"orders": orders, "search": {"objective": "absolute", "evaluations": 50}}
+    files = identified(tmp_path, monkeypatch, keys, table=table)
+    record = load(MultichannelModelRecord, files.model)
+    assert record.settings.objective == "absolute"
+    nearest = min(record.plant.modes(), key=lambda mode: abs(mode.damping_ratio - TRUTH[1]))
+    assert nearest.frequency_hz == pytest.approx(TRUTH[0], rel=0.02)
+    assert nearest.damping_ratio == pytest.approx(TRUTH[1], rel=0.15)
+    assert "mean absolute ones" in Path(files.report).read_text(encoding="utf-8")

@@ -21,10 +21,10 @@ if TYPE_CHECKING:
     from evopem.estimation.state_space.delays import estimate_delays
     from evopem.estimation.state_space.estimate import (
         StateSpaceEstimate,
-        StateSpaceSettings,
         estimate_state_space,
         sweep_state_space_orders,
     )
+    from evopem.estimation.state_space.settings import StateSpaceSettings
     from evopem.estimation.structured_estimate import estimate
     from evopem.models.multi_input import MultiInputModel, MultiInputOrders
     from evopem.models.polynomial import PolynomialModel
@@ -80,7 +80,7 @@ _HOMES = {
     "SearchSettings": "evopem.config.settings",
     "StateSpaceEstimate": "evopem.estimation.state_space.estimate",
     "StateSpaceModel": "evopem.models.state_space",
-    "StateSpaceSettings": "evopem.estimation.state_space.estimate",
+    "StateSpaceSettings": "evopem.estimation.state_space.settings",
     "estimate": "evopem.estimation.structured_estimate",
     "identify": "evopem.notebook.identify",
     "read_results": "evopem.notebook.identify",

@@ -30,8 +30,8 @@ from evopem.estimation.multi_input.estimate import (
     reduced_orders,
     refitted_multi_input,
 )
-from evopem.estimation.state_space.estimate import StateSpaceSettings
 from evopem.estimation.state_space.order_models import OrderModel, OrderModels
+from evopem.estimation.state_space.settings import StateSpaceSettings
 from evopem.models.multi_input import MultiInputModel
 from evopem.signals.multichannel import MultichannelRecording
 
@@ -116,10 +116,11 @@ def search_structure(
             estimate.model,
             [part.inputs for part in parts],
             [part.outputs for part in parts],
-            search.max_root_radius,
+            search,
         ).state_space()
 
-    return scored_search(estimation, variant, estimates, refit_of, log), models
+    found = scored_search(estimation, variant, estimates, refit_of, settings.objective, log)
+    return found, models
 
 
 def estimate_structure(
@@ -175,6 +176,7 @@ def _named(model: MultiInputModel, estimation: MultichannelRecording) -> MultiIn
 def _search_settings(settings: StateSpaceSettings) -> SearchSettings:
     return replace(
         SETTINGS,
+        objective=settings.objective,
         seed=settings.seed,
         max_root_radius=settings.max_root_radius,
         evaluations=SETTINGS.evaluations if settings.evaluations is None else settings.evaluations,

@@ -22,7 +22,8 @@ from evopem.automatic.preparation import (
     power_edge,
     smoothed,
 )
-from evopem.estimation.state_space.estimate import StateSpaceSettings, sweep_state_space_orders
+from evopem.estimation.state_space.estimate import sweep_state_space_orders
+from evopem.estimation.state_space.settings import StateSpaceSettings
 from evopem.signals.multichannel import MultichannelRecording
 from evopem.signals.multichannel_preparation import MultichannelData
 from evopem.signals.stretches import Stretch

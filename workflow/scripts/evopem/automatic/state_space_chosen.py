@@ -15,12 +15,9 @@ from evopem.automatic.state_space_search import (
 )
 from evopem.config.state_space_settings import is_polynomial
 from evopem.estimation.multi_input.estimate import MultiInputEstimate
-from evopem.estimation.state_space.estimate import (
-    StateSpaceEstimate,
-    StateSpaceSettings,
-    estimate_state_space,
-)
+from evopem.estimation.state_space.estimate import StateSpaceEstimate, estimate_state_space
 from evopem.estimation.state_space.noise_model import noise_model, side_by_side
+from evopem.estimation.state_space.settings import StateSpaceSettings
 from evopem.models.multi_input import MultiInputModel
 from evopem.models.state_space import Form, StateSpaceModel
 from evopem.signals.multichannel import MultichannelRecording

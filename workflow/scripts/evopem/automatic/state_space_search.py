@@ -19,18 +19,17 @@ from evopem.config.state_space_settings import ModelForm, OutputWeighting, varia
 from evopem.errors import InputError
 from evopem.estimation.state_space.delays import estimate_delays
 from evopem.estimation.state_space.estimate import (
-    FINAL_WIDTH,
     StateSpaceEstimate,
-    StateSpaceSettings,
-    continued_errors,
     descend_from,
     estimates_of_orders,
-    prediction_errors,
     refitted,
 )
+from evopem.estimation.state_space.held_out import continued_errors, prediction_errors
 from evopem.estimation.state_space.noise_model import RISES, WIDTH, noise_model, side_by_side
 from evopem.estimation.state_space.order_models import OrderModel, OrderModels
 from evopem.estimation.state_space.problem import STEPS
+from evopem.estimation.state_space.search import FINAL_WIDTH
+from evopem.estimation.state_space.settings import Objective, StateSpaceSettings
 from evopem.models.state_space import Form, StateSpaceModel
 from evopem.signals.multichannel import MultichannelRecording
 
@@ -414,7 +413,7 @@ def _scored(
             steps=_steps(estimation),
         )
 
-    return scored_search(estimation, variant, estimates, refit_of, log)
+    return scored_search(estimation, variant, estimates, refit_of, settings.objective, log)
 
 
 def scored_search(
@@ -422,6 +421,7 @@ def scored_search(
     variant: Variant,
     estimates: Mapping[int, Estimate],
     refit_of: Callable[[Estimate], Refit],
+    objective: Objective,
     log: Log | None,
 ) -> VariantSearch:
     """The search of a variant, with errors on held-out samples up to the lowest BIC.
@@ -434,6 +434,8 @@ def scored_search(
         Of all samples, by order.
     refit_of : callable
         How an estimate is fitted to other samples.
+    objective : {"quadratic", "absolute"}
+        Of the errors on held-out samples.
     log : callable, optional
     """
     if not estimates:
@@ -443,7 +445,7 @@ def scored_search(
     refits = [refit_of(estimates[order]) for order in orders]
     of_designs = []
     for count in _designs(estimation):
-        of_designs.append(_errors_of_folds(estimation, count, refits))
+        of_designs.append(_errors_of_folds(estimation, count, refits, objective))
         if log is not None:
             log(f"{variant.name}: {count} folds")
     scores = _without_worst_fold(np.concatenate(of_designs))
@@ -486,6 +488,7 @@ def _errors_of_folds(
     estimation: MultichannelRecording,
     count: int,
     refits: Sequence[Refit],
+    objective: Objective,
 ) -> Array:
     """Errors of each model on each fold of a design, (folds, 3, models), mean over the outputs.
 
@@ -505,7 +508,7 @@ def _errors_of_folds(
                 fitted = refit(parts)
             except ValueError:
                 continue
-            errors = _held_out_errors(fitted, estimation, first, stop)
+            errors = _held_out_errors(fitted, estimation, first, stop, objective)
             relative[fold, :, place] = np.minimum(errors, LARGEST_ERROR).mean(axis=-1)
     return relative
 
@@ -523,16 +526,22 @@ def _without_worst_fold(errors: Array) -> Array:
 
 
 def _held_out_errors(
-    model: StateSpaceModel, estimation: MultichannelRecording, first: int, stop: int
+    model: StateSpaceModel,
+    estimation: MultichannelRecording,
+    first: int,
+    stop: int,
+    objective: Objective,
 ) -> Array:
     """Errors of simulations with the model's level and a free one, and of predictions, (3, ny)."""
     held = estimation.between(first, stop)
     with np.errstate(all="ignore"):
-        predicted = prediction_errors(model, held.inputs, held.outputs)
+        predicted = prediction_errors(model, held.inputs, held.outputs, objective)
     if not estimation.has_input:
         unknown = np.full(len(predicted), np.nan)
         return np.array([unknown, unknown, predicted])
-    simulated = continued_errors(model, estimation.inputs, estimation.outputs, slice(first, stop))
+    simulated = continued_errors(
+        model, estimation.inputs, estimation.outputs, slice(first, stop), objective
+    )
     return np.array([*simulated, predicted])
 
 

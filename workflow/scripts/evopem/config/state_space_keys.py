@@ -108,6 +108,7 @@ def complete_state_space(
         own = {key: own[key] for key in own if key not in _STATE_SPACE_ONLY}
     for group in ("split", "delay", "orders", "search"):
         own[group] = {**defaults.get(group, {}), **written.get(group, {})}
+    _check_weighting(own, source, place)
     _check_split(own, written, source, place)
     check_file_paths(own, source, place)
     if "time" in own and "sampling_rate" in own:
@@ -139,7 +140,7 @@ def state_space_settings(name: str, keys: Keys) -> StateSpaceDataset:
         output_units=_units(keys.get("output_unit", "")),
         **{key: keys[key] for key in _COLUMN_KEYS if key in keys},
     )
-    search = {key: keys["search"][key] for key in _SEARCH_KEYS[:3] if key in keys["search"]}
+    search = {key: keys["search"][key] for key in _SEARCH_KEYS if key in keys["search"]}
     resample = keys.get("resample", "none")
     given = {key: keys[key] for key in ("structure", *_STATE_SPACE_ONLY) if key in keys}
     geometry = keys.get("geometry")
@@ -283,13 +284,6 @@ def _check_keys(written: Keys, structure: str | None, source: str, place: str) -
                 f"remove it, or give one of {', '.join(names)}",
                 f"{place}.{path}",
             )
-    if written.get("search", {}).get("objective", "quadratic") != "quadratic":
-        raise InputError(
-            source,
-            "models of several channels have quadratic objectives only",
-            "remove the key, or write quadratic",
-            f"{place}.search.objective",
-        )
     for group, name in (("orders", "nx"), ("orders", "joint"), ("delay", "nk")):
         limits = _range(written.get(group, {}).get(name))
         if limits and limits[0] > limits[1]:
@@ -299,6 +293,18 @@ def _check_keys(written: Keys, structure: str | None, source: str, place: str) -
                 f"write [{limits[1]}, {limits[0]}]",
                 f"{place}.{group}.{name}",
             )
+
+
+def _check_weighting(own: Keys, source: str, place: str) -> None:
+    """Refuse the determinant of absolute errors."""
+    absolute = own["search"].get("objective") == "absolute"
+    if absolute and own.get("weighting") == "determinant":
+        raise InputError(
+            source,
+            "absolute errors have no covariance whose determinant could be taken",
+            "write weighting: noise or power, or search.objective: quadratic",
+            f"{place}.weighting",
+        )
 
 
 def _described(structure: str | None) -> str:

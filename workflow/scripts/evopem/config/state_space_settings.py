@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
-from evopem.config.settings import Purpose, Range, SplitSettings
+from evopem.config.settings import Objective, Purpose, Range, SplitSettings
 from evopem.config.structures import STRUCTURES
 
 Reference = int | str
@@ -124,11 +124,14 @@ class StateSpaceSearchSettings:
         size of the problem where it is None.
     max_root_radius : float
         Largest radius of the eigenvalues of A and of ``A - K C``.
+    objective : {"quadratic", "absolute"}
+        ``absolute``: sums of absolute errors, robust to outliers.
     """
 
     seed: int = 1
     evaluations: int | None = None
     max_root_radius: float = 0.9999
+    objective: Objective = "quadratic"
 
 
 @dataclass(frozen=True)
@@ -202,6 +205,9 @@ VARIANTS = (
 """Forms of state-space models with their weightings of the outputs that are searched where nothing
 is given."""
 
+OF_ABSOLUTE_ERRORS = "noise"
+"""Weighting of the outputs by absolute errors, of which no determinant can be taken."""
+
 ONE_OUTPUT = "determinant"
 """Weighting of polynomial models: of one output there is nothing to weigh."""
 
@@ -242,6 +248,9 @@ def searched_variants(dataset: StateSpaceDataset) -> tuple[tuple[str, str], ...]
     >>> choices = StateSpaceChoices(weighting="power")
     >>> searched_variants(StateSpaceDataset("a", source, choices=choices))
     (('innovations', 'power'), ('output_error', 'power'), ('box_jenkins', 'power'))
+    >>> search = StateSpaceSearchSettings(objective="absolute")
+    >>> searched_variants(StateSpaceDataset("a", source, search=search))
+    (('innovations', 'noise'), ('output_error', 'noise'), ('box_jenkins', 'noise'))
     >>> source = StateSpaceSource("a.csv", ChannelLists((1, 2), (3,)))
     >>> [form for form, _ in searched_variants(StateSpaceDataset("a", source))]
     ['innovations', 'output_error', 'box_jenkins', 'arx', 'armax', 'oe', 'bj']
@@ -253,6 +262,8 @@ def searched_variants(dataset: StateSpaceDataset) -> tuple[tuple[str, str], ...]
     if not channels.inputs:
         forms = ["innovations"]
     built_in = dict(VARIANTS)
+    if dataset.search.objective == "absolute":
+        built_in = dict.fromkeys(built_in, OF_ABSOLUTE_ERRORS)
     variants = tuple((form, choices.weighting or built_in[form]) for form in forms)
     undecided = (choices.structure, choices.form, choices.weighting) == (None, None, None)
     if undecided and channels.inputs and has_one_output(channels):

@@ -43,9 +43,9 @@ from evopem.config.state_space_settings import (
     searched_variants,
 )
 from evopem.errors import InputError
-from evopem.estimation.state_space.estimate import StateSpaceSettings
 from evopem.estimation.state_space.model_record import MultichannelModelRecord
 from evopem.estimation.state_space.order_models import OrderModel, OrderModels
+from evopem.estimation.state_space.settings import StateSpaceSettings
 from evopem.files.atomic import write_table, write_text
 from evopem.files.checksums import delete_results
 from evopem.files.json_form import load, save
@@ -436,6 +436,7 @@ def _settings(search: StateSpaceSearchSettings, variant: Variant) -> StateSpaceS
         max_root_radius=search.max_root_radius,
         seed=search.seed,
         evaluations=search.evaluations,
+        objective=search.objective,
     )
 
 

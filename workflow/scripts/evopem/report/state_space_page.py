@@ -327,6 +327,7 @@ def _provenance(results: MultichannelResults, commit: str) -> list[tuple[str, st
         ("Size", f"{count(file.bytes)} bytes"),
         ("Format", file.format),
         *([("Sampling rate", f"of the time stamps “{time}”, told by name")] if time else []),
+        ("Objective of the search", model.settings.objective),
         ("Seed of the search", str(model.settings.seed)),
         ("Objective evaluations of the last search", count(model.search.evaluations)),
         ("Commit of the workflow", commit),

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.estimation.multi_input.errors import MultiInputErrors
+from evopem.estimation.pem.covariance import density_at_zero
 from evopem.estimation.state_space.noise_colour import coloured_autocovariances
 from evopem.models.parameter_covariance import ParameterCovariance
 
@@ -18,19 +19,32 @@ UNDETERMINED = 1e-14
 
 def parameter_covariance(
     errors: MultiInputErrors, point: Array, residuals: Array
-) -> ParameterCovariance:
+) -> ParameterCovariance | None:
     """Covariance of ``[a, b_1 ... b_m, c, d, f_1 ... f_m, level]`` in the units of the record.
 
     ``H^-1 S H^-1`` with ``H = J'J``, states estimated along.  With a noise model the residuals are
     white and ``S = variance H``.  Without one they need not be: S then takes their
-    autocovariances, independent of the inputs (Ljung 1999, eq. 9.42).
+    autocovariances, independent of the inputs (Ljung 1999, eq. 9.42).  Of the absolute objective
+    the signs of the residuals over twice their density at zero take the place of the residuals
+    (Bassett & Koenker 1978).
 
     Parameters
     ----------
     errors : MultiInputErrors
     point : (n,) array
     residuals : (samples,) array
+
+    Returns
+    -------
+    ParameterCovariance or None
+        None where the density at zero cannot be estimated.
     """
+    scores = residuals
+    if errors.objective == "absolute":
+        density = density_at_zero(residuals, errors.dimension)
+        if not density > 0.0:
+            return None
+        scores = np.sign(residuals) / (2.0 * density)
     columns = errors.jacobian(point)
     size = np.linalg.norm(columns, axis=0)
     size[size == 0.0] = 1.0
@@ -38,7 +52,7 @@ def parameter_covariance(
     values, vectors = np.linalg.eigh(columns.T @ columns)
     kept = values > UNDETERMINED * values[-1]
     inverse = vectors[:, kept] / values[kept]
-    middle = inverse.T @ _score_covariance(errors, columns, residuals) @ inverse
+    middle = inverse.T @ _score_covariance(errors, columns, scores) @ inverse
     square, turned = np.linalg.eigh(0.5 * (middle + middle.T))
     mapping = _mapping(errors) / size
     root = turned * np.sqrt(np.maximum(square, 0.0))

@@ -11,14 +11,16 @@ The residuals are linear in B_i, level and states.  Signals are scaled.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from evopem.estimation.absolute_descent import Places, Weighing, linear_coefficients
 from evopem.models.multi_input import MultiInputModel, MultiInputOrders
 from evopem.models.polynomials import max_root_radius, reflect_into_disc
 
@@ -90,12 +92,23 @@ class MultiInputErrors:
     orders : MultiInputOrders
     radius : float
         Largest radius of roots of A, C, D and F_i.
+    objective : {"quadratic", "absolute"}
     """
 
-    def __init__(self, record: MultiInputRecord, orders: MultiInputOrders, radius: float) -> None:
+    weighing: Weighing = "noise"
+    """Of one output there is nothing to weigh."""
+
+    def __init__(
+        self,
+        record: MultiInputRecord,
+        orders: MultiInputOrders,
+        radius: float,
+        objective: str = "quadratic",
+    ) -> None:
         if orders.first_residual > record.start:
             raise ValueError(f"{orders} has no residuals before sample {orders.first_residual}")
         self.record, self.orders, self.radius = record, orders, radius
+        self.objective = objective
         self._own = 1 + sum(orders.nf) + orders.noise_states
 
     @property
@@ -110,7 +123,7 @@ class MultiInputErrors:
 
     def of_orders(self, orders: MultiInputOrders) -> MultiInputErrors:
         """The problem of other orders on the same samples."""
-        return MultiInputErrors(self.record, orders, self.radius)
+        return MultiInputErrors(self.record, orders, self.radius, self.objective)
 
     @property
     def linear(self) -> NDArray[np.bool_]:
@@ -129,15 +142,52 @@ class MultiInputErrors:
             )
 
     def value(self, point: Array) -> float:
-        """``100 sum e^2 / sum y^2`` in percent; infinite where the point is not feasible."""
+        """The objective in percent; infinite where the point is not feasible."""
         if not self.feasible(point):
             return float("inf")
         return self.percent(self.residuals(point))
 
     def percent(self, residuals: Array) -> float:
-        """``100 sum e^2 / sum y^2``; the scaled output has unit mean square."""
-        square = float(residuals @ residuals)
-        return 100.0 * square / self.record.samples if np.isfinite(square) else float("inf")
+        """``100 sum e^2 / sum y^2``, or ``100 sum |e| / sum |y|``, y less its mean."""
+        if self.objective == "absolute":
+            total = float(np.sum(np.abs(residuals))) / self.mean_absolute
+        else:
+            total = float(residuals @ residuals)  # the scaled output has unit mean square
+        return 100.0 * total / self.record.samples if np.isfinite(total) else float("inf")
+
+    def log_loss(self, value: float) -> float:
+        """Minus twice the log-likelihood of a residual, but for a constant, from the objective.
+
+        Of normal residuals, or of Laplace's distribution for the absolute objective.
+        """
+        scale = self.record.output_scale
+        if self.objective == "absolute":
+            variance = (value / 100.0 * self.mean_absolute * scale) ** 2
+        else:
+            variance = value / 100.0 * scale**2
+        return float(np.log(variance)) if variance > 0.0 else -np.inf
+
+    @cached_property
+    def mean_absolute(self) -> float:
+        """Mean absolute value of the scaled output."""
+        start = self.record.start
+        return float(np.mean(np.abs(np.concatenate([y[start:] for y in self.record.outputs]))))
+
+    def errors(self, point: Array) -> Array:
+        """The residuals of an absolute descent, (samples, 1), over the mean absolute output."""
+        return self.residuals(point)[:, None] / self.mean_absolute
+
+    def jacobians(self, point: Array) -> Iterator[tuple[Array, Places]]:
+        """Derivatives of these errors, by all entries of a point."""
+        yield self.jacobian(point) / self.mean_absolute, slice(None)
+
+    def moved(self, point: Array, step: Array) -> Array:
+        """The point after a step, with roots beyond the radius drawn in."""
+        return self.repaired(point + step)
+
+    def is_stable(self, point: Array) -> bool:  # noqa: ARG002
+        """Whether a descent may end at a point: at any that :meth:`moved` gives."""
+        return True
 
     def jacobian(self, point: Array) -> Array:
         """Derivatives of the residuals by a point, (samples, dimension)."""
@@ -165,7 +215,10 @@ class MultiInputErrors:
         return moved
 
     def completed(self, point: Array) -> Array:
-        """A feasible point with B_i, levels and states by least squares, given A, C, D and F_i."""
+        """A feasible point with the best B_i, levels and states, given A, C, D and F_i.
+
+        Nearly the best ones of the absolute objective.
+        """
         linear = self.linear
         found = self.repaired(np.where(linear, 0.0, point))
         columns = self.jacobian(found)[:, linear]
@@ -173,8 +226,16 @@ class MultiInputErrors:
         size[size == 0.0] = 1.0
         remainder = self.residuals(found)
         if np.isfinite(columns).all() and np.isfinite(remainder).all():
-            found[linear] = np.linalg.lstsq(columns / size, -remainder, rcond=RANK)[0] / size
+            found[linear] = self._linear(columns / size, -remainder) / size
         return found
+
+    def _linear(self, columns: Array, target: Array) -> Array:
+        if self.objective == "quadratic":
+            return np.asarray(np.linalg.lstsq(columns, target, rcond=RANK)[0])
+        left, singular, right = np.linalg.svd(columns, full_matrices=False)
+        kept = singular > RANK * singular[0]
+        along = linear_coefficients(left[:, kept], target[:, None])[:, 0]
+        return np.asarray(right[kept].T @ (along / singular[kept]))
 
     def model(self, point: Array, sampling_rate: float, noise_variance: float) -> MultiInputModel:
         """The model of a point in the units of the records; its level is their mean."""

@@ -14,7 +14,7 @@ from evopem.config.settings import SearchSettings
 from evopem.config.structures import STRUCTURES
 from evopem.estimation.criteria import lies_at_bound
 from evopem.estimation.multi_input.covariance import parameter_covariance
-from evopem.estimation.multi_input.descent import Optimum, descend
+from evopem.estimation.multi_input.descent import descend
 from evopem.estimation.multi_input.errors import (
     MultiInputErrors,
     MultiInputRecord,
@@ -30,9 +30,10 @@ from evopem.estimation.multi_input.problem import (
     descended,
     starting_points,
 )
+from evopem.estimation.pem.levenberg_marquardt import Optimum
 from evopem.estimation.search.global_search import global_search
 from evopem.estimation.search.problem import SearchDiagnostics, SearchResult
-from evopem.estimation.state_space.noise_colour import autoregression_of
+from evopem.estimation.state_space.noise_colour import autoregression_of, limited
 from evopem.models.multi_input import MultiInputModel, MultiInputOrders, multi_input_orders
 
 Array = NDArray[np.float64]
@@ -63,11 +64,13 @@ class MultiInputEstimate:
     model : MultiInputModel
         With the covariance of its coefficients and level.
     objective : float
-        ``100 sum e^2 / sum y^2`` in percent, y less its mean.
+        ``100 sum e^2 / sum y^2`` in percent, y less its mean; of the absolute objective
+        ``100 sum |e| / sum |y|``.
     fit_percent : (1,) array
         ``100 (1 - ||e|| / ||y - mean(y)||)``.
     bic : float
-        ``ln(||e||^2 / N) + n ln(N) / N``, the level among the n parameters.
+        ``ln(||e||^2 / N) + n ln(N) / N``, the level among the n parameters; of the absolute
+        objective ``2 ln(sum |e| / N)`` takes the place of the first term.
     coloured_bic : float
         The same of the innovations of an autoregression of the errors, whose coefficients are
         counted as parameters: it compares models with and without a noise model.
@@ -105,7 +108,7 @@ def estimate_multi_input(
     output_name: str = "",
     log: Log | None = None,
 ) -> MultiInputEstimate:
-    """Find the model of some orders with the smallest sum of squared one-step errors.
+    """Find the model of some orders with the smallest sum of squared, or absolute, one-step errors.
 
     Parameters
     ----------
@@ -119,7 +122,7 @@ def estimate_multi_input(
     sampling_rate : float
         Hz.
     settings : SearchSettings, optional
-        With the quadratic objective; :data:`SETTINGS` by default.  The draws come from
+        :data:`SETTINGS`, with the quadratic objective, by default.  The draws come from
         ``SeedSequence(seed, spawn_key=...)`` of the orders.
     input_names : sequence of str, optional
     output_name : str
@@ -143,13 +146,11 @@ def estimate_multi_input(
     (array([ 1. , -0.8]), [[1.0], [-0.5]])
     """
     settings = settings or SETTINGS
-    if settings.objective != "quadratic":
-        raise ValueError("models with several inputs have the quadratic objective only")
     us, ys = _records(inputs, output)
     wanted = multi_input_orders(structure, orders, us[0].shape[1])
     with threadpool_limits(limits=1, user_api="blas"):
         record = _record(us, ys, wanted, wanted.first_residual)
-        errors = MultiInputErrors(record, wanted, settings.max_root_radius)
+        errors = MultiInputErrors(record, wanted, settings.max_root_radius, settings.objective)
         found = _searched(errors, settings, log)
         estimate = _described(errors, found, sampling_rate)
     model = replace(estimate.model, input_names=tuple(input_names), output_name=output_name)
@@ -212,7 +213,7 @@ def multi_input_estimates(
     smaller: list[MultiInputModel] = []
     for order in orders:
         wanted = joint_orders(structure, order, delays)
-        errors = MultiInputErrors(record, wanted, settings.max_root_radius)
+        errors = MultiInputErrors(record, wanted, settings.max_root_radius, settings.objective)
         with threadpool_limits(limits=1, user_api="blas"):
             found = _descents(errors, smaller[-2:], settings, WIDTH)
             if not found:
@@ -228,9 +229,11 @@ def refitted_multi_input(
     model: MultiInputModel,
     inputs: Sequence[ArrayLike],
     outputs: Sequence[ArrayLike],
-    max_root_radius: float,
+    settings: SearchSettings,
 ) -> MultiInputModel:
     """The optimum of other records that a descent from a model ends at.
+
+    Of the settings the objective and the largest radius of roots are used.
 
     Raises
     ------
@@ -240,11 +243,14 @@ def refitted_multi_input(
     us, ys = _records(inputs, outputs)
     with threadpool_limits(limits=1, user_api="blas"):
         record = _record(us, ys, model.orders, model.orders.first_residual)
-        errors = MultiInputErrors(record, model.orders, max_root_radius)
+        errors = MultiInputErrors(
+            record, model.orders, settings.max_root_radius, settings.objective
+        )
         found = descend(errors, errors.point_of(model), STEPS, TOLERANCE)
         if not np.isfinite(found.value):
             raise ValueError("the descent found no finite errors")
-        return errors.model(found.point, model.sampling_rate, found.value / 100.0)
+        variance = float(np.mean(errors.residuals(found.point) ** 2))
+        return errors.model(found.point, model.sampling_rate, variance)
 
 
 def reduced_orders(
@@ -271,7 +277,7 @@ def reduced_orders(
     us, ys = _records(inputs, output)
     with threadpool_limits(limits=1, user_api="blas"):
         record = _record(us, ys, orders, orders.first_residual)
-        errors = MultiInputErrors(record, orders, settings.max_root_radius)
+        errors = MultiInputErrors(record, orders, settings.max_root_radius, settings.objective)
         found = _descents(errors, [], settings, FINAL_WIDTH)
         if not found:
             return orders
@@ -420,12 +426,8 @@ def _in_scaled_units(errors: MultiInputErrors, point: Array) -> MultiInputModel:
 
 
 def _bic(errors: MultiInputErrors, value: float) -> float:
-    record = errors.record
-    variance = value / 100.0 * record.output_scale**2
-    if not variance > 0.0:
-        return -np.inf
-    samples = record.samples
-    return float(np.log(variance) + errors.parameters * np.log(samples) / samples)
+    samples = errors.record.samples
+    return float(errors.log_loss(value) + errors.parameters * np.log(samples) / samples)
 
 
 def _described(
@@ -439,12 +441,15 @@ def _described(
     model = errors.model(result.point, sampling_rate, variance)
     model = replace(model, covariance=parameter_covariance(errors, result.point, residuals))
     value, samples = errors.percent(residuals), record.samples
-    whitened = autoregression_of(residuals[:, None] * record.output_scale, record.bounds)
+    own = residuals[:, None] * record.output_scale
+    if errors.objective == "absolute":
+        own = limited(own)
+    whitened = autoregression_of(own, record.bounds)
     parts = np.split(residuals * record.output_scale, record.bounds[1:-1])
     return MultiInputEstimate(
         model=model,
         objective=value,
-        fit_percent=np.array([100.0 - 10.0 * np.sqrt(value)]),
+        fit_percent=np.array([100.0 - 10.0 * np.sqrt(100.0 * square / samples)]),
         bic=_bic(errors, value),
         coloured_bic=float(whitened.bic + errors.parameters * np.log(samples) / samples),
         residuals=tuple(np.concatenate([np.full(record.start, np.nan), part]) for part in parts),

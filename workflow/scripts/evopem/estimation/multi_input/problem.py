@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from evopem.estimation.multi_input.descent import Optimum, descend
+from evopem.estimation.multi_input.descent import TOLERANCE, descend
 from evopem.estimation.multi_input.errors import MultiInputErrors
 from evopem.estimation.pem.batch_bfgs import Descent
+from evopem.estimation.pem.levenberg_marquardt import Optimum
 from evopem.estimation.search.root_recombination import (
     Sections,
     product_of,
@@ -36,8 +37,8 @@ Array = NDArray[np.float64]
 
 # Lags of the long ARX models whose responses are reduced.
 LONG_LAGS = (15, 40)
-# Steps and relative tolerance of a descent of the search, and of the last one.
-STEPS, TOLERANCE = 60, 1e-7
+# Steps of a descent of the search; steps and relative tolerance of the last one.
+STEPS = 60
 POLISH_STEPS, POLISH_TOLERANCE = 500, 1e-12
 # Random points of the first batch of a multistart check suffice.
 MIN_MULTISTART = 1

@@ -69,15 +69,24 @@ def initial_states(
     return drives.T - steady.T, levels
 
 
-def parameter_covariance(errors: StateSpaceErrors, found: Projection) -> ParameterCovariance:
+def parameter_covariance(
+    errors: StateSpaceErrors, found: Projection, weights: Array
+) -> ParameterCovariance:
     """Covariance of the entries of ``[A, B, C, D, K, level]``, initial states estimated along.
 
     ``H^-1 S H^-1``, where H is the Gauss-Newton Hessian and S the covariance of the gradient.  In
     innovations form the errors are white.  Those of an output-error form need not be: S then
     takes their autocovariances, independent of the inputs (Ljung 1999, eq. 9.42).  The free
     choice of the states, n directions of H, is left out.
+
+    Parameters
+    ----------
+    errors : StateSpaceErrors
+    found : Projection
+        Its errors are those of the gradient: of another objective than squares its scores.
+    weights : (ny, ny) array
+        Of the outputs.
     """
-    weights = errors.weights(found.covariance)
     hessian = _information(errors, found, weights)
     score = _score_covariance(errors, found, weights)
     scale = np.sqrt(np.diag(hessian))

@@ -15,7 +15,7 @@ those signals, whose size does not depend on the number of outputs, gives the no
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -226,29 +226,18 @@ class StateSpaceErrors:
         """The same problem for another order."""
         return StateSpaceErrors(self.record, order, self.form, self.weighting, self.radius)
 
+    def with_outputs(self, outputs: Array) -> StateSpaceErrors:
+        """The same problem for other scaled outputs, (N, ny)."""
+        record = replace(self.record, outputs=outputs)
+        return StateSpaceErrors(record, self.order, self.form, self.weighting, self.radius)
+
     def of_form(self, form: str) -> StateSpaceErrors:
         """The same problem for another form."""
         return StateSpaceErrors(self.record, self.order, form, self.weighting, self.radius)
 
     def projection(self, point: Array) -> Projection:
         """Errors with the best C, D and constants."""
-        layout = self.layout
-        sections = sections_of(layout, point)
-        responses = self.responses(sections)
-        count = layout.sections * layout.drives
-        shape = (self.record.samples, layout.sections, layout.drives)
-        p, r = responses[:, :count].reshape(shape), responses[:, count:].reshape(shape)
-        states = np.empty((self.record.samples, layout.order))
-        pairs = 2 * layout.pairs
-        first = np.einsum("tsd,sd->ts", p, sections.b1) + np.einsum("tsd,sd->ts", r, sections.b2)
-        states[:, 0:pairs:2] = first[:, : layout.pairs]
-        states[:, 1:pairs:2] = (
-            np.einsum("tsd,sd->ts", r, sections.ratio[:, None] * sections.b1)
-            + np.einsum("tsd,sd->ts", p, sections.b2)
-        )[:, : layout.pairs]
-        if layout.single:
-            states[:, -1] = first[:, -1]
-        regressors = np.column_stack([states, *self.direct])
+        sections, responses, states, regressors = self._regression(point)
         sizes = np.linalg.norm(regressors, axis=0)
         sizes[sizes == 0.0] = 1.0
         q, triangle = np.linalg.qr(regressors / sizes)
@@ -269,6 +258,36 @@ class StateSpaceErrors:
             errors,
             errors.T @ errors / len(y),
         )
+
+    def with_linear(self, point: Array, linear: Array) -> Projection:
+        """Errors with given C, D and constants, (q, ny) as those of a projection; no basis."""
+        sections, responses, states, regressors = self._regression(point)
+        errors = self.record.outputs - regressors @ linear
+        basis = np.empty((len(errors), 0))
+        covariance = errors.T @ errors / len(errors)
+        return Projection(
+            sections, responses, states, regressors, basis, linear, errors, covariance
+        )
+
+    def _regression(self, point: Array) -> tuple[Sections, Array, Array, Array]:
+        """Sections of a point, their responses, the states, and all regressors."""
+        layout = self.layout
+        sections = sections_of(layout, point)
+        responses = self.responses(sections)
+        count = layout.sections * layout.drives
+        shape = (self.record.samples, layout.sections, layout.drives)
+        p, r = responses[:, :count].reshape(shape), responses[:, count:].reshape(shape)
+        states = np.empty((self.record.samples, layout.order))
+        pairs = 2 * layout.pairs
+        first = np.einsum("tsd,sd->ts", p, sections.b1) + np.einsum("tsd,sd->ts", r, sections.b2)
+        states[:, 0:pairs:2] = first[:, : layout.pairs]
+        states[:, 1:pairs:2] = (
+            np.einsum("tsd,sd->ts", r, sections.ratio[:, None] * sections.b1)
+            + np.einsum("tsd,sd->ts", p, sections.b2)
+        )[:, : layout.pairs]
+        if layout.single:
+            states[:, -1] = first[:, -1]
+        return sections, responses, states, np.column_stack([states, *self.direct])
 
     def criterion(self, covariance: Array) -> float:
         """Criterion of the errors' covariance, (ny, ny); its unit is one for each output."""
@@ -379,6 +398,21 @@ class StateSpaceErrors:
         if layout.single:
             parts.append(p[:, -1:])
         return np.column_stack(parts)
+
+    def state_derivatives(self, found: Projection, signals: Array, c: Array) -> Array:
+        """Derivatives by the coordinates of an output whose row of C is ``c``, (N, n).
+
+        Parameters
+        ----------
+        found : Projection
+        signals : (N, signals) array
+            Of :meth:`derivative_signals`.
+        c : (order,) array
+        """
+        total = np.zeros((len(signals), self.dimension))
+        for columns, states, factors in self._terms(found.sections):
+            total += signals[:, columns] * (factors * c[states])
+        return total
 
     def contracted(self, found: Projection, gram: Array, by_state: Array) -> Array:
         """Matrix over coordinates, (n, n), of the Gram matrix of signals and one of states."""

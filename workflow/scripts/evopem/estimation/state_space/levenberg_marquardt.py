@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
+from evopem.estimation.damped_step import damped_step
 from evopem.estimation.state_space.errors import StateSpaceErrors
 from evopem.estimation.state_space.sections import inside, moved, normalised
 
@@ -77,7 +77,7 @@ def descend(
         gradient = equations.gradient / scale
         hessian = equations.hessian / np.outer(scale, scale)
         while True:
-            step = _step(hessian, gradient, damping)
+            step = damped_step(hessian, gradient, damping)
             if step is None:
                 damping, growth = damping * growth, growth * 2.0
                 if damping > LARGEST_DAMPING:
@@ -109,16 +109,3 @@ def descend(
         if small_gains >= 2:
             return ended(True)
     return ended(False)
-
-
-def _step(hessian: Array, gradient: Array, damping: float) -> Array | None:
-    """Damped Gauss-Newton step in scaled coordinates, or None where it does not exist."""
-    matrix = hessian.copy()
-    # Far below the damping, this keeps the two free directions of each section solvable.
-    matrix[np.diag_indices_from(matrix)] += damping + 1e-12
-    try:
-        factor = cho_factor(matrix, lower=True, check_finite=False)
-    except LinAlgError:
-        return None
-    step: Array = -cho_solve(factor, gradient, check_finite=False)
-    return step if np.isfinite(step).all() else None

@@ -16,6 +16,16 @@ MOST_LAGS, SHARE = 30, 0.1
 # Lags go on until the autocovariances are below this share of the variances, at most so many.
 NEGLIGIBLE, LONGEST = 1e-3, 2000
 
+# Errors beyond this many standard deviations, from the median of the absolute ones, stand out.
+LIMIT, DEVIATIONS = 3.0, 1.4826
+
+
+def limited(errors: Array) -> Array:
+    """Errors, (N, ny), with those that stand out drawn in: outliers have no colour."""
+    middle = np.median(errors, axis=0)
+    limit = LIMIT * DEVIATIONS * np.median(np.abs(errors - middle), axis=0)
+    return np.asarray(np.clip(errors, middle - limit, middle + limit))
+
 
 def sample_autocovariances(errors: Array, bounds: NDArray[np.int64], lags: int) -> Array:
     """Biased estimates of ``E e_(t+k) e_t'`` for k = 0 ... lags, (lags + 1, ny, ny)."""

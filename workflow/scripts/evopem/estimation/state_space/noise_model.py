@@ -16,10 +16,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.estimation.state_space.estimate import (
-    StateSpaceSettings,
-    estimates_of_orders,
-)
+from evopem.estimation.state_space.estimate import estimates_of_orders
+from evopem.estimation.state_space.likelihood import log_loss
+from evopem.estimation.state_space.settings import StateSpaceSettings
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.state_space import StateSpaceModel
 
@@ -56,7 +55,7 @@ def noise_model(
     ]
     residuals = [each - each.mean(axis=0) for each in residuals]
     joined = np.vstack(residuals)
-    lowest, best = float(np.linalg.slogdet(joined.T @ joined / len(joined))[1]), None
+    lowest, best = log_loss(joined, settings.objective), None
     rises = 0
     white = replace(settings, weighting="determinant")
     for estimate in estimates_of_orders(None, residuals, orders, settings=white, width=WIDTH):

@@ -8,9 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.estimation.pem.batch_bfgs import Descent
-from evopem.estimation.state_space.errors import StateSpaceErrors
+from evopem.estimation.state_space.covariance import parameter_covariance
+from evopem.estimation.state_space.errors import Projection, StateSpaceErrors
 from evopem.estimation.state_space.levenberg_marquardt import Optimum, descend
 from evopem.estimation.state_space.sections import inside, normalised
+from evopem.estimation.state_space.settings import Objective
 from evopem.estimation.state_space.starting_points import (
     extended_by,
     from_matrices,
@@ -24,6 +26,7 @@ from evopem.estimation.state_space.subspace import (
     long_arx,
     realised_poles,
 )
+from evopem.models.parameter_covariance import ParameterCovariance
 
 Array = NDArray[np.float64]
 
@@ -45,13 +48,48 @@ class StateSpaceProblem:
     Parameters
     ----------
     errors : StateSpaceErrors
-    starts : (m, n) array
-        Points that the first population is descended from.
     """
 
-    def __init__(self, errors: StateSpaceErrors, starts: Array) -> None:
+    objective: Objective = "quadratic"
+    grams = 1
+    """Gram matrices of one set of normal equations."""
+
+    def __init__(self, errors: StateSpaceErrors) -> None:
         self.errors = errors
-        self._starts: Array | None = starts
+        self._starts: Array | None = None
+
+    def start_from(self, coordinates: list[Array]) -> int:
+        """Let the first population hold these points; returns the evaluations it took."""
+        self._starts, used = self.nearest(coordinates)
+        return used
+
+    def nearest(self, coordinates: list[Array]) -> tuple[Array, int]:
+        """Points next to optima of the quadratic objective, (m, n), and the evaluations."""
+        return np.array(coordinates).reshape(-1, self.errors.dimension), 0
+
+    def lowest_of(self, optima: list[Optimum]) -> tuple[Array, float, int]:
+        """The lowest optimum next to those of the quadratic objective, its value, evaluations."""
+        return optima[0].point, self.errors.percent(optima[0].criterion), 0
+
+    def completed(self, coordinates: Array) -> Array:
+        """The point of some coordinates."""
+        return coordinates
+
+    def coordinates(self, point: Array) -> Array:
+        """The coordinates of a point."""
+        return point
+
+    def projection(self, point: Array) -> Projection:
+        """States, linear coefficients and errors of a point."""
+        return self.errors.projection(point)
+
+    def limited(self, errors: Array) -> Array:
+        """Errors, (N, ny), as their autoregression is fitted to them."""
+        return errors
+
+    def covariance(self, found: Projection) -> ParameterCovariance | None:
+        """Covariance of the entries of the model."""
+        return parameter_covariance(self.errors, found, self.errors.weights(found.covariance))
 
     @property
     def min_multistart(self) -> int:
@@ -88,11 +126,11 @@ class StateSpaceProblem:
 
     def descend(self, points: Array) -> Descent:
         """Levenberg-Marquardt from each row."""
-        return self._descents(points, STEPS, TOLERANCE)
+        return self.descents(points, STEPS, TOLERANCE)
 
     def polish(self, points: Array, coarse: bool = False) -> Descent:  # noqa: ARG002
         """Levenberg-Marquardt from each row to the last digits."""
-        return self._descents(points, POLISH_STEPS, POLISH_TOLERANCE)
+        return self.descents(points, POLISH_STEPS, POLISH_TOLERANCE)
 
     def recombine(
         self, parents: Array, count: int, generator: np.random.Generator
@@ -113,7 +151,8 @@ class StateSpaceProblem:
                 layout.single_row(child)[:] = layout.single_row(first)
         return np.array([normalised(layout, child) for child in offspring]), 0
 
-    def _descents(self, points: Array, steps: int, tolerance: float) -> Descent:
+    def descents(self, points: Array, steps: int, tolerance: float) -> Descent:
+        """Descents of at most some steps from each row."""
         optima = [descend(self.errors, point, steps, tolerance) for point in points]
         return Descent(
             points=np.array([optimum.point for optimum in optima]).reshape(points.shape),

@@ -15,6 +15,7 @@ from evopem.validation.checks.recording import MAX_SATURATED_PERCENT
 from evopem.validation.checks.residuals import (
     INDEPENDENT_OF_INPUT,
     MAX_OUTLIER_PERCENT,
+    MAX_OUTLIER_PERCENT_ABSOLUTE,
     MIN_CROSS_CORRELATION_SHARE,
     WHITE,
 )
@@ -54,7 +55,7 @@ def state_space_checks(
         *([_independence(record, validation)] if has_input else []),
         _order(record, tried),
         repeatability(record.search, STATE_SPACE if record.polynomials is None else POLYNOMIALS),
-        _outliers(validation),
+        _outliers(record, validation),
         _saturation(recording),
     ]
 
@@ -194,15 +195,20 @@ def _number_of_roots(record: MultichannelModelRecord, none: bool) -> str:
     return f"{'No' if none else 'A'} root of A, C, D or F"
 
 
-def _outliers(validation: MultichannelValidation) -> Check:
+def _outliers(record: MultichannelModelRecord, validation: MultichannelValidation) -> Check:
     worst = max(validation.outputs, key=lambda each: each.outlier_percent)
-    passed = worst.outlier_percent <= MAX_OUTLIER_PERCENT
+    absolute = record.settings.objective == "absolute"
+    bearable = MAX_OUTLIER_PERCENT_ABSOLUTE if absolute else MAX_OUTLIER_PERCENT
+    passed = worst.outlier_percent <= bearable
     return Check(
         "Few residual outliers",
         passed,
         f"At most {worst.outlier_percent:.2g} % of the residuals of an output ({worst.name}) lie"
         " beyond five robust standard deviations.",
-        "" if passed else "Inspect them in the record, and repair spikes and drop-outs.",
+        ""
+        if passed
+        else "Inspect them in the record, and repair spikes and drop-outs."
+        + ("" if absolute else " The objective “absolute” gives outliers less weight."),
     )
 
 

@@ -1,0 +1,38 @@
+"""Settings of the search for one state-space model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+Weighting = Literal["determinant", "noise", "power"]
+Objective = Literal["quadratic", "absolute"]
+
+
+@dataclass(frozen=True)
+class StateSpaceSettings:
+    """Settings of the search for one state-space model.
+
+    Attributes
+    ----------
+    weighting : {"determinant", "noise", "power"}
+        ``determinant`` of the errors' covariance (maximum likelihood for white errors), each
+        output by its own ``noise`` (the product of the variances), or by its ``power`` (the sum
+        of the relative variances).
+    max_root_radius : float
+        Largest radius of the eigenvalues of A and of ``A - K C``.
+    seed : int
+        Seed of every random draw.
+    objective : {"quadratic", "absolute"}
+        ``absolute`` is robust to outliers.  Its outputs are weighed by their ``power``, and with
+        any other weighting by their noise: the sum of the logarithms of mean absolute errors.
+    evaluations : int, optional
+        Evaluations after which no new generation starts; by default by the size of the problem.
+        0 for descents from estimates alone.
+    """
+
+    weighting: Weighting = "determinant"
+    max_root_radius: float = 0.9999
+    seed: int = 1
+    objective: Objective = "quadratic"
+    evaluations: int | None = None
