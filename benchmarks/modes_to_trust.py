@@ -32,6 +32,8 @@ ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
 
 RATE = 100.0
+# What replaces the ending of a record's file in the files of results.
+PEERS, OWN = ".peers.json", ".table.json"
 
 
 @dataclass(frozen=True)
@@ -93,7 +95,7 @@ def run_peers(folder: Path, count: int) -> None:
     from pyoma2.algorithms.data.run_params import Clustering
     from pyoma2.setup import SingleSetup
 
-    for file in unfinished(folder, count, ".peers.json"):
+    for file in unfinished(folder, count, PEERS):
         record = np.load(file)
         u, y = record["u"], record["y"]
         results = {}
@@ -128,14 +130,19 @@ def run_peers(folder: Path, count: int) -> None:
         for reach in REACHES:
             name = f"pLSCF, stable poles within {reach}"
             results[name] = stable_groups(plscf.result, reach) | {"seconds": seconds}
-        file.with_suffix(".peers.json").write_text(json.dumps(results))
+        file.with_suffix(PEERS).write_text(json.dumps(results))
         counts = {name: len(each["frequencies_hz"]) for name, each in results.items()}
         print(file.stem, counts, flush=True)
 
 
+def records_of(folder: Path) -> list[Path]:
+    """All records, in their order."""
+    return sorted(folder.glob("???.npz"))
+
+
 def unfinished(folder: Path, count: int, suffix: str) -> list[Path]:
     """Those of the first records that have no result, in their order."""
-    files = sorted(folder.glob("???.npz"))[:count]
+    files = records_of(folder)[:count]
     return [file for file in files if not file.with_suffix(suffix).exists()]
 
 
@@ -194,7 +201,7 @@ def run_own(folder: Path, count: int) -> None:
     from evopem.files.json_form import save
     from evopem.validation.mode_table import mode_table
 
-    for file in unfinished(folder, count, ".table.json"):
+    for file in unfinished(folder, count, OWN):
         record = np.load(file)
         y = record["y"]
         u = record["u"] if record["u"].shape[1] else None
@@ -212,7 +219,7 @@ def run_own(folder: Path, count: int) -> None:
         )
         table = mode_table(scores, u, y, kept)
         seconds = time.process_time() - begun
-        save(table, file.with_suffix(".table.json"))
+        save(table, file.with_suffix(OWN))
         print(
             f"{file.stem}: order {table.order}, {len(table.trusted)} of {len(table.modes)} modes "
             f"trusted, {seconds:.1f} s",
@@ -301,25 +308,31 @@ class Tally:
         )
 
 
-def print_table(folder: Path, half: str) -> None:
-    """False and missed modes of every method over the records that all have worked on."""
+def print_tables(folder: Path, half: str) -> None:
+    """Every method over the records that all have worked on, and evopem over all of its own."""
+    own = [file for file in records_of(folder) if file.with_suffix(OWN).exists()]
+    common = [file for file in own if file.with_suffix(PEERS).exists()]
+    middle = len(common) // 2
+    common = {"both": common, "first": common[:middle], "second": common[middle:]}[half]
+    if common:
+        print_table(common, with_peers=True)
+    if half == "both" and len(own) > len(common):
+        print_table(own, with_peers=False)
+
+
+def print_table(files: list[Path], with_peers: bool) -> None:
+    """False and missed modes over some records."""
     from evopem.files.json_form import load
     from evopem.validation.mode_table import ModeTable
 
     tallies: defaultdict[str, Tally] = defaultdict(Tally)
-    files = [
-        file
-        for file in sorted(folder.glob("???.npz"))
-        if file.with_suffix(".table.json").exists() and file.with_suffix(".peers.json").exists()
-    ]
-    middle = len(files) // 2
-    files = {"both": files, "first": files[:middle], "second": files[middle:]}[half]
     true_modes = 0
     for file in files:
         truth = dict(np.load(file))
         true_modes += len(truth["frequencies_hz"])
-        results = own_results(load(ModeTable, file.with_suffix(".table.json")))
-        results |= json.loads(file.with_suffix(".peers.json").read_text())
+        results = own_results(load(ModeTable, file.with_suffix(OWN)))
+        if with_peers:
+            results |= json.loads(file.with_suffix(PEERS).read_text())
         for name, found in results.items():
             tallies[name].add(found, truth)
     print(f"{len(files)} records, {true_modes} true modes")
@@ -344,7 +357,7 @@ def main() -> None:
     elif arguments.part == "own":
         run_own(arguments.folder, arguments.records)
     else:
-        print_table(arguments.folder, arguments.half)
+        print_tables(arguments.folder, arguments.half)
 
 
 if __name__ == "__main__":
