@@ -86,13 +86,11 @@ def test_a_neighbour_keeps_all_sections_but_one():
 @pytest.mark.parametrize(
     ("agreeing", "restarts", "undiscovered", "enough"),
     [
-        (3, 3, 0.03, True),
-        (3, 6, 0.03, True),
-        (3, 7, 0.03, False),
-        (2, 2, 0.03, False),
-        (4, 4, 0.031, False),
-        (5, 10, 0.031, True),
-        (9, 9, 0.51, False),
+        (5, 5, 0.05, True),
+        (5, 10, 0.05, True),
+        (5, 11, 0.05, False),
+        (4, 4, 0.05, False),
+        (9, 9, 0.06, False),
     ],
 )
 def test_enough_restarts_are_several_and_half_of_all(agreeing, restarts, undiscovered, enough):

@@ -357,6 +357,9 @@ def test_a_root_at_the_stability_bound_fails(good):
     assert check.advice
 
 
+FIVE_AGREE = {"restart_minima": (1.0,) * 5, "n_confirming": 4}
+
+
 @pytest.mark.parametrize(
     ("changes", "passed", "statement"),
     [
@@ -365,8 +368,8 @@ def test_a_root_at_the_stability_bound_fails(good):
         ({"undiscovered_probability": 0.0076}, False, "Not certified: 1 of 2 other independent"),
         ({"undiscovered_probability": 0.0075}, True, "Certified: 1 of 2 other independent"),
         ({"restart_minima": (1.0, 1.0)}, True, "1 of 1 other independent restart reached"),
-        ({"undiscovered_probability": 0.03, "n_confirming": 2}, True, "Certified: 2 of 2 other"),
-        ({"undiscovered_probability": 0.04, "n_confirming": 2}, False, "Not certified: 2 of 2"),
+        ({"undiscovered_probability": 0.05, **FIVE_AGREE}, True, "Certified: 4 of 4 other"),
+        ({"undiscovered_probability": 0.06, **FIVE_AGREE}, False, "Not certified: 4 of 4"),
     ],
 )
 def test_a_search_is_repeatable_with_a_certificate(good, changes, passed, statement):

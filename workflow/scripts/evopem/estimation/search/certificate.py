@@ -11,10 +11,12 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from evopem.estimation.search.problem import SearchDiagnostics
 
-# Independent restarts that must end at the lowest value, and be at least half of all, by the
-# largest undiscovered probability.  Where descents from random points find more optima than the
-# last of them allows, all searches may fall into one wide funnel: no number of them is evidence.
-AGREEING = ((0.03, 3), (0.1, 5))
+# Independent restarts that must end at the lowest value, and be at least half of all: batches of
+# random points alone may miss an optimum on the edge of the stability region.
+AGREEING = 5
+# Undiscovered probability above which nothing is certified.  Where descents from random points find
+# many optima, all searches may fall into one wide funnel: no number of them is evidence.
+MANY_OPTIMA = 0.05
 # Undiscovered probability at which descents from random points are evidence enough: that of 17
 # or more which all end at one optimum.
 ONE_OPTIMUM = 0.0075
@@ -65,8 +67,7 @@ def enough_agree(agreeing: int, restarts: int, undiscovered: float) -> bool:
     undiscovered : float
         Probability that a descent from a random point leads to an undiscovered optimum.
     """
-    needed = [count for largest, count in AGREEING if undiscovered <= largest]
-    return bool(needed) and agreeing >= needed[0] and 2 * agreeing >= restarts
+    return undiscovered <= MANY_OPTIMA and agreeing >= AGREEING and 2 * agreeing >= restarts
 
 
 def is_certified(found: SearchDiagnostics) -> bool:
