@@ -128,17 +128,21 @@ def test_constraints_that_are_met_change_nothing():
     assert met.constraints.active == ()
 
 
-def test_intervals_know_of_the_constraints():
-    """Given the true gain, the errors of 30 records are as large as the covariance says."""
-    truth = B[0].sum() / F[0].sum()
-    ratios = []
-    for seed in range(30):
-        given = InputConstraints(static_gain={"hot": truth})
-        found = found_with("oe", given, seed, samples=300, evaluations=0)
-        errors = found.model.covariance.standard_errors(np.eye(len(found.model.parameters)))
-        part = found.model.orders.part("f", 0)
-        ratios.append((found.model.parameters[part] - F[0][1:]) / errors[part])
-    assert 0.7 < np.mean(np.square(ratios)) < 1.4
+def test_the_covariance_is_that_of_least_squares_under_an_equality():
+    found = found_with("armax", InputConstraints(static_gain={"hot": 6.0}))
+    u, y = recorded(500, 1)
+    record = multi_input_record([u], [y], found.model.orders.first_residual)
+    errors = MultiInputErrors(record, found.model.orders, 0.9999)
+    point, o = found.search.point, found.model.orders
+    columns = errors.jacobian(point)
+    free = found.model.noise_variance / record.output_scale**2 * np.linalg.inv(columns.T @ columns)
+    normal = np.zeros(len(point))
+    normal[o.part("b", 0)] = errors.units[o.part("b", 0)]
+    normal[o.part("a")] = -6.0
+    held = free - np.outer(free @ normal, free @ normal) / (normal @ free @ normal)
+    own = found.model.covariance.standard_errors(np.eye(o.coefficients + 1))[:-1]
+    expected = np.sqrt(np.diag(held))[: o.coefficients] * errors.units[:-1]
+    assert np.allclose(own, expected, rtol=1e-4)
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ from fletcher_powell import experiments
 ROOT = Path(__file__).parents[2]
 BENCHMARK = ROOT / "benchmarks" / "fletcher_powell"
 SMALL = {
-    "algorithms": ["hybrid", "hybrid-best", "ga", "multi-start"],
+    "algorithms": ["hybrid", "hybrid-best", "ga", "default", "multi-start"],
     "dimension": 4,
     "evaluations": 3000,
     "instances": 1,
@@ -126,7 +126,7 @@ def test_its_own_snakefile_makes_the_same_files(compared):
 def test_the_table_agrees_with_the_runs(compared):
     rows = {(row["study"], row["dimension"], row["algorithm"]): row for row in compared.table()}
     runs = compared.table("runs.csv")
-    assert len(runs) == 4 * 3 + 3 * 3 + 2 * 2 * 2 + 2
+    assert len(runs) == 5 * 3 + 3 * 3 + 3 * 2 * 2 + 2 + 3 * 2 * 3
     hybrid = rows["table", "4", "hybrid"]
     own = [r for r in runs if r["study"] == "table" and r["algorithm"] == "hybrid"]
     assert hybrid["runs"] == hybrid["successes"] == "3"
@@ -174,7 +174,7 @@ def test_runs_do_not_depend_on_their_division_into_jobs(compared, folder):
 def test_more_runs_keep_those_that_are_there(compared, folder):
     shutil.copytree(compared.path, folder.path, copy_function=shutil.copy2)
     folder.configure(runs_per_job=3, runs=6)
-    assert folder.planned("fletcher_powell")["fletcher_powell_run_algorithm"] == 4
+    assert folder.planned("fletcher_powell")["fletcher_powell_run_algorithm"] == 5 + 3
 
 
 def test_missing_packages_are_named_before_any_job(folder):

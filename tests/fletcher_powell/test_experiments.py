@@ -62,9 +62,18 @@ def test_the_rejected_choices_run_in_the_largest_dimension_only(settings):
         assert [case.dimension for case in experiments.cases("scale", name, 1, settings)] == [30]
 
 
+def test_the_contest_is_in_the_tables_dimension_and_the_largest(settings):
+    cases = experiments.cases("contest", "default", 3, settings)
+    assert cases == [
+        Case("contest", 20, "analytic", 200_000, (7,)),
+        Case("contest", 30, "analytic", 300_000, (7,)),
+    ]
+
+
 @pytest.mark.parametrize(
     ("part", "algorithm", "runs"),
     [
+        ("contest", "monotonic-basin-hopping", 7),
         ("table", "hybrid", 7),
         ("table", "cma-es", 2),
         ("scale", "multi-start", 4),
@@ -96,6 +105,7 @@ def test_the_files_of_all_jobs(settings):
         "table/cma-es": 3 * 1,
         "scale/hybrid": 3 * 2,
         "scale/hybrid-small": 3 * 2,
+        "contest/hybrid": 3 * 3,
     }
     assert len(set(files)) == len(files)
     assert "table/hybrid/cec2005-f12/3.json" in files
@@ -106,9 +116,7 @@ def test_every_algorithm_that_is_named_exists():
     known = yaml.safe_load(SCHEMA.read_text())["properties"]["algorithms"]
     assert known["items"]["enum"] == known["default"] == list(ALGORITHMS)
     assert set(ALGORITHMS) == {
-        *experiments.IN_TABLE,
-        *experiments.IN_SCALE,
-        *experiments.AT_LARGEST,
+        name for taking_part in experiments.TAKING_PART.values() for name in taking_part
     }
 
 

@@ -49,6 +49,17 @@ def test_the_analytic_gradient_is_that_of_the_values(problem):
         assert gradients[:, j] == pytest.approx(central, rel=1e-5, abs=1e-3)
 
 
+def test_the_residuals_and_their_derivatives_give_values_and_gradients(problem):
+    x = points(problem)
+    values, gradients = problem.values_and_gradients(x)
+    for point, value, gradient in zip(x, values, gradients, strict=True):
+        residuals = problem.residuals(point)
+        assert residuals @ residuals == pytest.approx(value, rel=1e-12)
+        exact = problem.jacobian(point)
+        assert 2.0 * exact.T @ residuals == pytest.approx(gradient, rel=1e-10)
+        assert problem.jacobian_by_differences(point) == pytest.approx(exact, abs=1e-4)
+
+
 def test_differences_are_those_of_n_whole_evaluations(problem):
     x = points(problem)
     values, differences = problem.values_and_differences(x)

@@ -5,6 +5,7 @@ import pytest
 
 from evopem.config.settings import SearchSettings
 from evopem.estimation.search.memetic import memetic_search
+from fletcher_powell.algorithms import ALGORITHMS
 from fletcher_powell.function import instance
 from fletcher_powell.objective import TARGET, Objective, RunOver, Success
 from fletcher_powell.problem import FletcherPowellProblem, descend_in_turn
@@ -29,6 +30,16 @@ class Watched:
 
     values_and_differences = values_and_gradients
 
+    def residuals(self, point):
+        self.values_asked += 1
+        return self.inner.residuals(point)
+
+    def jacobian(self, point):
+        self.gradients_asked += 1
+        return self.inner.jacobian(point)
+
+    jacobian_by_differences = jacobian
+
 
 @pytest.mark.parametrize(("gradient", "cost"), [("analytic", 1), ("differences", 4)])
 def test_the_hybrids_evaluations_are_all_counted(gradient, cost):
@@ -44,6 +55,20 @@ def test_the_hybrids_evaluations_are_all_counted(gradient, cost):
     assert objective.evaluations == result.diagnostics.evaluations == spent >= 2000
     assert objective.value_count == watched.values_asked
     assert objective.gradient_count == watched.gradients_asked
+
+
+@pytest.mark.parametrize(("gradient", "cost"), [("analytic", 1), ("differences", 4)])
+def test_the_default_searchs_evaluations_are_all_counted(gradient, cost):
+    watched = Watched()
+    objective = Objective(watched, gradient, 3000, until=-1.0)
+    with pytest.raises(RunOver):
+        ALGORITHMS["default"].search(objective, np.random.default_rng(1))
+    assert objective.value_count == watched.values_asked
+    # The gradient that the budget cuts off is counted and not made.
+    assert objective.gradient_count - watched.gradients_asked in (0, 1)
+    spent = objective.value_count + cost * objective.gradient_count
+    assert objective.evaluations == 3000 <= spent < 3000 + cost
+    assert objective.best < TARGET
 
 
 def test_a_budget_is_kept_to_the_evaluation():

@@ -98,6 +98,26 @@ def test_hypotheses_can_fail():
     assert verdict([150] * 20, many, "the best") is False
 
 
+def test_the_contest_is_decided_by_intervals():
+    def verdict(ours, theirs):
+        runs = pd.concat(
+            [
+                runs_of("default", ours, [True] * len(ours), study="contest"),
+                runs_of("monotonic-basin-hopping", theirs, [True] * len(theirs), study="contest"),
+            ]
+        )
+        tested = evaluate_hypotheses(summary_table(runs), runs)
+        return {each.statement: each.holds for each in tested}
+
+    many = [100, 110, 90, 105, 95] * 4
+    statement = (
+        "At n = 100 the default search needs fewer evaluations than Monotonic basin hopping."
+    )
+    assert verdict(many, [150] * 20) == {statement: True}
+    assert verdict(many, many) == {statement: None}
+    assert verdict([150] * 20, many) == {statement: False}
+
+
 def test_hypotheses_survive_their_json_form(tmp_path):
     runs = runs_of("hybrid", [100, 200, 300], [True, True, False], study="table")
     tested = evaluate_hypotheses(summary_table(runs), runs)

@@ -1,7 +1,7 @@
 """Every algorithm of the comparison, by name, with its settings in words.
 
 The chapter's four algorithms come first, then the hybrid with each choice of the offspring that
-the chapter rejected, then the baselines.
+the chapter rejected, the default search of the identification, and the baselines.
 """
 
 from __future__ import annotations
@@ -12,10 +12,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from evopem.config.settings import Refine, SearchSettings
+from evopem.estimation.search.global_search import global_search
 from evopem.estimation.search.memetic import memetic_search
 from fletcher_powell import baselines, evolution
 from fletcher_powell.objective import Objective
-from fletcher_powell.problem import FletcherPowellProblem
+from fletcher_powell.problem import STEP, FletcherPowellProblem, LeastSquaresProblem
 
 Search = Callable[[Objective, np.random.Generator], None]
 
@@ -56,6 +57,13 @@ def _hybrid(refine: Refine, lambda_: int = HYBRID.lambda_, nu: int = HYBRID.nu) 
         )
 
     return search
+
+
+def _default(objective: Objective, generator: np.random.Generator) -> None:
+    """The search with which identification begins, on the residuals."""
+    problem = LeastSquaresProblem(objective)
+    while True:
+        global_search(problem, HYBRID, generator)
 
 
 def _on_values(algorithm: Callable[..., None]) -> Search:
@@ -113,6 +121,14 @@ ALGORITHMS: dict[str, Algorithm] = {
         "as the hybrid with 30 offspring, 5 of them refined by BFGS",
         _hybrid("worst", lambda_=30, nu=5),
     ),
+    "default": Algorithm(
+        "Default search",
+        "the search of the identification (evopem.estimation.search.global_search): "
+        "Levenberg-Marquardt descents from random points, then independent restarts, and hops "
+        f"uniform in ±{STEP:g} from the lowest point; a search that ends is begun again. It knows "
+        "the residuals: they count as one value, their derivatives as one gradient",
+        _default,
+    ),
     "multi-start": Algorithm(
         "Multi-start BFGS", "the hybrid's BFGS from random points", baselines.multi_start
     ),
@@ -126,6 +142,12 @@ ALGORITHMS: dict[str, Algorithm] = {
         "scipy.optimize.minimize, default settings, without bounds, from random points",
         baselines.scipy_multi_start("L-BFGS-B"),
     ),
+    "multi-start-least-squares": Algorithm(
+        "Multi-start least_squares (SciPy)",
+        "scipy.optimize.least_squares, default settings, from random points; it knows the "
+        "residuals as the default search does",
+        baselines.scipy_least_squares,
+    ),
     "basin-hopping": Algorithm(
         "Basin hopping (SciPy)",
         "default settings (step 0.5, adapted; temperature 1) with L-BFGS-B",
@@ -133,10 +155,15 @@ ALGORITHMS: dict[str, Algorithm] = {
     ),
     "monotonic-basin-hopping": Algorithm(
         "Monotonic basin hopping",
-        f"the hybrid's BFGS; steps uniform in ±{baselines.STEP:g}, chosen as the best of 0.5, 1, "
+        f"the hybrid's BFGS; steps uniform in ±{STEP:g}, chosen as the best of 0.5, 1, "
         f"1.5 and 2; a new random point after {baselines.STEPS_WITHOUT_PROGRESS} steps without "
         "progress",
         baselines.monotonic_basin_hopping,
+    ),
+    "least-squares-hopping": Algorithm(
+        "Monotonic basin hopping, least squares",
+        "the same with the Levenberg-Marquardt descents of the default search",
+        baselines.least_squares_hopping,
     ),
     "cma-es": Algorithm(
         "BIPOP-CMA-ES (cma)",

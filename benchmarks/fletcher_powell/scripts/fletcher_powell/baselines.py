@@ -6,21 +6,21 @@ Each runs until the objective raises ``RunOver``; one that ends earlier is start
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
+from evopem.estimation.pem.batch_bfgs import Descent
 from fletcher_powell.objective import Objective
 from fletcher_powell.packages import import_package
-from fletcher_powell.problem import descend_in_turn
+from fletcher_powell.problem import COARSE, STEP, descend_in_turn, least_squares_in_turn
 
 Array = NDArray[np.float64]
 
 # Random points whose descents are computed together.
 STARTS_AT_ONCE = 10
-# Monotonic basin hopping: half the side of the cube of its steps, in radians, and the number of
-# steps without progress after which it starts again from a random point.
-STEP = 2.0
+# Monotonic basin hopping: steps without progress after which it starts again from a random point.
 STEPS_WITHOUT_PROGRESS = 100
 # CMA-ES: first step size in radians, about a third of half the side of the box.
 CMA_FIRST_STEP = 1.0
@@ -67,15 +67,36 @@ def basin_hopping(objective: Objective, generator: np.random.Generator) -> None:
     )
 
 
+def scipy_least_squares(objective: Objective, generator: np.random.Generator) -> None:
+    """Multi-start with SciPy's least_squares at its default settings."""
+    from scipy.optimize import least_squares
+
+    while True:
+        least_squares(objective.residuals, _uniform(objective, generator), jac=objective.jacobian)
+
+
 def monotonic_basin_hopping(objective: Objective, generator: np.random.Generator) -> None:
     """Monotonic basin hopping (Leary 2000) with the hybrid's BFGS, with restarts."""
+    _hop(objective, generator, descend_in_turn)
+
+
+def least_squares_hopping(objective: Objective, generator: np.random.Generator) -> None:
+    """The same with the descents of the default search."""
+    _hop(objective, generator, partial(least_squares_in_turn, tolerance=COARSE))
+
+
+def _hop(
+    objective: Objective,
+    generator: np.random.Generator,
+    descend: Callable[[Objective, Array], Descent],
+) -> None:
     n = objective.dimension
     while True:
-        best = descend_in_turn(objective, generator.uniform(-np.pi, np.pi, (1, n)))
+        best = descend(objective, generator.uniform(-np.pi, np.pi, (1, n)))
         without_progress = 0
         while without_progress < STEPS_WITHOUT_PROGRESS:
             start = best.points + generator.uniform(-STEP, STEP, (1, n))
-            found = descend_in_turn(objective, start)
+            found = descend(objective, start)
             without_progress += 1
             if found.values[0] < best.values[0]:
                 # A better digit of the same minimum is no progress.

@@ -1,8 +1,9 @@
 """The runs of the comparison, and their division into jobs.
 
-Three studies: ``table`` is the chapter's table 1, with gradients by finite differences and the
+Four studies: ``table`` is the chapter's table 1, with gradients by finite differences and the
 whole budget; ``precise`` is the same with analytic gradients; ``scale`` varies the dimension, with
-analytic gradients, and ends a run at the target.
+analytic gradients, and ends a run at the target; ``contest`` is the same in two dimensions, with
+enough runs to tell the best algorithms apart.
 
 Imports neither NumPy nor pandas, because the Snakefile imports this module.
 """
@@ -17,25 +18,42 @@ from fletcher_powell.settings import Settings
 HYBRIDS = ("hybrid", "hybrid-all", "hybrid-best", "hybrid-random")
 CHAPTER = ("hybrid", "es", "ep", "ga")
 SMALL_HYBRID = "hybrid-small"
+DEFAULT = "default"
 MULTI_START = "multi-start"
-BASIN_HOPPING = ("basin-hopping", "monotonic-basin-hopping")
+MONOTONIC_HOPPING = "monotonic-basin-hopping"
+BASIN_HOPPING = ("basin-hopping", MONOTONIC_HOPPING)
+# It knows the residuals, as the default search does.
+SCIPY_LEAST_SQUARES = "multi-start-least-squares"
 # Their libraries take most of their time in Python, so they get fewer runs.
 SLOW = (
     "multi-start-scipy",
     "multi-start-lbfgsb",
-    *BASIN_HOPPING,
+    SCIPY_LEAST_SQUARES,
+    "basin-hopping",
     "cma-es",
     "differential-evolution",
     "dual-annealing",
 )
-IN_TABLE = (*CHAPTER, *HYBRIDS[1:], MULTI_START, *SLOW)
+IN_TABLE = (*CHAPTER, *HYBRIDS[1:], DEFAULT, MULTI_START, MONOTONIC_HOPPING, *SLOW)
 IN_PRECISE = (*HYBRIDS, MULTI_START)
 # In every dimension of the study of scale, and in its largest dimension only.
-IN_SCALE = ("hybrid", MULTI_START, *BASIN_HOPPING)
+IN_SCALE = ("hybrid", DEFAULT, MULTI_START, *BASIN_HOPPING)
 AT_LARGEST = (*HYBRIDS[1:], SMALL_HYBRID)
+IN_CONTEST = (
+    "hybrid",
+    DEFAULT,
+    MULTI_START,
+    MONOTONIC_HOPPING,
+    SCIPY_LEAST_SQUARES,
+    "least-squares-hopping",
+)
 
-PARTS = ("table", "scale")
-"""What one job runs: ``table`` and ``precise`` together, or all dimensions of ``scale``."""
+TAKING_PART = {"table": IN_TABLE, "scale": (*IN_SCALE, *AT_LARGEST), "contest": IN_CONTEST}
+PARTS = tuple(TAKING_PART)
+"""What one job runs: ``table`` and ``precise`` together, or all dimensions of another study."""
+
+UNTIL_TARGET = ("scale", "contest")
+"""Studies whose runs end at the target."""
 
 FIGURES = ("final", "convergence", "refinement", "scale", "landscape")
 """Figures of the page, in its order."""
@@ -70,8 +88,7 @@ def instances(settings: Settings) -> list[str]:
 
 def algorithms(part: str, settings: Settings) -> list[str]:
     """Name the algorithms of a part."""
-    taking_part = IN_TABLE if part == "table" else (*IN_SCALE, *AT_LARGEST)
-    return [name for name in taking_part if name in settings.algorithms]
+    return [name for name in TAKING_PART[part] if name in settings.algorithms]
 
 
 def block_count(part: str, algorithm: str, settings: Settings) -> int:
@@ -99,10 +116,9 @@ def cases(part: str, algorithm: str, block: int, settings: Settings) -> list[Cas
         if algorithm in IN_PRECISE:
             studies.append(("precise", n, "analytic"))
     else:
-        dimensions = settings.scale.dimensions
-        if algorithm in AT_LARGEST:
-            dimensions = (max(dimensions),)
-        studies = [("scale", dimension, "analytic") for dimension in dimensions]
+        studies = [
+            (part, dimension, "analytic") for dimension in _dimensions(part, algorithm, settings)
+        ]
     return [
         Case(
             study=study,
@@ -126,7 +142,20 @@ def run_files(settings: Settings) -> list[str]:
     ]
 
 
+def contested(settings: Settings) -> tuple[int, ...]:
+    """Dimensions of the contest: the table's, and the largest one."""
+    return tuple(sorted({settings.dimension, max(settings.scale.dimensions)}))
+
+
+def _dimensions(part: str, algorithm: str, settings: Settings) -> tuple[int, ...]:
+    """Dimensions in which an algorithm runs."""
+    if part == "contest":
+        return contested(settings)
+    dimensions = settings.scale.dimensions
+    return (max(dimensions),) if algorithm in AT_LARGEST else dimensions
+
+
 def _runs(part: str, algorithm: str, settings: Settings) -> int:
     """Runs of an algorithm on one instance."""
-    runs = settings.runs if part == "table" else settings.scale.runs
+    runs = settings.scale.runs if part == "scale" else settings.runs
     return min(runs, settings.slow_runs) if algorithm in SLOW else runs

@@ -28,7 +28,7 @@ from evopem.figures.style import (
     say_nothing_to_draw,
     styled,
 )
-from fletcher_powell.experiments import BASIN_HOPPING, CHAPTER, MULTI_START
+from fletcher_powell.experiments import BASIN_HOPPING, CHAPTER, DEFAULT, MULTI_START
 from fletcher_powell.tables import Tables
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ REFINED = {
     "hybrid-best": "best",
     "hybrid-all": "all",
 }
-SCALE = ("hybrid", MULTI_START, *reversed(BASIN_HOPPING))
+SCALE = ("hybrid", DEFAULT, MULTI_START, *reversed(BASIN_HOPPING))
 # P at the target.
 TARGET = -6.0
 # A minimum with a value below this is a global one.

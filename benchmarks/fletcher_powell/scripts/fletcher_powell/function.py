@@ -71,9 +71,8 @@ class Instance:
         The step is ``sqrt(eps) max(1, |x_j|)``.
         """
         count, n = points.shape
-        step = np.sqrt(np.finfo(float).eps) * np.maximum(1.0, np.abs(points))
+        step = _difference_steps(points)
         moved = points + step
-        step = moved - points
         # Only the coordinate that moved needs a new sine and cosine; every sum is computed again.
         diagonal = np.arange(n)
         sine, cosine = np.sin(points), np.cos(points)
@@ -85,10 +84,33 @@ class Instance:
         shifted = _squares(self._residuals(sines.reshape(-1, n), cosines.reshape(-1, n)))
         return values, (shifted.reshape(count, n) - values[:, None]) / step
 
+    def residuals(self, point: Array) -> Array:
+        """``B_i - A_i`` at a point, (n,): f is the sum of their squares."""
+        return self._residuals(np.sin(point)[None], np.cos(point)[None])[0]
+
+    def jacobian(self, point: Array) -> Array:
+        """Exact derivatives of the residuals at a point, (n, n)."""
+        derivatives: Array = self.a * np.cos(point) - self.b * np.sin(point)
+        return derivatives
+
+    def jacobian_by_differences(self, point: Array) -> Array:
+        """The same by forward differences: the residuals of n further points."""
+        step = _difference_steps(point)
+        moved = point + np.diag(step)
+        shifted = self._residuals(np.sin(moved), np.cos(moved))
+        return (shifted - self.residuals(point)).T / step
+
     def _residuals(self, sine: Array, cosine: Array) -> Array:
         waves = np.concatenate([sine, cosine], axis=1)
         residuals: Array = waves @ self._weights - self._target  # type: ignore[attr-defined]
         return residuals
+
+
+def _difference_steps(points: Array) -> Array:
+    """Steps of forward differences, as they are once they have been added to the points."""
+    steps = np.sqrt(np.finfo(float).eps) * np.maximum(1.0, np.abs(points))
+    rounded: Array = (points + steps) - points
+    return rounded
 
 
 def _squares(residuals: Array) -> Array:

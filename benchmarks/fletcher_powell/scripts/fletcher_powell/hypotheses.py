@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import pandas as pd
 
 from fletcher_powell.algorithms import ALGORITHMS
-from fletcher_powell.experiments import BASIN_HOPPING, MULTI_START
+from fletcher_powell.experiments import BASIN_HOPPING, DEFAULT, IN_CONTEST, MULTI_START
 from fletcher_powell.statistics import Ratio, compare
 
 # Largest difference of a mean P from the chapter's at which the two agree.
@@ -49,6 +49,7 @@ def evaluate_hypotheses(summary: pd.DataFrame, runs: pd.DataFrame) -> list[Hypot
         *_against_multi_start(summary, runs),
         *_against_basin_hopping(summary, runs),
         *_refinement(summary, runs),
+        *_contest(runs),
     ]
     return [each for each in tested if each is not None]
 
@@ -168,6 +169,24 @@ def _refinement(summary: pd.DataFrame, runs: pd.DataFrame) -> Iterator[Hypothesi
                 1.0,
                 strictly=True,
             )
+
+
+def _contest(runs: pd.DataFrame) -> Iterator[Hypothesis | None]:
+    """The default search against each of the best others, in each dimension of the contest."""
+    there = runs[runs["study"] == "contest"]
+    present = set(there["algorithm"])
+    if DEFAULT not in present:
+        return
+    for dimension in sorted(there["dimension"].unique()):
+        for other in IN_CONTEST:
+            if other != DEFAULT and other in present:
+                yield _at_most(
+                    f"At n = {dimension} the default search needs fewer evaluations than "
+                    f"{ALGORITHMS[other].label}.",
+                    compare(runs, "contest", int(dimension), DEFAULT, other),
+                    1.0,
+                    strictly=True,
+                )
 
 
 def _at_most(

@@ -31,7 +31,7 @@ def comparison_markdown(
     """
     n = settings.dimension
     parts = [
-        "# The hybrid on the Fletcher-Powell function",
+        "# Searches on the Fletcher-Powell function",
         f"Written by `{COMMAND}`. [fletcher_powell.md](../fletcher_powell.md) describes what is "
         "compared, and how.",
         f"## n = {n}, {settings.evaluations} evaluations, gradients by finite differences",
@@ -62,6 +62,19 @@ def comparison_markdown(
         "## Growth with the dimension, analytic gradients, stopped at the target",
         _table(
             study_rows(summary, "scale"),
+            ("n", lambda row: row["dimension"]),
+            LABEL,
+            RUNS,
+            SOLVED,
+            ("expected evaluations", _expected),
+            COUNTING_N,
+        ),
+        "## The best of them, with more runs",
+        "Analytic gradients, stopped at the target. The default search and the two algorithms on "
+        "least squares know the residuals of f: all residuals count as one value, their "
+        "derivatives as one gradient.",
+        _table(
+            study_rows(summary, "contest"),
             ("n", lambda row: row["dimension"]),
             LABEL,
             RUNS,

@@ -107,6 +107,28 @@ class Objective:
         self.record(values, gradients=True)
         return values, gradients
 
+    def residuals(self, point: Array) -> Array:
+        """The residuals at a point, (n,), whose squares add up to f; count as one value."""
+        found = self.instance.residuals(point)
+        self.record(np.array([found @ found]), gradients=False)
+        return found
+
+    def jacobian(self, point: Array) -> Array:
+        """Derivatives of the residuals at a point, (n, n); count as one gradient.
+
+        Raises
+        ------
+        RunOver
+            When the budget is spent.
+        """
+        self.gradient_count += 1
+        spent = self.evaluations + self.gradient_cost
+        self.evaluations = min(spent, self.budget)
+        if spent >= self.budget:
+            raise RunOver
+        instance = self.instance
+        return (instance.jacobian_by_differences if self.differences else instance.jacobian)(point)
+
     def uncounted(self, points: Array) -> tuple[Array, Array]:
         """f and its gradient of each row, for a caller that counts them by :meth:`record`."""
         return self._with_gradients(points)

@@ -72,6 +72,7 @@ def build_page(
             if row["algorithm"] in HYBRIDS and _all_choices(summary, row)
         ],
         scale=[row for row in study_rows(summary, "scale") if row["algorithm"] not in HYBRIDS[1:]],
+        contest=study_rows(summary, "contest"),
         hypotheses=hypotheses,
         verdicts=VERDICTS,
         classes=CLASSES,

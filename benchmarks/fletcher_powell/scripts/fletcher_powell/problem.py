@@ -1,4 +1,4 @@
-"""The Fletcher-Powell function as a problem for the product's memetic search."""
+"""The Fletcher-Powell function as a problem for the product's searches."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from evopem.estimation.pem import levenberg_marquardt
 from evopem.estimation.pem.batch_bfgs import Descent, descend
 from fletcher_powell.function import wrap
 from fletcher_powell.objective import Objective
@@ -20,6 +21,10 @@ TOLERANCE = 1e-9
 # With finite differences a descent ends, by a gradient set to zero, when STALLED evaluations have
 # not lowered f below PROGRESS times its lowest value: the error of the differences prevents more.
 PROGRESS, STALLED = 0.999, 30
+# Steps of a least-squares descent at most, and the relative decreases at which it has converged.
+LEAST_SQUARES_STEPS, COARSE, FINE = 100, 1e-3, 1e-11
+# Half the side of the cube of the steps to neighbouring points, in radians.
+STEP = 2.0
 # Root mean square of a descent's first trial step over the coordinates, in radians.
 FIRST_STEP = 1.0
 
@@ -64,6 +69,83 @@ class FletcherPowellProblem:
     def polish(self, points: Array, coarse: bool = False) -> Descent:  # noqa: ARG002
         """Descend from each row; the descents of this problem always run to convergence."""
         return self.descend(points)
+
+
+class LeastSquaresProblem(FletcherPowellProblem):
+    """The same for a search that knows the residuals whose squares f adds up.
+
+    Its descents are the Levenberg-Marquardt descents of the identification.
+    """
+
+    def descend(self, points: Array) -> Descent:
+        """Descend from each row until steps gain little."""
+        return least_squares_in_turn(self.objective, points, COARSE)
+
+    def descend_from_neighbours(self, points: Array) -> Descent:
+        """Descend from each row."""
+        return self.descend(points)
+
+    def polish(self, points: Array, coarse: bool = False) -> Descent:  # noqa: ARG002
+        """Descend from each row to the last digits."""
+        return least_squares_in_turn(self.objective, points, FINE)
+
+    def neighbours(
+        self,
+        point: Array,
+        value: float,  # noqa: ARG002 - as of other problems
+        count: int,
+        generator: np.random.Generator,
+    ) -> tuple[Array, int]:
+        """Random points in a cube around a point, without evaluations."""
+        return point + generator.uniform(-STEP, STEP, (count, len(point))), 0
+
+
+class _Residuals:
+    """The residuals of an objective as the Levenberg-Marquardt descents see them."""
+
+    def __init__(self, objective: Objective) -> None:
+        self.residuals = objective.residuals
+        self.jacobian = objective.jacobian
+
+    def repaired(self, point: Array) -> Array:
+        return wrap(point)
+
+    def percent(self, residuals: Array) -> float:
+        return float(residuals @ residuals)
+
+
+def least_squares_in_turn(objective: Objective, points: Array, tolerance: float) -> Descent:
+    """Descend by Levenberg-Marquardt from each row, one after another.
+
+    Parameters
+    ----------
+    objective : Objective
+    points : (M, n) array
+    tolerance : float
+        Relative decrease at which a descent has converged.
+
+    Returns
+    -------
+    Descent
+        End points, wrapped into the box, and their values.
+
+    Raises
+    ------
+    RunOver
+        From the objective.
+    """
+    before = objective.evaluations
+    residuals = _Residuals(objective)
+    ends = [
+        levenberg_marquardt.descend(residuals, point, LEAST_SQUARES_STEPS, tolerance)
+        for point in points
+    ]
+    return Descent(
+        points=np.array([end.point for end in ends]),
+        values=np.array([end.value for end in ends]),
+        converged=np.array([end.converged for end in ends]),
+        evaluations=objective.evaluations - before,
+    )
 
 
 def descend_in_turn(objective: Objective, points: Array) -> Descent:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from fletcher_powell.algorithms import ALGORITHMS
-from fletcher_powell.experiments import Case
+from fletcher_powell.experiments import UNTIL_TARGET, Case
 from fletcher_powell.function import instance
 from fletcher_powell.objective import TARGET, Objective, RunOver
 
@@ -41,7 +41,7 @@ class Run:
     success_evaluations, success_values, success_gradients : int or None
         The same counts at the first value below the target; None if there was none.
     curve : tuple of float or None
-        Lowest value at each count of :func:`curve_grid`; None in the study of scale.
+        Lowest value at each count of :func:`curve_grid`; None where runs end at the target.
     """
 
     study: str
@@ -100,9 +100,9 @@ def run_cases(
 def run_once(algorithm: str, instance_name: str, case: Case, number: int, seed: int) -> Run:
     """Make one run of a case; see :func:`run_cases`."""
     problem = instance(instance_name, case.dimension)
-    scale = case.study == "scale"
+    until_target = case.study in UNTIL_TARGET
     objective = Objective(
-        problem, case.gradient, case.evaluations, TARGET if scale else problem.precision
+        problem, case.gradient, case.evaluations, TARGET if until_target else problem.precision
     )
     generator = np.random.default_rng(_seed_sequence(seed, algorithm, instance_name, case, number))
     with suppress(RunOver):
@@ -123,7 +123,7 @@ def run_once(algorithm: str, instance_name: str, case: Case, number: int, seed: 
         success_evaluations=success.evaluations if success else None,
         success_values=success.values if success else None,
         success_gradients=success.gradients if success else None,
-        curve=None if scale else _curve(objective.improvements, case.evaluations),
+        curve=None if until_target else _curve(objective.improvements, case.evaluations),
     )
 
 

@@ -10,6 +10,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from fletcher_powell.algorithms import ALGORITHMS
+from fletcher_powell.experiments import UNTIL_TARGET
 from fletcher_powell.function import instance, wrap
 from fletcher_powell.objective import Objective
 from fletcher_powell.problem import descend_in_turn
@@ -17,7 +18,7 @@ from fletcher_powell.runs import Run, curve_grid
 
 Array = NDArray[np.float64]
 
-STUDIES = ("table", "precise", "scale")
+STUDIES = ("table", "precise", *UNTIL_TARGET)
 # Values below this count as this in P: it is below the rounding error of every instance.
 SMALLEST_VALUE = 1e-30
 QUANTILES = (0.1, 0.5, 0.9)
@@ -114,7 +115,7 @@ def summary_table(runs: pd.DataFrame) -> pd.DataFrame:
     """One row for each study, dimension and algorithm.
 
     Columns: ``study`` to ``budget``; ``instances``, ``runs`` and ``successes``; mean, standard
-    error, least and largest P (missing in the study of scale, whose runs end at the target);
+    error, least and largest P (missing where the runs end at the target);
     expected evaluations to success with their 95 % bootstrap interval, as the runs counted them,
     and for either cost of a gradient; P in the chapter's table 1, where the setting is the same.
     """
@@ -125,7 +126,7 @@ def summary_table(runs: pd.DataFrame) -> pd.DataFrame:
         found = group["success_evaluations"].notna().to_numpy()
         own = spent(group, "own")
         low, high = _interval(resampled(own, found, np.random.default_rng(SEED)))
-        final = group["P"] if study != "scale" else None
+        final = group["P"] if study not in UNTIL_TARGET else None
         published = (study, dimension, group["budget"].iloc[0]) == CHAPTER_SETTING
         chapter = CHAPTER_TABLE.get(algorithm) if published else None
         rows.append(

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from evopem.config.constraints import InputConstraints
 from evopem.errors import InputError
 from evopem.estimation.constrained_model import numerator_of, plant_polynomial
-from evopem.estimation.multi_input.descent import TOLERANCE, Optimum, descend
+from evopem.estimation.multi_input.descent import TOLERANCE, descend
 from evopem.estimation.multi_input.errors import MultiInputErrors
 from evopem.estimation.multi_input.problem import (
     POLISH_STEPS,
@@ -31,6 +31,7 @@ from evopem.estimation.pem.constrained_parameters import (
     Linear,
     Sections,
 )
+from evopem.estimation.pem.levenberg_marquardt import Optimum
 from evopem.estimation.search.problem import SearchResult, count_confirming, count_distinct
 from evopem.models.constraint_checks import check_constraints
 from evopem.models.multi_input import MultiInputOrders

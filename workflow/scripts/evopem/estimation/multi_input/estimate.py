@@ -20,7 +20,7 @@ from evopem.estimation.multi_input.constrained import (
     constrained_optimum,
 )
 from evopem.estimation.multi_input.covariance import parameter_covariance
-from evopem.estimation.multi_input.descent import Optimum, descend
+from evopem.estimation.multi_input.descent import descend
 from evopem.estimation.multi_input.errors import (
     MultiInputErrors,
     MultiInputRecord,
@@ -36,6 +36,7 @@ from evopem.estimation.multi_input.problem import (
     descended,
     starting_points,
 )
+from evopem.estimation.pem.levenberg_marquardt import Optimum
 from evopem.estimation.polynomial_estimate import ConstraintEffect
 from evopem.estimation.search.global_search import global_search
 from evopem.estimation.search.problem import SearchDiagnostics, SearchResult
