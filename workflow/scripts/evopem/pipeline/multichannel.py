@@ -30,6 +30,7 @@ from evopem.automatic.state_space_search import (
     search_variant,
     searched_orders,
 )
+from evopem.config.constraints import InputConstraints
 from evopem.config.settings import SplitSettings
 from evopem.config.state_space_keys import state_space_yaml
 from evopem.config.state_space_settings import (
@@ -199,24 +200,29 @@ def choose_state_space(
 
 
 def estimate_chosen_state_space(
-    files: DatasetFiles, search: StateSpaceSearchSettings, log: Log | None = None
+    files: DatasetFiles,
+    search: StateSpaceSearchSettings,
+    constraints: InputConstraints | None = None,
+    log: Log | None = None,
 ) -> None:
     """Search the chosen model globally, add its noise model, and write what follows from it.
 
     Raises
     ------
     InputError
-        When the record is too short.
+        When the record is too short, or no model of the order meets the constraints.
     """
     data = _prepared(files)
     choice = load(StateSpaceChoice, files.decision("comparison")).model
     delays, start = _searched(files, choice)
     settings = _settings(search, choice.variant)
     try:
-        found = search_chosen(choice, start, data.estimation, delays, settings, log)
+        found = search_chosen(choice, start, data.estimation, delays, settings, constraints, log)
+    except InputError as error:
+        raise _unmet(f"datasets.{files.name}", error) from None
     except ValueError as error:
         raise _too_short(f"datasets.{files.name}", error) from None
-    record = _record_of(choice, found, data, search)
+    record = _record_of(choice, found, data, search, constraints)
     save(record, files.model)
     if record.polynomials is None:
         save_state_space_mat(record.model, files.model_mat)
@@ -226,7 +232,11 @@ def estimate_chosen_state_space(
         write_table(files.frequency_response, frequency_response_rows(record, data.estimation))
 
 
-def complete_other_state_space(files: DatasetFiles, search: StateSpaceSearchSettings) -> None:
+def complete_other_state_space(
+    files: DatasetFiles,
+    search: StateSpaceSearchSettings,
+    constraints: InputConstraints | None = None,
+) -> None:
     """Keep the model for the other purpose, with its errors on the validation samples.
 
     It is the one of the search over orders, without a global search of its own.
@@ -243,10 +253,14 @@ def complete_other_state_space(files: DatasetFiles, search: StateSpaceSearchSett
     settings = _settings(search, choice.variant)
     with threadpool_limits(limits=1, user_api="blas"):
         try:
-            found = estimate_as_searched(choice, start, data.estimation, delays, settings)
+            found = estimate_as_searched(
+                choice, start, data.estimation, delays, settings, constraints
+            )
+        except InputError as error:
+            raise _unmet(f"datasets.{files.name}", error) from None
         except ValueError as error:
             raise _too_short(f"datasets.{files.name}", error) from None
-        record = _record_of(choice, found, data, search)
+        record = _record_of(choice, found, data, search, constraints)
         errors = mean_errors(record.model, data.validation, choice.level == "state")
     save(record, files.other_model(choice.purpose))
     save(OtherModel(choice.purpose, record.text, *errors), files.other_errors(choice.purpose))
@@ -264,6 +278,7 @@ def _record_of(
     found: ChosenModel,
     data: MultichannelData,
     search: StateSpaceSearchSettings,
+    constraints: InputConstraints | None,
 ) -> MultichannelModelRecord:
     return MultichannelModelRecord.of(
         found.estimate,
@@ -274,6 +289,7 @@ def _record_of(
         data.transforms,
         choice.level,
         found.polynomials,
+        constraints,
     )
 
 
@@ -382,9 +398,13 @@ def channel_stages(
         limits = choices.joint if is_polynomial(variant.form) else choices.orders
         listed[variant.name] = partial(search_state_space, files, variant, limits, search, log)
     listed["structures"] = partial(choose_state_space, files, variants, choices)
-    listed["chosen"] = partial(estimate_chosen_state_space, files, search, log)
+    listed["chosen"] = partial(
+        estimate_chosen_state_space, files, search, settings.constraints, log
+    )
     if source.channels.inputs:
-        listed["other_model"] = partial(complete_other_state_space, files, search)
+        listed["other_model"] = partial(
+            complete_other_state_space, files, search, settings.constraints
+        )
     listed["validation"] = partial(validate_state_space, files)
     listed["decisions"] = partial(collect_state_space_decisions, files)
     listed["summary"] = partial(summarize_state_space, files)
@@ -438,6 +458,12 @@ def _settings(search: StateSpaceSearchSettings, variant: Variant) -> StateSpaceS
         evaluations=search.evaluations,
         objective=search.objective,
     )
+
+
+def _unmet(place: str, error: InputError) -> InputError:
+    """An error of constraints, which names its argument, with the key of the data set."""
+    key = ".".join(filter(None, (place, error.source, error.place)))
+    return InputError(key, error.problem, error.remedy)
 
 
 def _too_short(place: str, error: ValueError) -> InputError:
