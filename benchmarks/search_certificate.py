@@ -29,12 +29,22 @@ from evopem import PolynomialModel, SearchSettings  # noqa: E402
 from evopem.config.settings import ScoringWindow  # noqa: E402
 from evopem.estimation.estimate import _scaled_problem as scaled_armax_problem  # noqa: E402
 from evopem.estimation.estimate import default_window, prediction_errors  # noqa: E402
-from evopem.estimation.order_race import LIKELY_GAIN  # noqa: E402
 from evopem.estimation.order_selection import REPEAT_FACTOR  # noqa: E402
 from evopem.estimation.polynomial_estimate import polynomial_errors, scaled_problem  # noqa: E402
 from evopem.estimation.search.armax_problem import ArmaxProblem  # noqa: E402
 from evopem.estimation.search.certificate import is_certified  # noqa: E402
-from evopem.estimation.search.global_search import global_search  # noqa: E402
+from evopem.estimation.search.global_search import (  # noqa: E402
+    BATCH,
+    FIRST_PASS,
+    global_search,
+)
+from evopem.estimation.search.likely_gain import (  # noqa: E402
+    AFTER_BATCHES,
+    AFTER_FEW_OPTIMA,
+    AFTER_FIRST_PASS,
+    AFTER_RESTART,
+    gain_after_first_pass,
+)
 from evopem.estimation.search.polynomial_problem import PolynomialProblem  # noqa: E402
 from evopem.models.structures import PolynomialOrders, orders_of  # noqa: E402
 from evopem.synthesis.polynomial import polynomial_record  # noqa: E402
@@ -144,6 +154,7 @@ def search(case: Case, seed: int, evaluations: int, known_minimum: float = np.in
         "certified": is_certified(diagnostics),
         "evaluations": diagnostics.evaluations,
         "minima": diagnostics.restart_minima,
+        "batches": diagnostics.n_multistart // BATCH,
         "confirming": diagnostics.n_confirming,
         "undiscovered": diagnostics.undiscovered_probability,
         "seconds": time.process_time() - began,
@@ -160,6 +171,7 @@ def run(case: Case, known: float) -> Row:
         **case._asdict(),
         "orders": str(orders),
         "parameters": orders.parameters,
+        "first": search(case, 3, FIRST_PASS),
         "default": default,
         "repeated": repeated,
         "best": min(known, *(each["value"] for each in (default, repeated, reference))),
@@ -185,11 +197,34 @@ def rates(rows: list[Row], kind: str) -> str:
     )
 
 
-def gain_of_full_search(row: Row) -> float:
-    """By how much BIC fell after a batch of descents from random points, times N over n."""
-    first = row["default"]["minima"][0]
+def gain_from(row: Row, value: float) -> float:
+    """By how much BIC falls from a value of the objective to the best, times N over n."""
     power = 2.0 if row["objective"] == "absolute" else 1.0
-    return float(power * np.log(first / row["best"]) * row["samples"] / row["parameters"])
+    return float(power * np.log(value / row["best"]) * row["samples"] / row["parameters"])
+
+
+def gains_by_stage(rows: list[Row]) -> list[str]:
+    """What searches gained from each stage on, beside the limit that a race assumes."""
+    stages: dict[tuple[str, float], list[float]] = {
+        ("first pass, few optima", AFTER_FEW_OPTIMA): [],
+        ("first pass, many optima", AFTER_FIRST_PASS): [],
+        ("batches of random points", AFTER_BATCHES): [],
+        ("a restart after them", AFTER_RESTART): [],
+    }
+    few, many, batches, restart = stages.values()
+    for row in rows:
+        first, repeated = row["first"], row["repeated"]
+        limit = gain_after_first_pass(first["undiscovered"])
+        (few if limit == AFTER_FEW_OPTIMA else many).append(gain_from(row, first["value"]))
+        minima, count = repeated["minima"], repeated["batches"]
+        batches.append(gain_from(row, min(minima[:count])))
+        if len(minima) > count:
+            restart.append(gain_from(row, min(minima[: count + 1])))
+    return [
+        f"| {name} | {len(gained)} | {limit} | {sum(each > limit for each in gained)} "
+        f"| {max(gained):.2g} |"
+        for (name, limit), gained in stages.items()
+    ]
 
 
 def page(rows: list[Row]) -> list[str]:
@@ -218,15 +253,16 @@ def page(rows: list[Row]) -> list[str]:
                     f"| {count * EVALUATIONS} | {rates(own, kind)} |"
                 )
     lines.append(f"| all | both | {REPEAT_FACTOR * EVALUATIONS} | {rates(rows, 'repeated')} |")
-    gains = sorted(map(gain_of_full_search, rows))
-    likely = sum(gain <= LIKELY_GAIN for gain in gains)
     lines += [
         "",
-        "A full search lowers BIC after 16 descents from random points alone by at most",
-        f"{gains[-1]:.2f} n/N in these problems, and in "
-        f"{likely} of {len(gains)} by at most {LIKELY_GAIN} n/N, "
-        "beyond which",
-        "the order search leaves a candidate.",
+        "## What a search may still gain",
+        "",
+        "By how much BIC falls from a stage of the search to the best known value, in n/N. The",
+        "race of the candidates leaves one whose lack is larger than the limit.",
+        "",
+        "| after | problems | limit | above it | most |",
+        "|---|---|---|---|---|",
+        *gains_by_stage(rows),
     ]
     return lines
 

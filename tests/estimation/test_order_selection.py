@@ -14,9 +14,10 @@ from evopem.config.settings import (
 from evopem.errors import InputError
 from evopem.estimation.candidate import Candidate
 from evopem.estimation.criteria import Criteria
-from evopem.estimation.order_race import LIKELY_GAIN, first_pass, race
+from evopem.estimation.order_race import first_pass, race
 from evopem.estimation.order_selection import (
     complete_estimate,
+    continue_search,
     estimate_candidates,
     reoptimize_from,
     repeat_search,
@@ -26,6 +27,7 @@ from evopem.estimation.order_selection import (
     settle,
 )
 from evopem.estimation.parallel import estimate_in_parallel
+from evopem.estimation.search.likely_gain import AFTER_FEW_OPTIMA, AFTER_FIRST_PASS, FEW_OPTIMA, Aim
 from evopem.estimation.search.problem import SearchDiagnostics
 from evopem.files.json_form import to_json
 from evopem.models.polynomial import PolynomialModel
@@ -304,11 +306,11 @@ def open_search(orders, bic):
 
 def certified(orders, bic):
     found = candidate(orders, bic, n_confirming=2)
-    return replace(found, diagnostics=replace(found.diagnostics, undiscovered_probability=0.01))
+    return replace(found, diagnostics=replace(found.diagnostics, undiscovered_probability=0.001))
 
 
 def searched_on(searched, gain=0.0):
-    def search(each):
+    def search(each, aim):
         searched.append(each.orders)
         spent = replace(each.diagnostics, evaluations=SETTINGS.evaluations)
         bic = each.criteria.bic - gain
@@ -322,7 +324,7 @@ def test_the_first_pass_differs_in_its_evaluations_alone():
 
 
 def test_a_candidate_too_far_from_the_lowest_is_pruned_with_the_reason():
-    gain = LIKELY_GAIN * 9 / RACE_SAMPLES
+    gain = AFTER_FIRST_PASS * 9 / RACE_SAMPLES
     best = certified((2, 2, 2, 0), 1.0)
     near = open_search((3, 3, 3, 0), 1.0 + 0.9 * gain)
     far = open_search((3, 3, 3, 1), 1.0 + 1.1 * gain)
@@ -335,16 +337,57 @@ def test_a_candidate_too_far_from_the_lowest_is_pruned_with_the_reason():
 
 
 def test_the_lowest_is_searched_first_and_may_prune_the_others():
-    gain = LIKELY_GAIN * 6 / RACE_SAMPLES
+    gain = AFTER_FIRST_PASS * 6 / RACE_SAMPLES
     candidates = [open_search((2, 2, 2, nk), 1.0 + 0.8 * gain * nk) for nk in range(3)]
     searched = []
     race(candidates, "joint", RACE_SAMPLES, SETTINGS, searched_on(searched, gain), list)
     assert searched == [candidates[0].orders]
 
 
+def test_few_optima_of_a_first_pass_leave_less_to_gain():
+    best = certified((2, 2, 2, 0), 1.0)
+    near = open_search((3, 3, 3, 0), 1.0 + 1.1 * AFTER_FEW_OPTIMA * 9 / RACE_SAMPLES)
+    few = replace(near, diagnostics=replace(near.diagnostics, undiscovered_probability=FEW_OPTIMA))
+    for each, count in ((near, 1), (few, 0)):
+        searched = []
+        race([best, each], "joint", RACE_SAMPLES, SETTINGS, searched_on(searched), list)
+        assert len(searched) == count
+
+
+def test_a_search_is_told_where_the_lowest_bic_lies_and_may_end_before():
+    best = certified((2, 2, 2, 0), 1.0)
+    lack = 0.5 * AFTER_FIRST_PASS * 9 / RACE_SAMPLES
+    near = open_search((3, 3, 3, 0), 1.0 + lack)
+    told = []
+
+    def ends_early(each, aim):
+        told.append(aim)
+        return each
+
+    found = race([best, near], "joint", RACE_SAMPLES, SETTINGS, ends_early, list)
+    assert [bool(each.pruned) for each in found] == [False, True]
+    assert "more than the rest of its search" in found[1].pruned
+    (aim,) = told
+    power = 1 if SETTINGS.objective == "absolute" else 2
+    assert power * np.log(near.minimum / aim.value) == pytest.approx(lack)
+    assert not aim.is_unlikely(near.minimum, 1.01 * lack * RACE_SAMPLES / 9)
+    assert aim.is_unlikely(near.minimum, 0.99 * lack * RACE_SAMPLES / 9)
+
+
+def test_a_search_that_is_unlikely_to_reach_its_aim_ends(short):
+    search = replace(SEARCH, evaluations=20000)
+    orders = armax_orders(9, 9, 9, 3)
+    (first,) = estimate_candidates(short, [orders], "joint", first_pass(search), LATE)
+    whole = continue_search(first, short, search, LATE)
+    out_of_reach = Aim(0.5 * whole.minimum, orders.parameters / len(short.output))
+    ended = continue_search(first, short, search, LATE, aim=out_of_reach)
+    assert ended.diagnostics.evaluations < whole.diagnostics.evaluations
+    assert ended.minimum <= first.minimum
+
+
 @pytest.mark.parametrize(("lead", "count"), [(2.0, 0), (0.4, 4)])
 def test_delays_are_searched_only_where_another_may_overtake(lead, count):
-    gain = LIKELY_GAIN * 6 / RACE_SAMPLES
+    gain = AFTER_FIRST_PASS * 6 / RACE_SAMPLES
     candidates = [
         open_search((2, k, 4 - k, nk), 1.0 + lead * gain * nk) for nk in (0, 1) for k in (1, 3)
     ]

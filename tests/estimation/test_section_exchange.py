@@ -7,6 +7,7 @@ import pytest
 
 from evopem.config.settings import ScoringWindow, SearchSettings
 from evopem.estimation.pem.objective import PredictionErrorProblem
+from evopem.estimation.pem.stretch_errors import StretchErrors
 from evopem.estimation.polynomial_estimate import polynomial_errors, scaled_problem
 from evopem.estimation.search.armax_problem import ArmaxProblem
 from evopem.estimation.search.common_sections import (
@@ -18,7 +19,9 @@ from evopem.estimation.search.common_sections import (
 from evopem.estimation.search.memetic import memetic_search
 from evopem.estimation.search.section_exchange import SectionExchange
 from evopem.estimation.search.section_gains import gains, grid
+from evopem.estimation.search.stretch_problem import StretchProblem
 from evopem.models.structures import armax_orders, orders_of
+from evopem.signals.stretches import Stretch
 from evopem.synthesis.armax import armax
 
 CASES = [
@@ -42,15 +45,30 @@ def problem(structure, orders, objective="quadratic", samples=500):
     return scaled_problem(errors)[0]
 
 
+def joined(structure, orders):
+    """The same problem with the record in two stretches, one of them short."""
+    record = armax(seed=2, samples=500)[0]
+    parts = [slice(0, 150), slice(150, None)]
+    stretches = [Stretch(record.input[part], record.output[part], 0) for part in parts]
+    orders = orders_of(structure, orders)
+    errors = StretchErrors(
+        stretches, orders, "quadratic", 0.9999, 0.9999, False, ScoringWindow(10, 20)
+    )
+    return StretchProblem(errors)
+
+
 def optimum(searched):
     descents = searched.descend(searched.random(8, np.random.default_rng(1)))
     lowest = int(np.argmin(descents.values))
     return descents.points[lowest], float(descents.values[lowest])
 
 
-@pytest.mark.parametrize(("structure", "orders"), CASES)
-def test_a_shared_section_changes_no_value_and_comes_off_again(structure, orders):
-    larger = problem(structure, orders)
+@pytest.mark.parametrize(
+    ("made", "structure", "orders"),
+    [*((problem, *case) for case in CASES), *((joined, *case) for case in CASES[:3])],
+)
+def test_a_shared_section_changes_no_value_and_comes_off_again(made, structure, orders):
+    larger = made(structure, orders)
     (*_, (below, _), (_, shared)) = growth(larger.errors.orders)
     smaller = larger.of_orders(below)
     point, value = optimum(smaller)
@@ -90,6 +108,18 @@ def test_spectra_rank_places_as_gauss_newton_steps_do():
     promised = 1.0 - larger.promised(grown, value) / value
     usable = np.isfinite(promised)
     assert np.corrcoef(gained[usable], promised[usable])[0, 1] > 0.5
+
+
+def test_stretches_rank_places_as_their_whole_record_does():
+    whole, parted = problem("oe", (4, 4, 3)), joined("oe", (4, 4, 3))
+    point, _ = optimum(whole)
+    plant = whole.errors.parts()["plant"].start
+    apart = np.zeros(parted.errors.dimension)
+    apart[:plant] = point[:plant]
+    every = np.arange(0, len(grid()), 8)
+    one = gains(whole.errors, point, "fb", every)
+    other = gains(parted.errors, parted.completed(apart[None, :])[0][0], "fb", every)
+    assert np.corrcoef(one, other)[0, 1] > 0.7
 
 
 @pytest.mark.parametrize("objective", ["quadratic", "absolute"])

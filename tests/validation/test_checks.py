@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from evopem.estimation.model_record import ModelRecord
+from evopem.estimation.search.certificate import POLYNOMIALS, STATE_SPACE
 from evopem.models.modes import Mode
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
@@ -16,6 +17,7 @@ from evopem.models.structures import armax_orders
 from evopem.signals.recording_info import RecordingInfo
 from evopem.signals.spectral.summary import SpectrumSummary
 from evopem.validation.checks import checks
+from evopem.validation.checks.search import repeatability
 from evopem.validation.peak_evidence import PeakEvidence
 from evopem.validation.validation import Validation
 
@@ -355,6 +357,9 @@ def test_a_root_at_the_stability_bound_fails(good):
     assert check.advice
 
 
+FIVE_AGREE = {"restart_minima": (1.0,) * 5, "n_confirming": 4}
+
+
 @pytest.mark.parametrize(
     ("changes", "passed", "statement"),
     [
@@ -363,8 +368,8 @@ def test_a_root_at_the_stability_bound_fails(good):
         ({"undiscovered_probability": 0.0076}, False, "Not certified: 1 of 2 other independent"),
         ({"undiscovered_probability": 0.0075}, True, "Certified: 1 of 2 other independent"),
         ({"restart_minima": (1.0, 1.0)}, True, "1 of 1 other independent restart reached"),
-        ({"undiscovered_probability": 0.03, "n_confirming": 2}, True, "Certified: 2 of 2 other"),
-        ({"undiscovered_probability": 0.04, "n_confirming": 2}, False, "Not certified: 2 of 2"),
+        ({"undiscovered_probability": 0.05, **FIVE_AGREE}, True, "Certified: 4 of 4 other"),
+        ({"undiscovered_probability": 0.06, **FIVE_AGREE}, False, "Not certified: 4 of 4"),
     ],
 )
 def test_a_search_is_repeatable_with_a_certificate(good, changes, passed, statement):
@@ -372,6 +377,15 @@ def test_a_search_is_repeatable_with_a_certificate(good, changes, passed, statem
     assert check.passed is passed
     assert statement in check.statement
     assert bool(check.advice) == (passed is not True)
+
+
+def test_a_certificate_states_the_rate_of_its_own_kind_of_search(good):
+    found = with_diagnostics(good, n_confirming=2, undiscovered_probability=0.01)
+    diagnostics = found.model.search.diagnostics
+    for measured in (POLYNOMIALS, STATE_SPACE):
+        statement = repeatability(diagnostics, measured).statement
+        assert f"Of {measured.certified} such searches" in statement
+        assert f"at most {100 * measured.largest_error_rate:.2g} %" in statement
 
 
 def test_weak_excitation_fails(good):

@@ -66,7 +66,7 @@ class FletcherPowellProblem:
         result = descend_in_turn(self.objective, points)
         return replace(result, evaluations=self.objective.evaluations - before)
 
-    def polish(self, points: Array, coarse: bool = False) -> Descent:  # noqa: ARG002
+    def polish(self, points: Array) -> Descent:
         """Descend from each row; the descents of this problem always run to convergence."""
         return self.descend(points)
 
@@ -115,24 +115,9 @@ class _Residuals:
 
 
 def least_squares_in_turn(objective: Objective, points: Array, tolerance: float) -> Descent:
-    """Descend by Levenberg-Marquardt from each row, one after another.
+    """Descend by Levenberg-Marquardt from each row, as :func:`descend_in_turn` does by BFGS.
 
-    Parameters
-    ----------
-    objective : Objective
-    points : (M, n) array
-    tolerance : float
-        Relative decrease at which a descent has converged.
-
-    Returns
-    -------
-    Descent
-        End points, wrapped into the box, and their values.
-
-    Raises
-    ------
-    RunOver
-        From the objective.
+    A descent has converged when a step lowers f by less than a relative ``tolerance``.
     """
     before = objective.evaluations
     residuals = _Residuals(objective)

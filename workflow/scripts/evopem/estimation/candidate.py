@@ -42,7 +42,7 @@ class Candidate:
         Whether a root of A, C, D or F lies at the largest radius allowed.
     diagnostics : SearchDiagnostics
     pruned : str
-        Why its search ended after the first pass; empty where it did not.
+        Why it was left before the end of its search; empty where it was not.
     further_levels : tuple of float
         Of the second and later recordings, where there are several with a level.
     """

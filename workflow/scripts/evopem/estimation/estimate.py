@@ -25,6 +25,7 @@ from evopem.estimation.polynomial_estimate import PolynomialEstimate
 from evopem.estimation.requirements import check_search_settings, check_signals, check_window
 from evopem.estimation.search.armax_problem import ArmaxProblem
 from evopem.estimation.search.global_search import continued_search
+from evopem.estimation.search.likely_gain import Aim
 from evopem.estimation.search.problem import SearchResult, descended, pooled
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomials import max_root_radius as largest_radius
@@ -47,6 +48,7 @@ def estimate(
     window: ScoringWindow | None = None,
     earlier: SearchResult | None = None,
     log: Callable[[str], None] | None = None,
+    aim: Aim | None = None,
 ) -> PolynomialEstimate:
     """Find the ARMAX model of given orders with the smallest prediction errors, globally.
 
@@ -71,6 +73,8 @@ def estimate(
         Result of an earlier search of the same problem, to be combined with this one.
     log : callable, optional
         Receives one line a generation.
+    aim : Aim, optional
+        What the search is made for: it ends once it is unlikely to get so low.
 
     Returns
     -------
@@ -119,7 +123,7 @@ def estimate(
         errors = prediction_errors(u, y, orders, settings, window)
         problem, scales = _scaled_problem(errors, settings.initialization)
         key = (orders.na, orders.nb, orders.nc, orders.nk)
-        result = continued_search(problem, scales, key, settings, earlier, log)
+        result = continued_search(problem, scales, key, settings, earlier, log, aim=aim)
         del problem  # its tables are as large as those that follow
         return describe(errors, result, sampling_rate)
 

@@ -20,6 +20,7 @@ from evopem.estimation.polynomial_estimate import (
     roots_at_bound,
 )
 from evopem.estimation.search.global_search import continued_search
+from evopem.estimation.search.likely_gain import Aim
 from evopem.estimation.search.problem import SearchResult, descended, pooled
 from evopem.estimation.search.stretch_problem import StretchProblem
 from evopem.models.polynomial import PolynomialModel
@@ -38,6 +39,7 @@ def estimate_joined(
     level: bool = False,
     earlier: SearchResult | None = None,
     log: Callable[[str], None] | None = None,
+    aim: Aim | None = None,
 ) -> PolynomialEstimate:
     """Find the model of given orders with the smallest prediction errors over all stretches.
 
@@ -60,6 +62,8 @@ def estimate_joined(
         Result of an earlier search of the same problem, to be combined with this one.
     log : callable, optional
         Receives one line a generation.
+    aim : Aim, optional
+        What the search is made for: it ends once it is unlikely to get so low.
 
     Raises
     ------
@@ -71,7 +75,9 @@ def estimate_joined(
         errors = joined_errors(stretches, orders, settings, window, level)
         problem, scales = _scaled_problem(errors)
         key = (o.na, o.nb, o.nc, o.nd, o.nf, o.nk, int(level))
-        found = continued_search(problem, scales, key, settings, earlier, log, problem.recombine)
+        found = continued_search(
+            problem, scales, key, settings, earlier, log, problem.recombine, aim
+        )
         return describe_joined(errors, found, sampling_rate)
 
 

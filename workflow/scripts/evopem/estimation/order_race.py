@@ -1,8 +1,8 @@
 """A race of the candidates of a phase: only those that may be selected are searched to the end.
 
-A first pass descends from 16 random points for every candidate.  How much a full search
-may gain on it is known from measurements, and a candidate that would need more to be selected is
-left.
+A first pass descends from a few random points for every candidate.  How much a search may gain from
+there on is known from measurements (:mod:`.search.likely_gain`), and a candidate that would need
+more to be selected is left: after the first pass, or during its search.
 A model is never left higher than a nested smaller one.
 """
 
@@ -18,13 +18,12 @@ from evopem.config.settings import SearchSettings
 from evopem.estimation.candidate import Candidate
 from evopem.estimation.search.certificate import is_certified
 from evopem.estimation.search.global_search import FIRST_PASS
+from evopem.estimation.search.likely_gain import Aim, gain_after_first_pass
 
-# By how much a full search lowers BIC after the first pass, times samples over parameters: at most
-# this in 176 of 188 test problems, most others of orders twice too large
-# (docs/evidence/certificate.md).
-LIKELY_GAIN = 1.35
+# Powers of the residuals that the objectives sum.
+POWERS = {"quadratic": 2, "absolute": 1}
 
-SearchOn = Callable[[Candidate], Candidate]
+SearchOn = Callable[[Candidate, Aim | None], Candidate]
 Settle = Callable[[Sequence[Candidate]], list[Candidate]]
 
 
@@ -53,7 +52,7 @@ def race(
     settings : SearchSettings
         Of the full search.
     search_on : callable
-        Returns a candidate after its full search.
+        Takes a candidate and what its search is made for, and returns it after its search.
     settle : callable
         Returns the candidates, none higher than a nested one.
     """
@@ -72,10 +71,11 @@ def race(
         if not contending:
             break
         row = min(contending, key=lambda row: (lacks[row], settled[row].orders))
-        settled[row], finished[row] = search_on(settled[row]), True
+        aim = None if phase == "delay" else _aim(settled[row], lacks[row], samples, settings)
+        settled[row], finished[row] = search_on(settled[row], aim), True
     return [
-        each if done else replace(each, pruned=_reason(phase, lack, gain))
-        for each, done, lack, gain in zip(settled, finished, lacks, gains, strict=True)
+        each if _finished(each, settings) else replace(each, pruned=_reason(phase, lack, gain))
+        for each, lack, gain in zip(settled, lacks, gains, strict=True)
     ]
 
 
@@ -85,7 +85,15 @@ def _finished(candidate: Candidate, settings: SearchSettings) -> bool:
 
 
 def _likely_gain(candidate: Candidate, samples: int) -> float:
-    return LIKELY_GAIN * candidate.orders.parameters / samples
+    gain = gain_after_first_pass(candidate.diagnostics.undiscovered_probability)
+    return gain * candidate.orders.parameters / samples
+
+
+def _aim(candidate: Candidate, lack: float, samples: int, settings: SearchSettings) -> Aim:
+    """The objective at which a candidate's BIC is the lowest."""
+    power = POWERS[settings.objective]
+    value = candidate.minimum * np.exp(-lack / power)
+    return Aim(value, candidate.orders.parameters / samples / power)
 
 
 def _lacks(candidates: Sequence[Candidate]) -> list[float]:
@@ -115,8 +123,10 @@ def _lacks_of_delays(candidates: Sequence[Candidate], gains: Sequence[float]) ->
 
 
 def _reason(phase: str, lack: float, gain: float) -> str:
+    """Why a candidate was left, ``gain`` being 0 where its search had begun."""
     if phase == "delay":
         return "no likely gain of it changes the choice of the delay"
-    return (
-        f"its BIC lies {lack:.4f} above the lowest; full searches rarely gain more than {gain:.4f}"
-    )
+    above = f"its BIC lies {lack:.4f} above the lowest"
+    if not gain:
+        return f"{above}, more than the rest of its search is likely to gain"
+    return f"{above}; full searches rarely gain more than {gain:.4f}"

@@ -24,6 +24,7 @@ from evopem.estimation.order_race import race
 from evopem.estimation.polynomial_estimate import PolynomialEstimate
 from evopem.estimation.search.certificate import is_certified
 from evopem.estimation.search.incremental_order import padded
+from evopem.estimation.search.likely_gain import Aim
 from evopem.estimation.search.problem import SearchResult, same_optimum
 from evopem.estimation.structured_estimate import descended_from, described, estimate
 from evopem.models.structures import PolynomialOrders
@@ -110,11 +111,12 @@ def continue_search(
     settings: SearchSettings,
     window: ScoringWindow,
     log: Callable[[str], None] | None = None,
+    aim: Aim | None = None,
 ) -> Candidate:
     """Search on, independently of what was found so far, and keep the better."""
     orders = candidate.orders
     level, earlier = candidate.with_level, candidate.search
-    found = _search(data, orders, settings, window, level, log, earlier)
+    found = _search(data, orders, settings, window, level, log, earlier, aim)
     return Candidate.of(found, candidate.phase)
 
 
@@ -126,6 +128,7 @@ def _search(
     level: bool,
     log: Callable[[str], None] | None,
     earlier: SearchResult | None = None,
+    aim: Aim | None = None,
 ) -> PolynomialEstimate:
     """The search for one model, in samples whose level has been subtracted."""
     if data.is_joined:
@@ -138,6 +141,7 @@ def _search(
             level,
             earlier,
             log,
+            aim,
         )
     with warnings.catch_warnings():
         # A subtracted level need not be the mean: a response that begins or ends in the record
@@ -154,6 +158,7 @@ def _search(
             window=window,
             earlier=earlier,
             log=log,
+            aim=aim,
         )
 
 
@@ -243,8 +248,8 @@ def select_candidate(
     def reoptimize(nested: Candidate, candidate: Candidate) -> Candidate:
         return reoptimize_from(nested, candidate, data, settings, window)
 
-    def search_on(candidate: Candidate) -> Candidate:
-        return continue_search(candidate, data, settings, window, log)
+    def search_on(candidate: Candidate, aim: Aim | None) -> Candidate:
+        return continue_search(candidate, data, settings, window, log, aim)
 
     ordered = sorted(candidates, key=lambda candidate: candidate.orders)
     if settings.prune:

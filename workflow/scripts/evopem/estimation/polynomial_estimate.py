@@ -23,6 +23,7 @@ from evopem.estimation.pem.robust_covariance import MOST_COLOURING, coloured_cov
 from evopem.estimation.pem.stretch_errors import StretchErrors
 from evopem.estimation.requirements import check_search_settings, check_signals, check_window
 from evopem.estimation.search.global_search import continued_search
+from evopem.estimation.search.likely_gain import Aim
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
 from evopem.estimation.search.problem import SearchResult, descended, pooled
 from evopem.models.parameter_covariance import ParameterCovariance
@@ -118,6 +119,7 @@ def estimate_polynomial(
     level: bool = False,
     earlier: SearchResult | None = None,
     log: Callable[[str], None] | None = None,
+    aim: Aim | None = None,
 ) -> PolynomialEstimate:
     """Find the polynomial model of given orders with the smallest prediction errors, globally.
 
@@ -148,6 +150,8 @@ def estimate_polynomial(
         Result of an earlier search of the same problem, to be combined with this one.
     log : callable, optional
         Receives one line a generation.
+    aim : Aim, optional
+        What the search is made for: it ends once it is unlikely to get so low.
 
     Raises
     ------
@@ -161,7 +165,9 @@ def estimate_polynomial(
         errors = checked_errors(input, output, o, settings, window, level)
         problem, scales = scaled_problem(errors)
         key = (o.na, o.nb, o.nc, o.nd, o.nf, o.nk, int(level))
-        found = continued_search(problem, scales, key, settings, earlier, log, problem.recombine)
+        found = continued_search(
+            problem, scales, key, settings, earlier, log, problem.recombine, aim
+        )
         return describe(errors, found, sampling_rate)
 
 

@@ -19,6 +19,7 @@ from evopem.estimation.polynomial_estimate import (
     estimate_polynomial,
     polynomial_errors,
 )
+from evopem.estimation.search.likely_gain import Aim
 from evopem.estimation.search.problem import SearchResult
 from evopem.models.structures import PolynomialOrders, orders_of
 from evopem.signals.recording import Recording
@@ -40,6 +41,7 @@ def estimate(
     constraints: Constraints | None = None,
     earlier: SearchResult | None = None,
     log: Callable[[str], None] | None = None,
+    aim: Aim | None = None,
 ) -> PolynomialEstimate:
     """Find the model of a structure and orders with the smallest prediction errors, globally.
 
@@ -67,6 +69,8 @@ def estimate(
         Result of an earlier search of the same problem, to be combined with this one.
     log : callable, optional
         Receives one line a generation.
+    aim : Aim, optional
+        What the search is made for: it ends once it is unlikely to get so low.
 
     Returns
     -------
@@ -126,6 +130,7 @@ def estimate(
             window=window,
             earlier=earlier,
             log=log,
+            aim=aim,
         )
     return estimate_polynomial(
         input,
@@ -138,6 +143,7 @@ def estimate(
         level=level,
         earlier=earlier,
         log=log,
+        aim=aim,
     )
 
 

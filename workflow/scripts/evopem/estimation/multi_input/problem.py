@@ -102,7 +102,7 @@ class MultiInputProblem:
         """Levenberg-Marquardt, whose damping singular matrices do not disturb."""
         return self.descend(points)
 
-    def polish(self, points: Array, coarse: bool = False) -> Descent:  # noqa: ARG002
+    def polish(self, points: Array) -> Descent:
         """Levenberg-Marquardt from each row to the last digits."""
         return self._descents(points, POLISH_STEPS, POLISH_TOLERANCE)
 

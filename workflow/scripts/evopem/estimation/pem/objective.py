@@ -199,6 +199,10 @@ class PredictionErrorProblem:
         residuals = self.residuals(point)
         return residuals, slopes_of(residuals, self.objective, self.scoring_start)
 
+    def of_stretches(self, point: Array) -> list[tuple[PredictionErrorProblem, Array]]:
+        """The errors of each stretch alone, and its point: one stretch here."""
+        return [(self, point)]
+
     def feasible(self, points: Array) -> NDArray[np.bool_]:
         """Whether A and C of each row have all roots within ``max_root_radius``."""
         feasible: NDArray[np.bool_] = kernels.feasible_rows(

@@ -214,6 +214,10 @@ class PolynomialErrors:
         residuals = self.residuals(point)
         return residuals, slopes_of(residuals, self.objective, self.loss_start)
 
+    def of_stretches(self, point: Array) -> list[tuple[PolynomialErrors, Array]]:
+        """The errors of each stretch alone, and its point: one stretch here."""
+        return [(self, point)]
+
     def feasible(self, points: Array) -> NDArray[np.bool_]:
         """Whether all roots of A, C, D and F of each row lie within their radii."""
         feasible: NDArray[np.bool_] = kernels.feasible_polynomials(

@@ -184,9 +184,12 @@ class StretchErrors:
     def residuals_of_stretches(self, point: Array) -> list[Array]:
         """Residuals of one point that count, stretch by stretch."""
         return [
-            errors.residuals(point[at])[errors.loss_start :]
-            for errors, at in zip(self._errors, self._positions, strict=True)
+            errors.residuals(own)[errors.loss_start :] for errors, own in self.of_stretches(point)
         ]
+
+    def of_stretches(self, point: Array) -> list[tuple[PolynomialErrors, Array]]:
+        """The errors of each stretch alone, and its point."""
+        return [(e, point[at]) for e, at in zip(self._errors, self._positions, strict=True)]
 
     def residual_counts(self) -> list[int]:
         """Number of residuals that count in each stretch."""

@@ -26,6 +26,7 @@ from evopem.estimation.search.section_hopping import (
 from evopem.estimation.search.staged_descent import (
     DAMPING,
     DESCENT_STAGES,
+    coarse_descent,
     polish,
     promised_values,
     staged_descent,
@@ -202,16 +203,20 @@ class ArmaxProblem:
         """BFGS from each point, preconditioned by its Gauss-Newton matrix."""
         return staged_descent(self.errors, points, DESCENT_STAGES, self._scale)
 
+    def descend_coarsely(self, points: Array) -> Descent:
+        """BFGS from each point to near its end."""
+        return coarse_descent(self.errors, points, self._scale)
+
     def descend_from_neighbours(self, points: Array) -> Descent:
         """BFGS from points whose Gauss-Newton matrix may be singular."""
         return staged_descent(self.errors, points, DESCENT_STAGES, self._scale, PREDICTION_DAMPING)
 
-    def polish(self, points: Array, coarse: bool = False) -> Descent:
+    def polish(self, points: Array) -> Descent:
         """BFGS with ever less smoothing; never worse than the starting points.
 
         Each point ends where it would end alone.
         """
-        return polish(self.errors, points, self._scale, coarse, wait=None)
+        return polish(self.errors, points, self._scale, wait=None)
 
 
 def _best_of_each(descents: Descent, count: int) -> tuple[Array, Array]:

@@ -102,10 +102,14 @@ def with_common_section(
                 coefficients = np.convolve(np.append(1.0, coefficients), section)[1:]
             elif name == "b" and not len(coefficients):
                 continue
-            elif STATES_OF.get(name, name) in shared:
+            elif name == "b" and name in shared:
                 coefficients = np.convolve(coefficients, section)
-            length = parts[name].stop - parts[name].start
-            grown[parts[name]] = coefficients[:length]
+            elif STATES_OF.get(name, " ") in shared and len(coefficients):
+                length = _states_of_stretch(name, larger.orders)
+                of_stretches = coefficients.reshape(-1, _states_of_stretch(name, smaller.orders))
+                times = [np.convolve(states, section)[:length] for states in of_stretches]
+                coefficients = np.concatenate(times)
+            grown[parts[name]] = coefficients
         points.append(grown)
     return np.array(points)
 
@@ -124,8 +128,10 @@ def without_common_section(
         shrunk = np.zeros(smaller.dimension)
         for name, part in kept.items():
             coefficients = point[parts[name]]
-            if name in ("plant", "noise"):
-                coefficients = coefficients[: part.stop - part.start]
+            if name in STATES_OF and len(coefficients):
+                length = _states_of_stretch(name, smaller.orders)
+                of_stretches = coefficients.reshape(-1, _states_of_stretch(name, larger.orders))
+                coefficients = of_stretches[:, :length].ravel()
             if part.stop - part.start == len(coefficients):
                 shrunk[part] = coefficients
         rest = Sections(np.delete(found.quadratic, row, axis=0), found.single)
@@ -137,6 +143,11 @@ def without_common_section(
         if all(lower is not None for lower in left.values()):
             points.append(shrunk)
     return np.array(points).reshape(len(points), smaller.dimension)
+
+
+def _states_of_stretch(name: str, orders: PolynomialOrders) -> int:
+    """How many states of the plant or of the noise a stretch has."""
+    return orders.nf if name == "plant" else orders.noise_states
 
 
 def _without_nearest(name: str, coefficients: Array, section: Array) -> Array | None:

@@ -19,8 +19,11 @@ from numpy.typing import NDArray
 from evopem.config.settings import SearchSettings
 from evopem.errors import InputError
 from evopem.estimation.search.certificate import ONE_OPTIMUM, enough_agree
+from evopem.estimation.search.likely_gain import AFTER_BATCHES, AFTER_RESTART, Aim
 from evopem.estimation.search.memetic import Recombination, memetic_search
 from evopem.estimation.search.problem import (
+    SAME_COARSE_DESCENT,
+    CoarseProblem,
     SearchDiagnostics,
     SearchResult,
     continuing,
@@ -38,13 +41,16 @@ Array = NDArray[np.float64]
 
 # Independent batches of random points, and the points of each.
 BATCHES, BATCH = 2, 16
+# Undiscovered probability after a batch from which on another one hardly leads to a certificate,
+# and growth and exchange find lower values.
+HOPELESS = 0.4
 # Evaluations after which a restart of the memetic search begins no further generation.
 RESTART_EVALUATIONS = 4000
 # Restarts of the memetic search; where they do not agree, hops from descents find more.
 MEMETIC_RESTARTS = 2
 NEVER = 2**31
-# Evaluations of a search that is the first pass of a race: one batch, coarsely polished.
-FIRST_PASS = 0
+# Evaluations of a search that is the first pass of a race, and its random points.
+FIRST_PASS, FIRST_BATCH = 0, 8
 
 
 class _Record:
@@ -60,11 +66,21 @@ class _Record:
         self.undiscovered, self.one_optimum = 1.0, False
         self._log = log
 
+    @property
+    def restarts(self) -> int:
+        """Independent restarts, batches of random points not counted."""
+        return len(self.minima) - self.points // BATCH
+
     def agree(self, best: float, *more: float) -> bool:
         """Whether enough independent restarts, some more among them, ended at the lowest value."""
         minima = (*self.minima, *more)
         agreeing = sum(same_optimum(minimum, best) for minimum in minima)
         return enough_agree(agreeing, len(minima), self.undiscovered)
+
+    def is_unlikely(self, aim: Aim | None, known_minimum: float) -> bool:
+        """Whether further restarts hardly lead to what the search is made for."""
+        likely = AFTER_RESTART if self.restarts else AFTER_BATCHES
+        return aim is not None and aim.is_unlikely(min(self.value, known_minimum), likely)
 
     def add(self, kind: str, point: Array, value: float, evaluations: int) -> None:
         """Count an independent restart."""
@@ -89,6 +105,7 @@ def continued_search(
     earlier: SearchResult | None = None,
     log: Callable[[str], None] | None = None,
     recombine: Recombination | None = None,
+    aim: Aim | None = None,
 ) -> SearchResult:
     """Search a scaled problem globally, combined with an earlier search of the same problem.
 
@@ -107,6 +124,8 @@ def continued_search(
         Receives one line a restart.
     recombine : callable, optional
         See :func:`.memetic.memetic_search`.
+    aim : Aim, optional
+        The search ends once it is unlikely to get so low.
 
     Raises
     ------
@@ -116,7 +135,7 @@ def continued_search(
     sequence = np.random.SeedSequence(settings.seed, spawn_key=(*key, *continuing(earlier)))
     known = np.inf if earlier is None else earlier.value
     generator = np.random.default_rng(sequence)
-    found = global_search(problem, settings, generator, log, known, recombine=recombine)
+    found = global_search(problem, settings, generator, log, known, recombine, aim)
     found = replace(found, point=found.point * scales)
     return found if earlier is None else pooled(earlier, found)
 
@@ -128,6 +147,7 @@ def global_search(
     log: Callable[[str], None] | None = None,
     known_minimum: float = np.inf,
     recombine: Recombination | None = None,
+    aim: Aim | None = None,
 ) -> SearchResult:
     """Minimise the objective of an identification globally.
 
@@ -144,15 +164,20 @@ def global_search(
         search.
     recombine : callable, optional
         See :func:`.memetic.memetic_search`.
+    aim : Aim, optional
+        The search ends once it is unlikely to get so low.
 
     Raises
     ------
     InputError
         When no value was finite.
     """
-    found = _Record(log)
-    _descend_from_random_points(problem, settings.evaluations, generator, found)
-    exchange = None if found.one_optimum else _exchange_of(problem)
+    found, exchange = _Record(log), _exchange_of(problem)
+    if settings.evaluations == FIRST_PASS:
+        _descend_coarsely(problem, generator, found)
+    else:
+        hopeless = np.inf if exchange is None else HOPELESS
+        _descend_from_random_points(problem, settings.evaluations, generator, found, hopeless)
     refuted_from = np.inf
     while not (found.one_optimum and same_optimum(found.value, known_minimum)):
         agreed = found.agree(min(found.value, known_minimum))
@@ -167,7 +192,7 @@ def global_search(
                 hops = hop(problem, found.point, found.value, np.inf, generator)
             found.optima.extend(hops.optima)
             found.lower("neighbours of the lowest", hops.point, hops.value, hops.evaluations)
-        elif found.spent >= settings.evaluations:
+        elif found.spent >= settings.evaluations or found.is_unlikely(aim, known_minimum):
             break
         elif exchange is not None:
             hops = exchange.search(settings.evaluations - found.spent, generator)
@@ -204,27 +229,50 @@ def _exchange_of(problem: HoppingProblem) -> SectionExchange | None:
 
 
 def _descend_from_random_points(
-    problem: HoppingProblem, evaluations: int, generator: np.random.Generator, found: _Record
+    problem: HoppingProblem,
+    evaluations: int,
+    generator: np.random.Generator,
+    found: _Record,
+    hopeless: float,
 ) -> None:
-    """Descend from independent batches of random points, and polish the lowest of each.
+    """Descend from batches of random points, and polish the lowest of each.
+
+    No further batch follows one that leaves a ``hopeless`` undiscovered probability.
 
     They are polished together, because a pass over the record costs the same for several points as
     for one.
     """
     lowest: list[Array] = []
     used = 0
-    while not lowest or (found.points < BATCHES * BATCH and used < evaluations):
+    while not lowest or (
+        found.points < BATCHES * BATCH and used < evaluations and found.undiscovered < hopeless
+    ):
         descents = problem.descend(problem.random(BATCH, generator))
         found.optima.extend(converged_values(descents))
         lowest.append(descents.points[int(np.argmin(descents.values))])
         found.points += BATCH
+        found.undiscovered = undiscovered(found.optima)
         used += descents.evaluations
-    polished = problem.polish(np.array(lowest), coarse=evaluations == FIRST_PASS)
+    polished = problem.polish(np.array(lowest))
     used += polished.evaluations
     for point, value in zip(polished.points, polished.values, strict=True):
         found.add("random points", point, float(value), used // len(lowest))
-    found.undiscovered = undiscovered(found.optima)
     found.one_optimum = found.undiscovered <= ONE_OPTIMUM and count_distinct(found.optima) == 1
+
+
+def _descend_coarsely(
+    problem: HoppingProblem, generator: np.random.Generator, found: _Record
+) -> None:
+    """The first pass of a race: coarse descents from a few random points."""
+    starts = problem.random(FIRST_BATCH, generator)
+    if isinstance(problem, CoarseProblem):
+        descents = problem.descend_coarsely(starts)
+    else:
+        descents = problem.descend(starts)
+    lowest = int(np.argmin(descents.values))
+    found.optima, found.points = converged_values(descents), FIRST_BATCH
+    found.add("first pass", descents.points[lowest], descents.values[lowest], descents.evaluations)
+    found.undiscovered = undiscovered(found.optima, SAME_COARSE_DESCENT)
 
 
 def _restart(
@@ -236,7 +284,7 @@ def _restart(
     known_minimum: float,
 ) -> None:
     """One independent restart, with hops from its end where restarts do not agree."""
-    memetic = len(found.minima) < BATCHES + MEMETIC_RESTARTS
+    memetic = found.restarts < MEMETIC_RESTARTS
     if memetic:
         short = replace(settings, evaluations=min(settings.evaluations, RESTART_EVALUATIONS))
         ended = memetic_search(

@@ -30,6 +30,7 @@ from evopem.estimation.search.section_hopping import (
 )
 from evopem.estimation.search.staged_descent import (
     DESCENT_STAGES,
+    coarse_descent,
     polish,
     promised_values,
     staged_descent,
@@ -113,18 +114,22 @@ class PolynomialProblem:
         """BFGS from each point, preconditioned by its Gauss-Newton matrix."""
         return staged_descent(self.errors, points, DESCENT_STAGES, self._largest_value)
 
+    def descend_coarsely(self, points: Array) -> Descent:
+        """BFGS from each point to near its end."""
+        return coarse_descent(self.errors, points, self._largest_value)
+
     def descend_from_neighbours(self, points: Array) -> Descent:
         """BFGS from points whose Gauss-Newton matrix may be singular."""
         return staged_descent(
             self.errors, points, DESCENT_STAGES, self._largest_value, PREDICTION_DAMPING
         )
 
-    def polish(self, points: Array, coarse: bool = False) -> Descent:
+    def polish(self, points: Array) -> Descent:
         """BFGS with ever less smoothing; never worse than where it began.
 
         Each point ends where it would end alone.
         """
-        return polish(self.errors, points, self._largest_value, coarse, wait=None)
+        return polish(self.errors, points, self._largest_value, wait=None)
 
     def estimates(self) -> Array:
         """Points from estimates of the record, (M, n): the first population before its descent."""
@@ -205,7 +210,7 @@ class PolynomialProblem:
         promised = promised_values(self.errors, points, value, self._largest_value, COMMON_DAMPING)
         return np.where(promised > 0.0, promised, np.inf)
 
-    def of_orders(self, orders: PolynomialOrders) -> Self | None:
+    def of_orders(self, orders: PolynomialOrders) -> Self:
         """The problem of other orders."""
         problem = type(self)(self._errors_of(orders))
         problem._largest_value = self._largest_value

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,16 @@ SAME_OPTIMUM = 1e-6
 # Relative difference below which the values of descents that were not refined to the last digits,
 # or of the individuals of a converged population, count as the same.
 SAME_DESCENT = 1e-5
+# The same for the coarse descents of a first pass.
+SAME_COARSE_DESCENT = 1e-4
+
+
+@runtime_checkable
+class CoarseProblem(Protocol):
+    """A problem with descents that a race of many orders can afford for each of them."""
+
+    def descend_coarsely(self, points: Array) -> Descent:
+        """Descend from each row to near its optimum."""
 
 
 class Problem(Protocol):
@@ -41,8 +51,8 @@ class Problem(Protocol):
     def descend(self, points: Array) -> Descent:
         """Descend from each row by BFGS; values as of :meth:`values`."""
 
-    def polish(self, points: Array, coarse: bool = False) -> Descent:
-        """Descend from each row to the last digits, or to 1e-4 of the value where ``coarse``."""
+    def polish(self, points: Array) -> Descent:
+        """Descend from each row to the last digits."""
 
 
 @dataclass(frozen=True)
@@ -128,10 +138,12 @@ def continuing(earlier: SearchResult | None) -> tuple[int, ...]:
 def pooled(first: SearchResult, second: SearchResult) -> SearchResult:
     """Combine two searches of one problem that drew independently.
 
-    The number of local optima is the larger of the two: which of them coincide is not known.
+    The number of local optima is the larger of the two: which of them coincide is not known.  The
+    undiscovered probability is that of the one with more random points.
     """
     best = second if second.value < first.value else first
     one, other = first.diagnostics, second.diagnostics
+    drawn = max(one, other, key=lambda each: (each.n_multistart, each.undiscovered_probability))
     continued = (
         (one.evaluations + spent, min(value, first.value)) for spent, value in other.convergence
     )
@@ -146,9 +158,7 @@ def pooled(first: SearchResult, second: SearchResult) -> SearchResult:
             n_confirming=count_confirming(minima, best.value),
             n_local_optima=max(one.n_local_optima, other.n_local_optima),
             n_multistart=one.n_multistart + other.n_multistart,
-            undiscovered_probability=min(
-                one.undiscovered_probability, other.undiscovered_probability
-            ),
+            undiscovered_probability=drawn.undiscovered_probability,
             convergence=(*one.convergence, *continued),
         ),
     )
@@ -164,22 +174,22 @@ def count_confirming(minima: tuple[float, ...], best: float) -> int:
     return max(sum(same_optimum(minimum, best) for minimum in minima) - 1, 0)
 
 
-def count_distinct(values: list[float]) -> int:
-    """Count the groups of values that differ by more than :data:`SAME_DESCENT`."""
+def count_distinct(values: list[float], tolerance: float = SAME_DESCENT) -> int:
+    """Count the groups of values that differ by more than a relative tolerance."""
     count, last = 0, -np.inf
     for value in sorted(values):
-        if not np.isfinite(last) or not same_optimum(value, last, SAME_DESCENT):
+        if not np.isfinite(last) or not same_optimum(value, last, tolerance):
             count, last = count + 1, value
     return count
 
 
-def undiscovered(optima: list[float]) -> float:
+def undiscovered(optima: list[float], tolerance: float = SAME_DESCENT) -> float:
     """Posterior mean of the probability that a further descent leads to an undiscovered optimum.
 
     After n descents that ended at w distinct optima it is ``w (w + 1) / (n (n - 1))`` (Boender &
     Rinnooy Kan 1987, Bayesian stopping rules for multistart global optimization methods).
     """
-    distinct, count = count_distinct(optima), len(optima)
+    distinct, count = count_distinct(optima, tolerance), len(optima)
     return min(distinct * (distinct + 1) / (count * (count - 1)), 1.0) if count > 1 else 1.0
 
 

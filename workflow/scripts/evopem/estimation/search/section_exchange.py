@@ -56,8 +56,8 @@ class ExchangeProblem(HoppingProblem, Protocol):
 
     errors: ExchangeErrors
 
-    def of_orders(self, orders: PolynomialOrders) -> ExchangeProblem | None:
-        """The problem of the same record in other orders; None where sections do not exchange."""
+    def of_orders(self, orders: PolynomialOrders) -> ExchangeProblem:
+        """The problem of the same record in other orders."""
 
     def promised(self, points: Array, value: float) -> Array:
         """Objective that one Gauss-Newton step from each point predicts, (M,)."""
@@ -86,7 +86,7 @@ class SectionExchange:
     @property
     def possible(self) -> bool:
         """Whether the problem has sections to exchange."""
-        return len(self._steps) > 1 and self.problem.of_orders(self._steps[0][0]) is not None
+        return len(self._steps) > 1
 
     def search(self, max_evaluations: float, generator: np.random.Generator) -> Hops:
         """An independent search: growth from the smallest orders, then exchange."""
@@ -111,9 +111,7 @@ class SectionExchange:
         """The problem of some orders on the way."""
         if orders == self.problem.errors.orders:
             return self.problem
-        smaller = self.problem.of_orders(orders)
-        assert smaller is not None
-        return smaller
+        return self.problem.of_orders(orders)
 
     def _exchanged(self, optima: list[Optimum], found: _Found, max_evaluations: float) -> Hops:
         """Exchange sections of the best optimum not tried, until that has failed for some time."""

@@ -8,6 +8,7 @@ resonance.  How far these explain the slopes of the loss is a score test of each
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import lru_cache
 from typing import Protocol
 
@@ -32,18 +33,27 @@ DAMPING = 1e-3
 CURVATURE_OF_ABSOLUTE = 2.0 / np.pi
 
 
-class ScoredErrors(Protocol):
-    """Prediction errors whose loss has slopes."""
+class StretchScores(Protocol):
+    """Prediction errors of a stretch whose loss has slopes."""
 
     input: Array
+    samples: int
     orders: PolynomialOrders
-    objective: str
 
     def parts(self) -> dict[str, slice]:
         """Where the polynomials "a", "b", "c", "d" and "f" and the states stand in a point."""
 
     def residuals_and_slopes(self, point: Array) -> tuple[Array, Array]:
         """Residuals, (N,), and the slopes of their losses, zero where these do not count."""
+
+
+class ScoredErrors(Protocol):
+    """Prediction errors of one or several stretches."""
+
+    objective: str
+
+    def of_stretches(self, point: Array) -> Iterable[tuple[StretchScores, Array]]:
+        """The errors of each stretch alone, and its point."""
 
 
 @lru_cache(maxsize=1)
@@ -84,13 +94,17 @@ def gains(errors: ScoredErrors, point: Array, shared: str, places: NDArray[np.in
     places : (M,) int array
         Rows of :func:`grid`.
     """
-    residuals, slopes = errors.residuals_and_slopes(point)
-    counted = slopes != 0.0
-    spectra = np.fft.rfft([slopes, *_signals(errors, point, residuals, shared)])
-    bins = min(BINS, spectra.shape[1])
-    first_of_bin = -(-np.arange(bins) * spectra.shape[1] // bins)
+    stretches = list(errors.of_stretches(point))
+    samples = max(each.samples for each, _ in stretches)
+    signals = [_slopes_and_signals(each, own, shared) for each, own in stretches]
+    slopes = np.concatenate([each[0] for each in signals])
+    # One row for each signal, in it one for each stretch.
+    spectra = np.stack([np.fft.rfft(each, samples) for each in signals], axis=1)
+    frequencies = spectra.shape[2]
+    bins = min(BINS, frequencies)
+    first_of_bin = -(-np.arange(bins) * frequencies // bins)
     response, power = (each[places] for each in _responses(bins))
-    delay = np.exp(-1j * np.pi * np.arange(spectra.shape[1]) / spectra.shape[1])
+    delay = np.exp(-1j * np.pi * np.arange(frequencies) / frequencies)
 
     def summed(*products: NDArray[np.complex128]) -> NDArray[np.complex128]:
         return np.add.reduceat(np.stack(products), first_of_bin, axis=1).T
@@ -99,11 +113,11 @@ def gains(errors: ScoredErrors, point: Array, shared: str, places: NDArray[np.in
     scores = np.empty((len(places), 2 * count))
     matrices = np.empty((len(places), 2 * count, 2 * count))
     for i, one in enumerate(spectra[1:]):
-        cross = spectra[0].conj() * one
+        cross = np.sum(spectra[0].conj() * one, axis=0)
         both = summed(cross * delay, cross * delay**2).astype(np.complex64)
         scores[:, 2 * i : 2 * i + 2] = (response @ both).real
         for j, other in enumerate(spectra[1 : i + 2]):
-            cross = one * other.conj()
+            cross = np.sum(one * other.conj(), axis=0)
             lags = summed(cross, cross * delay, cross * delay.conj()).real.astype(np.float32)
             same, later, earlier = (power @ lags).T
             block = np.array([[same, earlier], [later, same]]).transpose(2, 0, 1)
@@ -116,19 +130,20 @@ def gains(errors: ScoredErrors, point: Array, shared: str, places: NDArray[np.in
     matrices += DAMPING * np.eye(2 * count)
     scores /= size
     solved = np.linalg.solve(matrices, scores[:, :, None])[:, :, 0]
-    explained: Array = np.einsum("ij,ij->i", scores, solved) * 2.0 / len(residuals)
+    explained: Array = np.einsum("ij,ij->i", scores, solved) * 2.0 / samples
     if errors.objective == "absolute":
-        return explained / (2.0 * CURVATURE_OF_ABSOLUTE * np.count_nonzero(counted))
+        return explained / (2.0 * CURVATURE_OF_ABSOLUTE * np.count_nonzero(slopes))
     return explained / float(slopes @ slopes)
 
 
-def _signals(errors: ScoredErrors, point: Array, residuals: Array, shared: str) -> list[Array]:
-    """Residuals and input as the coefficients of the shared polynomials would add them."""
+def _slopes_and_signals(errors: StretchScores, point: Array, shared: str) -> list[Array]:
+    """Slopes; residuals and input as the coefficients of the shared polynomials would add them."""
+    residuals, slopes = errors.residuals_and_slopes(point)
     parts = errors.parts()
     c, d, f = (
         np.append(1.0, point[parts[name]]) if name in parts else np.ones(1) for name in "cdf"
     )
-    signals = []
+    signals = [slopes]
     if "c" in shared:
         signals.append(_filtered(residuals, np.ones(1), c))
     if "b" in shared and errors.orders.nb:

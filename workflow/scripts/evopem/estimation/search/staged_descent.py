@@ -37,9 +37,11 @@ class Stage(NamedTuple):
 
 DESCENT_STAGES = (Stage(0.1, 1e-4, 1e-5), Stage(0.01, 1e-7, 1e-9))
 POLISH_STAGES = (Stage(1e-2, 1e-7, 1e-10), Stage(1e-3, 1e-8, 1e-10), Stage(1e-4, 1e-9, 1e-11))
-# The later stages take most of the evaluations of a polish, and lower an absolute objective by
-# about 0.004 of its value times parameters over samples: a race compares far larger differences.
-COARSE_STAGES = POLISH_STAGES[:1]
+# Of the first pass of a race, which compares far larger differences than the other stages take most
+# of their evaluations for: of an absolute objective 0.004 of its value times parameters over
+# samples.
+COARSE_STAGES = (Stage(0.05, 1e-5, 1e-6),)
+LAST_COARSE_STAGES = POLISH_STAGES[:1]
 
 
 class PredictionErrors(Protocol):
@@ -96,23 +98,35 @@ def staged_descent(
     return Descent(points, values, result.converged, evaluations)
 
 
+def coarse_descent(errors: PredictionErrors, points: Array, largest_value: float) -> Descent:
+    """Descents to 1e-4 of the value; the lowest goes a little further.
+
+    Parameters
+    ----------
+    errors, points, largest_value
+        As for :func:`staged_descent`.
+    """
+    found = staged_descent(errors, points, COARSE_STAGES, largest_value)
+    lowest = [int(np.argmin(found.values))]
+    polished = polish(errors, found.points[lowest], largest_value, LAST_COARSE_STAGES)
+    found.points[lowest], found.values[lowest] = polished.points, polished.values
+    return replace(found, evaluations=found.evaluations + polished.evaluations)
+
+
 def polish(
     errors: PredictionErrors,
     points: Array,
     largest_value: float,
-    coarse: bool = False,
+    stages: tuple[Stage, ...] = POLISH_STAGES,
     wait: float | None = WAIT,
 ) -> Descent:
     """Descents with ever less smoothing; never worse than where they began.
 
     Parameters
     ----------
-    errors, points, largest_value, wait
+    errors, points, largest_value, stages, wait
         As for :func:`staged_descent`.
-    coarse : bool
-        Whether only the first stage is taken.
     """
-    stages = COARSE_STAGES if coarse else POLISH_STAGES
     polished = staged_descent(errors, points, stages, largest_value, wait=wait)
     before = errors.values(points)
     worse = ~(polished.values <= before)

@@ -41,9 +41,6 @@ class StretchProblem(PolynomialProblem):
         super().__init__(errors)  # type: ignore[arg-type]
         self._models, self._own_starts = tuple(models), own_starts
 
-    def of_orders(self, orders: PolynomialOrders) -> None:
-        """Sections are not exchanged: several stretches have no common spectrum."""
-
     def starts(self) -> Array:
         """Feasible points to descend from, (M, n)."""
         found: list[Array] = []

@@ -128,7 +128,7 @@ class StateSpaceProblem:
         """Levenberg-Marquardt from each row."""
         return self.descents(points, STEPS, TOLERANCE)
 
-    def polish(self, points: Array, coarse: bool = False) -> Descent:  # noqa: ARG002
+    def polish(self, points: Array) -> Descent:
         """Levenberg-Marquardt from each row to the last digits."""
         return self.descents(points, POLISH_STEPS, POLISH_TOLERANCE)
 

@@ -41,7 +41,7 @@ WIDTH, FINAL_WIDTH = 3, 8
 CROSSED = 2
 # Restarts that must agree before the multistart check, which is one more: a certificate needs so
 # many where there are many optima, as there are nearly always.
-AGREEING_BEFORE_CHECK = AGREEING[-1][1] - 1
+AGREEING_BEFORE_CHECK = AGREEING - 1
 
 
 def generator_of(

@@ -94,7 +94,7 @@ def _all_candidates(candidates: pd.DataFrame) -> str:
     left = int(candidates["pruned"].astype("string").fillna("").ne("").sum())
     pruned = (
         f" {plural(left, 'candidate')} unlikely to be selected"
-        f" {'was' if left == 1 else 'were'} left after a first pass."
+        f" {'was' if left == 1 else 'were'} left before the end of the search."
     )
     return (
         f"Of all {plural(len(candidates), 'candidate')}, {count(confirmed)}"
