@@ -26,8 +26,8 @@ Weighing = Literal["noise", "power"]
 # Widths of the smoothing relative to the mean absolute error of an output: the first one, and the
 # factor from one to the next.
 FIRST_WIDTH, NARROWER = 1.0, 0.1
-# The last one of a descent of a search, and of one to the last digits.
-SEARCH_WIDTH, POLISH_WIDTH = 1e-4, 1e-6
+# The last one of a descent of a search over orders, of one for an order, and to the last digits.
+SWEEP_WIDTH, SEARCH_WIDTH, POLISH_WIDTH = 1e-2, 1e-4, 1e-6
 # A width is left when a step promises less than this share of it, or twice in a row gains less.
 TOLERANCE = 1e-3
 # Steps at one width.
