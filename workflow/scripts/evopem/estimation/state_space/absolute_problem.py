@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.estimation.absolute_descent import (
-    POLISH_WIDTH,
     SEARCH_WIDTH,
     SWEEP_WIDTH,
     output_weights,
@@ -89,8 +88,7 @@ class AbsoluteStateSpaceProblem(StateSpaceProblem):
 
     def descents(self, points: Array, steps: int, tolerance: float) -> Descent:  # noqa: ARG002
         """Descents from each row, to the last digits where the tolerance asks for them."""
-        width = SEARCH_WIDTH if tolerance >= TOLERANCE else POLISH_WIDTH
-        return self._absolute.descents(points, width)
+        return self._absolute.descents(points, SEARCH_WIDTH if tolerance >= TOLERANCE else None)
 
     def limited(self, errors: Array) -> Array:
         """Errors, (N, ny), with those that stand out drawn in."""
