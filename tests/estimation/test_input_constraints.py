@@ -106,6 +106,7 @@ def test_poles_keep_to_their_region(structure, poles, name):
     s = np.log(z[z.imag > 0.0]) * RATE
     hertz, damping = np.abs(s) / (2.0 * np.pi), -s.real / np.abs(s)
     assert name in found.constraints.active
+    assert found.search.diagnostics.n_confirming >= 1  # descents from elsewhere end there
     if name == "max_pole_radius":
         assert np.abs(z).max() <= 0.7 + 1e-9
     elif name == "min_damping_ratio":

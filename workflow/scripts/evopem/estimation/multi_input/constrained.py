@@ -26,12 +26,14 @@ from evopem.estimation.multi_input.problem import (
     starting_points,
 )
 from evopem.estimation.pem.constrained_parameters import (
+    EXCESS,
+    KIND,
+    SHARE,
     ConstrainedParameters,
     GivenGain,
     Linear,
     Sections,
 )
-from evopem.estimation.pem.levenberg_marquardt import Optimum
 from evopem.estimation.search.problem import SearchResult, count_confirming, count_distinct
 from evopem.models.constraint_checks import check_constraints
 from evopem.models.multi_input import MultiInputOrders
@@ -135,7 +137,10 @@ def constrained_inputs(
 
 
 class ConstrainedMultiInputErrors(MultiInputErrors):
-    """Residuals and Jacobian as functions of the coordinates of :func:`constrained_inputs`.
+    """Residuals and Jacobian as functions of the bounded coordinates of :func:`constrained_inputs`.
+
+    A step beyond a bound ends at it.  A coordinate at its bound has no derivative as long as the
+    objective falls further outside, so that descents go on along the bound.
 
     Parameters
     ----------
@@ -146,24 +151,32 @@ class ConstrainedMultiInputErrors(MultiInputErrors):
     def __init__(self, errors: MultiInputErrors, parameters: ConstrainedParameters) -> None:
         super().__init__(errors.record, errors.orders, errors.radius, errors.objective)
         self.points, self.map = errors, parameters
+        codes = parameters.codes
+        self._lower = np.where((codes == SHARE) | (codes == EXCESS), 0.0, -np.inf)
+        self._upper = np.where(codes == SHARE, 1.0, np.inf)
 
-    def point(self, z: Array) -> Array:
+    def point(self, bounded: Array) -> Array:
         """The point of coordinates."""
-        return self.map.point(self.map.bounded(z)[0])[0]
+        return self.map.point(bounded)[0]
 
     def residuals(self, point: Array) -> Array:
         """Residuals of coordinates."""
         return self.points.residuals(self.point(point))
 
     def jacobian(self, point: Array) -> Array:
-        """Derivatives of the residuals by coordinates."""
-        bounded, slope, _ = self.map.bounded(point)
-        found, derivatives = self.map.point(bounded)
-        return np.asarray(self.points.jacobian(found) @ (derivatives * slope))
+        """Derivatives of the residuals by the coordinates that are free."""
+        found, derivatives = self.map.point(point)
+        columns = np.asarray(self.points.jacobian(found) @ derivatives)
+        residuals = self.points.residuals(found)
+        scores = np.sign(residuals) if self.objective == "absolute" else residuals
+        outwards = scores @ columns
+        held = (point <= self._lower) & (outwards > 0.0) | (point >= self._upper) & (outwards < 0.0)
+        columns[:, held | (self.map.codes == KIND)] = 0.0
+        return columns
 
     def repaired(self, point: Array) -> Array:
-        """Coordinates with roots beyond the radius inside, where these are not shares."""
-        moved = np.where(np.isfinite(point), point, 0.0)
+        """Coordinates within their bounds, and roots beyond the radius inside."""
+        moved = np.clip(np.where(np.isfinite(point), point, 0.0), self._lower, self._upper)
         for name, polynomial in self.map.polynomials.items():
             if not isinstance(polynomial, Linear) or name[0] not in "acdf":
                 continue
@@ -209,7 +222,8 @@ def constrained_optimum(
         descend(own, own.completed(start), STEPS, TOLERANCE)
         for start in _starts(errors, parameters, free.point, generator)
     ]
-    best = _polished(own, min(optima, key=lambda optimum: optimum.value))
+    lowest = min(optima, key=lambda optimum: optimum.value)
+    best = descend(own, lowest.point, POLISH_STEPS, POLISH_TOLERANCE)
     if not np.isfinite(best.value):
         raise ValueError("no model that meets the constraints has finite errors")
     values = tuple(optimum.value for optimum in optima if np.isfinite(optimum.value))
@@ -223,7 +237,7 @@ def constrained_optimum(
         n_multistart=RANDOM_STARTS,
         convergence=((spent, best.value),),
     )
-    active, tangent = parameters.active(best.point)
+    active, tangent = parameters.active(parameters.unbounded(best.point, 0.0))
     return ConstrainedOptimum(
         SearchResult(own.point(best.point), best.value, diagnostics), active, tangent
     )
@@ -235,17 +249,10 @@ def _starts(
     free: Array,
     generator: np.random.Generator,
 ) -> list[Array]:
-    """Coordinates of the optimum without constraints, of estimates, and of random points."""
+    """Bounded coordinates of the optimum without constraints, of estimates, of random points."""
     points = [free, *starting_points(errors)]
     found = [parameters.unbounded(parameters.coordinates(point)) for point in points]
     random = MultiInputProblem(errors, np.empty((0, errors.dimension)))
     drawn = random.random(RANDOM_STARTS, generator)
-    return found + [parameters.random(parameters.coordinates(each), generator) for each in drawn]
-
-
-def _polished(own: ConstrainedMultiInputErrors, optimum: Optimum) -> Optimum:
-    """The optimum to the last digits, shares that are as good as at an end moved there."""
-    best = descend(own, optimum.point, POLISH_STEPS, POLISH_TOLERANCE)
-    at_ends = descend(own, own.map.snapped(best.point), POLISH_STEPS, POLISH_TOLERANCE)
-    lower = at_ends.value <= best.value * (1.0 + 1e-6)
-    return at_ends if lower else best
+    found += [parameters.random(parameters.coordinates(each), generator) for each in drawn]
+    return [parameters.bounded(each)[0] for each in found]
