@@ -22,7 +22,8 @@ import argparse
 import json
 import sys
 import time
-from dataclasses import dataclass
+from collections import defaultdict
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +32,8 @@ ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
 
 RATE = 100.0
+# What replaces the ending of a record's file in the files of results.
+PEERS, OWN = ".peers.json", ".table.json"
 
 
 @dataclass(frozen=True)
@@ -92,7 +95,7 @@ def run_peers(folder: Path, count: int) -> None:
     from pyoma2.algorithms.data.run_params import Clustering
     from pyoma2.setup import SingleSetup
 
-    for file in unfinished(folder, count, ".peers.json"):
+    for file in unfinished(folder, count, PEERS):
         record = np.load(file)
         u, y = record["u"], record["y"]
         results = {}
@@ -127,15 +130,26 @@ def run_peers(folder: Path, count: int) -> None:
         for reach in REACHES:
             name = f"pLSCF, stable poles within {reach}"
             results[name] = stable_groups(plscf.result, reach) | {"seconds": seconds}
-        file.with_suffix(".peers.json").write_text(json.dumps(results))
+        file.with_suffix(PEERS).write_text(json.dumps(results))
         counts = {name: len(each["frequencies_hz"]) for name, each in results.items()}
         print(file.stem, counts, flush=True)
 
 
+def records_of(folder: Path) -> list[Path]:
+    """All records, in their order."""
+    return sorted(folder.glob("???.npz"))
+
+
 def unfinished(folder: Path, count: int, suffix: str) -> list[Path]:
     """Those of the first records that have no result, in their order."""
-    files = sorted(folder.glob("???.npz"))[:count]
+    files = records_of(folder)[:count]
     return [file for file in files if not file.with_suffix(suffix).exists()]
+
+
+def stable_poles(result):  # type: ignore[no-untyped-def]
+    """Frequencies, (m,), damping ratios and shapes, (m, ny), that pyOMA2 labels stable."""
+    stable = (result.Lab == 1) & np.isfinite(result.Fn_poles)
+    return result.Fn_poles[stable], result.Xi_poles[stable], result.Phi_poles[stable]
 
 
 def read_with_truth(result, truth):  # type: ignore[no-untyped-def]
@@ -143,9 +157,7 @@ def read_with_truth(result, truth):  # type: ignore[no-untyped-def]
 
     The best that a reader of the stabilisation diagram can do: no false mode is possible.
     """
-    rows, columns = np.nonzero((result.Lab == 1) & np.isfinite(result.Fn_poles))
-    f, z = result.Fn_poles[rows, columns], result.Xi_poles[rows, columns]
-    shapes = result.Phi_poles[rows, columns]
+    f, z, shapes = stable_poles(result)
     if not len(f):
         return found_modes([], [], np.zeros((shapes.shape[1], 0)))
     size = np.linalg.norm(shapes, axis=1)
@@ -166,9 +178,7 @@ def stable_groups(result, reach):  # type: ignore[no-untyped-def]
     from scipy.cluster.hierarchy import fcluster, linkage
     from scipy.spatial.distance import squareform
 
-    rows, columns = np.nonzero((result.Lab == 1) & np.isfinite(result.Fn_poles))
-    f, z = result.Fn_poles[rows, columns], result.Xi_poles[rows, columns]
-    shapes = result.Phi_poles[rows, columns]
+    f, z, shapes = stable_poles(result)
     if len(f) < 2:
         return found_modes(f, z, shapes.T)
     unit = shapes / np.linalg.norm(shapes, axis=1)[:, None]
@@ -191,7 +201,7 @@ def run_own(folder: Path, count: int) -> None:
     from evopem.files.json_form import save
     from evopem.validation.mode_table import mode_table
 
-    for file in unfinished(folder, count, ".table.json"):
+    for file in unfinished(folder, count, OWN):
         record = np.load(file)
         y = record["y"]
         u = record["u"] if record["u"].shape[1] else None
@@ -209,7 +219,7 @@ def run_own(folder: Path, count: int) -> None:
         )
         table = mode_table(scores, u, y, kept)
         seconds = time.process_time() - begun
-        save(table, file.with_suffix(".table.json"))
+        save(table, file.with_suffix(OWN))
         print(
             f"{file.stem}: order {table.order}, {len(table.trusted)} of {len(table.modes)} modes "
             f"trusted, {seconds:.1f} s",
@@ -262,47 +272,74 @@ def own_results(table):  # type: ignore[no-untyped-def]
     }
 
 
-def print_table(folder: Path, half: str) -> None:
-    """False and missed modes of every method over the records that all have worked on."""
+@dataclass
+class Tally:
+    """Modes of one method over records, and the relative errors of those that were found."""
+
+    false: int = 0
+    missed: int = 0
+    exact: int = 0
+    failed: int = 0
+    frequency_errors: list[float] = field(default_factory=list)
+    damping_errors: list[float] = field(default_factory=list)
+
+    def add(self, found, truth) -> None:  # type: ignore[no-untyped-def]
+        """Count one record."""
+        pairs = paired(found, truth)
+        hit = pairs >= 0
+        false, missed = int((~hit).sum()), len(truth["frequencies_hz"]) - int(hit.sum())
+        self.false += false
+        self.missed += missed
+        self.exact += false == missed == 0
+        self.failed += "error" in found
+        for name, errors in (
+            ("frequencies_hz", self.frequency_errors),
+            ("damping_ratios", self.damping_errors),
+        ):
+            errors += list(np.array(found[name])[hit] / truth[name][pairs[hit]] - 1.0)
+
+    def cells(self) -> str:
+        """Cells of a row of the table."""
+        frequency = 100.0 * np.sqrt(np.mean(np.square(self.frequency_errors)))
+        damping = 100.0 * np.median(np.abs(self.damping_errors))
+        return (
+            f"{self.false} | {self.missed} | {self.exact} | {frequency:.2f} % | {damping:.0f} % | "
+            f"{self.failed}"
+        )
+
+
+def print_tables(folder: Path, half: str) -> None:
+    """Every method over the records that all have worked on, and evopem over all of its own."""
+    own = [file for file in records_of(folder) if file.with_suffix(OWN).exists()]
+    common = [file for file in own if file.with_suffix(PEERS).exists()]
+    middle = len(common) // 2
+    common = {"both": common, "first": common[:middle], "second": common[middle:]}[half]
+    if common:
+        print_table(common, with_peers=True)
+    if half == "both" and len(own) > len(common):
+        print_table(own, with_peers=False)
+
+
+def print_table(files: list[Path], with_peers: bool) -> None:
+    """False and missed modes over some records."""
     from evopem.files.json_form import load
     from evopem.validation.mode_table import ModeTable
 
-    counts: dict[str, dict[str, list[float]]] = {}
-    files = [
-        file
-        for file in sorted(folder.glob("???.npz"))
-        if file.with_suffix(".table.json").exists() and file.with_suffix(".peers.json").exists()
-    ]
-    middle = len(files) // 2
-    files = {"both": files, "first": files[:middle], "second": files[middle:]}[half]
+    tallies: defaultdict[str, Tally] = defaultdict(Tally)
     true_modes = 0
     for file in files:
         truth = dict(np.load(file))
         true_modes += len(truth["frequencies_hz"])
-        results = own_results(load(ModeTable, file.with_suffix(".table.json")))
-        results |= json.loads(file.with_suffix(".peers.json").read_text())
+        results = own_results(load(ModeTable, file.with_suffix(OWN)))
+        if with_peers:
+            results |= json.loads(file.with_suffix(PEERS).read_text())
         for name, found in results.items():
-            pairs = paired(found, truth)
-            hit = pairs >= 0
-            own = counts.setdefault(
-                name, {key: [] for key in ("false", "missed", "f", "z", "exact", "failed")}
-            )
-            own["failed"].append(float("error" in found))
-            own["false"].append(int((~hit).sum()))
-            own["missed"].append(len(truth["frequencies_hz"]) - int(hit.sum()))
-            own["exact"].append(float(hit.all() and hit.sum() == len(truth["frequencies_hz"])))
-            f, z = np.array(found["frequencies_hz"]), np.array(found["damping_ratios"])
-            own["f"] += list(f[hit] / truth["frequencies_hz"][pairs[hit]] - 1.0)
-            own["z"] += list(z[hit] / truth["damping_ratios"][pairs[hit]] - 1.0)
+            tallies[name].add(found, truth)
     print(f"{len(files)} records, {true_modes} true modes")
     print("| method | false | missed | all six and no other | frequency | damping | failed |")
     print("|---|---|---|---|---|---|---|")
-    for name, own in counts.items():
-        print(
-            f"| {name} | {sum(own['false'])} | {sum(own['missed'])} | {sum(own['exact']):.0f} | "
-            f"{100 * np.sqrt(np.mean(np.square(own['f']))):.2f} % | "
-            f"{100 * np.median(np.abs(own['z'])):.0f} % | {sum(own['failed']):.0f} |"
-        )
+    for name, tally in tallies.items():
+        print(f"| {name} | {tally.cells()} |")
 
 
 def main() -> None:
@@ -320,7 +357,7 @@ def main() -> None:
     elif arguments.part == "own":
         run_own(arguments.folder, arguments.records)
     else:
-        print_table(arguments.folder, arguments.half)
+        print_tables(arguments.folder, arguments.half)
 
 
 if __name__ == "__main__":

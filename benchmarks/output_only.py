@@ -17,6 +17,8 @@ import numpy as np
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
 
+from covered_intervals import CoveredIntervals  # noqa: E402
+
 from evopem import SearchSettings, estimate  # noqa: E402
 from evopem.estimation.state_space.estimate import sweep_state_space_orders  # noqa: E402
 from evopem.synthesis.vibrating_structure import VibratingStructure  # noqa: E402
@@ -37,12 +39,12 @@ def coverage(records: int) -> None:
         ("state space, 3 outputs", close, 8),
         ("arma, 1 output", apart, 6),
     ):
-        hits: dict[str, list[bool]] = {"frequency": [], "damping": [], "shape": []}
-        missed = 0
+        counted = CoveredIntervals()
         for record in range(records):
             generator = np.random.default_rng(np.random.SeedSequence(21, spawn_key=(record,)))
             y = structure.ambient_record(2000, RATE, 0.15, generator)
-            if kind.startswith("arma"):
+            arma = kind.startswith("arma")
+            if arma:
                 settings = SearchSettings(objective="quadratic")
                 modes = estimate(
                     None, y[:, 0], (order, order), RATE, structure="arma", settings=settings
@@ -50,30 +52,18 @@ def coverage(records: int) -> None:
             else:
                 scores = sweep_state_space_orders(None, y, [order], RATE, folds=False)
                 modes = scores.estimates[0].model.modes()
-            for k, frequency in enumerate(structure.frequencies_hz):
+            counted.begin_record()
+            truths = zip(
+                structure.frequencies_hz,
+                structure.damping_ratios,
+                structure.shapes.T,
+                strict=True,
+            )
+            for frequency, damping, shape in truths:
                 near = [m for m in modes if abs(m.frequency_hz - frequency) < 0.04 * frequency]
-                if not near:
-                    missed += 1
-                    continue
-                shape = structure.shapes[:, k]
-                mode = min(near, key=lambda m: abs(m.frequency_hz - frequency))
-                hits["frequency"].append(
-                    abs(mode.frequency_hz - frequency) < 1.96 * mode.frequency_se_hz
-                )
-                hits["damping"].append(
-                    abs(mode.damping_ratio - structure.damping_ratios[k]) < 1.96 * mode.damping_se
-                )
-                if kind.startswith("arma"):
-                    continue
-                one = int(np.argmax(np.abs(mode.shape)))
-                difference = mode.shape - shape / shape[one]
-                for j in np.delete(np.arange(len(shape)), one):
-                    hits["shape"] += [
-                        abs(difference[j].real) < 1.96 * mode.shape_se_real[j],
-                        abs(difference[j].imag) < 1.96 * mode.shape_se_imag[j],
-                    ]
-        shares = [f"{100 * np.mean(hits[name]):.1f} %" if hits[name] else "–" for name in hits]
-        print(f"| {kind} | {order} | {records} | {' | '.join(shares)} | {missed} |", flush=True)
+                mode = min(near, key=lambda m: abs(m.frequency_hz - frequency), default=None)
+                counted.add(mode, frequency, damping, () if arma else shape)
+        print(f"| {kind} | {order} | {records} | {counted.cells()} |", flush=True)
 
 
 def main() -> None:

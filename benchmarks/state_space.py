@@ -30,6 +30,8 @@ from threadpoolctl import threadpool_limits
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
 
+from covered_intervals import CoveredIntervals  # noqa: E402
+
 from evopem.estimation.state_space.delays import estimate_delays  # noqa: E402
 from evopem.estimation.state_space.estimate import (  # noqa: E402
     estimate_state_space,
@@ -46,9 +48,16 @@ RATE = 100.0
 # Inputs, outputs and modes of the truths.
 TRUTHS = ((2, 2, 2), (1, 6, 3), (3, 3, 4), (2, 2, 6))
 # Those whose optimum is compared with independent starts.
-OPTIMA = ((2, 2, 2), (3, 3, 2), (1, 6, 2), (3, 3, 4), (1, 6, 4), (2, 2, 6))
+OPTIMA = (
+    *((2, 2, 2), (3, 3, 2), (1, 6, 2), (3, 3, 4)),
+    *((1, 6, 4), (2, 2, 6), (3, 3, 6), (1, 6, 6)),
+)
 # Largest radius of poles, as in StateSpaceSettings.
 LARGEST_RADIUS = 0.9999
+# Distance within which a pole of an estimate is that of a true mode.
+SAME_POLE = 0.1
+# Estimates that are descended from where coverage is counted.
+COVERAGE_WIDTH = 2
 
 
 def truth(nu: int, ny: int, modes: int, form: str, seed: int = 0) -> StateSpaceModel:
@@ -294,41 +303,22 @@ def coverage(records: int) -> None:
     for nu, ny, modes in TRUTHS:
         for form, colour in (("innovations", 0.0), ("output_error", 0.0), ("output_error", 0.8)):
             true = truth(nu, ny, modes, form)
-            true_modes = true.modes()
-            hits: dict[str, list[bool]] = {"frequency": [], "damping": [], "shape": []}
-            lost = 0
+            counted = CoveredIntervals()
             for seed in range(records):
                 u, y = recorded(true, 1000, 0.2, 100 + seed, colour)
-                scores = sweep_state_space_orders(u, y, [true.order], RATE, form=form, folds=False)
+                scores = sweep_state_space_orders(
+                    u, y, [true.order], RATE, form=form, folds=False, width=COVERAGE_WIDTH
+                )
                 modes_found = scores.estimates[0].model.modes()
-                for each in true_modes:
-                    if not modes_found:
-                        lost += 1
-                        continue
-                    found = min(modes_found, key=lambda m: abs(m.pole - each.pole))
-                    if abs(found.pole - each.pole) > 0.1:
-                        lost += 1
-                        continue
-                    hits["frequency"].append(
-                        abs(found.frequency_hz - each.frequency_hz) < 1.96 * found.frequency_se_hz
-                    )
-                    hits["damping"].append(
-                        abs(found.damping_ratio - each.damping_ratio) < 1.96 * found.damping_se
-                    )
-                    one = int(np.argmax(np.abs(found.shape)))
-                    difference = found.shape - each.shape / each.shape[one]
-                    for k in range(ny):
-                        if k != one:
-                            hits["shape"] += [
-                                abs(difference[k].real) < 1.96 * found.shape_se_real[k],
-                                abs(difference[k].imag) < 1.96 * found.shape_se_imag[k],
-                            ]
-            share = {name: 100.0 * np.mean(values) for name, values in hits.items()}
+                counted.begin_record()
+                for each in true.modes():
+                    near = [m for m in modes_found if abs(m.pole - each.pole) <= SAME_POLE]
+                    found = min(near, key=lambda m: abs(m.pole - each.pole), default=None)
+                    counted.add(found, each.frequency_hz, each.damping_ratio, each.shape)
             noise = "coloured" if colour else "white"
             print(
                 f"| {nu} × {ny} | {true.order} | {form} | {noise} | {records} | "
-                f"{share['frequency']:.1f} % | "
-                f"{share['damping']:.1f} % | {share['shape']:.1f} % | {lost} |",
+                f"{counted.cells()} |",
                 flush=True,
             )
 

@@ -54,17 +54,7 @@ def run_sippy(folder: Path) -> None:
                 y.T - y.mean(axis=0)[:, None], u.T, method, SS_fixed_order=order, SS_f=25, SS_p=25
             )
             seconds = time.process_time() - begun
-            savemat(
-                file.with_name(file.name.replace("record", f"SIPPY {method}")),
-                {
-                    "A": found.A,
-                    "B": found.B,
-                    "C": found.C,
-                    "D": found.D,
-                    "K": found.K,
-                    "seconds": seconds,
-                },
-            )
+            save_model(file, f"SIPPY {method}", found, seconds)
 
 
 def run_own(folder: Path) -> None:
@@ -76,65 +66,58 @@ def run_own(folder: Path) -> None:
         begun = time.process_time()
         scores = sweep_state_space_orders(u, y, [order], 100.0, folds=False)
         seconds = time.process_time() - begun
-        model = scores.estimates[0].model
-        savemat(
-            file.with_name(file.name.replace("record", "evopem")),
-            {
-                "A": model.A,
-                "B": model.B,
-                "C": model.C,
-                "D": model.D,
-                "K": model.K,
-                "seconds": seconds,
-            },
-        )
+        save_model(file, "evopem", scores.estimates[0].model, seconds)
+
+
+def save_model(file: Path, method: str, model, seconds: float) -> None:  # type: ignore[no-untyped-def]
+    """Keep the matrices that a method found of a record, in the form of Octave's part."""
+    matrices = {name: getattr(model, name) for name in "ABCDK"}
+    savemat(file.with_name(file.name.replace("record", method)), matrices | {"seconds": seconds})
+
+
+def scores_of(file: Path, method: str) -> tuple[float, float, float, float]:
+    """Errors of simulation, of the noise-free output and one step ahead, percent; seconds."""
+    from evopem.estimation.state_space.held_out import prediction_errors, simulation_errors
+    from evopem.models.state_space import StateSpaceModel
+
+    found = loadmat(file)
+    record = loadmat(file.with_name(file.name.replace(method, "record")))
+    u, y, clean = (record[name][KEPT:] for name in ("u", "y", "clean"))
+    ny = y.shape[1]
+    model = StateSpaceModel(
+        **{name: found[name] for name in "ABCDK"},
+        sampling_rate=100.0,
+        level=np.zeros(ny),
+        noise_covariance=np.eye(ny),
+    )
+    return (
+        float(simulation_errors(model, u, y).mean()),
+        float(simulation_errors(model, u, clean).mean()),
+        float(prediction_errors(model, u, y).mean()),
+        float(found["seconds"][0, 0]),
+    )
 
 
 def print_table(folder: Path) -> None:
     """Geometric means over the records of each truth."""
     from state_space import TRUTHS
 
-    from evopem.estimation.state_space.held_out import prediction_errors, simulation_errors
-    from evopem.models.state_space import StateSpaceModel
-
     print("| inputs × outputs, order | method | simulation | noise-free output | one step | time |")
     print("|---|---|---|---|---|---|")
     for number, (nu, ny, modes) in enumerate(TRUTHS):
         for method in ("evopem", "Octave n4sid", *(f"SIPPY {name}" for name in METHODS)):
-            rows = []
-            for file in sorted(folder.glob(f"{method}_{number}_*.mat")):
-                found = loadmat(file)
-                record = loadmat(file.with_name(file.name.replace(method, "record")))
-                u, y = record["u"], record["y"]
-                model = StateSpaceModel(
-                    A=found["A"],
-                    B=found["B"],
-                    C=found["C"],
-                    D=found["D"],
-                    K=found["K"],
-                    sampling_rate=100.0,
-                    level=np.zeros(ny),
-                    noise_covariance=np.eye(ny),
-                )
-                later, measured = u[KEPT:], y[KEPT:]
-                clean = simulation_errors(model, later, record["clean"][KEPT:])
-                rows.append(
-                    (
-                        simulation_errors(model, later, measured).mean(),
-                        clean.mean(),
-                        prediction_errors(model, later, measured).mean(),
-                        float(found["seconds"][0, 0]),
-                    )
-                )
-            if rows:
-                unstable = sum(not np.isfinite(row[0]) for row in rows)
-                kept = [row for row in rows if np.isfinite(row).all()]
-                means = np.exp(np.mean(np.log(kept), axis=0)) if kept else np.full(4, np.nan)
-                print(
-                    f"| {nu} × {ny}, {2 * modes} | {method}"
-                    f"{f' ({unstable} unstable)' if unstable else ''} | {means[0]:.2f} | "
-                    f"{means[1]:.2f} | {means[2]:.2f} | {means[3]:.2f} s |"
-                )
+            files = sorted(folder.glob(f"{method}_{number}_*.mat"))
+            if not files:
+                continue
+            rows = [scores_of(file, method) for file in files]
+            unstable = sum(not np.isfinite(row[0]) for row in rows)
+            kept = [row for row in rows if np.isfinite(row).all()]
+            means = np.exp(np.mean(np.log(kept), axis=0)) if kept else np.full(4, np.nan)
+            print(
+                f"| {nu} × {ny}, {2 * modes} | {method}"
+                f"{f' ({unstable} unstable)' if unstable else ''} | {means[0]:.2f} | "
+                f"{means[1]:.2f} | {means[2]:.2f} | {means[3]:.2f} s |"
+            )
 
 
 def main() -> None:

@@ -29,9 +29,9 @@ def recording(samples=N, rest=0, seed=1):
 
 def test_a_rest_before_the_first_change_is_left_out_up_to_ten_samples():
     plan = decide_multichannel_preparation(recording(rest=60), False, rate_given=True)
-    assert (plan.start, plan.factor) == (50, 1)
+    assert (plan.starts, plan.factor) == ((50,), 1)
     given = decide_multichannel_preparation(recording(rest=60), True, rate_given=True)
-    assert given.start == 0
+    assert given.starts == (0,)
 
 
 def test_white_signals_are_not_decimated():
@@ -58,7 +58,7 @@ def test_resampling_and_decimation_keep_all_channels_together():
     assert divided.estimation.sampling_rate == 50.0
     assert divided.estimation.inputs.shape == (600, 2)
     assert divided.estimation.outputs.shape == (600, 3)
-    found = apply_multichannel_plan(divided, MultichannelPlan(100, 5, ()))
+    found = apply_multichannel_plan(divided, MultichannelPlan((100,), 5, ()))
     assert found.estimation.sampling_rate == 10.0
     assert found.estimation.outputs.shape == (100, 3)
     assert found.validation.outputs.shape == (120, 3)

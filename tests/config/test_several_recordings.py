@@ -8,6 +8,7 @@ import yaml
 
 from evopem.config.defaults import complete
 from evopem.config.schema import schema_file
+from evopem.config.state_space_keys import state_space_yaml
 from evopem.config.yaml_form import yaml_text
 from evopem.errors import InputError
 
@@ -52,6 +53,18 @@ def test_a_pattern_under_a_name_with_a_star_is_many_data_sets():
     }
 
 
+@pytest.mark.parametrize("written", [list(RUNS), "run_*.csv"])
+def test_recordings_of_several_channels_are_one_data_set_as_well(written):
+    own = dataset(file=written, input=["u1", "u2"], output=["y_*"], validation_file="other.csv")
+    assert own["pump"].source.files == RUNS
+    assert own["pump"].source.validation_files == ("other.csv",)
+    again = complete(yaml.safe_load(state_space_yaml(own["pump"])), SCHEMA).datasets
+    assert again == own
+    cut = dataset(file=written, output=["y_*"], split={"by": "samples", "estimation": 90})
+    assert (cut["pump"].split.by, cut["pump"].split.estimation) == ("samples", 90)
+    assert "by: samples" in state_space_yaml(cut["pump"])
+
+
 def test_several_recordings_may_validate():
     own = dataset(file="run_a.csv", validation_file=["run_b.csv", "other.csv"])["pump"]
     assert own.source.validation_files == ("run_b.csv", "other.csv")
@@ -86,6 +99,25 @@ def test_several_recordings_may_validate():
 )
 def test_what_several_recordings_cannot_be_is_refused(keys, sentence):
     assert f"datasets.pump.{sentence}" in refusal(**keys)
+
+
+@pytest.mark.parametrize(
+    ("keys", "sentence"),
+    [
+        ({"file": "no_*.csv"}, "file: no file matches no_*.csv; correct the pattern."),
+        ({"file": ["run_a.csv"] * 2}, "file: run_a.csv stands there twice; give every"),
+        (
+            {"file": "run_*.csv", "split": {"estimation": 800}},
+            "split.estimation: 800 is a number of samples, and whole recordings are held out;",
+        ),
+        (
+            {"file": "run_a.csv", "split": {"by": "samples"}},
+            "split.by: the key is for several recordings, and there is one; remove it.",
+        ),
+    ],
+)
+def test_the_same_is_refused_for_several_channels(keys, sentence):
+    assert f"datasets.pump.{sentence}" in refusal(output=["y_*"], **keys)
 
 
 def test_each_recording_may_be_cut_at_a_number_of_samples():

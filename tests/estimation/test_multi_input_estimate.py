@@ -139,6 +139,24 @@ def test_the_optimum_is_that_of_an_independent_solution_and_near_the_truth(struc
     assert found.objective <= lowest * (1.0 + 1e-7)
 
 
+@pytest.mark.parametrize("structure", TRUTHS)
+def test_records_have_levels_and_states_of_their_own(structure):
+    u, y, truth, _ = record_of(structure, 900, 5)
+    us, ys = [u[:500], u[500:]], [y[:500], y[500:] + 7.0]
+    found = estimate_multi_input(us, ys, ORDERS[structure], structure, 50.0, settings=SHORT)
+    record = multi_input_record(us, ys, found.model.orders.first_residual)
+    problem = MultiInputErrors(record, found.model.orders, 0.9999)
+    start = problem.point_of(truth)
+    peer = least_squares(problem.residuals, start, method="lm", xtol=1e-13, ftol=1e-13)
+    assert found.objective <= problem.percent(peer.fun) * (1.0 + 1e-7)
+    # No residual of a record depends on level and states of the other one.
+    own = (problem.dimension - problem.orders.coefficients) // 2
+    columns, first = problem.jacobian(peer.x), record.bounds[1]
+    assert not columns[:first, -own:].any()
+    assert not columns[first:, -2 * own : -own].any()
+    assert [len(each) for each in found.residuals] == [500, 400]
+
+
 SIMPLE = {"na": 2, "nb": 1, "nc": 1, "nk": [1, 3]}
 
 

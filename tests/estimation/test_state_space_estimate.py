@@ -18,7 +18,11 @@ from evopem.estimation.state_space.errors import (
     StateSpaceErrors,
     state_space_record,
 )
-from evopem.estimation.state_space.estimate import estimate_state_space, sweep_state_space_orders
+from evopem.estimation.state_space.estimate import (
+    descend_from,
+    estimate_state_space,
+    sweep_state_space_orders,
+)
 from evopem.estimation.state_space.held_out import continued_errors, simulation_errors
 from evopem.estimation.state_space.levenberg_marquardt import descend
 from evopem.estimation.state_space.noise_colour import autoregression_of
@@ -299,6 +303,66 @@ def test_several_records_have_their_own_states_and_levels():
     np.testing.assert_allclose(found.record_levels[1] - found.record_levels[0], 5.0, atol=0.1)
     assert [len(e) for e in found.residuals] == [300, 200]
     assert found.objective < 1.0
+
+
+def test_the_optimum_of_two_records_is_one_for_another_optimiser():
+    truth = structure(modes=1, ny=2)
+    records = [recorded(truth, 150, 0.3, 2), recorded(truth, 90, 0.3, 3)]
+    us, ys, starts = zip(*records, strict=True)
+    ys = (ys[0], ys[1] + 4.0)
+    settings = StateSpaceSettings(weighting="power", evaluations=0)
+    found = estimate_state_space(list(us), list(ys), 2, RATE, settings=settings)
+    scale = np.sqrt(np.mean((np.concatenate(ys) - np.concatenate(ys).mean(axis=0)) ** 2, axis=0))
+
+    def errors(point):
+        own = point[-8:].reshape(2, -1)  # level and initial state of each record
+        points = [np.concatenate([point[:-8], part]) for part in own]
+        signals = zip(points, us, ys, strict=True)
+        return np.concatenate([full_model_errors(p, u, y, 2, scale) for p, u, y in signals])
+
+    def point_of(model, levels, states):
+        parts = [part.ravel() for part in (model.A, model.B, model.C, model.K)]
+        return np.concatenate([*parts, *np.hstack([levels, states])])
+
+    start = point_of(truth, [truth.level, truth.level + 4.0], starts)
+    peer = least_squares(errors, start, xtol=1e-12, ftol=1e-12)
+    values = sum(y.size for y in ys)
+    assert found.objective <= 200.0 * peer.cost / values * (1.0 + 1e-6)
+    own = point_of(found.model, found.record_levels, found.initial_states)
+    squares = errors(own) @ errors(own)
+    assert 100.0 * squares / values == pytest.approx(found.objective, rel=1e-9)
+    improved = least_squares(errors, own, xtol=1e-12, ftol=1e-12)
+    assert 2.0 * improved.cost == pytest.approx(squares, rel=1e-6)
+
+
+def test_halves_of_a_record_with_states_of_their_own_cover_the_truth():
+    truth = structure(modes=1, ny=2, form="output_error")
+    (true,) = truth.modes()
+    deviations = []
+    for seed in range(60):
+        u, y, _ = recorded(truth, 200, 0.5, 100 + seed)
+        settings = StateSpaceSettings(weighting="noise")
+        halves = [u[:100], u[100:]], [y[:100], y[100:]]
+        found = descend_from(truth, *halves, RATE, settings=settings)
+        (mode,) = found.model.modes()
+        deviations += [
+            (mode.frequency_hz - true.frequency_hz) / mode.frequency_se_hz,
+            (mode.damping_ratio - true.damping_ratio) / mode.damping_se,
+        ]
+    # 120 intervals of 95 %: 114 are expected to cover, 107 or fewer by chance once in 300 times.
+    assert np.sum(np.abs(deviations) < 1.96) > 107
+
+
+def test_delays_of_joined_records_are_those_of_the_truth():
+    generator = np.random.default_rng(3)
+    us = [generator.standard_normal((samples, 2)) for samples in (150, 60, 90)]
+    ys = []
+    for number, u in enumerate(us):
+        y = 5.0 * number + 0.1 * generator.standard_normal((len(u), 1))
+        y[1:, 0] += u[:-1, 0]
+        y[3:, 0] += 0.5 * u[:-3, 1]
+        ys.append(y)
+    assert estimate_delays(us, ys) == (1, 3)
 
 
 def test_delays_by_input_are_taken_out_and_put_back():

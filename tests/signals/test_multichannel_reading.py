@@ -123,7 +123,7 @@ def test_samples_and_facts_are_kept(file, tmp_path):
     assert again.inputs.shape == (N, 0)
     assert again.output_names == found.output_names
     np.testing.assert_array_equal(again.outputs, found.outputs)
-    info = describe_multichannel(file, found)
+    info = describe_multichannel([file], found)
     assert [each.name for each in info.outputs] == ["acc_1", "acc_2", "acc_3"]
     assert info.inputs == ()
 

@@ -195,7 +195,9 @@ def test_another_format_behind_a_text_extension_is_named(tmp_path):
 def test_sampling_rate_must_be_known_and_not_contradicted(tmp_path):
     path = tmp_path / "record.csv"
     pd.DataFrame({"t": T, "u": U, "y": Y}).to_csv(path, index=False)
-    assert "sampling rate is not known" in refusal(path, "u", "y", sampling_rate=None)
+    message = refusal(path, "u", "y", sampling_rate=None)
+    assert "sampling rate is not known" in message
+    assert 'the name of a time channel, such as "t"' in message
     message = refusal(path, "u", "y", time="t", sampling_rate=100.0)
     assert "200 Hz" in message
     assert "100 Hz" in message

@@ -65,6 +65,23 @@ def test_several_channels_have_modes_and_a_report(folder, capsys):
     assert "y_2" in (folder / "results" / "data" / "report.html").read_text()
 
 
+def test_several_recordings_are_one_data_set(folder, capsys):
+    written = {"orders": {"nx": [3, 3]}, "form": "innovations", "search": {"evaluations": 1}}
+    (folder / "small.yaml").write_text(yaml.safe_dump({"defaults": written}))
+    rows = (folder / "data.csv").read_text().splitlines()
+    for name, first, last in (("one", 1, 250), ("two", 250, 450), ("three", 450, 601)):
+        part = [rows[0].replace("y", "y_1"), *rows[first:last]]
+        (folder / f"{name}.csv").write_text("\n".join(part) + "\n")
+    files = ["one.csv", "two.csv", "three.csv"]
+    given = ["--input", "u", "--output", "y_*", "--rate", "100", "--config", "small.yaml"]
+    assert main([*files, *given]) == 0
+    assert capsys.readouterr().out.endswith("report  results/one/report.html\n")
+    page = (folder / "results" / "one" / "report.html").read_text()
+    assert all(f"<dd>{name}</dd>" in page for name in files)
+    assert main(["one.csv", *given]) == 1
+    assert "it holds the results of one.csv, two.csv, three.csv" in capsys.readouterr().err
+
+
 def test_the_settings_are_those_of_the_same_keys_in_a_configuration(folder, capsys):
     assert main(RUN) == 0
     capsys.readouterr()

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from evopem.estimation.model_record import ModelRecord
+from evopem.estimation.search.certificate import POLYNOMIALS, STATE_SPACE
 from evopem.models.modes import Mode
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
@@ -16,6 +17,7 @@ from evopem.models.structures import armax_orders
 from evopem.signals.recording_info import RecordingInfo
 from evopem.signals.spectral.summary import SpectrumSummary
 from evopem.validation.checks import checks
+from evopem.validation.checks.search import repeatability
 from evopem.validation.peak_evidence import PeakEvidence
 from evopem.validation.validation import Validation
 
@@ -375,6 +377,15 @@ def test_a_search_is_repeatable_with_a_certificate(good, changes, passed, statem
     assert check.passed is passed
     assert statement in check.statement
     assert bool(check.advice) == (passed is not True)
+
+
+def test_a_certificate_states_the_rate_of_its_own_kind_of_search(good):
+    found = with_diagnostics(good, n_confirming=2, undiscovered_probability=0.01)
+    diagnostics = found.model.search.diagnostics
+    for measured in (POLYNOMIALS, STATE_SPACE):
+        statement = repeatability(diagnostics, measured).statement
+        assert f"Of {measured.certified} such searches" in statement
+        assert f"at most {100 * measured.largest_error_rate:.2g} %" in statement
 
 
 def test_weak_excitation_fails(good):

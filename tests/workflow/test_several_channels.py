@@ -46,9 +46,9 @@ DATASET = {
 }
 
 
-def frame():
+def frame(seed=8):
     """Two modes, the second input a sample later, and 10 % white noise."""
-    generator = np.random.default_rng(8)
+    generator = np.random.default_rng(seed)
     u = generator.standard_normal((SAMPLES, 2))
     angles = 2.0 * np.pi * np.array(FREQUENCIES) / RATE
     poles = np.exp((-0.02 + 1j) * angles)
@@ -74,6 +74,9 @@ ALONE = {
 }
 
 
+JOINED = ALONE | {"file": "run_*.csv", "input": ["force_*"], "form": "output_error"}
+
+
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
     """A job for each stage; the folder and what was printed."""
@@ -88,7 +91,9 @@ def at_once(tmp_path_factory):
     """A job for each recording, with outputs alone beside the same data set."""
     folder = Folder(tmp_path_factory.mktemp("at_once"))
     frame().to_csv(folder.path / "frame.csv", index=False)
-    datasets = {"frame": DATASET, "alone": ALONE}
+    for number in (1, 2, 3):
+        frame(number).to_csv(folder.path / f"run_{number}.csv", index=False)
+    datasets = {"frame": DATASET, "alone": ALONE, "joined": JOINED}
     folder.configure({"datasets": datasets, "one_job_per": "recording"})
     folder.finish("--cores", "1")
     return folder
@@ -203,6 +208,17 @@ def test_outputs_alone_are_predicted(at_once):
     alone = Path(at_once.files_of("alone").report).read_text(encoding="utf-8")
     assert "Frequency responses" not in alone
     assert "predicted one step ahead" in alone
+
+
+def test_recordings_under_one_name_have_one_model(at_once):
+    files = at_once.files_of("joined")
+    record = load(MultichannelModelRecord, files.model)
+    assert [each.samples for each in record.transforms.estimation_records] == [SAMPLES] * 2
+    assert record.transforms.validation_samples == SAMPLES
+    modes = load(ModesRecord, files.modes_json)
+    for mode, frequency in zip(modes.modes, FREQUENCIES, strict=True):
+        assert abs(mode.frequency_hz - frequency) < 5 * mode.frequency_se_hz + 0.02
+    assert "run_3.csv" in Path(files.report).read_text(encoding="utf-8")
 
 
 def test_data_sets_with_several_channels_are_listed(at_once):

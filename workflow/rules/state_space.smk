@@ -22,7 +22,7 @@ rule read_channels:
         mem_mb=provider.reading_memory,
         runtime=provider.reading_time,
     params:
-        file=provider.settings("source.file"),
+        recorded=provider.settings("source.files"),
         channels=provider.settings("source.channels"),
         geometry=provider.settings("geometry"),
         code=code("read_channels"),
@@ -43,7 +43,7 @@ use rule read_channels as read_validation_channels with:
     wildcard_constraints:
         dataset=provider.one_of(provider.state_space & provider.validated),
     params:
-        file=provider.settings("source.validation_file"),
+        recorded=provider.settings("source.validation_files"),
         channels=provider.settings("source.channels"),
         geometry=provider.settings("geometry"),
         code=code("read_channels"),
@@ -94,6 +94,7 @@ rule prepare_channels:
         mem_mb=provider.state_space_memory,
         runtime=provider.state_space_time,
     params:
+        source=provider.settings("source"),
         split=provider.settings("split"),
         resample=provider.settings("resample"),
         given=provider.start_and_rate_given,

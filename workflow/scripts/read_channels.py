@@ -1,4 +1,4 @@
-"""Read the input and output channels of a recorded file."""
+"""Read the input and output channels of recorded files."""
 
 from typing import TYPE_CHECKING
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 with job(snakemake.log[0], snakemake.input, snakemake.output):
     geometry = snakemake.params.geometry
     read_channels(
-        snakemake.params.file,
+        snakemake.params.recorded,
         from_json(ChannelLists, snakemake.params.channels),
         from_json(Geometry, geometry) if geometry else None,
         f"datasets.{DatasetFiles.of_log(snakemake.log[0]).name}",

@@ -60,28 +60,12 @@ def comparison_markdown(
             COUNTING_N,
         ),
         "## Growth with the dimension, analytic gradients, stopped at the target",
-        _table(
-            study_rows(summary, "scale"),
-            ("n", lambda row: row["dimension"]),
-            LABEL,
-            RUNS,
-            SOLVED,
-            ("expected evaluations", _expected),
-            COUNTING_N,
-        ),
+        _evaluations(summary, "scale"),
         "## The best of them, with more runs",
         "Analytic gradients, stopped at the target. The default search and the two algorithms on "
         "least squares know the residuals of f: all residuals count as one value, their "
         "derivatives as one gradient.",
-        _table(
-            study_rows(summary, "contest"),
-            ("n", lambda row: row["dimension"]),
-            LABEL,
-            RUNS,
-            SOLVED,
-            ("expected evaluations", _expected),
-            COUNTING_N,
-        ),
+        _evaluations(summary, "contest"),
         "## Hypotheses",
         _table(
             [vars(each) for each in hypotheses],
@@ -91,6 +75,19 @@ def comparison_markdown(
         ),
     ]
     return "\n\n".join(parts) + "\n"
+
+
+def _evaluations(summary: pd.DataFrame, study: str) -> str:
+    """Table of a study whose runs end at the target, in several dimensions."""
+    return _table(
+        study_rows(summary, study),
+        ("n", lambda row: row["dimension"]),
+        LABEL,
+        RUNS,
+        SOLVED,
+        ("expected evaluations", _expected),
+        COUNTING_N,
+    )
 
 
 def _chapter(row: Row) -> str:

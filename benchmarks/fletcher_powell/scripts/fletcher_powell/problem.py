@@ -115,24 +115,9 @@ class _Residuals:
 
 
 def least_squares_in_turn(objective: Objective, points: Array, tolerance: float) -> Descent:
-    """Descend by Levenberg-Marquardt from each row, one after another.
+    """Descend by Levenberg-Marquardt from each row, as :func:`descend_in_turn` does by BFGS.
 
-    Parameters
-    ----------
-    objective : Objective
-    points : (M, n) array
-    tolerance : float
-        Relative decrease at which a descent has converged.
-
-    Returns
-    -------
-    Descent
-        End points, wrapped into the box, and their values.
-
-    Raises
-    ------
-    RunOver
-        From the objective.
+    A descent has converged when a step lowers f by less than a relative ``tolerance``.
     """
     before = objective.evaluations
     residuals = _Residuals(objective)

@@ -9,14 +9,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+from evopem.automatic.multichannel_folds import fewest_fitted
 from evopem.automatic.state_space_search import (
     VALUES_PER_PARAMETER,
     Refit,
     Variant,
     VariantSearch,
-    fewest_fitted,
-    scored_search,
-    until_bic_rises,
+    searched_variant,
 )
 from evopem.config.settings import SearchSettings
 from evopem.config.structures import STRUCTURES
@@ -30,9 +29,9 @@ from evopem.estimation.multi_input.estimate import (
     reduced_orders,
     refitted_multi_input,
 )
-from evopem.estimation.state_space.order_models import OrderModel, OrderModels
+from evopem.estimation.state_space.order_models import OrderModels
 from evopem.estimation.state_space.settings import StateSpaceSettings
-from evopem.models.multi_input import MultiInputModel
+from evopem.models.state_space import StateSpaceModel
 from evopem.signals.multichannel import MultichannelRecording
 
 Log = Callable[[str], None]
@@ -99,28 +98,23 @@ def search_structure(
     log : callable, optional
     """
     search = _search_settings(settings)
-    estimates = until_bic_rises(
-        multi_input_estimates(
-            estimation.inputs, estimation.outputs, variant.form, orders, delays, search, log
-        )
-    )
-    models = OrderModels(
-        tuple(
-            OrderModel.of(order, each.bic, _named(each.model, estimation).plant().state_space())
-            for order, each in estimates.items()
-        )
-    )
+    signals = estimation.input_records, estimation.output_records
+    estimates = multi_input_estimates(*signals, variant.form, orders, delays, search, log)
+
+    def plant_of(estimate: MultiInputEstimate) -> StateSpaceModel:
+        return estimate.model.plant().state_space()
 
     def refit_of(estimate: MultiInputEstimate) -> Refit:
-        return lambda parts: refitted_multi_input(
+        return lambda training: refitted_multi_input(
             estimate.model,
-            [part.inputs for part in parts],
-            [part.outputs for part in parts],
+            training.input_records,
+            training.output_records,
             search,
         ).state_space()
 
-    found = scored_search(estimation, variant, estimates, refit_of, settings.objective, log)
-    return found, models
+    return searched_variant(
+        *(estimation, variant, estimates, plant_of, refit_of, settings.objective, log)
+    )
 
 
 def estimate_structure(
@@ -152,7 +146,7 @@ def estimate_structure(
         When the record is too short.
     """
     search = _search_settings(settings)
-    inputs, outputs = estimation.inputs, estimation.outputs
+    inputs, outputs = estimation.input_records, estimation.output_records
     orders = reduced_orders(inputs, outputs, joint_orders(structure, order, delays), search, log)
     return estimate_multi_input(
         *(inputs, outputs, orders, structure, estimation.sampling_rate),
@@ -160,16 +154,6 @@ def estimate_structure(
         input_names=estimation.input_names,
         output_name=estimation.output_names[0],
         log=log,
-    )
-
-
-def _named(model: MultiInputModel, estimation: MultichannelRecording) -> MultiInputModel:
-    """A model with the rate and the names of the record."""
-    return replace(
-        model,
-        sampling_rate=estimation.sampling_rate,
-        input_names=estimation.input_names,
-        output_name=estimation.output_names[0],
     )
 
 

@@ -1,7 +1,8 @@
-"""Preparation of a recording of several channels, decided: start and decimation."""
+"""Preparation of recordings of several channels, decided: start and decimation."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,7 +26,11 @@ from evopem.automatic.preparation import (
 from evopem.estimation.state_space.estimate import sweep_state_space_orders
 from evopem.estimation.state_space.settings import StateSpaceSettings
 from evopem.signals.multichannel import MultichannelRecording
-from evopem.signals.multichannel_preparation import MultichannelData
+from evopem.signals.multichannel_preparation import (
+    SHORTEST_RECORD,
+    MultichannelData,
+    centred,
+)
 from evopem.signals.stretches import Stretch
 
 Array = NDArray[np.float64]
@@ -41,14 +46,14 @@ class MultichannelPlan:
 
     Attributes
     ----------
-    start : int
-        First estimation sample kept.
+    starts : tuple of int
+        First estimation sample kept of each recording.
     factor : int
         Decimation factor.
     decisions : tuple of Decision
     """
 
-    start: int
+    starts: tuple[int, ...]
     factor: int
     decisions: tuple[Decision, ...]
 
@@ -58,6 +63,8 @@ def decide_multichannel_preparation(
 ) -> MultichannelPlan:
     """Decide where the estimation samples begin, and by which factor all are decimated.
 
+    Of several recordings each begins where its channels do.
+
     Parameters
     ----------
     estimation : MultichannelRecording
@@ -65,46 +72,45 @@ def decide_multichannel_preparation(
         Whether the configuration says so itself.
     """
     if start_given:
-        start, about_start = 0, given_by_configuration("start", "0")
+        starts, about_start = (0,) * len(estimation.starts), given_by_configuration("start", "0")
     else:
-        start, about_start = _decide_start(estimation)
-    kept = estimation.between(start, estimation.samples)
+        starts, about_start = _decide_starts(estimation)
     if rate_given:
         factor, about_factor = 1, given_by_configuration("decimation", "1")
     else:
-        factor, about_factor = _decide_decimation(kept.between(0, MOST_DECIMATED))
-    return MultichannelPlan(start, factor, (about_start, about_factor))
+        kept = _from(estimation, starts)
+        factor, about_factor = _decide_decimation(kept.first_samples(MOST_DECIMATED))
+    return MultichannelPlan(starts, factor, (about_start, about_factor))
 
 
 def apply_multichannel_plan(data: MultichannelData, plan: MultichannelPlan) -> MultichannelData:
     """Leave out the first estimation samples and decimate both parts."""
-    estimation = data.estimation.between(plan.start, data.estimation.samples)
-    parts = [_decimated(each, plan.factor) for each in (estimation, data.validation)]
+    estimation = _decimated(_from(data.estimation, plan.starts), plan.factor)
     before = data.transforms
-    input_means, output_means = parts[0].inputs.mean(axis=0), parts[0].outputs.mean(axis=0)
-    centred = [
-        replace(each, inputs=each.inputs - input_means, outputs=each.outputs - output_means)
-        for each in parts
-    ]
     transforms = replace(
         before,
-        sampling_rate=parts[0].sampling_rate,
         decimation=plan.factor,
-        input_means=_sums(before.input_means, input_means),
-        output_means=_sums(before.output_means, output_means),
-        discard=before.discard + plan.start,
-        estimation_samples=centred[0].samples,
-        validation_samples=centred[1].samples,
+        discard=before.discard + plan.starts[0],
+        estimation_records=tuple(
+            replace(origin, first=origin.first + start)
+            for origin, start in zip(before.estimation_records, plan.starts, strict=False)
+        ),
     )
-    return MultichannelData(centred[0], centred[1], transforms)
+    return centred(estimation, _decimated(data.validation, plan.factor), transforms)
 
 
-def _sums(means: tuple[float, ...], further: Array) -> tuple[float, ...]:
-    return tuple(float(one + other) for one, other in zip(means, further, strict=True))
+def _from(recording: MultichannelRecording, starts: Sequence[int]) -> MultichannelRecording:
+    """Each record from a sample of its own on."""
+    return recording.with_records(
+        [
+            each.between(start, each.samples)
+            for each, start in zip(recording.records, starts, strict=True)
+        ]
+    )
 
 
 def _decimated(recording: MultichannelRecording, factor: int) -> MultichannelRecording:
-    """Every channel through the same zero-phase filter."""
+    """Every channel of each record through the same zero-phase filter."""
     if factor == 1:
         return recording
 
@@ -112,37 +118,57 @@ def _decimated(recording: MultichannelRecording, factor: int) -> MultichannelRec
         columns = [decimated(signal, factor) for signal in signals.T]
         return np.column_stack(columns) if columns else signals[::factor]
 
-    return replace(
-        recording,
-        inputs=lower(recording.inputs),
-        outputs=lower(recording.outputs),
-        sampling_rate=recording.sampling_rate / factor,
+    return recording.with_records(
+        [
+            replace(
+                each,
+                inputs=lower(each.inputs),
+                outputs=lower(each.outputs),
+                sampling_rate=each.sampling_rate / factor,
+            )
+            for each in recording.records
+        ]
     )
 
 
-def _decide_start(estimation: MultichannelRecording) -> tuple[int, Decision]:
+def _decide_starts(estimation: MultichannelRecording) -> tuple[tuple[int, ...], Decision]:
     """Leave out leading samples in which no channel has begun to change."""
-    signals = np.column_stack([estimation.inputs, estimation.outputs])
-    changed = np.any(signals != signals[0], axis=1)
-    start = max(int(np.argmax(changed)) - KEPT_REST, 0)
+    starts = tuple(map(_first_change, estimation.records))
     sentence = (
         "Samples before the first change of any channel are left out."
-        if start
+        if any(starts)
         else "The record begins with its first sample; the transient belongs to the estimated "
         "initial state."
     )
-    alternatives = [Alternative("0", 0.0)] + (
-        [Alternative(str(start), float(start))] if start else []
-    )
+    alternatives = tuple(Alternative(str(start), float(start)) for start in sorted({0, *starts}))
     criterion = "leading samples without any change"
-    return start, Decision("start", str(start), tuple(alternatives), criterion, sentence)
+    return starts, Decision("start", ", ".join(map(str, starts)), alternatives, criterion, sentence)
+
+
+def _first_change(record: MultichannelRecording) -> int:
+    """Leading samples of a record without any change, less those that tell the level of the rest.
+
+    So many samples are kept as one of several recordings has at least.
+    """
+    signals = np.column_stack([record.inputs, record.outputs])
+    changed = np.any(signals != signals[0], axis=1)
+    most = max(record.samples - SHORTEST_RECORD, 0)
+    return min(max(int(np.argmax(changed)) - KEPT_REST, 0), most)
 
 
 def _decide_decimation(estimation: MultichannelRecording) -> tuple[int, Decision]:
     """Decimation by the error of simulations on held-out samples, at the recorded rate."""
-    edge = max(power_edge([Stretch(output, output)]) for output in _columns(estimation.outputs))
+    longest = estimation.longest
+    edge = max(power_edge([Stretch(output, output)]) for output in _columns(longest.outputs))
     largest = 1.0 / (OVERSAMPLED / 2.0 * max(edge, 1e-9))
-    factors = [f for f in FACTORS if f <= largest and estimation.samples / f >= LEAST_SAMPLES]
+    shortest = min(each.samples for each in estimation.records)
+    factors = [
+        f
+        for f in FACTORS
+        if f <= largest
+        and estimation.samples / f >= LEAST_SAMPLES
+        and shortest / f >= SHORTEST_RECORD
+    ]
     if not factors:
         return _not_decimated(
             f"{100 * POWER_SHARE:g} % of the power of every output are only reached at {edge:.3g} "
@@ -152,8 +178,8 @@ def _decide_decimation(estimation: MultichannelRecording) -> tuple[int, Decision
         return _not_decimated("Without an input the rate is kept: nothing tells modes from noise.")
     coherent = max(
         coherence_edge([Stretch(input_, output)])
-        for input_ in _columns(estimation.inputs)
-        for output in _columns(estimation.outputs)
+        for input_ in _columns(longest.inputs)
+        for output in _columns(longest.outputs)
     )
     factors = [f for f in factors if f * coherent <= 0.5][-MOST_FACTORS:]
     if not factors:
@@ -186,11 +212,10 @@ def _columns(signals: Array) -> list[Array]:
 def _simulation_error(estimation: MultichannelRecording, factor: int) -> float:
     """Best two-fold error over a few orders at a lower rate; what the filter takes is added."""
     lower = _decimated(estimation, factor)
-    lost = np.array([np.sum((y - smoothed(y, factor)) ** 2) for y in _columns(estimation.outputs)])
-    total = np.sum((estimation.outputs - estimation.outputs.mean(axis=0)) ** 2, axis=0)
+    lost, total = np.sum([_lost_power(y, factor) for y in estimation.output_records], axis=0)
     found = sweep_state_space_orders(
-        lower.inputs,
-        lower.outputs,
+        lower.input_records,
+        lower.output_records,
         PROBES,
         form="output_error",
         delays=0,
@@ -198,3 +223,9 @@ def _simulation_error(estimation: MultichannelRecording, factor: int) -> float:
     )
     best = float(np.min(found.simulation_error)) / 100.0
     return 100.0 * float(np.sqrt(best**2 + np.mean(lost / total)))
+
+
+def _lost_power(outputs: Array, factor: int) -> Array:
+    """Squares of what a lower rate takes from the outputs of a record, and of all, (2, ny)."""
+    lost = [np.sum((y - smoothed(y, factor)) ** 2) for y in _columns(outputs)]
+    return np.array([lost, np.sum((outputs - outputs.mean(axis=0)) ** 2, axis=0)])

@@ -137,8 +137,8 @@ def _searched(
     log: Log | None,
 ) -> StateSpaceEstimate:
     return estimate_state_space(
-        estimation.inputs if estimation.has_input else None,
-        estimation.outputs,
+        estimation.input_records,
+        estimation.output_records,
         order,
         estimation.sampling_rate,
         form=form,
@@ -162,6 +162,10 @@ def _completed(
     if choice.variant.form != "output_error":
         return ChosenModel(estimate, plant)
     noise = noise_model(
-        plant, [estimation.inputs], [estimation.outputs], noise_orders(estimation), settings
+        plant,
+        estimation.input_records,
+        estimation.output_records,
+        noise_orders(estimation),
+        settings,
     )
     return ChosenModel(estimate, plant if noise is None else side_by_side(plant, noise))

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evopem.automatic.decision import Alternative, Decision, given_by_configuration
+from evopem.automatic.multichannel_folds import designs_of, fewest_fitted, folds_of, is_large
 from evopem.config.state_space_settings import ModelForm, OutputWeighting, variant_name
 from evopem.errors import InputError
 from evopem.estimation.state_space.delays import estimate_delays
@@ -24,7 +24,6 @@ from evopem.estimation.state_space.estimate import (
     estimates_of_orders,
     refitted,
 )
-from evopem.estimation.state_space.held_out import continued_errors, prediction_errors
 from evopem.estimation.state_space.noise_model import RISES, WIDTH, noise_model, side_by_side
 from evopem.estimation.state_space.order_models import OrderModel, OrderModels
 from evopem.estimation.state_space.problem import STEPS
@@ -35,18 +34,12 @@ from evopem.signals.multichannel import MultichannelRecording
 
 Array = NDArray[np.float64]
 Log = Callable[[str], None]
-Refit = Callable[[Sequence[MultichannelRecording]], StateSpaceModel]
+Refit = Callable[[MultichannelRecording], StateSpaceModel]
 """The model that a descent ends at on parts of a record, from the one of the whole record."""
 
-# Designs of folds, each a number of folds of consecutive samples: few long ones show errors of the
-# gain and of slow poles, many leave more samples to fit.  Large records have the first alone, and
-# records of few samples the last one: half of them say too little.
-DESIGNS = (2, 5)
-LARGE, FEW = 100_000, 400
 # Estimates of each order that are descended from on large records, whose estimates are good ones,
 # and steps of these descents.
 LARGE_WIDTH, LARGE_STEPS = 2, 12
-SHORTEST_FOLD = 24
 # Folds of all designs from which on the worst one of a model is left out.
 TRIMMED_FOLDS = 5
 # Largest orders tried of plant and noise model, and output values for each parameter of the largest
@@ -160,7 +153,7 @@ def decide_delays(estimation: MultichannelRecording, limits: tuple[int, int] | N
     if nu == 0 or low == high:
         delays = (low,) * nu
         return DelayChoice(delays, given_by_configuration("delays", _listed(delays) or "none"))
-    delays = estimate_delays(estimation.inputs, estimation.outputs, high, low)
+    delays = estimate_delays(estimation.input_records, estimation.output_records, high, low)
     alternatives = tuple(
         Alternative(f"{name}: {delay}", np.nan)
         for name, delay in zip(estimation.input_names, delays, strict=True)
@@ -214,7 +207,7 @@ def noise_orders(estimation: MultichannelRecording) -> tuple[int, ...]:
     """The orders that are tried for a noise model beside an output-error model."""
     samples = estimation.samples
     affordable = min(MOST_NOISE_STATES, samples // 12, samples // VALUES_PER_PARAMETER // 2)
-    if _is_large(estimation):
+    if is_large(estimation):
         return tuple(range(2, max(affordable, 2) + 1, 2))
     return tuple(range(1, max(affordable, 1) + 1))
 
@@ -241,40 +234,25 @@ def search_variant(
         return _search_box_jenkins(estimation, variant, delays, orders, settings, log)
     form: Form = "output_error" if variant.form == "output_error" else "innovations"
     estimates = estimates_of_orders(
-        estimation.inputs if estimation.has_input else None,
-        estimation.outputs,
+        estimation.input_records,
+        estimation.output_records,
         orders,
         form=form,
         delays=tuple(delays),
         settings=settings,
-        width=LARGE_WIDTH if _is_large(estimation) else FINAL_WIDTH,
+        width=LARGE_WIDTH if is_large(estimation) else FINAL_WIDTH,
         steps=_steps(estimation),
         log=log,
     )
-    found = until_bic_rises((each.model.order, each) for each in estimates)
-    search = _scored(estimation, variant, found, delays, settings, log)
-    return search, _order_models(estimation, found)
-
-
-def _order_models(
-    estimation: MultichannelRecording, found: Mapping[int, StateSpaceEstimate]
-) -> OrderModels:
-    """The models with the rate and the names of the record."""
-    return OrderModels(
-        tuple(
-            OrderModel.of(
-                order,
-                estimate.bic,
-                replace(
-                    estimate.model,
-                    sampling_rate=estimation.sampling_rate,
-                    input_names=estimation.input_names,
-                    output_names=estimation.output_names,
-                ),
-            )
-            for order, estimate in found.items()
-        )
+    by_order = ((each.model.order, each) for each in estimates)
+    refit_of = _refits(estimation, delays, settings)
+    return searched_variant(
+        *(estimation, variant, by_order, _plant, refit_of, settings.objective, log)
     )
+
+
+def _plant(estimate: StateSpaceEstimate) -> StateSpaceModel:
+    return estimate.model
 
 
 def _search_box_jenkins(
@@ -289,11 +267,11 @@ def _search_box_jenkins(
 
     None on large records, where a descent takes too long.
     """
-    if _is_large(estimation):
+    if is_large(estimation):
         return VariantSearch.without_models(variant), OrderModels(())
     plants = estimates_of_orders(
-        estimation.inputs,
-        estimation.outputs,
+        estimation.input_records,
+        estimation.output_records,
         orders,
         form="output_error",
         delays=tuple(delays),
@@ -312,12 +290,56 @@ def _search_box_jenkins(
                 log(f"{variant.name}: {plant.order} of {estimate.model.order} states")
             yield plant.order, estimate
 
-    found = until_bic_rises(estimates())
-    search = _scored(estimation, variant, found, delays, settings, log)
-    return search, _order_models(estimation, found)
+    refit_of = _refits(estimation, delays, settings)
+    return searched_variant(
+        *(estimation, variant, estimates(), _plant, refit_of, settings.objective, log)
+    )
 
 
-def until_bic_rises(estimates: Iterable[tuple[int, Estimate]]) -> dict[int, Estimate]:
+def searched_variant(
+    estimation: MultichannelRecording,
+    variant: Variant,
+    estimates: Iterable[tuple[int, Estimate]],
+    plant_of: Callable[[Estimate], StateSpaceModel],
+    refit_of: Callable[[Estimate], Refit],
+    objective: Objective,
+    log: Log | None,
+) -> tuple[VariantSearch, OrderModels]:
+    """The search of a variant of any form, and the plants of its orders.
+
+    Parameters
+    ----------
+    estimation : MultichannelRecording
+    variant : Variant
+    estimates : iterable of (int, ScoredEstimate)
+        Of all samples, by ascending order; ends as soon as their BIC rises.
+    plant_of : callable
+        The plant of an estimate in state space.
+    refit_of : callable
+        How an estimate is fitted to other samples.
+    objective : {"quadratic", "absolute"}
+        Of the errors on held-out samples.
+    log : callable, optional
+    """
+    found = _until_bic_rises(estimates)
+    models = tuple(
+        OrderModel.of(
+            order,
+            each.bic,
+            replace(
+                plant_of(each),
+                sampling_rate=estimation.sampling_rate,
+                input_names=estimation.input_names,
+                output_names=estimation.output_names,
+            ),
+        )
+        for order, each in found.items()
+    )
+    search = _scored(estimation, variant, found, refit_of, objective, log)
+    return search, OrderModels(models)
+
+
+def _until_bic_rises(estimates: Iterable[tuple[int, Estimate]]) -> dict[int, Estimate]:
     """The estimates by order, up to where the BIC has risen so often that the search ends."""
     found: dict[int, Estimate] = {}
     lowest = np.inf
@@ -353,7 +375,11 @@ def estimate_box_jenkins(
         When the record is too short, or the descent finds no stable model.
     """
     noise = noise_model(
-        plant, [estimation.inputs], [estimation.outputs], noise_orders(estimation), settings
+        plant,
+        estimation.input_records,
+        estimation.output_records,
+        noise_orders(estimation),
+        settings,
     )
     start = replace(plant, form="innovations", covariance=None)
     beside = start if noise is None else side_by_side(plant, noise)
@@ -382,8 +408,8 @@ def descended(
     """
     return descend_from(
         model,
-        estimation.inputs if estimation.has_input else None,
-        estimation.outputs,
+        estimation.input_records,
+        estimation.output_records,
         estimation.sampling_rate,
         delays=tuple(delays),
         settings=settings,
@@ -392,31 +418,26 @@ def descended(
     )
 
 
-def _scored(
-    estimation: MultichannelRecording,
-    variant: Variant,
-    estimates: Mapping[int, StateSpaceEstimate],
-    delays: Sequence[int],
-    settings: StateSpaceSettings,
-    log: Log | None,
-) -> VariantSearch:
-    """The search of a variant, with errors on held-out samples up to the lowest BIC."""
+def _refits(
+    estimation: MultichannelRecording, delays: Sequence[int], settings: StateSpaceSettings
+) -> Callable[[StateSpaceEstimate], Refit]:
+    """How estimates are fitted to other samples."""
 
     def refit_of(estimate: StateSpaceEstimate) -> Refit:
         model = replace(estimate.model, covariance=None)
-        return lambda parts: refitted(
+        return lambda training: refitted(
             model,
-            [part.inputs for part in parts] if estimation.has_input else None,
-            [part.outputs for part in parts],
+            training.input_records,
+            training.output_records,
             delays=tuple(delays),
             settings=settings,
             steps=_steps(estimation),
         )
 
-    return scored_search(estimation, variant, estimates, refit_of, settings.objective, log)
+    return refit_of
 
 
-def scored_search(
+def _scored(
     estimation: MultichannelRecording,
     variant: Variant,
     estimates: Mapping[int, Estimate],
@@ -424,27 +445,14 @@ def scored_search(
     objective: Objective,
     log: Log | None,
 ) -> VariantSearch:
-    """The search of a variant, with errors on held-out samples up to the lowest BIC.
-
-    Parameters
-    ----------
-    estimation : MultichannelRecording
-    variant : Variant
-    estimates : mapping of int to ScoredEstimate
-        Of all samples, by order.
-    refit_of : callable
-        How an estimate is fitted to other samples.
-    objective : {"quadratic", "absolute"}
-        Of the errors on held-out samples.
-    log : callable, optional
-    """
+    """The search of a variant, with errors on held-out samples up to the lowest BIC."""
     if not estimates:
         return VariantSearch.without_models(variant)
     bic = {order: each.bic for order, each in estimates.items()}
     orders = _up_to_lowest(bic)
     refits = [refit_of(estimates[order]) for order in orders]
     of_designs = []
-    for count in _designs(estimation):
+    for count in designs_of(estimation):
         of_designs.append(_errors_of_folds(estimation, count, refits, objective))
         if log is not None:
             log(f"{variant.name}: {count} folds")
@@ -472,18 +480,6 @@ def _up_to_lowest(bic: Mapping[int, float]) -> tuple[int, ...]:
     return tuple(order for order in bic if order <= lowest)
 
 
-def _designs(estimation: MultichannelRecording) -> tuple[int, ...]:
-    if _is_large(estimation) or estimation.samples < DESIGNS[-1] * SHORTEST_FOLD:
-        return DESIGNS[:1]
-    return DESIGNS[-1:] if estimation.samples < FEW else DESIGNS
-
-
-def fewest_fitted(estimation: MultichannelRecording) -> int:
-    """Samples that the smallest training part of all folds has."""
-    fewest_folds = min(_designs(estimation))
-    return estimation.samples - -(-estimation.samples // fewest_folds)
-
-
 def _errors_of_folds(
     estimation: MultichannelRecording,
     count: int,
@@ -496,20 +492,16 @@ def _errors_of_folds(
     training part of a fold is fitted by a descent from the model of all samples: so it is the
     same optimum that is scored.
     """
-    edges = np.linspace(0, estimation.samples, count + 1).round().astype(int)
-    # Simulations run on from samples before: the first part is never held out.
-    folds = list(pairwise(edges))[1:]
+    folds = folds_of(estimation, count)
     relative = np.full((len(folds), 3, len(refits)), np.inf)
-    for fold, (first, stop) in enumerate(folds):
-        ends = (estimation.between(0, first), estimation.between(stop, estimation.samples))
-        parts = [part for part in ends if part.samples >= SHORTEST_FOLD]
+    for number, fold in enumerate(folds):
         for place, refit in enumerate(refits):
             try:
-                fitted = refit(parts)
+                fitted = refit(fold.training)
             except ValueError:
                 continue
-            errors = _held_out_errors(fitted, estimation, first, stop, objective)
-            relative[fold, :, place] = np.minimum(errors, LARGEST_ERROR).mean(axis=-1)
+            errors = np.minimum(fold.errors(fitted, objective), LARGEST_ERROR)
+            relative[number, :, place] = errors.mean(axis=-1)
     return relative
 
 
@@ -525,34 +517,9 @@ def _without_worst_fold(errors: Array) -> Array:
     return np.sqrt(np.mean(kept**2, axis=0))
 
 
-def _held_out_errors(
-    model: StateSpaceModel,
-    estimation: MultichannelRecording,
-    first: int,
-    stop: int,
-    objective: Objective,
-) -> Array:
-    """Errors of simulations with the model's level and a free one, and of predictions, (3, ny)."""
-    held = estimation.between(first, stop)
-    with np.errstate(all="ignore"):
-        predicted = prediction_errors(model, held.inputs, held.outputs, objective)
-    if not estimation.has_input:
-        unknown = np.full(len(predicted), np.nan)
-        return np.array([unknown, unknown, predicted])
-    simulated = continued_errors(
-        model, estimation.inputs, estimation.outputs, slice(first, stop), objective
-    )
-    return np.array([*simulated, predicted])
-
-
 def _steps(estimation: MultichannelRecording) -> int:
     """Steps of a descent of the search over orders."""
-    return LARGE_STEPS if _is_large(estimation) else STEPS
-
-
-def _is_large(estimation: MultichannelRecording) -> bool:
-    channels = estimation.inputs.shape[1] + estimation.outputs.shape[1]
-    return estimation.samples * channels > LARGE
+    return LARGE_STEPS if is_large(estimation) else STEPS
 
 
 def _listed(delays: Sequence[int]) -> str:

@@ -122,8 +122,7 @@ def _completed(config: Keys, origin: Origin, source: str) -> Configuration:
         datasets[name] = settings_of(name, own_source | analysis | merged_fit(defaults, written))
     check_paths(config["datasets"], source)
     for each in datasets.values():
-        if isinstance(each, DatasetSettings):
-            check_several_recordings(each, source)
+        check_several_recordings(each, source)
     names = [field.name for field in fields(RunSettings)]
     given_run = {name: config[name] for name in names if name in config}
     run = from_json(RunSettings, given_run, source)

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from evopem.config.settings import DatasetSettings, RecordedSource
+from evopem.config.settings import DatasetSettings, SyntheticSource
+from evopem.config.state_space_settings import StateSpaceDataset
 from evopem.errors import InputError
 
 
-def check_several_recordings(settings: DatasetSettings, source: str) -> None:
+def check_several_recordings(settings: DatasetSettings | StateSpaceDataset, source: str) -> None:
     """Refuse keys that have no meaning for several recordings of one data set.
 
     Parameters
     ----------
-    settings : DatasetSettings
+    settings : DatasetSettings or StateSpaceDataset
     source : str
         The configuration, for an error to name.
 
@@ -20,10 +21,11 @@ def check_several_recordings(settings: DatasetSettings, source: str) -> None:
     InputError
     """
     recorded = settings.source
-    if not isinstance(recorded, RecordedSource) or len(recorded.files) == 1:
+    if isinstance(recorded, SyntheticSource) or len(recorded.files) == 1:
         return
     place = f"datasets.{settings.name}"
-    split = settings.preparation.split
+    own = settings if isinstance(settings, StateSpaceDataset) else settings.preparation
+    split = own.split
     whole_recordings = split.by == "recordings" and not recorded.validation_files
     if whole_recordings and isinstance(split.estimation, int):
         raise InputError(
@@ -32,7 +34,7 @@ def check_several_recordings(settings: DatasetSettings, source: str) -> None:
             "give a fraction between 0 and 1, or write by: samples beside it to cut each recording",
             f"{place}.split.estimation",
         )
-    if settings.fit.changes_model:
+    if isinstance(settings, DatasetSettings) and settings.fit.changes_model:
         key = "constraints" if settings.fit.constraints else "focus"
         raise InputError(
             source,

@@ -24,7 +24,7 @@ from evopem.config.state_space_settings import (
 from evopem.config.strict_yaml import Keys
 from evopem.config.structures import has_input
 from evopem.config.values import ALL_SAMPLES
-from evopem.config.yaml_form import dataset_yaml, read_dataset
+from evopem.config.yaml_form import dataset_yaml, files_of, one_or_list, read_dataset
 from evopem.errors import InputError
 from evopem.files.json_form import from_json, to_json
 
@@ -147,9 +147,9 @@ def state_space_settings(name: str, keys: Keys) -> StateSpaceDataset:
     return StateSpaceDataset(
         name=name,
         source=StateSpaceSource(
-            _one(keys["file"]),
+            tuple(files_of(keys["file"])),
             channels,
-            _one(keys["validation_file"]) if "validation_file" in keys else None,
+            tuple(files_of(keys.get("validation_file"))),
         ),
         split=from_json(SplitSettings, {"discard": 0, **keys["split"]}),
         resample=None if resample == "none" else float(resample),
@@ -171,18 +171,19 @@ def keys_of_state_space(settings: StateSpaceDataset) -> dict[str, Any]:
     source, choices = settings.source, settings.choices
     channels = source.channels
     orders = {"nx": choices.orders, "joint": choices.joint}
+    split = ("discard", "estimation", *(["by"] if len(source.files) > 1 else []))
     keys: dict[str, Any] = {
-        "file": source.file,
+        "file": one_or_list(source.files),
         "input": list(channels.inputs) or NO_INPUT,
         "output": list(channels.outputs),
         "input_unit": _unit_keys(channels.input_units),
         "output_unit": _unit_keys(channels.output_units),
         **{key: getattr(channels, key) for key in _COLUMN_KEYS},
-        "validation_file": source.validation_file,
+        "validation_file": one_or_list(source.validation_files),
         "recipe": "auto",
         "purpose": choices.purpose,
         "resample": (settings.resample or "none") if settings.rate_given else None,
-        "split": {key: getattr(settings.split, key) for key in ("discard", "estimation")},
+        "split": {key: getattr(settings.split, key) for key in split},
         "structure": choices.structure,
         "form": choices.form,
         "weighting": choices.weighting,
@@ -256,14 +257,6 @@ def _check_keys(written: Keys, structure: str | None, source: str, place: str) -
             else "the key file is missing"
         )
         raise InputError(source, problem, "give the file of a recording", place)
-    for key in ("file", "validation_file"):
-        if isinstance(written.get(key), list) and len(written[key]) > 1:
-            raise InputError(
-                source,
-                f"there are {len(written[key])} files, and several channels are read from one",
-                "name one file",
-                f"{place}.{key}",
-            )
     polynomial = structure is not None and is_polynomial(structure)
     outputs = _listed(written.get("output", 2))
     ranges: tuple[str, ...] = ("nx",)
@@ -315,10 +308,10 @@ def _described(structure: str | None) -> str:
 
 
 def _check_split(own: Keys, written: Keys, source: str, place: str) -> None:
-    if "by" in written.get("split", {}):
+    if "by" in written.get("split", {}) and len(files_of(written["file"])) == 1:
         raise InputError(
             source,
-            "the key is for several recordings, and a data set with several channels has one",
+            "the key is for several recordings, and there is one",
             "remove it",
             f"{place}.split.by",
         )
@@ -418,11 +411,6 @@ def _listed(given: Any) -> tuple[Reference, ...]:
     if isinstance(given, list | tuple):
         return tuple(given)
     return () if given == NO_INPUT else (given,)
-
-
-def _one(file: Any) -> str:
-    """A path that may stand in a list."""
-    return str(file[0] if isinstance(file, list | tuple) else file)
 
 
 def _range(given: Any) -> tuple[int, int] | None:

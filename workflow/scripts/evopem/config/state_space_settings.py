@@ -63,21 +63,19 @@ class ChannelLists:
 
 @dataclass(frozen=True)
 class StateSpaceSource:
-    """A recorded file with several channels, and an independent one for validation."""
+    """Recorded files with several channels, and independent ones for validation.
 
-    file: str
+    Attributes
+    ----------
+    files : tuple of str
+        Of one recording, or of several of one system.
+    channels : ChannelLists
+    validation_files : tuple of str
+    """
+
+    files: tuple[str, ...]
     channels: ChannelLists
-    validation_file: str | None = None
-
-    @property
-    def files(self) -> tuple[str, ...]:
-        """The recorded file, as of sources that may have several."""
-        return (self.file,)
-
-    @property
-    def validation_files(self) -> tuple[str, ...]:
-        """The file for validation; none where there is none."""
-        return (self.validation_file,) if self.validation_file else ()
+    validation_files: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -242,7 +240,7 @@ def searched_variants(dataset: StateSpaceDataset) -> tuple[tuple[str, str], ...]
 
     Examples
     --------
-    >>> source = StateSpaceSource("a.csv", ChannelLists((1,), (2, 3)))
+    >>> source = StateSpaceSource(("a.csv",), ChannelLists((1,), (2, 3)))
     >>> searched_variants(StateSpaceDataset("a", source))
     (('innovations', 'determinant'), ('output_error', 'noise'), ('box_jenkins', 'determinant'))
     >>> choices = StateSpaceChoices(weighting="power")
@@ -251,7 +249,7 @@ def searched_variants(dataset: StateSpaceDataset) -> tuple[tuple[str, str], ...]
     >>> search = StateSpaceSearchSettings(objective="absolute")
     >>> searched_variants(StateSpaceDataset("a", source, search=search))
     (('innovations', 'noise'), ('output_error', 'noise'), ('box_jenkins', 'noise'))
-    >>> source = StateSpaceSource("a.csv", ChannelLists((1, 2), (3,)))
+    >>> source = StateSpaceSource(("a.csv",), ChannelLists((1, 2), (3,)))
     >>> [form for form, _ in searched_variants(StateSpaceDataset("a", source))]
     ['innovations', 'output_error', 'box_jenkins', 'arx', 'armax', 'oe', 'bj']
     """

@@ -39,6 +39,7 @@ ANALYSIS_KEYS = (
 NO_RESAMPLING = "none"
 
 Settings = TypeVar("Settings")
+Value = TypeVar("Value")
 
 
 def settings_of(name: str, keys: Keys) -> DatasetSettings:
@@ -81,8 +82,8 @@ def keys_of(settings: DatasetSettings) -> dict[str, Any]:
     """List the keys that give these settings; what is not set is left out."""
     source = settings.source
     if isinstance(source, RecordedSource):
-        own = {"file": _one_or_list(source.files), **to_json(source.channels)}
-        own["validation_file"] = _one_or_list(source.validation_files)
+        own = {"file": one_or_list(source.files), **to_json(source.channels)}
+        own["validation_file"] = one_or_list(source.validation_files)
         if source.channels.input is None:
             own["input_unit"] = None
         if source.channels_from_file:
@@ -103,8 +104,9 @@ def files_of(written: Any) -> list[str]:
     return [written] if isinstance(written, str) else list(written)
 
 
-def _one_or_list(paths: Sequence[str]) -> str | list[str] | None:
-    return list(paths) if len(paths) > 1 else next(iter(paths), None)
+def one_or_list(values: Sequence[Value]) -> Value | list[Value] | None:
+    """What stands under a key that has one value or a list, such as that of :func:`files_of`."""
+    return list(values) if len(values) > 1 else next(iter(values), None)
 
 
 def analysis_keys(

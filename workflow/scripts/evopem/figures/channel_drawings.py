@@ -75,7 +75,8 @@ def series_panel(times: Array, series: Sequence[tuple[str, Array]], unit: str, l
     first = series[0][1]
     finite = np.concatenate([values[np.isfinite(values)] for _, values in series])
     # A simulation that leaves the range of the measured samples is cut at twice that range.
-    middle, half = (np.max(first) + np.min(first)) / 2, (np.max(first) - np.min(first)) or 1.0
+    top, bottom = np.nanmax(first), np.nanmin(first)
+    middle, half = (top + bottom) / 2, (top - bottom) or 1.0
     low = max(float(np.min(finite)), float(middle - half))
     high = min(float(np.max(finite)), float(middle + half))
     low, high = _ends(low, high)

@@ -39,6 +39,7 @@ from evopem.config.state_space_settings import (
     StateSpaceChoices,
     StateSpaceDataset,
     StateSpaceSearchSettings,
+    StateSpaceSource,
     is_polynomial,
     searched_variants,
 )
@@ -50,7 +51,6 @@ from evopem.files.atomic import write_table, write_text
 from evopem.files.checksums import delete_results
 from evopem.files.json_form import load, save
 from evopem.models.matlab import save_multi_input_mat, save_state_space_mat
-from evopem.models.state_space import StateSpaceModel
 from evopem.pipeline.progress import Announce, Stage, run_stages
 from evopem.results.layout import DatasetFiles
 from evopem.results.multichannel import (
@@ -59,6 +59,7 @@ from evopem.results.multichannel import (
     read_multichannel_results,
     summarize_multichannel,
 )
+from evopem.signals.joining import joined_multichannel
 from evopem.signals.multichannel import MultichannelRecording, load_multichannel, save_multichannel
 from evopem.signals.multichannel_preparation import (
     MultichannelData,
@@ -86,19 +87,19 @@ def write_multichannel_configuration(files: DatasetFiles, settings: StateSpaceDa
 
 
 def read_channels(
-    file: str,
+    recorded: Sequence[str],
     channels: ChannelLists,
     geometry: Geometry | None,
     place: str,
     recording_file: str,
     info_file: str,
 ) -> None:
-    """Read the input and output channels of a recorded file.
+    """Read the input and output channels of a recorded file, or of several that are one data set.
 
     Parameters
     ----------
-    file : str
-        The recorded file.
+    recorded : sequence of str
+        The recorded files.
     channels : ChannelLists
     geometry : Geometry, optional
         Its channels must be outputs.
@@ -110,33 +111,35 @@ def read_channels(
     Raises
     ------
     InputError
+        When a file cannot be read, or the recordings are not of the same channels and rate.
     """
-    told = with_time_told(file, channels)
-    recording = read_multichannel(file, told)
+    told = [with_time_told(file, channels) for file in recorded]
+    recordings = [read_multichannel(*each) for each in zip(recorded, told, strict=True)]
+    recording = joined_multichannel(recordings, recorded) if len(recordings) > 1 else recordings[0]
     check_measured_places(geometry, recording.output_names, f"{place}.geometry")
     save_multichannel(recording, recording_file)
-    info = describe_multichannel(file, recording)
-    save(replace(info, time_told=None if told == channels else told.time), info_file)
+    info = describe_multichannel(recorded, recording)
+    save(replace(info, time_told=None if told[0] == channels else told[0].time), info_file)
 
 
 def prepare_channels(
     files: DatasetFiles,
+    source: StateSpaceSource,
     split: SplitSettings,
     resample: float | None,
     given: tuple[bool, bool],
-    has_validation_recording: bool,
 ) -> None:
     """Decide start and decimation from the estimation samples alone, and prepare both parts.
 
     Parameters
     ----------
     files : DatasetFiles
+    source : StateSpaceSource
     split : SplitSettings
     resample : float, optional
         New sampling rate in Hz.
     given : (bool, bool)
         Whether the configuration states the start, and the rate.
-    has_validation_recording : bool
 
     Raises
     ------
@@ -144,9 +147,12 @@ def prepare_channels(
         When the recording cannot be divided.
     """
     recording = load_multichannel(files.recording)
-    validation = load_multichannel(files.validation_recording) if has_validation_recording else None
+    validation = None
+    if source.validation_files:
+        validation = load_multichannel(files.validation_recording)
     place = f"datasets.{files.name}"
-    divided = divide_multichannel(recording, split, resample, validation, place)
+    recorded = (*source.files, *source.validation_files)
+    divided = divide_multichannel(recording, split, resample, validation, place, recorded)
     with threadpool_limits(limits=1, user_api="blas"):
         plan = decide_multichannel_preparation(divided.estimation, *given)
         prepared = apply_multichannel_plan(divided, plan)
@@ -210,13 +216,7 @@ def estimate_chosen_state_space(
     """
     data = _prepared(files)
     choice = load(StateSpaceChoice, files.decision("comparison")).model
-    delays, start = _searched(files, choice)
-    settings = _settings(search, choice.variant)
-    try:
-        found = search_chosen(choice, start, data.estimation, delays, settings, log)
-    except ValueError as error:
-        raise _too_short(f"datasets.{files.name}", error) from None
-    record = _record_of(choice, found, data, search)
+    record = _estimated(files, data, choice, search, partial(search_chosen, log=log))
     save(record, files.model)
     if record.polynomials is None:
         save_state_space_mat(record.model, files.model_mat)
@@ -239,32 +239,28 @@ def complete_other_state_space(files: DatasetFiles, search: StateSpaceSearchSett
     data = _prepared(files)
     choice = load(StateSpaceChoice, files.decision("comparison")).other
     assert choice is not None  # only data sets with inputs have another purpose
-    delays, start = _searched(files, choice)
-    settings = _settings(search, choice.variant)
     with threadpool_limits(limits=1, user_api="blas"):
-        try:
-            found = estimate_as_searched(choice, start, data.estimation, delays, settings)
-        except ValueError as error:
-            raise _too_short(f"datasets.{files.name}", error) from None
-        record = _record_of(choice, found, data, search)
+        record = _estimated(files, data, choice, search, estimate_as_searched)
         errors = mean_errors(record.model, data.validation, choice.level == "state")
     save(record, files.other_model(choice.purpose))
     save(OtherModel(choice.purpose, record.text, *errors), files.other_errors(choice.purpose))
 
 
-def _searched(files: DatasetFiles, choice: ModelChoice) -> tuple[tuple[int, ...], StateSpaceModel]:
-    """The delays, and the model that the search over orders found for a choice."""
-    delays = load(DelayChoice, files.decision("delays")).delays
-    models = load(OrderModels, files.models_of_orders(choice.variant.name))
-    return delays, models.of_order(choice.order)
-
-
-def _record_of(
-    choice: ModelChoice,
-    found: ChosenModel,
+def _estimated(
+    files: DatasetFiles,
     data: MultichannelData,
+    choice: ModelChoice,
     search: StateSpaceSearchSettings,
+    estimate: Callable[..., ChosenModel],
 ) -> MultichannelModelRecord:
+    """The model of a choice, estimated from the one that the search over orders found."""
+    delays = load(DelayChoice, files.decision("delays")).delays
+    start = load(OrderModels, files.models_of_orders(choice.variant.name)).of_order(choice.order)
+    settings = _settings(search, choice.variant)
+    try:
+        found = estimate(choice, start, data.estimation, delays, settings)
+    except ValueError as error:
+        raise _too_short(f"datasets.{files.name}", error) from None
     return MultichannelModelRecord.of(
         found.estimate,
         found.model,
@@ -300,8 +296,9 @@ def _judged_modes(
     choice = load(StateSpaceChoice, files.decision("comparison")).model
     searched = load(OrderModels, files.models_of_orders(choice.variant.name))
     own = OrderModel.of(choice.order, record.bic, record.plant)
+    tested = validation.longest
     table = table_of_models(
-        searched.with_model(own).models, choice.order, validation.inputs, validation.outputs, 0
+        searched.with_model(own).models, choice.order, tested.inputs, tested.outputs, 0
     )
     return ModesRecord.of(table, record.input_names, record.output_names)
 
@@ -363,19 +360,19 @@ def channel_stages(
     listed: dict[str, Stage] = {
         "configuration": partial(write_multichannel_configuration, files, settings),
         "recording": partial(
-            read, source.file, recording_file=files.recording, info_file=files.recording_info
+            read, source.files, recording_file=files.recording, info_file=files.recording_info
         ),
     }
-    if source.validation_file:
+    if source.validation_files:
         listed["validation_recording"] = partial(
             read,
-            source.validation_file,
+            source.validation_files,
             recording_file=files.validation_recording,
             info_file=files.validation_recording_info,
         )
     listed["preparation"] = partial(
         prepare_channels,
-        *(files, settings.split, settings.resample, given, bool(source.validation_file)),
+        *(files, source, settings.split, settings.resample, given),
     )
     listed["delays"] = partial(decide_input_delays, files, choices.delays)
     for variant in variants:

@@ -8,6 +8,7 @@ from importlib.metadata import PackageNotFoundError, version
 
 from evopem.report.numbers import count
 from evopem.results.dataset import DatasetResults
+from evopem.signals.multichannel_reading import FileFacts
 from evopem.signals.recording_info import FileOrigin, RecordingInfo
 
 # They draw and write the page; the libraries behind the numbers are listed in the model.
@@ -90,12 +91,19 @@ def _origin(recording: RecordingInfo, suffix: str) -> list[tuple[str, str]]:
     return [row for file in recording.files for row in _file_rows(file, suffix)]
 
 
-def _file_rows(file: FileOrigin, suffix: str) -> list[tuple[str, str]]:
-    rows = [
+def file_rows(file: FileOrigin | FileFacts) -> list[tuple[str, str]]:
+    """What is known of a recorded file, whatever its channels."""
+    return [
         ("File", file.path),
         ("SHA-256", file.sha256),
         ("Size", f"{count(file.bytes)} bytes"),
         ("Format", file.format),
+    ]
+
+
+def _file_rows(file: FileOrigin, suffix: str) -> list[tuple[str, str]]:
+    rows = [
+        *file_rows(file),
         *([("Input channel", str(file.input_channel))] if file.input_channel is not None else []),
         ("Output channel", str(file.output_channel)),
     ]

@@ -24,6 +24,7 @@ from evopem.figures.shape_drawings import ShapeDrawing
 from evopem.models.state_space_modes import ShapedMode
 from evopem.report import provenance
 from evopem.report.numbers import count, hertz, number, percent, plural
+from evopem.report.recording_table import recording_rows
 from evopem.report.sentences.about_decisions import PurposeRow, decision_row
 from evopem.report.sentences.about_state_space import state_space_verdict
 from evopem.report.templates import environment
@@ -123,6 +124,7 @@ def build_state_space_report(
         passed=[check for check in checks if check.passed is True],
         not_judged=[check for check in checks if check.passed is None],
         panels=_output_panels(results),
+        recordings=recording_rows(results),
         shown=min(SHOWN_SAMPLES, results.validation.samples),
         outputs=_worst_first(results),
         modes=rows,
@@ -159,9 +161,9 @@ def _worst_first(results: MultichannelResults) -> list[OutputValidation]:
 
 
 def _output_panels(results: MultichannelResults) -> list[OutputPanel]:
-    table = results.simulation.iloc[:SHOWN_SAMPLES]
+    table = _shown_samples(results.simulation)
     step = max(len(table) // POINTS, 1)
-    times = table["time_s"].to_numpy()[::step]
+    times = (np.arange(len(table)) / results.model.sampling_rate)[::step]
     kind = "simulated" if results.model.input_names else "predicted"
     panels = []
     for output in _worst_first(results):
@@ -173,6 +175,17 @@ def _output_panels(results: MultichannelResults) -> list[OutputPanel]:
         svg = series_panel(times, signals, "s", f"{output.name}, measured and {kind}")
         panels.append(OutputPanel(output, Markup(svg)))
     return panels
+
+
+def _shown_samples(simulation: pd.DataFrame) -> pd.DataFrame:
+    """The first samples, of each held-out recording as many, with a gap between recordings."""
+    if "recording" not in simulation:
+        return simulation.iloc[:SHOWN_SAMPLES]
+    recordings = [each for _, each in simulation.groupby("recording")]
+    gap = simulation.iloc[:1] * np.nan
+    shown = max(SHOWN_SAMPLES // len(recordings), 1)
+    parts = [part for each in recordings for part in (each.iloc[:shown], gap)]
+    return pd.concat(parts[:-1])
 
 
 def _response_rows(results: MultichannelResults) -> list[ResponseRow]:
@@ -318,14 +331,11 @@ def _order_words(results: MultichannelResults) -> str:
 
 
 def _provenance(results: MultichannelResults, commit: str) -> list[tuple[str, str]]:
-    file, model = results.recording_info.file, results.model
+    model = results.model
     time = results.recording_info.time_told
     versions = provenance.listed({"evopem": model.evopem} | model.versions)
     return [
-        ("File", file.path),
-        ("SHA-256", file.sha256),
-        ("Size", f"{count(file.bytes)} bytes"),
-        ("Format", file.format),
+        *(row for file in results.files for row in provenance.file_rows(file)),
         *([("Sampling rate", f"of the time stamps “{time}”, told by name")] if time else []),
         ("Objective of the search", model.settings.objective),
         ("Seed of the search", str(model.settings.seed)),

@@ -26,7 +26,7 @@ from evopem.results.fleet import GAIN_BANDS, DatasetSummary
 from evopem.results.layout import DatasetFiles
 from evopem.signals.multichannel import MultichannelRecording
 from evopem.signals.multichannel_preparation import MultichannelData, load_multichannel_data
-from evopem.signals.multichannel_reading import MultichannelInfo
+from evopem.signals.multichannel_reading import FileFacts, MultichannelInfo
 from evopem.signals.spectral.multichannel_response import multichannel_response
 from evopem.validation.checks import Check
 from evopem.validation.checks.state_space import state_space_checks
@@ -64,6 +64,8 @@ class MultichannelResults:
     config_text : str
         The complete configuration.
     recording_info : MultichannelInfo
+    validation_recording_info : MultichannelInfo, optional
+        Of files for validation.
     prepared : MultichannelData
     model : MultichannelModelRecord
     modes : ModesRecord
@@ -78,6 +80,7 @@ class MultichannelResults:
     settings: StateSpaceDataset
     config_text: str
     recording_info: MultichannelInfo
+    validation_recording_info: MultichannelInfo | None
     prepared: MultichannelData
     model: MultichannelModelRecord
     modes: ModesRecord
@@ -92,6 +95,12 @@ class MultichannelResults:
     def name(self) -> str:
         """Name of the data set."""
         return self.settings.name
+
+    @property
+    def files(self) -> tuple[FileFacts, ...]:
+        """All recorded files, those for validation last."""
+        validation = self.validation_recording_info
+        return self.recording_info.files + (validation.files if validation else ())
 
     @property
     def checks(self) -> list[Check]:
@@ -130,6 +139,9 @@ def read_multichannel_results(
         settings=settings,
         config_text=Path(files.config).read_text(encoding="utf-8"),
         recording_info=load(MultichannelInfo, files.recording_info),
+        validation_recording_info=load(MultichannelInfo, files.validation_recording_info)
+        if settings.source.validation_files
+        else None,
         prepared=load_multichannel_data(files.prepared, files.transforms),
         model=load(MultichannelModelRecord, files.model),
         modes=load(ModesRecord, files.modes_json),

@@ -76,7 +76,10 @@ def prepare_recordings(
     transforms = settings.transforms
     check_differences(transforms, f"{key}transforms")
     counts = (transforms.difference, transforms.difference_input)
-    estimation, validation, source = _ranges(records, len(own), settings.split, max(counts), key)
+    lengths = [each.samples for each in records]
+    estimation, validation, source = divided_ranges(
+        lengths, len(own), settings.split, max(counts), key
+    )
     records, parameter, shift = transform_outputs(
         records, transforms.box_cox, estimation, f"{key}transforms.box_cox"
     )
@@ -135,26 +138,39 @@ def held_out_recordings(samples: Sequence[int], share: float) -> int:
     return int(np.argmin(np.abs(held - share * sum(samples)))) + 1
 
 
-def _ranges(
-    records: Sequence[Recording], own: int, split: SplitSettings, lost: int, key: str
+def divided_ranges(
+    lengths: Sequence[int], own: int, split: SplitSettings, lost: int, key: str
 ) -> tuple[list[Range], list[Range], Literal["file", "recordings", "gap"]]:
-    """The samples for estimation and for validation, and where the latter come from."""
+    """The samples for estimation and for validation, and where the latter come from.
+
+    Parameters
+    ----------
+    lengths : sequence of int
+        Samples of each recording; those of another file for validation stand last.
+    own : int
+        Number of recordings of the data set itself.
+    split : SplitSettings
+    lost : int
+        First samples of each recording that its differences cost.
+    key : str
+        Configuration key of the data set and a dot, for errors to name.
+    """
 
     def whole(number: int) -> Range:
-        samples = records[number].samples
+        samples = lengths[number]
         return number, lost + discarded(samples - lost, split, f"{key}split"), samples
 
-    every = range(len(records))
-    if own < len(records):
+    every = range(len(lengths))
+    if own < len(lengths):
         return [whole(n) for n in every[:own]], [whole(n) for n in every[own:]], "file"
     if split.by == "recordings":
-        kept = own - held_out_recordings([each.samples for each in records], 1.0 - split.estimation)
+        kept = own - held_out_recordings(lengths, 1.0 - split.estimation)
         return [whole(n) for n in every[:kept]], [whole(n) for n in every[kept:]], "recordings"
     estimation, validation = [], []
-    for number, record in enumerate(records):
-        start, stop = estimation_range(record.samples - lost, split, True, f"{key}split")
+    for number, samples in enumerate(lengths):
+        start, stop = estimation_range(samples - lost, split, True, f"{key}split")
         estimation.append((number, start + lost, stop + lost))
-        validation.append((number, stop + lost, record.samples))
+        validation.append((number, stop + lost, samples))
     return estimation, validation, "gap"
 
 

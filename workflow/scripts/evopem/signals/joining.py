@@ -4,22 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 from evopem.errors import InputError
+from evopem.signals.multichannel import MultichannelRecording
 from evopem.signals.recording import Recording
 from evopem.signals.shared_samples import check_independent
 
 # Rates from the time stamps of equal clocks differ by no more than this share.
 RATE_TOLERANCE = 1e-4
+Kind = TypeVar("Kind", Recording, MultichannelRecording)
 _TWICE = "give every recording of the data set once"
-# What recordings of one data set have in common: in words, and the key that says it.
-_COMMON = {
-    "input_name": ("input", "input"),
-    "output_name": ("output", "output"),
-    "input_unit": ("unit of its input", "input_unit"),
-    "output_unit": ("unit of its output", "output_unit"),
-}
 
 
 class Sampled(Protocol):
@@ -45,27 +40,47 @@ def joined(recordings: Sequence[Recording], sources: Sequence[str]) -> Recording
     InputError
         When channels, units or sampling rates differ, or one holds the samples of another.
     """
-    first = recordings[0]
-    for number, (other, source) in enumerate(zip(recordings, sources, strict=True)):
-        if number:
-            check_alike(first, other, sources[0], source)
-        for earlier, earlier_source in zip(recordings[:number], sources, strict=False):
-            check_independent(earlier, other, source, earlier_source, _TWICE)
+    _check_alike(recordings, sources)
+    _check_independent(recordings, sources)
     stretches = [
         replace(each.stretches[0], recording=number) for number, each in enumerate(recordings)
     ]
-    return first.with_stretches(stretches)
+    return recordings[0].with_stretches(stretches)
 
 
-def check_alike(first: Recording, other: Recording, first_source: str, source: str) -> None:
+def joined_multichannel(
+    recordings: Sequence[MultichannelRecording], sources: Sequence[str]
+) -> MultichannelRecording:
+    """The same of recordings of several channels.
+
+    Parameters and errors as of :func:`joined`.
+    """
+    _check_alike(recordings, sources)
+    _check_independent([each.channel(0) for each in recordings], sources)
+    return recordings[0].with_records(recordings)
+
+
+def _check_alike(recordings: Sequence[Kind], sources: Sequence[str]) -> None:
+    for other, source in zip(recordings[1:], sources[1:], strict=True):
+        check_alike(recordings[0], other, sources[0], source)
+
+
+def _check_independent(recordings: Sequence[Recording], sources: Sequence[str]) -> None:
+    for number, (other, source) in enumerate(zip(recordings, sources, strict=True)):
+        for earlier, earlier_source in zip(recordings[:number], sources, strict=False):
+            check_independent(earlier, other, source, earlier_source, _TWICE)
+
+
+def check_alike(first: Kind, other: Kind, first_source: str, source: str) -> None:
     """Refuse a recording of other channels, units or rate than the first one of a data set.
 
     Raises
     ------
     InputError
     """
-    for attribute, (what, key) in _COMMON.items():
-        own, expected = getattr(other, attribute), getattr(first, attribute)
+    found = _in_common(other)
+    for (what, key), expected in _in_common(first).items():
+        own = found.get((what, key))
         if own != expected:
             raise InputError(
                 source,
@@ -80,6 +95,28 @@ def check_alike(first: Recording, other: Recording, first_source: str, source: s
             f" {first.sampling_rate:g} Hz",
             "give recordings of one rate, or correct sampling_rate or time",
         )
+
+
+def _in_common(recording: Recording | MultichannelRecording) -> dict[tuple[str, str], str]:
+    """What recordings of one data set share, by what it is and the key that says it."""
+    if isinstance(recording, Recording):
+        return {
+            ("input", "input"): recording.input_name,
+            ("output", "output"): recording.output_name,
+            ("unit of its input", "input_unit"): recording.input_unit,
+            ("unit of its output", "output_unit"): recording.output_unit,
+        }
+    common: dict[tuple[str, str], str] = {}
+    for role, names, units in (
+        ("input", recording.input_names, recording.input_units),
+        ("output", recording.output_names, recording.output_units),
+    ):
+        common[f"list of its {role}s", role] = ", ".join(names)
+        common |= {
+            (f"unit of its {role} {name}", f"{role}_unit"): unit
+            for name, unit in zip(names, units, strict=True)
+        }
+    return common
 
 
 def check_same_rate(recording: Sampled, validation: Sampled, source: str) -> None:

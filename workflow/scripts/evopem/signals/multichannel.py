@@ -1,16 +1,23 @@
-"""One recording of several channels: inputs and outputs sampled together at a constant rate."""
+"""Recordings of several channels: inputs and outputs sampled together at a constant rate."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evopem.files.npz import load_arrays, save_arrays
-from evopem.signals.recording import Recording, check_measured, check_recording, without_input
+from evopem.signals.recording import (
+    MINIMUM_SAMPLES,
+    Recording,
+    check_measured,
+    check_recording,
+    without_input,
+)
 
 Array = NDArray[np.float64]
 
@@ -18,6 +25,9 @@ Array = NDArray[np.float64]
 @dataclass(frozen=True, eq=False)
 class MultichannelRecording:
     """Inputs and outputs sampled together at a constant rate.
+
+    Several recordings of one system stand one after the other.  Nothing is predicted, filtered or
+    correlated across the joint of two.
 
     Attributes
     ----------
@@ -30,6 +40,8 @@ class MultichannelRecording:
         What the channels are called, each name once.
     input_units, output_units : tuple of str
         An empty string means "not stated".
+    starts : tuple of int
+        First sample of each recording, from 0.
     """
 
     inputs: Array
@@ -39,10 +51,11 @@ class MultichannelRecording:
     output_names: tuple[str, ...]
     input_units: tuple[str, ...]
     output_units: tuple[str, ...]
+    starts: tuple[int, ...] = (0,)
 
     @property
     def samples(self) -> int:
-        """Number of samples N of each channel."""
+        """Number of samples N of each channel, of all recordings."""
         return len(self.outputs)
 
     @property
@@ -50,17 +63,75 @@ class MultichannelRecording:
         """Whether there is an input."""
         return self.inputs.shape[1] > 0
 
+    @property
+    def is_joined(self) -> bool:
+        """Whether there is more than one recording."""
+        return len(self.starts) > 1
+
+    @property
+    def bounds(self) -> tuple[int, ...]:
+        """First sample of each recording, and N."""
+        return (*self.starts, self.samples)
+
+    @property
+    def records(self) -> tuple[MultichannelRecording, ...]:
+        """Each recording by itself."""
+        return tuple(self.between(first, stop) for first, stop in pairwise(self.bounds))
+
+    @property
+    def longest(self) -> MultichannelRecording:
+        """The longest recording alone."""
+        return max(self.records, key=lambda each: each.samples)
+
+    @property
+    def input_records(self) -> list[Array]:
+        """Inputs of each recording, (N, nu) arrays."""
+        return [each.inputs for each in self.records]
+
+    @property
+    def output_records(self) -> list[Array]:
+        """Outputs of each recording, (N, ny) arrays."""
+        return [each.outputs for each in self.records]
+
+    def with_records(self, records: Sequence[MultichannelRecording]) -> MultichannelRecording:
+        """The same channels with other samples, at their rate: those of recordings, in order."""
+        lengths = [each.samples for each in records]
+        return replace(
+            self,
+            inputs=np.concatenate([each.inputs for each in records]),
+            outputs=np.concatenate([each.outputs for each in records]),
+            sampling_rate=records[0].sampling_rate,
+            starts=tuple(np.cumsum([0, *lengths[:-1]]).tolist()),
+        )
+
+    def first_samples(self, most: int) -> MultichannelRecording:
+        """The first samples of each recording, in proportion to its length, ``most`` together."""
+        if self.samples <= most:
+            return self
+        return self.with_records(
+            [
+                each.between(0, max(each.samples * most // self.samples, MINIMUM_SAMPLES))
+                for each in self.records
+            ]
+        )
+
     def between(self, first: int, stop: int) -> MultichannelRecording:
-        """The samples from one to before another, counted from 0."""
-        return replace(self, inputs=self.inputs[first:stop], outputs=self.outputs[first:stop])
+        """The samples from one to before another, counted from 0, as one recording."""
+        return replace(
+            self, inputs=self.inputs[first:stop], outputs=self.outputs[first:stop], starts=(0,)
+        )
 
     def channel(self, output: int, input: int | None = None) -> Recording:  # noqa: A002
         """One output, alone or with one input, as a recording of single channels."""
-        alone = without_input(
-            np.ascontiguousarray(self.outputs[:, output]),
-            self.sampling_rate,
-            self.output_names[output],
-            self.output_units[output],
+        alone = replace(
+            without_input(
+                np.ascontiguousarray(self.outputs[:, output]),
+                self.sampling_rate,
+                self.output_names[output],
+                self.output_units[output],
+            ),
+            stretch_starts=self.starts,
+            stretch_recordings=tuple(range(len(self.starts))),
         )
         if input is None:
             return alone
@@ -103,6 +174,7 @@ def check_multichannel(recording: MultichannelRecording, source: str, measured: 
 
 
 _ARRAYS = ("inputs", "outputs", "sampling_rate")
+_STARTS = "starts"
 _TEXTS = ("input_names", "output_names", "input_units", "output_units")
 
 
@@ -110,12 +182,12 @@ def multichannel_arrays(recording: MultichannelRecording, prefix: str = "") -> d
     """The fields of a recording as arrays, each under its name after `prefix`."""
     numbers = {prefix + name: np.asarray(getattr(recording, name)) for name in _ARRAYS}
     texts = {prefix + name: np.array(getattr(recording, name), dtype=str) for name in _TEXTS}
-    return numbers | texts
+    return numbers | texts | {prefix + _STARTS: np.array(recording.starts)}
 
 
 def multichannel_names(prefix: str = "") -> tuple[str, ...]:
     """The names of the arrays of `multichannel_arrays` with this prefix."""
-    return tuple(prefix + name for name in (*_ARRAYS, *_TEXTS))
+    return tuple(prefix + name for name in (*_ARRAYS, *_TEXTS, _STARTS))
 
 
 def multichannel_from_arrays(arrays: dict[str, NDArray], prefix: str = "") -> MultichannelRecording:
@@ -126,6 +198,7 @@ def multichannel_from_arrays(arrays: dict[str, NDArray], prefix: str = "") -> Mu
         outputs=arrays[f"{prefix}outputs"],
         sampling_rate=float(arrays[f"{prefix}sampling_rate"]),
         **texts,
+        starts=tuple(arrays[prefix + _STARTS].tolist()),
     )
 
 

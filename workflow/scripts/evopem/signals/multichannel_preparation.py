@@ -1,18 +1,19 @@
-"""From a recording of several channels to the samples a model is estimated and validated on."""
+"""From recordings of several channels to the samples a model is estimated and validated on."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from evopem.config.settings import SplitSettings
 from evopem.errors import InputError
 from evopem.files.json_form import load, save
 from evopem.files.npz import load_arrays, save_arrays
+from evopem.signals.joined_preparation import Range, divided_ranges
 from evopem.signals.joining import check_same_rate
 from evopem.signals.multichannel import (
     MultichannelRecording,
@@ -25,7 +26,34 @@ from evopem.signals.resampling import resample_recording
 from evopem.signals.sections import estimation_range
 from evopem.signals.shared_samples import check_independent
 
-Array = NDArray[np.float64]
+Source = Literal["cut", "file", "recordings"]
+
+SHORTEST_RECORD = 24
+"""Samples that each of several recordings has at least: its initial state, which is estimated,
+takes some of them up."""
+
+
+@dataclass(frozen=True)
+class RecordOrigin:
+    """Where the prepared samples of one of several recordings come from.
+
+    Attributes
+    ----------
+    recording : int
+        Number of the recording, from 0; those of files for validation go on counting.
+    first : int
+        Its first sample, before decimation.
+    samples : int
+        Number of prepared samples.
+    input_means, output_means : tuple of float
+        Taken from its samples.
+    """
+
+    recording: int
+    first: int
+    samples: int
+    input_means: tuple[float, ...]
+    output_means: tuple[float, ...]
 
 
 @dataclass(frozen=True)
@@ -43,14 +71,17 @@ class MultichannelTransforms:
     decimation : int
         Factor by which the rate was divided after that; 1 for none.
     input_means, output_means : tuple of float
-        Means of the estimation samples, taken from all samples.
+        Means of the estimation samples, taken from all samples; of several recordings those of the
+        first.
     discard : int
-        Samples left out at the start, before decimation.
+        Samples left out at the start, before decimation; of several recordings of the first.
     estimation_samples, validation_samples : int
         Numbers of prepared samples.
-    validation_source : {"cut", "file"}
-        ``cut``: the validation samples follow the estimation samples; ``file``: they come from
-        another recording.
+    validation_source : {"cut", "file", "recordings"}
+        ``cut``: the validation samples follow the estimation samples, in each recording; ``file``:
+        they come from other files; ``recordings``: from the last recordings.
+    estimation_records, validation_records : tuple of RecordOrigin
+        Where there are several recordings: each has means of its own.
     """
 
     sampling_rate: float
@@ -62,12 +93,14 @@ class MultichannelTransforms:
     discard: int
     estimation_samples: int
     validation_samples: int
-    validation_source: Literal["cut", "file"]
+    validation_source: Source
+    estimation_records: tuple[RecordOrigin, ...] = ()
+    validation_records: tuple[RecordOrigin, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
 class MultichannelData:
-    """Both parts of a recording, without the means of the first, and what was done to it."""
+    """Samples for estimation and for validation, without means, and what was done to them."""
 
     estimation: MultichannelRecording
     validation: MultichannelRecording
@@ -80,8 +113,12 @@ def divide_multichannel(
     resample: float | None,
     validation: MultichannelRecording | None,
     place: str,
+    recorded: Sequence[str] = (),
 ) -> MultichannelData:
-    """Resample and divide a recording; nothing is decimated yet.
+    """Resample and divide recordings; nothing is decimated yet.
+
+    One recording is cut at ``split.estimation``.  Of several the last ones validate, or, with
+    ``split.by`` of ``samples``, the last samples of each; ``discard`` applies to each.
 
     Parameters
     ----------
@@ -90,9 +127,11 @@ def divide_multichannel(
     resample : float, optional
         New sampling rate in Hz.
     validation : MultichannelRecording, optional
-        An independent recording to validate on.
+        Independent recordings to validate on.
     place : str
         Configuration key of the data set, for errors to name.
+    recorded : sequence of str
+        Files of the recordings and of those for validation, for errors to name.
 
     Raises
     ------
@@ -103,33 +142,69 @@ def divide_multichannel(
     recorded_rate = recording.sampling_rate
     if validation is not None:
         _check_alike(recording, validation, f"{place}.validation_file")
-    parts = [recording] if validation is None else [recording, validation]
+    others = () if validation is None else validation.records
+    records = [*recording.records, *others]
     if resample is not None:
-        parts = [_resampled(each, resample, f"{place}.resample") for each in parts]
-    first, stop = estimation_range(parts[0].samples, split, validation is None, f"{place}.split")
-    estimation = parts[0].between(first, stop)
-    held_out = parts[0].between(stop, parts[0].samples) if validation is None else parts[1]
-    check_multichannel(estimation, f"{place}.estimation (the samples as prepared)", measured=False)
-    check_multichannel(held_out, f"{place}.validation (the samples as prepared)", measured=False)
-    input_means, output_means = estimation.inputs.mean(axis=0), estimation.outputs.mean(axis=0)
-    centred = [
-        replace(each, inputs=each.inputs - input_means, outputs=each.outputs - output_means)
-        for each in (estimation, held_out)
-    ]
-    return MultichannelData(
-        centred[0],
-        centred[1],
+        records = [_resampled(each, resample, f"{place}.resample") for each in records]
+    own = len(recording.records)
+    estimation, held_out, source = _ranges(records, own, split, place)
+    fitted, scored = _cut(records, estimation), _cut(records, held_out)
+    names = recorded or [f"recording {number + 1}" for number in range(len(records))]
+    _check_part(fitted, f"{place}.estimation", [names[each[0]] for each in estimation])
+    _check_part(scored, f"{place}.validation", [names[each[0]] for each in held_out])
+    if own > 1:
+        _check_lengths(fitted, f"{place}.file", [names[each[0]] for each in estimation])
+    several = own > 1 or len(others) > 1
+    return centred(
+        fitted,
+        scored,
         MultichannelTransforms(
-            sampling_rate=parts[0].sampling_rate,
+            sampling_rate=records[0].sampling_rate,
             recorded_rate=recorded_rate,
-            resampled=parts[0].sampling_rate != recorded_rate,
+            resampled=records[0].sampling_rate != recorded_rate,
             decimation=1,
-            input_means=tuple(map(float, input_means)),
-            output_means=tuple(map(float, output_means)),
-            discard=first,
+            input_means=(0.0,) * len(recording.input_names),
+            output_means=(0.0,) * len(recording.output_names),
+            discard=estimation[0][1],
+            estimation_samples=0,
+            validation_samples=0,
+            validation_source=source,
+            estimation_records=_origins(recording, estimation) if several else (),
+            validation_records=_origins(recording, held_out) if several else (),
+        ),
+    )
+
+
+def centred(
+    estimation: MultichannelRecording,
+    validation: MultichannelRecording,
+    before: MultichannelTransforms,
+) -> MultichannelData:
+    """Take the means from both parts, and add them to those that were taken before.
+
+    Both parts of one recording lose the means of the first.
+
+    Parameters
+    ----------
+    estimation, validation : MultichannelRecording
+    before : MultichannelTransforms
+    """
+    means = [_means(each) for each in estimation.records]
+    one = before.validation_source == "cut" or not before.estimation_records
+    held_out = means if one else [_means(each) for each in validation.records]
+    parts = [_less(estimation, means), _less(validation, held_out)]
+    return MultichannelData(
+        parts[0],
+        parts[1],
+        replace(
+            before,
+            sampling_rate=estimation.sampling_rate,
+            input_means=_sums(before.input_means, means[0][0]),
+            output_means=_sums(before.output_means, means[0][1]),
             estimation_samples=estimation.samples,
-            validation_samples=held_out.samples,
-            validation_source="cut" if validation is None else "file",
+            validation_samples=validation.samples,
+            estimation_records=_with_means(before.estimation_records, estimation, means),
+            validation_records=_with_means(before.validation_records, validation, held_out),
         ),
     )
 
@@ -175,6 +250,86 @@ def _check_alike(
                 "validate on a recording of the same channels",
             )
     check_independent(recording.channel(0), validation.channel(0), place)
+
+
+def _ranges(
+    records: Sequence[MultichannelRecording], own: int, split: SplitSettings, place: str
+) -> tuple[list[Range], list[Range], Source]:
+    """The samples for estimation and for validation, and where the latter come from."""
+    lengths = [each.samples for each in records]
+    others = len(records) - own
+    if own == 1 and others <= 1:
+        first, stop = estimation_range(lengths[0], split, others == 0, f"{place}.split")
+        if others:
+            return [(0, first, stop)], [(1, 0, lengths[1])], "file"
+        return [(0, first, stop)], [(0, stop, lengths[0])], "cut"
+    estimation, held_out, source = divided_ranges(lengths, own, split, 0, f"{place}.")
+    return estimation, held_out, "cut" if source == "gap" else source
+
+
+def _cut(
+    records: Sequence[MultichannelRecording], ranges: Sequence[Range]
+) -> MultichannelRecording:
+    return records[0].with_records(
+        [records[number].between(first, stop) for number, first, stop in ranges]
+    )
+
+
+def _check_part(part: MultichannelRecording, place: str, files: Sequence[str]) -> None:
+    for record, file in zip(part.records, files, strict=True):
+        check_multichannel(record, f"{place} (the samples of {file} as prepared)", measured=False)
+
+
+def _check_lengths(estimation: MultichannelRecording, place: str, files: Sequence[str]) -> None:
+    for record, file in zip(estimation.records, files, strict=True):
+        if record.samples < SHORTEST_RECORD:
+            raise InputError(
+                place,
+                f"{file} has {record.samples} estimation samples, and each of several recordings"
+                f" needs {SHORTEST_RECORD}",
+                "leave it out of the data set, or record longer",
+            )
+
+
+def _origins(recording: MultichannelRecording, ranges: Sequence[Range]) -> tuple[RecordOrigin, ...]:
+    none = (0.0,) * len(recording.input_names), (0.0,) * len(recording.output_names)
+    return tuple(RecordOrigin(number, first, stop - first, *none) for number, first, stop in ranges)
+
+
+_Means = tuple[tuple[float, ...], tuple[float, ...]]
+"""Of the inputs and of the outputs."""
+
+
+def _means(record: MultichannelRecording) -> _Means:
+    return tuple(record.inputs.mean(axis=0).tolist()), tuple(record.outputs.mean(axis=0).tolist())
+
+
+def _less(recording: MultichannelRecording, means: Sequence[_Means]) -> MultichannelRecording:
+    """Each record without its means."""
+    return recording.with_records(
+        [
+            replace(each, inputs=each.inputs - own[0], outputs=each.outputs - own[1])
+            for each, own in zip(recording.records, means, strict=True)
+        ]
+    )
+
+
+def _with_means(
+    origins: Sequence[RecordOrigin], recording: MultichannelRecording, means: Sequence[_Means]
+) -> tuple[RecordOrigin, ...]:
+    return tuple(
+        replace(
+            origin,
+            samples=record.samples,
+            input_means=_sums(origin.input_means, own[0]),
+            output_means=_sums(origin.output_means, own[1]),
+        )
+        for origin, record, own in zip(origins, recording.records, means, strict=False)
+    )
+
+
+def _sums(means: Sequence[float], further: Sequence[float]) -> tuple[float, ...]:
+    return tuple(one + other for one, other in zip(means, further, strict=True))
 
 
 def _resampled(recording: MultichannelRecording, rate: float, place: str) -> MultichannelRecording:

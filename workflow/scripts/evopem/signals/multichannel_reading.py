@@ -49,6 +49,7 @@ class FileFacts:
     sha256: str
     bytes: int
     format: str
+    samples: int
 
 
 @dataclass(frozen=True)
@@ -62,10 +63,11 @@ class MultichannelInfo:
         Hz.
     inputs, outputs : tuple of ChannelInfo
     file : FileFacts
+        The first file.
     further_files : tuple of FileFacts
-        None: a recording of several channels is one file.
+        The others, where several recordings are one data set.
     time_told : int or str, optional
-        The channel of time stamps, where it was told from the file.
+        The channel of time stamps of the first file, where it was told from the file.
     """
 
     samples: int
@@ -75,6 +77,11 @@ class MultichannelInfo:
     file: FileFacts
     further_files: tuple[FileFacts, ...] = ()
     time_told: int | str | None = None
+
+    @property
+    def files(self) -> tuple[FileFacts, ...]:
+        """All files, in the order of the recordings."""
+        return (self.file, *self.further_files)
 
 
 def read_multichannel(path: str | Path, channels: ChannelLists) -> MultichannelRecording:
@@ -152,9 +159,10 @@ def with_time_told(path: str | Path, channels: ChannelLists) -> ChannelLists:
     return replace(channels, time=time_told(path, literal or _expanded(path, channels)[1][-1:]))
 
 
-def describe_multichannel(path: str | Path, recording: MultichannelRecording) -> MultichannelInfo:
-    """Origin and properties of a recording that was read from a file."""
-    path = Path(path)
+def describe_multichannel(
+    names: Sequence[str], recording: MultichannelRecording
+) -> MultichannelInfo:
+    """Origin and properties of a recording that was read from files, one for each record."""
 
     def described(signals: np.ndarray, names: Sequence[str], units: Sequence[str]):  # type: ignore[no-untyped-def]
         return tuple(
@@ -162,17 +170,23 @@ def describe_multichannel(path: str | Path, recording: MultichannelRecording) ->
             for signal, name, unit in zip(signals.T, names, units, strict=True)
         )
 
+    origins = [
+        FileFacts(
+            path=str(path),
+            sha256=sha256(path),
+            bytes=local_path(path).stat().st_size,
+            format=format_of(path),
+            samples=each.samples,
+        )
+        for path, each in zip(map(Path, names), recording.records, strict=True)
+    ]
     return MultichannelInfo(
         samples=recording.samples,
         sampling_rate=recording.sampling_rate,
         inputs=described(recording.inputs, recording.input_names, recording.input_units),
         outputs=described(recording.outputs, recording.output_names, recording.output_units),
-        file=FileFacts(
-            path=str(path),
-            sha256=sha256(path),
-            bytes=local_path(path).stat().st_size,
-            format=format_of(path),
-        ),
+        file=origins[0],
+        further_files=tuple(origins[1:]),
     )
 
 

@@ -26,7 +26,7 @@ from evopem.signals.recording import (
     check_recording,
     without_input,
 )
-from evopem.signals.timestamps import is_time, sampling_rate_of
+from evopem.signals.timestamps import is_time, names_time, sampling_rate_of
 
 T = TypeVar("T")
 
@@ -457,5 +457,11 @@ def _sampling_rate(
     raise InputError(
         source,
         f"the sampling rate is not known, since {problem or 'the file states none'}",
-        "give sampling_rate in Hz or the name of a time channel",
+        f"give sampling_rate in Hz or the name of a time channel{_named_times(source)}",
     )
+
+
+def _named_times(path: str) -> str:
+    """The first channel whose name says that it holds times, in words; empty where none does."""
+    named = [name for name in channel_names(path) if names_time(name)]
+    return f', such as "{named[0]}"' if named else ""

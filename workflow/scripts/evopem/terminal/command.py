@@ -1,4 +1,4 @@
-"""The command ``evopem``: one recording from the terminal, or a configuration for many."""
+"""The command ``evopem``: one system from the terminal, or a configuration for many."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from evopem.config.state_space_settings import (
     variant_name,
 )
 from evopem.config.strict_yaml import check_yaml_files
-from evopem.config.yaml_form import read_dataset
+from evopem.config.yaml_form import one_or_list, read_dataset
 from evopem.errors import InputError
 from evopem.files.job import job
 from evopem.pipeline.packages import FOR_REPORT, check_packages
@@ -44,11 +44,12 @@ examples:
   evopem bench.mat --input iq_adx --output omega_max --rate 2500
   evopem log.csv --input 2 --output 3 --time 1
   evopem beam.uff --input force --output 'acc_*'      several channels: mode shapes as well
+  evopem blow_*.csv --input force --output 'acc_*'      several recordings: one model of all
   evopem init measurements      write measurements/config.yaml for many recordings
   evopem compare results/a results/b      lay results side by side on one page
 
-The results lie in results/<name of the file>/; open report.html first. The file may be text, .mat,
-.npz, .npy, .parquet, .h5, .tdms or .uff.
+The results lie in results/<name of the first file>/; open report.html first. A file may be text,
+.mat, .npz, .npy, .parquet, .h5, .tdms or .uff.
 """
 
 
@@ -90,7 +91,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         "evopem",
-        usage="evopem FILE --input CHANNEL … --output CHANNEL … [--rate HZ | --time CHANNEL] …\n"
+        usage="evopem FILE … --input CHANNEL … --output CHANNEL … [--rate HZ | --time CHANNEL] …\n"
         "       evopem init [FOLDER]\n"
         "       evopem compare FOLDER FOLDER … [--page FILE]",
         description=_DESCRIPTION,
@@ -98,7 +99,9 @@ def _parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action="version", version=f"evopem {__version__}")
-    parser.add_argument("file", metavar="FILE", help="the recording")
+    parser.add_argument(
+        "file", metavar="FILE", nargs="+", help="the recording, or several of one system"
+    )
     several: dict[str, Any] = {"required": True, "action": "append", "type": _channel}
     parser.add_argument(
         "--input",
@@ -205,13 +208,13 @@ def _settings(arguments: argparse.Namespace) -> DatasetSettings | StateSpaceData
     from evopem.terminal.new_configuration import dataset_name
 
     keys: dict[str, Any] = {
-        "file": arguments.file,
-        "input": _one_or_list(arguments.input),
-        "output": _one_or_list(arguments.output),
+        "file": one_or_list(arguments.file),
+        "input": one_or_list(arguments.input),
+        "output": one_or_list(arguments.output),
     }
     keys |= {} if arguments.rate is None else {"sampling_rate": arguments.rate}
     keys |= {} if arguments.time is None else {"time": arguments.time}
-    name = dataset_name(Path(arguments.file))
+    name = dataset_name(Path(arguments.file[0]))
     content: dict[str, Any] = {"datasets": {name: keys}}
     defaults = None if arguments.config is None else _defaults(arguments.config)
     if defaults is not None:
@@ -225,10 +228,6 @@ def _settings(arguments: argparse.Namespace) -> DatasetSettings | StateSpaceData
         option = {"sampling_rate": "--rate", "file": "FILE"}.get(key, f"--{key}")
         raise InputError(option, error.problem, error.remedy) from None
     return completed.datasets[name]
-
-
-def _one_or_list(channels: list[int | str]) -> int | str | list[int | str]:
-    return channels[0] if len(channels) == 1 else channels
 
 
 def _defaults(path: str) -> Any:

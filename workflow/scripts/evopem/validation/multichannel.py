@@ -17,6 +17,7 @@ from scipy.special import chdtrc
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.multichannel import MultichannelRecording
 from evopem.validation.residual_tests import (
+    apart,
     cross_correlation,
     ljung_box_lags,
     residual_autocorrelation,
@@ -84,6 +85,21 @@ class PairCorrelation:
 
 
 @dataclass(frozen=True)
+class RecordingErrors:
+    """Errors on one held-out recording in percent, means over the outputs.
+
+    Attributes
+    ----------
+    samples : int
+    prediction_error_percent, simulation_error_percent : float
+    """
+
+    samples: int
+    prediction_error_percent: float
+    simulation_error_percent: float
+
+
+@dataclass(frozen=True)
 class MultichannelValidation:
     """Errors and tests of a state-space model.
 
@@ -99,6 +115,8 @@ class MultichannelValidation:
     pairs : tuple of PairCorrelation
     correlation_lags : int
         Largest lag of the cross-correlations to either side.
+    recordings : tuple of RecordingErrors
+        Of each held-out recording.
     """
 
     samples: int
@@ -108,6 +126,7 @@ class MultichannelValidation:
     outputs: tuple[OutputValidation, ...]
     pairs: tuple[PairCorrelation, ...]
     correlation_lags: int
+    recordings: tuple[RecordingErrors, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,25 +153,23 @@ def validate_multichannel(
 ) -> tuple[MultichannelValidation, MultichannelTables]:
     """Score a model on validation samples, and test its residuals there.
 
+    Each of several recordings has states of its own, and no correlation reaches over a joint.
+
     Parameters
     ----------
     model : StateSpaceModel
     validation : MultichannelRecording
-        Less the means of the estimation samples.
+        Less the means of the estimation samples, each of several recordings less its own.
     free_level : bool
         Whether the simulation fits its level to the validation samples, as it fits the initial
-        state.
+        state; to each of several recordings its own.
     """
-    u, y = validation.inputs, validation.outputs
+    u, y, bounds = validation.inputs, validation.outputs, validation.bounds
+    horizons = tuple(k for k in HORIZONS if k < validation.longest.samples // 4)
     with np.errstate(all="ignore"):
-        state = model.prediction_state(u, y)
-        residuals = model.residuals(u, y, state)
-        horizons = tuple(k for k in HORIZONS if k < len(y) // 4)
-        ahead = [model.predict(u, y, k, state) for k in horizons]
-        simulated = np.full(y.shape, np.nan)
-        if validation.has_input:
-            simulated = _simulated(model, validation, free_level)
-    tests = [residual_autocorrelation(e, CORRELATION_LAGS) for e in residuals.T]
+        parts = [_responses(model, each, horizons, free_level) for each in validation.records]
+    residuals, simulated, *ahead = map(np.concatenate, zip(*parts, strict=True))
+    tests = [residual_autocorrelation(e, CORRELATION_LAGS, bounds) for e in residuals.T]
     outputs = tuple(
         _output(
             validation,
@@ -166,7 +183,9 @@ def validate_multichannel(
         for place in range(y.shape[1])
     )
     crossed = {
-        (output, input_): cross_correlation(residuals[:, row], u[:, column], CORRELATION_LAGS)
+        (output, input_): cross_correlation(
+            residuals[:, row], u[:, column], CORRELATION_LAGS, bounds
+        )
         for row, output in enumerate(validation.output_names)
         for column, input_ in enumerate(validation.input_names)
     }
@@ -178,6 +197,10 @@ def validate_multichannel(
         outputs=outputs,
         pairs=tuple(_pair(*names, table) for names, table in crossed.items()),
         correlation_lags=min(CORRELATION_LAGS, len(y) - 1),
+        recordings=tuple(
+            _errors_of(record, *part[:2])
+            for record, part in zip(validation.records, parts, strict=True)
+        ),
     )
     tables = MultichannelTables(
         _simulation_table(validation, residuals, simulated),
@@ -199,11 +222,37 @@ def validate_multichannel(
     return found, tables
 
 
-def _simulated(
-    model: StateSpaceModel, validation: MultichannelRecording, free_level: bool
-) -> Array:
-    """Response to the validation inputs from the state that fits the validation outputs best."""
-    u, y = validation.inputs, validation.outputs
+def _responses(
+    model: StateSpaceModel,
+    record: MultichannelRecording,
+    horizons: tuple[int, ...],
+    free_level: bool,
+) -> list[Array]:
+    """Residuals, simulation and predictions at the horizons of a record, from its own states."""
+    u, y = record.inputs, record.outputs
+    state = model.prediction_state(u, y)
+    simulated = np.full(y.shape, np.nan)
+    if record.has_input:
+        simulated = _simulated(model, record, free_level)
+    ahead = [model.predict(u, y, k, state) for k in horizons]
+    return [model.residuals(u, y, state), simulated, *ahead]
+
+
+def _errors_of(
+    record: MultichannelRecording, residuals: Array, simulated: Array
+) -> RecordingErrors:
+    columns = range(record.outputs.shape[1])
+    measured, predicted = record.outputs, record.outputs - residuals
+    return RecordingErrors(
+        record.samples,
+        float(np.mean([_finite_error(measured[:, k], predicted[:, k]) for k in columns])),
+        float(np.mean([_finite_error(measured[:, k], simulated[:, k]) for k in columns])),
+    )
+
+
+def _simulated(model: StateSpaceModel, record: MultichannelRecording, free_level: bool) -> Array:
+    """Response to the inputs of a record from the state that fits its outputs best."""
+    u, y = record.inputs, record.outputs
     if free_level:
         model, state = model.levelled(u, y)
         return model.simulate(u, state)
@@ -236,7 +285,7 @@ def _output(
     measured = validation.outputs[:, place]
     prediction = error_percent(measured, measured - residuals)
     simulation = _finite_error(measured, simulated)
-    lags, p_value = _ljung_box(residuals, order)
+    lags, p_value = _ljung_box(residuals, validation.bounds, order)
     later = autocorrelations[autocorrelations["lag"] > 0]
     return OutputValidation(
         name=validation.output_names[place],
@@ -256,13 +305,13 @@ def _finite_error(measured: Array, computed: Array) -> float:
     return error_percent(measured, computed) if np.isfinite(computed).all() else math.nan
 
 
-def _ljung_box(residuals: Array, order: int) -> tuple[int, float]:
+def _ljung_box(residuals: Array, bounds: tuple[int, ...], order: int) -> tuple[int, float]:
     """Ljung-Box test with as many degrees of freedom as lags: nothing was fitted to the samples."""
     samples = residuals.size
     lags = ljung_box_lags(samples, order, min(CORRELATION_LAGS, samples // 3))
     if lags < 1 or not np.isfinite(residuals).all() or np.ptp(residuals) == 0.0:
         return lags, math.nan
-    e = residuals - residuals.mean()
+    e = apart(residuals, bounds, lags) - residuals.mean()
     k = np.arange(1, lags + 1)
     rho = np.array([e[lag:] @ e[:-lag] for lag in k]) / (e @ e)
     statistic = samples * (samples + 2) * float(np.sum(rho**2 / (samples - k)))
@@ -278,7 +327,11 @@ def _pair(output: str, input_: str, table: pd.DataFrame) -> PairCorrelation:
 def _simulation_table(
     validation: MultichannelRecording, residuals: Array, simulated: Array
 ) -> pd.DataFrame:
-    columns = {"time_s": np.arange(validation.samples) / validation.sampling_rate}
+    samples = [np.arange(each.samples) for each in validation.records]
+    columns = {"time_s": np.concatenate(samples) / validation.sampling_rate}
+    if validation.is_joined:
+        numbers = np.arange(len(samples)) + 1
+        columns = {"recording": np.repeat(numbers, [each.size for each in samples]), **columns}
     columns |= {
         f"input_{name}": validation.inputs[:, column]
         for column, name in enumerate(validation.input_names)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -194,7 +195,28 @@ class ResidualCorrelation:
         return pd.DataFrame({"lag": self.lag, name: self.values, "bound95": self.bound95})
 
 
-def autocorrelation_of(residuals: ArrayLike, lags: int = 1200) -> ResidualCorrelation:
+def apart(signal: Array, bounds: Sequence[int], lags: int) -> Array:
+    """A signal of several recordings with its mean, as often as there are lags, between them.
+
+    Without that mean, products of samples up to ``lags`` apart are those within the recordings.
+
+    Parameters
+    ----------
+    signal : (N,) array
+    bounds : sequence of int
+        First sample of each of several recordings, and N; none for one recording.
+    lags : int
+    """
+    if len(bounds) <= 2:
+        return signal
+    gap = np.full(lags, signal.mean())
+    parts = [(signal[first:stop], gap) for first, stop in pairwise(bounds)]
+    return np.concatenate([each for part in parts for each in part][:-1])
+
+
+def autocorrelation_of(
+    residuals: ArrayLike, lags: int = 1200, bounds: Sequence[int] = ()
+) -> ResidualCorrelation:
     """Sample autocorrelation of the residuals, with the 95 % bound of a white sequence.
 
     Parameters
@@ -203,6 +225,8 @@ def autocorrelation_of(residuals: ArrayLike, lags: int = 1200) -> ResidualCorrel
         Prediction errors on the estimation samples.
     lags : int
         Largest lag; cut to N - 1.
+    bounds : sequence of int
+        First sample of each of several recordings, and N; none for one recording.
 
     Returns
     -------
@@ -218,17 +242,19 @@ def autocorrelation_of(residuals: ArrayLike, lags: int = 1200) -> ResidualCorrel
     e = np.asarray(residuals, dtype=float)
     lags = min(lags, e.size - 1)
     # A model that leaves nothing at all has no residuals to correlate.
-    correlation = (
-        signals.autocorrelation(e, lags).values if np.ptp(e) > 0 else np.full(lags + 1, np.nan)
-    )
+    correlation = np.full(lags + 1, np.nan)
+    if np.ptp(e) > 0:
+        correlation = signals.autocorrelation(apart(e, bounds, lags), lags).values
     bound = np.full(lags + 1, NORMAL_95 / math.sqrt(e.size))
     bound[0] = 0.0
     return ResidualCorrelation(np.arange(lags + 1), correlation, bound)
 
 
-def residual_autocorrelation(residuals: ArrayLike, lags: int = 1200) -> pd.DataFrame:
+def residual_autocorrelation(
+    residuals: ArrayLike, lags: int = 1200, bounds: Sequence[int] = ()
+) -> pd.DataFrame:
     """The table of :func:`autocorrelation_of`: ``lag``, ``autocorrelation``, ``bound95``."""
-    return autocorrelation_of(residuals, lags).table("autocorrelation")
+    return autocorrelation_of(residuals, lags, bounds).table("autocorrelation")
 
 
 def share_inside(correlation: ArrayLike, bound: ArrayLike) -> float:
@@ -249,7 +275,10 @@ def ljung_box_lags(samples: int, parameters: int, largest: int) -> int:
 
 
 def correlation_with_input(
-    residuals: ArrayLike, inputs: ArrayLike, lags: int = CROSS_CORRELATION_LAGS
+    residuals: ArrayLike,
+    inputs: ArrayLike,
+    lags: int = CROSS_CORRELATION_LAGS,
+    bounds: Sequence[int] = (),
 ) -> ResidualCorrelation:
     """Cross-correlation of residuals with the input, with its 95 % bound.
 
@@ -259,6 +288,8 @@ def correlation_with_input(
         The two series over the same samples.
     lags : int
         Largest lag to either side; cut to N - 1.
+    bounds : sequence of int
+        First sample of each of several recordings, and N; none for one recording.
 
     Returns
     -------
@@ -280,18 +311,23 @@ def correlation_with_input(
     if np.ptp(e) == 0 or np.ptp(u) == 0:
         missing = np.full(lag.size, np.nan)
         return ResidualCorrelation(lag, missing, missing)
+    samples = e.size
+    e, u = apart(e, bounds, lags), apart(u, bounds, lags)
     correlation = signals.cross_correlation(e, u, lags).values
     # Parseval: the mean of the product of spectra is the sum of products of covariances.
     length = 2 * e.size
     power_e = np.abs(np.fft.fft(e - e.mean(), length)) ** 2
     power_u = np.abs(np.fft.fft(u - u.mean(), length)) ** 2
     variance = np.mean(power_e * power_u) / (np.mean(power_e) * np.mean(power_u))
-    bound = np.full(lag.size, NORMAL_95 * math.sqrt(variance / e.size))
+    bound = np.full(lag.size, NORMAL_95 * math.sqrt(variance / samples))
     return ResidualCorrelation(lag, correlation, bound)
 
 
 def cross_correlation(
-    residuals: ArrayLike, inputs: ArrayLike, lags: int = CROSS_CORRELATION_LAGS
+    residuals: ArrayLike,
+    inputs: ArrayLike,
+    lags: int = CROSS_CORRELATION_LAGS,
+    bounds: Sequence[int] = (),
 ) -> pd.DataFrame:
     """The table of :func:`correlation_with_input`: ``lag``, ``cross_correlation``, ``bound95``."""
-    return correlation_with_input(residuals, inputs, lags).table("cross_correlation")
+    return correlation_with_input(residuals, inputs, lags, bounds).table("cross_correlation")

@@ -1,11 +1,11 @@
 """When a search is certified to have found the lowest value, and how often that is wrong.
 
-The rates are those of ``benchmarks/search_certificate.py``, which writes
-``docs/evidence/certificate.md``: searches of random problems against ten times the evaluations.
+The rates are measured: searches of random problems against ten times the evaluations.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -21,11 +21,41 @@ MANY_OPTIMA = 0.05
 # or more which all end at one optimum.
 ONE_OPTIMUM = 0.0075
 
-# Test problems whose search was certified, and those of them with a lower value elsewhere.
-CERTIFIED, CERTIFIED_WRONG = 100, 3
-# Percent by which the objective of 95 % of the searches without a certificate was at most above the
-# best known value.
-LOWER_ELSEWHERE = 1.3
+
+@dataclass(frozen=True)
+class Calibration:
+    """What was measured of certified searches of test problems.
+
+    Attributes
+    ----------
+    certified : int
+        Problems whose search was certified.
+    wrong : int
+        Those of them with a lower value elsewhere.
+    lower_elsewhere : float
+        Percent by which the objective of 95 % of the searches without a certificate was at most
+        above the best known value.
+    """
+
+    certified: int
+    wrong: int
+    lower_elsewhere: float
+
+    @property
+    def largest_error_rate(self) -> float:
+        """Share of certified searches that miss a lower value: at most, with 95 % confidence.
+
+        The upper limit of Clopper & Pearson (1934).
+        """
+        from scipy.stats import beta
+
+        return float(beta.ppf(0.95, self.wrong + 1, self.certified - self.wrong))
+
+
+# Of benchmarks/search_certificate.py, which writes docs/evidence/certificate.md.
+POLYNOMIALS = Calibration(certified=100, wrong=3, lower_elsewhere=1.3)
+# Of benchmarks/state_space_certificate.py, see docs/evidence/state_space.md.
+STATE_SPACE = Calibration(certified=13, wrong=0, lower_elsewhere=0.45)
 
 
 def enough_agree(agreeing: int, restarts: int, undiscovered: float) -> bool:
@@ -46,14 +76,3 @@ def is_certified(found: SearchDiagnostics) -> bool:
     return one_optimum or enough_agree(
         found.n_confirming + 1, found.n_restarts, found.undiscovered_probability
     )
-
-
-def largest_error_rate() -> float:
-    """Share of certified searches that miss a lower value: at most, with 95 % confidence.
-
-    The upper limit of Clopper & Pearson (1934).
-    """
-    from scipy.stats import beta
-
-    wrong = CERTIFIED_WRONG
-    return float(beta.ppf(0.95, wrong + 1, CERTIFIED - wrong))

@@ -7,8 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import block_diag
 from scipy.stats import chi2
 from threadpoolctl import threadpool_limits
+
+from evopem.estimation.state_space.prepared import records_of
 
 Array = NDArray[np.float64]
 
@@ -21,7 +24,10 @@ SIGNIFICANCE = 0.05
 
 
 def estimate_delays(
-    inputs: ArrayLike, outputs: ArrayLike, largest: int = 10, smallest: int = 0
+    inputs: ArrayLike | Sequence[ArrayLike],
+    outputs: ArrayLike | Sequence[ArrayLike],
+    largest: int = 10,
+    smallest: int = 0,
 ) -> tuple[int, ...]:
     """Delay nk of each input in samples, 0 for one that acts on the same sample.
 
@@ -34,8 +40,9 @@ def estimate_delays(
 
     Parameters
     ----------
-    inputs : (N, nu) array_like
-    outputs : (N, ny) array_like
+    inputs : (N, nu) array_like, or a list of them
+        One record or several, each with a constant of its own.
+    outputs : (N, ny) array_like, or a list of them
     largest, smallest : int
         Delays tried, both included.
 
@@ -47,19 +54,20 @@ def estimate_delays(
     >>> estimate_delays(u, y + 0.1 * np.random.default_rng(2).standard_normal((500, 1)))
     (0, 2)
     """
-    u, y = np.asarray(inputs, dtype=float), np.asarray(outputs, dtype=float)
-    samples, nu = u.shape
+    us, ys = records_of(inputs, "inputs"), records_of(outputs, "outputs")
+    samples, nu, ny = sum(map(len, ys)), us[0].shape[1], ys[0].shape[1]
     last = largest + INPUT_LAGS
-    affordable = max((samples // 5 - y.shape[1]) // (nu + y.shape[1]), 1)
+    affordable = max((samples // 5 - ny) // (nu + ny), 1)
     last = min(last, affordable)
     largest = max(min(largest, last - 1), smallest)
     last = max(last, largest + 1)
     output_lags = min(OUTPUT_LAGS, affordable)
     first = max(last, output_lags)
-    rows = np.arange(first, samples)
-    past = [y[rows - k] for k in range(1, output_lags + 1)]
-    lagged = [np.column_stack([u[rows - k, j] for k in range(last + 1)]) for j in range(nu)]
-    known = np.column_stack([np.ones(len(rows)), *past])
+    parts = [_rows(u, y, first, last, output_lags) for u, y in zip(us, ys, strict=True)]
+    lagged = [np.concatenate([part[1][j] for part in parts]) for j in range(nu)]
+    constants = block_diag(*(np.ones((len(part[2]), 1)) for part in parts))
+    known = np.column_stack([constants, np.concatenate([part[0] for part in parts])])
+    targets = np.concatenate([part[2] for part in parts])
     with threadpool_limits(limits=1, user_api="blas"):
         delays = [smallest] * nu
         whole = max(1 - smallest, 0)
@@ -67,7 +75,7 @@ def estimate_delays(
             before = list(delays)
             for j in range(nu):
                 found = [
-                    _fit(known, lagged, [*delays[:j], delay, *delays[j + 1 :]], y[rows])
+                    _fit(known, lagged, [*delays[:j], delay, *delays[j + 1 :]], targets)
                     for delay in range(smallest, largest + 1)
                 ]
                 possible = [
@@ -79,6 +87,16 @@ def estimate_delays(
             if delays == before:
                 break
     return tuple(delays)
+
+
+def _rows(
+    u: Array, y: Array, first: int, last: int, output_lags: int
+) -> tuple[Array, list[Array], Array]:
+    """Past outputs, lags of each input, and outputs of a record from a sample on."""
+    rows = np.arange(first, max(len(y), first))
+    past = np.column_stack([y[rows - k] for k in range(1, output_lags + 1)])
+    lagged = [np.column_stack([u[rows - k, j] for k in range(last + 1)]) for j in range(u.shape[1])]
+    return past, lagged, y[rows]
 
 
 @dataclass(frozen=True)

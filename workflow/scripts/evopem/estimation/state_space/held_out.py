@@ -11,7 +11,9 @@ from evopem.models.state_space import StateSpaceModel
 Array = NDArray[np.float64]
 
 
-def simulation_errors(model: StateSpaceModel, inputs: Array, outputs: Array) -> Array:
+def simulation_errors(
+    model: StateSpaceModel, inputs: Array, outputs: Array, objective: Objective = "quadratic"
+) -> Array:
     """``100 ||y - yhat|| / ||y - mean(y)||`` of each output, (ny,), initial state fitted.
 
     Infinite where the simulation is not finite.
@@ -20,13 +22,15 @@ def simulation_errors(model: StateSpaceModel, inputs: Array, outputs: Array) -> 
     ----------
     model : StateSpaceModel
     inputs, outputs : (N, nu) and (N, ny) arrays
+    objective : {"quadratic", "absolute"}
+        As of :func:`continued_errors`.
     """
     with np.errstate(all="ignore"):
         if np.abs(model.poles()).max() >= 1.0 + 1e-9:
             return np.full(model.outputs, np.inf)
         state = model.simulation_state(inputs, outputs)
         errors = outputs - model.simulate(inputs, state)
-    return _relative(errors, outputs)
+    return _relative(errors, outputs, objective)
 
 
 def continued_errors(

@@ -52,8 +52,8 @@ def prepared_records(
     ------
     ValueError
     """
-    ys = _records(outputs, "outputs")
-    us = [np.empty((len(y), 0)) for y in ys] if inputs is None else _records(inputs, "inputs")
+    ys = records_of(outputs, "outputs")
+    us = [np.empty((len(y), 0)) for y in ys] if inputs is None else records_of(inputs, "inputs")
     if len(us) != len(ys) or any(len(u) != len(y) for u, y in zip(us, ys, strict=True)):
         raise ValueError("inputs and outputs must have the same records, of the same lengths")
     if len({u.shape[1] for u in us}) > 1 or len({y.shape[1] for y in ys}) > 1:
@@ -71,7 +71,7 @@ def prepared_records(
     return PreparedRecords(tuple(us), tuple(ys), each, level, record)
 
 
-def _records(signals: ArrayLike | Sequence[ArrayLike], what: str) -> list[Array]:
+def records_of(signals: ArrayLike | Sequence[ArrayLike], what: str) -> list[Array]:
     """One (N, channels) array for each record."""
     if isinstance(signals, np.ndarray) or not isinstance(signals, list | tuple):
         arrays = [np.asarray(signals, dtype=float)]

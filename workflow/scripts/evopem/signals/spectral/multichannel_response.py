@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +38,8 @@ class MultichannelResponse:
 def multichannel_response(recording: MultichannelRecording, nfft: int) -> MultichannelResponse:
     """Estimate all responses at once, by averages over half-overlapping Hann segments (Welch 1967).
 
+    A segment is of one recording; those that are shorter than it have none.
+
     Parameters
     ----------
     recording : MultichannelRecording
@@ -45,9 +48,12 @@ def multichannel_response(recording: MultichannelRecording, nfft: int) -> Multic
     """
     u, y = recording.inputs, recording.outputs
     segments = max(LEAST_SEGMENTS, SEGMENTS_PER_INPUT * u.shape[1])
-    length = max(min(nfft, 2 * recording.samples // (segments + 1)), 8)
+    longest = min(nfft, recording.longest.samples)
+    length = max(min(longest, 2 * recording.samples // (segments + 1)), 8)
+    while recording.is_joined and length > 8 and len(_starts(recording, length)) < segments:
+        length = max(length * 7 // 8, 8)
     window = np.hanning(length)[:, None]
-    starts = range(0, recording.samples - length + 1, max(length // 2, 1))
+    starts = _starts(recording, length)
 
     def transformed(signals: Array) -> NDArray[np.complex128]:
         parts = [signals[first : first + length] for first in starts]
@@ -64,3 +70,12 @@ def multichannel_response(recording: MultichannelRecording, nfft: int) -> Multic
         coherence = np.clip(explained / s_yy, 0.0, 1.0)
     frequencies = np.fft.rfftfreq(nfft, 1.0 / recording.sampling_rate).astype(np.float64)
     return MultichannelResponse(frequencies, response, coherence)
+
+
+def _starts(recording: MultichannelRecording, length: int) -> list[int]:
+    """First samples of half-overlapping segments within the recordings."""
+    return [
+        first
+        for begin, stop in pairwise(recording.bounds)
+        for first in range(begin, stop - length + 1, max(length // 2, 1))
+    ]

@@ -6,13 +6,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from evopem.config.structures import AUTOMATIC_PHASES, plant_order, varied_order
-from evopem.estimation.search.certificate import (
-    CERTIFIED,
-    CERTIFIED_WRONG,
-    LOWER_ELSEWHERE,
-    is_certified,
-    largest_error_rate,
-)
+from evopem.estimation.search.certificate import POLYNOMIALS, Calibration, is_certified
 from evopem.validation.checks.check import Check
 
 if TYPE_CHECKING:
@@ -111,8 +105,11 @@ def _grown_ranges(name: str, phases: Mapping[str, PhaseSelection]) -> Check:
     return Check(name, True, f"Inside: {text}, until nothing was gained.")
 
 
-def repeatability(diagnostics: SearchDiagnostics) -> Check:
-    """A certified minimum: random points or restarts agree on it as the certificate requires."""
+def repeatability(diagnostics: SearchDiagnostics, measured: Calibration = POLYNOMIALS) -> Check:
+    """A certified minimum: random points or restarts agree on it as the certificate requires.
+
+    ``measured`` says how often searches of this kind were wrong.
+    """
     name = "Search repeatable"
     advice = (
         "Raise “search.evaluations”, and compare the model with one of another “search.seed”. A"
@@ -128,13 +125,13 @@ def repeatability(diagnostics: SearchDiagnostics) -> Check:
         )
     restarts = f"{others} other independent restart{'' if others == 1 else 's'}"
     if is_certified(diagnostics):
-        rate = 100.0 * largest_error_rate()
+        rate = 100.0 * measured.largest_error_rate
         return Check(
             name,
             True,
-            f"Certified: {confirming} of {restarts} reached the same minimum. Of {CERTIFIED} such"
-            f" searches of test problems {CERTIFIED_WRONG} missed a lower minimum (at most"
-            f" {rate:.2g} % with 95 % confidence).",
+            f"Certified: {confirming} of {restarts} reached the same minimum. Of"
+            f" {measured.certified} such searches of test problems {measured.wrong or 'none'}"
+            f" missed a lower minimum (at most {rate:.2g} % with 95 % confidence).",
             "",
         )
     reached = f"{confirming if confirming else 'None'} of {restarts} reached the lowest minimum"
@@ -142,6 +139,7 @@ def repeatability(diagnostics: SearchDiagnostics) -> Check:
         name,
         False,
         f"Not certified: {reached} that was found, too few for a certificate. In 95 % of"
-        f" such test problems a minimum found elsewhere was at most {LOWER_ELSEWHERE:g} % lower.",
+        f" such test problems a minimum found elsewhere was at most {measured.lower_elsewhere:g} %"
+        " lower.",
         advice,
     )

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.special import ndtri
 
+from evopem.estimation.search.certificate import POLYNOMIALS, STATE_SPACE
 from evopem.validation.checks.check import SIGNIFICANCE, Check, p_text
 from evopem.validation.checks.recording import MAX_SATURATED_PERCENT
 from evopem.validation.checks.residuals import (
@@ -53,7 +54,7 @@ def state_space_checks(
         _whiteness(record, validation),
         *([_independence(record, validation)] if has_input else []),
         _order(record, tried),
-        repeatability(record.search),
+        repeatability(record.search, STATE_SPACE if record.polynomials is None else POLYNOMIALS),
         _outliers(record, validation),
         _saturation(recording),
     ]

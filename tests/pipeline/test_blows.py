@@ -1,0 +1,145 @@
+"""Several recordings of several channels, from the files to the report."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from evopem.config.defaults import complete
+from evopem.errors import InputError
+from evopem.estimation.state_space.model_record import MultichannelModelRecord
+from evopem.files.json_form import load
+from evopem.pipeline.multichannel import identify_channels
+from evopem.results.layout import DatasetFiles
+from evopem.signals.multichannel_preparation import load_multichannel_data
+from evopem.validation.modes_record import ModesRecord
+from evopem.validation.multichannel import MultichannelValidation
+
+SCHEMA_PATH = Path(__file__).parents[2] / "workflow" / "schemas" / "config.schema.yaml"
+RATE, NOISE = 100.0, 0.02
+FREQUENCIES = (7.0, 19.0)
+SHAPES = np.array([[0.5, 1.0], [1.0, -0.6]])
+BLOWS = {
+    "file": "blow_*.csv",
+    "time": "time",
+    "input": ["hammer"],
+    "output": ["acc_*"],
+    "structure": "state_space",
+    "form": "output_error",
+    "orders": {"nx": 4},
+    "delay": {"nk": [0, 2]},
+    "search": {"evaluations": 1},
+}
+
+
+def blow(seed, samples=260):
+    """The response to a blow of 3 samples, over a level of its own, with noise."""
+    generator = np.random.default_rng(seed)
+    force = np.zeros(samples)
+    force[15 + seed : 18 + seed] = np.array([0.5, 1.0, 0.5]) * (1.0 + 0.2 * seed)
+    poles = np.exp((-0.02 + 1j) * 2.0 * np.pi * np.array(FREQUENCIES) / RATE)
+    x, y = np.zeros(2, dtype=complex), np.zeros((samples, 2))
+    for k in range(samples):
+        y[k] = x.imag @ SHAPES
+        x = poles * (x + np.array([1.0, 0.7]) * force[k])
+    y += NOISE * generator.standard_normal(y.shape) + 3.0 * seed
+    force += 1e-3 * generator.standard_normal(samples)
+    columns = {"time": np.arange(samples) / RATE, "hammer": force}
+    return pd.DataFrame(columns | {"acc_1": y[:, 0], "acc_2": y[:, 1]})
+
+
+def identified(path, monkeypatch, keys, lengths=(260, 230, 250, 240)):
+    monkeypatch.chdir(path)
+    for number, samples in enumerate(lengths, 1):
+        blow(number, samples).to_csv(f"blow_{number}.csv", index=False)
+    settings = complete({"datasets": {"frame": BLOWS | keys}}, SCHEMA_PATH).datasets["frame"]
+    files = DatasetFiles.of_dataset("frame")
+    identify_channels(files, settings, with_report=True)
+    return files
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory):
+    with pytest.MonkeyPatch.context() as patch:
+        path = tmp_path_factory.mktemp("blows")
+        files = identified(path, patch, {})
+        # Paths are relative to the folder of the run.
+        return DatasetFiles(str(path / files.folder))
+
+
+def test_the_model_of_all_blows_is_the_truth(results):
+    record = load(MultichannelModelRecord, results.model)
+    assert record.plant_states == 4
+    assert [each.recording for each in record.transforms.estimation_records] == [0, 1, 2]
+    assert [each.recording for each in record.transforms.validation_records] == [3]
+    modes = load(ModesRecord, results.modes_json)
+    assert all(modes.trusted)
+    for mode, frequency, shape in zip(modes.modes, FREQUENCIES, SHAPES, strict=True):
+        assert abs(mode.frequency_hz - frequency) < 4 * mode.frequency_se_hz + 0.002
+        np.testing.assert_allclose(
+            mode.shape.real, shape / shape[np.abs(shape).argmax()], atol=0.02
+        )
+
+
+def test_the_held_out_blow_is_simulated_down_to_the_noise(results):
+    validation = load(MultichannelValidation, results.validation)
+    data = load_multichannel_data(results.prepared, results.transforms)
+    assert data.validation.samples == 240
+    least = 100.0 * np.mean(NOISE / data.validation.outputs.std(axis=0))
+    assert validation.simulation_error_percent == pytest.approx(least, rel=0.1)
+    searched = json.loads(Path(results.search("output_error_noise")).read_text())
+    # Two and three groups of recordings: every one is held out, and leaves the noise.
+    assert len(searched["folds"]) == 3
+    expected = [
+        100.0 * np.mean(NOISE / each.std(axis=0)) for each in data.estimation.output_records
+    ]
+    assert np.mean(expected) == pytest.approx(searched["simulation"][0], rel=0.1)
+
+
+def test_the_report_lists_every_recording(results):
+    page = Path(results.report).read_text(encoding="utf-8")
+    assert "4 recordings of one system are one data set" in page
+    for number in range(1, 5):
+        assert page.count(f"blow_{number}.csv</th>") == 1
+        assert f"<dd>blow_{number}.csv</dd>" in page
+
+
+def test_every_structure_takes_several_recordings(tmp_path, monkeypatch):
+    own = {key: value for key, value in BLOWS.items() if key != "form"}
+    own |= {
+        "input": ["hammer", "acc_2"],
+        "output": "acc_1",
+        "structure": "armax",
+        "orders": {"joint": 2},
+        "split": {"by": "samples"},
+        "search": {"evaluations": 1},
+    }
+    monkeypatch.chdir(tmp_path)
+    for number in (1, 2, 3):
+        blow(number).to_csv(f"blow_{number}.csv", index=False)
+    settings = complete({"datasets": {"frame": own}}, SCHEMA_PATH).datasets["frame"]
+    files = DatasetFiles.of_dataset("frame")
+    identify_channels(files, settings, with_report=True)
+    record = load(MultichannelModelRecord, files.model)
+    assert record.text.startswith("ARMAX(")
+    simulation = pd.read_csv(files.simulation)
+    assert simulation.groupby("recording").size().tolist() == [52, 52, 52]
+
+
+@pytest.mark.parametrize(
+    ("lengths", "keys", "says"),
+    [
+        ((260, 20, 250), {}, r"file: blow_2\.csv has 20 estimation samples"),
+        (
+            (260, 25, 250),
+            {"split": {"by": "samples"}},
+            r"validation \(the samples of blow_2\.csv as prepared\): there are only 5 samples",
+        ),
+    ],
+)
+def test_a_recording_that_is_too_short_is_named(tmp_path, monkeypatch, lengths, keys, says):
+    with pytest.raises(InputError, match=says) as caught:
+        identified(tmp_path, monkeypatch, keys, lengths)
+    assert "\n" not in str(caught.value)

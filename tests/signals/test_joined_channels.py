@@ -1,0 +1,191 @@
+"""Several recordings of several channels as one data set: read, refused, divided, prepared."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from evopem.automatic.multichannel_preparation import (
+    MultichannelPlan,
+    apply_multichannel_plan,
+    decide_multichannel_preparation,
+)
+from evopem.config.settings import SplitSettings
+from evopem.config.state_space_settings import ChannelLists
+from evopem.errors import InputError
+from evopem.files.json_form import load
+from evopem.pipeline.multichannel import read_channels
+from evopem.signals.joining import joined_multichannel
+from evopem.signals.multichannel import MultichannelRecording, load_multichannel
+from evopem.signals.multichannel_preparation import (
+    divide_multichannel,
+    load_multichannel_data,
+    save_multichannel_data,
+)
+from evopem.signals.multichannel_reading import MultichannelInfo
+
+LENGTHS = (120, 80, 100)
+NAMES = ("a.csv", "b.csv", "c.csv")
+CHANNELS = ChannelLists(("f_*",), ("acc_*",), sampling_rate=50.0)
+WHOLE = SplitSettings(discard=0, estimation=0.7)
+
+
+def table(number, samples, outputs=3):
+    generator = np.random.default_rng([number, samples])
+    columns = {f"f_{k}": generator.standard_normal(samples) for k in (1, 2)}
+    for k in range(outputs):
+        columns[f"acc_{k}"] = 10.0 * number + generator.standard_normal(samples).cumsum()
+    return pd.DataFrame(columns)
+
+
+def recording(number, samples):
+    own = table(number, samples).to_numpy()
+    names = ("f_1", "f_2"), ("acc_0", "acc_1", "acc_2")
+    return MultichannelRecording(own[:, :2], own[:, 2:], 50.0, *names, ("",) * 2, ("",) * 3)
+
+
+def joined(lengths=LENGTHS):
+    parts = [recording(number, samples) for number, samples in enumerate(lengths)]
+    return parts[0].with_records(parts), parts
+
+
+def read(folder, tables, channels=CHANNELS):
+    for name, each in zip(NAMES, tables, strict=False):
+        each.to_csv(folder / name, index=False)
+    files = [str(folder / name) for name in NAMES[: len(tables)]]
+    read_channels(files, channels, None, "datasets.x", folder / "r.npz", folder / "r.json")
+    return load_multichannel(folder / "r.npz"), load(MultichannelInfo, folder / "r.json")
+
+
+def test_files_are_read_as_one_recording_with_the_origin_of_each(tmp_path):
+    tables = [table(number, samples) for number, samples in enumerate(LENGTHS)]
+    found, info = read(tmp_path, tables)
+    assert found.starts == (0, 120, 200)
+    for each, own in zip(found.records, tables, strict=True):
+        np.testing.assert_array_equal(np.column_stack([each.inputs, each.outputs]), own)
+    assert [(file.path, file.samples) for file in info.files] == [
+        (str(tmp_path / name), samples) for name, samples in zip(NAMES, LENGTHS, strict=True)
+    ]
+    single = found.channel(2, 1)
+    assert [each.samples for each in single.stretches] == list(LENGTHS)
+
+
+@pytest.mark.parametrize(
+    ("second", "says"),
+    [
+        (
+            table(1, 80, outputs=2),
+            r'b\.csv: the list of its outputs is "acc_0, acc_1" here and "acc_0, acc_1, acc_2" in'
+            r" .*a\.csv; name under output what all",
+        ),
+        (
+            table(1, 80).rename(columns={"f_2": "f_3"}),
+            r'b\.csv: the list of its inputs is "f_1, f_3" here and "f_1, f_2" in .*a\.csv',
+        ),
+        (table(0, 120)[20:90], r"b\.csv: its samples are samples 21 to 90 of .*a\.csv; give every"),
+        (table(1, 5), r"b\.csv: there are only 5 samples"),
+        (table(1, 80).replace(table(1, 80)["acc_1"][7], "?"), r'b\.csv, line 9, column 4: "\?"'),
+        (table(1, 80).assign(acc_1=1.0), r'b\.csv, output "acc_1": every sample is 1'),
+    ],
+)
+def test_a_file_that_is_no_recording_of_the_data_set_is_named(tmp_path, second, says):
+    with pytest.raises(InputError, match=says) as caught:
+        read(tmp_path, [table(0, 120), second])
+    assert "\n" not in str(caught.value)
+
+
+def test_other_units_and_rates_are_refused(tmp_path):
+    tables = [table(0, 120), table(1, 80)]
+    first, second = recording(0, 120), replace(recording(1, 80), output_units=("", "g", ""))
+    with pytest.raises(InputError, match=r'^b\.csv: the unit of its output acc_1 is "g" here and'):
+        joined_multichannel([first, second], NAMES[:2])
+    timed = [
+        each.assign(time=np.arange(len(each)) / rate)
+        for each, rate in zip(tables, (50, 40), strict=True)
+    ]
+    channels = replace(CHANNELS, sampling_rate=None, time="time")
+    with pytest.raises(
+        InputError, match=r"b\.csv: its sampling rate is 40 Hz and that of .*a\.csv"
+    ):
+        read(tmp_path, timed, channels)
+
+
+def test_the_last_recordings_validate_each_without_its_own_means():
+    whole, parts = joined()
+    data = divide_multichannel(whole, WHOLE, None, None, "datasets.x")
+    assert (data.estimation.starts, data.validation.starts) == ((0, 120), (0,))
+    assert data.transforms.validation_source == "recordings"
+    for found, own in zip((*data.estimation.records, data.validation), parts, strict=True):
+        np.testing.assert_allclose(found.outputs, own.outputs - own.outputs.mean(axis=0))
+        np.testing.assert_allclose(found.inputs, own.inputs - own.inputs.mean(axis=0))
+    origins = (*data.transforms.estimation_records, *data.transforms.validation_records)
+    assert [(each.recording, each.samples) for each in origins] == [(0, 120), (1, 80), (2, 100)]
+    np.testing.assert_allclose(origins[2].output_means, parts[2].outputs.mean(axis=0))
+
+
+def test_each_recording_may_be_cut_and_loses_the_means_of_its_first_part():
+    whole, parts = joined()
+    split = SplitSettings(discard=10, estimation=0.5, by="samples")
+    data = divide_multichannel(whole, split, None, None, "datasets.x")
+    assert data.estimation.starts == data.validation.starts == (0, 55, 90)
+    assert data.transforms.validation_source == "cut"
+    second = parts[1].outputs
+    means = second[10:45].mean(axis=0)
+    np.testing.assert_allclose(data.validation.records[1].outputs, second[45:] - means)
+    assert data.transforms.validation_records[1].first == 45
+
+
+def test_several_recordings_of_other_files_may_validate(tmp_path):
+    whole, _ = joined()
+    others = recording(7, 60).with_records([recording(7, 60), recording(8, 50)])
+    split = SplitSettings(discard=0, estimation=1.0)
+    data = divide_multichannel(whole, split, None, others, "datasets.x")
+    assert (data.estimation.samples, data.validation.starts) == (300, (0, 60))
+    assert [each.recording for each in data.transforms.validation_records] == [3, 4]
+    np.testing.assert_allclose(data.validation.records[1].outputs.mean(axis=0), 0.0, atol=1e-12)
+    save_multichannel_data(data, tmp_path / "data.npz", tmp_path / "transforms.json")
+    again = load_multichannel_data(tmp_path / "data.npz", tmp_path / "transforms.json")
+    assert again.transforms == data.transforms
+    assert again.estimation.starts == data.estimation.starts
+
+
+def test_recordings_are_resampled_and_decimated_each_by_itself():
+    whole, parts = joined((600, 400, 500))
+    data = divide_multichannel(whole, WHOLE, 25.0, None, "datasets.x")
+    plan = MultichannelPlan((0, 40), 2, ())
+    found = apply_multichannel_plan(data, plan)
+    assert [each.samples for each in found.estimation.records] == [150, 80]
+    # Other samples in the first recording change nothing in the second one.
+    other = whole.with_records([recording(9, 600), *parts[1:]])
+    changed = apply_multichannel_plan(
+        divide_multichannel(other, WHOLE, 25.0, None, "datasets.x"), plan
+    )
+    one, two = found.estimation.records[1], changed.estimation.records[1]
+    np.testing.assert_array_equal(one.outputs, two.outputs)
+    assert found.transforms.estimation_records[1].first == 40
+
+
+def test_each_recording_begins_where_its_channels_do():
+    _, parts = joined((200, 200))
+    rest = np.repeat(parts[1].outputs[:1], 60, axis=0)
+    late = replace(
+        parts[1],
+        inputs=np.vstack([np.zeros((60, 2)), parts[1].inputs]),
+        outputs=np.vstack([rest, parts[1].outputs]),
+    )
+    both = parts[0].with_records([parts[0], late])
+    plan = decide_multichannel_preparation(both, False, rate_given=True)
+    assert plan.starts == (0, 50)
+    assert plan.decisions[0].choice == "0, 50"
+
+
+def test_what_is_left_of_a_recording_is_named_with_its_file():
+    whole, _ = joined((120, 20, 100))
+    with pytest.raises(InputError, match=r"file: b\.csv has 20 estimation samples, and each"):
+        divide_multichannel(whole, WHOLE, None, None, "datasets.x", NAMES)
+    split = SplitSettings(discard=0, estimation=0.95, by="samples")
+    with pytest.raises(
+        InputError, match=r"validation \(the samples of a\.csv as prepared\): there"
+    ):
+        divide_multichannel(whole, split, None, None, "datasets.x", NAMES)

@@ -1,0 +1,183 @@
+"""Parts of recordings of several channels that models are scored on without having seen them.
+
+One recording is divided into consecutive parts, and simulations of a part run on from the samples
+before it.  Of several recordings whole ones are held out: the response to a blow lies in a few
+samples of its recording, and what is left of it in the others says little.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evopem.estimation.state_space.held_out import (
+    continued_errors,
+    prediction_errors,
+    simulation_errors,
+)
+from evopem.estimation.state_space.settings import Objective
+from evopem.models.state_space import StateSpaceModel
+from evopem.signals.multichannel import MultichannelRecording
+
+Array = NDArray[np.float64]
+
+# Designs of folds, each a number of folds of consecutive samples or of recordings: few long ones
+# show errors of the gain and of slow poles, many leave more samples to fit.  Large records have the
+# first alone, and records of few samples the last one: half of them say too little.
+DESIGNS = (2, 5)
+LARGE, FEW = 100_000, 400
+SHORTEST_FOLD = 24
+# Least share of all samples that is left to fit where recordings are held out.
+LEAST_TRAINING = 1.0 / 3.0
+
+
+class Fold(Protocol):
+    """What a model is fitted to, and how it is scored on the rest."""
+
+    @property
+    def training(self) -> MultichannelRecording:
+        """Each stretch of consecutive samples as a recording of its own."""
+
+    def errors(self, model: StateSpaceModel, objective: Objective) -> Array:
+        """Errors in percent of a model of the training part, (3, ny), by their kind of mean.
+
+        Of simulations of the held-out samples with the model's level and with a free one, NaN
+        without an input, and of predictions.
+        """
+
+
+@dataclass(frozen=True, eq=False)
+class PartOfRecording:
+    """Consecutive samples of one recording, not its first ones, are held out."""
+
+    recording: MultichannelRecording
+    first: int
+    stop: int
+
+    @property
+    def training(self) -> MultichannelRecording:
+        """What stands before and behind them, where it is long enough."""
+        recording = self.recording
+        ends = recording.between(0, self.first), recording.between(self.stop, recording.samples)
+        return recording.with_records([each for each in ends if each.samples >= SHORTEST_FOLD])
+
+    def errors(self, model: StateSpaceModel, objective: Objective) -> Array:
+        """Errors in percent, (3, ny)."""
+        recording = self.recording
+        held = recording.between(self.first, self.stop)
+        with np.errstate(all="ignore"):
+            predicted = prediction_errors(model, held.inputs, held.outputs, objective)
+        if not recording.has_input:
+            return _of_prediction(predicted)
+        of_part = slice(self.first, self.stop)
+        simulated = continued_errors(model, recording.inputs, recording.outputs, of_part, objective)
+        return np.array([*simulated, predicted])
+
+
+@dataclass(frozen=True, eq=False)
+class WholeRecordings:
+    """Whole recordings are held out."""
+
+    training: MultichannelRecording
+    held_out: MultichannelRecording
+
+    def errors(self, model: StateSpaceModel, objective: Objective) -> Array:
+        """Errors in percent, (3, ny): root mean square, or mean, over the recordings."""
+        power = 1.0 if objective == "absolute" else 2.0
+        centre = np.median if objective == "absolute" else np.mean
+        total, spreads = np.zeros((3, model.outputs)), np.zeros(model.outputs)
+        for each in self.held_out.records:
+            around = centre(each.outputs, axis=0)
+            spread = np.sum(np.abs(each.outputs - around) ** power, axis=0)
+            total += _errors_alone(model, each, objective) ** power * spread
+            spreads += spread
+        with np.errstate(all="ignore"):
+            return np.asarray((total / spreads) ** (1.0 / power))
+
+
+def folds_of(estimation: MultichannelRecording, count: int) -> list[Fold]:
+    """The folds of a design.
+
+    Parameters
+    ----------
+    estimation : MultichannelRecording
+    count : int
+        Number of parts of one recording, or of groups of several.
+    """
+    if estimation.is_joined:
+        return list(_folds_of_recordings(estimation.records, count))
+    edges = np.linspace(0, estimation.samples, count + 1).round().astype(int)
+    # Simulations run on from samples before: the first part is never held out.
+    return [PartOfRecording(estimation, *edge) for edge in list(pairwise(edges.tolist()))[1:]]
+
+
+def _folds_of_recordings(
+    records: Sequence[MultichannelRecording], count: int
+) -> Iterator[WholeRecordings]:
+    """Recordings dealt out to the folds in turn; enough samples are left to fit."""
+    samples = sum(each.samples for each in records)
+    for fold in range(min(count, len(records))):
+        held = records[fold::count]
+        training = [each for place, each in enumerate(records) if place % count != fold]
+        if sum(each.samples for each in training) >= LEAST_TRAINING * samples:
+            yield WholeRecordings(training[0].with_records(training), held[0].with_records(held))
+
+
+def designs_of(estimation: MultichannelRecording) -> tuple[int, ...]:
+    """The designs of folds that models of an estimation part are scored by."""
+    if estimation.is_joined:
+        recordings = len(estimation.starts)
+        designs = tuple(dict.fromkeys(min(count, recordings) for count in DESIGNS))
+        return designs[:1] if is_large(estimation) else designs
+    if is_large(estimation) or estimation.samples < DESIGNS[-1] * SHORTEST_FOLD:
+        return DESIGNS[:1]
+    return DESIGNS[-1:] if estimation.samples < FEW else DESIGNS
+
+
+def fewest_fitted(estimation: MultichannelRecording) -> int:
+    """Samples that the smallest training part of all folds has."""
+    if estimation.is_joined:
+        designs = [folds_of(estimation, count) for count in designs_of(estimation)]
+        return min(each.training.samples for folds in designs for each in folds)
+    fewest_folds = min(designs_of(estimation))
+    return estimation.samples - -(-estimation.samples // fewest_folds)
+
+
+def is_large(estimation: MultichannelRecording) -> bool:
+    """Whether a record has so many values that searches over orders are shortened."""
+    channels = estimation.inputs.shape[1] + estimation.outputs.shape[1]
+    return estimation.samples * channels > LARGE
+
+
+def _errors_alone(
+    model: StateSpaceModel, record: MultichannelRecording, objective: Objective
+) -> Array:
+    """Errors in percent from the states that fit a record, (3, ny).
+
+    Squares are divided by the values less the states, and levels, that were fitted to them.
+    """
+    u, y = record.inputs, record.outputs
+    with np.errstate(all="ignore"):
+        predicted = prediction_errors(model, u, y, objective) * _inflation(y, model.order)
+        if not record.has_input:
+            return _of_prediction(predicted)
+        constant = simulation_errors(model, u, y, objective)
+        free = constant
+        if np.isfinite(constant).all():
+            free = simulation_errors(model.levelled(u, y)[0], u, y, objective)
+    of_states, of_levels = _inflation(y, model.order), _inflation(y, model.order + model.outputs)
+    return np.array([constant * of_states, free * of_levels, predicted])
+
+
+def _inflation(outputs: Array, fitted: int) -> float:
+    return float(np.sqrt(outputs.size / max(outputs.size - fitted, 1)))
+
+
+def _of_prediction(predicted: Array) -> Array:
+    unknown = np.full(len(predicted), np.nan)
+    return np.array([unknown, unknown, predicted])
