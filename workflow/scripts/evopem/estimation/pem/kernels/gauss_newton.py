@@ -177,6 +177,8 @@ def _gauss_newton(record, workspace, lag_sums):
     counts = (record.na, record.nb, record.rows_c, record.rows_c)
     lags = (1, record.nk, 1, 0)
     places = (0, record.na, c, c + record.rows_c)
+    # A bare 1 would be a type of its own, which the products would be compiled for once more.
+    next_row = np.intp(1)
     history = heads.shape[0] // 4
     segment = history + CHUNK
     table = workspace.filtered
@@ -199,7 +201,7 @@ def _gauss_newton(record, workspace, lag_sums):
                     z = other * segment + now - lags[other]
                     row = places[one] * width + places[other]
                     if size > 0 and counts[one] > 0:
-                        _add_products(table, x, z, size, counts[other], sums, row, 1)
+                        _add_products(table, x, z, size, counts[other], sums, row, next_row)
                         if other > one and counts[other] > 0:
                             rest = counts[one] - 1
                             _add_products(table, z, x - 1, size, rest, sums, row + width, width)
@@ -243,7 +245,7 @@ def gauss_newton_matrices(
             load_smoothing(smoothing, rows, workspace)
             _mean_second_derivatives(record, workspace, bandwidth)
         else:
-            fill(workspace.total, 0, 1, 2.0)
+            store(workspace.total, 0, constant(2.0))
         _gauss_newton(record, workspace, lag_sums)
         for i in range(n):
             row = i if i < state else i - record.nc + record.rows_c

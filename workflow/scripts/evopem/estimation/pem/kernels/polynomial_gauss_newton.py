@@ -312,7 +312,7 @@ def _pass(record, objective, workspace, bandwidth, points, smoothing, barriers, 
             load_smoothing(smoothing, rows, workspace)
             _mean_second_derivatives(record, workspace, bandwidth)
         else:
-            fill(workspace.total, 0, 1, 2.0)
+            store(workspace.total, 0, constant(2.0))
         for row in range(record.rows):
             i, own = point_index(record, row)
             for column in range(row, record.rows):

@@ -166,7 +166,7 @@ def load_points(record, points, rows, parameters):
 @njit
 def load_smoothing(smoothing, rows, workspace):
     """The smoothing widths of the loaded models' absolute values, 1 in the lanes left over."""
-    fill(workspace.smoothing, 0, 1, 1.0)
+    store(workspace.smoothing, 0, constant(1.0))
     for lane, r in enumerate(rows):
         workspace.smoothing[0, lane] = smoothing[r]
 
