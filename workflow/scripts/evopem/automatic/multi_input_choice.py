@@ -65,7 +65,11 @@ def searched_joint_orders(
     names, nu = STRUCTURES[structure], estimation.inputs.shape[1]
     without_poles = structure == "fir"
     low, high = limits or (1, MOST_TAPS if without_poles else MOST_POLES)
-    of_order = nu * (1 + ("nf" in names)) + len({"na", "nc", "nd"}.intersection(names))
+    noise = {"nc", "nd"}.intersection(names)
+    states = nu * ("nf" in names) + bool(noise)
+    of_order = nu + nu * ("nf" in names) + len(noise) + ("na" in names)
+    # Each recording has initial states of its own.
+    of_order += states * (len(estimation.starts) - 1)
     affordable = fewest_fitted(estimation) // VALUES_PER_PARAMETER // of_order
     if affordable < low:
         raise InputError(
