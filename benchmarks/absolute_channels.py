@@ -1,4 +1,4 @@
-"""The absolute objective of several channels; writes sections of docs/evidence/outliers_of_channels.md.
+"""The absolute objective of several channels; writes docs/evidence/outliers_of_channels.md.
 
     python benchmarks/absolute_channels.py errors [--records 10]
     python benchmarks/absolute_channels.py optimum [--records 12]
