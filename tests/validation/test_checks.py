@@ -369,7 +369,16 @@ FIVE_AGREE = {"restart_minima": (1.0,) * 5, "n_confirming": 4}
         ({"undiscovered_probability": 0.0075}, True, "Certified: 1 of 2 other independent"),
         ({"restart_minima": (1.0, 1.0)}, True, "1 of 1 other independent restart reached"),
         ({"undiscovered_probability": 0.05, **FIVE_AGREE}, True, "Certified: 4 of 4 other"),
-        ({"undiscovered_probability": 0.06, **FIVE_AGREE}, False, "Not certified: 4 of 4"),
+        (
+            {"undiscovered_probability": 0.06, "n_multistart": 32, **FIVE_AGREE},
+            False,
+            "with probability 0.06 a descent from a random point leads to one that was not found",
+        ),
+        (
+            {"undiscovered_probability": 1.0, "n_multistart": 0, **FIVE_AGREE},
+            False,
+            "4 of 4 other independent restarts reached the lowest minimum that was found, too few",
+        ),
     ],
 )
 def test_a_search_is_repeatable_with_a_certificate(good, changes, passed, statement):

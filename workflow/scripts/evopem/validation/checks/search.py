@@ -6,7 +6,12 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from evopem.config.structures import AUTOMATIC_PHASES, plant_order, varied_order
-from evopem.estimation.search.certificate import POLYNOMIALS, Calibration, is_certified
+from evopem.estimation.search.certificate import (
+    MANY_OPTIMA,
+    POLYNOMIALS,
+    Calibration,
+    is_certified,
+)
 from evopem.validation.checks.check import Check
 
 if TYPE_CHECKING:
@@ -138,8 +143,18 @@ def repeatability(diagnostics: SearchDiagnostics, measured: Calibration = POLYNO
     return Check(
         name,
         False,
-        f"Not certified: {reached} that was found, too few for a certificate. In 95 % of"
-        f" such test problems a minimum found elsewhere was at most {measured.lower_elsewhere:g} %"
-        " lower.",
+        f"Not certified: {reached} that was found, {_reason(diagnostics)}. In 95 % of such test"
+        f" problems a minimum found elsewhere was at most {measured.lower_elsewhere:g} % lower.",
         advice,
+    )
+
+
+def _reason(diagnostics: SearchDiagnostics) -> str:
+    """Why a search is not certified."""
+    if not diagnostics.n_multistart or diagnostics.undiscovered_probability <= MANY_OPTIMA:
+        return "too few for a certificate"
+    return (
+        "but there are too many others for a certificate: with probability"
+        f" {diagnostics.undiscovered_probability:.2g} a descent from a random point leads to one"
+        " that was not found"
     )
