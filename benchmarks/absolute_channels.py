@@ -33,9 +33,9 @@ from evopem.models.state_space import StateSpaceModel  # noqa: E402
 
 TARGET = ROOT / "docs" / "evidence" / "outliers.md"
 OBJECTIVES = ("absolute", "quadratic")
-SHAPES, COVERED = ((2, 2, 2), (3, 3, 2), (1, 6, 3)), ((2, 2, 2), (1, 3, 2))
+SHAPES, COVERED = ((2, 2, 2), (1, 6, 3)), ((2, 2, 2),)
 FORMS = ("output_error", "innovations")
-SHARES = (0.0, 0.03, 0.1)
+SHARES = (0.0, 0.01, 0.03, 0.1)
 SAMPLES, NOISE, SIZE = 1000, 0.1, 10.0
 SMALL = ((2, 2, 2), (3, 3, 2), (1, 6, 2), (2, 2, 3))
 COLOUR = 0.8
@@ -231,6 +231,11 @@ def coverage(records: int) -> list[str]:
                     f"| {nu} × {ny} | {true.order} | {form.replace('_', ' ')} | {noise} | {cells} |"
                 )
                 print(lines[-1], flush=True)
+    lines += [
+        "",
+        "The intervals of Laplace noise are too wide rather than too narrow: a kernel estimate of",
+        "the density at zero lies below the cusp of that distribution.",
+    ]
     return lines
 
 
@@ -278,9 +283,9 @@ def _response_errors(model: StateSpaceModel, at: np.ndarray) -> np.ndarray:
 
 
 SECTIONS = {
-    "errors": ("Several channels", errors, 20),
+    "errors": ("Several channels", errors, 10),
     "optimum": ("Several channels: the optimum", optimum, 24),
-    "coverage": ("Several channels: intervals", coverage, 200),
+    "coverage": ("Several channels: intervals", coverage, 100),
 }
 
 

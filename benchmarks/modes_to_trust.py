@@ -23,7 +23,7 @@ import json
 import sys
 import time
 from collections import defaultdict
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -247,20 +247,18 @@ def paired(found, truth):  # type: ignore[no-untyped-def]
 
 def own_results(table):  # type: ignore[no-untyped-def]
     """Modes of a table: all, those of the order that BIC chose, the trusted, and by criterion."""
+    from evopem.validation.mode_trust import doubts
+
+    def trusted_with(**known):  # type: ignore[no-untyped-def]
+        """Modes that nothing speaks against, with something known instead of judged."""
+        return [each for each in table.modes if not doubts(replace(each, **known), RATE)]
+
     chosen = {
         "all groups": list(table.modes),
         "order of BIC": [each for each in table.modes if each.order == table.order],
         "trusted": [each for each in table.modes if each.trusted],
-        "trusted but for stability": [
-            each for each in table.modes if not [d for d in each.doubts if "other orders" not in d]
-        ],
-        "trusted but for held-out tests": [
-            each
-            for each in table.modes
-            if not [
-                d for d in each.doubts if "validation samples" not in d and "shows neither" not in d
-            ]
-        ],
+        "trusted but for stability": trusted_with(stable=None),
+        "trusted but for held-out tests": trusted_with(reached=True),
     }
     return {
         f"evopem, {name}": found_modes(

@@ -34,6 +34,7 @@ from evopem import SearchSettings  # noqa: E402
 from evopem.config.state_space_settings import VARIANTS  # noqa: E402
 from evopem.estimation.search.certificate import is_certified  # noqa: E402
 from evopem.estimation.search.memetic import memetic_search  # noqa: E402
+from evopem.estimation.search.problem import SearchDiagnostics  # noqa: E402
 from evopem.estimation.state_space.estimate import (  # noqa: E402
     StateSpaceEstimate,
     descend_from,
@@ -112,7 +113,6 @@ def run(case: Case) -> Row:
         "order": case.order,
         "default": {
             "value": found.objective,
-            "certified": certified,
             "evaluations": diagnostics.evaluations,
             "minima": diagnostics.restart_minima,
             "confirming": diagnostics.n_confirming,
@@ -169,7 +169,24 @@ def from_truth(true: StateSpaceModel, u: np.ndarray, y: np.ndarray, weighting: s
         return np.inf
 
 
+def judged(row: Row) -> Row:
+    """A row with the certificate of today's rule, whichever it was when the search ran."""
+    found = row["default"]
+    diagnostics = SearchDiagnostics(
+        evaluations=found["evaluations"],
+        generations=0,
+        restart_minima=tuple(found["minima"]),
+        n_confirming=found["confirming"],
+        n_local_optima=0,
+        n_multistart=0,
+        undiscovered_probability=found["undiscovered"],
+        convergence=(),
+    )
+    return row | {"default": found | {"certified": is_certified(diagnostics)}}
+
+
 def print_table(rows: list[Row]) -> None:
+    rows = [judged(row) for row in rows]
     print(
         "| order | form | problems | certified | of them wrong | others above | median | 95 % "
         "| most |"

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from evopem.automatic.multichannel_folds import designs_of, fewest_fitted, folds_of
+from evopem.estimation.state_space.held_out import errors_from_first_samples, simulation_errors
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.multichannel import MultichannelRecording
 
@@ -96,3 +97,34 @@ def test_absolute_errors_are_pooled_as_sums_of_them():
     spread = np.abs(held.outputs - np.median(held.outputs, axis=0)).mean(axis=0)
     expected = 100.0 * NOISE * np.sqrt(2.0 / np.pi) / spread
     np.testing.assert_allclose(fold.errors(TRUTH, "absolute"), np.tile(expected, (3, 1)), rtol=0.1)
+
+
+def test_surplus_modes_gain_nothing_by_the_states_they_begin_with():
+    """Noise of the measured force rings in a light mode, and modes beside it resemble that."""
+
+    def with_modes(*angles):
+        n = 2 * len(angles)
+        A = np.zeros((n, n))
+        for k, angle in enumerate(angles):
+            turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+            A[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = 0.999 * turn
+        B = np.tile(TRUTH.B / len(angles), (len(angles), 1))
+        C = np.tile(np.eye(2), len(angles))
+        return replace(TRUTH, A=A, B=B, C=C, K=np.zeros((n, 2)))
+
+    truth, surplus = with_modes(0.3), with_modes(0.2995, 0.3, 0.3005)
+    absorbed, scored = [], []
+    for seed in range(5):
+        generator = np.random.default_rng(seed)
+        force = np.zeros((600, 1))
+        force[100] = 1.0
+        outputs = truth.simulate(force)
+        measured = force + 0.02 * generator.standard_normal(force.shape)
+        absorbed.append([simulation_errors(m, measured, outputs).mean() for m in (truth, surplus)])
+        scored.append(
+            [errors_from_first_samples(m, measured, outputs)[0].mean() for m in (truth, surplus)]
+        )
+    of_truth, of_surplus = np.mean(absorbed, axis=0)
+    assert of_surplus < 0.9 * of_truth
+    of_truth, of_surplus = np.mean(scored, axis=0)
+    assert of_surplus > 0.99 * of_truth

@@ -120,6 +120,32 @@ def test_defaults_serve_both_kinds_of_data_sets():
     assert found["several"].split.discard == 10
 
 
+def test_constraints_come_back(tmp_path):
+    found = dataset(
+        "input: [a, b]\n    output: y\n    structure: oe\n    focus: simulation\n"
+        "    constraints: {static_gain: {a: 2}, static_gain_bounds: {b: [0, null]},"
+        " forbidden_bands: [[1, 2]], max_pole_radius: 0.9}"
+    )
+    file = tmp_path / "config.yaml"
+    file.write_text(state_space_yaml(found))
+    assert read_state_space_settings(file) == found
+    assert found.constraints.of_input("a").static_gain == 2
+    assert found.constraints.of_input("b").static_gain_bounds == (0, None)
+    assert found.constraints.of_input("a").max_pole_radius == 0.9
+    assert found.choices.focus == "simulation"
+
+
+def test_the_focus_chooses_the_forms_that_are_searched():
+    keys = "input: [1, 2]\n    output: 3\n    focus: "
+    assert {form for form, _ in searched_variants(dataset(keys + "simulation"))} == {
+        "output_error",
+        "oe",
+    }
+    assert "output_error" not in dict(searched_variants(dataset(keys + "prediction")))
+    oe = searched_variants(dataset(keys + "prediction\n    structure: oe"))
+    assert [form for form, _ in oe] == ["oe"]
+
+
 def test_complete_keys_come_back(tmp_path):
     found = dataset(
         "input: [1, u2]\n    output: [acc, 5]\n    output_unit: [m, s]\n    time: 4\n"
@@ -131,6 +157,7 @@ def test_complete_keys_come_back(tmp_path):
     file = tmp_path / "config.yaml"
     file.write_text(state_space_yaml(found))
     assert read_state_space_settings(file) == found
+    assert found.search.objective == "absolute"
     assert found.geometry.channels["acc"] == ChannelPlace("tip", (-1.0, 0.0, 0.0))
     again = complete({"datasets": {"a": keys_of_state_space(found)}}, SCHEMA)
     assert again.datasets["a"] == found
@@ -171,6 +198,41 @@ def test_complete_keys_come_back(tmp_path):
             "output: [2, 3]\n    weighting: determinant\n    search: {objective: absolute}",
             "datasets.a.weighting",
             "no covariance",
+        ),
+        ("output: [2, 3]\n    constraints: {real_poles: none}", "datasets.a.constraints", "oe"),
+        (
+            "input: [1, 2]\n    output: 3\n    structure: oe\n    constraints: {static_gain: 2}",
+            "datasets.a.constraints.static_gain",
+            "a mapping from their names",
+        ),
+        (
+            "input: [a, b]\n    output: y\n    structure: oe\n"
+            "    constraints: {static_gain: {c: 2}}",
+            "datasets.a.constraints.static_gain",
+            "there is no input c",
+        ),
+        (
+            "input: [1, 2]\n    output: 3\n    structure: oe\n    constraints: {stability: free}",
+            "datasets.a.constraints.stability",
+            "are stable",
+        ),
+        (
+            "input: [1, 2]\n    output: 3\n    structure: oe\n"
+            "    constraints: {fixed_coefficients: {a1: 2}}",
+            "datasets.a.constraints.fixed_coefficients",
+            "what a coefficient stands for",
+        ),
+        ("constraints: {static_gain: {u: 2}}", "datasets.a.constraints.static_gain", "alone"),
+        ("output: [2, 3]\n    focus: 5", "datasets.a.focus", "one input and one output"),
+        (
+            "output: [2, 3]\n    form: innovations\n    focus: simulation",
+            "datasets.a.focus",
+            "write form: output_error",
+        ),
+        (
+            "output: [2, 3]\n    input: none\n    focus: simulation",
+            "datasets.a.focus",
+            "nothing to simulate",
         ),
         ("output: [2, 3]\n    input: none\n    delay: {nk: 1}", "datasets.a.delay", "no input"),
         (

@@ -131,11 +131,11 @@ def test_every_structure_takes_several_recordings(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("lengths", "keys", "says"),
     [
-        ((260, 20, 250), {}, r"file: blow_2\.csv has 20 estimation samples"),
+        ((260, 20, 250), {}, r"of blow_2\.csv as prepared\): there are only 20, and"),
         (
-            (260, 25, 250),
+            (260, 30, 250),
             {"split": {"by": "samples"}},
-            r"validation \(the samples of blow_2\.csv as prepared\): there are only 5 samples",
+            r"validation \(the samples of blow_2\.csv as prepared\): there are only 6 samples",
         ),
     ],
 )

@@ -139,3 +139,29 @@ def test_the_absolute_objective_bears_outliers(tmp_path, monkeypatch, keys):
     assert nearest.frequency_hz == pytest.approx(TRUTH[0], rel=0.02)
     assert nearest.damping_ratio == pytest.approx(TRUTH[1], rel=0.15)
     assert "mean absolute ones" in Path(files.report).read_text(encoding="utf-8")
+
+
+def test_constraints_hold_from_the_file_to_the_report(tmp_path, monkeypatch):
+    keys = {
+        "structure": "armax",
+        "orders": {"joint": 2},
+        "constraints": {"static_gain": {"hot": 4.0}, "max_pole_radius": 0.85},
+    }
+    files = identified(tmp_path, monkeypatch, keys)
+    record = load(MultichannelModelRecord, files.model)
+    gain = record.plant.frequency_response([0.0])[0, 0, 0].real
+    assert gain == pytest.approx(4.0, rel=1e-9)
+    assert np.abs(np.linalg.eigvals(record.plant.A)).max() <= 0.85 + 1e-9
+    assert set(record.fit.active) == {"static_gain", "max_pole_radius"}
+    assert record.fit.objective > record.fit.objective_without
+    report = Path(files.report).read_text(encoding="utf-8")
+    assert "static_gain.hot" in report
+    assert "Standard errors are zero across active constraints" in report
+
+
+def test_constraints_that_contradict_the_record_are_refused(tmp_path, monkeypatch):
+    keys = {"structure": "armax", "orders": {"joint": 2}}
+    keys["constraints"] = {"frequency_band": [6.0, 8.0]}  # half the sampling rate is 5 Hz
+    with pytest.raises(InputError) as refused:
+        identified(tmp_path, monkeypatch, keys)
+    assert "datasets.mixer.constraints.frequency_band" in str(refused.value)

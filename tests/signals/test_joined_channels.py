@@ -182,8 +182,9 @@ def test_each_recording_begins_where_its_channels_do():
 
 def test_what_is_left_of_a_recording_is_named_with_its_file():
     whole, _ = joined((120, 20, 100))
-    with pytest.raises(InputError, match=r"file: b\.csv has 20 estimation samples, and each"):
+    with pytest.raises(InputError, match=r"of b\.csv as prepared\): there are only 20, and"):
         divide_multichannel(whole, WHOLE, None, None, "datasets.x", NAMES)
+    whole, _ = joined((120, 40, 100))
     split = SplitSettings(discard=0, estimation=0.95, by="samples")
     with pytest.raises(
         InputError, match=r"validation \(the samples of a\.csv as prepared\): there"

@@ -234,3 +234,10 @@ def test_differences_that_leave_nothing_and_rates_that_differ():
         prepare(line, preparation({"difference": 1}))
     with pytest.raises(InputError, match="sampled at 50 Hz"):
         prepare(record(), preparation(), record(rate=50.0))
+
+
+def test_samples_that_are_too_few_are_named_with_their_file():
+    split = {"estimation": 0.99}
+    files = ["data/r012.csv"]
+    with pytest.raises(InputError, match=r"validation \(the samples of data/r012\.csv as prep"):
+        prepare(record(), preparation(split=split), None, "datasets.r012", files)

@@ -380,7 +380,7 @@ def test_a_search_is_repeatable_with_a_certificate(good, changes, passed, statem
 
 
 def test_a_certificate_states_the_rate_of_its_own_kind_of_search(good):
-    found = with_diagnostics(good, undiscovered_probability=0.01, **FIVE_AGREE)
+    found = with_diagnostics(good, n_confirming=1, undiscovered_probability=0.001)
     diagnostics = found.model.search.diagnostics
     for measured in (POLYNOMIALS, STATE_SPACE):
         statement = repeatability(diagnostics, measured).statement

@@ -24,6 +24,7 @@ rule decide_preparation:
     params:
         preparation=provider.settings("preparation"),
         given=provider.given_preparation,
+        recorded=provider.recorded_names,
         code=code("decide_preparation"),
     script:
         "../scripts/decide_preparation.py"

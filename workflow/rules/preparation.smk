@@ -26,6 +26,7 @@ rule prepare_signals:
         preparation=provider.settings("preparation"),
         requirements=provider.requirements,
         fit=provider.fit_to_check,
+        recorded=provider.recorded_names,
         code=code("prepare_signals"),
     script:
         "../scripts/prepare_signals.py"

@@ -217,6 +217,7 @@ rule estimate_state_space:
         runtime=provider.state_space_time,
     params:
         search=provider.settings("search"),
+        constraints=provider.settings("constraints"),
         code=code("estimate_state_space"),
     script:
         "../scripts/estimate_state_space.py"
@@ -248,6 +249,7 @@ rule complete_other_state_space:
         runtime=provider.state_space_time,
     params:
         search=provider.settings("search"),
+        constraints=provider.settings("constraints"),
         code=code("complete_other_state_space"),
     script:
         "../scripts/complete_other_state_space.py"

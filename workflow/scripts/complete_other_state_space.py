@@ -2,6 +2,7 @@
 
 from typing import TYPE_CHECKING
 
+from evopem.config.constraints import InputConstraints
 from evopem.config.state_space_settings import StateSpaceSearchSettings
 from evopem.files.job import job
 from evopem.files.json_form import from_json
@@ -12,7 +13,9 @@ if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
 
 with job(snakemake.log[0], snakemake.input, snakemake.output):
+    constraints = snakemake.params.constraints
     complete_other_state_space(
         DatasetFiles.of_log(snakemake.log[0]),
         from_json(StateSpaceSearchSettings, snakemake.params.search),
+        from_json(InputConstraints, constraints) if constraints else None,
     )

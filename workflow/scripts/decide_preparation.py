@@ -18,4 +18,5 @@ with job(snakemake.log[0], snakemake.input, snakemake.output):
         from_json(PreparationSettings, snakemake.params.preparation),
         from_json(GivenPreparation, snakemake.params.given),
         has_validation_recording=bool(snakemake.input.get("validation_recording")),
+        recorded=snakemake.params.recorded,
     )

@@ -23,4 +23,5 @@ with job(snakemake.log[0], snakemake.input, snakemake.output):
         from_json(SampleRequirements, snakemake.params.requirements),
         has_validation_recording=bool(snakemake.input.get("validation_recording")),
         fit=from_json(tuple[FitSettings, OrderGrid] | None, snakemake.params.fit),
+        recorded=snakemake.params.recorded,
     )

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from evopem.version import __version__
 
 if TYPE_CHECKING:
-    from evopem.config.constraints import Constraints, FixedPole, Prior
+    from evopem.config.constraints import Constraints, FixedPole, InputConstraints, Prior
     from evopem.config.settings import ScoringWindow, SearchSettings
     from evopem.errors import InputError
     from evopem.estimation.model_record import load_model as load
@@ -38,6 +38,7 @@ __all__ = [
     "Constraints",
     "FixedPole",
     "IdentificationResults",
+    "InputConstraints",
     "InputError",
     "ModeTable",
     "MultiInputEstimate",
@@ -68,6 +69,7 @@ _HOMES = {
     "IdentificationResults": "evopem.notebook.results",
     "Constraints": "evopem.config.constraints",
     "FixedPole": "evopem.config.constraints",
+    "InputConstraints": "evopem.config.constraints",
     "InputError": "evopem.errors",
     "MultiInputEstimate": "evopem.estimation.multi_input.estimate",
     "MultiInputModel": "evopem.models.multi_input",

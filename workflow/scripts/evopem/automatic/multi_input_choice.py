@@ -17,9 +17,11 @@ from evopem.automatic.state_space_search import (
     VariantSearch,
     searched_variant,
 )
+from evopem.config.constraints import InputConstraints
 from evopem.config.settings import SearchSettings
 from evopem.config.structures import STRUCTURES
 from evopem.errors import InputError
+from evopem.estimation.multi_input.constrained import check_input_constraints
 from evopem.estimation.multi_input.estimate import (
     SETTINGS,
     MultiInputEstimate,
@@ -31,6 +33,7 @@ from evopem.estimation.multi_input.estimate import (
 )
 from evopem.estimation.state_space.order_models import OrderModels
 from evopem.estimation.state_space.settings import StateSpaceSettings
+from evopem.models.multi_input import MultiInputOrders
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.multichannel import MultichannelRecording
 
@@ -62,7 +65,11 @@ def searched_joint_orders(
     names, nu = STRUCTURES[structure], estimation.inputs.shape[1]
     without_poles = structure == "fir"
     low, high = limits or (1, MOST_TAPS if without_poles else MOST_POLES)
-    of_order = nu * (1 + ("nf" in names)) + len({"na", "nc", "nd"}.intersection(names))
+    noise = {"nc", "nd"}.intersection(names)
+    states = nu * ("nf" in names) + bool(noise)
+    of_order = nu + nu * ("nf" in names) + len(noise) + ("na" in names)
+    # Each recording has initial states of its own.
+    of_order += states * (len(estimation.starts) - 1)
     affordable = fewest_fitted(estimation) // VALUES_PER_PARAMETER // of_order
     if affordable < low:
         raise InputError(
@@ -123,6 +130,7 @@ def estimate_structure(
     order: int,
     delays: Sequence[int],
     settings: StateSpaceSettings,
+    constraints: InputConstraints | None = None,
     globally: bool = True,
     log: Log | None = None,
 ) -> MultiInputEstimate:
@@ -136,25 +144,47 @@ def estimate_structure(
     order : int
     delays : sequence of int
     settings : StateSpaceSettings
+    constraints : InputConstraints, optional
+        The search over orders does not know of them.  Where orders by BIC contradict them, those
+        of the joint order are kept.
     globally : bool
         Whether it is searched globally, or descended to from estimates alone.
     log : callable, optional
 
     Raises
     ------
+    InputError
+        When no model of the order meets the constraints.
     ValueError
         When the record is too short.
     """
     search = _search_settings(settings)
     inputs, outputs = estimation.input_records, estimation.output_records
-    orders = reduced_orders(inputs, outputs, joint_orders(structure, order, delays), search, log)
+    joint = joint_orders(structure, order, delays)
+    orders = reduced_orders(inputs, outputs, joint, search, log)
+    if constraints is not None and not _allowed(constraints, orders, estimation):
+        orders = joint
     return estimate_multi_input(
         *(inputs, outputs, orders, structure, estimation.sampling_rate),
         settings=search if globally else replace(search, evaluations=0),
+        constraints=constraints,
         input_names=estimation.input_names,
         output_name=estimation.output_names[0],
         log=log,
     )
+
+
+def _allowed(
+    constraints: InputConstraints, orders: MultiInputOrders, estimation: MultichannelRecording
+) -> bool:
+    """Whether a model of some orders may meet constraints."""
+    try:
+        check_input_constraints(
+            constraints, orders, estimation.input_names, estimation.sampling_rate
+        )
+    except InputError:
+        return False
+    return True
 
 
 def _search_settings(settings: StateSpaceSettings) -> SearchSettings:

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from evopem.estimation.state_space.held_out import (
     continued_errors,
+    errors_from_first_samples,
     prediction_errors,
-    simulation_errors,
 )
 from evopem.estimation.state_space.settings import Objective
 from evopem.models.state_space import StateSpaceModel
@@ -157,21 +157,22 @@ def is_large(estimation: MultichannelRecording) -> bool:
 def _errors_alone(
     model: StateSpaceModel, record: MultichannelRecording, objective: Objective
 ) -> Array:
-    """Errors in percent from the states that fit a record, (3, ny).
+    """Errors in percent of a record by itself, (3, ny).
 
-    Squares are divided by the values less the states, and levels, that were fitted to them.
+    Squares are divided by the values less the levels, or the states of a predictor, that were
+    fitted to them.
     """
     u, y = record.inputs, record.outputs
     with np.errstate(all="ignore"):
+        if record.has_input:
+            constant, free = errors_from_first_samples(model, u, y, objective)
+            if not model.K.any():
+                # Without a noise model the prediction is the simulation.
+                return np.array([constant, free * _inflation(y, model.outputs), constant])
         predicted = prediction_errors(model, u, y, objective) * _inflation(y, model.order)
-        if not record.has_input:
-            return _of_prediction(predicted)
-        constant = simulation_errors(model, u, y, objective)
-        free = constant
-        if np.isfinite(constant).all():
-            free = simulation_errors(model.levelled(u, y)[0], u, y, objective)
-    of_states, of_levels = _inflation(y, model.order), _inflation(y, model.order + model.outputs)
-    return np.array([constant * of_states, free * of_levels, predicted])
+    if not record.has_input:
+        return _of_prediction(predicted)
+    return np.array([constant, free * _inflation(y, model.outputs), predicted])
 
 
 def _inflation(outputs: Array, fitted: int) -> float:

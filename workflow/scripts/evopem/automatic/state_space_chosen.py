@@ -13,6 +13,7 @@ from evopem.automatic.state_space_search import (
     estimate_box_jenkins,
     noise_orders,
 )
+from evopem.config.constraints import InputConstraints
 from evopem.config.state_space_settings import is_polynomial
 from evopem.estimation.multi_input.estimate import MultiInputEstimate
 from evopem.estimation.state_space.estimate import StateSpaceEstimate, estimate_state_space
@@ -55,6 +56,7 @@ def search_chosen(
     estimation: MultichannelRecording,
     delays: Sequence[int],
     settings: StateSpaceSettings,
+    constraints: InputConstraints | None = None,
     log: Log | None = None,
 ) -> ChosenModel:
     """Search a chosen model globally, the one of the search over orders among the starts.
@@ -67,17 +69,23 @@ def search_chosen(
     estimation : MultichannelRecording
     delays : sequence of int
     settings : StateSpaceSettings
+    constraints : InputConstraints, optional
+        Of a polynomial model.
     log : callable, optional
 
     Raises
     ------
+    InputError
+        When no model of the order meets the constraints.
     ValueError
         When the record is too short.
     """
     form = choice.variant.form
     if is_polynomial(form):
         return ChosenModel.of_polynomials(
-            estimate_structure(estimation, form, choice.order, delays, settings, log=log)
+            estimate_structure(
+                estimation, form, choice.order, delays, settings, constraints, log=log
+            )
         )
     if form == "box_jenkins":
         return _search_box_jenkins(choice, searched, estimation, delays, settings, log)
@@ -94,6 +102,7 @@ def estimate_as_searched(
     estimation: MultichannelRecording,
     delays: Sequence[int],
     settings: StateSpaceSettings,
+    constraints: InputConstraints | None = None,
 ) -> ChosenModel:
     """The optimum that the search over orders found, with its covariance and noise model.
 
@@ -102,7 +111,9 @@ def estimate_as_searched(
     form = choice.variant.form
     if is_polynomial(form):
         return ChosenModel.of_polynomials(
-            estimate_structure(estimation, form, choice.order, delays, settings, globally=False)
+            estimate_structure(
+                estimation, form, choice.order, delays, settings, constraints, globally=False
+            )
         )
     estimate = descended(searched, estimation, delays, settings)
     return _completed(choice, estimate, estimation, settings)

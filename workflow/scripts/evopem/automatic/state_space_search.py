@@ -188,7 +188,8 @@ def searched_orders(
     nu = estimation.inputs.shape[1]
     low, high = limits or (1, MOST_STATES)
     fitted = fewest_fitted(estimation)
-    affordable = fitted * ny // VALUES_PER_PARAMETER // (nu + 2 * ny + 1)
+    # Each recording has an initial state of its own.
+    affordable = fitted * ny // VALUES_PER_PARAMETER // (nu + 2 * ny + len(estimation.starts))
     affordable = min(affordable, samples // 12)
     if affordable < low:
         raise InputError(
@@ -206,7 +207,8 @@ def searched_orders(
 def noise_orders(estimation: MultichannelRecording) -> tuple[int, ...]:
     """The orders that are tried for a noise model beside an output-error model."""
     samples = estimation.samples
-    affordable = min(MOST_NOISE_STATES, samples // 12, samples // VALUES_PER_PARAMETER // 2)
+    of_order = 1 + len(estimation.starts)
+    affordable = min(MOST_NOISE_STATES, samples // 12, samples // VALUES_PER_PARAMETER // of_order)
     if is_large(estimation):
         return tuple(range(2, max(affordable, 2) + 1, 2))
     return tuple(range(1, max(affordable, 1) + 1))

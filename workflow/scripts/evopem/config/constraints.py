@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 
@@ -103,4 +103,32 @@ class Constraints:
             or self.frequency_band is not None
             or bool(self.forbidden_bands)
             or self.real_poles != "any"
+        )
+
+
+@dataclass(frozen=True)
+class InputConstraints:
+    """Constraints of a model with several inputs and one output.
+
+    Attributes
+    ----------
+    poles : Constraints
+        Of A and of each F_i: ``max_pole_radius``, ``min_damping_ratio``, ``frequency_band``,
+        ``forbidden_bands``, ``real_poles``, and ``fixed_poles`` of A.
+    static_gain : dict of str to float
+        ``B_i(1) / (A(1) F_i(1))`` by the name of the input.
+    static_gain_bounds : dict of str to (lower, upper)
+        Either may be None.
+    """
+
+    poles: Constraints = Constraints()
+    static_gain: dict[str, float] = field(default_factory=dict)
+    static_gain_bounds: dict[str, tuple[float | None, float | None]] = field(default_factory=dict)
+
+    def of_input(self, name: str) -> Constraints:
+        """The constraints of the path from one input."""
+        return replace(
+            self.poles,
+            static_gain=self.static_gain.get(name),
+            static_gain_bounds=self.static_gain_bounds.get(name),
         )

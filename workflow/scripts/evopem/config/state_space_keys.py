@@ -8,6 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from evopem.config.geometry_keys import check_geometry, geometry_keys, geometry_of
+from evopem.config.input_constraint_keys import (
+    check_focus,
+    check_input_constraints,
+    check_one_input,
+    input_constraint_keys,
+    input_constraints_of,
+)
 from evopem.config.settings import SplitSettings
 from evopem.config.source_keys import check_file_paths
 from evopem.config.state_space_settings import (
@@ -40,8 +47,10 @@ _UNIT_KEYS = ("input_unit", "output_unit")
 _COLUMN_KEYS = ("sampling_rate", "time", "time_unit", "header_lines", "decimal_mark")
 _ANALYSIS_KEYS = (
     *("recipe", "purpose", "resample", "split", "structure", "form", "weighting"),
-    *("delay", "orders", "search", "geometry"),
+    *("delay", "orders", "search", "geometry", "focus", "constraints"),
 )
+# What ``defaults:`` says of these is for data sets with one input and one output.
+_WRITTEN_ONLY = ("focus", "constraints")
 KEYS = ("file", *_CHANNEL_KEYS, *_UNIT_KEYS, *_COLUMN_KEYS, "validation_file", *_ANALYSIS_KEYS)
 _SEARCH_KEYS = ("seed", "evaluations", "max_root_radius", "objective")
 
@@ -70,6 +79,7 @@ def check_single_channel(written: Keys, source: str, place: str) -> None:
     ------
     InputError
     """
+    check_one_input(written, source, place)
     foreign = [f"{place}.{key}" for key in OWN_KEYS if key in written]
     foreign += [f"{place}.{key}" for key in _UNIT_KEYS if not isinstance(written.get(key, ""), str)]
     foreign += [f"{place}.orders.nx"] if "nx" in written.get("orders", {}) else []
@@ -101,7 +111,8 @@ def complete_state_space(
     """
     place = f"datasets.{name}"
     _check_structure(written, defaults, source, place)
-    own = {key: defaults[key] for key in _ANALYSIS_KEYS if key in defaults} | dict(written)
+    inherited = [key for key in _ANALYSIS_KEYS if key in defaults and key not in _WRITTEN_ONLY]
+    own = {key: defaults[key] for key in inherited} | dict(written)
     structure = own.get("structure")
     _check_keys(written, structure, source, place)
     if structure is not None and is_polynomial(structure):
@@ -109,6 +120,7 @@ def complete_state_space(
     for group in ("split", "delay", "orders", "search"):
         own[group] = {**defaults.get(group, {}), **written.get(group, {})}
     _check_weighting(own, source, place)
+    check_focus(own, source, place)
     _check_split(own, written, source, place)
     check_file_paths(own, source, place)
     if "time" in own and "sampling_rate" in own:
@@ -119,6 +131,7 @@ def complete_state_space(
     outputs = _references(own.get("output", 2), "output", source, place)
     _check_distinct(inputs, outputs, own.get("time"), source, place)
     _check_units(own, inputs, outputs, source, place)
+    check_input_constraints(written, structure, inputs, source, place)
     if not inputs:
         _check_without_input(own, written, source, place)
     geometry = own.get("geometry")
@@ -142,7 +155,7 @@ def state_space_settings(name: str, keys: Keys) -> StateSpaceDataset:
     )
     search = {key: keys["search"][key] for key in _SEARCH_KEYS if key in keys["search"]}
     resample = keys.get("resample", "none")
-    given = {key: keys[key] for key in ("structure", *_STATE_SPACE_ONLY) if key in keys}
+    given = {key: keys[key] for key in ("structure", "focus", *_STATE_SPACE_ONLY) if key in keys}
     geometry = keys.get("geometry")
     return StateSpaceDataset(
         name=name,
@@ -163,6 +176,7 @@ def state_space_settings(name: str, keys: Keys) -> StateSpaceDataset:
         ),
         search=from_json(StateSpaceSearchSettings, search),
         geometry=None if geometry is None else geometry_of(geometry),
+        constraints=input_constraints_of(keys["constraints"]) if "constraints" in keys else None,
     )
 
 
@@ -186,11 +200,15 @@ def keys_of_state_space(settings: StateSpaceDataset) -> dict[str, Any]:
         "split": {key: getattr(settings.split, key) for key in split},
         "structure": choices.structure,
         "form": choices.form,
+        "focus": choices.focus,
         "weighting": choices.weighting,
         "delay": {"nk": list(choices.delays)} if choices.delays else None,
         "orders": {key: list(limits) for key, limits in orders.items() if limits} or None,
         "search": {k: v for k, v in to_json(settings.search).items() if v is not None},
         "geometry": None if settings.geometry is None else geometry_keys(settings.geometry),
+        "constraints": None
+        if settings.constraints is None
+        else input_constraint_keys(settings.constraints),
     }
     return {key: value for key, value in keys.items() if value is not None and value != ""}
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
+from evopem.config.constraints import InputConstraints
 from evopem.config.settings import Objective, Purpose, Range, SplitSettings
 from evopem.config.structures import STRUCTURES
 
@@ -98,6 +99,8 @@ class StateSpaceChoices:
         Limits of the joint order of polynomial models.
     delays : (lower, upper), optional
         Limits of the delay of each input, in samples.
+    focus : {"prediction", "simulation"}, optional
+        Errors that the searched forms are fitted for.
     """
 
     purpose: Purpose = "auto"
@@ -107,6 +110,7 @@ class StateSpaceChoices:
     orders: Range | None = None
     joint: Range | None = None
     delays: Range | None = None
+    focus: Literal["prediction", "simulation"] | None = None
 
 
 @dataclass(frozen=True)
@@ -183,6 +187,8 @@ class StateSpaceDataset:
     choices : StateSpaceChoices
     search : StateSpaceSearchSettings
     geometry : Geometry, optional
+    constraints : InputConstraints, optional
+        Of a polynomial structure.
     """
 
     name: str
@@ -193,6 +199,7 @@ class StateSpaceDataset:
     choices: StateSpaceChoices = StateSpaceChoices()
     search: StateSpaceSearchSettings = StateSpaceSearchSettings()
     geometry: Geometry | None = None
+    constraints: InputConstraints | None = None
 
 
 VARIANTS = (
@@ -208,6 +215,9 @@ OF_ABSOLUTE_ERRORS = "noise"
 
 ONE_OUTPUT = "determinant"
 """Weighting of polynomial models: of one output there is nothing to weigh."""
+
+OF_SIMULATION = ("output_error", "oe", "fir")
+"""Forms and structures that are fitted to errors of simulation."""
 
 MULTI_INPUT_STRUCTURES = ("arx", "armax", "oe", "bj")
 """Structures of polynomial models that are searched beside, where there is one output."""
@@ -246,6 +256,9 @@ def searched_variants(dataset: StateSpaceDataset) -> tuple[tuple[str, str], ...]
     >>> choices = StateSpaceChoices(weighting="power")
     >>> searched_variants(StateSpaceDataset("a", source, choices=choices))
     (('innovations', 'power'), ('output_error', 'power'), ('box_jenkins', 'power'))
+    >>> choices = StateSpaceChoices(focus="simulation")
+    >>> searched_variants(StateSpaceDataset("a", source, choices=choices))
+    (('output_error', 'noise'),)
     >>> search = StateSpaceSearchSettings(objective="absolute")
     >>> searched_variants(StateSpaceDataset("a", source, search=search))
     (('innovations', 'noise'), ('output_error', 'noise'), ('box_jenkins', 'noise'))
@@ -266,7 +279,18 @@ def searched_variants(dataset: StateSpaceDataset) -> tuple[tuple[str, str], ...]
     undecided = (choices.structure, choices.form, choices.weighting) == (None, None, None)
     if undecided and channels.inputs and has_one_output(channels):
         variants += tuple((structure, ONE_OUTPUT) for structure in MULTI_INPUT_STRUCTURES)
-    return variants
+    return tuple(each for each in variants if is_fitted_for(each[0], choices.focus))
+
+
+def is_fitted_for(form: str, focus: str | None) -> bool:
+    """Whether a form is fitted to the errors in focus.
+
+    Examples
+    --------
+    >>> is_fitted_for("oe", "simulation"), is_fitted_for("output_error", "prediction")
+    (True, False)
+    """
+    return focus is None or (form in OF_SIMULATION) == (focus == "simulation")
 
 
 def has_one_output(channels: ChannelLists) -> bool:

@@ -11,7 +11,7 @@ are damped as those of Levenberg and Marquardt.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, Protocol
 
 import numpy as np
@@ -26,8 +26,10 @@ Weighing = Literal["noise", "power"]
 # Widths of the smoothing relative to the mean absolute error of an output: the first one, and the
 # factor from one to the next.
 FIRST_WIDTH, NARROWER = 1.0, 0.1
-# The last one of a descent of a search, and of one to the last digits.
-SEARCH_WIDTH, POLISH_WIDTH = 1e-4, 1e-6
+# The last one of a descent of a search over orders, of one for an order, and to the last digits.
+SWEEP_WIDTH, SEARCH_WIDTH, POLISH_WIDTH = 1e-2, 1e-4, 1e-6
+# The first one of the last pass to the last digits, which stays at its optimum.
+LAST_PASS = 1e-3
 # A width is left when a step promises less than this share of it, or twice in a row gains less.
 TOLERANCE = 1e-3
 # Steps at one width.
@@ -108,18 +110,38 @@ def _weights(sizes: Array, weighing: Weighing) -> Array:
     return np.full(len(sizes), 1.0 / float(np.sum(sizes)))
 
 
-def descend(problem: AbsoluteErrors, start: Array, last_width: float) -> Optimum:
+def polish(problem: AbsoluteErrors, start: Array) -> Optimum:
+    """Minimise the criterion to the last digits, and never above the start.
+
+    A pass from wide smoothing may end at another optimum; the last one begins at the lower point.
+
+    Parameters
+    ----------
+    problem : AbsoluteErrors
+    start : (n,) array
+    """
+    first = descend(problem, start, SEARCH_WIDTH)
+    before = criterion(problem.errors(start), problem.weighing)
+    stays = before < first.criterion and problem.is_stable(start)
+    point = start if stays else first.point
+    last = descend(problem, point, POLISH_WIDTH, LAST_PASS)
+    return replace(last, evaluations=first.evaluations + last.evaluations)
+
+
+def descend(
+    problem: AbsoluteErrors, start: Array, last_width: float, first_width: float = FIRST_WIDTH
+) -> Optimum:
     """Minimise the criterion from a point.
 
     Parameters
     ----------
     problem : AbsoluteErrors
     start : (n,) array
-    last_width : float
+    last_width, first_width : float
         Of the smoothing, relative to the mean absolute errors.
     """
     found = _Descent(problem, start)
-    width, converged = FIRST_WIDTH, False
+    width, converged = first_width, False
     while np.isfinite(found.errors).all():
         converged = found.at_width(width)
         if width <= last_width * (1.0 + 1e-9):

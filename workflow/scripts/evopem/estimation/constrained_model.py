@@ -12,6 +12,7 @@ from evopem.errors import InputError
 from evopem.estimation.pem.constrained_parameters import (
     ConstrainedParameters,
     Gain,
+    GivenGain,
     Linear,
     Sections,
     null_space,
@@ -55,21 +56,43 @@ def constrained_parameters(
     InputError
         When no polynomial has the fixed poles and coefficients, or no pole the frequencies.
     """
-    polynomials: dict[str, Sections | Linear] = {}
-    for name in "af":
-        polynomials[name] = _plant_polynomial(
-            name, constraints, orders, sampling_rate, stability_radius
-        )
-    for name in "cd":
-        polynomials[name] = _linear(np.ones(1), *_fixed(name, constraints, orders))
-    gain, shared = _gain(constraints, orders, b_scale)
+    plant = {
+        name: plant_polynomial(name, constraints, orders, sampling_rate, stability_radius)
+        for name in "af"
+    }
+    noise = {name: _linear(np.ones(1), *_fixed(name, constraints, orders)) for name in "cd"}
+    numerator, gain = numerator_of(constraints, orders, b_scale)
+    rest = int(level) + orders.nf + orders.noise_states
+    offset, basis = np.zeros(rest), np.eye(rest)
+    if level and level_value is not None:
+        offset[0], basis = level_value, basis[:, 1:]
+    polynomials = {"a": plant["a"], "b": numerator, **noise, "f": plant["f"]}
+    polynomials["rest"] = Linear(offset, basis)
+    return ConstrainedParameters(polynomials, {} if gain is None else {"b": gain})
+
+
+def numerator_of(
+    constraints: Constraints, orders: PolynomialOrders, b_scale: float, f: str = "f"
+) -> tuple[Linear, GivenGain | None]:
+    """The coefficients of a numerator, and the static gain that determines them.
+
+    Parameters
+    ----------
+    constraints : Constraints
+    orders : PolynomialOrders
+    b_scale : float
+        As of :func:`constrained_parameters`.
+    f : str
+        Name of the denominator.
+    """
     free, values = _fixed("b", constraints, orders)
-    values = values / b_scale
     basis = np.eye(orders.nb)[:, free]
-    if shared is not None:
+    gain = _gain(constraints, b_scale)
+    given = None
+    if gain is not None:
+        given = GivenGain(gain, free / float(free.sum()), f)
         basis = basis @ null_space(np.ones((1, int(free.sum()))))
-    polynomials["b"] = Linear(np.where(free, 0.0, values), basis)
-    return ConstrainedParameters(orders, level, polynomials, gain, shared, level_value)
+    return Linear(np.where(free, 0.0, values / b_scale), basis), given
 
 
 def equalities(constraints: Constraints) -> list[str]:
@@ -112,13 +135,14 @@ def priors_of(
     return Priors(tuple(terms), parameters.parts, sampling_rate)
 
 
-def _plant_polynomial(
+def plant_polynomial(
     name: str,
     constraints: Constraints,
     orders: PolynomialOrders,
     sampling_rate: float,
     stability_radius: float,
 ) -> Sections | Linear:
+    """A or F, ``name``; parameters and errors as of :func:`constrained_parameters`."""
     order = getattr(orders, f"n{name}")
     factor = np.ones(1)
     if order and name == ("f" if orders.nf else "a"):
@@ -242,10 +266,8 @@ def _linear(
     return Linear(offset, basis, radius, inner_offset, inner_basis, radius_name)
 
 
-def _gain(
-    constraints: Constraints, orders: PolynomialOrders, b_scale: float
-) -> tuple[Gain | None, Array | None]:
-    """The static gain's bounds in the units of a point, and the share of each coefficient of B."""
+def _gain(constraints: Constraints, b_scale: float) -> Gain | None:
+    """The static gain's bounds in the units of a point."""
     if constraints.static_gain is not None:
         bounds: tuple[float | None, float | None] = (
             constraints.static_gain,
@@ -254,7 +276,6 @@ def _gain(
     elif constraints.static_gain_bounds is not None:
         bounds = constraints.static_gain_bounds
     else:
-        return None, None
+        return None
     lower, upper = (None if bound is None else bound / b_scale for bound in bounds)
-    free, _ = _fixed("b", constraints, orders)
-    return Gain(lower, upper), free / float(free.sum())
+    return Gain(lower, upper)

@@ -214,6 +214,32 @@ class StateSpaceModel:
         remainder = y - self.simulate(inputs)
         return self._fitted_state(self.A, remainder, np.std(y, axis=0), known=known)[0]
 
+    def driven_state(self, inputs: ArrayLike, outputs: ArrayLike, first: int) -> Array:
+        """Initial state of a size to which the inputs drive the states, (n,).
+
+        The most probable one by the first outputs: of normal states with the second moments of a
+        simulation from rest, in noise of the size that :meth:`simulation_state` leaves.
+
+        Parameters
+        ----------
+        inputs : (N, nu) array_like
+        outputs : (N, ny) array_like
+        first : int
+            Samples whose outputs count.
+        """
+        u, y = self._signals(inputs, outputs)
+        left = np.std(y - self.simulate(inputs, self.simulation_state(inputs, outputs)), axis=0)
+        driven = _states(self.A, u @ self.B.T, None)
+        moments, directions = np.linalg.eigh(driven.T @ driven / len(driven))
+        directions *= np.sqrt(np.maximum(moments, 0.0))
+        weights = 1.0 / np.where(np.isfinite(left) & (left > 0.0), left, 1.0)
+        responses = self._free_responses(self.A, first) @ directions * weights[:, None]
+        remainder = (y - self.simulate(inputs))[:first] * weights
+        rows = np.vstack([responses.reshape(-1, self.order), np.eye(self.order)])
+        wanted = np.concatenate([remainder.ravel(), np.zeros(self.order)])
+        state: Array = directions @ np.linalg.lstsq(rows, wanted)[0]
+        return state
+
     def levelled(self, inputs: ArrayLike, outputs: ArrayLike) -> tuple[StateSpaceModel, Array]:
         """The model with the level, and the initial state, of the simulation that fits best.
 
@@ -370,10 +396,7 @@ class StateSpaceModel:
         columns = self.order + self.outputs * free_level
         free = np.empty((len(remainder), self.outputs, columns))
         free[:, :, self.order :] = np.eye(self.outputs)[:, : columns - self.order]
-        response = self.C
-        for sample in range(len(remainder)):
-            free[sample, :, : self.order] = response
-            response = response @ dynamics
+        free[:, :, : self.order] = self._free_responses(dynamics, len(remainder))
         weighted, wanted = free * weights[:, None], remainder * weights
         if known is not None:
             weighted, wanted = weighted[known], wanted[known]
@@ -386,6 +409,15 @@ class StateSpaceModel:
         level: Array = np.zeros(self.outputs)
         level[: columns - self.order] = fitted[self.order :]
         return fitted[: self.order], level
+
+    def _free_responses(self, dynamics: Array, samples: int) -> Array:
+        """Outputs after an initial state of one at each state, (samples, ny, n)."""
+        responses = np.empty((samples, self.outputs, self.order))
+        response = self.C
+        for sample in range(samples):
+            responses[sample] = response
+            response = response @ dynamics
+        return responses
 
     def _unit_circle(self, frequencies: ArrayLike) -> NDArray[np.complex128]:
         f = np.asarray(frequencies, dtype=float)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -35,15 +36,25 @@ def decide_preparation(
     settings: PreparationSettings,
     given: GivenPreparation,
     has_validation_recording: bool,
+    recorded: Sequence[str] = (),
 ) -> None:
     """Decide how the recording is prepared, without a look at the validation samples.
+
+    Parameters
+    ----------
+    files : DatasetFiles
+    settings : PreparationSettings
+    given : GivenPreparation
+    has_validation_recording : bool
+    recorded : sequence of str
+        The recorded files, those for validation last, for errors to name.
 
     Raises
     ------
     InputError
         When the recording cannot be divided, or nothing can be identified from it.
     """
-    divided = _divided(files, settings, has_validation_recording)
+    divided = _divided(files, settings, has_validation_recording, recorded=recorded)
     try:
         with threadpool_limits(limits=1, user_api="blas"):
             transforms = _decide_transforms(divided, given)
@@ -114,6 +125,7 @@ def _divided(
     settings: PreparationSettings,
     has_validation_recording: bool,
     plan: TransformPlan = NO_TRANSFORMS,
+    recorded: Sequence[str] = (),
 ) -> PreparedData:
     """Both parts of the recording, with the transforms of the configuration and of a plan."""
     place = f"datasets.{files.name}"
@@ -126,7 +138,7 @@ def _divided(
         transforms = replace(transforms, box_cox=plan.box_cox)
     settings = replace(settings, transforms=transforms)
     if not plan.has_trend:
-        return prepare_recordings(recording, settings, validation, place)
+        return prepare_recordings(recording, settings, validation, place, recorded)
     return _without_trend(recording, settings, plan, place)
 
 

@@ -89,6 +89,7 @@ def _stages_of_the_chapter(
             sample_requirements(settings),
             _is_validated(settings),
             (settings.fit, settings.order_grid) if settings.fit.changes_model else None,
+            _recorded(settings),
         ),
         "spectrum": partial(estimate_spectrum, files, settings.spectrum),
     }
@@ -107,7 +108,9 @@ def _automatic_stages(
     other = automatic.other_purpose
     wanted = (automatic.structure,) if automatic.structure else searched
     listed: dict[str, Stage] = {
-        "plan": partial(decide_preparation, files, preparation, given, validated),
+        "plan": partial(
+            decide_preparation, files, preparation, given, validated, _recorded(settings)
+        ),
         "preparation": partial(apply_preparation, files, preparation, validated),
         "spectrum": partial(estimate_spectrum, files, settings.spectrum),
         "folds": partial(decide_folds, files),
@@ -122,6 +125,14 @@ def _automatic_stages(
         "other_model": partial(complete_other_model, files, other, settings.search),
         "decisions": partial(collect_decisions, files, searched, other),
     }
+
+
+def _recorded(settings: DatasetSettings) -> tuple[str, ...]:
+    """The recorded files, those for validation last; none of a synthetic recording."""
+    source = settings.source
+    if not isinstance(source, RecordedSource):
+        return ()
+    return (*source.files, *source.validation_files)
 
 
 def _is_validated(settings: DatasetSettings) -> bool:

@@ -30,6 +30,7 @@ from evopem.automatic.state_space_search import (
     search_variant,
     searched_orders,
 )
+from evopem.config.constraints import InputConstraints
 from evopem.config.settings import SplitSettings
 from evopem.config.state_space_keys import state_space_yaml
 from evopem.config.state_space_settings import (
@@ -205,18 +206,22 @@ def choose_state_space(
 
 
 def estimate_chosen_state_space(
-    files: DatasetFiles, search: StateSpaceSearchSettings, log: Log | None = None
+    files: DatasetFiles,
+    search: StateSpaceSearchSettings,
+    constraints: InputConstraints | None = None,
+    log: Log | None = None,
 ) -> None:
     """Search the chosen model globally, add its noise model, and write what follows from it.
 
     Raises
     ------
     InputError
-        When the record is too short.
+        When the record is too short, or no model of the order meets the constraints.
     """
     data = _prepared(files)
     choice = load(StateSpaceChoice, files.decision("comparison")).model
-    record = _estimated(files, data, choice, search, partial(search_chosen, log=log))
+    estimate = partial(search_chosen, constraints=constraints, log=log)
+    record = _estimated(files, data, choice, search, estimate, constraints)
     save(record, files.model)
     if record.polynomials is None:
         save_state_space_mat(record.model, files.model_mat)
@@ -226,7 +231,11 @@ def estimate_chosen_state_space(
         write_table(files.frequency_response, frequency_response_rows(record, data.estimation))
 
 
-def complete_other_state_space(files: DatasetFiles, search: StateSpaceSearchSettings) -> None:
+def complete_other_state_space(
+    files: DatasetFiles,
+    search: StateSpaceSearchSettings,
+    constraints: InputConstraints | None = None,
+) -> None:
     """Keep the model for the other purpose, with its errors on the validation samples.
 
     It is the one of the search over orders, without a global search of its own.
@@ -240,7 +249,8 @@ def complete_other_state_space(files: DatasetFiles, search: StateSpaceSearchSett
     choice = load(StateSpaceChoice, files.decision("comparison")).other
     assert choice is not None  # only data sets with inputs have another purpose
     with threadpool_limits(limits=1, user_api="blas"):
-        record = _estimated(files, data, choice, search, estimate_as_searched)
+        estimate = partial(estimate_as_searched, constraints=constraints)
+        record = _estimated(files, data, choice, search, estimate, constraints)
         errors = mean_errors(record.model, data.validation, choice.level == "state")
     save(record, files.other_model(choice.purpose))
     save(OtherModel(choice.purpose, record.text, *errors), files.other_errors(choice.purpose))
@@ -252,6 +262,7 @@ def _estimated(
     choice: ModelChoice,
     search: StateSpaceSearchSettings,
     estimate: Callable[..., ChosenModel],
+    constraints: InputConstraints | None,
 ) -> MultichannelModelRecord:
     """The model of a choice, estimated from the one that the search over orders found."""
     delays = load(DelayChoice, files.decision("delays")).delays
@@ -259,6 +270,8 @@ def _estimated(
     settings = _settings(search, choice.variant)
     try:
         found = estimate(choice, start, data.estimation, delays, settings)
+    except InputError as error:
+        raise _unmet(f"datasets.{files.name}", error) from None
     except ValueError as error:
         raise _too_short(f"datasets.{files.name}", error) from None
     return MultichannelModelRecord.of(
@@ -270,6 +283,7 @@ def _estimated(
         data.transforms,
         choice.level,
         found.polynomials,
+        constraints,
     )
 
 
@@ -379,9 +393,13 @@ def channel_stages(
         limits = choices.joint if is_polynomial(variant.form) else choices.orders
         listed[variant.name] = partial(search_state_space, files, variant, limits, search, log)
     listed["structures"] = partial(choose_state_space, files, variants, choices)
-    listed["chosen"] = partial(estimate_chosen_state_space, files, search, log)
+    listed["chosen"] = partial(
+        estimate_chosen_state_space, files, search, settings.constraints, log
+    )
     if source.channels.inputs:
-        listed["other_model"] = partial(complete_other_state_space, files, search)
+        listed["other_model"] = partial(
+            complete_other_state_space, files, search, settings.constraints
+        )
     listed["validation"] = partial(validate_state_space, files)
     listed["decisions"] = partial(collect_state_space_decisions, files)
     listed["summary"] = partial(summarize_state_space, files)
@@ -435,6 +453,12 @@ def _settings(search: StateSpaceSearchSettings, variant: Variant) -> StateSpaceS
         evaluations=search.evaluations,
         objective=search.objective,
     )
+
+
+def _unmet(place: str, error: InputError) -> InputError:
+    """An error of constraints, which names its argument, with the key of the data set."""
+    key = ".".join(filter(None, (place, error.source, error.place)))
+    return InputError(key, error.problem, error.remedy)
 
 
 def _too_short(place: str, error: ValueError) -> InputError:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from evopem.config.order_grid import check_samples
 from evopem.config.settings import (
     FitSettings,
@@ -24,8 +26,20 @@ def prepare_signals(
     requirements: SampleRequirements,
     has_validation_recording: bool,
     fit: tuple[FitSettings, OrderGrid] | None = None,
+    recorded: Sequence[str] = (),
 ) -> None:
     """Make both signals stationary, and divide them for estimation and validation.
+
+    Parameters
+    ----------
+    files : DatasetFiles
+    settings : PreparationSettings
+    requirements : SampleRequirements
+    has_validation_recording : bool
+    fit : (FitSettings, OrderGrid), optional
+        Whose constraints are checked with the sampling rate.
+    recorded : sequence of str
+        The recorded files, those for validation last, for errors to name.
 
     Raises
     ------
@@ -39,7 +53,7 @@ def prepare_signals(
     validation = load_recording(files.validation_recording) if has_validation_recording else None
     if validation is not None:
         check_independent(recording, validation, f"{place}.validation_file")
-    prepared = prepare_recordings(recording, settings, validation, place)
+    prepared = prepare_recordings(recording, settings, validation, place, recorded)
     _check_samples(requirements, prepared, place)
     if fit is not None:
         check_fit(*fit, prepared.estimation.sampling_rate, place, "")

@@ -366,6 +366,11 @@ class Provider:
 
         return existing
 
+    def recorded_names(self, wildcards: Wildcards) -> list[str]:
+        """The recorded files of a data set, those for validation last, as they are written."""
+        keys = ("file", "validation_file") if wildcards.dataset in self.recorded else ()
+        return [path for key in keys for path in self._files(wildcards.dataset, key)]
+
     def batch_files(self, wildcards: BatchWildcards) -> list[str]:
         """The recorded files of a batch that exist: the job of a batch knows what it has read."""
         return [

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from evopem.config.constraints import Constraints, FixedPole, Prior
 from evopem.estimation.model_record import FitRecord
+from evopem.estimation.state_space.model_record import ConstrainedFit
 from evopem.report.numbers import number, percent, plural
 
 
@@ -44,13 +45,39 @@ def fit_sentences(fit: FitRecord | None) -> list[str]:
         )
     if fit.settings.constraints is not None:
         sentences.append(
-            "The order search did not know the constraints; the model of the selected orders meets"
-            f" them. Its objective is {percent(fit.objective, 5)}; without them it is"
-            f" {percent(fit.objective_without, 5)}."
+            f"{_cost(fit)}"
             " Standard errors are zero across active constraints and count a prior as an"
             " observation."
         )
     return sentences
+
+
+def input_constraint_rows(fit: ConstrainedFit | None) -> list[ConstraintRow]:
+    """List the constraints that were given for a model with several inputs."""
+    if fit is None:
+        return []
+    given = fit.settings
+    rows = [(key, value, key) for key, value in _values(given.poles)]
+    for name in {**given.static_gain, **given.static_gain_bounds}:
+        own = replace(given.of_input(name), fixed_poles=())
+        values = [each for each in _values(own) if each[0].startswith("static_gain")]
+        rows += [(f"{key}.{name}", value, key) for key, value in values]
+    return [ConstraintRow(place, value, _effect(key, fit.active)) for place, value, key in rows]
+
+
+def input_fit_sentences(fit: ConstrainedFit | None) -> list[str]:
+    """What all constraints of a model with several inputs together cost in fit."""
+    if fit is None:
+        return []
+    return [f"{_cost(fit)} Standard errors are zero across active constraints."]
+
+
+def _cost(fit: FitRecord | ConstrainedFit) -> str:
+    return (
+        "The order search did not know the constraints; the model of the selected orders meets"
+        f" them. Its objective is {percent(fit.objective, 5)}; without them it is"
+        f" {percent(fit.objective_without, 5)}."
+    )
 
 
 def _effect(key: str, active: tuple[str, ...]) -> str:

@@ -23,6 +23,7 @@ from evopem.figures.channel_drawings import (
 from evopem.figures.shape_drawings import ShapeDrawing
 from evopem.models.state_space_modes import ShapedMode
 from evopem.report import provenance
+from evopem.report.fit_table import input_constraint_rows, input_fit_sentences
 from evopem.report.numbers import count, hertz, number, percent, plural
 from evopem.report.recording_table import recording_rows
 from evopem.report.sentences.about_decisions import PurposeRow, decision_row
@@ -141,6 +142,8 @@ def build_state_space_report(
         variant_words=VARIANT_WORDS,
         order_words=_order_words(results),
         purposes=_purposes(results),
+        constraints=input_constraint_rows(results.model.fit),
+        fit_sentences=input_fit_sentences(results.model.fit),
         decisions=[decision_row(each) for each in results.decisions.decisions],
         provenance=_provenance(results, commit),
         stages=wall_clock,

@@ -18,6 +18,7 @@ from evopem.signals.sections import (
     check_differences,
     discarded,
     estimation_range,
+    prepared_samples,
     section,
     transform_outputs,
 )
@@ -39,6 +40,7 @@ def prepare_recordings(
     settings: PreparationSettings,
     validation_recording: Recording | None = None,
     place: str = "",
+    recorded: Sequence[str] = (),
 ) -> PreparedData:
     """Make one or several recordings stationary, and divide them for estimation and validation.
 
@@ -56,6 +58,8 @@ def prepare_recordings(
         One or several independent recordings.
     place : str, optional
         Configuration key of the data set, for errors to name.
+    recorded : sequence of str
+        Files of the recordings, those for validation last, for errors to name.
 
     Raises
     ------
@@ -64,7 +68,7 @@ def prepare_recordings(
     """
     others = [] if validation_recording is None else separated(validation_recording)
     if not recording.is_joined and len(others) <= 1:
-        return prepare(recording, settings, validation_recording, place)
+        return prepare(recording, settings, validation_recording, place, recorded)
     key = f"{place}." if place else ""
     own, rate = separated(recording), recording.sampling_rate
     if validation_recording is not None:
@@ -90,10 +94,8 @@ def prepare_recordings(
     }
     for name, found in parts.items():
         for each in found:
-            number = each.origin.recording + 1
-            check_recording(
-                each.recording, f"{key}{name} (recording {number}, the samples as prepared)"
-            )
+            called = prepared_samples(f"{key}{name}", recorded, each.origin.recording)
+            check_recording(each.recording, called)
     joined = {name: _joined(found) for name, found in parts.items()}
     origins = {name: tuple(each.origin for each in found) for name, found in parts.items()}
     first, held_out = origins["estimation"][0], origins["validation"][0]

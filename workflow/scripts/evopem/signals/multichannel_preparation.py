@@ -23,7 +23,7 @@ from evopem.signals.multichannel import (
     multichannel_names,
 )
 from evopem.signals.resampling import resample_recording
-from evopem.signals.sections import estimation_range
+from evopem.signals.sections import estimation_range, prepared_samples
 from evopem.signals.shared_samples import check_independent
 
 Source = Literal["cut", "file", "recordings"]
@@ -149,11 +149,15 @@ def divide_multichannel(
     own = len(recording.records)
     estimation, held_out, source = _ranges(records, own, split, place)
     fitted, scored = _cut(records, estimation), _cut(records, held_out)
-    names = recorded or [f"recording {number + 1}" for number in range(len(records))]
-    _check_part(fitted, f"{place}.estimation", [names[each[0]] for each in estimation])
-    _check_part(scored, f"{place}.validation", [names[each[0]] for each in held_out])
-    if own > 1:
-        _check_lengths(fitted, f"{place}.file", [names[each[0]] for each in estimation])
+    for name, part, ranges in (
+        ("estimation", fitted, estimation),
+        ("validation", scored, held_out),
+    ):
+        for record, (number, *_) in zip(part.records, ranges, strict=True):
+            called = prepared_samples(f"{place}.{name}", recorded, number)
+            check_multichannel(record, called, measured=False)
+            if name == "estimation" and own > 1:
+                _check_length(record, called)
     several = own > 1 or len(others) > 1
     return centred(
         fitted,
@@ -275,20 +279,14 @@ def _cut(
     )
 
 
-def _check_part(part: MultichannelRecording, place: str, files: Sequence[str]) -> None:
-    for record, file in zip(part.records, files, strict=True):
-        check_multichannel(record, f"{place} (the samples of {file} as prepared)", measured=False)
-
-
-def _check_lengths(estimation: MultichannelRecording, place: str, files: Sequence[str]) -> None:
-    for record, file in zip(estimation.records, files, strict=True):
-        if record.samples < SHORTEST_RECORD:
-            raise InputError(
-                place,
-                f"{file} has {record.samples} estimation samples, and each of several recordings"
-                f" needs {SHORTEST_RECORD}",
-                "leave it out of the data set, or record longer",
-            )
+def _check_length(record: MultichannelRecording, called: str) -> None:
+    if record.samples < SHORTEST_RECORD:
+        raise InputError(
+            called,
+            f"there are only {record.samples}, and each of several recordings needs"
+            f" {SHORTEST_RECORD} for estimation",
+            "leave it out of the data set, or record longer",
+        )
 
 
 def _origins(recording: MultichannelRecording, ranges: Sequence[Range]) -> tuple[RecordOrigin, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, get_args
@@ -27,6 +28,7 @@ from evopem.signals.sections import (
     check_differences,
     discarded,
     estimation_range,
+    prepared_samples,
     section,
     transform_outputs,
 )
@@ -186,6 +188,7 @@ def prepare(
     settings: PreparationSettings,
     validation_recording: Recording | None = None,
     place: str = "",
+    recorded: Sequence[str] = (),
 ) -> PreparedData:
     """Make a recording stationary and divide it for estimation and validation.
 
@@ -205,6 +208,8 @@ def prepare(
         An independent recording to validate on, instead of the end of this one.
     place : str, optional
         Configuration key of the data set, such as ``datasets.arm``, for errors to name.
+    recorded : sequence of str
+        The recorded file, and the one for validation, for errors to name.
 
     Returns
     -------
@@ -253,8 +258,9 @@ def prepare(
         replace(part, input=part.input - input_mean, output=part.output - output_mean)
         for part in (estimation, validation)
     ]
-    check_recording(centred[0], f"{key}estimation (the samples as prepared)")
-    check_recording(centred[1], f"{key}validation (the samples as prepared)")
+    check_recording(centred[0], prepared_samples(f"{key}estimation", recorded, 0))
+    held_out = len(records) - 1
+    check_recording(centred[1], prepared_samples(f"{key}validation", recorded, held_out))
     return PreparedData(
         estimation=centred[0],
         validation=centred[1],

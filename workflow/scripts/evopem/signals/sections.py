@@ -13,6 +13,22 @@ from evopem.signals.recording import Recording
 from evopem.signals.transforms import box_cox, difference, likeliest_box_cox, positive_shift
 
 
+def prepared_samples(place: str, recorded: Sequence[str], number: int) -> str:
+    """What an error calls the prepared samples of a recording, by its file where it is known.
+
+    Parameters
+    ----------
+    place : str
+        The part that they belong to, such as ``datasets.arm.validation``.
+    recorded : sequence of str
+        Files of the recordings, those for validation last.
+    number : int
+        Of the recording, from 0.
+    """
+    name = recorded[number] if recorded else f"recording {number + 1}"
+    return f"{place} (the samples of {name} as prepared)"
+
+
 def check_differences(transforms: TransformSettings, source: str) -> None:
     """Refuse numbers of differences that are none."""
     for name in ("difference", "difference_input"):

@@ -18,7 +18,7 @@ UNDETERMINED = 1e-14
 
 
 def parameter_covariance(
-    errors: MultiInputErrors, point: Array, residuals: Array
+    errors: MultiInputErrors, point: Array, residuals: Array, tangent: Array | None = None
 ) -> ParameterCovariance | None:
     """Covariance of ``[a, b_1 ... b_m, c, d, f_1 ... f_m, level]`` in the units of the record.
 
@@ -33,6 +33,8 @@ def parameter_covariance(
     errors : MultiInputErrors
     point : (n,) array
     residuals : (samples,) array
+    tangent : (n, k) array, optional
+        Directions of a point that active constraints leave free; by default all.
 
     Returns
     -------
@@ -45,7 +47,9 @@ def parameter_covariance(
         if not density > 0.0:
             return None
         scores = np.sign(residuals) / (2.0 * density)
-    columns = errors.jacobian(point)
+    columns, mapping = errors.jacobian(point), _mapping(errors)
+    if tangent is not None:
+        columns, mapping = columns @ tangent, mapping @ tangent
     size = np.linalg.norm(columns, axis=0)
     size[size == 0.0] = 1.0
     columns = columns / size
@@ -54,7 +58,7 @@ def parameter_covariance(
     inverse = vectors[:, kept] / values[kept]
     middle = inverse.T @ _score_covariance(errors, columns, scores) @ inverse
     square, turned = np.linalg.eigh(0.5 * (middle + middle.T))
-    mapping = _mapping(errors) / size
+    mapping = mapping / size
     root = turned * np.sqrt(np.maximum(square, 0.0))
     return ParameterCovariance(mapping @ (vectors[:, kept] @ root), mapping @ vectors[:, ~kept])
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.estimation import absolute_descent
-from evopem.estimation.absolute_descent import POLISH_WIDTH, SEARCH_WIDTH
+from evopem.estimation.absolute_descent import SEARCH_WIDTH
 from evopem.estimation.multi_input.errors import MultiInputErrors
 from evopem.estimation.pem import levenberg_marquardt
 from evopem.estimation.pem.levenberg_marquardt import Optimum
@@ -34,7 +34,9 @@ def descend(
     """
     if errors.objective == "quadratic":
         return levenberg_marquardt.descend(errors, start, max_iterations, tolerance)
-    width = SEARCH_WIDTH if tolerance >= TOLERANCE else POLISH_WIDTH
-    found = absolute_descent.descend(errors, start, width)
+    if tolerance >= TOLERANCE:
+        found = absolute_descent.descend(errors, start, SEARCH_WIDTH)
+    else:
+        found = absolute_descent.polish(errors, start)
     value = 100.0 * (float(np.exp(found.criterion)) - absolute_descent.ROUNDING)
     return Optimum(found.point, value, found.converged, found.evaluations)

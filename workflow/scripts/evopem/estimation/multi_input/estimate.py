@@ -10,9 +10,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from threadpoolctl import threadpool_limits
 
+from evopem.config.constraints import InputConstraints
 from evopem.config.settings import SearchSettings
 from evopem.config.structures import STRUCTURES
 from evopem.estimation.criteria import lies_at_bound
+from evopem.estimation.multi_input.constrained import (
+    check_input_constraints,
+    constrained_inputs,
+    constrained_optimum,
+)
 from evopem.estimation.multi_input.covariance import parameter_covariance
 from evopem.estimation.multi_input.descent import descend
 from evopem.estimation.multi_input.errors import (
@@ -31,6 +37,7 @@ from evopem.estimation.multi_input.problem import (
     starting_points,
 )
 from evopem.estimation.pem.levenberg_marquardt import Optimum
+from evopem.estimation.polynomial_estimate import ConstraintEffect
 from evopem.estimation.search.global_search import global_search
 from evopem.estimation.search.problem import SearchDiagnostics, SearchResult
 from evopem.estimation.state_space.noise_colour import autoregression_of, limited
@@ -51,6 +58,8 @@ WIDTH, FINAL_WIDTH = 3, 8
 MOST_NOISE = 4
 # Orders of A of the general structure, whose F_i have the joint order.
 SHARED_POLES = 1
+# Last number of the key of the draws under constraints.
+CONSTRAINED = 1
 # Steps of a descent after which a model of smaller orders is scored.
 REDUCTION_STEPS = 20
 
@@ -79,6 +88,8 @@ class MultiInputEstimate:
     at_stability_bound : bool
         Whether a root of A, C, D or F_i lies at the largest radius allowed.
     search : SearchResult
+    constraints : ConstraintEffect, optional
+        What the constraints took; None without any.
     """
 
     model: MultiInputModel
@@ -89,6 +100,7 @@ class MultiInputEstimate:
     residuals: tuple[Array, ...] = field(repr=False)
     at_stability_bound: bool
     search: SearchResult = field(repr=False)
+    constraints: ConstraintEffect | None = None
 
     @property
     def plant_states(self) -> int:
@@ -104,6 +116,7 @@ def estimate_multi_input(
     sampling_rate: float = 1.0,
     *,
     settings: SearchSettings | None = None,
+    constraints: InputConstraints | None = None,
     input_names: Sequence[str] = (),
     output_name: str = "",
     log: Log | None = None,
@@ -124,6 +137,8 @@ def estimate_multi_input(
     settings : SearchSettings, optional
         :data:`SETTINGS`, with the quadratic objective, by default.  The draws come from
         ``SeedSequence(seed, spawn_key=...)`` of the orders.
+    constraints : InputConstraints, optional
+        What the model must meet; without ``input_names`` the inputs are called 1, 2, ...
     input_names : sequence of str, optional
     output_name : str
     log : callable, optional
@@ -131,6 +146,8 @@ def estimate_multi_input(
 
     Raises
     ------
+    InputError
+        When constraints contradict each other or the orders.
     ValueError
         When orders and structure do not fit, or the record is too short.
 
@@ -148,11 +165,24 @@ def estimate_multi_input(
     settings = settings or SETTINGS
     us, ys = _records(inputs, output)
     wanted = multi_input_orders(structure, orders, us[0].shape[1])
+    names = tuple(input_names) or tuple(str(k + 1) for k in range(wanted.inputs))
+    if constraints is not None:
+        check_input_constraints(constraints, wanted, names, sampling_rate)
     with threadpool_limits(limits=1, user_api="blas"):
         record = _record(us, ys, wanted, wanted.first_residual)
         errors = MultiInputErrors(record, wanted, settings.max_root_radius, settings.objective)
         found = _searched(errors, settings, log)
-        estimate = _described(errors, found, sampling_rate)
+        if constraints is None:
+            estimate = _described(errors, found, sampling_rate)
+        else:
+            parameters = constrained_inputs(constraints, errors, names, sampling_rate)
+            generator = _generator(errors, settings, CONSTRAINED)
+            best = constrained_optimum(errors, parameters, found, generator)
+            estimate = _described(errors, best.result, sampling_rate, best.tangent)
+            given = [key for key in ("static_gain",) if getattr(constraints, key)]
+            given += ["fixed_poles"] if constraints.poles.fixed_poles else []
+            effect = ConstraintEffect(best.result.value, found.value, (*given, *best.active))
+            estimate = replace(estimate, constraints=effect)
     model = replace(estimate.model, input_names=tuple(input_names), output_name=output_name)
     return replace(estimate, model=model)
 
@@ -365,9 +395,11 @@ def _record(
     return multi_input_record([u for u, _ in long], [y for _, y in long], start)
 
 
-def _generator(errors: MultiInputErrors, settings: SearchSettings) -> np.random.Generator:
+def _generator(
+    errors: MultiInputErrors, settings: SearchSettings, *use: int
+) -> np.random.Generator:
     o = errors.orders
-    key = (list(STRUCTURES).index(o.structure), o.na, o.nc, o.nd, *o.nb, *o.nf, *o.nk)
+    key = (list(STRUCTURES).index(o.structure), o.na, o.nc, o.nd, *o.nb, *o.nf, *o.nk, *use)
     return np.random.default_rng(np.random.SeedSequence(settings.seed, spawn_key=key))
 
 
@@ -431,7 +463,10 @@ def _bic(errors: MultiInputErrors, value: float) -> float:
 
 
 def _described(
-    errors: MultiInputErrors, result: SearchResult, sampling_rate: float
+    errors: MultiInputErrors,
+    result: SearchResult,
+    sampling_rate: float,
+    tangent: Array | None = None,
 ) -> MultiInputEstimate:
     """The model at a search's best point, with criteria, residuals and covariance."""
     record = errors.record
@@ -439,7 +474,9 @@ def _described(
     square = float(residuals @ residuals)
     variance = square / max(record.samples - errors.dimension, 1)
     model = errors.model(result.point, sampling_rate, variance)
-    model = replace(model, covariance=parameter_covariance(errors, result.point, residuals))
+    model = replace(
+        model, covariance=parameter_covariance(errors, result.point, residuals, tangent)
+    )
     value, samples = errors.percent(residuals), record.samples
     own = residuals[:, None] * record.output_scale
     if errors.objective == "absolute":

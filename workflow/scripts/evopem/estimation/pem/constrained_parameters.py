@@ -23,7 +23,6 @@ from numpy.typing import NDArray
 from evopem.estimation.pem.kernels import stability_barriers
 from evopem.estimation.pem.pole_region import AT_EDGE, PoleRegion
 from evopem.models.polynomials import root_gradient, roots
-from evopem.models.structures import PolynomialOrders
 
 Array = NDArray[np.float64]
 
@@ -49,6 +48,11 @@ class Sections:
     factor: Array
     order: int
     region: PoleRegion
+
+    @property
+    def size(self) -> int:
+        """Number of coefficients."""
+        return len(self.factor) - 1 + self.order
 
     @property
     def codes(self) -> list[int]:
@@ -169,6 +173,11 @@ class Linear:
     radius_name: str = "stability"
 
     @property
+    def size(self) -> int:
+        """Number of coefficients."""
+        return len(self.offset)
+
+    @property
     def codes(self) -> list[int]:
         """Kinds of the coordinates."""
         return [FREE] * self.basis.shape[1]
@@ -253,64 +262,66 @@ class Gain:
         return self.codes == [SHARE] and bool(bounded[0] >= 1.0 - AT_EDGE)
 
 
+class GivenGain(NamedTuple):
+    """A static gain that determines B.
+
+    B is the offset and basis of coefficients that sum to zero; its free ones share the rest.
+
+    Attributes
+    ----------
+    gain : Gain
+    shared : (nb,) array
+        1 / count at the free coefficients of B, and zero elsewhere.
+    f : str
+        Name of the F of this B.
+    """
+
+    gain: Gain
+    shared: Array
+    f: str
+
+
 class ConstrainedParameters:
     """Coordinates of the points of a model that meet hard constraints.
 
     Parameters
     ----------
-    orders : PolynomialOrders
-    level : bool
-    polynomials : mapping of {"a", "b", "c", "d", "f"} to Sections or Linear
-    gain : Gain, optional
-        B is then the offset and basis of coefficients that sum to zero; its free coefficients
-        share the rest.
-    shared : (nb,) array, optional
-        1 / count at the free coefficients of B, and zero elsewhere.
-    level_value : float, optional
-        A level that is fixed.
+    polynomials : mapping of str to Sections or Linear
+        In the order of a point.  Those of the plant have names that begin with ``a`` or ``f``,
+        those of the numerators with ``b``; ``rest`` are levels and states.
+    gains : mapping of str to GivenGain
+        By the names of numerators.
     """
 
     def __init__(
         self,
-        orders: PolynomialOrders,
-        level: bool,
         polynomials: Mapping[str, Sections | Linear],
-        gain: Gain | None = None,
-        shared: Array | None = None,
-        level_value: float | None = None,
+        gains: Mapping[str, GivenGain] | None = None,
     ) -> None:
-        self.polynomials, self.gain, self.shared = dict(polynomials), gain, shared
-        states = orders.nf + orders.noise_states
-        lengths = {
-            "a": orders.na,
-            "b": orders.nb,
-            "c": orders.nc,
-            "d": orders.nd,
-            "f": orders.nf,
-            "rest": int(level) + states,
-        }
-        ends = np.cumsum([0, *lengths.values()])
-        names = tuple(lengths)
-        self.parts = {n: slice(ends[i], ends[i + 1]) for i, n in enumerate(names)}
-        rest = int(level) + states
-        offset, basis = np.zeros(rest), np.eye(rest)
-        if level and level_value is not None:
-            offset[0], basis = level_value, basis[:, 1:]
-        self.polynomials["rest"] = Linear(offset, basis)
+        self.polynomials, self.gains = dict(polynomials), dict(gains or {})
+        ends = np.cumsum([0, *(polynomial.size for polynomial in self.polynomials.values())])
+        self.parts = {n: slice(ends[i], ends[i + 1]) for i, n in enumerate(self.polynomials)}
         codes: list[int] = []
         self.own: dict[str, slice] = {}
-        for name in names:
-            found = self.polynomials[name].codes
-            self.own[name] = slice(len(codes), len(codes) + len(found))
-            codes += found
-        self.own["gain"] = slice(len(codes), len(codes) + len(gain.codes if gain else []))
-        codes += gain.codes if gain else []
+        for name, polynomial in self.polynomials.items():
+            self.own[name] = slice(len(codes), len(codes) + len(polynomial.codes))
+            codes += polynomial.codes
+        for name, given in self.gains.items():
+            own = slice(len(codes), len(codes) + len(given.gain.codes))
+            self.own[_gain_of(name)] = own
+            codes += given.gain.codes
         self.codes = np.array(codes, dtype=int)
         self.dimension = int(ends[-1])
         # Coordinates in which the residuals are linear.
         self.linear = np.zeros(len(codes), dtype=bool)
-        for name in ("b", "rest"):
-            self.linear[self.own[name]] = True
+        for name in self.polynomials:
+            if name[0] == "b" or name == "rest":
+                self.linear[self.own[name]] = True
+
+    @property
+    def plant(self) -> list[str]:
+        """Names of the polynomials with the poles of the plant."""
+        return [name for name in self.polynomials if name[0] in "af"]
 
     def bounded(self, z: Array) -> tuple[Array, Array, Array]:
         """Bounded coordinates, and their first and second derivatives by z."""
@@ -336,16 +347,17 @@ class ConstrainedParameters:
         for name, where in self.parts.items():
             own = self.own[name]
             point[where], derivatives[where, own] = self.polynomials[name].part(bounded[own])
-        if self.gain is not None and self.shared is not None:
-            g, by_coordinate = self.gain.value(bounded[self.own["gain"]])
-            at_a, at_f = (1.0 + float(np.sum(point[self.parts[name]])) for name in "af")
-            b = self.parts["b"]
+        for name, given in self.gains.items():
+            own = self.own[_gain_of(name)]
+            g, by_coordinate = given.gain.value(bounded[own])
+            at_a, at_f = (1.0 + float(np.sum(point[self.parts[each]])) for each in ("a", given.f))
+            b = self.parts[name]
             missing = g * at_a * at_f - float(np.sum(point[b]))
-            point[b] += missing * self.shared
+            point[b] += missing * given.shared
             change = g * at_f * derivatives[self.parts["a"]].sum(axis=0)
-            change += g * at_a * derivatives[self.parts["f"]].sum(axis=0)
-            change[self.own["gain"]] += by_coordinate * at_a * at_f
-            derivatives[b] += np.outer(self.shared, change)
+            change += g * at_a * derivatives[self.parts[given.f]].sum(axis=0)
+            change[own] += by_coordinate * at_a * at_f
+            derivatives[b] += np.outer(given.shared, change)
         return point, derivatives
 
     def coordinates(self, point: Array) -> Array:
@@ -353,21 +365,22 @@ class ConstrainedParameters:
         bounded = np.zeros(len(self.codes))
         for name, where in self.parts.items():
             bounded[self.own[name]] = self.polynomials[name].coordinates(point[where])
-        if self.gain is not None and self.gain.codes:
-            a, f = (1.0 + float(np.sum(point[self.parts[name]])) for name in "af")
-            gain = float(np.sum(point[self.parts["b"]])) / (a * f)
-            bounded[self.own["gain"]] = self.gain.coordinates(gain)
+        for name, given in self.gains.items():
+            a, f = (1.0 + float(np.sum(point[self.parts[each]])) for each in ("a", given.f))
+            gain = float(np.sum(point[self.parts[name]])) / (a * f)
+            bounded[self.own[_gain_of(name)]] = given.gain.coordinates(gain)
         return bounded
 
     def random(self, bounded: Array, generator: np.random.Generator) -> Array:
         """Coordinates z with random poles where these have sections, and a random gain."""
         bounded = bounded.copy()
-        for name in "af":
+        for name in self.plant:
             polynomial = self.polynomials[name]
             if isinstance(polynomial, Sections):
                 bounded[self.own[name]] = polynomial.random(generator)
-        if self.gain is not None and self.gain.codes:
-            bounded[self.own["gain"]] = generator.random()
+        for name, given in self.gains.items():
+            if given.gain.codes:
+                bounded[self.own[_gain_of(name)]] = generator.random()
         return self.unbounded(bounded)
 
     def snapped(self, z: Array) -> Array:
@@ -393,18 +406,19 @@ class ConstrainedParameters:
             block[where] = free
             blocks.append(block)
         tangent = np.hstack(blocks)
-        if self.gain is not None and self.shared is not None:
-            own = bounded[self.own["gain"]]
-            g, _ = self.gain.value(own)
-            at_a, at_f = (1.0 + float(np.sum(point[self.parts[name]])) for name in "af")
+        for name, given in self.gains.items():
+            where = self.own[_gain_of(name)]
+            own = bounded[where]
+            g, _ = given.gain.value(own)
+            at_a, at_f = (1.0 + float(np.sum(point[self.parts[each]])) for each in ("a", given.f))
             change = g * at_f * tangent[self.parts["a"]].sum(axis=0)
-            change += g * at_a * tangent[self.parts["f"]].sum(axis=0)
-            tangent[self.parts["b"]] += np.outer(self.shared, change)
-            if self.gain.active(own):
-                if self.gain.codes:
+            change += g * at_a * tangent[self.parts[given.f]].sum(axis=0)
+            tangent[self.parts[name]] += np.outer(given.shared, change)
+            if given.gain.active(own):
+                if given.gain.codes:
                     names.add("static_gain_bounds")
             else:
-                tangent = np.hstack([tangent, derivatives[:, self.own["gain"]]])
+                tangent = np.hstack([tangent, derivatives[:, where]])
         return tuple(sorted(names)), tangent
 
     def barriers(self, bounded: Array) -> tuple[float, Array, Array]:
@@ -412,12 +426,17 @@ class ConstrainedParameters:
         value = 0.0
         gradient = np.zeros(len(bounded))
         curvature = np.zeros((len(bounded), len(bounded)))
-        for name in "af":
+        for name in self.plant:
             own = self.own[name]
             found, slope, bend = self.polynomials[name].barrier(bounded[own])
             value += found
             gradient[own], curvature[own, own] = slope, bend
         return value, gradient, curvature
+
+
+def _gain_of(name: str) -> str:
+    """The name of the coordinate of a numerator's static gain."""
+    return f"gain of {name}"
 
 
 def null_space(rows: Array) -> Array:

@@ -18,6 +18,7 @@ from evopem.estimation.absolute_descent import (
     criterion,
     descend,
     linear_coefficients,
+    polish,
 )
 from evopem.estimation.pem.batch_bfgs import Descent
 from evopem.estimation.state_space.errors import Projection, StateSpaceErrors
@@ -131,9 +132,12 @@ class AbsoluteStateSpaceErrors:
         """A criterion in percent of the mean absolute outputs, y less its mean with a level."""
         return 100.0 * (float(np.exp(criterion)) - (ROUNDING if np.isfinite(criterion) else 0.0))
 
-    def descents(self, points: Array, last_width: float) -> Descent:
-        """Descents from each row of (m, n) points."""
-        optima = [descend(self, point, last_width) for point in points]
+    def descents(self, points: Array, last_width: float | None = None) -> Descent:
+        """Descents from each row of (m, n) points; without a last width to the last digits."""
+        optima = [
+            polish(self, point) if last_width is None else descend(self, point, last_width)
+            for point in points
+        ]
         return Descent(
             points=np.array([optimum.point for optimum in optima]).reshape(points.shape),
             values=np.array([self.percent(optimum.criterion) for optimum in optima]),

@@ -7,7 +7,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.estimation.absolute_descent import POLISH_WIDTH, SEARCH_WIDTH, output_weights
+from evopem.estimation.absolute_descent import (
+    SEARCH_WIDTH,
+    SWEEP_WIDTH,
+    output_weights,
+)
 from evopem.estimation.pem.batch_bfgs import Descent
 from evopem.estimation.pem.covariance import density_at_zero
 from evopem.estimation.state_space.absolute_errors import AbsoluteStateSpaceErrors
@@ -46,7 +50,7 @@ class AbsoluteStateSpaceProblem(StateSpaceProblem):
     def lowest_of(self, optima: list[Optimum]) -> tuple[Array, float, int]:
         """The lowest optimum next to those of the quadratic objective, its value, evaluations."""
         points = np.array([self.completed(each.point) for each in optima[:DESCENDED]])
-        found = self._absolute.descents(points, SEARCH_WIDTH)
+        found = self._absolute.descents(points, SWEEP_WIDTH)
         lowest = int(np.argmin(found.values))
         return found.points[lowest], float(found.values[lowest]), found.evaluations
 
@@ -84,8 +88,7 @@ class AbsoluteStateSpaceProblem(StateSpaceProblem):
 
     def descents(self, points: Array, steps: int, tolerance: float) -> Descent:  # noqa: ARG002
         """Descents from each row, to the last digits where the tolerance asks for them."""
-        width = SEARCH_WIDTH if tolerance >= TOLERANCE else POLISH_WIDTH
-        return self._absolute.descents(points, width)
+        return self._absolute.descents(points, SEARCH_WIDTH if tolerance >= TOLERANCE else None)
 
     def limited(self, errors: Array) -> Array:
         """Errors, (N, ny), with those that stand out drawn in."""

@@ -10,6 +10,9 @@ from evopem.models.state_space import StateSpaceModel
 
 Array = NDArray[np.float64]
 
+# Share of a record whose samples determine the state that its simulation begins with.
+FIRST_SHARE = 0.1
+
 
 def simulation_errors(
     model: StateSpaceModel, inputs: Array, outputs: Array, objective: Objective = "quadratic"
@@ -71,6 +74,43 @@ def continued_errors(
     scored = outputs[held_out]
     level = np.median(errors, axis=0) if objective == "absolute" else errors.mean(axis=0)
     return _relative(errors, scored, objective), _relative(errors - level, scored, objective)
+
+
+def errors_from_first_samples(
+    model: StateSpaceModel, inputs: Array, outputs: Array, objective: Objective = "quadratic"
+) -> tuple[Array, Array]:
+    """Errors of a simulation of a record by itself, whose first samples alone determine a state.
+
+    For the reason of :func:`continued_errors` the others determine none.  The first ones are not
+    scored.
+
+    Parameters as of :func:`continued_errors`.
+
+    Returns
+    -------
+    two (ny,) arrays
+        As of :func:`simulation_errors`, relative to all outputs, with the level of the model, and
+        with one that fits.
+    """
+    infinite = np.full(model.outputs, np.inf)
+    first = max(round(FIRST_SHARE * len(outputs)), 1)
+    with np.errstate(all="ignore"):
+        if np.abs(model.poles()).max() >= 1.0 + 1e-9:
+            return infinite, infinite
+        found = []
+        for each in (model, model.levelled(inputs, outputs)[0]):
+            errors = outputs - each.simulate(inputs, each.driven_state(inputs, outputs, first))
+            errors[:first] = 0.0
+            found.append(
+                _relative(errors, outputs, objective) * _of_all(len(outputs), first, objective)
+            )
+    return found[0], found[1]
+
+
+def _of_all(samples: int, first: int, objective: Objective) -> float:
+    """The factor from errors of all samples but the first to errors of all."""
+    share = samples / (samples - first)
+    return share if objective == "absolute" else float(np.sqrt(share))
 
 
 def prediction_errors(

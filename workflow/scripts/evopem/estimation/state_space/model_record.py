@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from evopem.config.constraints import InputConstraints
 from evopem.config.state_space_settings import StateSpaceSearchSettings
 from evopem.estimation.multi_input.estimate import MultiInputEstimate
 from evopem.estimation.search.problem import SearchDiagnostics
@@ -29,6 +30,39 @@ _FORMS = {
     "box_jenkins": "innovations next to Box-Jenkins",
 }
 _LIBRARIES = ("numpy", "scipy", "numba")
+
+
+@dataclass(frozen=True)
+class ConstrainedFit:
+    """The constraints of a model, and what they cost.
+
+    Attributes
+    ----------
+    settings : InputConstraints
+    objective, objective_without : float
+        With the constraints, and at the optimum without them, percent.
+    active : tuple of str
+        Equalities, and the inequalities at whose bound the model lies.
+    """
+
+    settings: InputConstraints
+    objective: float
+    objective_without: float
+    active: tuple[str, ...]
+
+    @classmethod
+    def of(
+        cls,
+        estimate: StateSpaceEstimate | MultiInputEstimate,
+        settings: InputConstraints | None,
+    ) -> ConstrainedFit | None:
+        """The record of an estimate; None without constraints."""
+        if settings is None or not isinstance(estimate, MultiInputEstimate):
+            return None
+        effect = estimate.constraints
+        if effect is None:
+            return None
+        return cls(settings, effect.objective, effect.objective_without, effect.active)
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +105,8 @@ class MultichannelModelRecord:
     transforms : MultichannelTransforms
     polynomials : MultiInputModel, optional
         The polynomial model whose innovations form the matrices are.
+    fit : ConstrainedFit, optional
+        Its constraints.
     evopem : str
         Version of this package.
     versions : dict
@@ -105,6 +141,7 @@ class MultichannelModelRecord:
     evopem: str
     versions: dict[str, str]
     polynomials: MultiInputModel | None = None
+    fit: ConstrainedFit | None = None
 
     @classmethod
     def of(
@@ -117,6 +154,7 @@ class MultichannelModelRecord:
         transforms: MultichannelTransforms,
         level: Literal["constant", "state"] = "constant",
         polynomials: MultiInputModel | None = None,
+        constraints: InputConstraints | None = None,
     ) -> MultichannelModelRecord:
         """The record of an estimate, and of the model with its noise model."""
         return cls(
@@ -144,6 +182,7 @@ class MultichannelModelRecord:
             versions={"python": platform.python_version()}
             | {library: version(library) for library in _LIBRARIES},
             polynomials=polynomials,
+            fit=ConstrainedFit.of(estimate, constraints),
         )
 
     @property
