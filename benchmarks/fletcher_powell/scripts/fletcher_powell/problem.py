@@ -85,7 +85,7 @@ class LeastSquaresProblem(FletcherPowellProblem):
         """Descend from each row."""
         return self.descend(points)
 
-    def polish(self, points: Array, coarse: bool = False) -> Descent:  # noqa: ARG002
+    def polish(self, points: Array) -> Descent:
         """Descend from each row to the last digits."""
         return least_squares_in_turn(self.objective, points, FINE)
 

@@ -11,13 +11,13 @@ are damped as those of Levenberg and Marquardt.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.estimation.damped_step import damped_step
+from evopem.estimation.damped_descent import Optimum, damped_step
 
 Array = NDArray[np.float64]
 Places = NDArray[np.intp] | slice
@@ -61,26 +61,6 @@ class AbsoluteErrors(Protocol):
         """Whether a descent may end there."""
 
 
-@dataclass(frozen=True, eq=False)
-class Optimum:
-    """Where a descent ended.
-
-    Attributes
-    ----------
-    point : (n,) array
-    criterion : float
-        Of :func:`criterion`; infinite where no stable point with finite errors was found.
-    converged : bool
-    evaluations : int
-        The Jacobians of a point count as one.
-    """
-
-    point: Array
-    criterion: float
-    converged: bool
-    evaluations: int
-
-
 def criterion(errors: Array, weighing: Weighing) -> float:
     """What is minimised, from errors (N, outputs).
 
@@ -122,7 +102,7 @@ def polish(problem: AbsoluteErrors, start: Array) -> Optimum:
     """
     first = descend(problem, start, SEARCH_WIDTH)
     before = criterion(problem.errors(start), problem.weighing)
-    stays = before < first.criterion and problem.is_stable(start)
+    stays = before < first.value and problem.is_stable(start)
     point = start if stays else first.point
     last = descend(problem, point, POLISH_WIDTH, LAST_PASS)
     return replace(last, evaluations=first.evaluations + last.evaluations)

@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from evopem.estimation import absolute_descent
 from evopem.estimation.absolute_descent import SEARCH_WIDTH
+from evopem.estimation.damped_descent import Optimum
 from evopem.estimation.multi_input.errors import MultiInputErrors
 from evopem.estimation.pem import levenberg_marquardt
-from evopem.estimation.pem.levenberg_marquardt import Optimum
 
 Array = NDArray[np.float64]
 
@@ -38,5 +38,5 @@ def descend(
         found = absolute_descent.descend(errors, start, SEARCH_WIDTH)
     else:
         found = absolute_descent.polish(errors, start)
-    value = 100.0 * (float(np.exp(found.criterion)) - absolute_descent.ROUNDING)
+    value = 100.0 * (float(np.exp(found.value)) - absolute_descent.ROUNDING)
     return Optimum(found.point, value, found.converged, found.evaluations)

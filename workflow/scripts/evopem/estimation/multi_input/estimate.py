@@ -14,6 +14,7 @@ from evopem.config.constraints import InputConstraints
 from evopem.config.settings import SearchSettings
 from evopem.config.structures import STRUCTURES
 from evopem.estimation.criteria import lies_at_bound
+from evopem.estimation.damped_descent import Optimum
 from evopem.estimation.multi_input.constrained import (
     check_input_constraints,
     constrained_inputs,
@@ -36,7 +37,6 @@ from evopem.estimation.multi_input.problem import (
     descended,
     starting_points,
 )
-from evopem.estimation.pem.levenberg_marquardt import Optimum
 from evopem.estimation.polynomial_estimate import ConstraintEffect
 from evopem.estimation.search.global_search import global_search
 from evopem.estimation.search.problem import SearchDiagnostics, SearchResult

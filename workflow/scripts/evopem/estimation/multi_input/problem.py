@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from evopem.estimation.damped_descent import Optimum
 from evopem.estimation.multi_input.descent import TOLERANCE, descend
 from evopem.estimation.multi_input.errors import MultiInputErrors
 from evopem.estimation.pem.batch_bfgs import Descent
-from evopem.estimation.pem.levenberg_marquardt import Optimum
 from evopem.estimation.search.root_recombination import (
     Sections,
     product_of,

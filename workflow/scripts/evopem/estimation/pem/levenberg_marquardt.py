@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
+
+from evopem.estimation.damped_descent import Optimum
 
 Array = NDArray[np.float64]
 
@@ -28,26 +29,6 @@ class LeastSquares(Protocol):
 
     def jacobian(self, point: Array) -> Array:
         """Derivatives of the residuals, (N, n)."""
-
-
-@dataclass(frozen=True, eq=False)
-class Optimum:
-    """Where a descent ended.
-
-    Attributes
-    ----------
-    point : (n,) array
-    value : float
-        Percent; infinite where the descent found no finite errors.
-    converged : bool
-    evaluations : int
-        A Jacobian counts as one.
-    """
-
-    point: Array
-    value: float
-    converged: bool
-    evaluations: int
 
 
 def descend(errors: LeastSquares, start: Array, max_iterations: int, tolerance: float) -> Optimum:

@@ -140,7 +140,7 @@ class AbsoluteStateSpaceErrors:
         ]
         return Descent(
             points=np.array([optimum.point for optimum in optima]).reshape(points.shape),
-            values=np.array([self.percent(optimum.criterion) for optimum in optima]),
+            values=np.array([self.percent(optimum.value) for optimum in optima]),
             converged=np.array([optimum.converged for optimum in optima], dtype=bool),
             evaluations=sum(optimum.evaluations for optimum in optima),
         )

@@ -12,12 +12,12 @@ from evopem.estimation.absolute_descent import (
     SWEEP_WIDTH,
     output_weights,
 )
+from evopem.estimation.damped_descent import Optimum
 from evopem.estimation.pem.batch_bfgs import Descent
 from evopem.estimation.pem.covariance import density_at_zero
 from evopem.estimation.state_space.absolute_errors import AbsoluteStateSpaceErrors
 from evopem.estimation.state_space.covariance import parameter_covariance
 from evopem.estimation.state_space.errors import Projection, StateSpaceErrors
-from evopem.estimation.state_space.levenberg_marquardt import Optimum
 from evopem.estimation.state_space.noise_colour import limited
 from evopem.estimation.state_space.problem import TOLERANCE, StateSpaceProblem
 from evopem.estimation.state_space.settings import Objective

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.estimation.damped_step import damped_step
+from evopem.estimation.damped_descent import Optimum, damped_step
 from evopem.estimation.state_space.errors import StateSpaceErrors
 from evopem.estimation.state_space.sections import inside, moved, normalised
 
@@ -17,26 +15,6 @@ Array = NDArray[np.float64]
 FIRST_DAMPING, LARGEST_DAMPING = 1e-3, 1e12
 # A pole moved to the radius stops just inside it.
 EDGE = 1e-9
-
-
-@dataclass(frozen=True, eq=False)
-class Optimum:
-    """Where a descent ended.
-
-    Attributes
-    ----------
-    point : (n,) array
-    criterion : float
-        Infinite where the start was not feasible.
-    converged : bool
-    evaluations : int
-        A gradient counts as one more.
-    """
-
-    point: Array
-    criterion: float
-    converged: bool
-    evaluations: int
 
 
 def descend(

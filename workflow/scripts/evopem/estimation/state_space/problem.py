@@ -7,10 +7,11 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from evopem.estimation.damped_descent import Optimum
 from evopem.estimation.pem.batch_bfgs import Descent
 from evopem.estimation.state_space.covariance import parameter_covariance
 from evopem.estimation.state_space.errors import Projection, StateSpaceErrors
-from evopem.estimation.state_space.levenberg_marquardt import Optimum, descend
+from evopem.estimation.state_space.levenberg_marquardt import descend
 from evopem.estimation.state_space.sections import inside, normalised
 from evopem.estimation.state_space.settings import Objective
 from evopem.estimation.state_space.starting_points import (
@@ -69,7 +70,7 @@ class StateSpaceProblem:
 
     def lowest_of(self, optima: list[Optimum]) -> tuple[Array, float, int]:
         """The lowest optimum next to those of the quadratic objective, its value, evaluations."""
-        return optima[0].point, self.errors.percent(optima[0].criterion), 0
+        return optima[0].point, self.errors.percent(optima[0].value), 0
 
     def completed(self, coordinates: Array) -> Array:
         """The point of some coordinates."""
@@ -156,7 +157,7 @@ class StateSpaceProblem:
         optima = [descend(self.errors, point, steps, tolerance) for point in points]
         return Descent(
             points=np.array([optimum.point for optimum in optima]).reshape(points.shape),
-            values=np.array([self.errors.percent(optimum.criterion) for optimum in optima]),
+            values=np.array([self.errors.percent(optimum.value) for optimum in optima]),
             converged=np.array([optimum.converged for optimum in optima], dtype=bool),
             evaluations=sum(optimum.evaluations for optimum in optima),
         )
@@ -260,8 +261,8 @@ def descended(
         criteria.append(np.inf if found is None else errors.criterion(found.covariance))
     order = np.argsort(criteria, kind="stable")[:count]
     optima = [descend(errors, starts[k], steps, TOLERANCE) for k in order]
-    optima = [optimum for optimum in optima if np.isfinite(optimum.criterion)]
-    return sorted(optima, key=lambda optimum: optimum.criterion)
+    optima = [optimum for optimum in optima if np.isfinite(optimum.value)]
+    return sorted(optima, key=lambda optimum: optimum.value)
 
 
 def rungs(
@@ -306,7 +307,7 @@ def rungs(
                 break
             start = from_poles(problem, random_poles(order, generator))
             optima = descended(problem, [start], 1, steps)
-        optima.sort(key=lambda optimum: optimum.criterion)
+        optima.sort(key=lambda optimum: optimum.value)
         if optima:
             previous.append((problem, optima[0]))
         yield problem, optima

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.config.settings import SearchSettings
+from evopem.estimation.damped_descent import Optimum
 from evopem.estimation.search.certificate import AGREEING
 from evopem.estimation.search.memetic import memetic_search
 from evopem.estimation.search.problem import SearchDiagnostics, SearchResult
 from evopem.estimation.state_space.absolute_problem import AbsoluteStateSpaceProblem
 from evopem.estimation.state_space.errors import StateSpaceErrors
-from evopem.estimation.state_space.levenberg_marquardt import Optimum
 from evopem.estimation.state_space.prepared import FORMS, PreparedRecords
 from evopem.estimation.state_space.problem import (
     STEPS,

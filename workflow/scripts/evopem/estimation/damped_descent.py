@@ -1,12 +1,34 @@
-"""Steps of damped Gauss-Newton descents."""
+"""Steps and ends of damped Gauss-Newton descents."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
 Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Optimum:
+    """Where a descent ended.
+
+    Attributes
+    ----------
+    point : (n,) array
+    value : float
+        Of what is minimised; infinite where no feasible point was found.
+    converged : bool
+    evaluations : int
+        A Jacobian counts as one.
+    """
+
+    point: Array
+    value: float
+    converged: bool
+    evaluations: int
 
 
 def damped_step(hessian: Array, gradient: Array, damping: float) -> Array | None:
