@@ -194,9 +194,9 @@ def searched_orders(
     if affordable < low:
         raise InputError(
             f"{place}.orders.nx",
-            f"{samples} estimation samples are too few for {low} states with {nu} inputs and {ny}"
-            " outputs",
-            "record longer, or lower orders.nx",
+            f"{samples} estimation samples are too few for {low} state{'s' if low > 1 else ''} with"
+            f" {nu} inputs and {ny} outputs",
+            "record longer, lower orders.nx, or leave channels out",
         )
     high = min(high, affordable)
     if limits is None and high > SINGLE_STEPS:

@@ -184,13 +184,15 @@ def search_state_space(
     place = f"datasets.{files.name}"
     settings = _settings(search, variant)
     delays = load(DelayChoice, files.decision("delays")).delays
+    if is_polynomial(variant.form):
+        orders = searched_joint_orders(estimation, variant.form, limits, place)
+        search_on = search_structure
+    else:
+        orders, search_on = searched_orders(estimation, limits, place), search_variant
     try:
-        if is_polynomial(variant.form):
-            orders = searched_joint_orders(estimation, variant.form, limits, place)
-            found, models = search_structure(estimation, variant, delays, orders, settings, log)
-        else:
-            orders = searched_orders(estimation, limits, place)
-            found, models = search_variant(estimation, variant, delays, orders, settings, log)
+        found, models = search_on(estimation, variant, delays, orders, settings, log)
+    except InputError as error:
+        raise _of_dataset(place, error) from None
     except ValueError as error:
         raise _too_short(place, error) from None
     save(found, files.search(variant.name))
@@ -271,7 +273,7 @@ def _estimated(
     try:
         found = estimate(choice, start, data.estimation, delays, settings)
     except InputError as error:
-        raise _unmet(f"datasets.{files.name}", error) from None
+        raise _of_dataset(f"datasets.{files.name}", error) from None
     except ValueError as error:
         raise _too_short(f"datasets.{files.name}", error) from None
     return MultichannelModelRecord.of(
@@ -455,8 +457,8 @@ def _settings(search: StateSpaceSearchSettings, variant: Variant) -> StateSpaceS
     )
 
 
-def _unmet(place: str, error: InputError) -> InputError:
-    """An error of constraints, which names its argument, with the key of the data set."""
+def _of_dataset(place: str, error: InputError) -> InputError:
+    """An error that names its argument, with the key of the data set."""
     key = ".".join(filter(None, (place, error.source, error.place)))
     return InputError(key, error.problem, error.remedy)
 
