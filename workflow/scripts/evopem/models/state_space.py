@@ -228,15 +228,16 @@ class StateSpaceModel:
             Samples whose outputs count.
         """
         u, y = self._signals(inputs, outputs)
-        left = np.std(y - self.simulate(inputs, self.simulation_state(inputs, outputs)), axis=0)
         driven = _states(self.A, u @ self.B.T, None)
+        remainder = y - (driven @ self.C.T + u @ self.D.T + self.level)
+        best = self._fitted_state(self.A, remainder, np.std(y, axis=0))[0]
+        left = np.std(y - self.simulate(inputs, best), axis=0)
         moments, directions = np.linalg.eigh(driven.T @ driven / len(driven))
         directions *= np.sqrt(np.maximum(moments, 0.0))
         weights = 1.0 / np.where(np.isfinite(left) & (left > 0.0), left, 1.0)
         responses = self._free_responses(self.A, first) @ directions * weights[:, None]
-        remainder = (y - self.simulate(inputs))[:first] * weights
         rows = np.vstack([responses.reshape(-1, self.order), np.eye(self.order)])
-        wanted = np.concatenate([remainder.ravel(), np.zeros(self.order)])
+        wanted = np.concatenate([(remainder[:first] * weights).ravel(), np.zeros(self.order)])
         state: Array = directions @ np.linalg.lstsq(rows, wanted)[0]
         return state
 
