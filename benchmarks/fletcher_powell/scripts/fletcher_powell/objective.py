@@ -122,10 +122,7 @@ class Objective:
             When the budget is spent.
         """
         self.gradient_count += 1
-        spent = self.evaluations + self.gradient_cost
-        self.evaluations = min(spent, self.budget)
-        if spent >= self.budget:
-            raise RunOver
+        self._spend(self.gradient_cost)
         instance = self.instance
         return (instance.jacobian_by_differences if self.differences else instance.jacobian)(point)
 
@@ -157,7 +154,11 @@ class Objective:
             self._improve(int(row), float(seen[row]), cost)
         self.value_count += affordable
         self.gradient_count += affordable if gradients else 0
-        spent = self.evaluations + affordable * cost
+        self._spend(affordable * cost)
+
+    def _spend(self, evaluations: int) -> None:
+        """Count evaluations; the run is over at its wanted value or its budget."""
+        spent = self.evaluations + evaluations
         self.evaluations = min(spent, self.budget)
         if self.best <= self.until or spent >= self.budget:
             raise RunOver
