@@ -16,6 +16,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from evopem.automatic.response_parts import response_parts
 from evopem.estimation.state_space.held_out import (
     continued_errors,
     errors_from_first_samples,
@@ -33,9 +34,6 @@ Array = NDArray[np.float64]
 DESIGNS = (2, 5)
 LARGE, FEW = 100_000, 400
 SHORTEST_FOLD = 24
-# A part of one recording whose power is below this share of the largest one holds hardly any
-# response; this many times its power is noise; the response ends at this share of its energy.
-LEAST_POWER, ABOVE_NOISE, WHOLE_RESPONSE = 0.05, 2.0, 0.99
 # Least share of all samples that is left to fit where recordings are held out.
 LEAST_TRAINING = 1.0 / 3.0
 
@@ -115,31 +113,11 @@ def folds_of(estimation: MultichannelRecording, count: int) -> list[Fold]:
     """
     if estimation.is_joined:
         return list(_folds_of_recordings(estimation.records, count))
+    edges = response_parts(estimation.inputs, estimation.outputs, count, SHORTEST_FOLD)
+    if edges is None:
+        edges = np.linspace(0, estimation.samples, count + 1).round().astype(int).tolist()
     # Simulations run on from samples before: the first part is never held out.
-    return [
-        PartOfRecording(estimation, *edge) for edge in list(pairwise(_edges(estimation, count)))[1:]
-    ]
-
-
-def _edges(estimation: MultichannelRecording, count: int) -> list[int]:
-    """Ends of the parts of one recording, of equal lengths or else of equal energy.
-
-    The response to one blow lies in a few samples: most parts of equal length hold noise alone, and
-    where the blow itself is held out, nothing is left to fit.  Parts of equal energy end with the
-    response, and the first one has the blow.
-    """
-    equal = np.linspace(0, estimation.samples, count + 1).round().astype(int)
-    power = np.mean(estimation.outputs**2 / np.mean(estimation.outputs**2, axis=0), axis=1)
-    powers = np.add.reduceat(power, equal[:-1]) / np.diff(equal)
-    if powers.min() >= LEAST_POWER * powers.max():
-        return list(equal.tolist())
-    starts = np.arange(0, estimation.samples - SHORTEST_FOLD + 1, SHORTEST_FOLD)
-    blocks = np.add.reduceat(power[: starts[-1] + SHORTEST_FOLD], starts) / SHORTEST_FOLD
-    response = np.cumsum(np.maximum(blocks - ABOVE_NOISE * powers.min(), 0.0))
-    shares = np.r_[np.arange(1, count) / count, WHOLE_RESPONSE]
-    ends = (np.searchsorted(response, shares * response[-1]) + 1) * SHORTEST_FOLD
-    edges = np.unique(np.r_[0, ends])
-    return list((edges if len(edges) > 2 else equal).tolist())
+    return [PartOfRecording(estimation, *edge) for edge in list(pairwise(edges))[1:]]
 
 
 def _folds_of_recordings(
