@@ -96,6 +96,9 @@ def test_every_file_is_there_and_says_the_same(results):
     assert summary.state_space == "ARMAX(2,[2 1],1,[1 3])"
     decisions = json.loads((path / files.decisions).read_text())["decisions"]
     assert any(each["choice"] == "armax" for each in decisions)
+    remedies = json.loads((path / files.decision("remedies")).read_text())
+    assert remedies["choice"]["variant"]["form"] == "armax"
+    assert (remedies["trials"], remedies["failed"]) == ([], [])
     page = (path / files.report).read_text()
     assert "ARMAX(2,[2 1],1,[1 3])" in page
     assert "orders.nx" not in page

@@ -367,11 +367,15 @@ def _remedies(first: _Judged) -> Iterator[tuple[str, tuple[int, ...], ModelChoic
     forms, choice, failed = first.forms, first.choice, first.checks.failed
     if DELAY in failed:
         yield "earlier delays", first.checks.delays, choice
-    if not failed.intersection((WHITE, INDEPENDENT_OF_INPUT)):
+    orders = forms.search_of(choice.variant).orders
+    if INSIDE_BOUND in failed:
+        for order in [k for k in orders if k < choice.order][-1:]:
+            yield "smaller order", forms.delays, replace(choice, order=order)
+    if failed.intersection((WHITE, INDEPENDENT_OF_INPUT)):
+        for order in [k for k in orders if k > choice.order][:LARGER_ORDERS]:
+            yield "larger order", forms.delays, replace(choice, order=order)
+    if not failed - {DELAY}:
         return
-    larger = [k for k in forms.search_of(choice.variant).orders if k > choice.order]
-    for order in larger[:LARGER_ORDERS]:
-        yield "larger order", forms.delays, replace(choice, order=order)
     for search in _others(forms.searches, choice):
         order = search.orders[int(np.argmin(search.coloured_bic))]
         yield "other form", forms.delays, replace(choice, variant=search.variant, order=order)
