@@ -92,6 +92,12 @@ def drifting(g: np.random.Generator, samples: int, channels: int) -> np.ndarray:
     return walk / walk.std(axis=0)
 
 
+def wandering(g: np.random.Generator, samples: int, channels: int) -> np.ndarray:
+    """A random walk without its fast part."""
+    walk = lfilter([0.01], [1.0, -0.99], drifting(g, samples, channels), axis=0)
+    return walk / walk.std(axis=0)
+
+
 def record(kind: str, seed: int) -> dict[str, np.ndarray]:
     """Inputs, noisy outputs and the outputs without noise, the last ``FRESH`` samples fresh."""
     g = np.random.default_rng(np.random.SeedSequence([seed, zlib.crc32(kind.encode())]))
@@ -107,6 +113,21 @@ def record(kind: str, seed: int) -> dict[str, np.ndarray]:
         clean = plant.respond(u)
         noise = coloured(g, samples, ny, g.uniform(0.7, 0.97))
         noise += 0.5 * drifting(g, samples, ny) + 0.3 * g.standard_normal((samples, ny))
+    elif kind == "drift":
+        # The levels of the outputs wander.
+        nu, ny = 2, 3
+        plant = slow_plant(g, nu, ny, n)
+        u = held(g, samples, nu, 20)
+        clean = plant.respond(u)
+        noise = wandering(g, samples, ny) + 0.3 * g.standard_normal((samples, ny))
+    elif kind == "integrated":
+        # The disturbances are integrated noise, and so is a part of one input.
+        nu, ny = 3, 2
+        plant = slow_plant(g, nu, ny, n)
+        u = held(g, samples, nu, 20)
+        u[:, :1] += drifting(g, samples, 1)
+        clean = plant.respond(u)
+        noise = np.cumsum(coloured(g, samples, ny, g.uniform(0.0, 0.8)), axis=0)
     elif kind == "light":
         nu, ny = 2, 8
         plant = light_plant(g, nu, ny, 2 * (n // 2))
@@ -136,7 +157,7 @@ def record(kind: str, seed: int) -> dict[str, np.ndarray]:
     return {"u": u, "y": clean + noise, "clean": clean, "kept": kept, "share": share, "order": n}
 
 
-KINDS = ("process", "furnace", "light", "few", "states", "bent")
+KINDS = ("process", "furnace", "light", "few", "states", "bent", "drift", "integrated")
 
 
 def recording_of(u: np.ndarray, y: np.ndarray):  # type: ignore[no-untyped-def]

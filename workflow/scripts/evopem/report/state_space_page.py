@@ -47,6 +47,7 @@ MANY = 6
 VARIANT_WORDS = {
     "innovations": "innovations form",
     "output_error": "output-error form",
+    "output_error_drift": "output-error form with drift",
     "box_jenkins": "next to Box-Jenkins",
 } | {structure: structure_name(structure) for structure in STRUCTURES}
 
