@@ -368,6 +368,17 @@ def lowest(candidates: list[Scored], by: str) -> Scored:
     return min(candidates, key=keys[by])
 
 
+def within_form(candidates: list[Scored], margin: float) -> Scored:
+    """The most likely order of the form whose error is lowest: the rule of the workflow."""
+    form = min(candidates, key=lambda each: each.score).form
+    return lowest([each for each in near(candidates, margin) if each.form == form], "bic")
+
+
+def without_drift(candidates: list[Scored]) -> list[Scored]:
+    """All but the output-error models with a drift."""
+    return [each for each in candidates if each.form != "output_error_drift"]
+
+
 RULES: dict[str, Callable[[list[Scored]], Scored]] = {
     "lowest held-out error": lambda c: lowest(c, "error"),
     "lowest geometric mean over folds": lambda c: lowest(c, "mean"),
@@ -377,7 +388,9 @@ RULES: dict[str, Callable[[list[Scored]], Scored]] = {
     "5 %, likelihood": lambda c: lowest(near(c, 0.05, 0.0), "bic"),
     "10 %, likelihood": lambda c: lowest(near(c, 0.1, 0.0), "bic"),
     "25 %, likelihood": lambda c: lowest(near(c, 0.25, 0.0), "bic"),
-    "one standard error, likelihood (as now)": lambda c: lowest(near(c, 0.05), "bic"),
+    "one standard error, likelihood": lambda c: lowest(near(c, 0.05), "bic"),
+    "the same without drift (as before)": lambda c: lowest(near(without_drift(c), 0.05), "bic"),
+    "one standard error, likelihood within the best form (as now)": lambda c: within_form(c, 0.05),
     "one standard error, lowest geometric mean": lambda c: lowest(near(c, 0.05), "mean"),
     "one standard error, fewest parameters": lambda c: lowest(near(c, 0.05), "parameters"),
     "5 %, fewest parameters": lambda c: lowest(near(c, 0.05, 0.0), "parameters"),
