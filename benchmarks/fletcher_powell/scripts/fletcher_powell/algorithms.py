@@ -125,8 +125,8 @@ ALGORITHMS: dict[str, Algorithm] = {
         "Default search",
         "the search of the identification (evopem.estimation.search.global_search): "
         "Levenberg-Marquardt descents from random points, hops uniform in "
-        f"±{STEP:g} from the lowest point, then restarts; a search that ends is begun again. It knows "
-        "the residuals: they count as one value, their derivatives as one gradient",
+        f"±{STEP:g} from the lowest point, then restarts; a search that ends is begun again. It "
+        "knows the residuals: they count as one value, their derivatives as one gradient",
         _default,
     ),
     "multi-start": Algorithm(
