@@ -122,7 +122,7 @@ def test_the_tests_reject_at_their_level_what_is_not_there():
         u, y = recorded(truth, 400, seed)
         modes = estimate.modes()
         p_values.append(
-            [held_out_mode_tests(estimate, modes, u, y, 100)[k][0].p_value for k in (0, 1)]
+            [held_out_mode_tests(estimate, modes, [u], [y], 100)[k][0].p_value for k in (0, 1)]
         )
     driven, not_driven = np.array(p_values).T
     assert (driven < 0.01).all()
