@@ -123,7 +123,7 @@ rule decide_input_delays:
         mem_mb=provider.state_space_memory,
         runtime=provider.reading_time,
     params:
-        limits=provider.settings("choices.delays"),
+        ranges=provider.settings("choices.orders.nk"),
         code=code("decide_input_delays"),
     script:
         "../scripts/decide_input_delays.py"
@@ -152,7 +152,7 @@ rule search_state_space:
         mem_mb=provider.state_space_memory,
         runtime=provider.state_space_time,
     params:
-        limits=provider.order_limits,
+        ranges=provider.order_ranges,
         search=provider.settings("search"),
         code=code("search_state_space"),
     script:
@@ -193,7 +193,15 @@ rule estimate_state_space:
         delays=files.decision("delays"),
         comparison=files.decision("comparison"),
         orders=provider.models_of_orders_of_variants,
+        searches=provider.variant_searches,
     output:
+        candidates=report(
+            files.candidates,
+            caption="../report/candidates.rst",
+            category="{dataset}",
+            subcategory="Tables",
+            labels={"table": "candidates"},
+        ),
         model=report(
             files.model,
             caption="../report/state_space_model.rst",
@@ -216,6 +224,8 @@ rule estimate_state_space:
         mem_mb=provider.state_space_memory,
         runtime=provider.state_space_time,
     params:
+        variants=provider.searched_variants,
+        ranges=provider.settings("choices.orders"),
         search=provider.settings("search"),
         constraints=provider.settings("constraints"),
         code=code("estimate_state_space"),
@@ -248,6 +258,7 @@ rule complete_other_state_space:
         mem_mb=provider.state_space_memory,
         runtime=provider.state_space_time,
     params:
+        ranges=provider.settings("choices.orders"),
         search=provider.settings("search"),
         constraints=provider.settings("constraints"),
         code=code("complete_other_state_space"),

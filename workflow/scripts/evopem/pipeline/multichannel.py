@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from threadpoolctl import threadpool_limits
 
@@ -31,12 +32,14 @@ from evopem.automatic.state_space_search import (
     searched_orders,
 )
 from evopem.config.constraints import InputConstraints
+from evopem.config.input_ranges import InputRanges
 from evopem.config.settings import SplitSettings
 from evopem.config.state_space_keys import state_space_yaml
 from evopem.config.state_space_settings import (
     ONE_OUTPUT,
     ChannelLists,
     Geometry,
+    OrderRanges,
     StateSpaceChoices,
     StateSpaceDataset,
     StateSpaceSearchSettings,
@@ -45,6 +48,7 @@ from evopem.config.state_space_settings import (
     searched_variants,
 )
 from evopem.errors import InputError
+from evopem.estimation.multi_input.order_limits import OrderLimits, joint_orders
 from evopem.estimation.state_space.model_record import MultichannelModelRecord
 from evopem.estimation.state_space.order_models import OrderModel, OrderModels
 from evopem.estimation.state_space.settings import StateSpaceSettings
@@ -52,6 +56,7 @@ from evopem.files.atomic import write_table, write_text
 from evopem.files.checksums import delete_results
 from evopem.files.json_form import load, save
 from evopem.models.matlab import save_multi_input_mat, save_state_space_mat
+from evopem.pipeline.multichannel_candidates import candidates_table
 from evopem.pipeline.progress import Announce, Stage, run_stages
 from evopem.results.layout import DatasetFiles
 from evopem.results.multichannel import (
@@ -161,15 +166,25 @@ def prepare_channels(
     save_multichannel_data(prepared, files.prepared, files.transforms)
 
 
-def decide_input_delays(files: DatasetFiles, limits: tuple[int, int] | None) -> None:
-    """Decide the delay of each input."""
-    save(decide_delays(_prepared(files).estimation, limits), files.decision("delays"))
+def decide_input_delays(files: DatasetFiles, ranges: InputRanges) -> None:
+    """Decide the delay of each input.
+
+    Raises
+    ------
+    InputError
+        When the ranges are those of other inputs.
+    """
+    try:
+        choice = decide_delays(_prepared(files).estimation, ranges)
+    except InputError as error:
+        raise _of_dataset(f"datasets.{files.name}", error) from None
+    save(choice, files.decision("delays"))
 
 
 def search_state_space(
     files: DatasetFiles,
     variant: Variant,
-    limits: tuple[int, int] | None,
+    ranges: OrderRanges,
     search: StateSpaceSearchSettings,
     log: Log | None = None,
 ) -> None:
@@ -184,13 +199,13 @@ def search_state_space(
     place = f"datasets.{files.name}"
     settings = _settings(search, variant)
     delays = load(DelayChoice, files.decision("delays")).delays
-    if is_polynomial(variant.form):
-        orders = searched_joint_orders(estimation, variant.form, limits, place)
-        search_on = search_structure
-    else:
-        orders, search_on = searched_orders(estimation, limits, place), search_variant
     try:
-        found, models = search_on(estimation, variant, delays, orders, settings, log)
+        if is_polynomial(variant.form):
+            joint = searched_joint_orders(estimation, variant.form, delays, ranges)
+            found, models = search_structure(estimation, variant, joint, settings, log)
+        else:
+            orders = searched_orders(estimation, ranges.nx)
+            found, models = search_variant(estimation, variant, delays, orders, settings, log)
     except InputError as error:
         raise _of_dataset(place, error) from None
     except ValueError as error:
@@ -209,6 +224,8 @@ def choose_state_space(
 
 def estimate_chosen_state_space(
     files: DatasetFiles,
+    variants: Sequence[Variant],
+    ranges: OrderRanges,
     search: StateSpaceSearchSettings,
     constraints: InputConstraints | None = None,
     log: Log | None = None,
@@ -222,9 +239,11 @@ def estimate_chosen_state_space(
     """
     data = _prepared(files)
     choice = load(StateSpaceChoice, files.decision("comparison")).model
-    estimate = partial(search_chosen, constraints=constraints, log=log)
-    record = _estimated(files, data, choice, search, estimate, constraints)
+    estimate = partial(search_chosen, ranges=ranges, constraints=constraints, log=log)
+    found = _estimated(files, data, choice, search, estimate)
+    record = _record(found, data, choice, search, constraints)
     save(record, files.model)
+    write_table(files.candidates, _candidates(files, data, variants, ranges, choice, found))
     if record.polynomials is None:
         save_state_space_mat(record.model, files.model_mat)
     else:
@@ -235,6 +254,7 @@ def estimate_chosen_state_space(
 
 def complete_other_state_space(
     files: DatasetFiles,
+    ranges: OrderRanges,
     search: StateSpaceSearchSettings,
     constraints: InputConstraints | None = None,
 ) -> None:
@@ -251,8 +271,9 @@ def complete_other_state_space(
     choice = load(StateSpaceChoice, files.decision("comparison")).other
     assert choice is not None  # only data sets with inputs have another purpose
     with threadpool_limits(limits=1, user_api="blas"):
-        estimate = partial(estimate_as_searched, constraints=constraints)
-        record = _estimated(files, data, choice, search, estimate, constraints)
+        estimate = partial(estimate_as_searched, ranges=ranges, constraints=constraints)
+        found = _estimated(files, data, choice, search, estimate)
+        record = _record(found, data, choice, search, constraints)
         errors = mean_errors(record.model, data.validation, choice.level == "state")
     save(record, files.other_model(choice.purpose))
     save(OtherModel(choice.purpose, record.text, *errors), files.other_errors(choice.purpose))
@@ -264,18 +285,27 @@ def _estimated(
     choice: ModelChoice,
     search: StateSpaceSearchSettings,
     estimate: Callable[..., ChosenModel],
-    constraints: InputConstraints | None,
-) -> MultichannelModelRecord:
+) -> ChosenModel:
     """The model of a choice, estimated from the one that the search over orders found."""
     delays = load(DelayChoice, files.decision("delays")).delays
     start = load(OrderModels, files.models_of_orders(choice.variant.name)).of_order(choice.order)
     settings = _settings(search, choice.variant)
     try:
-        found = estimate(choice, start, data.estimation, delays, settings)
+        return estimate(choice, start, data.estimation, delays, settings)
     except InputError as error:
         raise _of_dataset(f"datasets.{files.name}", error) from None
     except ValueError as error:
         raise _too_short(f"datasets.{files.name}", error) from None
+
+
+def _record(
+    found: ChosenModel,
+    data: MultichannelData,
+    choice: ModelChoice,
+    search: StateSpaceSearchSettings,
+    constraints: InputConstraints | None,
+) -> MultichannelModelRecord:
+    """Everything that is known of a model."""
     return MultichannelModelRecord.of(
         found.estimate,
         found.model,
@@ -286,7 +316,27 @@ def _estimated(
         choice.level,
         found.polynomials,
         constraints,
+        found.at_upper_ends,
     )
+
+
+def _candidates(
+    files: DatasetFiles,
+    data: MultichannelData,
+    variants: Sequence[Variant],
+    ranges: OrderRanges,
+    choice: ModelChoice,
+    found: ChosenModel,
+) -> dict[str, list[Any]]:
+    """The table of all candidates."""
+    searches = [load(VariantSearch, files.search(variant.name)) for variant in variants]
+    delays = load(DelayChoice, files.decision("delays")).delays
+    limits = OrderLimits.of(ranges, data.estimation.input_names)
+
+    def orders_of(structure: str, order: int) -> str:
+        return str(joint_orders(structure, order, delays, limits))
+
+    return candidates_table(searches, choice, orders_of, found.tried)
 
 
 def validate_state_space(files: DatasetFiles) -> None:
@@ -393,17 +443,18 @@ def channel_stages(
         prepare_channels,
         *(files, source, settings.split, settings.resample, given),
     )
-    listed["delays"] = partial(decide_input_delays, files, choices.delays)
+    listed["delays"] = partial(decide_input_delays, files, choices.orders.nk)
     for variant in variants:
-        limits = choices.joint if is_polynomial(variant.form) else choices.orders
-        listed[variant.name] = partial(search_state_space, files, variant, limits, search, log)
+        ranges = choices.orders.of_form(variant.form)
+        listed[variant.name] = partial(search_state_space, files, variant, ranges, search, log)
     listed["structures"] = partial(choose_state_space, files, variants, choices)
     listed["chosen"] = partial(
-        estimate_chosen_state_space, files, search, settings.constraints, log
+        estimate_chosen_state_space,
+        *(files, variants, choices.orders, search, settings.constraints, log),
     )
     if source.channels.inputs:
         listed["other_model"] = partial(
-            complete_other_state_space, files, search, settings.constraints
+            complete_other_state_space, files, choices.orders, search, settings.constraints
         )
     listed["validation"] = partial(validate_state_space, files)
     listed["decisions"] = partial(collect_state_space_decisions, files)

@@ -14,6 +14,8 @@ from evopem.automatic.state_space_choice import scores_of
 from evopem.config.state_space_settings import Geometry, is_polynomial
 from evopem.config.structures import STRUCTURES, structure_name
 from evopem.figures.channel_drawings import (
+    PANEL_WIDTH,
+    WIDE_PANEL,
     assurance_matrix,
     response_panel,
     scores_chart,
@@ -41,8 +43,8 @@ DECIBELS = 80.0
 NEGLIGIBLE = 1e-3
 # Outputs that a mode is seen at and inputs that it is driven by, named at most.
 NAMED = 3
-# Outputs from which on panels are small.
-MANY = 6
+# Outputs up to which panels are as wide as the page, and from which on they are small.
+FEW, MANY = 2, 6
 
 VARIANT_WORDS = {
     "innovations": "innovations form",
@@ -122,7 +124,7 @@ def build_state_space_report(
         results=results,
         model=results.model,
         has_input=bool(results.model.input_names),
-        many=len(results.model.output_names) > MANY,
+        panel_size=_panel_size(len(results.model.output_names)),
         verdict=state_space_verdict(results),
         failed=[check for check in checks if check.passed is False],
         passed=[check for check in checks if check.passed is True],
@@ -166,7 +168,15 @@ def _worst_first(results: MultichannelResults) -> list[OutputValidation]:
     return sorted(results.validation.outputs, key=error, reverse=True)
 
 
+def _panel_size(outputs: int) -> str:
+    """The class of the grid of panels."""
+    if outputs <= FEW:
+        return "few"
+    return "many" if outputs > MANY else ""
+
+
 def _output_panels(results: MultichannelResults) -> list[OutputPanel]:
+    few = len(results.model.output_names) <= FEW
     table = _shown_samples(results.simulation)
     step = max(len(table) // POINTS, 1)
     times = (np.arange(len(table)) / results.model.sampling_rate)[::step]
@@ -178,7 +188,8 @@ def _output_panels(results: MultichannelResults) -> list[OutputPanel]:
             ("model", table[f"{kind}_{output.name}"].to_numpy()[::step]),
         ]
         signals.append(("difference", signals[0][1] - signals[1][1]))
-        svg = series_panel(times, signals, "s", f"{output.name}, measured and {kind}")
+        label = f"{output.name}, measured and {kind}"
+        svg = series_panel(times, signals, "s", label, WIDE_PANEL if few else PANEL_WIDTH)
         panels.append(OutputPanel(output, Markup(svg)))
     return panels
 
@@ -311,8 +322,10 @@ def _strongest(names: tuple[str, ...], shares: np.ndarray) -> str:
     return ", ".join(f"{names[k]} {percent(100.0 * float(shares[k]), 2)}" for k in best)
 
 
-def _scores(results: MultichannelResults) -> Markup:
-    """Errors on held-out samples over the order."""
+def _scores(results: MultichannelResults) -> Markup | None:
+    """Errors on held-out samples over the order, where there is more than one."""
+    if len({order for each in results.searches for order in each.orders}) < 2:
+        return None
     choice = results.choice.model
     kind = scores_of(choice.purpose, choice.level)
     curves = [

@@ -332,6 +332,7 @@ class DatasetFiles:
             *map(self.search, names),
             *map(self.models_of_orders, names),
             self.decisions,
+            self.candidates,
             self.model,
             self.model_mat,
             self.modes,

@@ -166,6 +166,13 @@ def _order(record: MultichannelModelRecord, tried: Sequence[int]) -> Check:
     if record.polynomials is not None:
         order, text = record.polynomials.orders.joint, f"{record.text}; joint orders"
     text += f" {min(tried)} to {max(tried)} were tried"
+    if record.at_upper_ends:
+        return Check(
+            name,
+            False,
+            f"At the upper end of its range: {_named(record.at_upper_ends)}, in {record.text}.",
+            "Give the range a higher upper end, or one number if it is known.",
+        )
     if len(tried) == 1:
         return Check(
             name,
