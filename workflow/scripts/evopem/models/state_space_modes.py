@@ -119,24 +119,25 @@ def shaped_modes(
     neighbours = [Neighbour()] * len(oscillating)
     if covariance is not None:
         derivatives = [
-            _derivatives(poles, right, left, k, C, levels, len(covariance)) for k in oscillating
+            _derivatives(poles, right, left, int(k), C, levels, len(covariance))
+            for k in oscillating
         ]
         errors = [
             _standard_errors(poles[k], shapes[:, k], *each, covariance, sampling_rate)
             for k, each in zip(oscillating, derivatives, strict=True)
         ]
-        known = [k for k, error in enumerate(errors) if error.known]
+        known = [place for place, error in enumerate(errors) if error.known]
         of_known = _neighbours(
             poles[oscillating[known]],
             shapes[:, oscillating[known]],
-            [derivatives[k] for k in known],
+            [derivatives[place] for place in known],
             covariance,
         )
-        for k, neighbour in zip(known, of_known, strict=True):
+        for place, neighbour in zip(known, of_known, strict=True):
             partner = None if neighbour.partner is None else known[neighbour.partner]
-            neighbours[k] = replace(neighbour, partner=partner)
+            neighbours[place] = replace(neighbour, partner=partner)
     modes = []
-    for k, error, neighbour in zip(oscillating, errors, neighbours, strict=True):
+    for k, error, neighbour in zip(map(int, oscillating), errors, neighbours, strict=True):
         scale = _scale(shapes[:, k])
         shape = shapes[:, k] / scale
         phase, deviation = mean_phase(shape)

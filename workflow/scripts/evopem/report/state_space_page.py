@@ -273,7 +273,9 @@ def _mode_rows(results: MultichannelResults) -> list[ModeRow]:
 def _why_not_shape(judged: JudgedMode) -> str:
     if judged.pair is None:
         return judged.shape_doubt
-    return f"{judged.shape_doubt}; the plane of its shape and that of mode {judged.pair + 1} is known"
+    return (
+        f"{judged.shape_doubt}; the plane of its shape and that of mode {judged.pair + 1} is known"
+    )
 
 
 _ORIGINS = {

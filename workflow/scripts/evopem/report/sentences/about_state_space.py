@@ -107,7 +107,9 @@ def _modes(results: MultichannelResults) -> Use:
     reason = f"{plural(others, 'further mode')} not to be trusted" if others else ""
     mixed = sum(each.trusted and not each.shape_trusted for each in results.modes.table.modes)
     against = f"{plural(mixed, 'shape')} not to be trusted" if mixed else ""
-    return Use(f"{name} {places}, with shapes", "care" if mixed else "good", joined(reason, against))
+    return Use(
+        f"{name} {places}, with shapes", "care" if mixed else "good", joined(reason, against)
+    )
 
 
 def _intervals(failed: set[str], unknown: set[str]) -> Use:
