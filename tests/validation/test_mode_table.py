@@ -94,7 +94,10 @@ def test_a_pair_whose_shapes_are_mixed_is_stated_as_their_plane(ambient):
     assert [table.modes[k].pair for k in rows] == rows[::-1]
     csv = ModesRecord.of(table, (), ("a", "b", "c")).rows()
     assert csv["plane_with_mode"][3 * rows[0]] == str(rows[1] + 1)
-    unknown = changed(shape_assurance=0.6, plane_assurance=0.7)
+    assert [changed(equal_poles_p=0.3, plane_assurance=0.7).modes[k].pair for k in rows] == [
+        None
+    ] * 2
+    unknown = changed(shape_assurance=0.6)
     assert [unknown.modes[k].pair for k in rows] == [None, None]
     assert "0.60" in unknown.modes[rows[0]].shape_doubt
 

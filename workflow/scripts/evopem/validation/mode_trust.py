@@ -119,7 +119,7 @@ def shape_doubt(mode: ShapedMode) -> str:
 
 
 def plane_is_known(mode: ShapedMode, partner: ShapedMode) -> bool:
-    """Whether the shapes of a mode and of its partner lie in one plane that the data determine.
+    """Whether two shapes that may be mixed lie in one plane that the data determine.
 
     The statement is empty below three outputs, which have one plane alone.
 
@@ -128,6 +128,5 @@ def plane_is_known(mode: ShapedMode, partner: ShapedMode) -> bool:
     mode, partner : ShapedMode
         Of one model.
     """
-    return len(mode.shape) > 2 and all(
-        each.plane_assurance >= KNOWN_SHAPE or not shape_doubt(each) for each in (mode, partner)
-    )
+    mixed = len(mode.shape) > 2 and mode.equal_poles_p > POLES_APART
+    return mixed and min(mode.plane_assurance, partner.plane_assurance) >= KNOWN_SHAPE
