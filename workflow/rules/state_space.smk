@@ -209,6 +209,7 @@ rule estimate_state_space:
             subcategory="Model",
             labels={"file": "model.json"},
         ),
+        remedies=files.decision("remedies"),
         matlab=files.model_mat,
         frequency_response=files.frequency_response,
     log:
@@ -270,7 +271,7 @@ rule validate_state_space:
     """Validate the model and its modes on samples that no choice has seen."""
     input:
         orders=provider.models_of_orders_of_variants,
-        comparison=files.decision("comparison"),
+        remedies=files.decision("remedies"),
         prepared=files.prepared,
         transforms=files.transforms,
         model=files.model,
@@ -317,6 +318,7 @@ rule collect_state_space_decisions:
         plan=files.decision("preparation"),
         delays=files.decision("delays"),
         comparison=files.decision("comparison"),
+        remedies=files.decision("remedies"),
         other=provider.other_state_space,
     output:
         decisions=files.decisions,
@@ -343,7 +345,7 @@ rule summarize_state_space:
     """Put order, errors, modes and checks of one data set into one small file."""
     input:
         searches=provider.variant_searches,
-        comparison=files.decision("comparison"),
+        remedies=files.decision("remedies"),
         info=files.recording_info,
         model=files.model,
         modes=files.modes_json,
@@ -377,6 +379,7 @@ rule write_state_space_report:
         prepared=files.prepared,
         transforms=files.transforms,
         comparison=files.decision("comparison"),
+        remedies=files.decision("remedies"),
         decisions=files.decisions,
         model=files.model,
         modes=files.modes_json,

@@ -50,6 +50,11 @@ class ChosenModel:
     tried: tuple[TriedOrders, ...] = ()
     at_upper_ends: tuple[str, ...] = ()
 
+    @property
+    def at_bound(self) -> bool:
+        """Whether a root lies at the largest radius allowed."""
+        return self.estimate.at_stability_bound
+
     @classmethod
     def of_polynomials(cls, found: EstimatedStructure) -> ChosenModel:
         """A chosen polynomial model."""

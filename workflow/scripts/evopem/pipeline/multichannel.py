@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from threadpoolctl import threadpool_limits
 
@@ -18,10 +18,12 @@ from evopem.automatic.multichannel_preparation import (
 )
 from evopem.automatic.record import OtherModel
 from evopem.automatic.state_space_choice import ModelChoice, StateSpaceChoice, choose
-from evopem.automatic.state_space_chosen import (
-    ChosenModel,
-    estimate_as_searched,
-    search_chosen,
+from evopem.automatic.state_space_chosen import ChosenModel
+from evopem.automatic.state_space_remedies import (
+    RemediedModel,
+    RemedyRecord,
+    SearchedForms,
+    act_on_checks,
 )
 from evopem.automatic.state_space_search import (
     DelayChoice,
@@ -56,6 +58,7 @@ from evopem.files.atomic import write_table, write_text
 from evopem.files.checksums import delete_results
 from evopem.files.json_form import load, save
 from evopem.models.matlab import save_multi_input_mat, save_state_space_mat
+from evopem.models.state_space import StateSpaceModel
 from evopem.pipeline.multichannel_candidates import candidates_table
 from evopem.pipeline.progress import Announce, Stage, run_stages
 from evopem.results.layout import DatasetFiles
@@ -84,6 +87,7 @@ from evopem.validation.modes_record import ModesRecord
 from evopem.validation.multichannel import mean_errors, validate_multichannel
 
 Log = Callable[[str], None]
+Estimated = TypeVar("Estimated")
 
 
 def write_multichannel_configuration(files: DatasetFiles, settings: StateSpaceDataset) -> None:
@@ -239,11 +243,13 @@ def estimate_chosen_state_space(
     """
     data = _prepared(files)
     choice = load(StateSpaceChoice, files.decision("comparison")).model
-    estimate = partial(search_chosen, ranges=ranges, constraints=constraints, log=log)
-    found = _estimated(files, data, choice, search, estimate)
-    record = _record(found, data, choice, search, constraints)
+    forms = _searched_forms(files, data, variants, ranges, search, constraints)
+    remedied = _of_record(files, partial(act_on_checks, forms, choice, log))
+    found = remedied.model
+    record = _record(found, data, remedied.record.choice, search, constraints)
     save(record, files.model)
-    write_table(files.candidates, _candidates(files, data, variants, ranges, choice, found))
+    save(remedied.record, files.decision("remedies"))
+    write_table(files.candidates, _candidates(forms, choice, remedied))
     if record.polynomials is None:
         save_state_space_mat(record.model, files.model_mat)
     else:
@@ -271,27 +277,42 @@ def complete_other_state_space(
     choice = load(StateSpaceChoice, files.decision("comparison")).other
     assert choice is not None  # only data sets with inputs have another purpose
     with threadpool_limits(limits=1, user_api="blas"):
-        estimate = partial(estimate_as_searched, ranges=ranges, constraints=constraints)
-        found = _estimated(files, data, choice, search, estimate)
+        forms = _searched_forms(files, data, (), ranges, search, constraints)
+        found = _of_record(files, partial(forms.as_searched, choice))
         record = _record(found, data, choice, search, constraints)
         errors = mean_errors(record.model, data.validation, choice.level == "state")
     save(record, files.other_model(choice.purpose))
     save(OtherModel(choice.purpose, record.text, *errors), files.other_errors(choice.purpose))
 
 
-def _estimated(
+def _searched_forms(
     files: DatasetFiles,
     data: MultichannelData,
-    choice: ModelChoice,
+    variants: Sequence[Variant],
+    ranges: OrderRanges,
     search: StateSpaceSearchSettings,
-    estimate: Callable[..., ChosenModel],
-) -> ChosenModel:
-    """The model of a choice, estimated from the one that the search over orders found."""
-    delays = load(DelayChoice, files.decision("delays")).delays
-    start = load(OrderModels, files.models_of_orders(choice.variant.name)).of_order(choice.order)
-    settings = _settings(search, choice.variant)
+    constraints: InputConstraints | None,
+) -> SearchedForms:
+    """What the search over the orders of some forms has left."""
+
+    def start(variant: Variant, order: int) -> StateSpaceModel:
+        return load(OrderModels, files.models_of_orders(variant.name)).of_order(order)
+
+    return SearchedForms(
+        data.estimation,
+        load(DelayChoice, files.decision("delays")).delays,
+        tuple(load(VariantSearch, files.search(variant.name)) for variant in variants),
+        start,
+        partial(_settings, search),
+        ranges,
+        constraints,
+    )
+
+
+def _of_record(files: DatasetFiles, estimate: Callable[[], Estimated]) -> Estimated:
+    """What is estimated from a record; an error names the key of the data set."""
     try:
-        return estimate(choice, start, data.estimation, delays, settings)
+        return estimate()
     except InputError as error:
         raise _of_dataset(f"datasets.{files.name}", error) from None
     except ValueError as error:
@@ -321,22 +342,16 @@ def _record(
 
 
 def _candidates(
-    files: DatasetFiles,
-    data: MultichannelData,
-    variants: Sequence[Variant],
-    ranges: OrderRanges,
-    choice: ModelChoice,
-    found: ChosenModel,
+    forms: SearchedForms, choice: ModelChoice, remedied: RemediedModel
 ) -> dict[str, list[Any]]:
     """The table of all candidates."""
-    searches = [load(VariantSearch, files.search(variant.name)) for variant in variants]
-    delays = load(DelayChoice, files.decision("delays")).delays
-    limits = OrderLimits.of(ranges, data.estimation.input_names)
+    limits = OrderLimits.of(forms.ranges, forms.estimation.input_names)
 
     def orders_of(structure: str, order: int) -> str:
-        return str(joint_orders(structure, order, delays, limits))
+        return str(joint_orders(structure, order, forms.delays, limits))
 
-    return candidates_table(searches, choice, orders_of, found.tried)
+    tried, trials = remedied.model.tried, remedied.record.trials
+    return candidates_table(forms.searches, choice, orders_of, tried, trials)
 
 
 def validate_state_space(files: DatasetFiles) -> None:
@@ -359,7 +374,7 @@ def _judged_modes(
     files: DatasetFiles, record: MultichannelModelRecord, validation: MultichannelRecording
 ) -> ModesRecord:
     """The modes of the model and of the other orders of its form, with their evidence."""
-    choice = load(StateSpaceChoice, files.decision("comparison")).model
+    choice = load(RemedyRecord, files.decision("remedies")).choice
     searched = load(OrderModels, files.models_of_orders(choice.variant.name))
     own = OrderModel.of(choice.order, record.bic, record.plant)
     table = table_of_models(
@@ -381,7 +396,8 @@ def collect_state_space_decisions(files: DatasetFiles) -> None:
     other = None
     if choice.other is not None:
         other = load(OtherModel, files.other_errors(choice.other.purpose))
-    save(DecisionList(choice.model.purpose, decisions, other), files.decisions)
+    remedies = load(RemedyRecord, files.decision("remedies"))
+    save(DecisionList(choice.model.purpose, decisions, remedies, other), files.decisions)
 
 
 def summarize_state_space(files: DatasetFiles) -> None:

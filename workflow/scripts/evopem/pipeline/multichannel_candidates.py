@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
-from evopem.automatic.state_space_choice import ModelChoice
+from evopem.automatic.remedies import Trial
+from evopem.automatic.state_space_choice import ModelChoice, scores_of
 from evopem.automatic.state_space_search import VariantSearch
 from evopem.config.state_space_settings import is_polynomial
 from evopem.estimation.multi_input.estimate import TriedOrders
@@ -25,6 +26,7 @@ def candidates_table(
     choice: ModelChoice,
     orders_of: Callable[[str, int], str],
     tried: Sequence[TriedOrders],
+    trials: Sequence[Trial],
 ) -> dict[str, list[Any]]:
     """The columns of ``candidates.csv``, one row for each candidate.
 
@@ -35,9 +37,12 @@ def candidates_table(
     orders_of : callable
         The orders of a structure, in words, that follow a joint order.
     tried : sequence of TriedOrders
-        Orders of each input that were tried from those of the chosen joint order.
+        Orders of each input that were tried from those of the joint order.
+    trials : sequence of Trial
+        Remedies of failed checks.
     """
     rows = [row for search in searches for row in _searched(search, searches, choice, orders_of)]
+    rows += [_remedy(each, choice) for each in trials]
     rows += map(_reduced, tried)
     return {name: [row.get(name) for row in rows] for name in COLUMNS}
 
@@ -68,6 +73,19 @@ def _searched(
         if row["selected"]:
             row["reason"] = f"for {choice.purpose}: most likely of the best on held-out samples"
         yield row
+
+
+def _remedy(trial: Trial, choice: ModelChoice) -> Row:
+    """A model that was tried against failed checks; one that is selected replaces the choice."""
+    kind = scores_of(choice.purpose, choice.level)
+    outcome = "fewer checks fail" if trial.taken else "no fewer checks fail, or larger errors"
+    return {
+        "step": "remedy",
+        "model": trial.model,
+        f"{kind}_error_percent": trial.score,
+        "selected": trial.taken,
+        "reason": f"{trial.remedy}, as {trial.check} failed: {outcome}",
+    }
 
 
 def _reduced(tried: TriedOrders) -> Row:

@@ -150,6 +150,7 @@ def build_state_space_report(
         constraints=input_constraint_rows(results.model.fit),
         fit_sentences=input_fit_sentences(results.model.fit),
         decisions=[decision_row(each) for each in results.decisions.decisions],
+        remedies=results.decisions.remedies,
         provenance=_provenance(results, commit),
         stages=wall_clock,
         command=provenance.command(commit),

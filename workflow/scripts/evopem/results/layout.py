@@ -328,7 +328,7 @@ class DatasetFiles:
             self.recording_info,
             self.prepared,
             self.transforms,
-            *map(self.decision, ("preparation", "delays", "comparison")),
+            *map(self.decision, ("preparation", "delays", "comparison", "remedies")),
             *map(self.search, names),
             *map(self.models_of_orders, names),
             self.decisions,
