@@ -26,7 +26,13 @@ from evopem.estimation.state_space.estimate import (
 from evopem.estimation.state_space.held_out import continued_errors, simulation_errors
 from evopem.estimation.state_space.levenberg_marquardt import descend
 from evopem.estimation.state_space.noise_colour import autoregression_of
-from evopem.estimation.state_space.problem import converted
+from evopem.estimation.state_space.problem import (
+    Rung,
+    StartingModels,
+    converted,
+    descended,
+    reductions,
+)
 from evopem.estimation.state_space.sections import (
     inside,
     largest_radius,
@@ -38,7 +44,7 @@ from evopem.estimation.state_space.sections import (
     state_matrix,
 )
 from evopem.estimation.state_space.settings import StateSpaceSettings
-from evopem.estimation.state_space.starting_points import from_poles, random_poles
+from evopem.estimation.state_space.starting_points import extended, from_poles, random_poles
 from evopem.models.state_space import StateSpaceModel
 
 RATE = 100.0
@@ -305,6 +311,59 @@ def test_several_records_have_their_own_states_and_levels():
     assert found.objective < 1.0
 
 
+@pytest.mark.parametrize("objective", ["quadratic", "absolute"])
+def test_slow_changes_of_the_outputs_are_no_part_of_the_plant(objective):
+    """Two records whose levels wander, and inputs of a slow plant that follow them."""
+    truth = StateSpaceModel(
+        A=np.array([[0.97]]),
+        B=np.array([[0.03]]),
+        C=np.array([[1.0], [-2.0]]),
+        D=np.zeros((2, 1)),
+        K=np.zeros((1, 2)),
+        sampling_rate=RATE,
+        level=np.array([2.0, 1.0]),
+        noise_covariance=np.eye(2),
+        form="output_error",
+    )
+    generator = np.random.default_rng(5)
+    inputs, steady, drifting = [], [], []
+    for samples in (600, 400):
+        wave = np.cos(2 * np.pi * np.arange(0.5, samples) / samples)[:, None]
+        u = np.repeat(generator.standard_normal((samples // 40, 1)), 40, axis=0) - wave
+        y = truth.simulate(u) + 0.05 * generator.standard_normal((samples, 2))
+        inputs.append(u)
+        steady.append(y)
+        drifting.append(y + wave * [0.8, -0.5])
+
+    def estimated(outputs, period=None):
+        settings = StateSpaceSettings(objective=objective, evaluations=0, drift_period=period)
+        form = {"form": "output_error", "settings": settings}
+        return estimate_state_space(inputs, outputs, 1, RATE, **form)
+
+    alone, biased = estimated(steady), estimated(drifting)
+    found = estimated(drifting, 200.0)
+
+    def gain(estimate):
+        return estimate.model.frequency_response([0.0]).real.ravel()
+
+    assert np.abs(gain(biased) - [1.0, -2.0]).max() > 0.1
+    np.testing.assert_allclose(gain(found), [1.0, -2.0], atol=0.03)
+    np.testing.assert_allclose(found.model.level, alone.model.level, atol=0.05)
+    np.testing.assert_allclose(np.std(found.residuals[0], axis=0), 0.05, rtol=0.1)
+
+
+def test_the_drift_counts_as_parameters():
+    truth = structure(modes=1, form="output_error")
+    u, y, _ = recorded(truth, 500, 0.1, 4)
+    record = state_space_record([u, u[:300]], [y, y[:300]], [1, 1], True, 200.0)
+    errors = StateSpaceErrors(record, 2, "output_error")
+    without = state_space_record([u, u[:300]], [y, y[:300]], [1, 1], True)
+    # Periods of 200 samples and more: five of the first record and three of the second one.
+    assert record.drift.shape == (800, 8)
+    np.testing.assert_allclose(record.drift[:500].sum(axis=0), 0.0, atol=1e-9)
+    assert errors.parameters == StateSpaceErrors(without, 2, "output_error").parameters + 3 * 8
+
+
 def test_the_optimum_of_two_records_is_one_for_another_optimiser():
     truth = structure(modes=1, ny=2)
     records = [recorded(truth, 150, 0.3, 2), recorded(truth, 90, 0.3, 3)]
@@ -402,6 +461,35 @@ def test_a_sweep_never_rises_with_the_order_by_much_and_finds_the_true_one():
     objectives = [estimate.objective for estimate in scores.estimates]
     assert all(later <= earlier * 1.001 for earlier, later in pairwise(objectives))
     assert np.isfinite(scores.simulation_error).all()
+
+
+def test_a_pair_left_out_of_a_larger_order_gives_the_smaller_one_back():
+    errors, point = problem("innovations", 5)
+    larger = errors.of_order(7)
+    grown = extended(larger, errors, point, random_poles(2, np.random.default_rng(3)))
+    left = [
+        errors.criterion(errors.projection(each).covariance) for each in reductions(larger, grown)
+    ]
+    assert len(left) == 3
+    own = errors.criterion(errors.projection(point).covariance)
+    assert min(abs(each - own) for each in left) < 1e-9
+
+
+def test_an_order_is_reached_from_two_states_more():
+    """An optimum that is not the lowest is left for the one that the larger order begins with."""
+    u, y, _ = recorded(structure(), 400, 0.3, 8)
+    errors = StateSpaceErrors(state_space_record([u], [y], [1, 1], True), 4, "innovations")
+    larger = errors.of_order(6)
+    generator = np.random.default_rng(3)
+    starts = list(StartingModels(errors, 6, thorough=True).points(errors))
+    best, *_ = descended(errors, starts, 8)
+    above = descend(larger, extended(larger, errors, best.point, random_poles(2, generator)), 20, 0)
+    poor = from_poles(errors, random_poles(4, generator))
+    known = descend(errors, poor, 1, 1e-7)
+    assert known.value > best.value + 0.1
+    rung = Rung(errors, [known]).lowered(Rung(larger, [above]), 100)
+    assert rung.optima[0].value == pytest.approx(best.value, abs=1e-6)
+    assert rung.optima[1] is known
 
 
 def test_the_same_seed_gives_the_same_bits():

@@ -377,9 +377,12 @@ def _judged_modes(
     choice = load(RemedyRecord, files.decision("remedies")).choice
     searched = load(OrderModels, files.models_of_orders(choice.variant.name))
     own = OrderModel.of(choice.order, record.bic, record.plant)
-    tested = validation.longest
     table = table_of_models(
-        searched.with_model(own).models, choice.order, tested.inputs, tested.outputs, 0
+        searched.with_model(own).models,
+        choice.order,
+        validation.input_records,
+        validation.output_records,
+        0,
     )
     return ModesRecord.of(table, record.input_names, record.output_names)
 

@@ -49,6 +49,7 @@ FEW, MANY = 2, 6
 VARIANT_WORDS = {
     "innovations": "innovations form",
     "output_error": "output-error form",
+    "output_error_drift": "output-error form with drift",
     "box_jenkins": "next to Box-Jenkins",
 } | {structure: structure_name(structure) for structure in STRUCTURES}
 
@@ -78,6 +79,8 @@ class ModeRow:
     mode : ShapedMode
     why : str
         Reasons not to trust it; empty for a trusted one.
+    why_not_shape : str
+        Reason not to trust its shape, and what is known of it nevertheless.
     evidence : str
         What drives it, where it is seen, and which orders have it.
     bars : Markup
@@ -87,6 +90,7 @@ class ModeRow:
 
     mode: ShapedMode
     why: str
+    why_not_shape: str
     evidence: str
     bars: Markup
     still: Markup | None
@@ -258,6 +262,7 @@ def _mode_rows(results: MultichannelResults) -> list[ModeRow]:
             ModeRow(
                 mode,
                 "; ".join(judged.doubts),
+                _why_not_shape(judged),
                 _evidence(judged, results, deviation),
                 Markup(shape_bars(outputs, mode.shape, mode.shape_se_real, label)),
                 Markup(drawing.still(mode.shape, label)) if drawing else None,
@@ -265,6 +270,14 @@ def _mode_rows(results: MultichannelResults) -> list[ModeRow]:
             )
         )
     return rows
+
+
+def _why_not_shape(judged: JudgedMode) -> str:
+    if judged.pair is None:
+        return judged.shape_doubt
+    return (
+        f"{judged.shape_doubt}; the plane of its shape and that of mode {judged.pair + 1} is known"
+    )
 
 
 _ORIGINS = {
