@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -33,13 +32,11 @@ def estimate_delays(
     """Delay nk of each input in samples, 0 for one that acts on the same sample.
 
     Lags of a vector ARX model, of a fixed last lag, are left out from the first one on: as many as
-    give the lowest BIC, as long as likelihood ratio tests do not find that those from 1 on explain
-    something, together or the next one beside all later ones.  Where an input acts late and slowly,
-    its first lag is lost among those before it in the test of all together.  BIC alone leaves out
-    too many of them: each has a coefficient for every output there, but the lags of a state-space
-    model have their states in common.  A delay that is too short costs a few states at most, and
-    one that is too long distorts the response.  Lag 0 has coefficients of its own in a state-space
-    model as well, the matrix D.
+    give the lowest BIC, as long as a likelihood ratio test does not find that those from 1 on
+    explain something together.  BIC alone leaves out too many of them: each has a coefficient for
+    every output there, but the lags of a state-space model have their states in common.  A delay
+    that is too short costs a few states at most, and one that is too long distorts the response.
+    Lag 0 has coefficients of its own in a state-space model as well, the matrix D.
 
     Parameters
     ----------
@@ -82,7 +79,9 @@ def estimate_delays(
                     for delay in range(low[j], high[j] + 1)
                 ]
                 possible = [
-                    place for place in range(len(found)) if _loses_nothing(found[whole : place + 1])
+                    place
+                    for place, fit in enumerate(found)
+                    if place <= whole or fit.adds_nothing_to(found[whole], place - whole)
                 ]
                 delays[j] = int(low[j]) + min(possible, key=lambda place: found[place].bic)
             if delays == before:
@@ -131,17 +130,6 @@ class _Fit:
         factor = whole.count - whole.regressors - (whole.outputs - left_out + 1) / 2.0
         statistic = factor * (self.log_determinant - whole.log_determinant)
         return bool(chi2.sf(statistic, left_out * whole.outputs) > SIGNIFICANCE)
-
-
-def _loses_nothing(fits: Sequence[_Fit]) -> bool:
-    """Whether lags explain nothing that are left out one after the other, from the first fit on.
-
-    Neither together nor each beside those that are left.
-    """
-    if len(fits) < 2:
-        return True
-    steps = all(each.adds_nothing_to(before, 1) for before, each in pairwise(fits))
-    return steps and fits[-1].adds_nothing_to(fits[0], len(fits) - 1)
 
 
 def _fit(known: Array, lagged: Sequence[Array], delays: Sequence[int], targets: Array) -> _Fit:
