@@ -181,7 +181,7 @@ def search_record(folder: Path, name: str, made: dict[str, np.ndarray]) -> None:
     noiseless = recording_of(made["u"] - middle_u, made["clean"] - middle_y)
     noiseless = noiseless.between(kept, whole.samples)
     delays = decide_delays(estimation, None).delays
-    orders = [each for each in searched_orders(estimation, None, name) if each <= MOST]
+    orders = [each for each in searched_orders(estimation, None) if each <= MOST]
     searches, errors = [], {}
     for variant in variants_of(VARIANTS):
         settings = StateSpaceSettings(weighting=variant.weighting)

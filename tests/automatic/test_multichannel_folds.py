@@ -128,3 +128,36 @@ def test_surplus_modes_gain_nothing_by_the_states_they_begin_with():
     assert of_surplus < 0.9 * of_truth
     of_truth, of_surplus = np.mean(scored, axis=0)
     assert of_surplus > 0.99 * of_truth
+
+
+@pytest.mark.parametrize("at", [120, 800])
+def test_the_response_to_one_blow_is_divided_by_its_energy(at):
+    """Every training part has the blow, and errors of the true model are those of the noise."""
+    samples = 1200
+    u = np.zeros((samples, 1))
+    u[at : at + 2] = 10.0
+    ringing = replace(TRUTH, A=1.03 * TRUTH.A)
+    clean = ringing.simulate(u, np.zeros(2))
+    y = clean + NOISE * np.random.default_rng(1).standard_normal(clean.shape)
+    whole = MultichannelRecording(u, y, 1.0, ("u",), ("a", "b"), ("",), ("", ""))
+    folds = [each for count in designs_of(whole) for each in folds_of(whole, count)]
+    assert len(folds) >= 3
+    response = np.flatnonzero(np.abs(clean).max(axis=1) > 3.0 * NOISE)
+    for fold in folds:
+        assert np.ptp(fold.training.inputs) == 10.0
+        assert at < fold.first < fold.stop <= response[-1] + 48
+        simulated, _, predicted = fold.errors(ringing, "quadratic")
+        least = 100.0 * NOISE / y[fold.first : fold.stop].std(axis=0)
+        np.testing.assert_allclose(simulated, least, rtol=0.35)
+        np.testing.assert_allclose(predicted, least, rtol=0.35)
+        assert least.max() < 60.0
+
+
+def test_ordinary_records_are_divided_into_equal_lengths():
+    whole = recording(1000, 3)
+    assert [(each.first, each.stop) for each in folds_of(whole, 5)] == [
+        (200, 400),
+        (400, 600),
+        (600, 800),
+        (800, 1000),
+    ]

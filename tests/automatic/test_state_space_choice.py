@@ -12,6 +12,7 @@ from evopem.automatic.state_space_search import (
     noise_orders,
     searched_orders,
 )
+from evopem.config.input_ranges import InputRanges
 from evopem.config.state_space_settings import StateSpaceChoices
 from evopem.errors import InputError
 from evopem.signals.multichannel import MultichannelRecording
@@ -111,14 +112,14 @@ def test_bic_decides_where_no_score_is_known():
 
 
 def test_orders_follow_the_length_of_the_record():
-    assert searched_orders(recording(5000), None, "datasets.a") == tuple(range(2, 21, 2))
-    assert searched_orders(recording(100), None, "datasets.a") == (1, 2, 3)
-    assert searched_orders(recording(5000), (3, 5), "datasets.a") == (3, 4, 5)
+    assert searched_orders(recording(5000), None) == tuple(range(2, 21, 2))
+    assert searched_orders(recording(100), None) == (1, 2, 3)
+    assert searched_orders(recording(5000), (3, 5)) == (3, 4, 5)
     # Five folds leave four fifths of a short record to fit.
-    assert searched_orders(recording(160, 5, 3), None, "datasets.a") == tuple(range(1, 7))
+    assert searched_orders(recording(160, 5, 3), None) == tuple(range(1, 7))
     assert max(noise_orders(recording(100))) == 8
     with pytest.raises(InputError, match="30 estimation samples are too few"):
-        searched_orders(recording(30), (4, 4), "datasets.a")
+        searched_orders(recording(30), (4, 4))
 
 
 def test_delays_stay_within_their_limits():
@@ -130,5 +131,5 @@ def test_delays_stay_within_their_limits():
         given.inputs, y, 1.0, given.input_names, given.output_names, *(("",) * 2, ("",) * 3)
     )
     assert decide_delays(delayed, None).delays == (3, 1)
-    assert decide_delays(delayed, (0, 2)).delays == (2, 1)
-    assert decide_delays(delayed, (1, 1)).delays == (1, 1)
+    assert decide_delays(delayed, InputRanges((0, 2))).delays == (2, 1)
+    assert decide_delays(delayed, InputRanges((1, 1))).delays == (1, 1)

@@ -46,8 +46,8 @@ def names(*kinds):
 
 @pytest.mark.parametrize(("mapping", "kind"), MAPPINGS.items())
 def test_the_keys_of_a_mapping_are_the_fields_of_its_settings(mapping, kind):
-    of_state_space = {"nx"} if mapping == "orders" else set()
-    assert set(KEYS["$defs"][mapping]["properties"]) == names(kind) | of_state_space
+    of_several_channels = {"nx", "nf"} if mapping == "orders" else set()
+    assert set(KEYS["$defs"][mapping]["properties"]) == names(kind) | of_several_channels
 
 
 def test_the_keys_of_a_data_set_are_its_source_and_its_analysis():

@@ -21,6 +21,7 @@ from evopem.config.state_space_settings import (
 from evopem.errors import InputError
 
 SCHEMA = Path(__file__).parents[2] / "workflow" / "schemas" / "config.schema.yaml"
+OE = "input: [a, b]\n    output: y\n    structure: oe\n    "
 GEOMETRY = """
     geometry:
       points: {root: [0, 0], tip: [0, 1]}
@@ -74,7 +75,7 @@ def test_several_inputs_and_one_output_take_every_polynomial_structure():
         found = dataset(keys.format(structure))
         assert isinstance(found, StateSpaceDataset)
         assert searched_variants(found) == ((structure, "determinant"),)
-        assert found.choices.joint == (2, 5)
+        assert found.choices.orders.joint == (2, 5)
 
 
 def test_polynomial_structures_are_searched_beside_state_space_where_nothing_is_written():
@@ -116,8 +117,44 @@ def test_defaults_serve_both_kinds_of_data_sets():
     assert isinstance(found["one"], DatasetSettings)
     assert found["one"].search.seed == found["several"].search.seed == 7
     assert found["several"].choices.form == "output_error"
-    assert found["several"].choices.orders == (4, 4)
+    assert found["several"].choices.orders.nx == (4, 4)
     assert found["several"].split.discard == 10
+
+
+@pytest.mark.parametrize(
+    ("written", "ranges"),
+    [
+        ("2", ((2, 2), (2, 2))),
+        ("[2, 4]", ((2, 4), (2, 4))),
+        ("[[2, 4], [1, 1]]", ((2, 4), (1, 1))),
+        ("{cold: [1, 3]}", (None, (1, 3))),
+        ("{hot: 2, cold: 1}", ((2, 2), (1, 1))),
+    ],
+)
+def test_orders_and_delays_of_each_input(tmp_path, written, ranges):
+    found = dataset(
+        f"input: [hot, cold]\n    output: y\n    structure: oe\n    delay: {{nk: {written}}}\n"
+        f"    orders: {{nb: {written}, nf: {written}, joint: [1, 4]}}"
+    )
+    orders = found.choices.orders
+    for each in (orders.nb, orders.nf, orders.nk):
+        assert each.of_inputs(("hot", "cold")) == ranges
+    assert orders.joint == (1, 4)
+    file = tmp_path / "config.yaml"
+    file.write_text(state_space_yaml(found))
+    assert read_state_space_settings(file) == found
+    again = complete({"datasets": {"a": keys_of_state_space(found)}}, SCHEMA)
+    assert again.datasets["a"] == found
+
+
+def test_ranges_of_defaults_hold_where_the_structure_has_the_order():
+    defaults = "{orders: {nc: [2, 4], nb: 3, nf: 2}, delay: {nk: [[0, 2], [1, 1]]}}"
+    several = dataset(OE.strip(), defaults).choices.orders
+    assert (several.nc, several.nb.all, several.nf.all) == (None, (3, 3), (2, 2))
+    assert several.nk.in_order == ((0, 2), (1, 1))
+    one = dataset("recipe: chapter\n    structure: oe", defaults)
+    assert one.order_grid.orders.nb == (3, 3)
+    assert one.order_grid.delay.nk == (0, 3)
 
 
 def test_constraints_come_back(tmp_path):
@@ -246,6 +283,23 @@ def test_complete_keys_come_back(tmp_path):
             "a plant that inputs drive",
         ),
         ("form: innovations", "datasets.a.form", "write structure: state_space"),
+        ("orders: {nf: 3}", "datasets.a.orders.nf", "write structure: state_space"),
+        ("delay: {nk: {u: 1}}", "datasets.a.delay.nk", "one input has one range"),
+        ("orders: {nb: [[1, 2]]}", "datasets.a.orders.nb", "one input has one range"),
+        (OE + "orders: {nb: [1, 2, 3]}", "datasets.a.orders.nb", "such as [[2, 2], [1, 1]]"),
+        (OE + "orders: {nb: [[1, 2], 3]}", "datasets.a.orders.nb", "numbers beside ranges"),
+        (OE + "orders: {nb: [[1, 2]]}", "datasets.a.orders.nb", "1 ranges and 2 inputs"),
+        (OE + "orders: {nb: [[1, 2, 3], [1, 1]]}", "datasets.a.orders.nb", "holds 3 values"),
+        (OE + "orders: {nb: {v: 2}}", "datasets.a.orders.nb", "there is no input v"),
+        (OE + "orders: {nb: 0}", "datasets.a.orders.nb", "below 1"),
+        (OE + "orders: {nf: [[3, 2], [1, 1]]}", "datasets.a.orders.nf", "above the upper one"),
+        (OE + "orders: {nc: 2}", "datasets.a.orders.nc", "give one of joint, nb, nf"),
+        (OE + "delay: {nk: {a: [3, 1]}}", "datasets.a.delay.nk", "above the upper one"),
+        (
+            "output: [2, 3]\n    orders: {nb: 2}",
+            "datasets.a.orders.nb",
+            "give one of nx",
+        ),
         ("orders: {nx: 3}", "datasets.a.orders.nx", "write structure: state_space"),
         ("output_unit: [m, s]", "datasets.a.output_unit", "write structure: state_space"),
         (

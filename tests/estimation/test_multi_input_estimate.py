@@ -13,10 +13,10 @@ from evopem.estimation.multi_input.errors import MultiInputErrors, multi_input_r
 from evopem.estimation.multi_input.estimate import (
     SETTINGS,
     estimate_multi_input,
-    joint_orders,
     multi_input_estimates,
     reduced_orders,
 )
+from evopem.estimation.multi_input.order_limits import joint_orders
 from evopem.models.multi_input import MultiInputModel, MultiInputOrders
 
 ONE = np.ones(1)
@@ -168,10 +168,11 @@ def test_same_bits_twice():
 
 def test_orders_and_delays_of_each_input_are_found():
     u, y, truth, _ = record_of("armax", 1000, 7)
-    scores = dict(multi_input_estimates(u, y, "armax", range(1, 6), (1, 2)))
+    orders = {k: joint_orders("armax", k, (1, 2)) for k in range(1, 6)}
+    scores = dict(multi_input_estimates(u, y, orders))
     best = min(scores, key=lambda order: scores[order].bic)
     assert best == 4
-    assert reduced_orders(u, y, joint_orders("armax", best, (1, 2))) == truth.orders
+    assert reduced_orders(u, y, orders[best]).orders == truth.orders
 
 
 def test_coloured_noise_does_not_deceive_the_intervals_of_an_output_error_model():

@@ -26,7 +26,13 @@ from evopem.estimation.state_space.estimate import (
 from evopem.estimation.state_space.held_out import continued_errors, simulation_errors
 from evopem.estimation.state_space.levenberg_marquardt import descend
 from evopem.estimation.state_space.noise_colour import autoregression_of
-from evopem.estimation.state_space.problem import converted
+from evopem.estimation.state_space.problem import (
+    Rung,
+    StartingModels,
+    converted,
+    descended,
+    reductions,
+)
 from evopem.estimation.state_space.sections import (
     inside,
     largest_radius,
@@ -38,7 +44,7 @@ from evopem.estimation.state_space.sections import (
     state_matrix,
 )
 from evopem.estimation.state_space.settings import StateSpaceSettings
-from evopem.estimation.state_space.starting_points import from_poles, random_poles
+from evopem.estimation.state_space.starting_points import extended, from_poles, random_poles
 from evopem.models.state_space import StateSpaceModel
 
 RATE = 100.0
@@ -402,6 +408,35 @@ def test_a_sweep_never_rises_with_the_order_by_much_and_finds_the_true_one():
     objectives = [estimate.objective for estimate in scores.estimates]
     assert all(later <= earlier * 1.001 for earlier, later in pairwise(objectives))
     assert np.isfinite(scores.simulation_error).all()
+
+
+def test_a_pair_left_out_of_a_larger_order_gives_the_smaller_one_back():
+    errors, point = problem("innovations", 5)
+    larger = errors.of_order(7)
+    grown = extended(larger, errors, point, random_poles(2, np.random.default_rng(3)))
+    left = [
+        errors.criterion(errors.projection(each).covariance) for each in reductions(larger, grown)
+    ]
+    assert len(left) == 3
+    own = errors.criterion(errors.projection(point).covariance)
+    assert min(abs(each - own) for each in left) < 1e-9
+
+
+def test_an_order_is_reached_from_two_states_more():
+    """An optimum that is not the lowest is left for the one that the larger order begins with."""
+    u, y, _ = recorded(structure(), 400, 0.3, 8)
+    errors = StateSpaceErrors(state_space_record([u], [y], [1, 1], True), 4, "innovations")
+    larger = errors.of_order(6)
+    generator = np.random.default_rng(3)
+    starts = list(StartingModels(errors, 6, thorough=True).points(errors))
+    best, *_ = descended(errors, starts, 8)
+    above = descend(larger, extended(larger, errors, best.point, random_poles(2, generator)), 20, 0)
+    poor = from_poles(errors, random_poles(4, generator))
+    known = descend(errors, poor, 1, 1e-7)
+    assert known.value > best.value + 0.1
+    rung = Rung(errors, [known]).lowered(Rung(larger, [above]), 100)
+    assert rung.optima[0].value == pytest.approx(best.value, abs=1e-6)
+    assert rung.optima[1] is known
 
 
 def test_the_same_seed_gives_the_same_bits():

@@ -9,7 +9,12 @@ from scipy.signal import dlsim
 from evopem.files.json_form import from_json, to_json
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.state_space import StateSpaceModel
-from evopem.models.state_space_modes import assurance, mean_phase, phase_collinearity
+from evopem.models.state_space_modes import (
+    assurance,
+    mean_phase,
+    phase_collinearity,
+    plane_assurance,
+)
 
 RATE = 50.0
 
@@ -252,3 +257,63 @@ def test_matrices_that_do_not_fit_together_are_refused():
         replace(m, input_delays=(1,))
     with pytest.raises(ValueError, match="2 inputs need 2 names"):
         replace(m, input_names=("u",))
+
+
+def close_pair(gap):
+    """Two modes whose frequencies differ by a share ``gap``, at four outputs, with a covariance."""
+    A, C = np.zeros((4, 4)), np.random.default_rng(4).standard_normal((4, 4))
+    for k, frequency in enumerate((0.1, 0.1 * (1.0 + gap))):
+        pole = np.exp((-0.02 + 1j) * 2.0 * np.pi * frequency)
+        A[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = [[pole.real, pole.imag], [-pole.imag, pole.real]]
+    model = StateSpaceModel(
+        A=A,
+        B=np.zeros((4, 0)),
+        C=C,
+        D=np.zeros((4, 0)),
+        K=np.zeros((4, 4)),
+        sampling_rate=1.0,
+        level=np.zeros(4),
+        noise_covariance=np.eye(4),
+    )
+    variances = np.concatenate([np.full(16, 1e-3**2), np.full(16, 1e-2**2), np.zeros(20)])
+    return replace(model, covariance=ParameterCovariance.from_matrix(np.diag(variances)))
+
+
+def test_the_assurance_expected_of_a_shape_is_that_of_perturbed_models():
+    m = close_pair(0.2)
+    found = m.modes()
+    generator = np.random.default_rng(5)
+    alone, planes = np.empty((400, 2)), np.empty(400)
+    for row in range(400):
+        entries = m.covariance.factor @ generator.standard_normal(m.covariance.factor.shape[1])
+        A = m.A + entries[:16].reshape(4, 4)
+        C = m.C + entries[16:32].reshape(4, 4)
+        other = replace(m, A=A, C=C, covariance=None).modes()
+        alone[row] = [assurance(a.shape, b.shape) for a, b in zip(found, other, strict=True)]
+        planes[row] = plane_assurance(
+            *(np.column_stack([mode.shape for mode in pair]) for pair in (found, other))
+        )
+    for mode, expected in zip(found, alone.mean(axis=0), strict=True):
+        assert 1.0 - mode.shape_assurance == pytest.approx(1.0 - expected, rel=0.15)
+        assert mode.plane_assurance > mode.shape_assurance
+    # Both shapes leave the plane by as much as the data allow.
+    assert 1.0 - planes.mean() < sum(1.0 - mode.plane_assurance for mode in found)
+
+
+def test_shapes_of_nearly_equal_poles_are_mixed_but_their_plane_is_known():
+    apart, close = close_pair(0.2).modes(), close_pair(0.001).modes()
+    for one, other in ((apart[0], close[0]), (apart[1], close[1])):
+        assert one.equal_poles_p < 1e-6
+        assert other.equal_poles_p > 0.1
+        assert other.shape_assurance < 0.5 < 0.95 < one.shape_assurance
+        assert other.plane_assurance > 0.99
+    assert [mode.partner for mode in close] == [1, 0]
+
+
+def test_plane_assurance_does_not_depend_on_the_mixture():
+    generator = np.random.default_rng(6)
+    shapes = generator.standard_normal((4, 2)) + 1j * generator.standard_normal((4, 2))
+    mixed = shapes @ np.array([[1.0, 0.5j], [-0.3, 2.0]])
+    assert plane_assurance(shapes, mixed) == pytest.approx(1.0)
+    one, other = shapes[:, :1], shapes[:, 1:]
+    assert plane_assurance(one, other) == pytest.approx(assurance(one[:, 0], other[:, 0]))

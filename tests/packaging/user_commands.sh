@@ -76,6 +76,24 @@ cd recorded
 evopem data.csv --input u --output y --rate 100 | tee printed.txt
 grep --quiet "report  results/data/report.html" printed.txt
 [[ -s results/data/report.html ]]
+say "evopem a.csv b.csv --input force --output 'acc_*' --rate 100"
+mkdir ../blows
+cd ../blows
+python - <<'PYTHON'
+import numpy as np
+from scipy.signal import lfilter
+
+generator = np.random.default_rng(1)
+for name in ("a.csv", "b.csv"):
+    force, noise = generator.standard_normal(400), 0.1 * generator.standard_normal((2, 400))
+    acc = np.array([lfilter(b, [1.0, -1.2, 0.8], force) for b in ([0.0, 1.0], [0.0, 0.0, 0.5])])
+    columns = np.vstack([force, acc + noise]).T
+    np.savetxt(name, columns, delimiter=",", header="force,acc_1,acc_2", comments="")
+PYTHON
+evopem a.csv b.csv --input force --output 'acc_*' --rate 100 | tee printed.txt
+grep --quiet "report  results/a/report.html" printed.txt
+[[ -s results/a/modes.csv ]]
+cd ../recorded
 say "evopem init FOLDER"
 evopem init .
 grep --quiet "file: data.csv" config.yaml

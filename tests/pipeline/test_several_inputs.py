@@ -107,7 +107,92 @@ def test_the_written_configuration_gives_the_same_settings(results):
     keys = yaml.safe_load((path / files.config).read_text())
     again = complete(keys, SCHEMA_PATH).datasets["mixer"]
     assert again.choices.structure == "armax"
-    assert again.choices.joint == (1, 3)
+    assert again.choices.orders.joint == (1, 3)
+
+
+def test_orders_and_delays_of_each_input_stay_within_their_ranges(tmp_path, monkeypatch):
+    keys = {
+        "structure": "armax",
+        "orders": {"nb": {"hot": [1, 3], "cold": 2}, "na": [1, 3], "nc": [0, 2]},
+        "delay": {"nk": {"hot": [0, 2], "cold": 2}},
+    }
+    files = identified(tmp_path, monkeypatch, keys)
+    record = load(MultichannelModelRecord, files.model)
+    # Two coefficients at lags 2 and 3, of which the first is no part of the truth.
+    assert str(record.polynomials.orders) == "ARMAX(2,[2 2],1,[1 2])"
+    first, second = record.polynomials.B[1]
+    errors = record.polynomials.covariance.standard_errors(np.eye(8))[4]
+    assert abs(first) < 3.5 * errors
+    assert second == pytest.approx(-0.7, abs=0.05)
+    table = pd.read_csv(files.candidates)
+    searched, reduced = (each for _, each in table.groupby("step", sort=False))
+    assert searched["model"].tolist() == [
+        "ARMAX(1,[1 2],1,[1 2])",
+        "ARMAX(2,[2 2],2,[1 2])",
+        "ARMAX(3,[3 2],2,[1 2])",
+    ]
+    assert searched["selected"].sum() == 1
+    assert reduced[reduced["selected"]]["model"].iloc[-1] == str(record.polynomials.orders)
+    assert set(reduced["reason"]) == {"lower BIC than the orders before", "BIC does not fall"}
+    assert not any("[1 1]" in each or "[1 3]" in each for each in table["model"])
+
+
+def test_fixed_orders_are_one_candidate(tmp_path, monkeypatch):
+    keys = {
+        "structure": "oe",
+        "orders": {"nb": [[2, 2], [1, 1]], "nf": 2},
+        "delay": {"nk": [[1, 1], [3, 3]]},
+    }
+    files = identified(tmp_path, monkeypatch, keys)
+    record = load(MultichannelModelRecord, files.model)
+    assert str(record.polynomials.orders) == "OE([2 1],[2 2],[1 3])"
+    assert pd.read_csv(files.candidates)["model"].tolist() == ["OE([2 1],[2 2],[1 3])"]
+
+
+def test_ranges_of_other_inputs_are_refused_when_the_names_are_known(tmp_path, monkeypatch):
+    keys = {"input": ["hot", 2], "structure": "oe", "delay": {"nk": {"warm": 1}}}
+    with pytest.raises(InputError, match=r"datasets.mixer.delay.nk: there is no input warm"):
+        identified(tmp_path, monkeypatch, keys)
+
+
+@pytest.mark.parametrize(
+    ("structure", "ranges", "orders"),
+    [
+        ("fir", {"joint": [2, 4]}, "FIR([2 1],[1 3])"),
+        ("ararx", {"joint": [1, 2]}, "ARARX(2,[2 1],1,[1 3])"),
+        ("ararmax", {"joint": [1, 2]}, "ARARMAX(2,[2 1],1,1,[1 3])"),
+        # Poles of A could be in all F_i and D as well, where these are not limited.
+        ("general", {"na": 1, "nf": 1, "joint": [1, 2]}, "general(1,[2 1],1,1,[1 1],[1 3])"),
+    ],
+)
+def test_every_structure_takes_several_recordings(tmp_path, monkeypatch, structure, ranges, orders):
+    """Each recording has a level of its own, and the orders of each input are the truth's."""
+    monkeypatch.chdir(tmp_path)
+    for part in range(4):
+        joined_part(structure, part).to_csv(f"part_{part}.csv", index=False)
+    keys = {"file": "part_*.csv", "structure": structure, "orders": ranges}
+    files = identified(tmp_path, monkeypatch, keys)
+    record = load(MultichannelModelRecord, files.model)
+    assert str(record.polynomials.orders) == orders
+    validation = load(MultichannelValidation, files.validation)
+    assert validation.simulation_error_percent == pytest.approx(10.0, abs=2.0)
+    assert "4 recordings" in Path(files.report).read_text(encoding="utf-8")
+
+
+def joined_part(structure, part, samples=260):
+    """One recording of a system of a structure, with 10 % noise, about a level of its own."""
+    generator = np.random.default_rng(part)
+    u, e = generator.standard_normal((samples, 2)), generator.standard_normal(samples)
+    # The noise has a C where the structure has one, and a D where it has one.
+    c = [1.0, -0.5] if structure in ("ararmax", "general") else [1.0]
+    d = [1.0] if structure == "fir" else [1.0, 0.7]
+    a = {"fir": np.ones(1), "general": np.array([1.0, -0.8])}.get(structure, A)
+    f = ([1.0, -0.6], [1.0, 0.5]) if structure == "general" else ([1.0], [1.0])
+    clean = lfilter([0.0, 1.0, 0.5], np.convolve(a, f[0]), u[:, 0])
+    clean += lfilter([0.0, 0.0, 0.0, -0.7], np.convolve(a, f[1]), u[:, 1])
+    noise = lfilter(c, np.convolve(a, d), e)
+    y = 2.0 * part + clean + 0.1 * clean.std() / noise.std() * noise
+    return pd.DataFrame({"hot": u[:, 0], "cold": u[:, 1], "y": y})
 
 
 def test_polynomials_and_state_space_are_compared_by_one_criterion(tmp_path, monkeypatch):

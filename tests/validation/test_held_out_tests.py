@@ -7,6 +7,7 @@ from scipy.signal import lfilter
 from evopem import SearchSettings, estimate
 from evopem.models.polynomial import PolynomialModel
 from evopem.validation.held_out_tests import (
+    HeldOutContribution,
     contribution_test,
     free_responses,
     improvement_test,
@@ -101,24 +102,38 @@ def _of_three_outputs(seed, effect):
     mixing = np.array([[1.0, 0.0, 0.0], [0.7, 1.0, 0.0], [0.5, 0.3, 1.0]])
     e = lfilter([1.0], [1.0, -0.8], generator.standard_normal((300, 3)) @ mixing.T, axis=0)
     x = generator.standard_normal((300, 1)) * np.array([0.5, -1.0, 0.8])
-    return joint_contribution_test(e + effect * x, x, [np.ones((300, 1))] * 3), e + effect * x, x
+    return HeldOutContribution(e + effect * x, x, [np.ones((300, 1))] * 3)
 
 
-def test_the_joint_level_holds_for_outputs_with_common_noise():
-    p_values = np.array([_of_three_outputs(seed, 0.0)[0].p_value for seed in range(300)])
+@pytest.mark.parametrize("records", [1, 3])
+def test_the_joint_level_holds_for_outputs_with_common_noise(records):
+    p_values = []
+    for seed in range(300):
+        of_records = [_of_three_outputs(1000 * record + seed, 0.0) for record in range(records)]
+        p_values.append(joint_contribution_test(of_records).p_value)
     error = np.sqrt(0.05 * 0.95 / 300)
-    assert np.mean(p_values < 0.05) == pytest.approx(0.05, abs=4 * error)
+    assert np.mean(np.array(p_values) < 0.05) == pytest.approx(0.05, abs=4 * error)
+
+
+def test_what_is_weak_in_each_record_is_found_in_all_together():
+    joint, longest = [], []
+    for seed in range(40):
+        records = [_of_three_outputs(1000 * record + seed, 0.07) for record in range(3)]
+        joint.append(joint_contribution_test(records).p_value < 0.01)
+        longest.append(joint_contribution_test(records[:1]).p_value < 0.01)
+    assert np.mean(joint) > np.mean(longest) + 0.2
 
 
 def test_what_is_weak_at_each_output_is_found_at_all_together():
     joint, single = [], []
     for seed in range(40):
-        together, e, x = _of_three_outputs(seed, 0.1)
-        joint.append(together.p_value < 0.01)
+        record = _of_three_outputs(seed, 0.1)
+        e, x = record.errors_without, record.contributions
+        joint.append(joint_contribution_test([record]).p_value < 0.01)
         single.append(min(contribution_test(e[:, k], x[:, k]).p_value for k in range(3)) < 0.01 / 3)
     assert np.mean(joint) > np.mean(single) + 0.2
-    _, e, x = _of_three_outputs(1, 0.1)
     alone = contribution_test(e[:, 0], x[:, 0])
-    joined = joint_contribution_test(e[:, :1], x[:, :1], [np.ones((300, 0))])
+    one = HeldOutContribution(e[:, :1], x[:, :1], [np.ones((300, 0))])
+    joined = joint_contribution_test([one])
     assert joined.statistic == pytest.approx(alone.statistic)
     assert joined.p_value == pytest.approx(alone.p_value)

@@ -1,5 +1,7 @@
 """Modes with their evidence on truths: what is found, what is doubted, who drives a mode."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -15,6 +17,7 @@ from evopem.validation.mode_table import (
     mode_table,
     table_of_models,
 )
+from evopem.validation.modes_record import ModesRecord
 
 RATE = 100.0
 CLOSE = VibratingStructure(
@@ -71,6 +74,34 @@ def test_smaller_orders_do_not_speak_against_a_mode_of_the_largest(ambient):
     assert {each.stable for each in own} == {None}
 
 
+def test_a_pair_whose_shapes_are_mixed_is_stated_as_their_plane(ambient):
+    """Frequencies and damping ratios of the pair stay trusted, its shapes are not."""
+    scores, _ = ambient
+    y = CLOSE.ambient_record(800, RATE, 0.2, np.random.default_rng(4))
+    models = [OrderModel.of_estimate(each) for each in scores.estimates]
+
+    def changed(**of_pair):
+        modes = [
+            replace(mode, **of_pair) if mode.frequency_hz > 11.0 else mode
+            for mode in models[2].modes
+        ]
+        mixed = [replace(each, modes=tuple(modes)) if each.order == 6 else each for each in models]
+        return table_of_models(mixed, 6, None, y, 0)
+
+    table = changed(equal_poles_p=0.3)
+    assert [each.shape_trusted for each in table.modes if each.trusted] == [True, False, False]
+    rows = [k for k, each in enumerate(table.modes) if each.shape_doubt]
+    assert [table.modes[k].pair for k in rows] == rows[::-1]
+    csv = ModesRecord.of(table, (), ("a", "b", "c")).rows()
+    assert csv["plane_with_mode"][3 * rows[0]] == str(rows[1] + 1)
+    assert [changed(equal_poles_p=0.3, plane_assurance=0.7).modes[k].pair for k in rows] == [
+        None
+    ] * 2
+    unknown = changed(shape_assurance=0.6)
+    assert [unknown.modes[k].pair for k in rows] == [None, None]
+    assert "0.60" in unknown.modes[rows[0]].shape_doubt
+
+
 def two_modes(driven, noisy, spurious=0.0):
     """A mode at 8 Hz that the input drives, one at 20 Hz that the noise does, two outputs.
 
@@ -122,7 +153,7 @@ def test_the_tests_reject_at_their_level_what_is_not_there():
         u, y = recorded(truth, 400, seed)
         modes = estimate.modes()
         p_values.append(
-            [held_out_mode_tests(estimate, modes, u, y, 100)[k][0].p_value for k in (0, 1)]
+            [held_out_mode_tests(estimate, modes, [u], [y], 100)[k][0].p_value for k in (0, 1)]
         )
     driven, not_driven = np.array(p_values).T
     assert (driven < 0.01).all()

@@ -5,6 +5,7 @@ import os
 import shutil
 import signal
 import subprocess
+import tempfile
 import time
 from functools import partial
 from pathlib import Path
@@ -73,7 +74,8 @@ class Runs:
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory):
-    started = Runs(tmp_path_factory.mktemp("slurm"))
+    # SLURM's accounting outlives the folders of pytest and tells runs apart by their folders alone.
+    started = Runs(Path(tempfile.mkdtemp(dir=tmp_path_factory.mktemp("slurm"))))
     started.start("stages", TINY | {"candidates_per_job": "auto"}, *ON_SLURM, *threads(2))
     started.start("time", ONE_JOB, *ON_SLURM, *needs("mem_mb=1000", "runtime=attempt"))
     started.start("memory", ONE_JOB, *ON_SLURM, *needs("mem_mb=200*attempt**2", "runtime=5"))

@@ -123,7 +123,7 @@ rule decide_input_delays:
         mem_mb=provider.state_space_memory,
         runtime=provider.reading_time,
     params:
-        limits=provider.settings("choices.delays"),
+        ranges=provider.settings("choices.orders.nk"),
         code=code("decide_input_delays"),
     script:
         "../scripts/decide_input_delays.py"
@@ -152,7 +152,7 @@ rule search_state_space:
         mem_mb=provider.state_space_memory,
         runtime=provider.state_space_time,
     params:
-        limits=provider.order_limits,
+        ranges=provider.order_ranges,
         search=provider.settings("search"),
         code=code("search_state_space"),
     script:
@@ -193,7 +193,15 @@ rule estimate_state_space:
         delays=files.decision("delays"),
         comparison=files.decision("comparison"),
         orders=provider.models_of_orders_of_variants,
+        searches=provider.variant_searches,
     output:
+        candidates=report(
+            files.candidates,
+            caption="../report/candidates.rst",
+            category="{dataset}",
+            subcategory="Tables",
+            labels={"table": "candidates"},
+        ),
         model=report(
             files.model,
             caption="../report/state_space_model.rst",
@@ -201,6 +209,7 @@ rule estimate_state_space:
             subcategory="Model",
             labels={"file": "model.json"},
         ),
+        remedies=files.decision("remedies"),
         matlab=files.model_mat,
         frequency_response=files.frequency_response,
     log:
@@ -216,6 +225,8 @@ rule estimate_state_space:
         mem_mb=provider.state_space_memory,
         runtime=provider.state_space_time,
     params:
+        variants=provider.searched_variants,
+        ranges=provider.settings("choices.orders"),
         search=provider.settings("search"),
         constraints=provider.settings("constraints"),
         code=code("estimate_state_space"),
@@ -248,6 +259,7 @@ rule complete_other_state_space:
         mem_mb=provider.state_space_memory,
         runtime=provider.state_space_time,
     params:
+        ranges=provider.settings("choices.orders"),
         search=provider.settings("search"),
         constraints=provider.settings("constraints"),
         code=code("complete_other_state_space"),
@@ -259,7 +271,7 @@ rule validate_state_space:
     """Validate the model and its modes on samples that no choice has seen."""
     input:
         orders=provider.models_of_orders_of_variants,
-        comparison=files.decision("comparison"),
+        remedies=files.decision("remedies"),
         prepared=files.prepared,
         transforms=files.transforms,
         model=files.model,
@@ -306,6 +318,7 @@ rule collect_state_space_decisions:
         plan=files.decision("preparation"),
         delays=files.decision("delays"),
         comparison=files.decision("comparison"),
+        remedies=files.decision("remedies"),
         other=provider.other_state_space,
     output:
         decisions=files.decisions,
@@ -332,7 +345,7 @@ rule summarize_state_space:
     """Put order, errors, modes and checks of one data set into one small file."""
     input:
         searches=provider.variant_searches,
-        comparison=files.decision("comparison"),
+        remedies=files.decision("remedies"),
         info=files.recording_info,
         model=files.model,
         modes=files.modes_json,
@@ -366,6 +379,7 @@ rule write_state_space_report:
         prepared=files.prepared,
         transforms=files.transforms,
         comparison=files.decision("comparison"),
+        remedies=files.decision("remedies"),
         decisions=files.decisions,
         model=files.model,
         modes=files.modes_json,

@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING
 
 from evopem.config.constraints import InputConstraints
-from evopem.config.state_space_settings import StateSpaceSearchSettings
+from evopem.config.state_space_settings import OrderRanges, StateSpaceSearchSettings
 from evopem.files.job import job
 from evopem.files.json_form import from_json
 from evopem.pipeline.multichannel import complete_other_state_space
@@ -16,6 +16,7 @@ with job(snakemake.log[0], snakemake.input, snakemake.output):
     constraints = snakemake.params.constraints
     complete_other_state_space(
         DatasetFiles.of_log(snakemake.log[0]),
+        from_json(OrderRanges, snakemake.params.ranges),
         from_json(StateSpaceSearchSettings, snakemake.params.search),
         from_json(InputConstraints, constraints) if constraints else None,
     )

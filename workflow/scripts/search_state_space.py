@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from evopem.config.state_space_settings import StateSpaceSearchSettings
+from evopem.config.state_space_settings import OrderRanges, StateSpaceSearchSettings
 from evopem.files.job import job
 from evopem.files.json_form import from_json
 from evopem.pipeline.multichannel import search_state_space, variant_named
@@ -15,7 +15,7 @@ with job(snakemake.log[0], snakemake.input, snakemake.output) as logger:
     search_state_space(
         DatasetFiles.of_log(snakemake.log[0]),
         variant_named(snakemake.wildcards.variant),
-        snakemake.params.limits,
+        from_json(OrderRanges, snakemake.params.ranges),
         from_json(StateSpaceSearchSettings, snakemake.params.search),
         logger.info,
     )

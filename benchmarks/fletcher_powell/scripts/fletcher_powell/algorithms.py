@@ -124,9 +124,9 @@ ALGORITHMS: dict[str, Algorithm] = {
     "default": Algorithm(
         "Default search",
         "the search of the identification (evopem.estimation.search.global_search): "
-        "Levenberg-Marquardt descents from random points, then independent restarts, and hops "
-        f"uniform in ±{STEP:g} from the lowest point; a search that ends is begun again. It knows "
-        "the residuals: they count as one value, their derivatives as one gradient",
+        "Levenberg-Marquardt descents from random points, hops uniform in "
+        f"±{STEP:g} from the lowest point, then restarts; a search that ends is begun again. It "
+        "knows the residuals: they count as one value, their derivatives as one gradient",
         _default,
     ),
     "multi-start": Algorithm(

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.fit import FOLD_STAGES, FitSettings, fit
 from evopem.automatic.repetition import Repetition, decide_repetition
+from evopem.automatic.response_parts import response_parts
 from evopem.automatic.simulation import prediction_errors, simulated
 from evopem.automatic.stretches import Fold, folds_of
 from evopem.models.polynomial import PolynomialModel
@@ -23,6 +24,8 @@ Array = NDArray[np.float64]
 DESIGNS = ((2, 1), (5, 1), (2, 3))
 # For records whose excitation moves over the bands, such as a chirp.
 INTERLEAVED = ((2, 3), (2, 6))
+# For the response to a single blow.
+OF_RESPONSE = ((2, 1), (5, 1))
 SHORTEST_BLOCK = 25
 # Least share of a part's input spectrum that the rest of the record must have as well.
 LEAST_OVERLAP = 0.4
@@ -42,11 +45,14 @@ class FoldPlan:
     decision : Decision
     repetition : Repetition
         How many of the samples are independent.
+    by_energy : bool
+        Whether the folds divide the energy of the response to a single blow.
     """
 
     designs: tuple[tuple[int, int], ...]
     decision: Decision
     repetition: Repetition
+    by_energy: bool = False
 
 
 @dataclass(frozen=True)
@@ -100,8 +106,15 @@ def decide_folds(stretches: Sequence[Stretch]) -> FoldPlan:
         d: _overlap(folds_of(stretches, *d, 1)) for d in dict.fromkeys([*DESIGNS, *possible])
     }
     kept = [d for d in possible if overlaps[d] >= LEAST_OVERLAP]
+    of_response = [d for d in OF_RESPONSE if _response_edges(stretches, d[0]) is not None]
     alternatives = tuple(Alternative(_name(d), 1.0 - overlaps[d]) for d in overlaps)
-    if kept:
+    if of_response:
+        kept = of_response
+        sentence = (
+            "Most of the record is silent, as before and after a single blow: the folds divide the "
+            "energy of the response, and the part with the blow is always fitted."
+        )
+    elif kept:
         sentence = "The parts of the record have common input spectra, so the folds are comparable."
     else:
         kept = [d for d in INTERLEAVED if samples >= d[0] * d[1] * SHORTEST_BLOCK] or [(2, 1)]
@@ -117,7 +130,17 @@ def decide_folds(stretches: Sequence[Stretch]) -> FoldPlan:
             sentence,
         ),
         decide_repetition(stretches),
+        bool(of_response),
     )
+
+
+def _response_edges(stretches: Sequence[Stretch], count: int) -> list[int] | None:
+    """Ends of the parts of the response to a single blow; None for other records."""
+    inputs, outputs = (
+        np.concatenate([getattr(each, name) for each in stretches])[:, None]
+        for name in ("input", "output")
+    )
+    return response_parts(inputs, outputs, count, SHORTEST_BLOCK)
 
 
 def held_out_scores(
@@ -168,7 +191,8 @@ def scores_of(
     logarithms, of_folds = [], []
     for folds, blocks in plan.designs:
         of_design = []
-        for fold in folds_of(stretches, folds, blocks, shortest):
+        edges = _response_edges(stretches, folds) if plan.by_energy else None
+        for fold in folds_of(stretches, folds, blocks, shortest, edges):
             try:
                 found = estimate(fold.training)
             except (ValueError, np.linalg.LinAlgError):

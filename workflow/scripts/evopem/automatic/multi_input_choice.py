@@ -6,8 +6,8 @@ forms are compared by the same numbers.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 from evopem.automatic.multichannel_folds import fewest_fitted
 from evopem.automatic.state_space_search import (
@@ -19,18 +19,19 @@ from evopem.automatic.state_space_search import (
 )
 from evopem.config.constraints import InputConstraints
 from evopem.config.settings import SearchSettings
-from evopem.config.structures import STRUCTURES
+from evopem.config.state_space_settings import OrderRanges
 from evopem.errors import InputError
 from evopem.estimation.multi_input.constrained import check_input_constraints
 from evopem.estimation.multi_input.estimate import (
     SETTINGS,
     MultiInputEstimate,
+    TriedOrders,
     estimate_multi_input,
-    joint_orders,
     multi_input_estimates,
     reduced_orders,
     refitted_multi_input,
 )
+from evopem.estimation.multi_input.order_limits import OrderLimits, joint_orders
 from evopem.estimation.state_space.order_models import OrderModels
 from evopem.estimation.state_space.settings import StateSpaceSettings
 from evopem.models.multi_input import MultiInputOrders
@@ -44,51 +45,79 @@ Log = Callable[[str], None]
 MOST_POLES, MOST_TAPS = 10, 40
 
 
+@dataclass(frozen=True, eq=False)
+class EstimatedStructure:
+    """A polynomial model, and how its orders were found.
+
+    Attributes
+    ----------
+    estimate : MultiInputEstimate
+    tried : tuple of TriedOrders
+        Orders of each input that were tried after the joint order.
+    at_upper_ends : tuple of str
+        Orders that lie at the upper end of a range of the configuration.
+    """
+
+    estimate: MultiInputEstimate
+    tried: tuple[TriedOrders, ...]
+    at_upper_ends: tuple[str, ...]
+
+
 def searched_joint_orders(
-    estimation: MultichannelRecording, structure: str, limits: tuple[int, int] | None, place: str
-) -> tuple[int, ...]:
-    """The joint orders that are tried: all that the record can determine.
+    estimation: MultichannelRecording,
+    structure: str,
+    delays: Sequence[int],
+    ranges: OrderRanges,
+) -> dict[int, MultiInputOrders]:
+    """The orders that are tried, by the joint order k: all that the record can determine.
 
     Parameters
     ----------
     estimation : MultichannelRecording
     structure : str
-    limits : (lower, upper), optional
-    place : str
-        Configuration key of the data set, for an error to name.
+    delays : sequence of int
+    ranges : OrderRanges
+        Orders follow k within them.  Without ``joint`` k goes on to the largest of their ends.
 
     Raises
     ------
     InputError
-        When the record is too short for any of them.
+        When the record is too short for any of them, or the ranges are those of other inputs.
     """
-    names, nu = STRUCTURES[structure], estimation.inputs.shape[1]
+    limits = OrderLimits.of(ranges, estimation.input_names)
     without_poles = structure == "fir"
-    low, high = limits or (1, MOST_TAPS if without_poles else MOST_POLES)
-    noise = {"nc", "nd"}.intersection(names)
-    states = nu * ("nf" in names) + bool(noise)
-    of_order = nu + nu * ("nf" in names) + len(noise) + ("na" in names)
-    # Each recording has initial states of its own.
-    of_order += states * (len(estimation.starts) - 1)
-    affordable = fewest_fitted(estimation) // VALUES_PER_PARAMETER // of_order
-    if affordable < low:
+    most = max(MOST_TAPS if without_poles else MOST_POLES, limits.largest)
+    low, high = ranges.joint or (1, most)
+    steps = 2 if without_poles and ranges == OrderRanges(nk=ranges.nk) else 1
+    found: dict[int, MultiInputOrders] = {}
+    for k in range(max(low, steps), high + 1, steps):
+        orders = joint_orders(structure, k, delays, limits)
+        if not _is_affordable(orders, estimation):
+            break
+        if orders not in found.values():
+            found[k] = orders
+    if not found:
+        nu = len(delays)
         raise InputError(
-            f"{place}.orders.joint",
+            "orders.joint",
             f"{estimation.samples} estimation samples are too few for joint order {low} with {nu}"
             f" input{'s' * (nu > 1)}",
-            "record longer, or lower orders.joint",
+            "record longer, or lower orders.joint and the lower ends of other orders",
         )
-    high = min(high, affordable)
-    if without_poles and limits is None:
-        return tuple(range(2, max(high, 2) + 1, 2))
-    return tuple(range(low, high + 1))
+    return found
+
+
+def _is_affordable(orders: MultiInputOrders, estimation: MultichannelRecording) -> bool:
+    """Whether the smallest training part determines the coefficients."""
+    # Each recording has initial states of its own.
+    states = (sum(orders.nf) + orders.noise_states) * (len(estimation.starts) - 1)
+    return VALUES_PER_PARAMETER * (orders.coefficients + states) <= fewest_fitted(estimation)
 
 
 def search_structure(
     estimation: MultichannelRecording,
     variant: Variant,
-    delays: Sequence[int],
-    orders: Sequence[int],
+    orders: Mapping[int, MultiInputOrders],
     settings: StateSpaceSettings,
     log: Log | None = None,
 ) -> tuple[VariantSearch, OrderModels]:
@@ -100,13 +129,14 @@ def search_structure(
         With one output.
     variant : Variant
         Whose form is a structure.
-    delays, orders : sequence of int
+    orders : mapping of int to MultiInputOrders
+        As of :func:`searched_joint_orders`.
     settings : StateSpaceSettings
     log : callable, optional
     """
     search = _search_settings(settings)
     signals = estimation.input_records, estimation.output_records
-    estimates = multi_input_estimates(*signals, variant.form, orders, delays, search, log)
+    estimates = multi_input_estimates(*signals, orders, search, log)
 
     def plant_of(estimate: MultiInputEstimate) -> StateSpaceModel:
         return estimate.model.plant().state_space()
@@ -130,10 +160,11 @@ def estimate_structure(
     order: int,
     delays: Sequence[int],
     settings: StateSpaceSettings,
+    ranges: OrderRanges | None = None,
     constraints: InputConstraints | None = None,
     globally: bool = True,
     log: Log | None = None,
-) -> MultiInputEstimate:
+) -> EstimatedStructure:
     """The model of a joint order, with orders and delays of each input by BIC.
 
     Parameters
@@ -144,6 +175,8 @@ def estimate_structure(
     order : int
     delays : sequence of int
     settings : StateSpaceSettings
+    ranges : OrderRanges, optional
+        What orders and delays of each input stay within.
     constraints : InputConstraints, optional
         The search over orders does not know of them.  Where orders by BIC contradict them, those
         of the joint order are kept.
@@ -160,11 +193,13 @@ def estimate_structure(
     """
     search = _search_settings(settings)
     inputs, outputs = estimation.input_records, estimation.output_records
-    joint = joint_orders(structure, order, delays)
-    orders = reduced_orders(inputs, outputs, joint, search, log)
+    limits = OrderLimits.of(ranges or OrderRanges(), estimation.input_names)
+    joint = joint_orders(structure, order, delays, limits)
+    reduced = reduced_orders(inputs, outputs, joint, search, limits, log)
+    orders = reduced.orders
     if constraints is not None and not _allowed(constraints, orders, estimation):
         orders = joint
-    return estimate_multi_input(
+    estimate = estimate_multi_input(
         *(inputs, outputs, orders, structure, estimation.sampling_rate),
         settings=search if globally else replace(search, evaluations=0),
         constraints=constraints,
@@ -172,6 +207,8 @@ def estimate_structure(
         output_name=estimation.output_names[0],
         log=log,
     )
+    ends = limits.at_upper_ends(orders, estimation.input_names)
+    return EstimatedStructure(estimate, reduced.tried, ends)
 
 
 def _allowed(

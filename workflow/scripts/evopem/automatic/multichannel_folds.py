@@ -1,8 +1,9 @@
 """Parts of recordings of several channels that models are scored on without having seen them.
 
 One recording is divided into consecutive parts, and simulations of a part run on from the samples
-before it.  Of several recordings whole ones are held out: the response to a blow lies in a few
-samples of its recording, and what is left of it in the others says little.
+before it.  The parts are equally long, or hold equal shares of the response to a single blow.  Of
+several recordings whole ones are held out: the response to a blow lies in a few samples of its
+recording, and what is left of it in the others says little.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from evopem.automatic.response_parts import response_parts
 from evopem.estimation.state_space.held_out import (
     continued_errors,
     errors_from_first_samples,
@@ -111,9 +113,11 @@ def folds_of(estimation: MultichannelRecording, count: int) -> list[Fold]:
     """
     if estimation.is_joined:
         return list(_folds_of_recordings(estimation.records, count))
-    edges = np.linspace(0, estimation.samples, count + 1).round().astype(int)
+    edges = response_parts(estimation.inputs, estimation.outputs, count, SHORTEST_FOLD)
+    if edges is None:
+        edges = np.linspace(0, estimation.samples, count + 1).round().astype(int).tolist()
     # Simulations run on from samples before: the first part is never held out.
-    return [PartOfRecording(estimation, *edge) for edge in list(pairwise(edges.tolist()))[1:]]
+    return [PartOfRecording(estimation, *edge) for edge in list(pairwise(edges))[1:]]
 
 
 def _folds_of_recordings(

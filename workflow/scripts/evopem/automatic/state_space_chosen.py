@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-from evopem.automatic.multi_input_choice import estimate_structure
+from evopem.automatic.multi_input_choice import EstimatedStructure, estimate_structure
 from evopem.automatic.state_space_choice import ModelChoice
 from evopem.automatic.state_space_search import (
     OUTPUT_ERROR_WEIGHTING,
@@ -14,8 +14,8 @@ from evopem.automatic.state_space_search import (
     noise_orders,
 )
 from evopem.config.constraints import InputConstraints
-from evopem.config.state_space_settings import is_polynomial
-from evopem.estimation.multi_input.estimate import MultiInputEstimate
+from evopem.config.state_space_settings import OrderRanges, is_polynomial
+from evopem.estimation.multi_input.estimate import MultiInputEstimate, TriedOrders
 from evopem.estimation.state_space.estimate import StateSpaceEstimate, estimate_state_space
 from evopem.estimation.state_space.noise_model import noise_model, side_by_side
 from evopem.estimation.state_space.settings import StateSpaceSettings
@@ -38,16 +38,28 @@ class ChosenModel:
         With the noise model beside an output-error plant; of a polynomial model its innovations
         form.
     polynomials : MultiInputModel, optional
+    tried : tuple of TriedOrders
+        Orders of a polynomial model that were tried after the joint order.
+    at_upper_ends : tuple of str
+        Its orders at the upper end of a range of the configuration.
     """
 
     estimate: StateSpaceEstimate | MultiInputEstimate
     model: StateSpaceModel
     polynomials: MultiInputModel | None = None
+    tried: tuple[TriedOrders, ...] = ()
+    at_upper_ends: tuple[str, ...] = ()
+
+    @property
+    def at_bound(self) -> bool:
+        """Whether a root lies at the largest radius allowed."""
+        return self.estimate.at_stability_bound
 
     @classmethod
-    def of_polynomials(cls, estimate: MultiInputEstimate) -> ChosenModel:
+    def of_polynomials(cls, found: EstimatedStructure) -> ChosenModel:
         """A chosen polynomial model."""
-        return cls(estimate, estimate.model.state_space(), estimate.model)
+        model = found.estimate.model
+        return cls(found.estimate, model.state_space(), model, found.tried, found.at_upper_ends)
 
 
 def search_chosen(
@@ -56,6 +68,7 @@ def search_chosen(
     estimation: MultichannelRecording,
     delays: Sequence[int],
     settings: StateSpaceSettings,
+    ranges: OrderRanges | None = None,
     constraints: InputConstraints | None = None,
     log: Log | None = None,
 ) -> ChosenModel:
@@ -69,6 +82,8 @@ def search_chosen(
     estimation : MultichannelRecording
     delays : sequence of int
     settings : StateSpaceSettings
+    ranges : OrderRanges, optional
+        Of the orders of a polynomial model.
     constraints : InputConstraints, optional
         Of a polynomial model.
     log : callable, optional
@@ -84,7 +99,7 @@ def search_chosen(
     if is_polynomial(form):
         return ChosenModel.of_polynomials(
             estimate_structure(
-                estimation, form, choice.order, delays, settings, constraints, log=log
+                estimation, form, choice.order, delays, settings, ranges, constraints, log=log
             )
         )
     if form == "box_jenkins":
@@ -102,6 +117,7 @@ def estimate_as_searched(
     estimation: MultichannelRecording,
     delays: Sequence[int],
     settings: StateSpaceSettings,
+    ranges: OrderRanges | None = None,
     constraints: InputConstraints | None = None,
 ) -> ChosenModel:
     """The optimum that the search over orders found, with its covariance and noise model.
@@ -112,7 +128,8 @@ def estimate_as_searched(
     if is_polynomial(form):
         return ChosenModel.of_polynomials(
             estimate_structure(
-                estimation, form, choice.order, delays, settings, constraints, globally=False
+                *(estimation, form, choice.order, delays, settings, ranges, constraints),
+                globally=False,
             )
         )
     estimate = descended(searched, estimation, delays, settings)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from evopem.automatic.decision import Alternative, Decision, given_by_configuration
 from evopem.automatic.multichannel_folds import designs_of, fewest_fitted, folds_of, is_large
+from evopem.config.input_ranges import InputRanges
 from evopem.config.state_space_settings import ModelForm, OutputWeighting, variant_name
 from evopem.errors import InputError
 from evopem.estimation.state_space.delays import estimate_delays
@@ -140,20 +141,29 @@ class VariantSearch:
         return cls(variant, *((),) * 8)
 
 
-def decide_delays(estimation: MultichannelRecording, limits: tuple[int, int] | None) -> DelayChoice:
+def decide_delays(
+    estimation: MultichannelRecording, ranges: InputRanges | None = None
+) -> DelayChoice:
     """Decide the delay of each input by the BIC of vector ARX models.
 
     Parameters
     ----------
     estimation : MultichannelRecording
-    limits : (lower, upper), optional
+    ranges : InputRanges, optional
+
+    Raises
+    ------
+    InputError
+        When the ranges are those of other inputs.
     """
-    nu = estimation.inputs.shape[1]
-    low, high = limits or (0, LARGEST_DELAY)
-    if nu == 0 or low == high:
-        delays = (low,) * nu
+    ranges = ranges or InputRanges()
+    given = ranges.of_inputs(estimation.input_names, "delay.nk") if estimation.has_input else ()
+    limits = [each or (0, LARGEST_DELAY) for each in given]
+    if all(low == high for low, high in limits):
+        delays = tuple(low for low, _ in limits)
         return DelayChoice(delays, given_by_configuration("delays", _listed(delays) or "none"))
-    delays = estimate_delays(estimation.input_records, estimation.output_records, high, low)
+    smallest, largest = zip(*limits, strict=True)
+    delays = estimate_delays(estimation.input_records, estimation.output_records, largest, smallest)
     alternatives = tuple(
         Alternative(f"{name}: {delay}", np.nan)
         for name, delay in zip(estimation.input_names, delays, strict=True)
@@ -168,7 +178,7 @@ def decide_delays(estimation: MultichannelRecording, limits: tuple[int, int] | N
 
 
 def searched_orders(
-    estimation: MultichannelRecording, limits: tuple[int, int] | None, place: str
+    estimation: MultichannelRecording, limits: tuple[int, int] | None
 ) -> tuple[int, ...]:
     """The orders that are tried: all that the record can determine, in steps of two where many.
 
@@ -176,8 +186,6 @@ def searched_orders(
     ----------
     estimation : MultichannelRecording
     limits : (lower, upper), optional
-    place : str
-        Configuration key of the data set, for an error to name.
 
     Raises
     ------
@@ -193,7 +201,7 @@ def searched_orders(
     affordable = min(affordable, samples // 12)
     if affordable < low:
         raise InputError(
-            f"{place}.orders.nx",
+            "orders.nx",
             f"{samples} estimation samples are too few for {low} state{'s' if low > 1 else ''} with"
             f" {nu} inputs and {ny} outputs",
             "record longer, lower orders.nx, or leave channels out",

@@ -37,7 +37,11 @@ def first_samples(stretches: Sequence[Stretch], most: int) -> tuple[Stretch, ...
 
 
 def folds_of(
-    stretches: Sequence[Stretch], count: int, blocks_per_fold: int, shortest: int
+    stretches: Sequence[Stretch],
+    count: int,
+    blocks_per_fold: int,
+    shortest: int,
+    edges: Sequence[int] | None = None,
 ) -> tuple[Fold, ...]:
     """Divide stretches into ``count * blocks_per_fold`` blocks, dealt out to the folds in turn.
 
@@ -54,26 +58,35 @@ def folds_of(
         1 gives contiguous folds, more interleaved ones.
     shortest : int
         Samples that a training stretch has at least.
+    edges : sequence of int, optional
+        Ends of the parts of a response, each a fold; the first is never held out.
     """
     total, blocks = total_samples(stretches), count * blocks_per_fold
-    edges = np.linspace(0, total, blocks + 1).round().astype(int)
-    folds = []
-    for fold in range(count):
-        training: list[Stretch] = []
-        held_out: list[Stretch] = []
-        first = 0
-        for stretch in stretches:
-            owner = np.searchsorted(edges, np.arange(first, first + stretch.samples), "right") - 1
-            held = owner % count == fold
-            cuts = np.flatnonzero(np.diff(held.astype(int))) + 1
-            for begin, end in zip([0, *cuts], [*cuts, stretch.samples], strict=True):
-                part = Stretch(
-                    stretch.input[begin:end], stretch.output[begin:end], stretch.recording
-                )
-                if held[begin]:
-                    held_out.append(part)
-                elif part.samples >= shortest:
-                    training.append(part)
-            first += stretch.samples
-        folds.append(Fold(tuple(training), tuple(held_out)))
-    return tuple(folds)
+    held_out = range(count)
+    if edges is None:
+        edges = np.linspace(0, total, blocks + 1).round().astype(int).tolist()
+    else:
+        count = len(edges)
+        held_out = range(1, count - 1)
+    return tuple(_fold(stretches, edges, fold, count, shortest) for fold in held_out)
+
+
+def _fold(
+    stretches: Sequence[Stretch], edges: Sequence[int], fold: int, count: int, shortest: int
+) -> Fold:
+    """One fold holds out the blocks whose number is its own modulo the count."""
+    training: list[Stretch] = []
+    held_out: list[Stretch] = []
+    first = 0
+    for stretch in stretches:
+        owner = np.searchsorted(edges, np.arange(first, first + stretch.samples), "right") - 1
+        held = owner % count == fold
+        cuts = np.flatnonzero(np.diff(held.astype(int))) + 1
+        for begin, end in zip([0, *cuts], [*cuts, stretch.samples], strict=True):
+            part = Stretch(stretch.input[begin:end], stretch.output[begin:end], stretch.recording)
+            if held[begin]:
+                held_out.append(part)
+            elif part.samples >= shortest:
+                training.append(part)
+        first += stretch.samples
+    return Fold(tuple(training), tuple(held_out))

@@ -15,10 +15,19 @@ from evopem.config.input_constraint_keys import (
     input_constraint_keys,
     input_constraints_of,
 )
-from evopem.config.settings import SplitSettings
+from evopem.config.input_ranges import (
+    check_ends,
+    check_input_ranges,
+    check_one_range,
+    input_range_keys,
+    input_ranges_of,
+    ranges_of_one_input,
+)
+from evopem.config.settings import Range, SplitSettings
 from evopem.config.source_keys import check_file_paths
 from evopem.config.state_space_settings import (
     ChannelLists,
+    OrderRanges,
     Reference,
     StateSpaceChoices,
     StateSpaceDataset,
@@ -29,7 +38,7 @@ from evopem.config.state_space_settings import (
     is_polynomial,
 )
 from evopem.config.strict_yaml import Keys
-from evopem.config.structures import has_input
+from evopem.config.structures import STRUCTURES, has_input
 from evopem.config.values import ALL_SAMPLES
 from evopem.config.yaml_form import dataset_yaml, files_of, one_or_list, read_dataset
 from evopem.errors import InputError
@@ -52,6 +61,10 @@ _ANALYSIS_KEYS = (
 # What ``defaults:`` says of these is for data sets with one input and one output.
 _WRITTEN_ONLY = ("focus", "constraints")
 KEYS = ("file", *_CHANNEL_KEYS, *_UNIT_KEYS, *_COLUMN_KEYS, "validation_file", *_ANALYSIS_KEYS)
+_OWN_ORDERS = ("nx", "nf")
+"""Orders whose ranges single-channel data sets do not have."""
+_RANGES = ("nx", "joint", "na", "nc", "nd")
+_RANGES_OF_INPUTS = ("nb", "nf")
 _SEARCH_KEYS = ("seed", "evaluations", "max_root_radius", "objective")
 
 
@@ -67,9 +80,9 @@ def single_channel_defaults(defaults: Keys) -> dict[str, Any]:
     own = {key: value for key, value in defaults.items() if key not in OWN_KEYS}
     if own.get("structure") == STRUCTURE:
         del own["structure"]
-    if "nx" in own.get("orders", {}):
-        own["orders"] = {key: value for key, value in own["orders"].items() if key != "nx"}
-    return own
+    if "orders" in own:
+        own["orders"] = {k: each for k, each in own["orders"].items() if k not in _OWN_ORDERS}
+    return ranges_of_one_input(own)
 
 
 def check_single_channel(written: Keys, source: str, place: str) -> None:
@@ -80,9 +93,10 @@ def check_single_channel(written: Keys, source: str, place: str) -> None:
     InputError
     """
     check_one_input(written, source, place)
+    check_one_range(written, source, place)
     foreign = [f"{place}.{key}" for key in OWN_KEYS if key in written]
     foreign += [f"{place}.{key}" for key in _UNIT_KEYS if not isinstance(written.get(key, ""), str)]
-    foreign += [f"{place}.orders.nx"] if "nx" in written.get("orders", {}) else []
+    foreign += [f"{place}.orders.{key}" for key in _OWN_ORDERS if key in written.get("orders", {})]
     if foreign:
         raise InputError(
             source,
@@ -119,6 +133,7 @@ def complete_state_space(
         own = {key: own[key] for key in own if key not in _STATE_SPACE_ONLY}
     for group in ("split", "delay", "orders", "search"):
         own[group] = {**defaults.get(group, {}), **written.get(group, {})}
+    own["orders"] = _of_structure(own["orders"], structure)
     _check_weighting(own, source, place)
     check_focus(own, source, place)
     _check_split(own, written, source, place)
@@ -131,6 +146,7 @@ def complete_state_space(
     outputs = _references(own.get("output", 2), "output", source, place)
     _check_distinct(inputs, outputs, own.get("time"), source, place)
     _check_units(own, inputs, outputs, source, place)
+    check_input_ranges(own, inputs, source, place)
     check_input_constraints(written, structure, inputs, source, place)
     if not inputs:
         _check_without_input(own, written, source, place)
@@ -169,9 +185,7 @@ def state_space_settings(name: str, keys: Keys) -> StateSpaceDataset:
         rate_given="resample" in keys,
         choices=StateSpaceChoices(
             purpose=keys.get("purpose", "auto"),
-            orders=_range(keys.get("orders", {}).get("nx")),
-            joint=_range(keys.get("orders", {}).get("joint")),
-            delays=_range(keys.get("delay", {}).get("nk")),
+            orders=_ranges(keys.get("orders", {}), keys.get("delay", {})),
             **given,
         ),
         search=from_json(StateSpaceSearchSettings, search),
@@ -184,7 +198,7 @@ def keys_of_state_space(settings: StateSpaceDataset) -> dict[str, Any]:
     """List the keys that give these settings; what is decided from the recording is left out."""
     source, choices = settings.source, settings.choices
     channels = source.channels
-    orders = {"nx": choices.orders, "joint": choices.joint}
+    orders, nk = _range_keys(choices.orders), input_range_keys(choices.orders.nk)
     split = ("discard", "estimation", *(["by"] if len(source.files) > 1 else []))
     keys: dict[str, Any] = {
         "file": one_or_list(source.files),
@@ -202,8 +216,8 @@ def keys_of_state_space(settings: StateSpaceDataset) -> dict[str, Any]:
         "form": choices.form,
         "focus": choices.focus,
         "weighting": choices.weighting,
-        "delay": {"nk": list(choices.delays)} if choices.delays else None,
-        "orders": {key: list(limits) for key, limits in orders.items() if limits} or None,
+        "delay": {"nk": nk} if nk else None,
+        "orders": orders or None,
         "search": {k: v for k, v in to_json(settings.search).items() if v is not None},
         "geometry": None if settings.geometry is None else geometry_keys(settings.geometry),
         "constraints": None
@@ -277,11 +291,9 @@ def _check_keys(written: Keys, structure: str | None, source: str, place: str) -
         raise InputError(source, problem, "give the file of a recording", place)
     polynomial = structure is not None and is_polynomial(structure)
     outputs = _listed(written.get("output", 2))
-    ranges: tuple[str, ...] = ("nx",)
-    if polynomial:
-        ranges = ("joint",)
-    elif structure is None and len(outputs) == 1 and not is_pattern(outputs[0]):
-        ranges = ("nx", "joint")
+    ranges = _orders_of(structure)
+    if structure is None and (len(outputs) > 1 or is_pattern(outputs[0])):
+        ranges = ("nx",)
     known: dict[str, tuple[str, ...]] = {"orders": ranges, "delay": ("nk",), "search": _SEARCH_KEYS}
     keys = tuple(key for key in KEYS if not (polynomial and key in _STATE_SPACE_ONLY))
     paths: list[tuple[str, tuple[str, ...], str]] = [(key, keys, key) for key in written]
@@ -295,15 +307,24 @@ def _check_keys(written: Keys, structure: str | None, source: str, place: str) -
                 f"remove it, or give one of {', '.join(names)}",
                 f"{place}.{path}",
             )
-    for group, name in (("orders", "nx"), ("orders", "joint"), ("delay", "nk")):
-        limits = _range(written.get(group, {}).get(name))
-        if limits and limits[0] > limits[1]:
-            raise InputError(
-                source,
-                f"the lower end of {list(limits)} is above the upper one",
-                f"write [{limits[1]}, {limits[0]}]",
-                f"{place}.{group}.{name}",
-            )
+    for name in _RANGES:
+        limits = _range(written.get("orders", {}).get(name))
+        if limits:
+            check_ends(limits, source, f"{place}.orders.{name}")
+
+
+def _orders_of(structure: str | None) -> tuple[str, ...]:
+    """The orders of a structure that have ranges; None is any structure of one output."""
+    if structure is None:
+        return ("nx", "joint")
+    if not is_polynomial(structure):
+        return ("nx",)
+    return ("joint", *(name for name in STRUCTURES[structure] if name != "nk"))
+
+
+def _of_structure(orders: Keys, structure: str | None) -> dict[str, Any]:
+    """The orders that a structure has, of those that ``defaults:`` may give for all."""
+    return {name: orders[name] for name in orders if name in _orders_of(structure)}
 
 
 def _check_weighting(own: Keys, source: str, place: str) -> None:
@@ -431,7 +452,22 @@ def _listed(given: Any) -> tuple[Reference, ...]:
     return () if given == NO_INPUT else (given,)
 
 
-def _range(given: Any) -> tuple[int, int] | None:
+def _ranges(orders: Keys, delay: Keys) -> OrderRanges:
+    """The ranges of checked keys."""
+    nx, joint, na, nc, nd = (_range(orders.get(name)) for name in _RANGES)
+    nb, nf = (input_ranges_of(orders.get(name)) for name in _RANGES_OF_INPUTS)
+    return OrderRanges(nx, joint, na, nc, nd, nb, nf, input_ranges_of(delay.get("nk")))
+
+
+def _range_keys(ranges: OrderRanges) -> dict[str, Any]:
+    """The keys that give the ranges of orders."""
+    limits = {name: getattr(ranges, name) for name in _RANGES}
+    keys = {name: each and list(each) for name, each in limits.items()}
+    keys |= {name: input_range_keys(getattr(ranges, name)) for name in _RANGES_OF_INPUTS}
+    return {name: each for name, each in keys.items() if each}
+
+
+def _range(given: Any) -> Range | None:
     if given is None or given == "auto":
         return None
     return (given[0], given[1]) if isinstance(given, list | tuple) else (given, given)

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from evopem.config.constraints import InputConstraints
+from evopem.config.input_ranges import InputRanges
 from evopem.config.settings import Objective, Purpose, Range, SplitSettings
 from evopem.config.structures import STRUCTURES
 
@@ -80,6 +81,40 @@ class StateSpaceSource:
 
 
 @dataclass(frozen=True)
+class OrderRanges:
+    """Ranges of orders and delays, both ends included; where there is none, they are decided.
+
+    Attributes
+    ----------
+    nx : (lower, upper), optional
+        Number of states of state-space models.
+    joint : (lower, upper), optional
+        The joint order of polynomial models.
+    na, nc, nd : (lower, upper), optional
+        Degrees of A, C and D.
+    nb, nf : InputRanges
+        Coefficients of B_i, and degree of F_i.
+    nk : InputRanges
+        Delay of each input in samples, of all models.
+    """
+
+    nx: Range | None = None
+    joint: Range | None = None
+    na: Range | None = None
+    nc: Range | None = None
+    nd: Range | None = None
+    nb: InputRanges = field(default_factory=InputRanges)
+    nf: InputRanges = field(default_factory=InputRanges)
+    nk: InputRanges = field(default_factory=InputRanges)
+
+    def of_form(self, form: str) -> OrderRanges:
+        """The ranges that a search over the orders of a form depends on."""
+        if is_polynomial(form):
+            return replace(self, nx=None)
+        return OrderRanges(nx=self.nx)
+
+
+@dataclass(frozen=True)
 class StateSpaceChoices:
     """What the configuration decides of a state-space model.
 
@@ -93,12 +128,7 @@ class StateSpaceChoices:
         ``box_jenkins`` is the optimum of innovations form next to an output-error model with its
         noise model.  None, here and below, where the recording decides.
     weighting : {"determinant", "noise", "power"}, optional
-    orders : (lower, upper), optional
-        Limits of the number of states.
-    joint : (lower, upper), optional
-        Limits of the joint order of polynomial models.
-    delays : (lower, upper), optional
-        Limits of the delay of each input, in samples.
+    orders : OrderRanges
     focus : {"prediction", "simulation"}, optional
         Errors that the searched forms are fitted for.
     """
@@ -107,9 +137,7 @@ class StateSpaceChoices:
     structure: Literal["state_space"] | InputStructure | None = None
     form: StateSpaceForm | None = None
     weighting: OutputWeighting | None = None
-    orders: Range | None = None
-    joint: Range | None = None
-    delays: Range | None = None
+    orders: OrderRanges = OrderRanges()
     focus: Literal["prediction", "simulation"] | None = None
 
 

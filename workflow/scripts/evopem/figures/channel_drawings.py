@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 PANEL_WIDTH, PANEL_HEIGHT = 300.0, 96.0
+# Of a panel that has the page's width for itself, so that its numbers keep their size.
+WIDE_PANEL = 640.0
 LEFT, BOTTOM, TOP, RIGHT = 44.0, 16.0, 4.0, 4.0
 
 
@@ -58,7 +60,13 @@ def _ends(low: float, high: float) -> tuple[float, float]:
     return low - size, high + size
 
 
-def series_panel(times: Array, series: Sequence[tuple[str, Array]], unit: str, label: str) -> str:
+def series_panel(
+    times: Array,
+    series: Sequence[tuple[str, Array]],
+    unit: str,
+    label: str,
+    width: float = PANEL_WIDTH,
+) -> str:
     """Signals over time.
 
     Parameters
@@ -71,6 +79,7 @@ def series_panel(times: Array, series: Sequence[tuple[str, Array]], unit: str, l
         Of time.
     label : str
         Description for screen readers.
+    width : float
     """
     first = series[0][1]
     finite = np.concatenate([values[np.isfinite(values)] for _, values in series])
@@ -80,7 +89,7 @@ def series_panel(times: Array, series: Sequence[tuple[str, Array]], unit: str, l
     low = max(float(np.min(finite)), float(middle - half))
     high = min(float(np.max(finite)), float(middle + half))
     low, high = _ends(low, high)
-    scale_x = (PANEL_WIDTH - LEFT - RIGHT) / max(float(times[-1] - times[0]), 1e-300)
+    scale_x = (width - LEFT - RIGHT) / max(float(times[-1] - times[0]), 1e-300)
     scale_y = (PANEL_HEIGHT - TOP - BOTTOM) / (high - low)
     xs = LEFT + (times - times[0]) * scale_x
     lines = "".join(
@@ -91,8 +100,9 @@ def series_panel(times: Array, series: Sequence[tuple[str, Array]], unit: str, l
     axis = _frame(
         (_tick(low), _tick(high)),
         (f"{_tick(float(times[0]))}", f"{_tick(float(times[-1]))} {unit}"),
+        width,
     )
-    return _svg(PANEL_WIDTH, PANEL_HEIGHT, label, axis + lines, "panel")
+    return _svg(width, PANEL_HEIGHT, label, axis + lines, "panel")
 
 
 def response_panel(
@@ -145,9 +155,9 @@ def response_panel(
     return _svg(PANEL_WIDTH, PANEL_HEIGHT, label, axis + outline + lines, "panel")
 
 
-def _frame(y: tuple[str, str], x: tuple[str, str]) -> str:
+def _frame(y: tuple[str, str], x: tuple[str, str], width: float = PANEL_WIDTH) -> str:
     """Axes with the numbers at their ends."""
-    right, floor = PANEL_WIDTH - RIGHT, PANEL_HEIGHT - BOTTOM
+    right, floor = width - RIGHT, PANEL_HEIGHT - BOTTOM
     return (
         f'<path class="axis" d="M{LEFT:g} {TOP:g}V{floor:g}H{right:g}"/>'
         f'<text x="{LEFT - 4:g}" y="{floor:g}" text-anchor="end">{y[0]}</text>'

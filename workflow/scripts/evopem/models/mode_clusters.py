@@ -94,7 +94,5 @@ def _allowed(relative: float, *standard_errors: float) -> float:
 
 
 def _loss_by_noise(mode: ShapedMode) -> float:
-    """Expected ``1 - MAC`` of an estimated shape with the true one, to second order."""
-    variance = float(np.sum(mode.shape_se_real**2 + mode.shape_se_imag**2))
-    loss = variance / float(np.vdot(mode.shape, mode.shape).real)
-    return min(loss, 1.0) if math.isfinite(loss) else 0.0
+    """Expected ``1 - MAC`` of an estimated shape with the true one; 0 where it is not known."""
+    return 1.0 - mode.shape_assurance if math.isfinite(mode.shape_assurance) else 0.0

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,6 +50,17 @@ class ShapedMode:
         Standard errors; NaN when the covariance is not known.
     shape_se_real, shape_se_imag : (ny,) arrays
         Standard errors of the shape; 0 for the entry that is 1 by definition.
+    shape_assurance : float
+        Modal assurance criterion that the shape is expected to have with the true one; 1 less the
+        variance of its part perpendicular to the shape.  NaN when the covariance is not known.
+    partner : int or None
+        The mode, counted from 0 in the model, whose pole the data tell from this one least.
+    equal_poles_p : float
+        p-value of the hypothesis that both poles are equal (Wald's test).  Shapes of equal poles
+        may be any mixture of each other.
+    plane_assurance : float
+        What ``shape_assurance`` is of the shape and the nearest one in the plane of both modes'
+        true shapes, which a mixture of the two does not change.
     """
 
     frequency_hz: float
@@ -65,6 +77,10 @@ class ShapedMode:
     damping_se: float
     shape_se_real: Array
     shape_se_imag: Array
+    shape_assurance: float = float("nan")
+    partner: int | None = None
+    equal_poles_p: float = float("nan")
+    plane_assurance: float = float("nan")
 
 
 def shaped_modes(
@@ -96,15 +112,34 @@ def shaped_modes(
     shapes: Complex = (C @ right).astype(complex)
     energies = _energies(poles, shapes, (adjoint @ (B if B.shape[1] else K)).astype(complex))
     total = energies.sum(axis=1)
-    modes = []
-    for k in map(int, np.flatnonzero(poles.imag > 0.0)):
-        shape = shapes[:, k]
-        largest = int(np.argmax(np.abs(shape)))
-        scale = shape[largest] if shape[largest] != 0.0 else 1.0
-        frequency_se, damping_se, real_se, imag_se = _standard_errors(
-            poles, right, left, k, C, scale, largest, covariance, levels, sampling_rate
+    oscillating = np.flatnonzero(poles.imag > 0.0)
+    # By frequency.
+    oscillating = oscillating[np.argsort(np.abs(np.log(poles[oscillating])), kind="stable")]
+    errors = [_unknown_errors(len(C))] * len(oscillating)
+    neighbours = [Neighbour()] * len(oscillating)
+    if covariance is not None:
+        derivatives = [
+            _derivatives(poles, right, left, int(k), C, levels, len(covariance))
+            for k in oscillating
+        ]
+        errors = [
+            _standard_errors(poles[k], shapes[:, k], *each, covariance, sampling_rate)
+            for k, each in zip(oscillating, derivatives, strict=True)
+        ]
+        known = [place for place, error in enumerate(errors) if error.known]
+        of_known = _neighbours(
+            poles[oscillating[known]],
+            shapes[:, oscillating[known]],
+            [derivatives[place] for place in known],
+            covariance,
         )
-        shape = shape / scale
+        for place, neighbour in zip(known, of_known, strict=True):
+            partner = None if neighbour.partner is None else known[neighbour.partner]
+            neighbours[place] = replace(neighbour, partner=partner)
+    modes = []
+    for k, error, neighbour in zip(map(int, oscillating), errors, neighbours, strict=True):
+        scale = _scale(shapes[:, k])
+        shape = shapes[:, k] / scale
         phase, deviation = mean_phase(shape)
         s = np.log(poles[k]) * sampling_rate
         # Both of a conjugate pair belong to the mode.
@@ -121,13 +156,23 @@ def shaped_modes(
                 phase_collinearity=phase_collinearity(shape),
                 mean_phase_deg=phase,
                 phase_deviation_deg=deviation,
-                frequency_se_hz=frequency_se,
-                damping_se=damping_se,
-                shape_se_real=real_se,
-                shape_se_imag=imag_se,
+                frequency_se_hz=error.frequency_hz,
+                damping_se=error.damping,
+                shape_se_real=error.shape_real,
+                shape_se_imag=error.shape_imag,
+                shape_assurance=neighbour.shape_assurance,
+                partner=neighbour.partner,
+                equal_poles_p=neighbour.equal_poles_p,
+                plane_assurance=neighbour.plane_assurance,
             )
         )
-    return sorted(modes, key=lambda mode: mode.frequency_hz)
+    return modes
+
+
+def _scale(shape: Complex) -> complex:
+    """The largest entry of a shape; 1 for a shape of zeros."""
+    largest = complex(shape[np.argmax(np.abs(shape))])
+    return largest if largest != 0.0 else 1.0 + 0.0j
 
 
 def _eigenvectors(A: Array) -> tuple[Complex, Complex, Complex]:
@@ -197,23 +242,42 @@ def _energies(poles: Complex, shapes: Complex, drives: Complex) -> Array:
     return energies
 
 
-def _standard_errors(
-    poles: Complex,
-    right: Complex,
-    left: Complex,
-    k: int,
-    C: Array,
-    scale: complex,
-    largest: int,
-    covariance: ParameterCovariance | None,
-    levels: int,
-    sampling_rate: float,
-) -> tuple[float, float, Array, Array]:
-    """Standard errors of frequency, damping, and the real and imaginary parts of the shape."""
+@dataclass(frozen=True, eq=False)
+class ModeErrors:
+    """Standard errors of frequency in Hz, of damping ratio, and of a shape scaled to one, (ny,)."""
+
+    frequency_hz: float
+    damping: float
+    shape_real: Array
+    shape_imag: Array
+
+    @property
+    def known(self) -> bool:
+        """Whether the data determine all of them."""
+        numbers = [self.frequency_hz, self.damping, *self.shape_real, *self.shape_imag]
+        return bool(np.isfinite(numbers).all())
+
+
+@dataclass(frozen=True)
+class Neighbour:
+    """How well a shape is known, alone and in the plane with a partner; see :class:`ShapedMode`."""
+
+    shape_assurance: float = float("nan")
+    partner: int | None = None
+    equal_poles_p: float = float("nan")
+    plane_assurance: float = float("nan")
+
+
+def _unknown_errors(outputs: int) -> ModeErrors:
+    unknown = np.full(outputs, np.nan)
+    return ModeErrors(float("nan"), float("nan"), unknown, unknown)
+
+
+def _derivatives(
+    poles: Complex, right: Complex, left: Complex, k: int, C: Array, levels: int, entries: int
+) -> tuple[Complex, Complex]:
+    """Derivatives of a pole, (entries,), and of its shape ``C v``, (ny, entries)."""
     n, ny = len(poles), len(C)
-    if covariance is None:
-        return float("nan"), float("nan"), np.full(ny, np.nan), np.full(ny, np.nan)
-    entries = len(covariance)
     nu = (entries - levels - n * n - 2 * n * ny) // (n + ny)
     # d pole = w' dA v; d v = sum over the other poles of v_j (w_j' dA v) / (pole - pole_j).
     d_pole = np.zeros(entries, dtype=complex)
@@ -226,14 +290,85 @@ def _standard_errors(
     first = n * n + n * nu
     for row in range(ny):
         d_shape[row, first + row * n : first + (row + 1) * n] += right[:, k]
-    shape = C @ right[:, k] / scale
-    d_shape = (d_shape - np.outer(shape, d_shape[largest])) / scale
-    s = np.log(poles[k]) * sampling_rate
-    ds = sampling_rate * d_pole / poles[k]
+    return d_pole, d_shape
+
+
+def _standard_errors(
+    pole: complex,
+    shape: Complex,
+    d_pole: Complex,
+    d_shape: Complex,
+    covariance: ParameterCovariance,
+    sampling_rate: float,
+) -> ModeErrors:
+    """Standard errors of frequency, damping, and the real and imaginary parts of the shape."""
+    ny, largest, scale = len(shape), int(np.argmax(np.abs(shape))), _scale(shape)
+    d_scaled = (d_shape - np.outer(shape / scale, d_shape[largest])) / scale
+    s = np.log(pole) * sampling_rate
+    ds = sampling_rate * d_pole / pole
     d_modulus = (np.conj(s) * ds).real / abs(s)
     d_damping = -ds.real / abs(s) + s.real * d_modulus / abs(s) ** 2
     # The largest entry is 1 by definition, whatever the data determine.
-    d_shape[largest] = 0.0
-    gradients = np.vstack([d_modulus / (2.0 * np.pi), d_damping, d_shape.real, d_shape.imag])
+    d_scaled[largest] = 0.0
+    gradients = np.vstack([d_modulus / (2.0 * np.pi), d_damping, d_scaled.real, d_scaled.imag])
     found = covariance.standard_errors(gradients)
-    return float(found[0]), float(found[1]), found[2 : 2 + ny], found[2 + ny :]
+    return ModeErrors(float(found[0]), float(found[1]), found[2 : 2 + ny], found[2 + ny :])
+
+
+def _neighbours(
+    poles: Complex,
+    shapes: Complex,
+    derivatives: Sequence[tuple[Complex, Complex]],
+    covariance: ParameterCovariance,
+) -> list[Neighbour]:
+    """How well each of the shapes, (ny, modes), is known, alone and with its partner."""
+    # Errors of poles and shapes for independent errors of unit variance.
+    of_poles = [d_pole @ covariance.factor for d_pole, _ in derivatives]
+    of_shapes = [d_shape @ covariance.factor for _, d_shape in derivatives]
+    found = []
+    for own, deviations in enumerate(of_shapes):
+        alone = _assurance_in(shapes[:, [own]], shapes[:, own], deviations)
+        equal = {
+            other: _equal_poles_p(poles[own] - poles[other], of_poles[own] - of_poles[other])
+            for other in range(len(poles))
+            if other != own
+        }
+        if not equal:
+            found.append(Neighbour(alone))
+            continue
+        partner = max(equal, key=lambda other: equal[other])
+        plane = _assurance_in(shapes[:, [own, partner]], shapes[:, own], deviations)
+        found.append(Neighbour(alone, partner, equal[partner], plane))
+    return found
+
+
+def _equal_poles_p(difference: complex, deviation: Complex) -> float:
+    """p-value of a difference of two poles if it is zero."""
+    parts = np.array([difference.real, difference.imag])
+    half = np.vstack([deviation.real, deviation.imag])
+    # The upper tail of chi-squared with two degrees of freedom.
+    return float(np.exp(-0.5 * parts @ np.linalg.pinv(half @ half.T) @ parts))
+
+
+def _assurance_in(space: Complex, shape: Complex, deviations: Complex) -> float:
+    """Assurance expected of an estimated shape, (ny,), and the part of it in the true space.
+
+    To first order: 1 less the variance of the part across the estimated space, (ny, 1 or 2).  The
+    plane of two shapes does not depend on how the two are mixed, however close their poles are.
+    """
+    size = float(np.vdot(shape, shape).real)
+    if size == 0.0:
+        return float("nan")
+    basis = np.linalg.qr(space)[0]
+    across = deviations - basis @ (basis.conj().T @ deviations)
+    return max(1.0 - float(np.sum(np.abs(across) ** 2)) / size, 0.0)
+
+
+def plane_assurance(first: Complex, second: Complex) -> float:
+    """Smallest squared cosine of the principal angles of two planes of shapes, (ny, 2) each.
+
+    For single shapes, (ny, 1), it is the modal assurance criterion.
+    """
+    bases = np.linalg.qr(first)[0], np.linalg.qr(second)[0]
+    cosines = np.linalg.svd(bases[0].conj().T @ bases[1], compute_uv=False)
+    return float(min(cosines[-1], 1.0) ** 2)

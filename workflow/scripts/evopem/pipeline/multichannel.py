@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any, TypeVar
 
 from threadpoolctl import threadpool_limits
 
@@ -17,10 +18,12 @@ from evopem.automatic.multichannel_preparation import (
 )
 from evopem.automatic.record import OtherModel
 from evopem.automatic.state_space_choice import ModelChoice, StateSpaceChoice, choose
-from evopem.automatic.state_space_chosen import (
-    ChosenModel,
-    estimate_as_searched,
-    search_chosen,
+from evopem.automatic.state_space_chosen import ChosenModel
+from evopem.automatic.state_space_remedies import (
+    RemediedModel,
+    RemedyRecord,
+    SearchedForms,
+    act_on_checks,
 )
 from evopem.automatic.state_space_search import (
     DelayChoice,
@@ -31,12 +34,14 @@ from evopem.automatic.state_space_search import (
     searched_orders,
 )
 from evopem.config.constraints import InputConstraints
+from evopem.config.input_ranges import InputRanges
 from evopem.config.settings import SplitSettings
 from evopem.config.state_space_keys import state_space_yaml
 from evopem.config.state_space_settings import (
     ONE_OUTPUT,
     ChannelLists,
     Geometry,
+    OrderRanges,
     StateSpaceChoices,
     StateSpaceDataset,
     StateSpaceSearchSettings,
@@ -45,6 +50,7 @@ from evopem.config.state_space_settings import (
     searched_variants,
 )
 from evopem.errors import InputError
+from evopem.estimation.multi_input.order_limits import OrderLimits, joint_orders
 from evopem.estimation.state_space.model_record import MultichannelModelRecord
 from evopem.estimation.state_space.order_models import OrderModel, OrderModels
 from evopem.estimation.state_space.settings import StateSpaceSettings
@@ -52,6 +58,8 @@ from evopem.files.atomic import write_table, write_text
 from evopem.files.checksums import delete_results
 from evopem.files.json_form import load, save
 from evopem.models.matlab import save_multi_input_mat, save_state_space_mat
+from evopem.models.state_space import StateSpaceModel
+from evopem.pipeline.multichannel_candidates import candidates_table
 from evopem.pipeline.progress import Announce, Stage, run_stages
 from evopem.results.layout import DatasetFiles
 from evopem.results.multichannel import (
@@ -79,6 +87,7 @@ from evopem.validation.modes_record import ModesRecord
 from evopem.validation.multichannel import mean_errors, validate_multichannel
 
 Log = Callable[[str], None]
+Estimated = TypeVar("Estimated")
 
 
 def write_multichannel_configuration(files: DatasetFiles, settings: StateSpaceDataset) -> None:
@@ -161,15 +170,25 @@ def prepare_channels(
     save_multichannel_data(prepared, files.prepared, files.transforms)
 
 
-def decide_input_delays(files: DatasetFiles, limits: tuple[int, int] | None) -> None:
-    """Decide the delay of each input."""
-    save(decide_delays(_prepared(files).estimation, limits), files.decision("delays"))
+def decide_input_delays(files: DatasetFiles, ranges: InputRanges) -> None:
+    """Decide the delay of each input.
+
+    Raises
+    ------
+    InputError
+        When the ranges are those of other inputs.
+    """
+    try:
+        choice = decide_delays(_prepared(files).estimation, ranges)
+    except InputError as error:
+        raise _of_dataset(f"datasets.{files.name}", error) from None
+    save(choice, files.decision("delays"))
 
 
 def search_state_space(
     files: DatasetFiles,
     variant: Variant,
-    limits: tuple[int, int] | None,
+    ranges: OrderRanges,
     search: StateSpaceSearchSettings,
     log: Log | None = None,
 ) -> None:
@@ -184,13 +203,13 @@ def search_state_space(
     place = f"datasets.{files.name}"
     settings = _settings(search, variant)
     delays = load(DelayChoice, files.decision("delays")).delays
-    if is_polynomial(variant.form):
-        orders = searched_joint_orders(estimation, variant.form, limits, place)
-        search_on = search_structure
-    else:
-        orders, search_on = searched_orders(estimation, limits, place), search_variant
     try:
-        found, models = search_on(estimation, variant, delays, orders, settings, log)
+        if is_polynomial(variant.form):
+            joint = searched_joint_orders(estimation, variant.form, delays, ranges)
+            found, models = search_structure(estimation, variant, joint, settings, log)
+        else:
+            orders = searched_orders(estimation, ranges.nx)
+            found, models = search_variant(estimation, variant, delays, orders, settings, log)
     except InputError as error:
         raise _of_dataset(place, error) from None
     except ValueError as error:
@@ -209,6 +228,8 @@ def choose_state_space(
 
 def estimate_chosen_state_space(
     files: DatasetFiles,
+    variants: Sequence[Variant],
+    ranges: OrderRanges,
     search: StateSpaceSearchSettings,
     constraints: InputConstraints | None = None,
     log: Log | None = None,
@@ -222,9 +243,13 @@ def estimate_chosen_state_space(
     """
     data = _prepared(files)
     choice = load(StateSpaceChoice, files.decision("comparison")).model
-    estimate = partial(search_chosen, constraints=constraints, log=log)
-    record = _estimated(files, data, choice, search, estimate, constraints)
+    forms = _searched_forms(files, data, variants, ranges, search, constraints)
+    remedied = _of_record(files, partial(act_on_checks, forms, choice, log))
+    found = remedied.model
+    record = _record(found, data, remedied.record.choice, search, constraints)
     save(record, files.model)
+    save(remedied.record, files.decision("remedies"))
+    write_table(files.candidates, _candidates(forms, choice, remedied))
     if record.polynomials is None:
         save_state_space_mat(record.model, files.model_mat)
     else:
@@ -235,6 +260,7 @@ def estimate_chosen_state_space(
 
 def complete_other_state_space(
     files: DatasetFiles,
+    ranges: OrderRanges,
     search: StateSpaceSearchSettings,
     constraints: InputConstraints | None = None,
 ) -> None:
@@ -251,31 +277,56 @@ def complete_other_state_space(
     choice = load(StateSpaceChoice, files.decision("comparison")).other
     assert choice is not None  # only data sets with inputs have another purpose
     with threadpool_limits(limits=1, user_api="blas"):
-        estimate = partial(estimate_as_searched, constraints=constraints)
-        record = _estimated(files, data, choice, search, estimate, constraints)
+        forms = _searched_forms(files, data, (), ranges, search, constraints)
+        found = _of_record(files, partial(forms.as_searched, choice))
+        record = _record(found, data, choice, search, constraints)
         errors = mean_errors(record.model, data.validation, choice.level == "state")
     save(record, files.other_model(choice.purpose))
     save(OtherModel(choice.purpose, record.text, *errors), files.other_errors(choice.purpose))
 
 
-def _estimated(
+def _searched_forms(
     files: DatasetFiles,
     data: MultichannelData,
-    choice: ModelChoice,
+    variants: Sequence[Variant],
+    ranges: OrderRanges,
     search: StateSpaceSearchSettings,
-    estimate: Callable[..., ChosenModel],
     constraints: InputConstraints | None,
-) -> MultichannelModelRecord:
-    """The model of a choice, estimated from the one that the search over orders found."""
-    delays = load(DelayChoice, files.decision("delays")).delays
-    start = load(OrderModels, files.models_of_orders(choice.variant.name)).of_order(choice.order)
-    settings = _settings(search, choice.variant)
+) -> SearchedForms:
+    """What the search over the orders of some forms has left."""
+
+    def start(variant: Variant, order: int) -> StateSpaceModel:
+        return load(OrderModels, files.models_of_orders(variant.name)).of_order(order)
+
+    return SearchedForms(
+        data.estimation,
+        load(DelayChoice, files.decision("delays")).delays,
+        tuple(load(VariantSearch, files.search(variant.name)) for variant in variants),
+        start,
+        partial(_settings, search),
+        ranges,
+        constraints,
+    )
+
+
+def _of_record(files: DatasetFiles, estimate: Callable[[], Estimated]) -> Estimated:
+    """What is estimated from a record; an error names the key of the data set."""
     try:
-        found = estimate(choice, start, data.estimation, delays, settings)
+        return estimate()
     except InputError as error:
         raise _of_dataset(f"datasets.{files.name}", error) from None
     except ValueError as error:
         raise _too_short(f"datasets.{files.name}", error) from None
+
+
+def _record(
+    found: ChosenModel,
+    data: MultichannelData,
+    choice: ModelChoice,
+    search: StateSpaceSearchSettings,
+    constraints: InputConstraints | None,
+) -> MultichannelModelRecord:
+    """Everything that is known of a model."""
     return MultichannelModelRecord.of(
         found.estimate,
         found.model,
@@ -286,7 +337,21 @@ def _estimated(
         choice.level,
         found.polynomials,
         constraints,
+        found.at_upper_ends,
     )
+
+
+def _candidates(
+    forms: SearchedForms, choice: ModelChoice, remedied: RemediedModel
+) -> dict[str, list[Any]]:
+    """The table of all candidates."""
+    limits = OrderLimits.of(forms.ranges, forms.estimation.input_names)
+
+    def orders_of(structure: str, order: int) -> str:
+        return str(joint_orders(structure, order, forms.delays, limits))
+
+    tried, trials = remedied.model.tried, remedied.record.trials
+    return candidates_table(forms.searches, choice, orders_of, tried, trials)
 
 
 def validate_state_space(files: DatasetFiles) -> None:
@@ -309,12 +374,15 @@ def _judged_modes(
     files: DatasetFiles, record: MultichannelModelRecord, validation: MultichannelRecording
 ) -> ModesRecord:
     """The modes of the model and of the other orders of its form, with their evidence."""
-    choice = load(StateSpaceChoice, files.decision("comparison")).model
+    choice = load(RemedyRecord, files.decision("remedies")).choice
     searched = load(OrderModels, files.models_of_orders(choice.variant.name))
     own = OrderModel.of(choice.order, record.bic, record.plant)
-    tested = validation.longest
     table = table_of_models(
-        searched.with_model(own).models, choice.order, tested.inputs, tested.outputs, 0
+        searched.with_model(own).models,
+        choice.order,
+        validation.input_records,
+        validation.output_records,
+        0,
     )
     return ModesRecord.of(table, record.input_names, record.output_names)
 
@@ -328,7 +396,8 @@ def collect_state_space_decisions(files: DatasetFiles) -> None:
     other = None
     if choice.other is not None:
         other = load(OtherModel, files.other_errors(choice.other.purpose))
-    save(DecisionList(choice.model.purpose, decisions, other), files.decisions)
+    remedies = load(RemedyRecord, files.decision("remedies"))
+    save(DecisionList(choice.model.purpose, decisions, remedies, other), files.decisions)
 
 
 def summarize_state_space(files: DatasetFiles) -> None:
@@ -390,17 +459,18 @@ def channel_stages(
         prepare_channels,
         *(files, source, settings.split, settings.resample, given),
     )
-    listed["delays"] = partial(decide_input_delays, files, choices.delays)
+    listed["delays"] = partial(decide_input_delays, files, choices.orders.nk)
     for variant in variants:
-        limits = choices.joint if is_polynomial(variant.form) else choices.orders
-        listed[variant.name] = partial(search_state_space, files, variant, limits, search, log)
+        ranges = choices.orders.of_form(variant.form)
+        listed[variant.name] = partial(search_state_space, files, variant, ranges, search, log)
     listed["structures"] = partial(choose_state_space, files, variants, choices)
     listed["chosen"] = partial(
-        estimate_chosen_state_space, files, search, settings.constraints, log
+        estimate_chosen_state_space,
+        *(files, variants, choices.orders, search, settings.constraints, log),
     )
     if source.channels.inputs:
         listed["other_model"] = partial(
-            complete_other_state_space, files, search, settings.constraints
+            complete_other_state_space, files, choices.orders, search, settings.constraints
         )
     listed["validation"] = partial(validate_state_space, files)
     listed["decisions"] = partial(collect_state_space_decisions, files)

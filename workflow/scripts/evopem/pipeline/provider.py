@@ -25,7 +25,6 @@ from evopem.config.settings import (
 from evopem.config.state_space_settings import (
     StateSpaceDataset,
     StateSpaceSource,
-    is_polynomial,
     searched_variants,
     variant_name,
 )
@@ -595,10 +594,10 @@ class Provider:
         """The forms with their weightings that a data set with several channels searches."""
         return list(searched_variants(self.config.state_space[wildcards.dataset]))
 
-    def order_limits(self, wildcards: Wildcards) -> tuple[int, int] | None:
-        """Limits of the orders of the variant that a job searches; None where none are given."""
+    def order_ranges(self, wildcards: Wildcards) -> Any:
+        """Ranges of the orders of the variant that a job searches."""
         choices = self.config.state_space[wildcards.dataset].choices
-        return choices.joint if is_polynomial(wildcards.get("variant") or "") else choices.orders
+        return to_json(choices.orders.of_form(wildcards.get("variant") or ""))
 
     def variant_searches(self, wildcards: Wildcards) -> list[str]:
         """The outputs of their searches."""

@@ -14,6 +14,8 @@ THIN = "\u202f"
 FIRM = "\u00a0"
 MISSING = "–"
 NOT_KNOWN = "not known"
+# Where an error is larger than this and its value, no digit of either matters.
+LONGEST_ERROR = 1000.0
 
 
 def is_number(value: object) -> TypeGuard[float]:
@@ -82,8 +84,9 @@ def with_error(value: float | None, error: float | None) -> str:
     if not is_number(error) or error <= 0:
         return f"{number(value)} ± {standard_error(error)}"
     decimals = max(0, 1 - math.floor(math.log10(error)))
-    if decimals > 9:
-        return f"{number(value, 6)} ± {number(error, 2)}"
+    boundless = error > max(abs(value), LONGEST_ERROR)
+    if decimals > 9 or boundless:
+        return f"{number(value, 3 if boundless else 6)} ± {number(error, 2)}"
     return f"{fixed(value, decimals)} ± {fixed(error, decimals)}"
 
 

@@ -14,6 +14,8 @@ from evopem.automatic.state_space_choice import scores_of
 from evopem.config.state_space_settings import Geometry, is_polynomial
 from evopem.config.structures import STRUCTURES, structure_name
 from evopem.figures.channel_drawings import (
+    PANEL_WIDTH,
+    WIDE_PANEL,
     assurance_matrix,
     response_panel,
     scores_chart,
@@ -41,8 +43,8 @@ DECIBELS = 80.0
 NEGLIGIBLE = 1e-3
 # Outputs that a mode is seen at and inputs that it is driven by, named at most.
 NAMED = 3
-# Outputs from which on panels are small.
-MANY = 6
+# Outputs up to which panels are as wide as the page, and from which on they are small.
+FEW, MANY = 2, 6
 
 VARIANT_WORDS = {
     "innovations": "innovations form",
@@ -76,6 +78,8 @@ class ModeRow:
     mode : ShapedMode
     why : str
         Reasons not to trust it; empty for a trusted one.
+    why_not_shape : str
+        Reason not to trust its shape, and what is known of it nevertheless.
     evidence : str
         What drives it, where it is seen, and which orders have it.
     bars : Markup
@@ -85,6 +89,7 @@ class ModeRow:
 
     mode: ShapedMode
     why: str
+    why_not_shape: str
     evidence: str
     bars: Markup
     still: Markup | None
@@ -119,7 +124,7 @@ def build_state_space_report(
         results=results,
         model=results.model,
         has_input=bool(results.model.input_names),
-        many=len(results.model.output_names) > MANY,
+        panel_size=_panel_size(len(results.model.output_names)),
         verdict=state_space_verdict(results),
         failed=[check for check in checks if check.passed is False],
         passed=[check for check in checks if check.passed is True],
@@ -145,6 +150,7 @@ def build_state_space_report(
         constraints=input_constraint_rows(results.model.fit),
         fit_sentences=input_fit_sentences(results.model.fit),
         decisions=[decision_row(each) for each in results.decisions.decisions],
+        remedies=results.decisions.remedies,
         provenance=_provenance(results, commit),
         stages=wall_clock,
         command=provenance.command(commit),
@@ -163,7 +169,15 @@ def _worst_first(results: MultichannelResults) -> list[OutputValidation]:
     return sorted(results.validation.outputs, key=error, reverse=True)
 
 
+def _panel_size(outputs: int) -> str:
+    """The class of the grid of panels."""
+    if outputs <= FEW:
+        return "few"
+    return "many" if outputs > MANY else ""
+
+
 def _output_panels(results: MultichannelResults) -> list[OutputPanel]:
+    few = len(results.model.output_names) <= FEW
     table = _shown_samples(results.simulation)
     step = max(len(table) // POINTS, 1)
     times = (np.arange(len(table)) / results.model.sampling_rate)[::step]
@@ -175,7 +189,8 @@ def _output_panels(results: MultichannelResults) -> list[OutputPanel]:
             ("model", table[f"{kind}_{output.name}"].to_numpy()[::step]),
         ]
         signals.append(("difference", signals[0][1] - signals[1][1]))
-        svg = series_panel(times, signals, "s", f"{output.name}, measured and {kind}")
+        label = f"{output.name}, measured and {kind}"
+        svg = series_panel(times, signals, "s", label, WIDE_PANEL if few else PANEL_WIDTH)
         panels.append(OutputPanel(output, Markup(svg)))
     return panels
 
@@ -246,6 +261,7 @@ def _mode_rows(results: MultichannelResults) -> list[ModeRow]:
             ModeRow(
                 mode,
                 "; ".join(judged.doubts),
+                _why_not_shape(judged),
                 _evidence(judged, results, deviation),
                 Markup(shape_bars(outputs, mode.shape, mode.shape_se_real, label)),
                 Markup(drawing.still(mode.shape, label)) if drawing else None,
@@ -253,6 +269,14 @@ def _mode_rows(results: MultichannelResults) -> list[ModeRow]:
             )
         )
     return rows
+
+
+def _why_not_shape(judged: JudgedMode) -> str:
+    if judged.pair is None:
+        return judged.shape_doubt
+    return (
+        f"{judged.shape_doubt}; the plane of its shape and that of mode {judged.pair + 1} is known"
+    )
 
 
 _ORIGINS = {
@@ -301,8 +325,10 @@ def _strongest(names: tuple[str, ...], shares: np.ndarray) -> str:
     return ", ".join(f"{names[k]} {percent(100.0 * float(shares[k]), 2)}" for k in best)
 
 
-def _scores(results: MultichannelResults) -> Markup:
-    """Errors on held-out samples over the order."""
+def _scores(results: MultichannelResults) -> Markup | None:
+    """Errors on held-out samples over the order, where there is more than one."""
+    if len({order for each in results.searches for order in each.orders}) < 2:
+        return None
     choice = results.choice.model
     kind = scores_of(choice.purpose, choice.level)
     curves = [

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ import pandas as pd
 from evopem.automatic.decision import Decision
 from evopem.automatic.record import OtherModel
 from evopem.automatic.state_space_choice import StateSpaceChoice
+from evopem.automatic.state_space_remedies import RemedyRecord
 from evopem.automatic.state_space_search import VariantSearch
 from evopem.config.state_space_settings import StateSpaceDataset
 from evopem.estimation.state_space.model_record import MultichannelModelRecord
@@ -45,12 +46,15 @@ class DecisionList:
     purpose : {"simulation", "prediction"}
         What the model is for.
     decisions : tuple of Decision
+    remedies : RemedyRecord
+        What was tried where checks failed.
     other : OtherModel, optional
         The model for the other purpose; None without inputs.
     """
 
     purpose: str
     decisions: tuple[Decision, ...]
+    remedies: RemedyRecord
     other: OtherModel | None
 
 
@@ -149,7 +153,10 @@ def read_multichannel_results(
         simulation=read_table(files.simulation),
         validation=load(MultichannelValidation, files.validation),
         searches=tuple(load(VariantSearch, files.search(name)) for name in variants),
-        choice=load(StateSpaceChoice, files.decision("comparison")),
+        choice=replace(
+            load(StateSpaceChoice, files.decision("comparison")),
+            model=load(RemedyRecord, files.decision("remedies")).choice,
+        ),
         decisions=load(DecisionList, files.decisions),
     )
 
@@ -160,7 +167,7 @@ def summarize_multichannel(files: DatasetFiles) -> DatasetSummary:
     validation = load(MultichannelValidation, files.validation)
     info = load(MultichannelInfo, files.recording_info)
     modes = load(ModesRecord, files.modes_json)
-    variant = load(StateSpaceChoice, files.decision("comparison")).model.variant
+    variant = load(RemedyRecord, files.decision("remedies")).choice.variant
     tried = load(VariantSearch, files.search(variant.name)).tried
     return DatasetSummary(
         file=info.file.path,

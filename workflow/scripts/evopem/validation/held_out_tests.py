@@ -121,44 +121,84 @@ def contribution_test(
     return _one_sided(coefficient, math.sqrt(found.variance / power), found.freedom, e.size)
 
 
-def joint_contribution_test(
-    errors_without: ArrayLike, contributions: ArrayLike, nuisance: Sequence[ArrayLike]
-) -> HeldOutTest:
-    """The test of :func:`contribution_test` for what one part contributes to several outputs.
+@dataclass(frozen=True, eq=False)
+class HeldOutContribution:
+    """What one part of a model contributes to the outputs of a held-out record.
 
-    One coefficient for all outputs, each weighed by the inverse of its noise (Zellner 1962 without
-    the correlations).  Its standard error takes the correlations of the outputs' noise at the same
-    sample into account.  A part that is weak at each output can be significant at all together.
-
-    Parameters
+    Attributes
     ----------
-    errors_without, contributions : (N, ny) array_like
-        Over held-out samples.
-    nuisance : sequence of (N, k) array_like
+    errors_without, contributions : (N, ny) arrays
+    nuisance : sequence of (N, k) arrays
         Further regressors of each output, with coefficients of their own.
     """
-    e, x = np.asarray(errors_without, dtype=float), np.asarray(contributions, dtype=float)
+
+    errors_without: Array
+    contributions: Array
+    nuisance: Sequence[Array]
+
+
+def joint_contribution_test(records: Sequence[HeldOutContribution]) -> HeldOutTest:
+    """The test of :func:`contribution_test` for several outputs, of one record or several.
+
+    One coefficient for all outputs of all records, each weighed by the inverse of its noise
+    (Zellner 1962 without the correlations).  Its standard error takes the correlations of the
+    outputs' noise at the same sample into account.  A part that is weak at each output can be
+    significant at all together.  Records and outputs where no test is possible are left out.
+    """
+    samples = sum(len(each.errors_without) for each in records)
+    weighed = [found for each in records if (found := _weighed_record(each)) is not None]
+    if not weighed:
+        return HeldOutTest(math.nan, math.nan, math.nan, samples)
+    precision = sum(each.precision for each in weighed)
+    if not math.isfinite(precision):
+        return HeldOutTest(1.0, math.inf, 0.0, samples)
+    coefficient = sum(each.product for each in weighed) / precision
+    error = math.sqrt(sum(each.spread for each in weighed)) / precision
+    # Errors of different records are independent.
+    freedom = sum(each.freedom for each in weighed)
+    return _one_sided(coefficient, error, freedom, samples)
+
+
+@dataclass(frozen=True)
+class _WeighedRecord:
+    """Sums over the outputs of a record, each over the variance of its noise.
+
+    ``precision`` of squared contributions, infinite without noise; ``product`` of contributions
+    and errors; ``spread`` is the variance of the product.
+    """
+
+    precision: float
+    product: float
+    spread: float
+    freedom: int
+
+
+def _weighed_record(record: HeldOutContribution) -> _WeighedRecord | None:
+    """The sums of a record; None where no test is possible."""
+    e, x = record.errors_without, record.contributions
     regressions = [
         found
-        for k, others in enumerate(nuisance)
+        for k, others in enumerate(record.nuisance)
         if (found := _whitened_regression(e[:, k], x[:, k], others)) is not None
     ]
     if not regressions:
-        return HeldOutTest(math.nan, math.nan, math.nan, len(e))
+        return None
     # Whitening takes away a different number of first samples.
     common = min(len(found.rest) for found in regressions)
+    freedom = min(found.freedom for found in regressions)
     deviations = [math.sqrt(found.variance) for found in regressions]
     if min(deviations) == 0.0:
-        return HeldOutTest(1.0, math.inf, 0.0, len(e))
+        return _WeighedRecord(math.inf, math.inf, 0.0, freedom)
     scaled = list(zip(regressions, deviations, strict=True))
     unexplained = np.array([found.unexplained[-common:] / sd for found, sd in scaled])
     remainder = np.array([found.remainder[-common:] / sd for found, sd in scaled])
     correlation = np.corrcoef([found.rest[-common:] for found in regressions])
-    precision = float(np.sum(unexplained**2))
-    coefficient = float(np.sum(unexplained * remainder)) / precision
-    spread = float(np.sum(unexplained @ unexplained.T * correlation))
-    freedom = min(found.freedom for found in regressions)
-    return _one_sided(coefficient, math.sqrt(spread) / precision, freedom, len(e))
+    return _WeighedRecord(
+        float(np.sum(unexplained**2)),
+        float(np.sum(unexplained * remainder)),
+        float(np.sum(unexplained @ unexplained.T * correlation)),
+        freedom,
+    )
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,7 @@ or, where that one lacks it, of the model of lowest BIC that has it.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,12 +17,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from evopem.estimation.state_space.estimate import OrderScores
 from evopem.estimation.state_space.order_models import OrderModel
+from evopem.estimation.state_space.prepared import paired_records
 from evopem.models.mode_clusters import cluster_modes
 from evopem.models.state_space import StateSpaceModel
 from evopem.models.state_space_modes import ShapedMode
-from evopem.validation.held_out_tests import HeldOutTest, joint_contribution_test
+from evopem.validation.held_out_tests import (
+    HeldOutContribution,
+    HeldOutTest,
+    joint_contribution_test,
+)
 from evopem.validation.mode_evidence import NO_TEST, SIGNIFICANCE, STABLE_SHARE, origin_of
-from evopem.validation.mode_trust import doubts
+from evopem.validation.mode_trust import doubts, plane_is_known, shape_doubt
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -81,6 +86,11 @@ class JudgedMode:
         Whether it adds to them, by ``noise_test``.  False for an output-error model.
     doubts : tuple of str
         Reasons not to trust it, see :func:`evopem.validation.mode_trust.doubts`.
+    shape_doubt : str
+        Reason not to trust its shape, see :func:`evopem.validation.mode_trust.shape_doubt`.
+    pair : int or None
+        Of a shape that is doubted: the row of the table with the neighbour whose shape spans with
+        this one a plane that is known.
     """
 
     mode: ShapedMode
@@ -93,6 +103,8 @@ class JudgedMode:
     noise_test: HeldOutTest
     needed_by_noise: bool | None
     doubts: tuple[str, ...] = ()
+    shape_doubt: str = ""
+    pair: int | None = None
 
     @property
     def has_input(self) -> bool:
@@ -106,8 +118,13 @@ class JudgedMode:
 
     @property
     def trusted(self) -> bool:
-        """Whether there is no reason to doubt it."""
+        """Whether there is no reason to doubt it, its shape aside."""
         return not self.doubts
+
+    @property
+    def shape_trusted(self) -> bool:
+        """Whether there is no reason to doubt its shape either."""
+        return self.trusted and not self.shape_doubt
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,8 +155,8 @@ class ModeTable:
 
 def mode_table(
     scores: OrderScores,
-    inputs: ArrayLike | None,
-    outputs: ArrayLike,
+    inputs: ArrayLike | Sequence[ArrayLike] | None,
+    outputs: ArrayLike | Sequence[ArrayLike],
     first: int | None = None,
 ) -> ModeTable:
     """Collect the modes of models of several orders, each with its evidence.
@@ -148,12 +165,13 @@ def mode_table(
     ----------
     scores : OrderScores
         Models of consecutive orders, at least three above the number that the record needs.
-    inputs : (N, nu) array_like, optional
-        None for output-only models.
-    outputs : (N, ny) array_like
+    inputs : (N, nu) array_like, or a list of them, optional
+        One record or several; None for output-only models.
+    outputs : (N, ny) array_like, or a list of them
         Signals that end with the held-out samples; they may begin with the estimation samples.
     first : int, optional
-        First held-out sample; by default there are none, and the tests are not possible.
+        First held-out sample of each record; by default there are none, and the tests are not
+        possible.
 
     Raises
     ------
@@ -168,8 +186,8 @@ def mode_table(
 def table_of_models(
     models: Sequence[OrderModel],
     chosen: int,
-    inputs: ArrayLike | None,
-    outputs: ArrayLike,
+    inputs: ArrayLike | Sequence[ArrayLike] | None,
+    outputs: ArrayLike | Sequence[ArrayLike],
     first: int | None = None,
 ) -> ModeTable:
     """The table of models of several orders, of which one was chosen.
@@ -188,9 +206,8 @@ def table_of_models(
     ValueError
         As there.
     """
-    y = np.asarray(outputs, dtype=float)
-    u = np.empty((len(y), 0)) if inputs is None else np.asarray(inputs, dtype=float)
-    first = len(y) if first is None else first
+    u, y = paired_records(inputs, outputs)
+    first = max(map(len, y)) if first is None else first
     by_order = {each.order: each for each in models}
     orders = tuple(by_order)
     tests: dict[int, list[tuple[HeldOutTest, HeldOutTest]]] = {}
@@ -227,11 +244,32 @@ def table_of_models(
         for order, each in by_order.items()
         for index, mode in enumerate(each.modes)
     )
-    return ModeTable(chosen, orders, tuple(judged), poles)
+    return ModeTable(chosen, orders, _with_pairs(judged, by_order, row_of), poles)
+
+
+def _with_pairs(
+    judged: Sequence[JudgedMode],
+    by_order: Mapping[int, OrderModel],
+    row_of: Mapping[tuple[int, int], int],
+) -> tuple[JudgedMode, ...]:
+    """The modes, those of doubted shape with the neighbour that they span a known plane with."""
+    found = []
+    for each in judged:
+        mode, pair = each.mode, None
+        if each.shape_doubt and mode.partner is not None:
+            partner = by_order[each.order].modes[mode.partner]
+            if plane_is_known(mode, partner):
+                pair = row_of.get((each.order, mode.partner))
+        found.append(replace(each, pair=pair))
+    return tuple(found)
 
 
 def held_out_mode_tests(
-    model: StateSpaceModel, modes: Sequence[ShapedMode], inputs: Array, outputs: Array, first: int
+    model: StateSpaceModel,
+    modes: Sequence[ShapedMode],
+    inputs: Sequence[Array],
+    outputs: Sequence[Array],
+    first: int,
 ) -> list[tuple[HeldOutTest, HeldOutTest]]:
     """Test, for each mode, its response to the inputs and its part of one-step predictions.
 
@@ -244,33 +282,84 @@ def held_out_mode_tests(
         Stable, with a stable predictor.
     modes : sequence of ShapedMode
         Those of the model.
-    inputs, outputs : (N, nu) and (N, ny) arrays
+    inputs, outputs : sequences of (N, nu) and (N, ny) arrays
+        One record or several, that each begin with a state of their own.
     first : int
-        First held-out sample.
+        First held-out sample of each record.
     """
-    untested = (NO_TEST, NO_TEST)
-    if first >= len(outputs):
-        return [untested] * len(modes)
-    free = _free_responses(model.poles(), len(outputs) - first)
-    innovations = model.residuals(inputs, outputs, model.prediction_state(inputs, outputs))
-    simulated = model.simulate(inputs)
-    by_input = [
-        _response(mode, _delayed(model, inputs), mode.input_participation) for mode in modes
+    records = [
+        _ModalParts.of(model, modes, u, y, first)
+        for u, y in zip(inputs, outputs, strict=True)
+        if first < len(y)
     ]
-    by_noise = [_response(mode, innovations, mode.noise_participation) for mode in modes]
-    rest_of_input = simulated - sum(by_input, np.zeros_like(outputs))
-    rest_of_noise = outputs - innovations - simulated - sum(by_noise, np.zeros_like(outputs))
-    found = []
+    tests = []
     for index in range(len(modes)):
-        of_input, of_noise = untested
-        if model.inputs:
-            others = [*by_input[:index], *by_input[index + 1 :], rest_of_input]
-            of_input = _of_all_outputs(outputs, by_input[index], others, free, first)
-        if model.form == "innovations":
-            others = [*by_noise[:index], *by_noise[index + 1 :], rest_of_noise, simulated]
-            of_noise = _of_all_outputs(outputs, by_noise[index], others, free, first)
-        found.append((of_input, of_noise))
-    return found
+        of_input, of_noise = NO_TEST, NO_TEST
+        if records and model.inputs:
+            of_input = joint_contribution_test([each.of_input(index) for each in records])
+        if records and model.form == "innovations":
+            of_noise = joint_contribution_test([each.of_noise(index) for each in records])
+        tests.append((of_input, of_noise))
+    return tests
+
+
+@dataclass(frozen=True, eq=False)
+class _ModalParts:
+    """The outputs of a record, (N, ny), and what each mode adds to simulation and prediction.
+
+    ``free``: responses to an initial state, over the samples from ``first`` on.
+    """
+
+    outputs: Array
+    simulated: Array
+    by_input: list[Array]
+    by_noise: list[Array]
+    rest_of_input: Array
+    rest_of_noise: Array
+    free: Array
+    first: int
+
+    @classmethod
+    def of(
+        cls,
+        model: StateSpaceModel,
+        modes: Sequence[ShapedMode],
+        inputs: Array,
+        outputs: Array,
+        first: int,
+    ) -> _ModalParts:
+        innovations = model.residuals(inputs, outputs, model.prediction_state(inputs, outputs))
+        simulated = model.simulate(inputs)
+        delayed = _delayed(model, inputs)
+        by_input = [_response(mode, delayed, mode.input_participation) for mode in modes]
+        by_noise = [_response(mode, innovations, mode.noise_participation) for mode in modes]
+        nothing = np.zeros_like(outputs)
+        return cls(
+            outputs,
+            simulated,
+            by_input,
+            by_noise,
+            simulated - sum(by_input, nothing),
+            outputs - innovations - simulated - sum(by_noise, nothing),
+            _free_responses(model.poles(), len(outputs) - first),
+            first,
+        )
+
+    def of_input(self, index: int) -> HeldOutContribution:
+        """What a mode adds to the simulation, beside the other modes and real poles."""
+        return self._beside(self.by_input, index, self.rest_of_input)
+
+    def of_noise(self, index: int) -> HeldOutContribution:
+        """What a mode adds to the prediction, beside the others and the simulation."""
+        return self._beside(self.by_noise, index, self.rest_of_noise, self.simulated)
+
+    def _beside(self, parts: list[Array], index: int, *more: Array) -> HeldOutContribution:
+        first, others = self.first, [*parts[:index], *parts[index + 1 :], *more]
+        nuisance = [
+            np.column_stack([*(other[first:, column] for other in others), self.free])
+            for column in range(self.outputs.shape[1])
+        ]
+        return HeldOutContribution(self.outputs[first:], parts[index][first:], nuisance)
 
 
 def _judged(
@@ -296,7 +385,11 @@ def _judged(
             of_noise.significant(SIGNIFICANCE) if model.form == "innovations" else False
         ),
     )
-    return replace(judged, doubts=tuple(doubts(judged, model.sampling_rate)))
+    return replace(
+        judged,
+        doubts=tuple(doubts(judged, model.sampling_rate)),
+        shape_doubt=shape_doubt(mode),
+    )
 
 
 def _recurrence(own: int, orders: Sequence[int], all_orders: Sequence[int]) -> float:
@@ -327,14 +420,3 @@ def _free_responses(poles: Complex, samples: int) -> Array:
     powers = upper ** np.arange(samples)[:, None]
     free: Array = np.column_stack([powers.real, powers.imag[:, upper.imag > 0.0]])
     return free
-
-
-def _of_all_outputs(
-    outputs: Array, contribution: Array, others: Sequence[Array], free: Array, first: int
-) -> HeldOutTest:
-    """The test of a contribution to all outputs, beside others and the initial states."""
-    nuisance = [
-        np.column_stack([*(other[first:, column] for other in others), free])
-        for column in range(outputs.shape[1])
-    ]
-    return joint_contribution_test(outputs[first:], contribution[first:], nuisance)

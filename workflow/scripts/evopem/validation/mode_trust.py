@@ -5,10 +5,15 @@ from __future__ import annotations
 import math
 from typing import Protocol
 
+from evopem.models.state_space_modes import ShapedMode
+
 # Damping ratio above which a pair of poles is hardly a resonance.
 STRONG_DAMPING = 0.5
 # Largest half width of the 95 % interval of a frequency, relative to the frequency.
 WIDEST_INTERVAL = 0.1
+# Level of the test that tells two poles apart, and smallest assurance (MAC) that a known shape is
+# expected to have with the true one: that of well correlated shapes (Ewins 2000).
+POLES_APART, KNOWN_SHAPE = 0.01, 0.9
 
 
 class EstimatedMode(Protocol):
@@ -93,3 +98,35 @@ def doubts(evidence: Evidence, sampling_rate: float) -> list[str]:
     elif half_width > WIDEST_INTERVAL * mode.frequency_hz:
         found.append("has a frequency known to no better than 10 %")
     return found
+
+
+def shape_doubt(mode: ShapedMode) -> str:
+    """Reason to doubt a mode's shape though not its frequency and damping; empty for none.
+
+    Shapes of poles that the data do not tell apart may be any mixture of each other.
+
+    Parameters
+    ----------
+    mode : ShapedMode
+    """
+    if len(mode.shape) < 2 or not math.isfinite(mode.shape_assurance):
+        return ""
+    if mode.equal_poles_p > POLES_APART:
+        return "the data do not tell its pole from a neighbour’s, so that the shapes may be mixed"
+    if mode.shape_assurance < KNOWN_SHAPE:
+        return f"a MAC of only {mode.shape_assurance:.2f} is expected with the true shape"
+    return ""
+
+
+def plane_is_known(mode: ShapedMode, partner: ShapedMode) -> bool:
+    """Whether two shapes that may be mixed lie in one plane that the data determine.
+
+    The statement is empty below three outputs, which have one plane alone.
+
+    Parameters
+    ----------
+    mode, partner : ShapedMode
+        Of one model.
+    """
+    mixed = len(mode.shape) > 2 and mode.equal_poles_p > POLES_APART
+    return mixed and min(mode.plane_assurance, partner.plane_assurance) >= KNOWN_SHAPE

@@ -58,5 +58,9 @@ class ModesRecord:
             "origin": [each.origin for each in judged],
             "trusted": [str(each.trusted) for each in judged],
             "doubts": ["; ".join(each.doubts) for each in judged],
+            "shape_assurance": [each.mode.shape_assurance for each in judged],
+            "shape_trusted": [str(each.shape_trusted) for each in judged],
+            "shape_doubt": [each.shape_doubt for each in judged],
+            "plane_with_mode": ["" if each.pair is None else str(each.pair + 1) for each in judged],
         }
         return columns | evidence

@@ -149,7 +149,10 @@ class MultichannelTables:
 
 
 def validate_multichannel(
-    model: StateSpaceModel, validation: MultichannelRecording, free_level: bool = False
+    model: StateSpaceModel,
+    validation: MultichannelRecording,
+    free_level: bool = False,
+    fitted: int = 0,
 ) -> tuple[MultichannelValidation, MultichannelTables]:
     """Score a model on validation samples, and test its residuals there.
 
@@ -163,6 +166,9 @@ def validate_multichannel(
     free_level : bool
         Whether the simulation fits its level to the validation samples, as it fits the initial
         state; to each of several recordings its own.
+    fitted : int
+        Parameters of each output that were fitted to these samples: the joint test of the
+        residuals' autocorrelations has as many degrees of freedom less.
     """
     u, y, bounds = validation.inputs, validation.outputs, validation.bounds
     horizons = tuple(k for k in HORIZONS if k < validation.longest.samples // 4)
@@ -179,6 +185,7 @@ def validate_multichannel(
             [each[:, place] for each in ahead],
             tests[place],
             model.order,
+            fitted,
         )
         for place in range(y.shape[1])
     )
@@ -281,11 +288,12 @@ def _output(
     ahead: list[Array],
     autocorrelations: pd.DataFrame,
     order: int,
+    fitted: int,
 ) -> OutputValidation:
     measured = validation.outputs[:, place]
     prediction = error_percent(measured, measured - residuals)
     simulation = _finite_error(measured, simulated)
-    lags, p_value = _ljung_box(residuals, validation.bounds, order)
+    lags, p_value = _ljung_box(residuals, validation.bounds, order, fitted)
     later = autocorrelations[autocorrelations["lag"] > 0]
     return OutputValidation(
         name=validation.output_names[place],
@@ -305,8 +313,10 @@ def _finite_error(measured: Array, computed: Array) -> float:
     return error_percent(measured, computed) if np.isfinite(computed).all() else math.nan
 
 
-def _ljung_box(residuals: Array, bounds: tuple[int, ...], order: int) -> tuple[int, float]:
-    """Ljung-Box test with as many degrees of freedom as lags: nothing was fitted to the samples."""
+def _ljung_box(
+    residuals: Array, bounds: tuple[int, ...], order: int, fitted: int
+) -> tuple[int, float]:
+    """Ljung-Box test with as many degrees of freedom as lags, less what was fitted."""
     samples = residuals.size
     lags = ljung_box_lags(samples, order, min(CORRELATION_LAGS, samples // 3))
     if lags < 1 or not np.isfinite(residuals).all() or np.ptp(residuals) == 0.0:
@@ -315,7 +325,7 @@ def _ljung_box(residuals: Array, bounds: tuple[int, ...], order: int) -> tuple[i
     k = np.arange(1, lags + 1)
     rho = np.array([e[lag:] @ e[:-lag] for lag in k]) / (e @ e)
     statistic = samples * (samples + 2) * float(np.sum(rho**2 / (samples - k)))
-    return lags, float(chdtrc(lags, statistic))
+    return lags, float(chdtrc(max(lags - fitted, 1), statistic))
 
 
 def _pair(output: str, input_: str, table: pd.DataFrame) -> PairCorrelation:

@@ -27,6 +27,7 @@ from evopem.estimation.multi_input.errors import (
     MultiInputRecord,
     multi_input_record,
 )
+from evopem.estimation.multi_input.order_limits import OrderLimits
 from evopem.estimation.multi_input.problem import (
     POLISH_STEPS,
     POLISH_TOLERANCE,
@@ -54,10 +55,6 @@ SETTINGS = SearchSettings(
 # Starts of each order that are descended from on the way to a larger order, and for the order
 # itself.
 WIDTH, FINAL_WIDTH = 3, 8
-# Largest order of the noise that follows the joint order where D stands beside C or A.
-MOST_NOISE = 4
-# Orders of A of the general structure, whose F_i have the joint order.
-SHARED_POLES = 1
 # Last number of the key of the draws under constraints.
 CONSTRAINED = 1
 # Steps of a descent after which a model of smaller orders is scored.
@@ -106,6 +103,35 @@ class MultiInputEstimate:
     def plant_states(self) -> int:
         """States of the plant in state space."""
         return self.model.plant_states
+
+
+@dataclass(frozen=True)
+class TriedOrders:
+    """Smaller orders that were tried.
+
+    Attributes
+    ----------
+    orders : MultiInputOrders
+    bic, bic_before : float
+        Theirs, and that of the orders which they would replace.
+    """
+
+    orders: MultiInputOrders
+    bic: float
+    bic_before: float
+
+    @property
+    def taken(self) -> bool:
+        """Whether BIC fell."""
+        return self.bic < self.bic_before
+
+
+@dataclass(frozen=True)
+class ReducedOrders:
+    """The orders of lowest BIC, and all that were tried on the way."""
+
+    orders: MultiInputOrders
+    tried: tuple[TriedOrders, ...]
 
 
 def estimate_multi_input(
@@ -187,41 +213,14 @@ def estimate_multi_input(
     return replace(estimate, model=model)
 
 
-def joint_orders(structure: str, order: int, delays: Sequence[int]) -> MultiInputOrders:
-    """Orders of a structure that one number k determines.
-
-    na = nb = nc = k; of structures with F_i, nb = nf = k.  Where D stands beside C or A, their
-    orders are at most :data:`MOST_NOISE`.
-
-    Examples
-    --------
-    >>> print(joint_orders("armax", 3, (1, 2)), joint_orders("bj", 6, (1, 2)))
-    ARMAX(3,[3 3],3,[1 2]) BJ([6 6],4,4,[6 6],[1 2])
-    """
-    names, nu = STRUCTURES[structure], len(delays)
-    noise = min(order, MOST_NOISE) if "nd" in names else order
-    shared = SHARED_POLES if structure == "general" else order
-    return MultiInputOrders(
-        structure,
-        nb=(order,) * nu,
-        nf=(order if "nf" in names else 0,) * nu,
-        nk=tuple(delays),
-        na=shared if "na" in names else 0,
-        nc=noise if "nc" in names else 0,
-        nd=noise if "nd" in names else 0,
-    )
-
-
 def multi_input_estimates(
     inputs: ArrayLike | Sequence[ArrayLike],
     output: ArrayLike | Sequence[ArrayLike],
-    structure: str,
-    orders: Sequence[int],
-    delays: Sequence[int],
+    orders: Mapping[int, MultiInputOrders],
     settings: SearchSettings | None = None,
     log: Log | None = None,
 ) -> Iterator[tuple[int, MultiInputEstimate]]:
-    """Estimates of ascending joint orders, each from linear estimates and from smaller models.
+    """Estimates of ascending orders, each from linear estimates and from smaller models.
 
     All are scored on the same samples.  The sampling rate is 1 Hz.
 
@@ -229,20 +228,17 @@ def multi_input_estimates(
     ----------
     inputs, output
         As of :func:`estimate_multi_input`.
-    structure : str
-    orders : sequence of int
-        Joint orders, see :func:`joint_orders`.
-    delays : sequence of int
+    orders : mapping of int to MultiInputOrders
+        Ascending, by the joint order that they follow.
     settings : SearchSettings, optional
     log : callable, optional
     """
     settings = settings or SETTINGS
     us, ys = _records(inputs, output)
-    largest = joint_orders(structure, orders[-1], delays)
+    largest = orders[max(orders)]
     record = _record(us, ys, largest, largest.first_residual)
     smaller: list[MultiInputModel] = []
-    for order in orders:
-        wanted = joint_orders(structure, order, delays)
+    for order, wanted in orders.items():
         errors = MultiInputErrors(record, wanted, settings.max_root_radius, settings.objective)
         with threadpool_limits(limits=1, user_api="blas"):
             found = _descents(errors, smaller[-2:], settings, WIDTH)
@@ -288,12 +284,14 @@ def reduced_orders(
     output: ArrayLike | Sequence[ArrayLike],
     orders: MultiInputOrders,
     settings: SearchSettings | None = None,
+    limits: OrderLimits | None = None,
     log: Log | None = None,
-) -> MultiInputOrders:
+) -> ReducedOrders:
     """Smaller orders of lower BIC, each input its own, and its delay.
 
-    One coefficient of B_i at either end, one of another polynomial, or a pole with a zero is left
-    out at a time, as long as BIC falls.  All are scored on the same samples.
+    One coefficient of B_i at either end, one of another polynomial, a pole with a zero, or a factor
+    of A and all B_i is left out at a time, as long as BIC falls.  All are scored on the same
+    samples.
 
     Parameters
     ----------
@@ -301,38 +299,51 @@ def reduced_orders(
         As of :func:`estimate_multi_input`.
     orders : MultiInputOrders
     settings : SearchSettings, optional
+    limits : OrderLimits, optional
+        Orders beyond them are not tried.
     log : callable, optional
     """
     settings = settings or SETTINGS
     us, ys = _records(inputs, output)
+    tried: list[TriedOrders] = []
     with threadpool_limits(limits=1, user_api="blas"):
         record = _record(us, ys, orders, orders.first_residual)
         errors = MultiInputErrors(record, orders, settings.max_root_radius, settings.objective)
         found = _descents(errors, [], settings, FINAL_WIDTH)
         if not found:
-            return orders
+            return ReducedOrders(orders, ())
         best = _bic(errors, found[0].value)
         model = _in_scaled_units(errors, found[0].point)
         falls = True
         while falls:
             falls = False
             for smaller in _smaller(orders):
+                if limits is not None and not limits.allow(smaller):
+                    continue
                 own = errors.of_orders(smaller)
                 optimum = descend(own, adapted_point(own, model), REDUCTION_STEPS, TOLERANCE)
                 bic = _bic(own, optimum.value)
+                tried.append(TriedOrders(smaller, bic, best))
                 if bic < best:
                     best, orders, falls = bic, smaller, True
                     model = _in_scaled_units(own, optimum.point)
                     break
     if log is not None:
         log(f"orders of lowest BIC: {orders}")
-    return orders
+    return ReducedOrders(orders, tuple(tried))
 
 
 def _smaller(orders: MultiInputOrders) -> Iterator[MultiInputOrders]:
     """Orders with one coefficient less, or with one pole and one zero less."""
     names = STRUCTURES[orders.structure]
     noise = [name for name in ("nc", "nd") if getattr(orders, name) > 0]
+    if orders.na > 0 and min(orders.nb) > 1:
+        # A factor of A and all B_i, which C has as well, or 1/D in its place.
+        factored = replace(orders, na=orders.na - 1, nb=tuple(nb - 1 for nb in orders.nb))
+        if orders.nc > 0:
+            yield replace(factored, nc=orders.nc - 1)
+        if "nd" in names:
+            yield factored
     # A pole that a zero cancels goes with it.
     if len(noise) > 1:
         yield replace(orders, nc=orders.nc - 1, nd=orders.nd - 1)

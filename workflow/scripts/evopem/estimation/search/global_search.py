@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,7 +43,7 @@ Array = NDArray[np.float64]
 # Independent batches of random points, and the points of each.
 BATCHES, BATCH = 2, 16
 # Undiscovered probability after a batch from which on another one hardly leads to a certificate,
-# and growth and exchange find lower values.
+# and neighbouring optima, or growth and exchange, have lower values.
 HOPELESS = 0.4
 # Evaluations after which a restart of the memetic search begins no further generation.
 RESTART_EVALUATIONS = 4000
@@ -176,22 +177,19 @@ def global_search(
     if settings.evaluations == FIRST_PASS:
         _descend_coarsely(problem, generator, found)
     else:
-        hopeless = np.inf if exchange is None else HOPELESS
-        _descend_from_random_points(problem, settings.evaluations, generator, found, hopeless)
+        _descend_from_random_points(problem, settings.evaluations, generator, found)
+        if exchange is None and found.undiscovered >= HOPELESS:
+            left = settings.evaluations - found.spent
+            _search_neighbours(problem, exchange, left, generator, found)
     refuted_from = np.inf
     while not (found.one_optimum and same_optimum(found.value, known_minimum)):
         agreed = found.agree(min(found.value, known_minimum))
         if agreed and same_optimum(refuted_from, found.value):
             break
-        if agreed and found.point is not None:
+        if agreed:
             # Neighbours of the lowest optimum have to be no lower.
             refuted_from = found.value
-            if exchange is not None:
-                hops = exchange.search_from(found.point, found.value, np.inf, generator)
-            else:
-                hops = hop(problem, found.point, found.value, np.inf, generator)
-            found.optima.extend(hops.optima)
-            found.lower("neighbours of the lowest", hops.point, hops.value, hops.evaluations)
+            _search_neighbours(problem, exchange, np.inf, generator, found)
         elif found.spent >= settings.evaluations or found.is_unlikely(aim, known_minimum):
             break
         elif exchange is not None:
@@ -228,24 +226,37 @@ def _exchange_of(problem: HoppingProblem) -> SectionExchange | None:
     return exchange if exchange is not None and exchange.possible else None
 
 
+def _search_neighbours(
+    problem: HoppingProblem,
+    exchange: SectionExchange | None,
+    max_evaluations: float,
+    generator: np.random.Generator,
+    found: _Record,
+) -> None:
+    """Look for a lower optimum next to the lowest one; this is no independent restart."""
+    if found.point is None:
+        return
+    search = partial(hop, problem) if exchange is None else exchange.search_from
+    hops = search(found.point, found.value, max_evaluations, generator)
+    found.optima.extend(hops.optima)
+    found.lower("neighbours of the lowest", hops.point, hops.value, hops.evaluations)
+
+
 def _descend_from_random_points(
     problem: HoppingProblem,
     evaluations: int,
     generator: np.random.Generator,
     found: _Record,
-    hopeless: float,
 ) -> None:
     """Descend from batches of random points, and polish the lowest of each.
 
-    No further batch follows one that leaves a ``hopeless`` undiscovered probability.
-
-    They are polished together, because a pass over the record costs the same for several points as
-    for one.
+    No further batch follows one that leaves a hopeless undiscovered probability.  They are
+    polished together, because a pass over the record costs the same for several points as for one.
     """
     lowest: list[Array] = []
     used = 0
     while not lowest or (
-        found.points < BATCHES * BATCH and used < evaluations and found.undiscovered < hopeless
+        found.points < BATCHES * BATCH and used < evaluations and found.undiscovered < HOPELESS
     ):
         descents = problem.descend(problem.random(BATCH, generator))
         found.optima.extend(converged_values(descents))

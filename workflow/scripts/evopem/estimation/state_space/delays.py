@@ -26,8 +26,8 @@ SIGNIFICANCE = 0.05
 def estimate_delays(
     inputs: ArrayLike | Sequence[ArrayLike],
     outputs: ArrayLike | Sequence[ArrayLike],
-    largest: int = 10,
-    smallest: int = 0,
+    largest: int | Sequence[int] = 10,
+    smallest: int | Sequence[int] = 0,
 ) -> tuple[int, ...]:
     """Delay nk of each input in samples, 0 for one that acts on the same sample.
 
@@ -43,8 +43,8 @@ def estimate_delays(
     inputs : (N, nu) array_like, or a list of them
         One record or several, each with a constant of its own.
     outputs : (N, ny) array_like, or a list of them
-    largest, smallest : int
-        Delays tried, both included.
+    largest, smallest : int or sequence of int
+        Delays tried, both included, of all inputs or of each.
 
     Examples
     --------
@@ -56,11 +56,11 @@ def estimate_delays(
     """
     us, ys = records_of(inputs, "inputs"), records_of(outputs, "outputs")
     samples, nu, ny = sum(map(len, ys)), us[0].shape[1], ys[0].shape[1]
-    last = largest + INPUT_LAGS
+    low, high = (np.broadcast_to(each, nu) for each in (smallest, largest))
     affordable = max((samples // 5 - ny) // (nu + ny), 1)
-    last = min(last, affordable)
-    largest = max(min(largest, last - 1), smallest)
-    last = max(last, largest + 1)
+    last = min(int(high.max()) + INPUT_LAGS, affordable)
+    high = np.maximum(np.minimum(high, last - 1), low)
+    last = max(last, int(high.max()) + 1)
     output_lags = min(OUTPUT_LAGS, affordable)
     first = max(last, output_lags)
     parts = [_rows(u, y, first, last, output_lags) for u, y in zip(us, ys, strict=True)]
@@ -69,21 +69,21 @@ def estimate_delays(
     known = np.column_stack([constants, np.concatenate([part[0] for part in parts])])
     targets = np.concatenate([part[2] for part in parts])
     with threadpool_limits(limits=1, user_api="blas"):
-        delays = [smallest] * nu
-        whole = max(1 - smallest, 0)
+        delays = low.tolist()
         for _ in range(ROUNDS):
             before = list(delays)
             for j in range(nu):
+                whole = max(1 - low[j], 0)
                 found = [
                     _fit(known, lagged, [*delays[:j], delay, *delays[j + 1 :]], targets)
-                    for delay in range(smallest, largest + 1)
+                    for delay in range(low[j], high[j] + 1)
                 ]
                 possible = [
                     place
                     for place, fit in enumerate(found)
                     if place <= whole or fit.adds_nothing_to(found[whole], place - whole)
                 ]
-                delays[j] = smallest + min(possible, key=lambda place: found[place].bic)
+                delays[j] = int(low[j]) + min(possible, key=lambda place: found[place].bic)
             if delays == before:
                 break
     return tuple(delays)

@@ -20,6 +20,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg.blas import dgemm
 
 from evopem.estimation.state_space.kernels import section_responses
 from evopem.estimation.state_space.sections import (
@@ -133,8 +134,6 @@ class Projection:
     Attributes
     ----------
     sections : Sections
-    responses : (N, 2 S) array
-        Of each section to each drive: p, then r.
     states : (N, n) array
     regressors : (N, q) array
         States, inputs with feedthrough, and a constant for each record.
@@ -148,7 +147,6 @@ class Projection:
     """
 
     sections: Sections
-    responses: Array
     states: Array
     regressors: Array
     basis: Array
@@ -222,6 +220,11 @@ class StateSpaceErrors:
         count += n * ny if self.innovations else 0
         return count + ny * int(self.record.levels)
 
+    @property
+    def logarithmic(self) -> bool:
+        """Whether N times the criterion is comparable with twice a log likelihood."""
+        return self.weighting != "power"
+
     def of_order(self, order: int) -> StateSpaceErrors:
         """The same problem for another order."""
         return StateSpaceErrors(self.record, order, self.form, self.weighting, self.radius)
@@ -237,7 +240,7 @@ class StateSpaceErrors:
 
     def projection(self, point: Array) -> Projection:
         """Errors with the best C, D and constants."""
-        sections, responses, states, regressors = self._regression(point)
+        sections, states, regressors = self._regression(point)
         sizes = np.linalg.norm(regressors, axis=0)
         sizes[sizes == 0.0] = 1.0
         q, triangle = np.linalg.qr(regressors / sizes)
@@ -250,7 +253,6 @@ class StateSpaceErrors:
         errors = y - basis @ along
         return Projection(
             sections,
-            responses,
             states,
             regressors,
             basis,
@@ -261,33 +263,40 @@ class StateSpaceErrors:
 
     def with_linear(self, point: Array, linear: Array) -> Projection:
         """Errors with given C, D and constants, (q, ny) as those of a projection; no basis."""
-        sections, responses, states, regressors = self._regression(point)
+        sections, states, regressors = self._regression(point)
         errors = self.record.outputs - regressors @ linear
         basis = np.empty((len(errors), 0))
         covariance = errors.T @ errors / len(errors)
-        return Projection(
-            sections, responses, states, regressors, basis, linear, errors, covariance
-        )
+        return Projection(sections, states, regressors, basis, linear, errors, covariance)
 
-    def _regression(self, point: Array) -> tuple[Sections, Array, Array, Array]:
-        """Sections of a point, their responses, the states, and all regressors."""
+    def _regression(self, point: Array) -> tuple[Sections, Array, Array]:
+        """Sections of a point, the states, and all regressors."""
+        sections = sections_of(self.layout, point)
+        states = self._states(sections)
+        return sections, states, np.column_stack([states, *self.direct])
+
+    def _states(self, sections: Sections) -> Array:
+        """States driven by all signals, (N, n): one response for each instead of each drive."""
         layout = self.layout
-        sections = sections_of(layout, point)
-        responses = self.responses(sections)
-        count = layout.sections * layout.drives
-        shape = (self.record.samples, layout.sections, layout.drives)
-        p, r = responses[:, :count].reshape(shape), responses[:, count:].reshape(shape)
+        count, pairs = layout.sections, 2 * layout.pairs
+        inputs = np.vstack([sections.b1, sections.b2])
+        responses = section_responses(
+            np.tile(sections.sigma, 2),
+            np.tile(sections.coupling, 2),
+            np.tile(sections.back, 2),
+            np.arange(2 * count),
+            np.ascontiguousarray(inputs[:, self.driving :].T),
+            self._signals[:, : self.driving] @ inputs[:, : self.driving].T,
+            self.record.bounds,
+        )
+        by_first, by_second, of_first, of_second = np.split(responses, 4, axis=1)
         states = np.empty((self.record.samples, layout.order))
-        pairs = 2 * layout.pairs
-        first = np.einsum("tsd,sd->ts", p, sections.b1) + np.einsum("tsd,sd->ts", r, sections.b2)
+        first = by_first + of_second
         states[:, 0:pairs:2] = first[:, : layout.pairs]
-        states[:, 1:pairs:2] = (
-            np.einsum("tsd,sd->ts", r, sections.ratio[:, None] * sections.b1)
-            + np.einsum("tsd,sd->ts", p, sections.b2)
-        )[:, : layout.pairs]
+        states[:, 1:pairs:2] = (sections.ratio * of_first + by_second)[:, : layout.pairs]
         if layout.single:
             states[:, -1] = first[:, -1]
-        return sections, responses, states, np.column_stack([states, *self.direct])
+        return states
 
     def criterion(self, covariance: Array) -> float:
         """Criterion of the errors' covariance, (ny, ny); its unit is one for each output."""
@@ -356,7 +365,9 @@ class StateSpaceErrors:
     def normal_equations(self, found: Projection) -> NormalEquations:
         """Gradient and Gauss-Newton Hessian of the criterion, s of each section held."""
         signals = self.derivative_signals(found)
-        signals -= found.basis @ (found.basis.T @ signals)
+        along = found.basis.T @ signals
+        # Less their part in the space of the regressors, without another array of this size.
+        signals = dgemm(-1.0, along.T, found.basis.T, 1.0, signals.T, overwrite_c=True).T
         c = found.linear[: self.order].T
         weights = self.weights(found.covariance)
         per_sample = 2.0 / self.record.samples
@@ -389,7 +400,7 @@ class StateSpaceErrors:
         even, odd = slice(0, 2 * pairs, 2), slice(1, 2 * pairs, 2)
         ratio, s = sections.ratio[:pairs], sections.coupling[:pairs]
         parts = [
-            found.responses,
+            self.responses(sections),
             p[:, even] + r[:, odd],
             ratio * r[:, even] + p[:, odd],
             r[:, even] / s,

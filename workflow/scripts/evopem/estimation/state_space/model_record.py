@@ -107,6 +107,8 @@ class MultichannelModelRecord:
         The polynomial model whose innovations form the matrices are.
     fit : ConstrainedFit, optional
         Its constraints.
+    at_upper_ends : tuple of str
+        Its orders at the upper end of a range of the configuration, such as "nb of hot".
     evopem : str
         Version of this package.
     versions : dict
@@ -142,6 +144,7 @@ class MultichannelModelRecord:
     versions: dict[str, str]
     polynomials: MultiInputModel | None = None
     fit: ConstrainedFit | None = None
+    at_upper_ends: tuple[str, ...] = ()
 
     @classmethod
     def of(
@@ -155,6 +158,7 @@ class MultichannelModelRecord:
         level: Literal["constant", "state"] = "constant",
         polynomials: MultiInputModel | None = None,
         constraints: InputConstraints | None = None,
+        at_upper_ends: tuple[str, ...] = (),
     ) -> MultichannelModelRecord:
         """The record of an estimate, and of the model with its noise model."""
         return cls(
@@ -183,6 +187,7 @@ class MultichannelModelRecord:
             | {library: version(library) for library in _LIBRARIES},
             polynomials=polynomials,
             fit=ConstrainedFit.of(estimate, constraints),
+            at_upper_ends=at_upper_ends,
         )
 
     @property

@@ -52,10 +52,7 @@ def prepared_records(
     ------
     ValueError
     """
-    ys = records_of(outputs, "outputs")
-    us = [np.empty((len(y), 0)) for y in ys] if inputs is None else records_of(inputs, "inputs")
-    if len(us) != len(ys) or any(len(u) != len(y) for u, y in zip(us, ys, strict=True)):
-        raise ValueError("inputs and outputs must have the same records, of the same lengths")
+    us, ys = paired_records(inputs, outputs)
     if len({u.shape[1] for u in us}) > 1 or len({y.shape[1] for y in ys}) > 1:
         raise ValueError("all records must have the same channels")
     nu = us[0].shape[1]
@@ -69,6 +66,22 @@ def prepared_records(
         raise ValueError("an output is zero throughout")
     record = state_space_record(us, ys, each, level)
     return PreparedRecords(tuple(us), tuple(ys), each, level, record)
+
+
+def paired_records(
+    inputs: ArrayLike | Sequence[ArrayLike] | None, outputs: ArrayLike | Sequence[ArrayLike]
+) -> tuple[list[Array], list[Array]]:
+    """Inputs, (N, nu), and outputs, (N, ny), of each record; nu = 0 for no inputs.
+
+    Raises
+    ------
+    ValueError
+    """
+    ys = records_of(outputs, "outputs")
+    us = [np.empty((len(y), 0)) for y in ys] if inputs is None else records_of(inputs, "inputs")
+    if len(us) != len(ys) or any(len(u) != len(y) for u, y in zip(us, ys, strict=True)):
+        raise ValueError("inputs and outputs must have the same records, of the same lengths")
+    return us, ys
 
 
 def records_of(signals: ArrayLike | Sequence[ArrayLike], what: str) -> list[Array]:

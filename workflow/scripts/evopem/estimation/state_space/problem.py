@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +40,8 @@ PAIRS, DESCENDED = 32, 3
 # Steps and tolerance of a descent of the search, and of the last one.
 STEPS, TOLERANCE = 100, 1e-7
 POLISH_STEPS, POLISH_TOLERANCE = 1000, 1e-11
+# Gain of twice the log likelihood that no choice depends on.
+NEGLIGIBLE = 0.1
 # Random points of the first batch of a multistart check suffice.
 MIN_MULTISTART = 1
 
@@ -251,18 +254,54 @@ def extensions(
     return [points[k] for k in np.argsort(criteria, kind="stable")[:kept]]
 
 
+def reductions(larger: StateSpaceErrors, point: Array) -> list[Array]:
+    """The point of an order without one of its pairs of poles, for each of them."""
+    rows, single = larger.layout.pair_rows(point), larger.layout.single_row(point)
+    return [
+        np.concatenate([np.delete(rows, pair, axis=0).ravel(), single]) for pair in range(len(rows))
+    ]
+
+
 def descended(
-    errors: StateSpaceErrors, starts: list[Array], count: int, steps: int = STEPS
+    errors: StateSpaceErrors,
+    starts: list[Array],
+    count: int,
+    steps: int = STEPS,
+    tolerance: float = TOLERANCE,
 ) -> list[Optimum]:
     """Optima from the best starts, the lowest first; infeasible ones are left out."""
+    optima = [descend(errors, start, steps, tolerance) for start in lowest(errors, starts, count)]
+    optima = [optimum for optimum in optima if np.isfinite(optimum.value)]
+    return sorted(optima, key=lambda optimum: optimum.value)
+
+
+def lowest(errors: StateSpaceErrors, starts: list[Array], count: int) -> list[Array]:
+    """The starts of lowest criterion, in this order; A may be unstable there."""
     criteria = []
     for start in starts:
         found = errors.projection(start) if np.isfinite(start).all() else None
         criteria.append(np.inf if found is None else errors.criterion(found.covariance))
     order = np.argsort(criteria, kind="stable")[:count]
-    optima = [descend(errors, starts[k], steps, TOLERANCE) for k in order]
-    optima = [optimum for optimum in optima if np.isfinite(optimum.value)]
-    return sorted(optima, key=lambda optimum: optimum.value)
+    return [starts[k] for k in order]
+
+
+def raced(errors: StateSpaceErrors, starts: list[Array], steps: int) -> list[Optimum]:
+    """Optima from starts, the lowest first, which alone is descended to the last digits.
+
+    The others end where no choice depends on what is left.
+    """
+    optima = descended(errors, starts, len(starts), steps, _rough(errors))
+    return [_to_the_end(errors, optima[0], steps), *optima[1:]] if optima else []
+
+
+def _rough(errors: StateSpaceErrors) -> float:
+    """Tolerance of a descent whose last digits no choice depends on."""
+    return max(NEGLIGIBLE / errors.record.samples if errors.logarithmic else 0.0, TOLERANCE)
+
+
+def _to_the_end(errors: StateSpaceErrors, optimum: Optimum, steps: int) -> Optimum:
+    ended = descend(errors, optimum.point, steps, TOLERANCE)
+    return replace(ended, evaluations=optimum.evaluations + ended.evaluations)
 
 
 def rungs(
@@ -273,7 +312,7 @@ def rungs(
     orders: range,
     steps: int = STEPS,
 ) -> Iterator[tuple[StateSpaceErrors, list[Optimum]]]:
-    """Optima of several orders, each from estimates and from the optima of smaller orders.
+    """Optima of several orders, each from estimates and from the optima of its neighbours.
 
     Parameters
     ----------
@@ -290,24 +329,49 @@ def rungs(
 
     Yields
     ------
-    The problem of each order, and its optima, the lowest first.
+    The problem of each order, and its optima, the lowest first; an order after the one that has two
+    states more, whose optimum is a start for it as well.
     """
-    previous: list[tuple[StateSpaceErrors, Optimum]] = []
+    found: list[Rung] = []
+    yielded = 0
     for order in orders:
         problem = errors.of_order(order)
-        optima = descended(problem, list(models.points(problem)), width, steps)
-        starts: list[Array] = []
-        for smaller, optimum in previous[-2:]:
+        starts = lowest(problem, list(models.points(problem)), width)
+        for below in [rung for rung in found if rung.optima][-2:]:
             starts += extensions(
-                problem, smaller, optimum.point, generator, 8 * width, max(width // 2, 1)
+                *(problem, below.problem, below.optima[0].point, generator),
+                tried=8 * width,
+                kept=max(width // 2, 1),
             )
-        optima += descended(problem, starts, len(starts), steps)
+        optima = raced(problem, starts, steps)
         for _ in range(20):
             if optima:
                 break
             start = from_poles(problem, random_poles(order, generator))
             optima = descended(problem, [start], 1, steps)
-        optima.sort(key=lambda optimum: optimum.value)
-        if optima:
-            previous.append((problem, optima[0]))
-        yield problem, optima
+        found.append(Rung(problem, optima))
+        while found[yielded].problem.order <= order - 2:
+            rung = found[yielded] = found[yielded].lowered(found[-1], steps)
+            yielded += 1
+            yield rung.problem, rung.optima
+    for rung in found[yielded:]:
+        yield rung.problem, rung.optima
+
+
+@dataclass(frozen=True)
+class Rung:
+    """A problem of one order and its optima, the lowest first."""
+
+    problem: StateSpaceErrors
+    optima: list[Optimum]
+
+    def lowered(self, above: Rung, steps: int) -> Rung:
+        """With the optimum that begins with that of two states more."""
+        if above.problem.order != self.problem.order + 2 or not above.optima:
+            return self
+        starts = reductions(above.problem, above.optima[0].point)
+        reached = descended(self.problem, starts, 1, steps, _rough(self.problem))
+        if reached and (not self.optima or reached[0].value < self.optima[0].value):
+            reached = [_to_the_end(self.problem, reached[0], steps)]
+        optima = sorted([*reached, *self.optima], key=lambda optimum: optimum.value)
+        return Rung(self.problem, optima)

@@ -149,11 +149,12 @@ def with_initial_states(errors: StateSpaceErrors, point: Array) -> Array:
     c = found.linear[: errors.order]
     count = layout.sections * drives
     ratio = found.sections.ratio
+    responses = errors.responses(found.sections)
     for k in range(errors.record.records):
         rows_of = slice(errors.record.bounds[k], errors.record.bounds[k + 1])
         # Free responses of the states: a pulse into the first and into the second of a pair.
-        p = found.responses[rows_of, :count].reshape(-1, layout.sections, drives)
-        r = found.responses[rows_of, count:].reshape(-1, layout.sections, drives)
+        p = responses[rows_of, :count].reshape(-1, layout.sections, drives)
+        r = responses[rows_of, count:].reshape(-1, layout.sections, drives)
         p, r = p[:, :, errors.driving + k], r[:, :, errors.driving + k]
         length = min(len(p), max(200, 4 * errors.order))
         columns = []

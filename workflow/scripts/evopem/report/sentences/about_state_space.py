@@ -105,7 +105,11 @@ def _modes(results: MultichannelResults) -> Use:
     places = enumeration(shown) + ("" if len(trusted) > MOST_NAMED else f"{THIN}Hz")
     name = "the mode at" if len(trusted) == 1 else "the modes at"
     reason = f"{plural(others, 'further mode')} not to be trusted" if others else ""
-    return Use(f"{name} {places}, with shapes", "good", reason)
+    mixed = sum(each.trusted and not each.shape_trusted for each in results.modes.table.modes)
+    against = f"{plural(mixed, 'shape')} not to be trusted" if mixed else ""
+    return Use(
+        f"{name} {places}, with shapes", "care" if mixed else "good", joined(reason, against)
+    )
 
 
 def _intervals(failed: set[str], unknown: set[str]) -> Use:

@@ -27,6 +27,7 @@ RANGES = {
     "na": ("orders.na", 0),
     "nb": ("orders.nb", 1),
 }
+REPEATABLE = "Search repeatable"
 STRUCTURES_PHASE, CHOSEN_PHASE = AUTOMATIC_PHASES
 
 
@@ -115,7 +116,7 @@ def repeatability(diagnostics: SearchDiagnostics, measured: Calibration = POLYNO
 
     ``measured`` says how often searches of this kind were wrong.
     """
-    name = "Search repeatable"
+    name = REPEATABLE
     advice = (
         "Raise “search.evaluations”, and compare the model with one of another “search.seed”. A"
         " model of lower order has fewer local minima."

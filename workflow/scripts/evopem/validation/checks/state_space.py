@@ -24,7 +24,7 @@ from evopem.validation.checks.search import repeatability
 if TYPE_CHECKING:
     from evopem.estimation.state_space.model_record import MultichannelModelRecord
     from evopem.signals.multichannel_reading import MultichannelInfo
-    from evopem.validation.multichannel import MultichannelValidation
+    from evopem.validation.multichannel import MultichannelValidation, PairCorrelation
 
 # Names that a sentence lists at most.
 LISTED = 6
@@ -106,7 +106,7 @@ def _whiteness(record: MultichannelModelRecord, validation: MultichannelValidati
     if any(map(math.isnan, tests)):
         return Check(WHITE, None, "A test could not be computed.", "Use a longer record.")
     level = SIGNIFICANCE / len(tests)
-    coloured = [each.name for each in validation.outputs if each.ljung_box_p < level]
+    coloured = coloured_outputs(validation)
     lowest = min(tests)
     found = (
         f"Ljung-Box tests of the validation residuals of each output: lowest {p_text(lowest)},"
@@ -130,21 +130,45 @@ def _whiteness(record: MultichannelModelRecord, validation: MultichannelValidati
     )
 
 
+def coloured_outputs(validation: MultichannelValidation) -> list[str]:
+    """Names of the outputs whose residuals are not white, with Bonferroni's bound."""
+    level = SIGNIFICANCE / len(validation.outputs)
+    return [each.name for each in validation.outputs if each.ljung_box_p < level]
+
+
+def dependent_pairs(validation: MultichannelValidation) -> list[PairCorrelation]:
+    """The pairs whose residuals depend on the input, with Bonferroni's bound."""
+    allowed = _allowed(validation)
+    return [
+        each
+        for each in validation.pairs
+        if each.max_in_bounds > allowed or each.share_inside95 < MIN_CROSS_CORRELATION_SHARE
+    ]
+
+
+def _tested(validation: MultichannelValidation) -> int:
+    """Number of cross-correlations of all pairs."""
+    return (2 * validation.correlation_lags + 1) * len(validation.pairs)
+
+
+def _allowed(validation: MultichannelValidation) -> float:
+    """The largest cross-correlation that is not significant, in its 95 % bound."""
+    if not validation.pairs:
+        return math.inf
+    return float(ndtri(1 - SIGNIFICANCE / (2 * _tested(validation))) / ndtri(0.975))
+
+
 def _independence(record: MultichannelModelRecord, validation: MultichannelValidation) -> Check:
-    pairs, count = validation.pairs, 2 * validation.correlation_lags + 1
+    pairs = validation.pairs
     if any(math.isnan(each.max_in_bounds) for each in pairs):
         return Check(
             INDEPENDENT_OF_INPUT, None, "A test could not be computed.", "Use a longer record."
         )
-    allowed = float(ndtri(1 - SIGNIFICANCE / (2 * count * len(pairs))) / ndtri(0.975))
-    bad = [
-        each
-        for each in pairs
-        if each.max_in_bounds > allowed or each.share_inside95 < MIN_CROSS_CORRELATION_SHARE
-    ]
+    count, allowed = _tested(validation), _allowed(validation)
+    bad = dependent_pairs(validation)
     worst = max(pairs, key=lambda each: each.max_in_bounds)
     found = (
-        f"The largest of {count * len(pairs)} cross-correlations, of {worst.output} and"
+        f"The largest of {count} cross-correlations, of {worst.output} and"
         f" {worst.input}, is {worst.max_in_bounds:.2f} times its 95 % bound; up to {allowed:.2f}"
         f" times is not significant (Bonferroni, {100 * SIGNIFICANCE:g} %)."
     )
@@ -166,6 +190,13 @@ def _order(record: MultichannelModelRecord, tried: Sequence[int]) -> Check:
     if record.polynomials is not None:
         order, text = record.polynomials.orders.joint, f"{record.text}; joint orders"
     text += f" {min(tried)} to {max(tried)} were tried"
+    if record.at_upper_ends:
+        return Check(
+            name,
+            False,
+            f"At the upper end of its range: {_named(record.at_upper_ends)}, in {record.text}.",
+            "Give the range a higher upper end, or one number if it is known.",
+        )
     if len(tried) == 1:
         return Check(
             name,
