@@ -7,10 +7,11 @@ need no correction for the fit there.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 from scipy.special import chdtrc
 
@@ -24,6 +25,9 @@ from evopem.validation.residual_tests import (
     share_inside,
 )
 from evopem.validation.scores import error_percent, outlier_percent
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Array = NDArray[np.float64]
 
@@ -211,20 +215,7 @@ def validate_multichannel(
     )
     tables = MultichannelTables(
         _simulation_table(validation, residuals, simulated),
-        pd.concat(
-            [
-                table.assign(output=name)[["output", *table.columns]]
-                for name, table in zip(validation.output_names, tests, strict=True)
-            ]
-        ),
-        pd.concat(
-            [
-                table.assign(output=output, input=input_)[["output", "input", *table.columns]]
-                for (output, input_), table in crossed.items()
-            ]
-        )
-        if crossed
-        else pd.DataFrame(columns=["output", "input", "lag", "cross_correlation", "bound95"]),
+        *_correlation_tables(dict(zip(validation.output_names, tests, strict=True)), crossed),
     )
     return found, tables
 
@@ -334,9 +325,31 @@ def _pair(output: str, input_: str, table: pd.DataFrame) -> PairCorrelation:
     return PairCorrelation(output, input_, share, float(ratio.max()))
 
 
+def _correlation_tables(
+    tests: Mapping[str, pd.DataFrame], crossed: Mapping[tuple[str, str], pd.DataFrame]
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Correlations of the residuals of all outputs, and with all inputs, one below the other."""
+    import pandas as pd
+
+    own = [
+        table.assign(output=output)[["output", *table.columns]] for output, table in tests.items()
+    ]
+    if not crossed:
+        columns = ["output", "input", "lag", "cross_correlation", "bound95"]
+        return pd.concat(own), pd.DataFrame(columns=columns)
+    pairs = [
+        table.assign(output=output, input=input_)[["output", "input", *table.columns]]
+        for (output, input_), table in crossed.items()
+    ]
+    return pd.concat(own), pd.concat(pairs)
+
+
 def _simulation_table(
     validation: MultichannelRecording, residuals: Array, simulated: Array
 ) -> pd.DataFrame:
+    """Measured, predicted and simulated samples."""
+    import pandas as pd
+
     samples = [np.arange(each.samples) for each in validation.records]
     columns = {"time_s": np.concatenate(samples) / validation.sampling_rate}
     if validation.is_joined:
