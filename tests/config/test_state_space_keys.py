@@ -81,7 +81,7 @@ def test_several_inputs_and_one_output_take_every_polynomial_structure():
 def test_polynomial_structures_are_searched_beside_state_space_where_nothing_is_written():
     polynomial = ["arx", "armax", "oe", "bj"]
     of_one_output = searched_variants(dataset("input: [u1, u2]\n    output: y"))
-    assert [form for form, _ in of_one_output][3:] == polynomial
+    assert [form for form, _ in of_one_output][4:] == polynomial
     for keys in (
         "input: [u1, u2]\n    output: [y, z]",
         "input: [u1, u2]\n    output: 'y*'",
@@ -176,6 +176,7 @@ def test_the_focus_chooses_the_forms_that_are_searched():
     keys = "input: [1, 2]\n    output: 3\n    focus: "
     assert {form for form, _ in searched_variants(dataset(keys + "simulation"))} == {
         "output_error",
+        "output_error_drift",
         "oe",
     }
     assert "output_error" not in dict(searched_variants(dataset(keys + "prediction")))

@@ -311,6 +311,59 @@ def test_several_records_have_their_own_states_and_levels():
     assert found.objective < 1.0
 
 
+@pytest.mark.parametrize("objective", ["quadratic", "absolute"])
+def test_slow_changes_of_the_outputs_are_no_part_of_the_plant(objective):
+    """Two records whose levels wander, and inputs of a slow plant that follow them."""
+    truth = StateSpaceModel(
+        A=np.array([[0.97]]),
+        B=np.array([[0.03]]),
+        C=np.array([[1.0], [-2.0]]),
+        D=np.zeros((2, 1)),
+        K=np.zeros((1, 2)),
+        sampling_rate=RATE,
+        level=np.array([2.0, 1.0]),
+        noise_covariance=np.eye(2),
+        form="output_error",
+    )
+    generator = np.random.default_rng(5)
+    inputs, steady, drifting = [], [], []
+    for samples in (600, 400):
+        wave = np.cos(2 * np.pi * np.arange(0.5, samples) / samples)[:, None]
+        u = np.repeat(generator.standard_normal((samples // 40, 1)), 40, axis=0) - wave
+        y = truth.simulate(u) + 0.05 * generator.standard_normal((samples, 2))
+        inputs.append(u)
+        steady.append(y)
+        drifting.append(y + wave * [0.8, -0.5])
+
+    def estimated(outputs, period=None):
+        settings = StateSpaceSettings(objective=objective, evaluations=0, drift_period=period)
+        form = {"form": "output_error", "settings": settings}
+        return estimate_state_space(inputs, outputs, 1, RATE, **form)
+
+    alone, biased = estimated(steady), estimated(drifting)
+    found = estimated(drifting, 200.0)
+
+    def gain(estimate):
+        return estimate.model.frequency_response([0.0]).real.ravel()
+
+    assert np.abs(gain(biased) - [1.0, -2.0]).max() > 0.1
+    np.testing.assert_allclose(gain(found), [1.0, -2.0], atol=0.03)
+    np.testing.assert_allclose(found.model.level, alone.model.level, atol=0.05)
+    np.testing.assert_allclose(np.std(found.residuals[0], axis=0), 0.05, rtol=0.1)
+
+
+def test_the_drift_counts_as_parameters():
+    truth = structure(modes=1, form="output_error")
+    u, y, _ = recorded(truth, 500, 0.1, 4)
+    record = state_space_record([u, u[:300]], [y, y[:300]], [1, 1], True, 200.0)
+    errors = StateSpaceErrors(record, 2, "output_error")
+    without = state_space_record([u, u[:300]], [y, y[:300]], [1, 1], True)
+    # Periods of 200 samples and more: five of the first record and three of the second one.
+    assert record.drift.shape == (800, 8)
+    np.testing.assert_allclose(record.drift[:500].sum(axis=0), 0.0, atol=1e-9)
+    assert errors.parameters == StateSpaceErrors(without, 2, "output_error").parameters + 3 * 8
+
+
 def test_the_optimum_of_two_records_is_one_for_another_optimiser():
     truth = structure(modes=1, ny=2)
     records = [recorded(truth, 150, 0.3, 2), recorded(truth, 90, 0.3, 3)]

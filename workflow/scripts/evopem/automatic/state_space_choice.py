@@ -1,7 +1,9 @@
 """Choice of state-space models: level, form with weighting of the outputs, and order.
 
 Errors on held-out samples decide between models whose errors differ by more than these errors vary
-from fold to fold.  Between all others the likelihood does, which uses every sample at once.
+from fold to fold.  Between all others the likelihood does, which uses every sample at once; for
+simulation between models of one form, since it is that of one-step errors, which a form with a
+better noise model lowers without a better plant.
 """
 
 from __future__ import annotations
@@ -127,24 +129,30 @@ class _Candidate:
 def _best_for(
     purpose: Purpose, searches: Sequence[VariantSearch], level: Level
 ) -> tuple[ModelChoice, tuple[Decision, ...]]:
-    """The most likely of the models that held-out samples cannot tell from the best one."""
+    """The most likely of the models that held-out samples cannot tell from the best one.
+
+    Of its form, for simulation.
+    """
     kind = scores_of(purpose, level)
     candidates = _candidates(searches, kind)
     best = min(candidates, key=lambda each: each.score)
     near = [each for each in candidates if _as_good(each, best)]
     # Where no score is known, the likelihood alone decides.
+    if purpose == "simulation" and np.isfinite(best.score):
+        near = [each for each in near if each.variant.form == best.variant.form]
     own = min(near, key=lambda each: each.coloured_bic)
     what = "one-step error" if purpose == "prediction" else "simulation error"
     unit = f"{what} on held-out samples, %"
     forms = tuple(Alternative(each.variant.name, _lowest(each, kind)) for each in searches)
     searched = next(each for each in searches if each.variant == own.variant)
     orders = tuple(map(Alternative, map(str, searched.orders), getattr(searched, kind)))
+    models = "models of this form" if purpose == "simulation" else "models"
     reason = (
-        f"{len(near)} models are as good on held-out samples, within {100 * MARGIN:g} % of the"
+        f"{len(near)} {models} are as good on held-out samples, within {100 * MARGIN:g} % of the"
         " lowest error or its standard error over the folds. The most likely one of them is taken,"
         " by BIC with the colour of the errors."
         if len(near) > 1
-        else "All others are worse on held-out samples by more than the standard error."
+        else f"All other {models} are worse on held-out samples by more than the standard error."
     )
     choice = ModelChoice(purpose, own.variant, own.order, level)
     return choice, (

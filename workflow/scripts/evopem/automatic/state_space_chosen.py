@@ -12,6 +12,8 @@ from evopem.automatic.state_space_search import (
     descended,
     estimate_box_jenkins,
     noise_orders,
+    searched_form,
+    settings_of,
 )
 from evopem.config.constraints import InputConstraints
 from evopem.config.state_space_settings import OrderRanges, is_polynomial
@@ -104,11 +106,11 @@ def search_chosen(
         )
     if form == "box_jenkins":
         return _search_box_jenkins(choice, searched, estimation, delays, settings, log)
-    searched_form: Form = "innovations" if form == "innovations" else "output_error"
+    own = settings_of(form, estimation, settings)
     estimate = _searched(
-        estimation, choice.order, searched_form, delays, settings, (searched,), log
+        estimation, choice.order, searched_form(form), delays, own, (searched,), log
     )
-    return _completed(choice, estimate, estimation, settings)
+    return _completed(estimate, estimation, settings)
 
 
 def estimate_as_searched(
@@ -132,8 +134,9 @@ def estimate_as_searched(
                 globally=False,
             )
         )
-    estimate = descended(searched, estimation, delays, settings)
-    return _completed(choice, estimate, estimation, settings)
+    own = settings_of(form, estimation, settings)
+    estimate = descended(searched, estimation, delays, own)
+    return _completed(estimate, estimation, settings)
 
 
 def _search_box_jenkins(
@@ -180,14 +183,13 @@ def _searched(
 
 
 def _completed(
-    choice: ModelChoice,
     estimate: StateSpaceEstimate,
     estimation: MultichannelRecording,
     settings: StateSpaceSettings,
 ) -> ChosenModel:
     """A noise model stands beside an output-error plant whose residuals are not white."""
     plant = estimate.model
-    if choice.variant.form != "output_error":
+    if plant.form != "output_error":
         return ChosenModel(estimate, plant)
     noise = noise_model(
         plant,

@@ -14,7 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.automatic.decision import Alternative, Decision, given_by_configuration
-from evopem.automatic.multichannel_folds import designs_of, fewest_fitted, folds_of, is_large
+from evopem.automatic.multichannel_folds import (
+    DESIGNS,
+    designs_of,
+    fewest_fitted,
+    folds_of,
+    is_large,
+)
 from evopem.config.input_ranges import InputRanges
 from evopem.config.state_space_settings import ModelForm, OutputWeighting, variant_name
 from evopem.errors import InputError
@@ -242,12 +248,12 @@ def search_variant(
     """
     if variant.form == "box_jenkins":
         return _search_box_jenkins(estimation, variant, delays, orders, settings, log)
-    form: Form = "output_error" if variant.form == "output_error" else "innovations"
+    settings = settings_of(variant.form, estimation, settings)
     estimates = estimates_of_orders(
         estimation.input_records,
         estimation.output_records,
         orders,
-        form=form,
+        form=searched_form(variant.form),
         delays=tuple(delays),
         settings=settings,
         width=LARGE_WIDTH if is_large(estimation) else FINAL_WIDTH,
@@ -259,6 +265,24 @@ def search_variant(
     return searched_variant(
         *(estimation, variant, by_order, _plant, refit_of, settings.objective, log)
     )
+
+
+def searched_form(form: ModelForm) -> Form:
+    """The form of the models that a form of the configuration is searched with."""
+    return "output_error" if form.startswith("output_error") else "innovations"
+
+
+def settings_of(
+    form: ModelForm, estimation: MultichannelRecording, settings: StateSpaceSettings
+) -> StateSpaceSettings:
+    """The settings of a form: where it has a drift, its shortest period.
+
+    Slower changes of the outputs are those that scores on held-out samples do not count either,
+    which fit a level of its own to each held-out part.
+    """
+    if form != "output_error_drift":
+        return settings
+    return replace(settings, drift_period=estimation.longest.samples / DESIGNS[-1])
 
 
 def _plant(estimate: StateSpaceEstimate) -> StateSpaceModel:

@@ -40,6 +40,7 @@ _STAGES = {
 _FORMS = {
     "innovations": "innovations",
     "output_error": "output-error",
+    "output_error_drift": "drifting output-error",
     "box_jenkins": "Box-Jenkins",
 }
 

@@ -49,6 +49,7 @@ FEW, MANY = 2, 6
 VARIANT_WORDS = {
     "innovations": "innovations form",
     "output_error": "output-error form",
+    "output_error_drift": "output-error form with drift",
     "box_jenkins": "next to Box-Jenkins",
 } | {structure: structure_name(structure) for structure in STRUCTURES}
 

@@ -197,8 +197,7 @@ def record_levels(errors: StateSpaceErrors, found: Projection) -> Array:
     ny = record.outputs.shape[1]
     if not record.levels:
         return np.zeros((record.records, ny))
-    first = errors.order + int(record.feedthrough.sum())
-    levels = np.array([_level(errors, found, constant) for constant in found.linear[first:]])
+    levels = np.array([_level(errors, found, constant) for constant in _constants(errors, found)])
     return np.asarray(record.output_offsets + record.output_scales * levels)
 
 
@@ -305,7 +304,7 @@ def _entries_jacobian(errors: StateSpaceErrors, found: Projection) -> Array:
                 change["dC"][output, place] = 1.0
             elif place < n + len(direct):
                 change["dD"][output, direct[place - n]] = 1.0
-            else:
+            elif place < n + len(direct) + int(record.levels) * record.records:
                 change["dconstant"][output] = shares[place - n - len(direct)]
             columns.append(column(**change))
     return np.array(columns).T
@@ -315,5 +314,10 @@ def _constant(errors: StateSpaceErrors, found: Projection) -> Array:
     record = errors.record
     if not record.levels:
         return np.zeros(record.outputs.shape[1])
-    first = errors.order + int(record.feedthrough.sum())
-    return np.asarray(found.linear[first:].T @ np.diff(record.bounds) / record.samples)
+    return np.asarray(_constants(errors, found).T @ np.diff(record.bounds) / record.samples)
+
+
+def _constants(errors: StateSpaceErrors, found: Projection) -> Array:
+    """Constant of the predictor of each record, (records, ny)."""
+    first = errors.order + int(errors.record.feedthrough.sum())
+    return np.asarray(found.linear[first : first + errors.record.records])

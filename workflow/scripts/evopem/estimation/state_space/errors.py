@@ -20,6 +20,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 from scipy.linalg.blas import dgemm
 
 from evopem.estimation.state_space.kernels import section_responses
@@ -61,6 +62,9 @@ class StateSpaceRecord:
         Whether an input acts on the output of the same sample, so that D has a column for it.
     levels : bool
         Whether each record has a constant of its own.
+    drift : (N, k) array
+        Slow changes of the outputs of each record beside its constant, which the model does not
+        explain.
     """
 
     inputs: Array
@@ -71,6 +75,7 @@ class StateSpaceRecord:
     output_offsets: Array
     feedthrough: NDArray[np.bool_]
     levels: bool
+    drift: Array
 
     @property
     def records(self) -> int:
@@ -88,6 +93,7 @@ def state_space_record(
     outputs: Sequence[Array],
     delays: Sequence[int],
     levels: bool,
+    drift_period: float | None = None,
 ) -> StateSpaceRecord:
     """Shift and scale the signals of records.
 
@@ -98,6 +104,8 @@ def state_space_record(
         nk of each input.  Inputs with nk > 1 are not known at the first samples, which the
         record then leaves out.
     levels : bool
+    drift_period : float, optional
+        Shortest period of the drift, in samples; without one there is no drift.
     """
     shifts = [max(delay - 1, 0) for delay in delays]
     lost = max(shifts, default=0)
@@ -124,7 +132,15 @@ def state_space_record(
         output_offsets=offsets,
         feedthrough=np.array([delay == 0 for delay in delays], dtype=bool),
         levels=levels,
+        drift=block_diag(*(_slow_cosines(samples, drift_period) for samples in lengths)),
     )
+
+
+def _slow_cosines(samples: int, shortest: float | None) -> Array:
+    """Cosines over a record of periods down to the shortest, (samples, k); without a mean."""
+    count = 0 if shortest is None else round(2 * samples / shortest)
+    phase = np.pi * (np.arange(samples) + 0.5) / samples
+    return np.cos(phase[:, None] * np.arange(1, count + 1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,11 +152,11 @@ class Projection:
     sections : Sections
     states : (N, n) array
     regressors : (N, q) array
-        States, inputs with feedthrough, and a constant for each record.
+        States, inputs with feedthrough, a constant for each record, and the drift.
     basis : (N, rank) array
         Orthonormal basis of the regressors.
     linear : (q, ny) array
-        Least-squares coefficients: C, D and constants, transposed.
+        Least-squares coefficients: C, D, constants and drift, transposed.
     errors : (N, ny) array
     covariance : (ny, ny) array
         ``errors' errors / N``.
@@ -205,6 +221,7 @@ class StateSpaceErrors:
             for k in range(record.records):
                 constants[record.bounds[k] : record.bounds[k + 1], k] = 1.0
             self.direct.append(constants)
+        self.direct.append(record.drift)
 
     @property
     def dimension(self) -> int:
@@ -213,12 +230,12 @@ class StateSpaceErrors:
 
     @property
     def parameters(self) -> int:
-        """Independent parameters of the model: coefficients and level, without initial states."""
+        """Independent parameters: coefficients, level and drift, without initial states."""
         ny, n = self.record.outputs.shape[1], self.order
         nu = self.record.inputs.shape[1]
         count = n * (nu + ny) + ny * int(self.record.feedthrough.sum())
         count += n * ny if self.innovations else 0
-        return count + ny * int(self.record.levels)
+        return count + ny * (int(self.record.levels) + self.record.drift.shape[1])
 
     @property
     def logarithmic(self) -> bool:

@@ -188,7 +188,7 @@ def estimate_state_space(
     """
     settings = settings or StateSpaceSettings()
     with threadpool_limits(limits=1, user_api="blas"):
-        prepared = prepared_records(inputs, outputs, delays, level)
+        prepared = prepared_records(inputs, outputs, delays, level, settings.drift_period)
         errors = problem_of(prepared, order, form, settings)
         generator = generator_of(settings, order, form, prepared)
         points = [_point_of(each, errors) for each in starts]
@@ -231,7 +231,7 @@ def sweep_state_space_orders(
     settings = settings or StateSpaceSettings()
     span = _span(orders)
     with threadpool_limits(limits=1, user_api="blas"):
-        prepared = prepared_records(inputs, outputs, delays, level)
+        prepared = prepared_records(inputs, outputs, delays, level, settings.drift_period)
         errors = problem_of(prepared, span[-1], form, settings)
         names = tuple(input_names), tuple(output_names)
         estimates = []
@@ -272,7 +272,7 @@ def estimates_of_orders(
     """
     settings = settings or StateSpaceSettings()
     with threadpool_limits(limits=1, user_api="blas"):
-        prepared = prepared_records(inputs, outputs, delays, True)
+        prepared = prepared_records(inputs, outputs, delays, True, settings.drift_period)
         span = _span(orders)
         errors = problem_of(prepared, span[-1], form, settings)
         for problem, found in swept(errors, prepared, span, settings, width, log, steps=steps):
@@ -308,7 +308,7 @@ def descend_from(
     """
     settings = settings or StateSpaceSettings()
     with threadpool_limits(limits=1, user_api="blas"):
-        prepared = prepared_records(inputs, outputs, delays, True)
+        prepared = prepared_records(inputs, outputs, delays, True, settings.drift_period)
         problem, found = _descended_from(model, prepared, settings, POLISH_STEPS, POLISH_TOLERANCE)
         names = tuple(input_names), tuple(output_names)
         return _described(problem, found, prepared, sampling_rate, *names)
@@ -339,7 +339,7 @@ def refitted(
     """
     settings = settings or StateSpaceSettings()
     with threadpool_limits(limits=1, user_api="blas"):
-        prepared = prepared_records(inputs, outputs, delays, True)
+        prepared = prepared_records(inputs, outputs, delays, True, settings.drift_period)
         problem, found = _descended_from(model, prepared, settings, steps, TOLERANCE)
         projection = problem.projection(found.point)
         return model_of(problem.errors, projection, model.sampling_rate, prepared.shifts, (), ())
@@ -393,7 +393,8 @@ def _two_fold_errors(
     reference = np.zeros(prepared.record.outputs.shape[1])
     seen = np.zeros(len(orders), dtype=int)
     for fold, (train, test) in enumerate((halves, halves[::-1])):
-        half = prepared_records(list(train[0]), list(train[1]), prepared.delays, prepared.level)
+        shared = prepared.delays, prepared.level, settings.drift_period
+        half = prepared_records(list(train[0]), list(train[1]), *shared)
         errors = problem_of(half, orders[-1], form, settings)
         power = np.array([[np.sum((y - y.mean(axis=0)) ** 2, axis=0)] for y in test[1]])[:, 0]
         reference += power.sum(axis=0)

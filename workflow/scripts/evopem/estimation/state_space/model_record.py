@@ -27,6 +27,7 @@ Array = NDArray[np.float64]
 _FORMS = {
     "innovations": "innovations",
     "output_error": "output error",
+    "output_error_drift": "output error with drift",
     "box_jenkins": "innovations next to Box-Jenkins",
 }
 _LIBRARIES = ("numpy", "scipy", "numba")

@@ -45,6 +45,7 @@ def prepared_records(
     outputs: ArrayLike | Sequence[ArrayLike],
     delays: int | Sequence[int],
     level: bool,
+    drift_period: float | None = None,
 ) -> PreparedRecords:
     """Check records, delays and level, and scale the signals.
 
@@ -64,7 +65,7 @@ def prepared_records(
         raise ValueError(f"a record of {shortest} samples is too short")
     if any(not np.any(y) for y in np.concatenate(ys).T):
         raise ValueError("an output is zero throughout")
-    record = state_space_record(us, ys, each, level)
+    record = state_space_record(us, ys, each, level, drift_period)
     return PreparedRecords(tuple(us), tuple(ys), each, level, record)
 
 

@@ -29,6 +29,9 @@ class StateSpaceSettings:
     evaluations : int, optional
         Evaluations after which no new generation starts; by default by the size of the problem.
         0 for descents from estimates alone.
+    drift_period : float, optional
+        Shortest period, in samples, of slow changes of the outputs that are estimated along with
+        the level, and that the model does not have to explain.
     """
 
     weighting: Weighting = "determinant"
@@ -36,3 +39,4 @@ class StateSpaceSettings:
     seed: int = 1
     objective: Objective = "quadratic"
     evaluations: int | None = None
+    drift_period: float | None = None
