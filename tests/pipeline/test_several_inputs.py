@@ -165,7 +165,7 @@ def test_ranges_of_other_inputs_are_refused_when_the_names_are_known(tmp_path, m
         ("ararx", {"joint": [1, 2]}, "ARARX(2,[2 1],1,[1 3])"),
         ("ararmax", {"joint": [1, 2]}, "ARARMAX(2,[2 1],1,1,[1 3])"),
         # Poles of A could be in all F_i and D as well, where these are not limited.
-        ("general", {"na": 1, "nf": 1, "joint": [1, 2]}, "general(1,[2 1],1,1,[1 1],[1 3])"),
+        ("general", {"na": 1, "nf": 1, "joint": 2}, "general(1,[2 1],1,1,[1 1],[1 3])"),
     ],
 )
 def test_every_structure_takes_several_recordings(tmp_path, monkeypatch, structure, ranges, orders):
