@@ -236,8 +236,8 @@ def page(rows: list[Row]) -> list[str]:
         f"{len(rows)} random problems: ARMAX (half), OE, BJ, ARMA, ARARX and ARARMAX models with",
         "random roots, records of 200 to 4000 samples, noise of 5 and 50 %, orders true or all",
         "twice as large. A search is *wrong* where its objective is more than 1e-6 above the best",
-        f"of it, of one with another seed and {REFERENCE_FACTOR} times the evaluations that the",
-        "default search spent, and of earlier calibrations of other searches. The last three",
+        f"of it, of searches with another seed and {REFERENCE_FACTOR} times the evaluations that",
+        "the default search spent, and of earlier calibrations of other searches. The last three",
         "columns: how far the searches without a certificate ended above it, percent.",
         "",
         "| orders | objective | evaluations | problems | certified | of them wrong | others above "

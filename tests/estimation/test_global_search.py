@@ -90,10 +90,15 @@ def test_a_neighbour_keeps_all_sections_but_one():
         (5, 10, 0.05, True),
         (5, 11, 0.05, False),
         (4, 4, 0.05, False),
-        (9, 9, 0.06, False),
+        (7, 7, 0.06, False),
+        (8, 10, 0.1, True),
+        (8, 11, 0.1, False),
+        (20, 20, 0.11, False),
     ],
 )
-def test_enough_restarts_are_several_and_half_of_all(agreeing, restarts, undiscovered, enough):
+def test_enough_restarts_are_more_where_there_are_more_optima(
+    agreeing, restarts, undiscovered, enough
+):
     assert enough_agree(agreeing, restarts, undiscovered) is enough
 
 

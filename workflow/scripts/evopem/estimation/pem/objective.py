@@ -121,6 +121,22 @@ class PredictionErrorProblem:
             self.max_root_radius,
         )
 
+    def within_radius(self, radius: float) -> PredictionErrorProblem:
+        """The same problem with another allowed radius of the roots."""
+        return PredictionErrorProblem(
+            self.input,
+            self.output,
+            self.orders,
+            self.objective,
+            self.recursion_start,
+            self.scoring_start,
+            radius,
+        )
+
+    def radius_of(self, name: str) -> float:  # noqa: ARG002 - as of other problems
+        """Largest allowed radius of the roots of a polynomial, "a" or "c"."""
+        return self.max_root_radius
+
     @property
     def dimension(self) -> int:
         """Length of a point: n = na + nb + nc parameters and nc noise states."""

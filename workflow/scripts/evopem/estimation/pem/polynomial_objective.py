@@ -110,6 +110,20 @@ class PolynomialErrors:
             self.level,
         )
 
+    def within_radius(self, radius: float) -> PolynomialErrors:
+        """The same problem with another allowed radius of all roots."""
+        return PolynomialErrors(
+            self.input,
+            self.output,
+            self.orders,
+            self.objective,
+            self.residual_start,
+            self.loss_start,
+            radius,
+            radius,
+            self.level,
+        )
+
     @property
     def loss_factor(self) -> float:
         """What the objective multiplies the sum of losses by."""

@@ -96,6 +96,16 @@ class StretchErrors:
         self.scored_samples = sum(e.scored_samples for e in self._errors)
         self._positions = self._points_of_stretches()
 
+    def within_radius(self, radius: float) -> StretchErrors:
+        """The same problem with another allowed radius of all roots."""
+        return StretchErrors(
+            *(self.stretches, self.orders, self.objective, radius, radius, self.level), self.window
+        )
+
+    def radius_of(self, name: str) -> float:
+        """Largest allowed radius of the roots of a polynomial, "a", "c", "d" or "f"."""
+        return self.plant_radius if name in "af" else self.noise_radius
+
     @property
     def recordings(self) -> tuple[int, ...]:
         """Numbers of the recordings, in the order of their levels."""
@@ -239,8 +249,8 @@ class StretchErrors:
         parts = self.parts()
         for name in "acdf":
             part = parts[name]
-            radius = self.plant_radius if name in "af" else self.noise_radius
             if part.stop > part.start and len(rows):
-                finite[:, part] = reflect_into_disc(finite[:, part], radius * (1.0 - 1e-6))
+                radius = self.radius_of(name) * (1.0 - 1e-6)
+                finite[:, part] = reflect_into_disc(finite[:, part], radius)
         repaired[rows] = finite
         return repaired

@@ -14,6 +14,7 @@ from evopem.estimation.pem.objective import PredictionErrorProblem
 from evopem.estimation.search.incremental_order import random_pairs, smaller_orders, with_factor
 from evopem.estimation.search.linear_completion import solve_linear
 from evopem.estimation.search.root_recombination import Sections, product_of, sections_of
+from evopem.estimation.search.section_coordinates import descend_in_sections
 from evopem.estimation.search.section_hopping import (
     COMMON_DAMPING,
     FARTHEST_NEIGHBOUR,
@@ -217,6 +218,10 @@ class ArmaxProblem:
         Each point ends where it would end alone.
         """
         return polish(self.errors, points, self._scale, wait=None)
+
+    def descend_in_sections(self, points: Array) -> Descent:
+        """Descents along the edge of the stability region; never worse than where they began."""
+        return descend_in_sections(self.errors, points, self._scale)
 
 
 def _best_of_each(descents: Descent, count: int) -> tuple[Array, Array]:

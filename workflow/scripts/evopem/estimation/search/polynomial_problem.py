@@ -20,6 +20,7 @@ from evopem.estimation.search.root_recombination import (
     recombined_polynomials,
     sections_of,
 )
+from evopem.estimation.search.section_coordinates import descend_in_sections
 from evopem.estimation.search.section_hopping import (
     COMMON_DAMPING,
     PLACES,
@@ -130,6 +131,10 @@ class PolynomialProblem:
         Each point ends where it would end alone.
         """
         return polish(self.errors, points, self._largest_value, wait=None)
+
+    def descend_in_sections(self, points: Array) -> Descent:
+        """Descents along the edge of the stability region; never worse than where they began."""
+        return descend_in_sections(self.errors, points, self._largest_value)
 
     def estimates(self) -> Array:
         """Points from estimates of the record, (M, n): the first population before its descent."""

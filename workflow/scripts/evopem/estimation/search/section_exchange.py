@@ -14,6 +14,7 @@ from typing import NamedTuple, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
+from evopem.estimation.pem.batch_bfgs import Descent
 from evopem.estimation.search.common_sections import (
     PartedErrors,
     growth,
@@ -41,8 +42,8 @@ JUDGED, FURTHER, OF_EACH, DESCENDED = 16, 12, 6, 16
 SPECTRA = 100
 # Exchanges without a gain after which none is expected.
 PATIENCE = 3
-# Descents that begin anew, further from the edge of the stability region, until they gain no more
-# than this: along the edge a descent ends early.
+# Descents that begin anew, further from the edge of the stability region and then along it, until
+# they gain no more than this.
 POLISHES, LAST_GAIN = 5, 1e-7
 
 
@@ -61,6 +62,9 @@ class ExchangeProblem(HoppingProblem, Protocol):
 
     def promised(self, points: Array, value: float) -> Array:
         """Objective that one Gauss-Newton step from each point predicts, (M,)."""
+
+    def descend_in_sections(self, points: Array) -> Descent:
+        """Descend from each row along the edge of the stability region."""
 
 
 class Optimum(NamedTuple):
@@ -203,18 +207,19 @@ class _Found:
         return _lowest(list(map(Optimum, descents.values.tolist(), descents.points)))
 
     def polished(self, optimum: Optimum) -> Optimum:
-        """An optimum to the last digits, by descents that begin anew away from the edge."""
-        best = optimum
-        start = self.problem.polish(optimum.point[None, :])
-        self.evaluations += start.evaluations
+        """An optimum to the last digits, by descents that begin anew and along the edge."""
+        ended = self.problem.polish(optimum.point[None, :])
+        self.evaluations += ended.evaluations
+        best = Optimum(float(ended.values[0]), ended.points[0])
         for _ in range(POLISHES):
-            best = min(best, Optimum(float(start.values[0]), start.points[0]), key=_value)
-            descent = self.problem.descend(start.points)
-            start = self.problem.polish(descent.points)
-            self.evaluations += descent.evaluations + start.evaluations
-            if same_optimum(best.value, float(start.values[0]), LAST_GAIN):
+            before = best.value
+            begun = self.problem.descend(best.point[None, :])
+            ended = self.problem.descend_in_sections(begun.points)
+            self.evaluations += begun.evaluations + ended.evaluations
+            best = min(best, Optimum(float(ended.values[0]), ended.points[0]), key=_value)
+            if same_optimum(before, best.value, LAST_GAIN):
                 break
-        return min(best, Optimum(float(start.values[0]), start.points[0]), key=_value)
+        return best
 
 
 def _value(optimum: Optimum) -> float:
