@@ -390,7 +390,7 @@ RULES: dict[str, Callable[[list[Scored]], Scored]] = {
     "25 %, likelihood": lambda c: lowest(near(c, 0.25, 0.0), "bic"),
     "one standard error, likelihood": lambda c: lowest(near(c, 0.05), "bic"),
     "the same without drift (as before)": lambda c: lowest(near(without_drift(c), 0.05), "bic"),
-    "one standard error, likelihood within the best form (as now)": lambda c: within_form(c, 0.05),
+    "one standard error, likelihood within best form (as now)": lambda c: within_form(c, 0.05),
     "one standard error, lowest geometric mean": lambda c: lowest(near(c, 0.05), "mean"),
     "one standard error, fewest parameters": lambda c: lowest(near(c, 0.05), "parameters"),
     "5 %, fewest parameters": lambda c: lowest(near(c, 0.05, 0.0), "parameters"),
