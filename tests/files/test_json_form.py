@@ -18,6 +18,7 @@ from hypothesis.extra import numpy as arrays
 from evopem.automatic.multichannel_preparation import MultichannelPlan
 from evopem.automatic.record import OtherModel
 from evopem.automatic.state_space_choice import StateSpaceChoice
+from evopem.automatic.state_space_remedies import RemedyRecord
 from evopem.automatic.state_space_search import DelayChoice, VariantSearch
 from evopem.config import settings, state_space_settings
 from evopem.config.settings import ChannelSettings, OrderSettings, SearchSettings, SyntheticSource
@@ -66,6 +67,7 @@ RESULTS = [
     PhaseSelection,
     PolynomialModel,
     RecordingInfo,
+    RemedyRecord,
     SpectrumSummary,
     Transforms,
     Truth,

@@ -84,43 +84,31 @@ class PolynomialErrors:
 
     def of_orders(self, orders: PolynomialOrders) -> PolynomialErrors:
         """The same problem for other orders that have residuals from ``residual_start`` on."""
-        return PolynomialErrors(
-            self.input,
-            self.output,
-            orders,
-            self.objective,
-            self.residual_start,
-            self.loss_start,
-            self.plant_radius,
-            self.noise_radius,
-            self.level,
-        )
+        return self._with(orders=orders)
 
     def with_loss_start(self, loss_start: int) -> PolynomialErrors:
         """The same problem with another first residual that counts."""
-        return PolynomialErrors(
-            self.input,
-            self.output,
-            self.orders,
-            self.objective,
-            self.residual_start,
-            loss_start,
-            self.plant_radius,
-            self.noise_radius,
-            self.level,
-        )
+        return self._with(loss_start=loss_start)
 
     def within_radius(self, radius: float) -> PolynomialErrors:
         """The same problem with another allowed radius of all roots."""
+        return self._with(radius=radius)
+
+    def _with(
+        self,
+        orders: PolynomialOrders | None = None,
+        loss_start: int | None = None,
+        radius: float | None = None,
+    ) -> PolynomialErrors:
         return PolynomialErrors(
             self.input,
             self.output,
-            self.orders,
+            self.orders if orders is None else orders,
             self.objective,
             self.residual_start,
-            self.loss_start,
-            radius,
-            radius,
+            self.loss_start if loss_start is None else loss_start,
+            self.plant_radius if radius is None else radius,
+            self.noise_radius if radius is None else radius,
             self.level,
         )
 
