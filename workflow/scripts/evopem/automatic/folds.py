@@ -111,8 +111,8 @@ def decide_folds(stretches: Sequence[Stretch]) -> FoldPlan:
     if of_response:
         kept = of_response
         sentence = (
-            "Most of the record is silent, as before and after a single blow: the folds divide the "
-            "energy of the response, and the part with the blow is always fitted."
+            "Part of the record is silent, as before or after a single blow: the folds divide the "
+            "energy of the response, and the first part, with its beginning, is always fitted."
         )
     elif kept:
         sentence = "The parts of the record have common input spectra, so the folds are comparable."
