@@ -82,6 +82,7 @@ from evopem.signals.multichannel_reading import (
     read_multichannel,
     with_time_told,
 )
+from evopem.signals.reading import uneven_times
 from evopem.validation.mode_table import table_of_models
 from evopem.validation.modes_record import ModesRecord
 from evopem.validation.multichannel import mean_errors, validate_multichannel
@@ -128,8 +129,12 @@ def read_channels(
     recording = joined_multichannel(recordings, recorded) if len(recordings) > 1 else recordings[0]
     check_measured_places(geometry, recording.output_names, f"{place}.geometry")
     save_multichannel(recording, recording_file)
-    info = describe_multichannel(recorded, recording)
-    save(replace(info, time_told=None if told[0] == channels else told[0].time), info_file)
+    info = replace(
+        describe_multichannel(recorded, recording),
+        time_told=None if told[0] == channels else told[0].time,
+        uneven_times=uneven_times(recorded, channels),
+    )
+    save(info, info_file)
 
 
 def prepare_channels(
