@@ -7,7 +7,7 @@ Synthetic records whose first choice is likely to fail checks, some by what is g
 that end below the truth, a delay that is one sample too long, coloured noise, few samples.  The
 model before and after the remedies simulates the noise-free output of a fresh record.  ``one``
 input and output: the automatic recipe.  ``several``: the remedies after the global search of the
-chosen model, and the longer search where it was not certified.
+chosen model.
 """
 
 from __future__ import annotations
@@ -35,7 +35,6 @@ from evopem.automatic.state_space_search import (
     searched_orders,
 )
 from evopem.config.state_space_settings import VARIANTS, OrderRanges, StateSpaceChoices
-from evopem.estimation.search.certificate import is_certified
 from evopem.estimation.state_space.settings import StateSpaceSettings
 from evopem.signals.recording import Recording
 from evopem.validation.multichannel import mean_errors
@@ -127,47 +126,25 @@ def outcomes_of_one(kind: str, seed: int) -> list[Outcome]:
 
 
 def outcomes_of_several(kind: str, seed: int) -> list[Outcome]:
-    """The remedies and the longer search of a record of several channels."""
-    made = record(kind, seed, *SHAPES[seed % len(SHAPES)])
+    """The remedies of a record of several channels."""
+    made, kept = record(kind, seed, *SHAPES[seed % len(SHAPES)]), []
     middle_u, middle_y = made.u.mean(axis=0), made.y.mean(axis=0)
     estimation = recording_of(made.u - middle_u, made.y - middle_y)
     fresh = recording_of(made.fresh_u - middle_u, made.fresh_clean - middle_y)
-    kept: list[Outcome] = []
 
-    def error(judged: Any) -> float:
-        return mean_errors(judged.model.model, fresh, judged.choice.level == "state")[1]
+    def recorded(first: Any, log: Any) -> Any:
+        (last, trials), spent = timed(partial(act, first, log))
+        failed = len(first.checks.failed), len(last.checks.failed)
+        errors = (
+            mean_errors(each.model.model, fresh, each.choice.level == "state")[1]
+            for each in (first, last)
+        )
+        remedy = trials[-1].remedy if last is not first else "none"
+        kept.append(Outcome(remedy, len(trials), last is not first, *failed, *errors, spent, 0.0))
+        return last, trials
 
-    def recorded(remedy: str, act: Callable[..., Any]) -> Callable[..., Any]:
-        def call(first: Any, log: Any) -> Any:
-            (last, trials), spent = timed(partial(act, first, log))
-            name = remedy
-            if remedy == "longer search" and trials:
-                found = last.model.estimate.search.diagnostics
-                lower = first.model.estimate.objective / last.model.estimate.objective - 1.0
-                name += ", certified" if is_certified(found) else ", not certified"
-                name += ", lower" if lower > 1e-6 else ""
-            elif any(each.taken for each in trials):
-                name = trials[-1].remedy
-            kept.append(
-                Outcome(
-                    *(name, len(trials), last is not first),
-                    *(len(first.checks.failed), len(last.checks.failed)),
-                    *(error(first), error(last), spent, 0.0),
-                )
-            )
-            return last, trials
-
-        return call
-
-    with (
-        patch.object(
-            *(of_several, "_with_other_model"), recorded("none", of_several._with_other_model)
-        ),
-        patch.object(
-            *(of_several, "_with_longer_search"),
-            recorded("longer search", of_several._with_longer_search),
-        ),
-    ):
+    act = of_several._with_other_model
+    with patch.object(of_several, "_with_other_model", recorded):
         _, of_all = timed(partial(identified, estimation, kind, made.order))
     return [each._replace(of_all=of_all) for each in kept]
 

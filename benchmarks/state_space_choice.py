@@ -31,8 +31,9 @@ from scipy.signal import lfilter
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
 
-# Fresh samples, and the largest order searched: no truth has more than 12 states.
-FRESH, MOST = 1000, 12
+# Fresh samples, and the largest order searched: no truth has more than 12 states, and those of the
+# steady and slow kinds have 6 at most.
+FRESH, MOST, MOST_OF_SHAPES = 1000, 12, 8
 
 
 @dataclass(frozen=True)
@@ -243,7 +244,8 @@ def search_record(folder: Path, name: str, made: dict[str, np.ndarray]) -> None:
     noiseless = recording_of(made["u"] - middle_u, made["clean"] - middle_y)
     noiseless = noiseless.between(kept, whole.samples)
     delays = decide_delays(estimation, None).delays
-    orders = [each for each in searched_orders(estimation, None) if each <= MOST]
+    most = MOST_OF_SHAPES if name.partition("_")[0] in (*STEADY, *SLOW) else MOST
+    orders = [each for each in searched_orders(estimation, None) if each <= most]
     searches, errors = [], {}
     for variant in variants_of(VARIANTS):
         settings = StateSpaceSettings(weighting=variant.weighting)
