@@ -42,7 +42,7 @@ from evopem.validation.multichannel import mean_errors
 KINDS = ("coloured", "short", "bounded", "late")
 SHORT, SAMPLES, FRESH, DELAY = 150, 500, 1000, 3
 SHAPES = ((2, 2), (3, 2), (1, 3))
-LARGEST_ORDER = 8
+LARGEST_ORDER = 6
 
 
 class Record(NamedTuple):
@@ -152,11 +152,11 @@ def outcomes_of_several(kind: str, seed: int) -> list[Outcome]:
 def identified(estimation: Any, kind: str, order: int) -> None:
     """Delays, searches over orders, choice, and global search with remedies."""
     highest = order // 2 if kind == "bounded" else LARGEST_ORDER
-    ranges = OrderRanges(nx=(1, highest))
+    orders = [each for each in searched_orders(estimation, None) if each <= highest]
     delays = tuple(each + (kind == "late") for each in decide_delays(estimation).delays)
     found = {
         each: search_variant(
-            *(estimation, each, delays, searched_orders(estimation, ranges.nx)),
+            *(estimation, each, delays, orders),
             StateSpaceSettings(weighting=each.weighting),
         )
         for each in (Variant(*names) for names in VARIANTS)
@@ -165,7 +165,7 @@ def identified(estimation: Any, kind: str, order: int) -> None:
         *(estimation, delays, tuple(search for search, _ in found.values())),
         lambda variant, order: found[variant][1].of_order(order),
         lambda variant: StateSpaceSettings(weighting=variant.weighting),
-        ranges,
+        OrderRanges(),
     )
     of_several.act_on_checks(forms, choose(forms.searches, StateSpaceChoices()).model)
 
