@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 from threadpoolctl import threadpool_limits
 
 from evopem.automatic.multi_input_choice import search_structure, searched_joint_orders
+from evopem.automatic.multichannel_folds import describe_folds
 from evopem.automatic.multichannel_preparation import (
     MultichannelPlan,
     apply_multichannel_plan,
@@ -171,6 +172,7 @@ def prepare_channels(
     with threadpool_limits(limits=1, user_api="blas"):
         plan = decide_multichannel_preparation(divided.estimation, *given)
         prepared = apply_multichannel_plan(divided, plan)
+    plan = replace(plan, decisions=(*plan.decisions, describe_folds(prepared.estimation)))
     save(plan, files.decision("preparation"))
     save_multichannel_data(prepared, files.prepared, files.transforms)
 
