@@ -6,7 +6,7 @@ from evopem.config.settings import SplitSettings
 from evopem.config.state_space_settings import StateSpaceSource
 from evopem.files.job import job
 from evopem.files.json_form import from_json
-from evopem.pipeline.multichannel import prepare_channels
+from evopem.pipeline.multichannel.preparation import prepare_channels
 from evopem.results.layout import DatasetFiles
 
 if TYPE_CHECKING:

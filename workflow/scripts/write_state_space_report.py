@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING
 from evopem.config.state_space_settings import StateSpaceDataset
 from evopem.files.job import job
 from evopem.files.json_form import from_json
-from evopem.pipeline.multichannel import variants_of, write_state_space_report
+from evopem.pipeline.multichannel.report import write_state_space_report
+from evopem.pipeline.multichannel.search import variants_of
 from evopem.results.layout import DatasetFiles
 
 if TYPE_CHECKING:

@@ -20,7 +20,7 @@ from evopem.files.checksums import delete_results
 from evopem.files.job import job
 from evopem.files.unfinished import unfinished_record
 from evopem.pipeline.identification import identify_recording
-from evopem.pipeline.multichannel import identify_channels
+from evopem.pipeline.multichannel.stages import identify_channels
 from evopem.results.layout import IDENTIFICATION, DatasetFiles
 from evopem.results.made_from import MADE_FROM, is_finished, made_from
 

@@ -182,7 +182,7 @@ def _identify(arguments: argparse.Namespace) -> int:
     files = DatasetFiles(str(Path(arguments.results) / settings.name))
     _check_folder(files, settings)
     from evopem.pipeline.identification import identify_recording
-    from evopem.pipeline.multichannel import identify_channels
+    from evopem.pipeline.multichannel.stages import identify_channels
     from evopem.terminal.results_text import dataset_text, show
 
     progress = ProgressLine(sys.stderr)
