@@ -19,8 +19,8 @@ rule read_channels:
         "../envs/evopem.yaml"
     threads: 1
     resources:
-        mem_mb=provider.reading_memory,
-        runtime=provider.reading_time,
+        mem_mb=provider.resources.reading_memory,
+        runtime=provider.resources.reading_time,
     params:
         recorded=provider.settings("source.files"),
         channels=provider.settings("source.channels"),
@@ -91,13 +91,13 @@ rule prepare_channels:
         "../envs/evopem.yaml"
     threads: 1
     resources:
-        mem_mb=provider.state_space_memory,
-        runtime=provider.state_space_time,
+        mem_mb=provider.resources.state_space_memory,
+        runtime=provider.resources.state_space_time,
     params:
         source=provider.settings("source"),
         split=provider.settings("split"),
         resample=provider.settings("resample"),
-        given=provider.start_and_rate_given,
+        given=provider.several_channels.start_and_rate_given,
         code=code("prepare_channels"),
     script:
         "../scripts/prepare_channels.py"
@@ -120,8 +120,8 @@ rule decide_input_delays:
         "../envs/evopem.yaml"
     threads: 1
     resources:
-        mem_mb=provider.state_space_memory,
-        runtime=provider.reading_time,
+        mem_mb=provider.resources.state_space_memory,
+        runtime=provider.resources.reading_time,
     params:
         ranges=provider.settings("choices.orders.nk"),
         code=code("decide_input_delays"),
@@ -149,10 +149,10 @@ rule search_state_space:
         "../envs/evopem.yaml"
     threads: 1
     resources:
-        mem_mb=provider.state_space_memory,
-        runtime=provider.state_space_time,
+        mem_mb=provider.resources.state_space_memory,
+        runtime=provider.resources.state_space_time,
     params:
-        ranges=provider.order_ranges,
+        ranges=provider.several_channels.order_ranges,
         search=provider.settings("search"),
         code=code("search_state_space"),
     script:
@@ -162,7 +162,7 @@ rule search_state_space:
 rule choose_state_space:
     """Choose form, weighting and order by the errors on held-out samples."""
     input:
-        searches=provider.variant_searches,
+        searches=provider.several_channels.variant_searches,
     output:
         comparison=files.decision("comparison"),
     log:
@@ -178,7 +178,7 @@ rule choose_state_space:
         mem_mb=500,
         runtime=5,
     params:
-        variants=provider.searched_variants,
+        variants=provider.several_channels.searched_variants,
         choices=provider.settings("choices"),
         code=code("choose_state_space"),
     script:
@@ -192,8 +192,8 @@ rule estimate_state_space:
         transforms=files.transforms,
         delays=files.decision("delays"),
         comparison=files.decision("comparison"),
-        orders=provider.models_of_orders_of_variants,
-        searches=provider.variant_searches,
+        orders=provider.several_channels.models_of_orders,
+        searches=provider.several_channels.variant_searches,
     output:
         candidates=report(
             files.candidates,
@@ -222,10 +222,10 @@ rule estimate_state_space:
         "../envs/evopem.yaml"
     threads: 1
     resources:
-        mem_mb=provider.state_space_memory,
-        runtime=provider.state_space_time,
+        mem_mb=provider.resources.state_space_memory,
+        runtime=provider.resources.state_space_time,
     params:
-        variants=provider.searched_variants,
+        variants=provider.several_channels.searched_variants,
         ranges=provider.settings("choices.orders"),
         search=provider.settings("search"),
         constraints=provider.settings("constraints"),
@@ -241,7 +241,7 @@ rule complete_other_state_space:
         transforms=files.transforms,
         delays=files.decision("delays"),
         comparison=files.decision("comparison"),
-        orders=provider.models_of_orders_of_variants,
+        orders=provider.several_channels.models_of_orders,
     output:
         model=files.other_model("{purpose}"),
         errors=files.other_errors("{purpose}"),
@@ -256,8 +256,8 @@ rule complete_other_state_space:
         "../envs/evopem.yaml"
     threads: 1
     resources:
-        mem_mb=provider.state_space_memory,
-        runtime=provider.state_space_time,
+        mem_mb=provider.resources.state_space_memory,
+        runtime=provider.resources.state_space_time,
     params:
         ranges=provider.settings("choices.orders"),
         search=provider.settings("search"),
@@ -270,7 +270,7 @@ rule complete_other_state_space:
 rule validate_state_space:
     """Validate the model and its modes on samples that no choice has seen."""
     input:
-        orders=provider.models_of_orders_of_variants,
+        orders=provider.several_channels.models_of_orders,
         remedies=files.decision("remedies"),
         prepared=files.prepared,
         transforms=files.transforms,
@@ -304,8 +304,8 @@ rule validate_state_space:
         "../envs/evopem.yaml"
     threads: 1
     resources:
-        mem_mb=provider.reading_memory,
-        runtime=provider.reading_time,
+        mem_mb=provider.resources.reading_memory,
+        runtime=provider.resources.reading_time,
     params:
         code=code("validate_state_space"),
     script:
@@ -319,7 +319,7 @@ rule collect_state_space_decisions:
         delays=files.decision("delays"),
         comparison=files.decision("comparison"),
         remedies=files.decision("remedies"),
-        other=provider.other_state_space,
+        other=provider.several_channels.other_state_space,
     output:
         decisions=files.decisions,
     log:
@@ -344,7 +344,7 @@ rule collect_state_space_decisions:
 rule summarize_state_space:
     """Put order, errors, modes and checks of one data set into one small file."""
     input:
-        searches=provider.variant_searches,
+        searches=provider.several_channels.variant_searches,
         remedies=files.decision("remedies"),
         info=files.recording_info,
         model=files.model,
@@ -373,7 +373,7 @@ rule summarize_state_space:
 rule write_state_space_report:
     """Set the results of one data set into one HTML file."""
     input:
-        searches=provider.variant_searches,
+        searches=provider.several_channels.variant_searches,
         config=files.config,
         info=files.recording_info,
         prepared=files.prepared,
@@ -404,11 +404,11 @@ rule write_state_space_report:
         "../envs/evopem.yaml"
     threads: 1
     resources:
-        mem_mb=provider.reading_memory,
-        runtime=provider.reading_time,
+        mem_mb=provider.resources.reading_memory,
+        runtime=provider.resources.reading_time,
     params:
         settings=provider.settings(),
-        variants=provider.searched_variants,
+        variants=provider.several_channels.searched_variants,
         code=code("write_state_space_report", *TEMPLATES),
     script:
         "../scripts/write_state_space_report.py"

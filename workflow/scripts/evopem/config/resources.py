@@ -25,7 +25,7 @@ def recording_bytes(settings: DatasetSettings | StateSpaceDataset) -> int:
     source = settings.source
     if not isinstance(source, RecordedSource | StateSpaceSource):
         return 16 * source.samples
-    files = [Path(file) for file in (*source.files, *source.validation_files)]
+    files = [Path(file) for file in source.all_files]
     return sum(file.stat().st_size for file in files if is_file(file))
 
 

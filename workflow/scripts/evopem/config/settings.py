@@ -76,6 +76,11 @@ class RecordedSource:
     validation_files: tuple[str, ...] = ()
     channels_from_file: bool = False
 
+    @property
+    def all_files(self) -> tuple[str, ...]:
+        """The recorded files, those for validation last."""
+        return (*self.files, *self.validation_files)
+
 
 @dataclass(frozen=True)
 class SyntheticSource:
@@ -96,6 +101,11 @@ class SyntheticSource:
     samples: int = 5000
     sampling_rate: float = 100.0
     noise: float | None = None
+
+    @property
+    def all_files(self) -> tuple[str, ...]:
+        """None: nothing is recorded."""
+        return ()
 
 
 @dataclass(frozen=True)

@@ -79,6 +79,11 @@ class StateSpaceSource:
     channels: ChannelLists
     validation_files: tuple[str, ...] = ()
 
+    @property
+    def all_files(self) -> tuple[str, ...]:
+        """The recorded files, those for validation last."""
+        return (*self.files, *self.validation_files)
+
 
 @dataclass(frozen=True)
 class OrderRanges:

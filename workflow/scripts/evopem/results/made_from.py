@@ -126,10 +126,7 @@ def _kept(files: DatasetFiles) -> MadeFrom | None:
 
 
 def _recorded_files(settings: DatasetSettings | StateSpaceDataset) -> list[str]:
-    source = settings.source
-    if not isinstance(source, RecordedSource | StateSpaceSource):
-        return []
-    return list(dict.fromkeys((*source.files, *source.validation_files)))
+    return list(dict.fromkeys(settings.source.all_files))
 
 
 def _recordings(settings: DatasetSettings | StateSpaceDataset) -> dict[str, str]:

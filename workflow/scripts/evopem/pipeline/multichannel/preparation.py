@@ -45,8 +45,7 @@ def prepare_channels(
     if source.validation_files:
         validation = load_multichannel(files.validation_recording)
     place = f"datasets.{files.name}"
-    recorded = (*source.files, *source.validation_files)
-    divided = divide_multichannel(recording, split, resample, validation, place, recorded)
+    divided = divide_multichannel(recording, split, resample, validation, place, source.all_files)
     with threadpool_limits(limits=1, user_api="blas"):
         plan = decide_multichannel_preparation(divided.estimation, *given)
         prepared = apply_multichannel_plan(divided, plan)
