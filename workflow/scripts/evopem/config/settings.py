@@ -16,6 +16,7 @@ Range = tuple[int, int]
 Synthesis = Literal["flexible_arm", "armax"]
 Structure = Literal["fir", "arx", "arma", "armax", "ararx", "ararmax", "oe", "bj", "general"]
 Objective = Literal["absolute", "quadratic"]
+OBJECTIVES: tuple[Objective, ...] = ("absolute", "quadratic")
 Initialization = Literal["arx", "incremental_order"]
 Focus = Literal["prediction", "simulation"] | int
 Refine = Literal["worst", "all", "best", "random"]

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from evopem.config.settings import OBJECTIVES
 from evopem.errors import check_choice
 from evopem.estimation.pem.covariance import density_at_zero, pseudo_inverse_factor
 from evopem.estimation.pem.least_squares import triangle_of
-from evopem.estimation.pem.objective import OBJECTIVES
 from evopem.models.gain_interval import NORMAL_95
 from evopem.signals import correlation as signals
 from evopem.validation.weighted_chi_square import weighted_chi_square_tail

@@ -14,9 +14,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from evopem.config.settings import SpectrumSettings
+from evopem.config.settings import OBJECTIVES, SpectrumSettings
 from evopem.errors import InputError, check_choice
-from evopem.estimation.pem.objective import OBJECTIVES
 from evopem.signals.spectral.frequency_response import (
     FrequencyResponse,
     multitaper_frequency_response,
