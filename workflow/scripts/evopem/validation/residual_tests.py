@@ -17,6 +17,7 @@ from evopem.estimation.pem.covariance import density_at_zero, pseudo_inverse_fac
 from evopem.estimation.pem.least_squares import triangle_of
 from evopem.models.gain_interval import NORMAL_95
 from evopem.signals import correlation as signals
+from evopem.validation.validation import WhitenessTest
 from evopem.validation.weighted_chi_square import weighted_chi_square_tail
 
 if TYPE_CHECKING:
@@ -30,29 +31,6 @@ CROSS_CORRELATION_LAGS = 200
 
 # A sum of squares that is expected to be smaller than this has no distribution worth testing.
 LEAST_EXPECTED = 0.5
-
-
-@dataclass(frozen=True)
-class WhitenessTest:
-    """Joint test that the residuals of a fitted model are white.
-
-    Attributes
-    ----------
-    statistic : float
-        Ljung-Box statistic ``N (N + 2) sum r_k^2 / (N - k)``.
-    expected : float
-        Its expected value under white innovations, the fit taken into account.  It takes the
-        place of the degrees of freedom.
-    p_value : float
-        NaN where no autocorrelation is left free by the fit.
-    lags : int
-        Number of lags tested jointly.
-    """
-
-    statistic: float
-    expected: float
-    p_value: float
-    lags: int
 
 
 def whiteness_test(
