@@ -76,7 +76,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return _init(given[1:])
         if given[:1] == ["compare"]:
             return _compare(given[1:])
-        return _identify(_parser().parse_args(given))
+        return _identify(_parsed(given))
     except InputError as error:
         sys.stderr.write(f"{error}\n")
         return 1
@@ -86,6 +86,27 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # `evopem … | head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
+
+
+def _parsed(given: Sequence[str]) -> argparse.Namespace:
+    """Parse the arguments; a second channel behind one option is told how to be given."""
+    parser = _parser()
+    arguments, left = parser.parse_known_args(given)
+    if left:
+        parser.error(_about_unrecognized(given, left))
+    return arguments
+
+
+def _about_unrecognized(given: Sequence[str], left: Sequence[str]) -> str:
+    for option, _, second in zip(given, given[1:], given[2:], strict=False):
+        is_channel = option in ("--input", "--output") and not second.startswith("-")
+        if is_channel and second == left[0]:
+            return (
+                f"{second} stands without an option: write {option} before each channel, as in"
+                f" {option} 2 {option} 3, or give a pattern in quotation marks, as in {option}"
+                " 'acc_*'; further files stand before the first option"
+            )
+    return f"unrecognized arguments: {' '.join(left)}"
 
 
 def _parser() -> argparse.ArgumentParser:

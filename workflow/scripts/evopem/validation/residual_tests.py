@@ -17,8 +17,8 @@ from evopem.estimation.pem.covariance import density_at_zero, pseudo_inverse_fac
 from evopem.estimation.pem.least_squares import triangle_of
 from evopem.models.gain_interval import NORMAL_95
 from evopem.signals import correlation as signals
-from evopem.validation.validation import WhitenessTest
 from evopem.validation.weighted_chi_square import weighted_chi_square_tail
+from evopem.validation.whiteness import WhitenessTest
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -59,8 +59,8 @@ from evopem.validation.validation import (
     HorizonError,
     Validation,
     ValidationTables,
-    WhitenessTest,
 )
+from evopem.validation.whiteness import WhitenessTest
 
 
 def validate(

@@ -3,37 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-
-import pandas as pd
+from typing import TYPE_CHECKING
 
 from evopem.validation.held_out_tests import HeldOutTest
 from evopem.validation.mode_evidence import ModeEvidence
 from evopem.validation.peak_evidence import PeakEvidence
 from evopem.validation.recorded_units import RecordedErrors
 from evopem.validation.split_spectra import SplitSpectra
+from evopem.validation.whiteness import WhitenessTest
 
-
-@dataclass(frozen=True)
-class WhitenessTest:
-    """Joint test that the residuals of a fitted model are white.
-
-    Attributes
-    ----------
-    statistic : float
-        Ljung-Box statistic ``N (N + 2) sum r_k^2 / (N - k)``.
-    expected : float
-        Its expected value under white innovations, the fit taken into account.  It takes the
-        place of the degrees of freedom.
-    p_value : float
-        NaN where no autocorrelation is left free by the fit.
-    lags : int
-        Number of lags tested jointly.
-    """
-
-    statistic: float
-    expected: float
-    p_value: float
-    lags: int
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True)
