@@ -33,7 +33,7 @@ from evopem.config.state_space_keys import (
     is_state_space,
     single_channel_defaults,
 )
-from evopem.config.state_space_settings import StateSpaceDataset
+from evopem.config.state_space_settings import MultichannelDataset
 from evopem.config.strict_yaml import Keys
 from evopem.config.structure_keys import check_structure_keys, check_transforms, with_ranges
 from evopem.config.structures import AUTOMATIC_STRUCTURES, has_input
@@ -89,7 +89,7 @@ def _completed(config: Keys, origin: Origin, source: str) -> Configuration:
         check_structure_keys(defaults, structure, source, "defaults")
     everything = _every_key(structure)
     _check_analysis(defaults, _merged(everything, defaults), source, "defaults")
-    datasets: dict[str, DatasetSettings | StateSpaceDataset] = {}
+    datasets: dict[str, DatasetSettings | MultichannelDataset] = {}
     conditions = {name: given.get("conditions", {}) for name, given in config["datasets"].items()}
     for name, entry in config["datasets"].items():
         place = f"datasets.{name}"

@@ -20,7 +20,7 @@ from evopem.config.order_grid import phases_of_dataset
 from evopem.config.schema import schema_file
 from evopem.config.settings import DatasetSettings, SyntheticSource
 from evopem.config.state_space_settings import (
-    StateSpaceDataset,
+    MultichannelDataset,
     searched_variants,
     variant_name,
 )
@@ -224,7 +224,7 @@ def _identify(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _settings(arguments: argparse.Namespace) -> DatasetSettings | StateSpaceDataset:
+def _settings(arguments: argparse.Namespace) -> DatasetSettings | MultichannelDataset:
     """The settings that a data set of these keys has in a configuration."""
     from evopem.terminal.new_configuration import dataset_name
 
@@ -258,7 +258,7 @@ def _defaults(path: str) -> Any:
     return yaml.safe_load(Path(path).read_text(encoding="utf-8")).get("defaults")
 
 
-def _check_folder(files: DatasetFiles, settings: DatasetSettings | StateSpaceDataset) -> None:
+def _check_folder(files: DatasetFiles, settings: DatasetSettings | MultichannelDataset) -> None:
     """Refuse to overwrite the results of another recording.
 
     Raises

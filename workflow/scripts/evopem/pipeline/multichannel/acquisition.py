@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from evopem.config.state_space_keys import state_space_yaml
-from evopem.config.state_space_settings import ChannelLists, Geometry, StateSpaceDataset
+from evopem.config.state_space_settings import ChannelLists, Geometry, MultichannelDataset
 from evopem.files.atomic import write_text
 from evopem.files.checksums import delete_results
 from evopem.files.json_form import save
@@ -22,7 +22,7 @@ from evopem.signals.multichannel_reading import (
 )
 
 
-def write_multichannel_configuration(files: DatasetFiles, settings: StateSpaceDataset) -> None:
+def write_multichannel_configuration(files: DatasetFiles, settings: MultichannelDataset) -> None:
     """Keep the complete configuration of a data set beside its results."""
     delete_results(files.folder, {Path(files.details).name})  # its contents are written anew
     write_text(files.config, state_space_yaml(settings))

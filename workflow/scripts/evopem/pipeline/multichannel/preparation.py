@@ -9,7 +9,7 @@ from evopem.automatic.multichannel_preparation import (
     decide_multichannel_preparation,
 )
 from evopem.config.settings import SplitSettings
-from evopem.config.state_space_settings import StateSpaceSource
+from evopem.config.state_space_settings import MultichannelSource
 from evopem.files.json_form import save
 from evopem.results.layout import DatasetFiles
 from evopem.signals.multichannel import load_multichannel
@@ -18,7 +18,7 @@ from evopem.signals.multichannel_preparation import divide_multichannel, save_mu
 
 def prepare_channels(
     files: DatasetFiles,
-    source: StateSpaceSource,
+    source: MultichannelSource,
     split: SplitSettings,
     resample: float | None,
     given: tuple[bool, bool],
@@ -28,7 +28,7 @@ def prepare_channels(
     Parameters
     ----------
     files : DatasetFiles
-    source : StateSpaceSource
+    source : MultichannelSource
     split : SplitSettings
     resample : float, optional
         New sampling rate in Hz.

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from evopem.automatic.state_space_search import Variant
-from evopem.config.state_space_settings import StateSpaceDataset
+from evopem.config.state_space_settings import MultichannelDataset
 from evopem.files.atomic import write_text
 from evopem.pipeline.commit import commit_of
 from evopem.report.state_space_page import build_state_space_report
@@ -17,7 +17,7 @@ from evopem.results.multichannel import read_multichannel_results
 
 
 def write_state_space_report(
-    files: DatasetFiles, settings: StateSpaceDataset, variants: Sequence[Variant]
+    files: DatasetFiles, settings: MultichannelDataset, variants: Sequence[Variant]
 ) -> None:
     """Write the report of a data set as one HTML file."""
     results = read_multichannel_results(files, settings, [each.name for each in variants])

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 
 from evopem.automatic.state_space_search import Variant
-from evopem.config.state_space_settings import StateSpaceDataset, searched_variants
+from evopem.config.state_space_settings import MultichannelDataset, searched_variants
 from evopem.pipeline.multichannel.acquisition import read_channels, write_multichannel_configuration
 from evopem.pipeline.multichannel.choice import choose_state_space
 from evopem.pipeline.multichannel.chosen import (
@@ -26,7 +26,7 @@ Log = Callable[[str], None]
 
 def channel_stages(
     files: DatasetFiles,
-    settings: StateSpaceDataset,
+    settings: MultichannelDataset,
     with_report: bool,
     log: Log | None = None,
 ) -> dict[str, Stage]:
@@ -82,7 +82,7 @@ def channel_stages(
 
 
 def _write_report(
-    files: DatasetFiles, settings: StateSpaceDataset, variants: Sequence[Variant]
+    files: DatasetFiles, settings: MultichannelDataset, variants: Sequence[Variant]
 ) -> None:
     # Figures take a while to import, and not every run draws them.
     from evopem.pipeline.multichannel.report import write_state_space_report
@@ -92,7 +92,7 @@ def _write_report(
 
 def identify_channels(
     files: DatasetFiles,
-    settings: StateSpaceDataset,
+    settings: MultichannelDataset,
     with_report: bool,
     log: Log | None = None,
     announce: Announce | None = None,
@@ -102,7 +102,7 @@ def identify_channels(
     Parameters
     ----------
     files : DatasetFiles
-    settings : StateSpaceDataset
+    settings : MultichannelDataset
     with_report : bool
     log : callable, optional
         Receives progress in words.

@@ -34,13 +34,13 @@ class JobResources(SingleChannel):
 
     def estimation_memory(self, wildcards: Wildcards, threads: int, attempt: int) -> int:
         """MB of a job that estimates candidates, or models of several channels."""
-        if wildcards.dataset in self.config.state_space:
+        if wildcards.dataset in self.config.multichannel:
             return self.state_space_memory(wildcards, attempt)
         return resources.estimation_memory(self._of(wildcards), threads, attempt)
 
     def estimation_time(self, wildcards: Wildcards, threads: int, attempt: int) -> int:
         """Minutes of a job that estimates the candidates of a phase, or of all of them."""
-        if wildcards.dataset in self.config.state_space:
+        if wildcards.dataset in self.config.multichannel:
             return self.state_space_time(wildcards, attempt)
         return resources.estimation_time(
             self._of(wildcards),
@@ -52,8 +52,8 @@ class JobResources(SingleChannel):
 
     def state_space_memory(self, wildcards: Wildcards, attempt: int) -> int:
         """MB of a job that estimates models of several channels."""
-        return resources.state_space_memory(self.config.state_space[wildcards.dataset], attempt)
+        return resources.state_space_memory(self.config.multichannel[wildcards.dataset], attempt)
 
     def state_space_time(self, wildcards: Wildcards, attempt: int) -> int:
         """Minutes of a job that estimates models of several channels."""
-        return resources.state_space_time(self.config.state_space[wildcards.dataset], attempt)
+        return resources.state_space_time(self.config.multichannel[wildcards.dataset], attempt)

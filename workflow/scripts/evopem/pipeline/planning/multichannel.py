@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from evopem.config.configuration import Configuration
-from evopem.config.state_space_settings import StateSpaceDataset, searched_variants, variant_name
+from evopem.config.state_space_settings import MultichannelDataset, searched_variants, variant_name
 from evopem.files.json_form import to_json
 from evopem.pipeline.planning.wildcards import FILES, Wildcards
 
 
-def other_purposes(dataset: StateSpaceDataset) -> tuple[str, ...]:
+def other_purposes(dataset: MultichannelDataset) -> tuple[str, ...]:
     """The purpose whose model is kept beside that of the configuration; none without inputs."""
     if not dataset.source.channels.inputs:
         return ()
@@ -26,11 +26,11 @@ class SeveralChannels:
 
     def searched_variants(self, wildcards: Wildcards) -> list[tuple[str, str]]:
         """The forms with their weightings that a data set with several channels searches."""
-        return list(searched_variants(self.config.state_space[wildcards.dataset]))
+        return list(searched_variants(self.config.multichannel[wildcards.dataset]))
 
     def order_ranges(self, wildcards: Wildcards) -> Any:
         """Ranges of the orders of the variant that a job searches."""
-        choices = self.config.state_space[wildcards.dataset].choices
+        choices = self.config.multichannel[wildcards.dataset].choices
         return to_json(choices.orders.of_form(wildcards.get("variant") or ""))
 
     def variant_searches(self, wildcards: Wildcards) -> list[str]:
@@ -44,10 +44,10 @@ class SeveralChannels:
 
     def other_state_space(self, wildcards: Wildcards) -> list[str]:
         """What the model for the other purpose reaches; nothing without inputs."""
-        own = self.config.state_space[wildcards.dataset]
+        own = self.config.multichannel[wildcards.dataset]
         return [FILES.other_errors(purpose) for purpose in other_purposes(own)]
 
     def start_and_rate_given(self, wildcards: Wildcards) -> tuple[bool, bool]:
         """Whether the configuration says where samples begin, and at which rate."""
-        own = self.config.state_space[wildcards.dataset]
+        own = self.config.multichannel[wildcards.dataset]
         return bool(own.split.discard), own.rate_given

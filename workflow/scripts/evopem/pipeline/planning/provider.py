@@ -21,8 +21,8 @@ from evopem.config.settings import (
     RecordedSource,
 )
 from evopem.config.state_space_settings import (
-    StateSpaceDataset,
-    StateSpaceSource,
+    MultichannelDataset,
+    MultichannelSource,
     searched_variants,
     variant_name,
 )
@@ -36,7 +36,7 @@ from evopem.pipeline.planning.wildcards import FILES, Wildcards
 from evopem.results.layout import BATCH_CHECKSUMS, OVERVIEW, DatasetFiles
 from evopem.results.replaced_recordings import was_read_from
 
-_Dataset = DatasetSettings | StateSpaceDataset
+_Dataset = DatasetSettings | MultichannelDataset
 _RESERVED = "|".join(map(re.escape, RESERVED_NAMES))
 DATASET_PATTERN = rf"(?!(?:{_RESERVED})/)[A-Za-z0-9][A-Za-z0-9_.-]*"
 """The form of a data set's name. A folder with a reserved name belongs to no data set."""
@@ -51,7 +51,7 @@ RECORDED_FILES = {
 
 def _structure_of(dataset: _Dataset) -> str:
     """The structure on which the results depend, with the automatic recipe before it."""
-    if isinstance(dataset, StateSpaceDataset):
+    if isinstance(dataset, MultichannelDataset):
         forms = "_".join(variant_name(*each) for each in searched_variants(dataset))
         return "_".join(["state_space", forms, *other_purposes(dataset)])
     automatic = dataset.automatic
@@ -123,7 +123,7 @@ class Provider:
         return frozenset(
             name
             for name, dataset in self.config.datasets.items()
-            if isinstance(dataset.source, RecordedSource | StateSpaceSource)
+            if isinstance(dataset.source, RecordedSource | MultichannelSource)
         )
 
     @cached_property
@@ -148,14 +148,14 @@ class Provider:
         return frozenset(self.config.single_channel)
 
     @cached_property
-    def state_space(self) -> frozenset[str]:
+    def multichannel(self) -> frozenset[str]:
         """Names of the data sets with several channels."""
-        return frozenset(self.config.state_space)
+        return frozenset(self.config.multichannel)
 
     @property
     def variants(self) -> frozenset[str]:
         """Names of the forms with their weightings that any data set searches."""
-        datasets = self.config.state_space.values()
+        datasets = self.config.multichannel.values()
         return frozenset(variant_name(*each) for own in datasets for each in searched_variants(own))
 
     @cached_property
@@ -224,7 +224,7 @@ class Provider:
             else []
         )
         settings = self.config.datasets[dataset]
-        if isinstance(settings, StateSpaceDataset):
+        if isinstance(settings, MultichannelDataset):
             names = [variant_name(*each) for each in searched_variants(settings)]
             report = [own.report] if self.with_report else []
             other = [
@@ -255,7 +255,7 @@ class Provider:
                 recorded=RECORDED_FILES[source],
                 results=self.results(names[0], FILES),
                 script="identify_channels"
-                if names[0] in self.state_space
+                if names[0] in self.multichannel
                 else "identify_recording",
             )
             for (source, structure), names in members.items()
@@ -281,7 +281,7 @@ class Provider:
             ]
             + [
                 result
-                for own in map(DatasetFiles.of_dataset, self.config.state_space)
+                for own in map(DatasetFiles.of_dataset, self.config.multichannel)
                 for result in (
                     own.config,
                     own.decisions,

@@ -13,7 +13,7 @@ rule read_channels:
     benchmark:
         files.benchmark("recording")
     wildcard_constraints:
-        dataset=provider.one_of(provider.state_space),
+        dataset=provider.one_of(provider.multichannel),
     priority: 10  # what cannot be read is said before any search begins
     conda:
         "../envs/evopem.yaml"
@@ -41,7 +41,7 @@ use rule read_channels as read_validation_channels with:
     benchmark:
         files.benchmark("validation_recording")
     wildcard_constraints:
-        dataset=provider.one_of(provider.state_space & provider.validated),
+        dataset=provider.one_of(provider.multichannel & provider.validated),
     params:
         recorded=provider.settings("source.validation_files"),
         channels=provider.settings("source.channels"),
@@ -56,7 +56,7 @@ rule write_channels_configuration:
     log:
         files.log("configuration"),
     wildcard_constraints:
-        dataset=provider.one_of(provider.state_space),
+        dataset=provider.one_of(provider.multichannel),
     localrule: True
     conda:
         "../envs/evopem.yaml"
@@ -85,7 +85,7 @@ rule prepare_channels:
     benchmark:
         files.benchmark("preparation")
     wildcard_constraints:
-        dataset=provider.one_of(provider.state_space),
+        dataset=provider.one_of(provider.multichannel),
     priority: 10
     conda:
         "../envs/evopem.yaml"
@@ -115,7 +115,7 @@ rule decide_input_delays:
     benchmark:
         files.benchmark("decisions/delays")
     wildcard_constraints:
-        dataset=provider.one_of(provider.state_space),
+        dataset=provider.one_of(provider.multichannel),
     conda:
         "../envs/evopem.yaml"
     threads: 1
@@ -143,7 +143,7 @@ rule search_state_space:
     benchmark:
         files.benchmark("decisions/search/{variant}")
     wildcard_constraints:
-        dataset=provider.one_of(provider.state_space),
+        dataset=provider.one_of(provider.multichannel),
         variant="|".join(sorted(provider.variants)) or "(?!)",
     conda:
         "../envs/evopem.yaml"
@@ -170,7 +170,7 @@ rule choose_state_space:
     benchmark:
         files.benchmark("decisions/comparison")
     wildcard_constraints:
-        dataset=provider.one_of(provider.state_space),
+        dataset=provider.one_of(provider.multichannel),
     conda:
         "../envs/evopem.yaml"
     threads: 1
@@ -217,7 +217,7 @@ rule estimate_state_space:
     benchmark:
         files.benchmark("model")
     wildcard_constraints:
-        dataset=provider.one_of(provider.state_space),
+        dataset=provider.one_of(provider.multichannel),
     conda:
         "../envs/evopem.yaml"
     threads: 1
@@ -250,7 +250,7 @@ rule complete_other_state_space:
     benchmark:
         files.benchmark("decisions/models/{purpose}")
     wildcard_constraints:
-        dataset=provider.one_of(provider.state_space),
+        dataset=provider.one_of(provider.multichannel),
         purpose="simulation|prediction",
     conda:
         "../envs/evopem.yaml"
@@ -299,7 +299,7 @@ rule validate_state_space:
     benchmark:
         files.benchmark("validation")
     wildcard_constraints:
-        dataset=provider.one_of(provider.state_space),
+        dataset=provider.one_of(provider.multichannel),
     conda:
         "../envs/evopem.yaml"
     threads: 1
@@ -327,7 +327,7 @@ rule collect_state_space_decisions:
     benchmark:
         files.benchmark("decisions/collection")
     wildcard_constraints:
-        dataset=provider.one_of(provider.state_space),
+        dataset=provider.one_of(provider.multichannel),
     localrule: True
     conda:
         "../envs/evopem.yaml"
@@ -357,7 +357,7 @@ rule summarize_state_space:
     benchmark:
         files.benchmark("summary")
     wildcard_constraints:
-        dataset=provider.one_of(provider.state_space),
+        dataset=provider.one_of(provider.multichannel),
     conda:
         "../envs/evopem.yaml"
     threads: 1
@@ -399,7 +399,7 @@ rule write_state_space_report:
     benchmark:
         files.benchmark("report")
     wildcard_constraints:
-        dataset=provider.one_of(provider.state_space),
+        dataset=provider.one_of(provider.multichannel),
     conda:
         "../envs/evopem.yaml"
     threads: 1
