@@ -20,6 +20,7 @@ from evopem.signals.multichannel_reading import (
     read_multichannel,
     with_time_told,
 )
+from evopem.signals.reading import uneven_times
 
 
 def write_multichannel_configuration(files: DatasetFiles, settings: MultichannelDataset) -> None:
@@ -60,5 +61,9 @@ def read_channels(
     recording = joined_multichannel(recordings, recorded) if len(recordings) > 1 else recordings[0]
     check_measured_places(geometry, recording.output_names, f"{place}.geometry")
     save_multichannel(recording, recording_file)
-    info = describe_multichannel(recorded, recording)
-    save(replace(info, time_told=None if told[0] == channels else told[0].time), info_file)
+    info = replace(
+        describe_multichannel(recorded, recording),
+        time_told=None if told[0] == channels else told[0].time,
+        uneven_times=uneven_times(recorded, channels),
+    )
+    save(info, info_file)

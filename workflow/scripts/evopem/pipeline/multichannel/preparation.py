@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from threadpoolctl import threadpool_limits
 
+from evopem.automatic.multichannel_folds import describe_folds
 from evopem.automatic.multichannel_preparation import (
     apply_multichannel_plan,
     decide_multichannel_preparation,
@@ -49,5 +52,6 @@ def prepare_channels(
     with threadpool_limits(limits=1, user_api="blas"):
         plan = decide_multichannel_preparation(divided.estimation, *given)
         prepared = apply_multichannel_plan(divided, plan)
+    plan = replace(plan, decisions=(*plan.decisions, describe_folds(prepared.estimation)))
     save(plan, files.decision("preparation"))
     save_multichannel_data(prepared, files.prepared, files.transforms)
