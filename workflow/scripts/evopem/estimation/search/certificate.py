@@ -34,10 +34,10 @@ class Agreement(NamedTuple):
     share: float
 
 
-# More agreement is asked for where random points find more optima, since all searches may fall into
-# one wide funnel; where they find too many, no number of searches is evidence.
-AGREEMENTS = (Agreement(0.05, AGREEING, 0.5), Agreement(0.1, 8, 0.8))
-MANY_OPTIMA = max(each.undiscovered for each in AGREEMENTS)
+# Undiscovered probability above which random points find many optima: more agreement is asked for,
+# and more searches next to the optimum, since all restarts may fall into one wide funnel.
+MANY_OPTIMA = 0.05
+AGREEMENTS = (Agreement(MANY_OPTIMA, AGREEING, 0.5), Agreement(1.0, 8, 0.8))
 # Undiscovered probability at which descents from random points are evidence enough: that of 17
 # or more which all end at one optimum.
 ONE_OPTIMUM = 0.0075

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from evopem.config.settings import SearchSettings
 from evopem.errors import InputError
-from evopem.estimation.search.certificate import ONE_OPTIMUM, enough_agree
+from evopem.estimation.search.certificate import MANY_OPTIMA, ONE_OPTIMUM, enough_agree
 from evopem.estimation.search.likely_gain import AFTER_BATCHES, AFTER_RESTART, Aim
 from evopem.estimation.search.memetic import Recombination, memetic_search
 from evopem.estimation.search.problem import (
@@ -45,6 +45,8 @@ BATCHES, BATCH = 2, 16
 # Undiscovered probability after a batch from which on another one hardly leads to a certificate,
 # and neighbouring optima, or growth and exchange, have lower values.
 HOPELESS = 0.4
+# Searches next to an optimum that restarts agree on, where random points find many others.
+REFUTATIONS = 4
 # Evaluations after which a restart of the memetic search begins no further generation.
 RESTART_EVALUATIONS = 4000
 # Restarts of the memetic search; where they do not agree, hops from descents find more.
@@ -189,7 +191,8 @@ def global_search(
         if agreed:
             # Neighbours of the lowest optimum have to be no lower.
             refuted_from = found.value
-            _search_neighbours(problem, exchange, np.inf, generator, found)
+            for _ in range(REFUTATIONS if found.undiscovered > MANY_OPTIMA else 1):
+                _search_neighbours(problem, exchange, np.inf, generator, found)
         elif found.spent >= settings.evaluations or found.is_unlikely(aim, known_minimum):
             break
         elif exchange is not None:

@@ -107,8 +107,8 @@ class SectionExchange:
     def search_from(
         self, point: Array, value: float, max_evaluations: float, generator: np.random.Generator
     ) -> Hops:
-        """Exchange sections of an optimum."""
-        found = _Found(self.problem, generator)
+        """Exchange sections of an optimum, by other places than those that searches prefer."""
+        found = _Found(self.problem, generator, by_gains=False)
         return self._exchanged([Optimum(value, point)], found, max_evaluations)
 
     def _of(self, orders: PolynomialOrders) -> ExchangeProblem:
@@ -146,10 +146,15 @@ class SectionExchange:
 
 
 class _Found:
-    """What a search has found of a problem so far, and what it took."""
+    """What a search has found of a problem so far, and what it took.
 
-    def __init__(self, problem: ExchangeProblem, generator: np.random.Generator) -> None:
-        self.problem, self.generator = problem, generator
+    Of the places of a section it prefers those of the largest gains, or random ones.
+    """
+
+    def __init__(
+        self, problem: ExchangeProblem, generator: np.random.Generator, by_gains: bool = True
+    ) -> None:
+        self.problem, self.generator, self._by_gains = problem, generator, by_gains
         self.evaluations = 0
         self.ended: list[float] = []
 
@@ -174,13 +179,17 @@ class _Found:
     ) -> tuple[Array, Array]:
         """An optimum with a further section at the best of random places, and what is promised.
 
-        The gains of all places come first; one Gauss-Newton step from each of the best is nearer
+        The gains of the places come first; one Gauss-Newton step from each of the best is nearer
         to the truth.  For the absolute value, whose slopes jump, it is not.
         """
         value, point = optimum
         drawn = np.flatnonzero(self.generator.random(len(grid())) < DRAWN)
-        gained = gains(smaller.errors, point, shared, drawn)
-        self.evaluations += SPECTRA
+        if self._by_gains:
+            gained = gains(smaller.errors, point, shared, drawn)
+            self.evaluations += SPECTRA
+        else:
+            self.generator.shuffle(drawn)
+            gained = np.zeros(len(drawn))
         best = np.argsort(-gained, kind="stable")
         absolute = larger.errors.objective == "absolute"
         best = best[: OF_EACH if absolute else JUDGED]

@@ -155,7 +155,7 @@ def _reason(diagnostics: SearchDiagnostics) -> str:
     if not diagnostics.n_multistart or diagnostics.undiscovered_probability <= MANY_OPTIMA:
         return "too few for a certificate"
     return (
-        "but there are too many others for a certificate: with probability"
+        "too few for a certificate where there are so many others: with probability"
         f" {diagnostics.undiscovered_probability:.2g} a descent from a random point leads to one"
         " that was not found"
     )
