@@ -91,9 +91,9 @@ def test_a_neighbour_keeps_all_sections_but_one():
         (5, 11, 0.05, False),
         (4, 4, 0.05, False),
         (7, 7, 0.06, False),
-        (8, 10, 0.1, True),
-        (8, 11, 0.1, False),
-        (20, 20, 0.11, False),
+        (7, 7, 1.0, False),
+        (8, 10, 1.0, True),
+        (8, 11, 1.0, False),
     ],
 )
 def test_enough_restarts_are_more_where_there_are_more_optima(
