@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from evopem.automatic.decision import Alternative, Decision, given_by_configuration
 from evopem.automatic.multichannel_folds import (
     DESIGNS,
+    Fold,
     designs_of,
     fewest_fitted,
     folds_of,
@@ -311,6 +312,7 @@ def _search_box_jenkins(
         delays=tuple(delays),
         settings=replace(settings, weighting=OUTPUT_ERROR_WEIGHTING),
         width=WIDTH,
+        log=log,
     )
 
     def estimates() -> Iterator[tuple[int, StateSpaceEstimate]]:
@@ -487,9 +489,8 @@ def _scored(
     refits = [refit_of(estimates[order]) for order in orders]
     of_designs = []
     for count in designs_of(estimation):
-        of_designs.append(_errors_of_folds(estimation, count, refits, objective))
-        if log is not None:
-            log(f"{variant.name}: {count} folds")
+        folds = _told(folds_of(estimation, count), variant, log)
+        of_designs.append(_errors_of_folds(folds, refits, objective))
     scores = _without_worst_fold(np.concatenate(of_designs))
     simulation, free_level, prediction = (tuple(map(float, row)) for row in scores)
     return VariantSearch(
@@ -514,29 +515,33 @@ def _up_to_lowest(bic: Mapping[int, float]) -> tuple[int, ...]:
     return tuple(order for order in bic if order <= lowest)
 
 
-def _errors_of_folds(
-    estimation: MultichannelRecording,
-    count: int,
-    refits: Sequence[Refit],
-    objective: Objective,
-) -> Array:
+def _told(folds: Sequence[Fold], variant: Variant, log: Log | None) -> Iterator[Fold]:
+    """The folds of a design, each one after a line that says so."""
+    for number, fold in enumerate(folds, start=1):
+        if log is not None:
+            log(f"{variant.name}: fold {number} of {len(folds)}")
+        yield fold
+
+
+def _errors_of_folds(folds: Iterable[Fold], refits: Sequence[Refit], objective: Objective) -> Array:
     """Errors of each model on each fold of a design, (folds, 3, models), mean over the outputs.
 
     Simulation with the level of the training part and with a free one, and prediction.  The
     training part of a fold is fitted by a descent from the model of all samples: so it is the
     same optimum that is scored.
     """
-    folds = folds_of(estimation, count)
-    relative = np.full((len(folds), 3, len(refits)), np.inf)
-    for number, fold in enumerate(folds):
+    relative = []
+    for fold in folds:
+        of_fold = np.full((3, len(refits)), np.inf)
         for place, refit in enumerate(refits):
             try:
                 fitted = refit(fold.training)
             except ValueError:
                 continue
             errors = np.minimum(fold.errors(fitted, objective), LARGEST_ERROR)
-            relative[number, :, place] = errors.mean(axis=-1)
-    return relative
+            of_fold[:, place] = errors.mean(axis=-1)
+        relative.append(of_fold)
+    return np.array(relative).reshape(-1, 3, len(refits))
 
 
 def _without_worst_fold(errors: Array) -> Array:

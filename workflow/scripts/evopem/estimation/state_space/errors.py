@@ -91,6 +91,11 @@ class StateSpaceRecord:
         """Samples N of all records."""
         return len(self.outputs)
 
+    @property
+    def values(self) -> int:
+        """Values of all inputs and outputs."""
+        return self.inputs.size + self.outputs.size
+
 
 def state_space_record(
     inputs: Sequence[Array],

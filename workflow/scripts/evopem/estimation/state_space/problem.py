@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -31,6 +31,7 @@ from evopem.estimation.state_space.subspace import (
 from evopem.models.parameter_covariance import ParameterCovariance
 
 Array = NDArray[np.float64]
+Log = Callable[[str], None]
 
 # Lags of the long ARX models, and horizons of the instrumental estimates.
 LAGS = (8, 20, 50)
@@ -40,6 +41,8 @@ PAIRS, DESCENDED = 32, 3
 # Steps and tolerance of a descent of the search, and of the last one.
 STEPS, TOLERANCE = 100, 1e-7
 POLISH_STEPS, POLISH_TOLERANCE = 1000, 1e-11
+# Values of a long record, where descents race each other, and steps of a lap of such a race.
+LONG, LAP = 50_000, 5
 # Gain of twice the log likelihood that no choice depends on.
 NEGLIGIBLE = 0.1
 # Random points of the first batch of a multistart check suffice.
@@ -288,10 +291,34 @@ def lowest(errors: StateSpaceErrors, starts: list[Array], count: int) -> list[Ar
 def raced(errors: StateSpaceErrors, starts: list[Array], steps: int) -> list[Optimum]:
     """Optima from starts, the lowest first, which alone is descended to the last digits.
 
-    The others end where no choice depends on what is left.
+    The others end where no choice depends on what is left, and on long records, where each step
+    takes long, as soon as they fall behind.
     """
-    optima = descended(errors, starts, len(starts), steps, _rough(errors))
-    return [_to_the_end(errors, optima[0], steps), *optima[1:]] if optima else []
+    tolerance = _rough(errors)
+    optima = []
+    if errors.record.values > LONG:
+        optima = _in_laps(errors, starts, steps, tolerance)
+    optima = optima or descended(errors, starts, len(starts), steps, tolerance)
+    return [_continued(errors, optima[0], steps, TOLERANCE), *optima[1:]] if optima else []
+
+
+def _in_laps(
+    errors: StateSpaceErrors, starts: list[Array], steps: int, tolerance: float
+) -> list[Optimum]:
+    """Optima of descents of which only the better half goes on after each lap."""
+    running = descended(errors, starts, len(starts), min(LAP, steps), tolerance)
+    behind: list[Optimum] = []
+    for _ in range(LAP, steps, LAP):
+        if len(running) < 2:
+            break
+        half = -(-len(running) // 2)
+        behind = running[half:] + behind
+        further = [
+            each if each.converged else _continued(errors, each, LAP, tolerance)
+            for each in running[:half]
+        ]
+        running = sorted(further, key=lambda optimum: optimum.value)
+    return running + behind
 
 
 def _rough(errors: StateSpaceErrors) -> float:
@@ -299,8 +326,8 @@ def _rough(errors: StateSpaceErrors) -> float:
     return max(NEGLIGIBLE / errors.record.samples if errors.logarithmic else 0.0, TOLERANCE)
 
 
-def _to_the_end(errors: StateSpaceErrors, optimum: Optimum, steps: int) -> Optimum:
-    ended = descend(errors, optimum.point, steps, TOLERANCE)
+def _continued(errors: StateSpaceErrors, optimum: Optimum, steps: int, tolerance: float) -> Optimum:
+    ended = descend(errors, optimum.point, steps, tolerance)
     return replace(ended, evaluations=optimum.evaluations + ended.evaluations)
 
 
@@ -311,6 +338,7 @@ def rungs(
     width: int,
     orders: range,
     steps: int = STEPS,
+    log: Log | None = None,
 ) -> Iterator[tuple[StateSpaceErrors, list[Optimum]]]:
     """Optima of several orders, each from estimates and from the optima of its neighbours.
 
@@ -326,6 +354,8 @@ def rungs(
         Ascending, in steps of one or two.
     steps : int
         Of each descent at most.
+    log : callable, optional
+        Receives one line as each order begins.
 
     Yields
     ------
@@ -335,6 +365,8 @@ def rungs(
     found: list[Rung] = []
     yielded = 0
     for order in orders:
+        if log is not None:
+            log(f"{errors.form}: order {order} of at most {orders[-1]}")
         problem = errors.of_order(order)
         starts = lowest(problem, list(models.points(problem)), width)
         for below in [rung for rung in found if rung.optima][-2:]:
@@ -372,6 +404,6 @@ class Rung:
         starts = reductions(above.problem, above.optima[0].point)
         reached = descended(self.problem, starts, 1, steps, _rough(self.problem))
         if reached and (not self.optima or reached[0].value < self.optima[0].value):
-            reached = [_to_the_end(self.problem, reached[0], steps)]
+            reached = [_continued(self.problem, reached[0], steps, TOLERANCE)]
         optima = sorted([*reached, *self.optima], key=lambda optimum: optimum.value)
         return Rung(self.problem, optima)

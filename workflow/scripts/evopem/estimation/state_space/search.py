@@ -96,7 +96,7 @@ def searched(
     points = [optimum.point for optimum in given]
     spent = sum(optimum.evaluations for optimum in given)
     for each in (plain, *_other_form(plain)):
-        optima = _optima_from_estimates(each, models, generator)
+        optima = _optima_from_estimates(each, models, generator, log)
         if each is not plain:
             spent += sum(optimum.evaluations for optimum in optima)
             crossing = [converted(plain, each, optimum.point) for optimum in optima[:CROSSED]]
@@ -126,7 +126,10 @@ def searched(
 
 
 def _optima_from_estimates(
-    problem: StateSpaceErrors, models: StartingModels, generator: np.random.Generator
+    problem: StateSpaceErrors,
+    models: StartingModels,
+    generator: np.random.Generator,
+    log: Log | None,
 ) -> list[Optimum]:
     """Optima from estimates of the order itself, and from the optimum of two states fewer."""
     if _cost(problem) > HEAVY:
@@ -136,7 +139,7 @@ def _optima_from_estimates(
         return optima
     starts = list(models.points(problem))
     smaller = range(1 + (problem.order + 1) % 2, problem.order, 2)
-    for below, optima in rungs(problem, models, generator, WIDTH, smaller):
+    for below, optima in rungs(problem, models, generator, WIDTH, smaller, log=log):
         if optima and below.order == problem.order - 2:
             starts += extensions(problem, below, optima[0].point, generator)
     return descended(problem, starts, FINAL_WIDTH)
@@ -189,7 +192,7 @@ def swept(
     plain = without_outliers(problem_for(errors, settings))
     models = StartingModels(plain, orders[-1], _cost(errors) <= HEAVY)
     generator = generator_of(settings, orders[-1], errors.form, prepared, 1 + fold)
-    for each, optima in rungs(plain, models, generator, width, orders, steps):
+    for each, optima in rungs(plain, models, generator, width, orders, steps, log):
         if not optima:
             continue
         problem = problem_for(errors.of_order(each.order), settings)
