@@ -34,7 +34,7 @@ from evopem.estimation.state_space.estimate import (
 )
 from evopem.estimation.state_space.noise_model import RISES, WIDTH, noise_model, side_by_side
 from evopem.estimation.state_space.order_models import OrderModel, OrderModels
-from evopem.estimation.state_space.problem import STEPS
+from evopem.estimation.state_space.problem import STEPS, USUAL_ORDER
 from evopem.estimation.state_space.search import FINAL_WIDTH
 from evopem.estimation.state_space.settings import Objective, StateSpaceSettings
 from evopem.models.state_space import Form, StateSpaceModel
@@ -52,7 +52,7 @@ LARGE_WIDTH, LARGE_STEPS = 2, 12
 TRIMMED_FOLDS = 5
 # Largest orders tried of plant and noise model, and output values for each parameter of the largest
 # model.
-MOST_STATES, MOST_NOISE_STATES, VALUES_PER_PARAMETER = 20, 10, 5
+MOST_STATES, MOST_NOISE_STATES, VALUES_PER_PARAMETER = 40, 10, 5
 # Above this largest order they are tried in steps of two.
 SINGLE_STEPS = 10
 # Weighting of the output-error models that Box-Jenkins models begin with.
@@ -376,16 +376,22 @@ def searched_variant(
 
 
 def _until_bic_rises(estimates: Iterable[tuple[int, Estimate]]) -> dict[int, Estimate]:
-    """The estimates by order, up to where the BIC has risen so often that the search ends."""
+    """The estimates by order, up to where the BIC has risen so often that the search ends.
+
+    From the usual largest order on it ends with the first rise, also of the BIC with the colour of
+    the errors: states that only describe coloured errors would be added without end.
+    """
     found: dict[int, Estimate] = {}
-    lowest = np.inf
+    lowest = lowest_coloured = np.inf
     rises = 0
     for order, estimate in estimates:
         found[order] = estimate
         rises = 0 if estimate.bic < lowest else rises + 1
-        lowest = min(lowest, estimate.bic)
-        if rises >= RISES:
+        falls = rises == 0 and estimate.coloured_bic < lowest_coloured
+        if rises >= RISES or (order >= USUAL_ORDER and not falls):
             break
+        lowest = min(lowest, estimate.bic)
+        lowest_coloured = min(lowest_coloured, estimate.coloured_bic)
     return found
 
 

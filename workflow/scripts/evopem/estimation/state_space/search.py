@@ -18,6 +18,7 @@ from evopem.estimation.state_space.errors import StateSpaceErrors
 from evopem.estimation.state_space.prepared import FORMS, PreparedRecords
 from evopem.estimation.state_space.problem import (
     STEPS,
+    USUAL_ORDER,
     StartingModels,
     StateSpaceProblem,
     converted,
@@ -190,8 +191,9 @@ def swept(
 ) -> Iterator[tuple[StateSpaceProblem, SearchResult]]:
     """The best optimum of each order that the rungs of a ladder reach."""
     plain = without_outliers(problem_for(errors, settings))
-    models = StartingModels(plain, orders[-1], _cost(errors) <= HEAVY)
-    generator = generator_of(settings, orders[-1], errors.form, prepared, 1 + fold)
+    usual = min(orders[-1], USUAL_ORDER)
+    models = StartingModels(plain, orders[-1], _cost(errors.of_order(usual)) <= HEAVY)
+    generator = generator_of(settings, usual, errors.form, prepared, 1 + fold)
     for each, optima in rungs(plain, models, generator, width, orders, steps, log):
         if not optima:
             continue
