@@ -3,10 +3,14 @@
     python benchmarks/state_space_choice.py search FOLDER [--records 6] [--kinds ...]
     PYTHON_WITH_SIPPY benchmarks/state_space_choice.py sippy FOLDER
     python benchmarks/state_space_choice.py table FOLDER
+    python benchmarks/state_space_choice.py search FOLDER --kinds steady [--records 4]
+    python benchmarks/state_space_choice.py drift FOLDER
 
 ``search`` runs the delays and the searches of the workflow on each record, and simulates the
 samples after it by every candidate.  ``table`` applies the rules to what was found.  The records
-are draws of random plants; nothing was set by looking at one of them.
+are draws of random plants; nothing was set by looking at one of them.  ``drift`` tells how often
+the form with a drift is chosen, and what that changes, on records of ``steady`` kinds, whose
+outputs have none, and of ``slow`` kinds, whose outputs have one.
 """
 
 from __future__ import annotations
@@ -27,8 +31,9 @@ from scipy.signal import lfilter
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
 
-# Fresh samples, and the largest order searched: no truth has more than 12 states.
-FRESH, MOST = 1000, 12
+# Fresh samples, and the largest order searched: no truth has more than 12 states, and those of the
+# steady and slow kinds have 6 at most.
+FRESH, MOST, MOST_OF_SHAPES = 1000, 12, 8
 
 
 @dataclass(frozen=True)
@@ -98,6 +103,43 @@ def wandering(g: np.random.Generator, samples: int, channels: int) -> np.ndarray
     return walk / walk.std(axis=0)
 
 
+SHAPES = {"2x2": (2, 2), "3x2": (3, 2), "1x4": (1, 4)}
+STEADY = tuple(f"{noise} {shape}" for noise in ("white", "coloured", "driven") for shape in SHAPES)
+SLOW = tuple(f"{drift} {shape}" for drift in ("walk", "ramp", "sine") for shape in SHAPES)
+
+
+def of_shape(
+    kind: str, g: np.random.Generator, samples: int, kept: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Inputs, outputs and noise of a plant of order 2 to 6 with slow poles or light damping.
+
+    The noise is white, through poles of 0.7 to 0.97, or drives the states; or it is half white, and
+    half a random walk, a ramp, or a sine of one to three periods in the ``kept`` samples.
+    """
+    form, _, shape = kind.partition(" ")
+    nu, ny = SHAPES[shape]
+    n = int(g.integers(1, 4)) * 2
+    plant = (slow_plant if g.random() < 0.5 else light_plant)(g, nu, ny, n)
+    u = held(g, samples, nu, int(g.integers(1, 15)))
+    white = g.standard_normal((samples, ny))
+    if form == "driven":
+        w = 0.5 * g.standard_normal((samples, n)) * np.abs(plant.B).max(axis=1)
+        noise = plant.respond(np.zeros_like(u), w)
+        return u, plant.respond(u), noise / noise.std(axis=0) + 0.3 * white
+    if form == "coloured":
+        white = coloured(g, samples, ny, g.uniform(0.7, 0.97))
+    times = np.arange(samples)[:, None] / kept
+    slow = {
+        "white": lambda: np.zeros((samples, ny)),
+        "coloured": lambda: np.zeros((samples, ny)),
+        "walk": lambda: drifting(g, samples, ny),
+        "ramp": lambda: times * g.choice([-1.0, 1.0], ny),
+        "sine": lambda: np.sin(2 * np.pi * (times * g.uniform(1.0, 3.0, ny) + g.random(ny))),
+    }[form]()
+    spread = slow[:kept].std(axis=0)
+    return u, plant.respond(u), white + slow / np.where(spread > 0.0, spread, 1.0)
+
+
 def record(kind: str, seed: int) -> dict[str, np.ndarray]:
     """Inputs, noisy outputs and the outputs without noise, the last ``FRESH`` samples fresh."""
     g = np.random.default_rng(np.random.SeedSequence([seed, zlib.crc32(kind.encode())]))
@@ -152,7 +194,7 @@ def record(kind: str, seed: int) -> dict[str, np.ndarray]:
         )
         noise = plant.respond(np.zeros_like(u), w.T) + 0.3 * g.standard_normal((samples, ny))
     else:
-        raise ValueError(kind)
+        u, clean, noise = of_shape(kind, g, samples, kept)
     noise = noise / noise.std(axis=0) * share * clean.std(axis=0)
     return {"u": u, "y": clean + noise, "clean": clean, "kept": kept, "share": share, "order": n}
 
@@ -202,7 +244,8 @@ def search_record(folder: Path, name: str, made: dict[str, np.ndarray]) -> None:
     noiseless = recording_of(made["u"] - middle_u, made["clean"] - middle_y)
     noiseless = noiseless.between(kept, whole.samples)
     delays = decide_delays(estimation, None).delays
-    orders = [each for each in searched_orders(estimation, None) if each <= MOST]
+    most = MOST_OF_SHAPES if name.partition("_")[0] in (*STEADY, *SLOW) else MOST
+    orders = [each for each in searched_orders(estimation, None) if each <= most]
     searches, errors = [], {}
     for variant in variants_of(VARIANTS):
         settings = StateSpaceSettings(weighting=variant.weighting)
@@ -421,6 +464,54 @@ def print_table(folder: Path) -> None:
         print(f"| {rule} | " + " | ".join(cells) + f" | {np.max(every, initial=1.0):.2f} |")
 
 
+def print_drifts(folder: Path) -> None:
+    """How often a drift is chosen, and the errors of the choice over those without that form."""
+    rows: dict[str, list[tuple[bool, float, float, float]]] = {}
+    for file in sorted(folder.glob("search_*.json")):
+        kind = file.stem.removeprefix("search_").rpartition("_")[0]
+        if kind not in (*STEADY, *SLOW):
+            continue
+        row = drift_row(json.loads(file.read_text()))
+        for name in (kind.split()[0], "steady" if kind in STEADY else "slow"):
+            rows.setdefault(name, []).append(row)
+    print(
+        "| noise | records | drift chosen | error with it / without it | worst | all records "
+        "| choice / best other in hindsight |"
+    )
+    print("|---|---|---|---|---|---|---|")
+    for name, found in rows.items():
+        chosen, with_it, of_all, of_best = (
+            np.array([row[place] for row in found]) for place in range(4)
+        )
+        taken = with_it[chosen]
+        print(
+            f"| {name} | {len(found)} | {chosen.sum()} | {_mean(taken)} | "
+            f"{np.max(taken, initial=0.0):.2f} | {_mean(of_all)} | {_mean(of_best)} |"
+        )
+
+
+def drift_row(content: dict) -> tuple[bool, float, float, float]:  # type: ignore[type-arg]
+    """Whether the drift is chosen, and the errors of the choice against the noise-free outputs.
+
+    Over those of the choice without that form, twice, and of the best other candidate.
+    """
+    from evopem.automatic.state_space_choice import choose
+    from evopem.automatic.state_space_search import VariantSearch
+    from evopem.config.state_space_settings import StateSpaceChoices
+    from evopem.files.json_form import from_json
+
+    searches = [from_json(VariantSearch, each) for each in content["searches"]]
+    others = [each for each in searches if each.variant.form != "output_error_drift"]
+    own, other = (
+        choose(each, StateSpaceChoices(purpose="simulation")).model for each in (searches, others)
+    )
+    errors = {name: each["clean"] for name, each in content["errors"].items()}
+    error, without = (errors[f"{each.variant.name} {each.order}"] for each in (own, other))
+    best = min(value for name, value in errors.items() if "drift" not in name)
+    chosen = own.variant.form == "output_error_drift"
+    return chosen, error / without, error / without, error / best
+
+
 def _mean(ratios: np.ndarray) -> str:
     """Geometric mean of the finite ones; how many are not."""
     finite = ratios[np.isfinite(ratios)]
@@ -431,15 +522,18 @@ def _mean(ratios: np.ndarray) -> str:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("part", choices=("search", "sippy", "table"))
+    parser.add_argument("part", choices=("search", "sippy", "table", "drift"))
     parser.add_argument("folder", type=Path)
     parser.add_argument("--records", type=int, default=6)
     parser.add_argument("--kinds", nargs="*", default=KINDS)
     arguments = parser.parse_args()
+    families = {"steady": STEADY, "slow": SLOW}
+    kinds = tuple(kind for name in arguments.kinds for kind in families.get(name, (name,)))
     parts: dict[str, Callable[[], None]] = {
-        "search": lambda: run_search(arguments.folder, arguments.records, tuple(arguments.kinds)),
+        "search": lambda: run_search(arguments.folder, arguments.records, kinds),
         "sippy": lambda: run_sippy(arguments.folder),
         "table": lambda: print_table(arguments.folder),
+        "drift": lambda: print_drifts(arguments.folder),
     }
     parts[arguments.part]()
 

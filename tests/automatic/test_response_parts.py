@@ -6,8 +6,10 @@ from records import output_error_record
 from scipy.signal import lfilter
 
 from evopem.automatic.folds import SHORTEST_BLOCK, decide_folds
-from evopem.automatic.response_parts import response_parts
+from evopem.automatic.multichannel_folds import describe_folds
+from evopem.automatic.response_parts import REASON, response_parts
 from evopem.automatic.stretches import folds_of
+from evopem.signals.multichannel import MultichannelRecording
 from evopem.signals.stretches import Stretch
 
 SAMPLES, DECAY = 1000, np.array([1.0, -2.0 * 0.985 * np.cos(0.4), 0.985**2])
@@ -58,3 +60,14 @@ def test_the_folds_of_one_input_always_fit_the_blow():
         assert held.output.std() > 0.05 * np.abs(y).max()
     ordinary, answer, _ = output_error_record(SAMPLES)
     assert not decide_folds((Stretch(ordinary, answer),)).by_energy
+
+
+def test_several_channels_say_by_which_parts_they_are_scored():
+    def described(u, y):
+        names = ("force",), ("a", "b"), ("",), ("", "")
+        return describe_folds(MultichannelRecording(u, np.hstack([y, -y]), 1.0, *names))
+
+    about = described(*blow(40))
+    assert (about.choice, about.sentence) == ("2 parts and 5 parts", REASON)
+    ordinary, answer, _ = output_error_record(SAMPLES)
+    assert "equal length" in described(ordinary[:, None], answer[:, None]).sentence

@@ -1,13 +1,11 @@
 """Remedies for failed checks of models of several channels, against known systems."""
 
 from dataclasses import replace
-from typing import ClassVar
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from evopem.automatic import state_space_remedies
 from evopem.automatic.state_space_choice import ModelChoice
 from evopem.automatic.state_space_remedies import SearchedForms, act_on_checks
 from evopem.automatic.state_space_search import Variant, search_variant
@@ -16,7 +14,6 @@ from evopem.config.state_space_settings import OrderRanges
 from evopem.estimation.state_space.settings import StateSpaceSettings
 from evopem.signals.multichannel import MultichannelRecording
 from evopem.validation.checks.residuals import INDEPENDENT_OF_INPUT, WHITE
-from evopem.validation.checks.search import REPEATABLE
 
 INNOVATIONS = Variant("innovations", "determinant")
 ONE_MODE, TWO_MODES = (np.convolve([1.0, -1.5, 0.8], each) for each in ([1.0], [1.0, 0.2, 0.7]))
@@ -103,24 +100,3 @@ def test_delays_of_the_configuration_stay():
     late = forms(recording(ONE_MODE), (2,), delays=(3, 3), ranges=ranges)
     found = act_on_checks(late, choice(2))
     assert "earlier delays" not in [each.remedy for each in found.record.trials]
-
-
-class WithShortSearches(SearchedForms):
-    """Searches of 600 evaluations, whatever is asked for."""
-
-    asked: ClassVar[list[int]] = []
-
-    def searched(self, choice, more=0, log=None):
-        self.asked.append(more)
-        return super().searched(choice, 600, log)
-
-
-def test_a_search_that_is_not_certified_is_repeated_longer(monkeypatch):
-    monkeypatch.setattr(state_space_remedies, "is_certified", lambda _: False)
-    once = forms(recording(ONE_MODE, samples=200), (2,), evaluations=None)
-    found = act_on_checks(WithShortSearches(**vars(once)), choice(2))
-    spent = found.model.estimate.search.diagnostics
-    assert spent.n_restarts > 1
-    (trial,) = found.record.trials
-    assert (trial.check, trial.remedy, trial.taken) == (REPEATABLE, "longer search", True)
-    assert WithShortSearches.asked == [0, 3 * spent.evaluations]

@@ -183,7 +183,7 @@ def test_every_decision_is_a_file(run):
     decisions = json.loads(Path(files.decisions).read_text())["decisions"]
     subjects = [each["subject"] for each in decisions]
     assert subjects == [
-        *("start", "decimation", "delays", "level"),
+        *("start", "decimation", "folds", "delays", "level"),
         *("form and weighting for simulation", "order for simulation"),
         *("form and weighting for prediction", "order for prediction"),
     ]

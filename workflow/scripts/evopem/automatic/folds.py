@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.fit import FOLD_STAGES, FitSettings, fit
 from evopem.automatic.repetition import Repetition, decide_repetition
-from evopem.automatic.response_parts import response_parts
+from evopem.automatic.response_parts import REASON, response_parts
 from evopem.automatic.simulation import prediction_errors, simulated
 from evopem.automatic.stretches import Fold, folds_of
 from evopem.models.polynomial import PolynomialModel
@@ -110,10 +110,7 @@ def decide_folds(stretches: Sequence[Stretch]) -> FoldPlan:
     alternatives = tuple(Alternative(_name(d), 1.0 - overlaps[d]) for d in overlaps)
     if of_response:
         kept = of_response
-        sentence = (
-            "Part of the record is silent, as before or after a single blow: the folds divide the "
-            "energy of the response, and the first part, with its beginning, is always fitted."
-        )
+        sentence = REASON
     elif kept:
         sentence = "The parts of the record have common input spectra, so the folds are comparable."
     else:

@@ -16,7 +16,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.automatic.response_parts import response_parts
+from evopem.automatic.decision import Decision
+from evopem.automatic.response_parts import REASON, response_parts
 from evopem.estimation.state_space.held_out import (
     continued_errors,
     errors_from_first_samples,
@@ -114,11 +115,34 @@ def folds_of(estimation: MultichannelRecording, count: int) -> list[Fold]:
     """
     if estimation.is_joined:
         return list(_folds_of_recordings(estimation.records, count))
-    edges = response_parts(estimation.inputs, estimation.outputs, count, SHORTEST_FOLD)
+    edges = _response_edges(estimation, count)
     if edges is None:
         edges = np.linspace(0, estimation.samples, count + 1).round().astype(int).tolist()
     # Simulations run on from samples before: the first part is never held out.
     return [PartOfRecording(estimation, *edge) for edge in list(pairwise(edges))[1:]]
+
+
+def describe_folds(estimation: MultichannelRecording) -> Decision:
+    """Which parts of an estimation part models are scored on, and why.
+
+    Parameters
+    ----------
+    estimation : MultichannelRecording
+    """
+    designs = designs_of(estimation)
+    if estimation.is_joined:
+        reason = "Whole recordings are held out, one group after the other."
+    elif any(_response_edges(estimation, count) for count in designs):
+        reason = REASON
+    else:
+        reason = "Parts of equal length are held out, one after the other but the first."
+    chosen = " and ".join(f"{count} parts" for count in designs)
+    return Decision("folds", chosen, (), "none", reason)
+
+
+def _response_edges(estimation: MultichannelRecording, count: int) -> list[int] | None:
+    """Ends of the parts of the response to a single blow; None for other records."""
+    return response_parts(estimation.inputs, estimation.outputs, count, SHORTEST_FOLD)
 
 
 def _folds_of_recordings(

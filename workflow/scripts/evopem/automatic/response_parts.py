@@ -11,6 +11,12 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+REASON = (
+    "Part of the record is silent, as before or after a single blow: the folds divide the energy of"
+    " the response, and the first part, with its beginning, is always fitted."
+)
+"""What a report says where folds are such parts."""
+
 # A part whose input and output both have less than this share of the power of the largest one holds
 # hardly any response; this many times the power of its output is noise; the response ends at this
 # share of its energy.

@@ -2,7 +2,7 @@
 
 Residuals are judged on the estimation samples: the validation samples decide nothing.  Remedies are
 the models of larger orders and of other forms that the search over orders has left, with their
-errors on held-out samples, earlier delays, and a longer search.
+errors on held-out samples, and earlier delays.
 """
 
 from __future__ import annotations
@@ -16,7 +16,6 @@ import numpy as np
 from scipy.special import ndtri
 
 from evopem.automatic.multi_input_choice import search_structure
-from evopem.automatic.multichannel_folds import is_large
 from evopem.automatic.remedies import DELAY, TOLERATED, Trial
 from evopem.automatic.state_space_choice import ModelChoice, scores_of
 from evopem.automatic.state_space_chosen import ChosenModel, estimate_as_searched, search_chosen
@@ -25,14 +24,12 @@ from evopem.config.constraints import InputConstraints
 from evopem.config.state_space_settings import OF_SIMULATION, OrderRanges, is_polynomial
 from evopem.errors import InputError
 from evopem.estimation.multi_input.order_limits import OrderLimits, joint_orders
-from evopem.estimation.search.certificate import is_certified
 from evopem.estimation.state_space.settings import StateSpaceSettings
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.multichannel import MultichannelRecording
 from evopem.validation.checks.check import SIGNIFICANCE
 from evopem.validation.checks.residuals import INDEPENDENT_OF_INPUT, WHITE
 from evopem.validation.checks.roots import INSIDE_BOUND
-from evopem.validation.checks.search import REPEATABLE
 from evopem.validation.checks.state_space import coloured_outputs, dependent_pairs
 from evopem.validation.multichannel import validate_multichannel
 from evopem.validation.residual_tests import correlation_with_input
@@ -41,8 +38,6 @@ Log = Callable[[str], None]
 
 # Larger orders of the same form, and models in all, that are tried.
 LARGER_ORDERS, MOST_TRIALS = 2, 6
-# Times the evaluations of a search that was not certified.
-MORE_EVALUATIONS = 3
 # Checks that hold or fail by the residuals and roots of a model.
 _OF_RESIDUALS = (DELAY, WHITE, INDEPENDENT_OF_INPUT, INSIDE_BOUND)
 
@@ -97,14 +92,14 @@ class SearchedForms:
         """
         return self._estimated(estimate_as_searched, choice, self.settings(choice.variant))
 
-    def searched(self, choice: ModelChoice, more: int = 0, log: Log | None = None) -> ChosenModel:
-        """The model of a global search, of a given number of evaluations where it is not 0.
+    def searched(self, choice: ModelChoice, log: Log | None = None) -> ChosenModel:
+        """The model of a global search.
 
         Errors are those of :meth:`as_searched`.
         """
-        settings = self.settings(choice.variant)
-        settings = replace(settings, evaluations=more) if more else settings
-        return self._estimated(partial(search_chosen, log=log), choice, settings)
+        return self._estimated(
+            partial(search_chosen, log=log), choice, self.settings(choice.variant)
+        )
 
     def with_delays(self, delays: tuple[int, ...], choice: ModelChoice) -> SearchedForms:
         """The search of one variant and order with other delays."""
@@ -251,9 +246,8 @@ def act_on_checks(
     """
     current = _Judged.of(forms, choice, forms.searched(choice, log=log))
     current, trials = _with_other_model(current, log)
-    current, longer = _with_longer_search(current, log)
     remaining = tuple(name for name in _OF_RESIDUALS if name in current.checks.failed)
-    record = RemedyRecord(current.choice, (*trials, *longer), remaining)
+    record = RemedyRecord(current.choice, tuple(trials), remaining)
     return RemediedModel(current.model, record)
 
 
@@ -286,22 +280,6 @@ def _with_other_model(first: _Judged, log: Log | None) -> tuple[_Judged, list[Tr
 def _is_better(other: _Judged, first: _Judged) -> bool:
     fewer = other.checks.failed < first.checks.failed
     return fewer and other.score <= (1.0 + TOLERATED) * first.score
-
-
-def _with_longer_search(current: _Judged, log: Log | None) -> tuple[_Judged, list[Trial]]:
-    """The model of a longer search, where the first was not certified and its length not given."""
-    forms, choice = current.forms, current.choice
-    diagnostics = current.model.estimate.search.diagnostics
-    given = forms.settings(choice.variant).evaluations is not None
-    certified = diagnostics.n_restarts < 2 or is_certified(diagnostics)
-    if given or certified or is_large(forms.estimation):
-        return current, []
-    model = forms.searched(choice, MORE_EVALUATIONS * diagnostics.evaluations, log)
-    longer = _Judged.of(forms, choice, model)
-    taken = model.estimate.objective <= current.model.estimate.objective
-    taken = taken and longer.checks.failed <= current.checks.failed
-    trial = longer.trial(REPEATABLE, "longer search", taken)
-    return (longer if taken else current), [trial]
 
 
 def judge(model: StateSpaceModel, at_bound: bool, forms: SearchedForms) -> Judgement:

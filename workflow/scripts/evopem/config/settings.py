@@ -22,6 +22,9 @@ Refine = Literal["worst", "all", "best", "random"]
 Recipe = Literal["auto", "chapter"]
 Purpose = Literal["auto", "simulation", "prediction", "modes"]
 
+UnevenTime = Literal["refuse", "interpolate"]
+"""What is done with a recording whose time stamps are not uniform."""
+
 
 @dataclass(frozen=True)
 class ChannelSettings:
@@ -43,6 +46,7 @@ class ChannelSettings:
         Lines above the first row of numbers of a text table; found where it is None.
     decimal_mark : {".", ","}, optional
         Decimal mark of a text table; found where it is None.
+    uneven_time : {"refuse", "interpolate"}
     """
 
     input: int | str | None = 1
@@ -54,6 +58,7 @@ class ChannelSettings:
     output_unit: str = ""
     header_lines: int | None = None
     decimal_mark: Literal[".", ","] | None = None
+    uneven_time: UnevenTime = "refuse"
 
 
 @dataclass(frozen=True)

@@ -53,7 +53,10 @@ _STATE_SPACE_ONLY = ("form", "weighting")
 
 _CHANNEL_KEYS = ("input", "output")
 _UNIT_KEYS = ("input_unit", "output_unit")
-_COLUMN_KEYS = ("sampling_rate", "time", "time_unit", "header_lines", "decimal_mark")
+_COLUMN_KEYS = (
+    *("sampling_rate", "time", "time_unit", "header_lines", "decimal_mark"),
+    "uneven_time",
+)
 _ANALYSIS_KEYS = (
     *("recipe", "purpose", "resample", "split", "structure", "form", "weighting"),
     *("delay", "orders", "search", "geometry", "focus", "constraints"),

@@ -7,7 +7,7 @@ from typing import Literal
 
 from evopem.config.constraints import InputConstraints
 from evopem.config.input_ranges import InputRanges
-from evopem.config.settings import Objective, Purpose, Range, SplitSettings
+from evopem.config.settings import Objective, Purpose, Range, SplitSettings, UnevenTime
 from evopem.config.structures import STRUCTURES
 
 Reference = int | str
@@ -47,7 +47,7 @@ class ChannelLists:
     inputs, outputs : tuple of int or str
         Column numbers from 1, or names; a name with a ``*`` stands for all that it matches.
         No inputs for a structure that is identified from its outputs alone.
-    sampling_rate, time, time_unit, header_lines, decimal_mark
+    sampling_rate, time, time_unit, header_lines, decimal_mark, uneven_time
         As in :class:`.ChannelSettings`.
     input_units, output_units : UnitSettings
     """
@@ -61,6 +61,7 @@ class ChannelLists:
     output_units: UnitSettings = UnitSettings()
     header_lines: int | None = None
     decimal_mark: Literal[".", ","] | None = None
+    uneven_time: UnevenTime = "refuse"
 
 
 @dataclass(frozen=True)

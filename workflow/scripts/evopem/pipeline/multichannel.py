@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 from threadpoolctl import threadpool_limits
 
 from evopem.automatic.multi_input_choice import search_structure, searched_joint_orders
+from evopem.automatic.multichannel_folds import describe_folds
 from evopem.automatic.multichannel_preparation import (
     MultichannelPlan,
     apply_multichannel_plan,
@@ -82,6 +83,7 @@ from evopem.signals.multichannel_reading import (
     read_multichannel,
     with_time_told,
 )
+from evopem.signals.reading import uneven_times
 from evopem.validation.mode_table import table_of_models
 from evopem.validation.modes_record import ModesRecord
 from evopem.validation.multichannel import mean_errors, validate_multichannel
@@ -128,8 +130,12 @@ def read_channels(
     recording = joined_multichannel(recordings, recorded) if len(recordings) > 1 else recordings[0]
     check_measured_places(geometry, recording.output_names, f"{place}.geometry")
     save_multichannel(recording, recording_file)
-    info = describe_multichannel(recorded, recording)
-    save(replace(info, time_told=None if told[0] == channels else told[0].time), info_file)
+    info = replace(
+        describe_multichannel(recorded, recording),
+        time_told=None if told[0] == channels else told[0].time,
+        uneven_times=uneven_times(recorded, channels),
+    )
+    save(info, info_file)
 
 
 def prepare_channels(
@@ -166,6 +172,7 @@ def prepare_channels(
     with threadpool_limits(limits=1, user_api="blas"):
         plan = decide_multichannel_preparation(divided.estimation, *given)
         prepared = apply_multichannel_plan(divided, plan)
+    plan = replace(plan, decisions=(*plan.decisions, describe_folds(prepared.estimation)))
     save(plan, files.decision("preparation"))
     save_multichannel_data(prepared, files.prepared, files.transforms)
 

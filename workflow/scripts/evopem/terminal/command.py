@@ -117,6 +117,11 @@ def _parser() -> argparse.ArgumentParser:
     )
     rate.add_argument("--time", type=_channel, metavar="CHANNEL", help="the channel of times")
     parser.add_argument(
+        "--uneven-time",
+        choices=["interpolate"],
+        help="bring signals whose times are not even to an even grid",
+    )
+    parser.add_argument(
         "--results",
         default=RESULTS_FOLDER,
         metavar="FOLDER",
@@ -219,6 +224,7 @@ def _settings(arguments: argparse.Namespace) -> DatasetSettings | StateSpaceData
     }
     keys |= {} if arguments.rate is None else {"sampling_rate": arguments.rate}
     keys |= {} if arguments.time is None else {"time": arguments.time}
+    keys |= {} if arguments.uneven_time is None else {"uneven_time": arguments.uneven_time}
     name = dataset_name(Path(arguments.file[0]))
     content: dict[str, Any] = {"datasets": {name: keys}}
     defaults = None if arguments.config is None else _defaults(arguments.config)

@@ -111,6 +111,13 @@ class PredictionErrorProblem:
 
     def of_orders(self, orders: PolynomialOrders) -> PredictionErrorProblem:
         """The same problem for other orders that have residuals from ``recursion_start`` on."""
+        return self._with(orders, self.max_root_radius)
+
+    def within_radius(self, radius: float) -> PredictionErrorProblem:
+        """The same problem with another allowed radius of the roots."""
+        return self._with(self.orders, radius)
+
+    def _with(self, orders: PolynomialOrders, max_root_radius: float) -> PredictionErrorProblem:
         return PredictionErrorProblem(
             self.input,
             self.output,
@@ -118,19 +125,7 @@ class PredictionErrorProblem:
             self.objective,
             self.recursion_start,
             self.scoring_start,
-            self.max_root_radius,
-        )
-
-    def within_radius(self, radius: float) -> PredictionErrorProblem:
-        """The same problem with another allowed radius of the roots."""
-        return PredictionErrorProblem(
-            self.input,
-            self.output,
-            self.orders,
-            self.objective,
-            self.recursion_start,
-            self.scoring_start,
-            radius,
+            max_root_radius,
         )
 
     def radius_of(self, name: str) -> float:  # noqa: ARG002 - as of other problems
