@@ -23,6 +23,7 @@ from evopem.estimation.state_space.held_out import (
     errors_from_first_samples,
     prediction_errors,
 )
+from evopem.estimation.state_space.problem import LONG
 from evopem.estimation.state_space.settings import Objective
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.multichannel import MultichannelRecording
@@ -178,8 +179,16 @@ def fewest_fitted(estimation: MultichannelRecording) -> int:
 
 def is_large(estimation: MultichannelRecording) -> bool:
     """Whether a record has so many values that searches over orders are shortened."""
-    channels = estimation.inputs.shape[1] + estimation.outputs.shape[1]
-    return estimation.samples * channels > LARGE
+    return _values(estimation) > LARGE
+
+
+def is_long(estimation: MultichannelRecording) -> bool:
+    """Whether a record has so many values that descents on it race each other."""
+    return _values(estimation) > LONG
+
+
+def _values(estimation: MultichannelRecording) -> int:
+    return estimation.inputs.size + estimation.outputs.size
 
 
 def _errors_alone(

@@ -21,6 +21,7 @@ from evopem.automatic.multichannel_folds import (
     fewest_fitted,
     folds_of,
     is_large,
+    is_long,
 )
 from evopem.config.input_ranges import InputRanges
 from evopem.config.state_space_settings import ModelForm, OutputWeighting, variant_name
@@ -48,6 +49,8 @@ Refit = Callable[[MultichannelRecording], StateSpaceModel]
 # Estimates of each order that are descended from on large records, whose estimates are good ones,
 # and steps of these descents.
 LARGE_WIDTH, LARGE_STEPS = 2, 12
+# Steps on a fold of a long record, from the optimum of all samples.
+FOLD_STEPS = 25
 # Folds of all designs from which on the worst one of a model is left out.
 TRIMMED_FOLDS = 5
 # Largest orders tried of plant and noise model, and output values for each parameter of the largest
@@ -224,7 +227,7 @@ def noise_orders(estimation: MultichannelRecording) -> tuple[int, ...]:
     samples = estimation.samples
     of_order = 1 + len(estimation.starts)
     affordable = min(MOST_NOISE_STATES, samples // 12, samples // VALUES_PER_PARAMETER // of_order)
-    if is_large(estimation):
+    if is_long(estimation):
         return tuple(range(2, max(affordable, 2) + 1, 2))
     return tuple(range(1, max(affordable, 1) + 1))
 
@@ -473,7 +476,7 @@ def _refits(
             training.output_records,
             delays=tuple(delays),
             settings=settings,
-            steps=_steps(estimation),
+            steps=min(_steps(estimation), FOLD_STEPS) if is_long(estimation) else STEPS,
         )
 
     return refit_of

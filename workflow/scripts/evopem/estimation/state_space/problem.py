@@ -46,7 +46,7 @@ PAIRS, DESCENDED = 32, 3
 STEPS, TOLERANCE = 100, 1e-7
 POLISH_STEPS, POLISH_TOLERANCE = 1000, 1e-11
 # Values of a long record, where descents race each other, and steps of a lap of such a race.
-LONG, LAP = 50_000, 5
+LONG, LAP = 40_000, 5
 # Gain of twice the log likelihood that no choice depends on.
 NEGLIGIBLE = 0.1
 # Random points of the first batch of a multistart check suffice.
