@@ -45,8 +45,9 @@ PAIRS, DESCENDED = 32, 3
 # Steps and tolerance of a descent of the search, and of the last one.
 STEPS, TOLERANCE = 100, 1e-7
 POLISH_STEPS, POLISH_TOLERANCE = 1000, 1e-11
-# Values of a long record, where descents race each other, and steps of a lap of such a race.
-LONG, LAP = 40_000, 5
+# Multiplications of one set of normal equations from which on descents race each other, and steps
+# of a lap of such a race.
+COSTLY, LAP = 2e7, 10
 # Gain of twice the log likelihood that no choice depends on.
 NEGLIGIBLE = 0.1
 # Random points of the first batch of a multistart check suffice.
@@ -221,9 +222,7 @@ class StartingModels:
             self._made[largest] = self._made_for(largest)
         return self._made[largest]
 
-    def _made_for(
-        self, largest_order: int
-    ) -> _Estimates:
+    def _made_for(self, largest_order: int) -> _Estimates:
         record, thorough = self._record, self._thorough
         outputs = record.outputs.shape[1]
         least = -(-largest_order // outputs) + 2
@@ -314,15 +313,22 @@ def lowest(errors: StateSpaceErrors, starts: list[Array], count: int) -> list[Ar
     return [starts[k] for k in order]
 
 
+def cost(errors: StateSpaceErrors) -> float:
+    """Multiplications of one set of normal equations."""
+    layout = errors.layout
+    signals = 2 * layout.sections * layout.drives + 2 * layout.order
+    return float(errors.record.samples) * signals**2
+
+
 def raced(errors: StateSpaceErrors, starts: list[Array], steps: int) -> list[Optimum]:
     """Optima from starts, the lowest first, which alone is descended to the last digits.
 
-    The others end where no choice depends on what is left, and on long records, where each step
-    takes long, as soon as they fall behind.
+    The others end where no choice depends on what is left, and where each step takes long as soon
+    as they fall behind.
     """
     tolerance = _rough(errors)
     optima = []
-    if errors.record.values > LONG:
+    if cost(errors) > COSTLY:
         optima = _in_laps(errors, starts, steps, tolerance)
     optima = optima or descended(errors, starts, len(starts), steps, tolerance)
     return [_continued(errors, optima[0], steps, TOLERANCE), *optima[1:]] if optima else []
