@@ -360,7 +360,7 @@ def searched_variant(
         Of the errors on held-out samples.
     log : callable, optional
     """
-    found = _until_bic_rises(estimates)
+    found = until_bic_rises(estimates)
     models = tuple(
         OrderModel.of(
             order,
@@ -378,11 +378,16 @@ def searched_variant(
     return search, OrderModels(models)
 
 
-def _until_bic_rises(estimates: Iterable[tuple[int, Estimate]]) -> dict[int, Estimate]:
+def until_bic_rises(estimates: Iterable[tuple[int, Estimate]]) -> dict[int, Estimate]:
     """The estimates by order, up to where the BIC has risen so often that the search ends.
 
     From the usual largest order on it ends with the first rise, also of the BIC with the colour of
     the errors: states that only describe coloured errors would be added without end.
+
+    Parameters
+    ----------
+    estimates : iterable of (int, ScoredEstimate)
+        By ascending order; no more of them is taken than needed.
     """
     found: dict[int, Estimate] = {}
     lowest = lowest_coloured = np.inf
