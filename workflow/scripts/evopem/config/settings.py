@@ -16,11 +16,15 @@ Range = tuple[int, int]
 Synthesis = Literal["flexible_arm", "armax"]
 Structure = Literal["fir", "arx", "arma", "armax", "ararx", "ararmax", "oe", "bj", "general"]
 Objective = Literal["absolute", "quadratic"]
+OBJECTIVES: tuple[Objective, ...] = ("absolute", "quadratic")
 Initialization = Literal["arx", "incremental_order"]
 Focus = Literal["prediction", "simulation"] | int
 Refine = Literal["worst", "all", "best", "random"]
 Recipe = Literal["auto", "chapter"]
 Purpose = Literal["auto", "simulation", "prediction", "modes"]
+
+UnevenTime = Literal["refuse", "interpolate"]
+"""What is done with a recording whose time stamps are not uniform."""
 
 
 @dataclass(frozen=True)
@@ -43,6 +47,7 @@ class ChannelSettings:
         Lines above the first row of numbers of a text table; found where it is None.
     decimal_mark : {".", ","}, optional
         Decimal mark of a text table; found where it is None.
+    uneven_time : {"refuse", "interpolate"}
     """
 
     input: int | str | None = 1
@@ -54,6 +59,7 @@ class ChannelSettings:
     output_unit: str = ""
     header_lines: int | None = None
     decimal_mark: Literal[".", ","] | None = None
+    uneven_time: UnevenTime = "refuse"
 
 
 @dataclass(frozen=True)
@@ -76,6 +82,11 @@ class RecordedSource:
     validation_files: tuple[str, ...] = ()
     channels_from_file: bool = False
 
+    @property
+    def all_files(self) -> tuple[str, ...]:
+        """The recorded files, those for validation last."""
+        return (*self.files, *self.validation_files)
+
 
 @dataclass(frozen=True)
 class SyntheticSource:
@@ -96,6 +107,11 @@ class SyntheticSource:
     samples: int = 5000
     sampling_rate: float = 100.0
     noise: float | None = None
+
+    @property
+    def all_files(self) -> tuple[str, ...]:
+        """None: nothing is recorded."""
+        return ()
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,13 @@ from evopem.config.yaml_form import ANALYSIS_KEYS, FILE_KEYS, SYNTHESIS_KEYS, fi
 from evopem.errors import InputError
 from evopem.files.json_form import to_json
 
-_CHANNEL_DEFAULTS = {"input": 1, "output": 2, "input_unit": "", "output_unit": ""}
+_CHANNEL_DEFAULTS = {
+    "input": 1,
+    "output": 2,
+    "input_unit": "",
+    "output_unit": "",
+    "uneven_time": "refuse",
+}
 
 
 _RATE_KEYS = ("sampling_rate", "time")

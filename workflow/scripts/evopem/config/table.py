@@ -29,6 +29,7 @@ _TEXT_COLUMNS = {
     "output_unit",
     "time_unit",
     "decimal_mark",
+    "uneven_time",
 }
 _CHANNEL_COLUMNS = {"input", "output", "time"}
 _SEPARATORS = ",;\t"

@@ -13,6 +13,7 @@ from evopem.signals.inspection import may_tell_time, time_told
 from evopem.signals.joining import joined
 from evopem.signals.readers.channels import Reference
 from evopem.signals.reading import read_recording as read_channels
+from evopem.signals.reading import uneven_times
 from evopem.signals.recording import Recording, save_recording
 from evopem.signals.recording_info import RecordingInfo, describe_recorded_files
 
@@ -62,7 +63,8 @@ def read_recording(
     recording = joined(recordings, recorded) if len(recordings) > 1 else recordings[0]
     save_recording(recording, recording_file)
     info = describe_recorded_files(recorded, recording, channels, folder, roles)
-    save(replace(info, time_told=times[0]), info_file)
+    uneven = uneven_times([Path(folder) / file for file in recorded], channels)
+    save(replace(info, time_told=times[0], uneven_times=uneven), info_file)
 
 
 def _time_told(file: Path, channels: ChannelSettings) -> Reference | None:
@@ -85,4 +87,5 @@ def _read(file: Path, channels: ChannelSettings) -> Recording:
         time_unit=channels.time_unit,
         header_lines=channels.header_lines,
         decimal_mark=channels.decimal_mark,
+        uneven_time=channels.uneven_time,
     )

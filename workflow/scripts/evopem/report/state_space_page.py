@@ -29,6 +29,7 @@ from evopem.report.fit_table import input_constraint_rows, input_fit_sentences
 from evopem.report.numbers import count, hertz, number, percent, plural
 from evopem.report.recording_table import recording_rows
 from evopem.report.sentences.about_decisions import PurposeRow, decision_row
+from evopem.report.sentences.about_recording import uneven_stamps
 from evopem.report.sentences.about_state_space import state_space_verdict
 from evopem.report.templates import environment
 from evopem.results.multichannel import MultichannelResults
@@ -367,6 +368,7 @@ def _provenance(results: MultichannelResults, commit: str) -> list[tuple[str, st
     return [
         *(row for file in results.files for row in provenance.file_rows(file)),
         *([("Sampling rate", f"of the time stamps “{time}”, told by name")] if time else []),
+        *(("Time stamps", each) for each in uneven_stamps(results.recording_info.uneven_times)),
         ("Objective of the search", model.settings.objective),
         ("Seed of the search", str(model.settings.seed)),
         ("Objective evaluations of the last search", count(model.search.evaluations)),

@@ -17,6 +17,7 @@ from evopem.config.state_space_settings import (
     is_pattern,
 )
 from evopem.errors import InputError
+from evopem.signals.even_grid import Unevenness
 from evopem.signals.inspection import may_tell_time, time_told
 from evopem.signals.multichannel import MultichannelRecording, check_multichannel
 from evopem.signals.readers.channels import Channel, listing
@@ -68,6 +69,8 @@ class MultichannelInfo:
         The others, where several recordings are one data set.
     time_told : int or str, optional
         The channel of time stamps of the first file, where it was told from the file.
+    uneven_times : tuple of Unevenness
+        Of the stamps of each file, where signals were brought to an even grid.
     """
 
     samples: int
@@ -77,6 +80,7 @@ class MultichannelInfo:
     file: FileFacts
     further_files: tuple[FileFacts, ...] = ()
     time_told: int | str | None = None
+    uneven_times: tuple[Unevenness, ...] = ()
 
     @property
     def files(self) -> tuple[FileFacts, ...]:
@@ -114,6 +118,7 @@ def read_multichannel(path: str | Path, channels: ChannelLists) -> MultichannelR
         channels.time_unit,
         channels.header_lines,
         channels.decimal_mark,
+        channels.uneven_time,
     )
     listed = list(found.values())
     names = _names([each.name for each in listed], len(inputs))

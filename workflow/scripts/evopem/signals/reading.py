@@ -18,7 +18,10 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from evopem.config.settings import ChannelSettings, UnevenTime
+from evopem.config.state_space_settings import ChannelLists
 from evopem.errors import InputError
+from evopem.signals.even_grid import Unevenness, even_grid
 from evopem.signals.readers.channels import Channel, Reference, refuse_unreadable
 from evopem.signals.recording import (
     Recording,
@@ -73,6 +76,7 @@ def read_recording(
     time_unit: str | None = None,
     header_lines: int | None = None,
     decimal_mark: str | None = None,
+    uneven_time: UnevenTime = "refuse",
 ) -> Recording:
     """Read an input and an output channel of a measured file.
 
@@ -95,6 +99,9 @@ def read_recording(
         Of a text table, the number of lines above the first row of numbers.
     decimal_mark : str, optional
         Of a text table, "." or ",".
+    uneven_time : {"refuse", "interpolate"}
+        What is done with time stamps that are not uniform: signals may be brought to an even grid
+        (:func:`.even_grid`).
 
     Returns
     -------
@@ -133,9 +140,7 @@ def read_recording(
     options = _text_options(format_of(path), source, header_lines, decimal_mark)
     wanted = {"input": input, "output": output, "time": time}
     references = {role: each for role, each in wanted.items() if each is not None}
-    found: list[Channel] = _read(
-        path, lambda reader, local: reader.read(local, list(references.values()), **options)
-    )
+    found = _read_as(path, list(references.values()), options)
     channels = dict(zip(references, found, strict=True))
     signals = {role: _signal(channels[role], role, source) for role in channels if role != "time"}
     if input is not None and signals["input"].size != signals["output"].size:
@@ -146,7 +151,7 @@ def read_recording(
             "choose two channels that were sampled together",
         )
     _refuse_same(channels, references, source)
-    rate = _sampling_rate(channels, sampling_rate, time_unit, source)
+    signals, rate = _sampled(signals, channels, sampling_rate, time_unit, uneven_time, source)
     recording = without_input(
         signals["output"],
         rate,
@@ -181,6 +186,7 @@ def read_columns(
     time_unit: str | None = None,
     header_lines: int | None = None,
     decimal_mark: str | None = None,
+    uneven_time: UnevenTime = "refuse",
 ) -> tuple[dict[str, Channel], float]:
     """Read any number of channels that were sampled together, with their sampling rate.
 
@@ -190,7 +196,7 @@ def read_columns(
     references : mapping of str to int or str
         Channels by what an error calls them, such as ``output 2``.  ``time`` is that of the time
         stamps.
-    sampling_rate, time_unit, header_lines, decimal_mark : optional
+    sampling_rate, time_unit, header_lines, decimal_mark, uneven_time : optional
         As of :func:`read_recording`.
 
     Returns
@@ -208,29 +214,50 @@ def read_columns(
     path = Path(path)
     source = str(path)
     options = _text_options(format_of(path), source, header_lines, decimal_mark)
-    found: list[Channel] = _read(
-        path, lambda reader, local: reader.read(local, list(references.values()), **options)
-    )
+    found = _read_as(path, list(references.values()), options)
     channels = dict(zip(references, found, strict=True))
-    signals = {
-        role: replace(each, values=_signal(each, role, source))
-        for role, each in channels.items()
-        if role != "time"
-    }
-    first = next(iter(signals))
-    for role, each in signals.items():
-        if each.values.size != signals[first].values.size:
+    values = {role: _signal(channels[role], role, source) for role in channels if role != "time"}
+    first = next(iter(values))
+    for role, each in values.items():
+        if each.size != values[first].size:
             raise InputError(
                 source,
-                f"the {first} has {signals[first].values.size} samples and the {role}"
-                f" {each.values.size}",
+                f"the {first} has {values[first].size} samples and the {role} {each.size}",
                 "choose channels that were sampled together",
             )
     _refuse_same(channels, dict(references), source)
-    rate = _sampling_rate(channels, sampling_rate, time_unit, source)
-    for each in signals.values():
-        _refuse_other_start([signals[first], each], rate, source)
+    values, rate = _sampled(values, channels, sampling_rate, time_unit, uneven_time, source)
+    signals = {role: replace(channels[role], values=each) for role, each in values.items()}
+    for channel in signals.values():
+        _refuse_other_start([signals[first], channel], rate, source)
     return signals, rate
+
+
+def uneven_times(
+    paths: Sequence[str | Path], channels: ChannelSettings | ChannelLists
+) -> tuple[Unevenness, ...]:
+    """How uneven the time stamps of some files are; empty where they have to be uniform.
+
+    Parameters
+    ----------
+    paths : sequence of str or Path
+    channels : ChannelSettings or ChannelLists
+
+    Raises
+    ------
+    InputError
+        As :func:`read_recording`.
+    """
+    if channels.uneven_time == "refuse" or channels.time is None:
+        return ()
+    found = []
+    for path in map(Path, paths):
+        options = _text_options(
+            format_of(path), str(path), channels.header_lines, channels.decimal_mark
+        )
+        (time,) = _read_as(path, [channels.time], options)
+        found.append(even_grid(time.values, str(path), time.name).unevenness)
+    return tuple(found)
 
 
 def channel_names(path: str | Path) -> list[str]:
@@ -309,6 +336,11 @@ def _text_options(
     if decimal_mark not in (None, ".", ","):
         raise InputError(source, f'the decimal mark is "{decimal_mark}"', 'give "." or ","')
     return options
+
+
+def _read_as(path: Path, references: Sequence[Reference], options: dict[str, Any]) -> list[Channel]:
+    """Channels of a file, by the stated form of a text table."""
+    return _read(path, lambda reader, local: reader.read(local, list(references), **options))
 
 
 def _read(path: Path, use: Callable[[ModuleType, Path], T]) -> T:
@@ -420,10 +452,40 @@ def _refuse_other_start(channels: list[Channel], rate: float, source: str) -> No
         )
 
 
+def _sampled(
+    signals: dict[str, NDArray[np.float64]],
+    channels: dict[str, Channel],
+    stated_rate: float | None,
+    time_unit: str | None,
+    uneven_time: UnevenTime,
+    source: str,
+) -> tuple[dict[str, NDArray[np.float64]], float]:
+    """The signals at a constant rate, and the rate."""
+    if uneven_time == "refuse":
+        return signals, _sampling_rate(channels, stated_rate, time_unit, source)
+    if "time" not in channels:
+        raise InputError(
+            source,
+            "uneven_time is stated without a time channel",
+            f"state time{_named_times(source)}, or remove uneven_time",
+        )
+    time = channels["time"]
+    grid = even_grid(time.values, source, time.name)
+    rate = _sampling_rate(channels, stated_rate, time_unit, source, grid.step)
+    return {role: grid.interpolated(each) for role, each in signals.items()}, rate
+
+
 def _sampling_rate(
-    channels: dict[str, Channel], stated: float | None, time_unit: str | None, source: str
+    channels: dict[str, Channel],
+    stated: float | None,
+    time_unit: str | None,
+    source: str,
+    step: float | None = None,
 ) -> float:
-    """The rate that is stated, else that of the time stamps, else the file's own."""
+    """The rate that is stated, else that of the time stamps, else the file's own.
+
+    That of the time stamps follows from their mean step where they are not uniform.
+    """
     signals = [channel for role, channel in channels.items() if role != "time"]
     in_file = list(dict.fromkeys(channel.sampling_rate for channel in signals))
     if len(in_file) > 1 and stated is None:
@@ -444,7 +506,8 @@ def _sampling_rate(
                 f'time "{time.name}"',
             )
         known = stated if stated is not None else own
-        return sampling_rate_of(time.values, source, time.name, time.unit, known, time_unit)
+        stamps = time.values, source, time.name, time.unit
+        return sampling_rate_of(*stamps, known, time_unit, step)
     if time_unit is not None:
         raise InputError(
             source, "time_unit is stated without a time channel", "remove it or state time"

@@ -9,6 +9,7 @@ from typing import Literal
 
 from evopem.config.settings import ChannelSettings
 from evopem.signals.channel_roles import ChannelRoles
+from evopem.signals.even_grid import Unevenness
 from evopem.signals.reading import format_of, local_path, sha256
 from evopem.signals.recording import Recording, saturated_share
 
@@ -58,6 +59,8 @@ class RecordingInfo:
         Where input, output and time were told from the first file.
     time_told : int or str, optional
         The channel of time stamps of the first file, where it alone was told from the file.
+    uneven_times : tuple of Unevenness
+        Of the stamps of each file, where signals were brought to an even grid.
     """
 
     kind: Literal["file", "synthesis"]
@@ -73,6 +76,7 @@ class RecordingInfo:
     further_files: tuple[FileOrigin, ...] = ()
     roles: ChannelRoles | None = None
     time_told: int | str | None = None
+    uneven_times: tuple[Unevenness, ...] = ()
 
     @property
     def files(self) -> tuple[FileOrigin, ...]:

@@ -68,6 +68,7 @@ def sampling_rate_of(
     unit: str = "",
     stated_rate: float | None = None,
     time_unit: str | None = None,
+    step: float | None = None,
 ) -> float:
     """Sampling rate (Hz) of uniform time stamps.
 
@@ -93,6 +94,8 @@ def sampling_rate_of(
         Rate (Hz) stated elsewhere. When the stamps agree with it, it is returned.
     time_unit : str, optional
         One of `TIME_UNITS`, as the user states it.
+    step : float, optional
+        Of the even grid that uneven stamps are brought to, in their unit: they need not be uniform.
 
     Raises
     ------
@@ -100,7 +103,7 @@ def sampling_rate_of(
         When the stamps are too few, not finite, not increasing, not uniform (the first bad
         sample is named, counted from 1), of an unknown unit, or contradict the stated rate.
     """
-    place = f'time "{name}"' if name else "time"
+    place = _place(name)
     if time_unit is not None and time_unit not in TIME_UNITS:
         raise InputError(
             source,
@@ -108,11 +111,9 @@ def sampling_rate_of(
             f"set time_unit to one of {', '.join(TIME_UNITS)}",
             place,
         )
-    if stamps.size < 2:
-        raise InputError(source, "there are fewer than two time stamps", "give a longer recording")
     ticks = _ticks(stamps, source, place)
-    # From the first stamp on, so that dates in nanoseconds keep all their digits as floats.
-    step = _uniform_step((ticks - ticks[0]).astype(np.float64), source, place)
+    if step is None:
+        step = _uniform_step(_from_first(ticks), source, place)
     if stamps.dtype.kind in "Mm":
         scale = TIME_UNITS["ns"]
     elif time_unit is not None:
@@ -132,6 +133,24 @@ def sampling_rate_of(
             place,
         )
     return float(stated_rate)
+
+
+def elapsed(stamps: NDArray, source: str, name: str) -> NDArray[np.float64]:
+    """Time since the first stamp, in the unit of the stamps; of dates in nanoseconds.
+
+    Parameters
+    ----------
+    stamps : ndarray, shape (N,)
+        As of :func:`sampling_rate_of`.
+    source, name : str
+        File and channel that an error names.
+
+    Raises
+    ------
+    InputError
+        When the stamps are too few or not finite.
+    """
+    return _from_first(_ticks(stamps, source, _place(name)))
 
 
 def seconds_of(unit: str) -> float | None:
@@ -156,8 +175,19 @@ def is_time(signal: NDArray[np.float64], sampling_rate: float) -> bool:
     )
 
 
+def _place(name: str) -> str:
+    return f'time "{name}"' if name else "time"
+
+
+def _from_first(ticks: NDArray) -> NDArray[np.float64]:
+    """From the first stamp on, so that dates in nanoseconds keep all their digits as floats."""
+    return (ticks - ticks[0]).astype(np.float64)
+
+
 def _ticks(stamps: NDArray, source: str, place: str) -> NDArray:
     """The stamps as 64-bit numbers, in which differences do not overflow."""
+    if stamps.size < 2:
+        raise InputError(source, "there are fewer than two time stamps", "give a longer recording")
     if stamps.dtype.kind in "Mm":
         if np.isnat(stamps).any():
             first = int(np.argmax(np.isnat(stamps)))
@@ -202,7 +232,8 @@ def _refuse(source: str, place: str, index: int, problem: str) -> NoReturn:
     raise InputError(
         source,
         problem,
-        "bring the recording to a constant rate, or leave time out and state sampling_rate",
+        "bring the recording to a constant rate (of a file: uneven_time: interpolate), or leave"
+        " time out and state sampling_rate",
         f"{place}, sample {index + 1}",
     )
 

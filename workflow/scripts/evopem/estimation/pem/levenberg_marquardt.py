@@ -6,9 +6,8 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
-from evopem.estimation.damped_descent import Optimum
+from evopem.estimation.damped_descent import Optimum, damped_step
 
 Array = NDArray[np.float64]
 
@@ -61,16 +60,17 @@ def descend(errors: LeastSquares, start: Array, max_iterations: int, tolerance: 
         hessian, gradient = columns.T @ columns, columns.T @ residuals
         total = float(residuals @ residuals)
         while True:
-            step = _step(hessian, gradient, damping)
-            promised = -2.0 * (gradient @ step) - step @ hessian @ step
-            if damping <= FIRST_DAMPING and promised < 0.1 * tolerance * total:
-                return Optimum(point, value, True, evaluations)
-            trial = errors.repaired(point + step / size)
-            found = errors.residuals(trial)
-            new = errors.percent(found)
-            evaluations += 1
-            if new < value:
-                break
+            step = damped_step(hessian, gradient, damping)
+            if step is not None:
+                promised = -2.0 * (gradient @ step) - step @ hessian @ step
+                if damping <= FIRST_DAMPING and promised < 0.1 * tolerance * total:
+                    return Optimum(point, value, True, evaluations)
+                trial = errors.repaired(point + step / size)
+                found = errors.residuals(trial)
+                new = errors.percent(found)
+                evaluations += 1
+                if new < value:
+                    break
             damping, growth = damping * growth, growth * 2.0
             if damping > LARGEST_DAMPING:
                 return Optimum(point, value, True, evaluations)
@@ -83,16 +83,3 @@ def descend(errors: LeastSquares, start: Array, max_iterations: int, tolerance: 
         if small_gains >= 2:
             return Optimum(point, value, True, evaluations)
     return Optimum(point, value, False, evaluations)
-
-
-def _step(hessian: Array, gradient: Array, damping: float) -> Array:
-    """Damped Gauss-Newton step in scaled coordinates."""
-    while True:
-        matrix = hessian + (damping + 1e-13) * np.eye(len(hessian))
-        try:
-            factor = cho_factor(matrix, lower=True, check_finite=False)
-        except LinAlgError:
-            damping = 10.0 * max(damping, 1e-13)
-            continue
-        step: Array = -cho_solve(factor, gradient, check_finite=False)
-        return step

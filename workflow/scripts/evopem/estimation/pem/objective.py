@@ -21,8 +21,6 @@ from evopem.models.structures import PolynomialOrders
 
 Array = NDArray[np.float64]
 
-OBJECTIVES = ("absolute", "quadratic")
-
 # What the square of a noise state weighs against that of a residual: a prior of ten standard
 # deviations of the innovations.  Where C forgets its start before the first scored residual, a
 # state of any size would fit a few residuals more, and the search would have no end.
@@ -111,6 +109,13 @@ class PredictionErrorProblem:
 
     def of_orders(self, orders: PolynomialOrders) -> PredictionErrorProblem:
         """The same problem for other orders that have residuals from ``recursion_start`` on."""
+        return self._with(orders, self.max_root_radius)
+
+    def within_radius(self, radius: float) -> PredictionErrorProblem:
+        """The same problem with another allowed radius of the roots."""
+        return self._with(self.orders, radius)
+
+    def _with(self, orders: PolynomialOrders, max_root_radius: float) -> PredictionErrorProblem:
         return PredictionErrorProblem(
             self.input,
             self.output,
@@ -118,19 +123,7 @@ class PredictionErrorProblem:
             self.objective,
             self.recursion_start,
             self.scoring_start,
-            self.max_root_radius,
-        )
-
-    def within_radius(self, radius: float) -> PredictionErrorProblem:
-        """The same problem with another allowed radius of the roots."""
-        return PredictionErrorProblem(
-            self.input,
-            self.output,
-            self.orders,
-            self.objective,
-            self.recursion_start,
-            self.scoring_start,
-            radius,
+            max_root_radius,
         )
 
     def radius_of(self, name: str) -> float:  # noqa: ARG002 - as of other problems

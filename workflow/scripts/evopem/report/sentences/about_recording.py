@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from evopem.report.numbers import (
     THIN,
@@ -15,6 +16,7 @@ from evopem.report.numbers import (
     times,
 )
 from evopem.results.dataset import DatasetResults
+from evopem.signals.even_grid import Unevenness
 from evopem.signals.preparation import Transforms
 from evopem.signals.recording_info import RecordingInfo
 
@@ -27,6 +29,7 @@ def recording(results: DatasetResults) -> list[str]:
         sentences.append(results.recording_info.roles.sentence)
     if results.recording_info.time_told is not None:
         sentences.append(sampling_rate_told(results.recording_info.time_told))
+    sentences += uneven_stamps(results.recording_info.uneven_times)
     if transforms.resampled_from is not None:
         sentences.append(
             f"It was resampled from {hertz(transforms.resampled_from)} to"
@@ -44,6 +47,21 @@ def recording(results: DatasetResults) -> list[str]:
 def sampling_rate_told(time: int | str) -> str:
     """Where the sampling rate comes from, when the configuration does not say it."""
     return f"The sampling rate is that of the time stamps “{time}”, which were told by name."
+
+
+def uneven_stamps(times: Sequence[Unevenness]) -> list[str]:
+    """How far the stamps were from the even grid that the signals were brought to."""
+    if not times:
+        return []
+    missing = sum(each.in_gaps for each in times)
+    longest = max(each.longest_gap for each in times)
+    shift = max(each.largest_shift for each in times)
+    gaps = f" {plural(missing, 'sample is', 'samples are')} missing, in gaps of up to"
+    gaps += f" {number(longest, 3)} steps."
+    return [
+        "The time stamps are not even: the signals were interpolated linearly at even times, from"
+        f" which a stamp is up to {number(shift, 2)} steps away.{gaps if missing else ''}"
+    ]
 
 
 def _means(transforms: Transforms) -> str:

@@ -1,0 +1,121 @@
+"""Bringing signals with uneven time stamps to an even grid."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evopem.errors import InputError
+from evopem.signals.timestamps import elapsed
+
+LONGEST_GAP = 20
+"""Steps between two stamps that are interpolated at most."""
+MOST_IN_GAPS = 0.1
+"""Largest share of the samples that may lie in gaps."""
+GAP = 1.5
+"""Two stamps farther apart than so many usual steps have a gap between them."""
+CLOSEST = 1e-6
+"""Two stamps closer than this share of the usual step are the same time."""
+
+Values = TypeVar("Values", bound=np.generic)
+
+
+@dataclass(frozen=True)
+class Unevenness:
+    """How far time stamps are from even ones.
+
+    Attributes
+    ----------
+    in_gaps : int
+        Missing samples: between stamps that are more than :data:`GAP` usual steps apart.
+    longest_gap : float
+        Largest distance of two neighbouring stamps, in steps.
+    largest_shift : float
+        Largest distance of a stamp from the nearest sample, in steps.
+    """
+
+    in_gaps: int
+    longest_gap: float
+    largest_shift: float
+
+
+@dataclass(frozen=True, eq=False)
+class EvenGrid:
+    """An even grid from the first of uneven time stamps to the last.
+
+    Attributes
+    ----------
+    step : float
+        In the unit of the stamps, from the first one to the last a whole number of times.
+    samples : int
+    unevenness : Unevenness
+    stamps : (N,) array
+        The stamps, in steps from the first one.
+    """
+
+    step: float
+    samples: int
+    unevenness: Unevenness
+    stamps: NDArray[np.float64] = field(repr=False)
+
+    def interpolated(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """A signal on the grid, linear between the two stamps around each sample.
+
+        Parameters
+        ----------
+        values : (stamps,) array
+        """
+        return np.interp(np.arange(self.samples), self.stamps, values)
+
+
+def even_grid(stamps: NDArray[Values], source: str, name: str) -> EvenGrid:
+    """The grid of the usual step of time stamps, some of which may be late or missing.
+
+    Parameters
+    ----------
+    stamps : (N,) array
+        Numbers, dates (datetime64) or durations (timedelta64), increasing.
+    source, name : str
+        File and channel that an error names.
+
+    Raises
+    ------
+    InputError
+        When the stamps do not increase, or too many samples are missing, together or in one place.
+    """
+    times = elapsed(stamps, source, name)
+    steps = np.diff(times)
+    usual = float(np.median(steps))
+    place = f'time "{name}"'
+    if steps.min() <= CLOSEST * usual:
+        at = int(np.argmax(steps <= CLOSEST * usual)) + 2
+        raise InputError(
+            *(
+                source,
+                "the time does not increase",
+                "remove rows whose time is not later than the one before",
+            ),
+            f"{place}, sample {at}",
+        )
+    # The median of a few irregular steps is not exact enough to divide the whole time by.
+    total = max(int(np.round(steps / usual).sum()), 1)
+    step = float(times[-1]) / total
+    on_grid = times / step
+    gaps = steps > GAP * usual
+    missing = int(np.sum(np.round(steps[gaps] / step) - 1))
+    longest = float(steps.max() / step)
+    if longest > LONGEST_GAP or missing > MOST_IN_GAPS * total:
+        at = int(np.argmax(steps)) + 2
+        raise InputError(
+            source,
+            f"{missing} samples of {total + 1} are missing, and the longest gap ends at this sample"
+            f" after {longest:.3g} usual steps; up to {100 * MOST_IN_GAPS:g} % and {LONGEST_GAP}"
+            " steps are interpolated",
+            "give what was recorded without gaps, as several files of one data set",
+            f"{place}, sample {at}",
+        )
+    shift = float(np.abs(on_grid - np.round(on_grid)).max())
+    return EvenGrid(step, total + 1, Unevenness(missing, longest, shift), on_grid)
