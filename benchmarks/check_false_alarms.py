@@ -36,7 +36,7 @@ from evopem.signals.spectral.multitaper import multitaper_spectrum
 from evopem.signals.spectral.peaks import summarize_spectrum
 from evopem.signals.spectral.summary import SpectrumSummary
 from evopem.validation.checks import Check, checks
-from evopem.validation.validation import validate
+from evopem.validation.validate import validate
 
 ORDERS, WINDOW, SAMPLES = armax_orders(4, 4, 3, 1), ScoringWindow(10, 30), 2000
 PREPARATION = PreparationSettings(TransformSettings("none", 0, 0), SplitSettings(0, 0.8))

@@ -233,7 +233,7 @@ def search_record(folder: Path, name: str, made: dict[str, np.ndarray]) -> None:
     )
     from evopem.config.state_space_settings import VARIANTS
     from evopem.estimation.state_space.settings import StateSpaceSettings
-    from evopem.pipeline.multichannel import variants_of
+    from evopem.pipeline.multichannel.search import variants_of
     from evopem.validation.multichannel import mean_errors
 
     begun = time.process_time()

@@ -92,7 +92,14 @@ def test_scripts_reach_their_part_of_the_package_and_no_more():
     assert "evopem/signals/readers/matlab.py" not in reached["prepare_signals"]
     assert "evopem/estimation/order_selection.py" in reached["estimate_candidates"]
     assert "evopem/signals/spectral/multitaper.py" in reached["estimate_spectrum"]
-    for early in ("read_recording", "prepare_signals", "estimate_spectrum", "estimate_candidates"):
+    single_channel = (
+        "read_recording",
+        "prepare_signals",
+        "estimate_spectrum",
+        "estimate_candidates",
+    )
+    several = ("read_channels", "prepare_channels", "search_state_space", "estimate_state_space")
+    for early in single_channel + several:
         later = [name for name in reached[early] if "/figures/" in name or "/report/" in name]
         assert later == [], early
     assert not [name for name in reached["prepare_signals"] if "/estimation/" in name]

@@ -14,7 +14,7 @@ from evopem.config.state_space_keys import (
 )
 from evopem.config.state_space_settings import (
     ChannelPlace,
-    StateSpaceDataset,
+    MultichannelDataset,
     UnitSettings,
     searched_variants,
 )
@@ -49,7 +49,7 @@ def test_lists_of_channels_mean_a_state_space_model():
     found = dataset(
         "output: [y1, 4, 'acc_*']\n    input: u\n    output_unit: {y1: m}\n    input_unit: [N]"
     )
-    assert isinstance(found, StateSpaceDataset)
+    assert isinstance(found, MultichannelDataset)
     assert found.source.channels.inputs == ("u",)
     assert found.source.channels.outputs == ("y1", 4, "acc_*")
     assert found.source.channels.output_units == UnitSettings(by_name={"y1": "m"})
@@ -59,7 +59,7 @@ def test_lists_of_channels_mean_a_state_space_model():
 
 def test_so_does_a_pattern_without_a_list():
     found = dataset("output: acc_*\n    input: u")
-    assert isinstance(found, StateSpaceDataset)
+    assert isinstance(found, MultichannelDataset)
     assert found.source.channels.outputs == ("acc_*",)
 
 
@@ -73,7 +73,7 @@ def test_several_inputs_and_one_output_take_every_polynomial_structure():
     keys = "input: [u1, u2]\n    output: y\n    structure: {}\n    orders: {{joint: [2, 5]}}"
     for structure in ("fir", "arx", "armax", "ararx", "ararmax", "oe", "bj", "general"):
         found = dataset(keys.format(structure))
-        assert isinstance(found, StateSpaceDataset)
+        assert isinstance(found, MultichannelDataset)
         assert searched_variants(found) == ((structure, "determinant"),)
         assert found.choices.orders.joint == (2, 5)
 

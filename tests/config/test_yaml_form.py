@@ -26,6 +26,7 @@ from evopem.config.settings import (
     TransformSettings,
 )
 from evopem.config.several_recordings import check_several_recordings
+from evopem.config.state_space_settings import is_pattern
 from evopem.config.yaml_form import keys_of, read_settings, settings_of, yaml_text
 from evopem.errors import InputError
 
@@ -38,9 +39,11 @@ def ranges(low, high):
 
 rates = st.floats(1e-3, 1e6)
 words = st.text(st.characters(exclude_categories=["Cs", "Cc"]), min_size=1, max_size=12)
+# A name with an asterisk stands for several channels, which other settings have.
+names = words.filter(lambda name: not is_pattern(name))
 channels = st.builds(
     ChannelSettings,
-    input=st.integers(1, 99) | words,
+    input=st.integers(1, 99) | names,
     output=st.integers(100, 199),
     sampling_rate=st.none() | rates,
     time=st.none(),

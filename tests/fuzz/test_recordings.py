@@ -30,7 +30,7 @@ from evopem.signals.preparation import prepare
 from evopem.signals.recording import Recording, check_recording
 from evopem.signals.spectral.multitaper import multitaper_spectrum
 from evopem.signals.spectral.peaks import summarize_spectrum
-from evopem.validation.validation import validate
+from evopem.validation.validate import validate
 
 ORDERS = armax_orders(2, 2, 1, 1)
 GRID = OrderGrid(DelaySettings((2, 2), (0, 1)), OrderSettings((2, 2), (1, 2), (1, 2)))

@@ -45,11 +45,8 @@ snakemake --snakefile "$checkout/Snakefile" --directory . 2>&1 | tee "$work/seco
 # The same configuration gives the same bytes, in whatever folder.
 cmp results/truth/model.json "$checkout/results/truth/model.json"
 
-for archive in report.zip report.html; do
-    say "snakemake --report $archive"
-    snakemake --snakefile "$checkout/Snakefile" --directory . --report $archive
-    [[ -s $archive ]]
-done
+say "snakemake --report report.zip"
+snakemake --snakefile "$checkout/Snakefile" --directory . --report report.zip
 python -c "import zipfile; assert zipfile.ZipFile('report.zip').testzip() is None"
 
 say "snakemake (in the checkout)"

@@ -11,7 +11,7 @@ from evopem.config.defaults import complete
 from evopem.errors import InputError
 from evopem.estimation.state_space.model_record import MultichannelModelRecord
 from evopem.files.json_form import load
-from evopem.pipeline.multichannel import identify_channels
+from evopem.pipeline.multichannel.stages import identify_channels
 from evopem.results.layout import DatasetFiles
 from evopem.signals.multichannel_preparation import load_multichannel_data
 from evopem.validation.modes_record import ModesRecord

@@ -14,7 +14,7 @@ from evopem.config.defaults import complete
 from evopem.errors import InputError
 from evopem.estimation.state_space.model_record import MultichannelModelRecord
 from evopem.files.json_form import load
-from evopem.pipeline.multichannel import identify_channels
+from evopem.pipeline.multichannel.stages import identify_channels
 from evopem.results.fleet import DatasetSummary
 from evopem.results.layout import DatasetFiles
 from evopem.validation.multichannel import MultichannelValidation

@@ -15,7 +15,7 @@ from evopem.config.settings import SplitSettings
 from evopem.config.state_space_settings import ChannelLists
 from evopem.errors import InputError
 from evopem.files.json_form import load
-from evopem.pipeline.multichannel import read_channels
+from evopem.pipeline.multichannel.acquisition import read_channels
 from evopem.signals.joining import joined_multichannel
 from evopem.signals.multichannel import MultichannelRecording, load_multichannel
 from evopem.signals.multichannel_preparation import (

@@ -121,6 +121,21 @@ def test_bad_input_is_said_in_one_sentence(folder, arguments, sentence):
     assert said[0].endswith(".")
 
 
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--output", "2", "3"), "3 stands without an option: write --output before each channel"),
+        (("--input", "1", "2", "--output", "3"), "2 stands without an option: write --input"),
+        (("--outputs", "3"), "unrecognized arguments: --outputs"),
+    ],
+)
+def test_a_second_channel_behind_one_option_is_told_how_to_be_given(arguments, said, capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(["data.csv", "--input", "1", "--output", "2", *arguments])
+    assert ended.value.code == 2
+    assert said in capsys.readouterr().err
+
+
 def test_a_missing_extra_is_named(folder, monkeypatch, capsys):
     found = importlib.util.find_spec
     missing = {"pandas", "jinja2"}

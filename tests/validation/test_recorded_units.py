@@ -8,7 +8,7 @@ from evopem.models.polynomial import PolynomialModel
 from evopem.signals.preparation import prepare
 from evopem.signals.recording import Recording
 from evopem.validation.recorded_units import recorded_errors, recorded_series
-from evopem.validation.validation import validate
+from evopem.validation.validate import validate
 
 
 def recording(samples=1200, offset=50.0):

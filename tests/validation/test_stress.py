@@ -20,7 +20,7 @@ from evopem.signals.recording import Recording
 from evopem.signals.recording_info import describe_synthetic_recording
 from evopem.signals.spectral.summary import SpectrumSummary
 from evopem.validation.checks import checks
-from evopem.validation.validation import validate
+from evopem.validation.validate import validate
 
 PREPARATION = PreparationSettings(TransformSettings("none", 0, 0), SplitSettings(discard=50))
 NO_PEAKS = SpectrumSummary(4.0, 7, 2048, 1, 0.1, (), 0)

@@ -11,7 +11,7 @@ from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomial_states import estimate_prediction_states, estimate_simulation_state
 from evopem.signals.preparation import PreparedData, Transforms
 from evopem.signals.recording import Recording
-from evopem.validation.validation import validate
+from evopem.validation.validate import validate
 
 RATE = 100.0
 

@@ -12,30 +12,6 @@ from evopem.files.json_form import load
 from .conftest import TINY, jobs_of_each_rule
 
 
-def test_one_job_makes_what_the_stages_make(finished, folder):
-    folder.configure(TINY | {"one_job_per": "recording", "candidates_per_job": "auto"})
-    printed = folder.finish("--cores", "2")
-    assert jobs_of_each_rule(printed) == {"identify_synthetic_armax": 1}
-    made, staged = (each.files_of("truth") for each in (folder, finished))
-    results = [
-        *staged.results,
-        staged.recording,
-        staged.prepared,
-        staged.truth,
-        *staged.phases("armax"),
-    ]
-    results += staged.figures
-    for path in map(Path, results):
-        same = Path(made.folder) / path.relative_to(staged.folder)
-        assert same.read_bytes() == path.read_bytes(), path
-    assert Path(made.report).stat().st_size > 50_000
-    files = {path.relative_to(made.folder) for path in Path(made.folder).rglob("*.*")}
-    assert not [path for path in files if path.name.startswith("part-")]
-    assert folder.planned() == {}
-    Path(made.phase("nc")).unlink()  # no other job of the run needs it
-    assert folder.planned() == {"identify_synthetic_armax": 1}
-
-
 def table(folder):
     with (folder.results / "fleet.csv").open(encoding="utf-8") as stream:
         return list(csv.DictReader(stream))

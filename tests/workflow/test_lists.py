@@ -12,14 +12,20 @@ import pytest
 
 from .conftest import TINY, Folder
 
+# Of a structure with few phases: the lists are the same for all.
+DEFAULTS = TINY["defaults"] | {
+    "structure": "arx",
+    "delay": {"orders": [3, 3], "nk": [2, 3]},
+    "orders": {"joint": [3, 3], "nb": [3, 3]},
+}
 SENTENCE = 'b.csv, line 51, column 2: "oops" is not a finite number; repair or remove that sample.'
 
 
 def configure(folder, *names, **changes):
     """Name recordings in the configuration."""
     datasets = {name: {"file": f"{name}.csv", "sampling_rate": 100} for name in names}
-    keys = {"report": "none", "candidates_per_job": "auto", "datasets": datasets}
-    folder.configure(TINY | keys | changes)
+    keys = {"report": "none", "candidates_per_job": "auto", "defaults": DEFAULTS}
+    folder.configure(keys | {"datasets": datasets} | changes)
 
 
 def table(folder):
@@ -150,7 +156,7 @@ def test_a_job_that_is_killed_is_not_quoted(two, folder):
 def test_a_killed_run_does_not_leave_outdated_results_listed_as_complete(copy_of_two, two):
     """Of a run that is killed nothing remains to correct the lists."""
     folder = copy_of_two
-    configure(folder, "a", "b", defaults=TINY["defaults"] | {"spectrum": {"nfft": 1024}})
+    configure(folder, "a", "b", defaults=DEFAULTS | {"spectrum": {"nfft": 1024}})
     run = psutil.Popen(
         folder.command("--cores", "1", "--until", "estimate_spectrum"), cwd=folder.path
     )

@@ -155,26 +155,33 @@ ELSEWHERE = {
 }
 
 
-def test_cores_parts_and_environment_do_not_change_results(finished, tmp_path):
-    """One job a phase with two processes, another locale, time zone, hash seed and BLAS threads.
+def test_neither_one_job_nor_cores_nor_environment_change_results(finished, tmp_path):
+    """All stages in one job with three processes, as the run of a job for each stage made them.
 
-    And with numpy's code for a processor without AVX-512. Fewer cores later repeat nothing.
+    In another locale, time zone, hash seed and number of BLAS threads, and with numpy's code for a
+    processor without AVX-512. Fewer cores later repeat nothing.
     """
     folder = Folder(tmp_path, environment=ELSEWHERE)
-    folder.configure(TINY | {"candidates_per_job": "auto"})
+    folder.configure(TINY | {"one_job_per": "recording", "candidates_per_job": "auto"})
     printed = folder.finish("--cores", "3")
-    assert jobs_of_each_rule(printed)["estimate_candidates"] == 4
-    expected, found = (
-        {name: content for name, content in final_files(each).items() if "phases/" not in name}
+    assert jobs_of_each_rule(printed) == {"identify_synthetic_armax": 1}
+    staged, made = (
+        {name: content for name, content in final_files(each).items() if not _of_jobs(name)}
         for each in (finished, folder)
     )
-    assert sorted(found) == sorted(expected)
-    assert [name for name in found if found[name] != expected[name]] == []
-    assert {"truth/model.json", "truth/candidates.csv", "truth/figures/phases.svg"} <= set(found)
-    for phase in PHASES:
-        one, other = (each.files_of("truth").phase(phase) for each in (folder, finished))
-        assert Path(one).read_bytes() == Path(other).read_bytes()
+    assert sorted(made) == sorted(staged)
+    assert [name for name in made if made[name] != staged[name]] == []
+    assert {"truth/model.json", "truth/candidates.csv", "truth/figures/phases.svg"} <= set(made)
+    assert {f"truth/phases/{phase}.json" for phase in PHASES} <= set(made)
+    assert Path(folder.files_of("truth").report).stat().st_size > 50_000
     assert folder.planned("--cores", "1") == {}
+    Path(folder.files_of("truth").phase("nc")).unlink()  # no other job of the run needs it
+    assert folder.planned() == {"identify_synthetic_armax": 1}
+
+
+def _of_jobs(name):
+    """Whether a file tells how the stages were divided into jobs."""
+    return "/part-" in name or "/checksums/" in name
 
 
 def test_a_killed_run_is_taken_up_again(copy, finished):

@@ -19,8 +19,8 @@ rule read_recording:
         "../envs/evopem.yaml"
     threads: 1
     resources:
-        mem_mb=provider.reading_memory,
-        runtime=provider.reading_time,
+        mem_mb=provider.resources.reading_memory,
+        runtime=provider.resources.reading_time,
     params:
         recorded=provider.settings("source.files"),
         channels=provider.settings("source.channels"),

@@ -19,11 +19,11 @@ rule decide_preparation:
         "../envs/evopem.yaml"
     threads: 1
     resources:
-        mem_mb=provider.reading_memory,
-        runtime=provider.reading_time,
+        mem_mb=provider.resources.reading_memory,
+        runtime=provider.resources.reading_time,
     params:
         preparation=provider.settings("preparation"),
-        given=provider.given_preparation,
+        given=provider.automatic_recipe.given_preparation,
         recorded=provider.recorded_names,
         code=code("decide_preparation"),
     script:
@@ -50,8 +50,8 @@ rule apply_preparation:
         "../envs/evopem.yaml"
     threads: 1
     resources:
-        mem_mb=provider.reading_memory,
-        runtime=provider.reading_time,
+        mem_mb=provider.resources.reading_memory,
+        runtime=provider.resources.reading_time,
     params:
         preparation=provider.settings("preparation"),
         code=code("apply_preparation"),
@@ -78,8 +78,8 @@ rule decide_folds:
         "../envs/evopem.yaml"
     threads: 1
     resources:
-        mem_mb=provider.reading_memory,
-        runtime=provider.reading_time,
+        mem_mb=provider.resources.reading_memory,
+        runtime=provider.resources.reading_time,
     params:
         code=code("decide_folds"),
     script:
@@ -105,10 +105,10 @@ rule decide_delay:
         "../envs/evopem.yaml"
     threads: 1
     resources:
-        mem_mb=provider.reading_memory,
-        runtime=provider.reading_time,
+        mem_mb=provider.resources.reading_memory,
+        runtime=provider.resources.reading_time,
     params:
-        limits=provider.automatic_settings("nk"),
+        limits=provider.automatic_recipe.settings("nk"),
         code=code("decide_delay"),
     script:
         "../scripts/decide_delay.py"
@@ -117,7 +117,7 @@ rule decide_delay:
 rule search_structure:
     """Search the orders of one structure, from the optima of those nested in it."""
     input:
-        provider.nested_searches,
+        provider.automatic_recipe.nested_searches,
         stretches=files.stretches,
         plan=files.decision("preparation"),
         prepared=files.prepared,
@@ -136,10 +136,10 @@ rule search_structure:
         "../envs/evopem.yaml"
     threads: 1
     resources:
-        mem_mb=provider.estimation_memory,
-        runtime=provider.estimation_time,
+        mem_mb=provider.resources.estimation_memory,
+        runtime=provider.resources.estimation_time,
     params:
-        limits=provider.automatic_settings("nk", "joint", "nc", "nd", "nb"),
+        limits=provider.automatic_recipe.settings("nk", "joint", "nc", "nd", "nb"),
         code=code("search_structure"),
     script:
         "../scripts/search_structure.py"
@@ -148,7 +148,7 @@ rule search_structure:
 rule compare_structures:
     """Choose a structure and orders for each purpose."""
     input:
-        searches=provider.wanted_searches,
+        searches=provider.automatic_recipe.wanted_searches,
         stretches=files.stretches,
         plan=files.decision("preparation"),
         prepared=files.prepared,
@@ -167,11 +167,11 @@ rule compare_structures:
         "../envs/evopem.yaml"
     threads: 1
     resources:
-        mem_mb=provider.estimation_memory,
-        runtime=provider.estimation_time,
+        mem_mb=provider.resources.estimation_memory,
+        runtime=provider.resources.estimation_time,
     params:
-        structures=provider.wanted_structures,
-        settings=provider.automatic_settings(
+        structures=provider.automatic_recipe.wanted_structures,
+        settings=provider.automatic_recipe.settings(
             "purpose", "structure", "nk", "joint", "nc", "nd", "nb"
         ),
         code=code("compare_structures"),
@@ -200,10 +200,10 @@ rule act_on_checks:
         "../envs/evopem.yaml"
     threads: 1
     resources:
-        mem_mb=provider.estimation_memory,
-        runtime=provider.estimation_time,
+        mem_mb=provider.resources.estimation_memory,
+        runtime=provider.resources.estimation_time,
     params:
-        settings=provider.automatic_settings(
+        settings=provider.automatic_recipe.settings(
             "purpose", "structure", "nk", "joint", "nc", "nd", "nb"
         ),
         code=code("act_on_checks"),
@@ -231,8 +231,8 @@ rule estimate_chosen:
         "../envs/evopem.yaml"
     threads: 1
     resources:
-        mem_mb=provider.estimation_memory,
-        runtime=provider.estimation_time,
+        mem_mb=provider.resources.estimation_memory,
+        runtime=provider.resources.estimation_time,
     params:
         search=provider.settings("search"),
         code=code("estimate_chosen"),
@@ -262,8 +262,8 @@ rule complete_other_model:
         "../envs/evopem.yaml"
     threads: 1
     resources:
-        mem_mb=provider.estimation_memory,
-        runtime=provider.estimation_time,
+        mem_mb=provider.resources.estimation_memory,
+        runtime=provider.resources.estimation_time,
     params:
         search=provider.settings("search"),
         code=code("complete_other_model"),
@@ -274,7 +274,7 @@ rule complete_other_model:
 rule collect_decisions:
     """Put all decisions of a data set into one file."""
     input:
-        searches=provider.searches,
+        searches=provider.automatic_recipe.searches,
         info=files.recording_info,
         stretches=files.stretches,
         prepared=files.prepared,
@@ -284,7 +284,7 @@ rule collect_decisions:
         delay=files.decision("delay"),
         comparison=files.decision("comparison"),
         remedies=files.decision("remedies"),
-        other=provider.other_errors,
+        other=provider.automatic_recipe.other_errors,
     output:
         decisions=files.decisions,
     log:
@@ -300,8 +300,8 @@ rule collect_decisions:
         mem_mb=500,
         runtime=5,
     params:
-        structures=provider.structures,
-        other=provider.other_purpose,
+        structures=provider.automatic_recipe.structures,
+        other=provider.automatic_recipe.other_purpose,
         code=code("collect_decisions"),
     script:
         "../scripts/collect_decisions.py"

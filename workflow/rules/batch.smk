@@ -6,7 +6,7 @@
 rule identify_batch:
     """Take the recordings of a batch from their files to their results."""
     input:
-        lambda wildcards: list(map(local, provider.batch_files(wildcards))),
+        lambda wildcards: list(map(local, provider.batches.files(wildcards))),
     output:
         BATCH_CHECKSUMS,
     log:
@@ -19,10 +19,10 @@ rule identify_batch:
         "../envs/evopem.yaml"
     threads: estimation_cores
     resources:
-        mem_mb=provider.batch_memory,
-        runtime=provider.batch_time,
+        mem_mb=provider.batches.memory,
+        runtime=provider.batches.time,
     params:
-        settings=provider.batch_settings,
+        settings=provider.batches.settings,
         code=code("identify_batch"),
     script:
         "../scripts/identify_batch.py"

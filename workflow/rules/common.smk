@@ -29,8 +29,8 @@ from evopem.config.structures import AUTOMATIC_PHASES, AUTOMATIC_STRUCTURES
 from evopem.errors import InputError
 from evopem.files.termination import interrupt_on_hangup
 from evopem.pipeline.planned_fits import check_planned_fits
-from evopem.pipeline.provider import FILES as files
-from evopem.pipeline.provider import Provider
+from evopem.pipeline.planning.wildcards import FILES as files
+from evopem.pipeline.planning.provider import Provider
 from evopem.results.layout import BATCH, BATCH_CHECKSUMS, FIGURES, OVERVIEW, PHASES
 from evopem.results.layout import DatasetFiles, check_folders
 from evopem.results.made_from import forget_incomplete_batches
@@ -172,7 +172,7 @@ def left_of(jobs):
     jobs = list(jobs)
     if not provider.config.batches:
         return datasets_of(jobs)
-    return provider.unfinished(batches_of(jobs), code("identify_batch"))
+    return provider.batches.unfinished(batches_of(jobs), code("identify_batch"))
 
 
 def collect_unfinished():

@@ -4,8 +4,8 @@
 rule complete_model:
     """Give the selected candidate its covariance, modes and responses, after its focus and constraints."""
     input:
-        unpack(provider.chosen),
-        phase=provider.last_selection,
+        unpack(provider.automatic_recipe.chosen),
+        phase=provider.order_search.last_selection,
         prepared=files.prepared,
         transforms=files.transforms,
     output:
@@ -36,12 +36,12 @@ rule complete_model:
         "../envs/evopem.yaml"
     threads: 1
     resources:
-        mem_mb=provider.model_memory,
-        runtime=provider.model_time,
+        mem_mb=provider.resources.model_memory,
+        runtime=provider.resources.model_time,
     params:
-        window=provider.window,
+        window=provider.order_search.window,
         search=provider.settings("search"),
-        phases=provider.phases,
+        phases=provider.order_search.phases,
         fit=provider.settings("fit"),
         code=code("complete_model"),
     script:
@@ -51,7 +51,7 @@ rule complete_model:
 rule tabulate_candidates:
     """List every candidate of every phase in one table."""
     input:
-        phases=provider.selections,
+        phases=provider.order_search.selections,
     output:
         candidates=report(
             files.candidates,
@@ -74,7 +74,7 @@ rule tabulate_candidates:
         mem_mb=500,
         runtime=5,
     params:
-        phases=provider.phases,
+        phases=provider.order_search.phases,
         code=code("tabulate_candidates"),
     script:
         "../scripts/tabulate_candidates.py"

@@ -4,7 +4,7 @@
 rule estimate_candidates:
     """Estimate every parts-th candidate of a phase, from its predecessor's selection on."""
     input:
-        unpack(provider.earlier_results),
+        unpack(provider.order_search.earlier_results),
         prepared=files.prepared,
         transforms=files.transforms,
     output:
@@ -19,12 +19,12 @@ rule estimate_candidates:
         "../envs/evopem.yaml"
     threads: estimation_cores
     resources:
-        mem_mb=provider.estimation_memory,
-        runtime=provider.estimation_time,
+        mem_mb=provider.resources.estimation_memory,
+        runtime=provider.resources.estimation_time,
     params:
-        grid=provider.phase_grid,
-        parts=provider.part_count,
-        window=provider.window,
+        grid=provider.order_search.phase_grid,
+        parts=provider.order_search.part_count,
+        window=provider.order_search.window,
         search=provider.settings("search"),
         code=code("estimate_candidates"),
     script:
@@ -34,7 +34,7 @@ rule estimate_candidates:
 rule select_candidate:
     """Collect the candidates of a phase, repeat doubtful searches, and select one candidate."""
     input:
-        parts=provider.parts,
+        parts=provider.order_search.parts,
         prepared=files.prepared,
         transforms=files.transforms,
     output:
@@ -49,12 +49,12 @@ rule select_candidate:
         "../envs/evopem.yaml"
     threads: 1
     resources:
-        mem_mb=provider.estimation_memory,
-        runtime=provider.estimation_time,
+        mem_mb=provider.resources.estimation_memory,
+        runtime=provider.resources.estimation_time,
     params:
-        grid=provider.selection_grid,
-        parts=provider.part_count,
-        window=provider.window,
+        grid=provider.order_search.selection_grid,
+        parts=provider.order_search.part_count,
+        window=provider.order_search.window,
         search=provider.settings("search"),
         code=code("select_candidate"),
     script:

@@ -20,12 +20,12 @@ rule prepare_signals:
         "../envs/evopem.yaml"
     threads: 1
     resources:
-        mem_mb=provider.reading_memory,
-        runtime=provider.reading_time,
+        mem_mb=provider.resources.reading_memory,
+        runtime=provider.resources.reading_time,
     params:
         preparation=provider.settings("preparation"),
-        requirements=provider.requirements,
-        fit=provider.fit_to_check,
+        requirements=provider.order_search.requirements,
+        fit=provider.order_search.fit_to_check,
         recorded=provider.recorded_names,
         code=code("prepare_signals"),
     script:

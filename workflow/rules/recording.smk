@@ -40,8 +40,8 @@ for kind in provider.kinds:
             "../envs/evopem.yaml"
         threads: estimation_cores
         resources:
-            mem_mb=provider.estimation_memory,
-            runtime=provider.estimation_time,
+            mem_mb=provider.resources.estimation_memory,
+            runtime=provider.resources.estimation_time,
         params:
             settings=provider.settings(),
             with_report=provider.with_report,

@@ -5,7 +5,7 @@ rule draw_figures:
     """Draw every figure of one data set from its results."""
     input:
         unpack(provider.truth),
-        unpack(provider.decisions),
+        unpack(provider.automatic_recipe.decisions),
         config=files.config,
         recording=files.recording,
         info=files.recording_info,
@@ -13,7 +13,7 @@ rule draw_figures:
         transforms=files.transforms,
         spectrum=files.spectrum,
         spectrum_summary=files.spectrum_summary,
-        phases=provider.selections,
+        phases=provider.order_search.selections,
         candidates=files.candidates,
         model=files.model,
         frequency_response=files.frequency_response,
@@ -44,8 +44,8 @@ rule draw_figures:
         "../envs/evopem.yaml"
     threads: 1
     resources:
-        mem_mb=provider.reading_memory,
-        runtime=provider.reading_time,
+        mem_mb=provider.resources.reading_memory,
+        runtime=provider.resources.reading_time,
     params:
         code=code("draw_figures"),
     script:
@@ -55,7 +55,7 @@ rule draw_figures:
 rule write_report:
     """Set the results and figures of one data set into one HTML file."""
     input:
-        unpack(provider.decisions),
+        unpack(provider.automatic_recipe.decisions),
         unpack(provider.validation_recording(files.validation_recording_info)),
         **{**rules.draw_figures.input},
         figures=files.figures,
@@ -77,8 +77,8 @@ rule write_report:
         "../envs/evopem.yaml"
     threads: 1
     resources:
-        mem_mb=provider.reading_memory,
-        runtime=provider.reading_time,
+        mem_mb=provider.resources.reading_memory,
+        runtime=provider.resources.reading_time,
     params:
         code=code("write_report", *TEMPLATES),
     script:

@@ -25,8 +25,8 @@ rule estimate_spectrum:
         "../envs/evopem.yaml"
     threads: 1
     resources:
-        mem_mb=provider.reading_memory,
-        runtime=provider.reading_time,
+        mem_mb=provider.resources.reading_memory,
+        runtime=provider.resources.reading_time,
     params:
         spectrum=provider.settings("spectrum"),
         code=code("estimate_spectrum"),

@@ -38,7 +38,7 @@ else:
     include: "model.smk"
     include: "validation.smk"
     include: "report.smk"
-    include: "state_space.smk"
+    include: "multichannel.smk"
 
 
 include: "fleet.smk"

@@ -7,7 +7,7 @@ rule validate_model:
         model=files.model,
         prepared=files.prepared,
         transforms=files.transforms,
-        orders=provider.models_of_orders,
+        orders=provider.order_search.models_of_orders,
         spectrum=files.spectrum_summary,
     output:
         validation=report(
@@ -31,10 +31,10 @@ rule validate_model:
         "../envs/evopem.yaml"
     threads: 1
     resources:
-        mem_mb=provider.reading_memory,
-        runtime=provider.reading_time,
+        mem_mb=provider.resources.reading_memory,
+        runtime=provider.resources.reading_time,
     params:
-        phase=provider.phase_of_orders,
+        phase=provider.order_search.phase_of_orders,
         code=code("validate_model"),
     script:
         "../scripts/validate_model.py"
@@ -45,7 +45,7 @@ rule summarize_dataset:
     input:
         info=files.recording_info,
         spectrum=files.spectrum_summary,
-        phases=provider.selections,
+        phases=provider.order_search.selections,
         model=files.model,
         validation=files.validation,
     output:
@@ -63,7 +63,7 @@ rule summarize_dataset:
         mem_mb=500,
         runtime=5,
     params:
-        phases=provider.phases,
+        phases=provider.order_search.phases,
         code=code("summarize_dataset"),
     script:
         "../scripts/summarize_dataset.py"

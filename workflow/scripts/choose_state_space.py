@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING
 from evopem.config.state_space_settings import StateSpaceChoices
 from evopem.files.job import job
 from evopem.files.json_form import from_json
-from evopem.pipeline.multichannel import choose_state_space, variants_of
+from evopem.pipeline.multichannel.choice import choose_state_space
+from evopem.pipeline.multichannel.search import variants_of
 from evopem.results.layout import DatasetFiles
 
 if TYPE_CHECKING:

@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING
 
 from evopem.files.job import job
-from evopem.pipeline.multichannel import collect_state_space_decisions
+from evopem.pipeline.multichannel.decisions import collect_state_space_decisions
 from evopem.results.layout import DatasetFiles
 
 if TYPE_CHECKING:

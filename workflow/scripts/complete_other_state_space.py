@@ -6,7 +6,7 @@ from evopem.config.constraints import InputConstraints
 from evopem.config.state_space_settings import OrderRanges, StateSpaceSearchSettings
 from evopem.files.job import job
 from evopem.files.json_form import from_json
-from evopem.pipeline.multichannel import complete_other_state_space
+from evopem.pipeline.multichannel.chosen import complete_other_state_space
 from evopem.results.layout import DatasetFiles
 
 if TYPE_CHECKING:

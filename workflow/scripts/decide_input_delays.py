@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from evopem.config.input_ranges import InputRanges
 from evopem.files.job import job
 from evopem.files.json_form import from_json
-from evopem.pipeline.multichannel import decide_input_delays
+from evopem.pipeline.multichannel.search import decide_input_delays
 from evopem.results.layout import DatasetFiles
 
 if TYPE_CHECKING:

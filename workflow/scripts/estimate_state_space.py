@@ -6,7 +6,8 @@ from evopem.config.constraints import InputConstraints
 from evopem.config.state_space_settings import OrderRanges, StateSpaceSearchSettings
 from evopem.files.job import job
 from evopem.files.json_form import from_json
-from evopem.pipeline.multichannel import estimate_chosen_state_space, variants_of
+from evopem.pipeline.multichannel.chosen import estimate_chosen_state_space
+from evopem.pipeline.multichannel.search import variants_of
 from evopem.results.layout import DatasetFiles
 
 if TYPE_CHECKING:

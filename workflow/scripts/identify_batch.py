@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from evopem.config.settings import DatasetSettings
-from evopem.config.state_space_settings import StateSpaceDataset
+from evopem.config.state_space_settings import MultichannelDataset
 from evopem.files.job import job
 from evopem.files.json_form import from_json
 from evopem.pipeline.batch import identify_batch
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 results = next(up.parent for up in Path(snakemake.log[0]).parents if up.name == "logs")
 settings = snakemake.params.settings
 recordings = {
-    name: from_json(StateSpaceDataset if "choices" in keys else DatasetSettings, keys)
+    name: from_json(MultichannelDataset if "choices" in keys else DatasetSettings, keys)
     for name, keys in settings.items()
 }
 finished = [DatasetFiles(f"{results}/{name}").checksums for name in recordings]

@@ -2,10 +2,10 @@
 
 from typing import TYPE_CHECKING
 
-from evopem.config.state_space_settings import StateSpaceDataset
+from evopem.config.state_space_settings import MultichannelDataset
 from evopem.files.job import job
 from evopem.files.json_form import from_json
-from evopem.pipeline.multichannel import identify_channels
+from evopem.pipeline.multichannel.stages import identify_channels
 from evopem.results.layout import DatasetFiles
 
 if TYPE_CHECKING:
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 with job(snakemake.log[0], snakemake.input, snakemake.output) as logger:
     identify_channels(
         DatasetFiles.of_log(snakemake.log[0]),
-        from_json(StateSpaceDataset, snakemake.params.settings),
+        from_json(MultichannelDataset, snakemake.params.settings),
         with_report=snakemake.params.with_report,
         log=logger.info,
     )

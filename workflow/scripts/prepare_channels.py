@@ -3,10 +3,10 @@
 from typing import TYPE_CHECKING
 
 from evopem.config.settings import SplitSettings
-from evopem.config.state_space_settings import StateSpaceSource
+from evopem.config.state_space_settings import MultichannelSource
 from evopem.files.job import job
 from evopem.files.json_form import from_json
-from evopem.pipeline.multichannel import prepare_channels
+from evopem.pipeline.multichannel.preparation import prepare_channels
 from evopem.results.layout import DatasetFiles
 
 if TYPE_CHECKING:
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 with job(snakemake.log[0], snakemake.input, snakemake.output):
     prepare_channels(
         DatasetFiles.of_log(snakemake.log[0]),
-        from_json(StateSpaceSource, snakemake.params.source),
+        from_json(MultichannelSource, snakemake.params.source),
         from_json(SplitSettings, snakemake.params.split),
         snakemake.params.resample,
         snakemake.params.given,

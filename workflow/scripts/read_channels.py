@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from evopem.config.state_space_settings import ChannelLists, Geometry
 from evopem.files.job import job
 from evopem.files.json_form import from_json
-from evopem.pipeline.multichannel import read_channels
+from evopem.pipeline.multichannel.acquisition import read_channels
 from evopem.results.layout import DatasetFiles
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from evopem.config.state_space_settings import OrderRanges, StateSpaceSearchSettings
 from evopem.files.job import job
 from evopem.files.json_form import from_json
-from evopem.pipeline.multichannel import search_state_space, variant_named
+from evopem.pipeline.multichannel.search import search_state_space, variant_named
 from evopem.results.layout import DatasetFiles
 
 if TYPE_CHECKING:

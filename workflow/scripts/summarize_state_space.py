@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING
 
 from evopem.files.job import job
-from evopem.pipeline.multichannel import summarize_state_space
+from evopem.pipeline.multichannel.summary import summarize_state_space
 from evopem.results.layout import DatasetFiles
 
 if TYPE_CHECKING:

@@ -27,7 +27,8 @@ from evopem.automatic.preparation import (
     prepare_validation,
     undifferenced,
 )
-from evopem.automatic.remedies import Trial, act_on_checks
+from evopem.automatic.record import Trial
+from evopem.automatic.remedies import act_on_checks
 from evopem.automatic.simulation import prediction_errors, simulated
 from evopem.automatic.structures import Choice, Purpose, compare_structures
 from evopem.models.polynomial import PolynomialModel

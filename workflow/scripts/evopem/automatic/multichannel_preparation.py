@@ -8,10 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.automatic.decision import Alternative, Decision, given_by_configuration, lowest
-from evopem.automatic.preparation import (
+from evopem.automatic.breaks import KEPT_REST
+from evopem.automatic.decimation import (
     FACTORS,
-    KEPT_REST,
     LEAST_GAIN,
     LEAST_SAMPLES,
     MOST_DECIMATED,
@@ -23,6 +22,7 @@ from evopem.automatic.preparation import (
     power_edge,
     smoothed,
 )
+from evopem.automatic.decision import Alternative, Decision, given_by_configuration, lowest
 from evopem.estimation.state_space.estimate import sweep_state_space_orders
 from evopem.estimation.state_space.settings import StateSpaceSettings
 from evopem.signals.multichannel import MultichannelRecording

@@ -5,7 +5,35 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from evopem.automatic.decision import Decision
-from evopem.automatic.remedies import Trial
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One remedy that was tried.
+
+    Attributes
+    ----------
+    check : str
+        The check that failed before.
+    remedy : str
+    model : str
+        Name of the candidate.
+    score : float
+        Error for the purpose on held-out samples, percent.
+    whiteness : float
+        p-value of the Ljung-Box test of the residuals.
+    correlation : float
+        Largest cross-correlation of residuals and input, in its 95 % bounds.
+    taken : bool
+    """
+
+    check: str
+    remedy: str
+    model: str
+    score: float
+    whiteness: float
+    correlation: float
+    taken: bool
 
 
 @dataclass(frozen=True)

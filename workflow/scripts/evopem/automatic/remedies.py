@@ -10,6 +10,7 @@ import numpy as np
 from evopem.automatic.fit import FitSettings, fit, log_loss
 from evopem.automatic.level_decision import Level
 from evopem.automatic.orders import Candidate, Scorer
+from evopem.automatic.record import Trial
 from evopem.automatic.simulation import simulated
 from evopem.automatic.structures import AS_GOOD, Choice, as_good
 from evopem.config.structures import ORDER_NAMES
@@ -28,35 +29,6 @@ TOLERATED = 0.02
 DELAY, LENGTH = "Delay", "Length of B"
 NOISE_ORDERS = (1, 2, 3, 4, 6, 8, 10, 12)
 MOST_TRIALS = 12
-
-
-@dataclass(frozen=True)
-class Trial:
-    """One remedy that was tried.
-
-    Attributes
-    ----------
-    check : str
-        The check that failed before.
-    remedy : str
-    model : str
-        Name of the candidate.
-    score : float
-        Error for the purpose on held-out samples, percent.
-    whiteness : float
-        p-value of the Ljung-Box test of the residuals.
-    correlation : float
-        Largest cross-correlation of residuals and input, in its 95 % bounds.
-    taken : bool
-    """
-
-    check: str
-    remedy: str
-    model: str
-    score: float
-    whiteness: float
-    correlation: float
-    taken: bool
 
 
 @dataclass(frozen=True)

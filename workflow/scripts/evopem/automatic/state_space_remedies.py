@@ -16,7 +16,8 @@ import numpy as np
 from scipy.special import ndtri
 
 from evopem.automatic.multi_input_choice import search_structure
-from evopem.automatic.remedies import DELAY, TOLERATED, Trial
+from evopem.automatic.record import Trial
+from evopem.automatic.remedies import DELAY, TOLERATED
 from evopem.automatic.state_space_choice import ModelChoice, scores_of
 from evopem.automatic.state_space_chosen import ChosenModel, estimate_as_searched, search_chosen
 from evopem.automatic.state_space_search import Variant, VariantSearch, search_variant

@@ -7,7 +7,7 @@ from typing import Literal
 
 from evopem.config.resources import recording_seconds
 from evopem.config.settings import DatasetSettings, RunSettings
-from evopem.config.state_space_settings import StateSpaceDataset
+from evopem.config.state_space_settings import MultichannelDataset
 from evopem.errors import InputError
 
 SECONDS_OF_A_BATCH = 120.0
@@ -44,7 +44,7 @@ def check_batches(run: RunSettings, source: str) -> None:
 
 
 def batches_of(
-    datasets: Mapping[str, DatasetSettings | StateSpaceDataset],
+    datasets: Mapping[str, DatasetSettings | MultichannelDataset],
     per_job: int | Literal["auto"] | None,
 ) -> dict[str, tuple[str, ...]]:
     """Divide data sets into batches of neighbours, numbered from 1; none for None.
@@ -64,7 +64,7 @@ def batches_of(
 
 
 def _by_work(
-    datasets: Mapping[str, DatasetSettings | StateSpaceDataset],
+    datasets: Mapping[str, DatasetSettings | MultichannelDataset],
 ) -> Iterator[tuple[str, ...]]:
     most = max(1, len(datasets) // LEAST_BATCHES)
     batch: list[str] = []

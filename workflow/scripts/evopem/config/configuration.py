@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from evopem.config.conditions import Positions
 from evopem.config.settings import DatasetSettings, RunSettings
-from evopem.config.state_space_settings import StateSpaceDataset
+from evopem.config.state_space_settings import MultichannelDataset
 
 
 @dataclass(frozen=True)
@@ -15,7 +15,7 @@ class Configuration:
 
     Attributes
     ----------
-    datasets : dict of str to DatasetSettings or StateSpaceDataset
+    datasets : dict of str to DatasetSettings or MultichannelDataset
     run : RunSettings
     order : Positions, optional
         What recordings are ordered by where modes are followed.
@@ -24,7 +24,7 @@ class Configuration:
         each recording has jobs of its own.
     """
 
-    datasets: dict[str, DatasetSettings | StateSpaceDataset]
+    datasets: dict[str, DatasetSettings | MultichannelDataset]
     run: RunSettings
     order: Positions | None = None
     batches: dict[str, tuple[str, ...]] = field(default_factory=dict)
@@ -36,7 +36,7 @@ class Configuration:
         return {name: each for name, each in items if isinstance(each, DatasetSettings)}
 
     @property
-    def state_space(self) -> dict[str, StateSpaceDataset]:
+    def multichannel(self) -> dict[str, MultichannelDataset]:
         """The data sets with several channels."""
         items = self.datasets.items()
         return {name: each for name, each in items if not isinstance(each, DatasetSettings)}

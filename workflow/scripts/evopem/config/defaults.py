@@ -33,7 +33,7 @@ from evopem.config.state_space_keys import (
     is_state_space,
     single_channel_defaults,
 )
-from evopem.config.state_space_settings import StateSpaceDataset
+from evopem.config.state_space_settings import MultichannelDataset
 from evopem.config.strict_yaml import Keys
 from evopem.config.structure_keys import check_structure_keys, check_transforms, with_ranges
 from evopem.config.structures import AUTOMATIC_STRUCTURES, has_input
@@ -89,37 +89,10 @@ def _completed(config: Keys, origin: Origin, source: str) -> Configuration:
         check_structure_keys(defaults, structure, source, "defaults")
     everything = _every_key(structure)
     _check_analysis(defaults, _merged(everything, defaults), source, "defaults")
-    datasets: dict[str, DatasetSettings | StateSpaceDataset] = {}
-    conditions = {name: given.get("conditions", {}) for name, given in config["datasets"].items()}
-    for name, entry in config["datasets"].items():
-        place = f"datasets.{name}"
-        given = {key: entry[key] for key in entry if key != "conditions"}
-        if is_state_space(given, given_defaults):
-            datasets[name] = complete_state_space(name, given, given_defaults, source)
-            continue
-        check_single_channel(given, source, place)
-        written = with_ranges(given)
-        if _recipe(written, defaults) == "auto":
-            datasets[name] = _automatic(name, written, defaults, source)
-            continue
-        if "purpose" in written:
-            raise InputError(
-                source,
-                "the chapter's recipe knows no purpose",
-                "remove the key, or write recipe: auto",
-                f"{place}.purpose",
-            )
-        own_structure = written.get("structure", structure)
-        check_structure_keys(written, own_structure, source, place)
-        own_source = complete_source(written, source, place, has_input(own_structure))
-        lowest = analysis_keys(PreparationSettings(), structure=own_structure)
-        if "validation_file" in written:
-            lowest = _merged(lowest, {"split": {"estimation": ALL_SAMPLES}})
-        analysis = _merged(_merged(lowest, defaults), written)
-        _check_analysis(written, analysis, source, place)
-        check_transforms(analysis, own_structure, source, place)
-        _check_something_left(written, analysis, source, place)
-        datasets[name] = settings_of(name, own_source | analysis | merged_fit(defaults, written))
+    datasets = {
+        name: _dataset(name, entry, given_defaults, defaults, source)
+        for name, entry in config["datasets"].items()
+    }
     check_paths(config["datasets"], source)
     for each in datasets.values():
         check_several_recordings(each, source)
@@ -134,8 +107,46 @@ def _completed(config: Keys, origin: Origin, source: str) -> Configuration:
         datasets = {name: datasets[name] for batch in batches.values() for name in batch}
     elif run.shard:
         datasets = shard_of(datasets, run.shard, source)
+    conditions = {name: given.get("conditions", {}) for name, given in config["datasets"].items()}
     order = order_of(conditions, config["follow"], source) if "follow" in config else None
     return Configuration(datasets, run, order, batches)
+
+
+def _dataset(
+    name: str, entry: Keys, given_defaults: Keys, defaults: Keys, source: str
+) -> DatasetSettings | MultichannelDataset:
+    """Fill in every value of one data set; `defaults` are those of a single channel, completed."""
+    given = {key: entry[key] for key in entry if key != "conditions"}
+    if is_state_space(given, given_defaults):
+        return complete_state_space(name, given, given_defaults, source)
+    check_single_channel(given, source, f"datasets.{name}")
+    written = with_ranges(given)
+    if _recipe(written, defaults) == "auto":
+        return _automatic(name, written, defaults, source)
+    return _by_chapter(name, written, defaults, source)
+
+
+def _by_chapter(name: str, written: Keys, defaults: Keys, source: str) -> DatasetSettings:
+    """Fill in every value of a data set of the chapter's recipe."""
+    place = f"datasets.{name}"
+    if "purpose" in written:
+        raise InputError(
+            source,
+            "the chapter's recipe knows no purpose",
+            "remove the key, or write recipe: auto",
+            f"{place}.purpose",
+        )
+    structure = written.get("structure", defaults.get("structure", OrderGrid().structure))
+    check_structure_keys(written, structure, source, place)
+    own_source = complete_source(written, source, place, has_input(structure))
+    lowest = analysis_keys(PreparationSettings(), structure=structure)
+    if "validation_file" in written:
+        lowest = _merged(lowest, {"split": {"estimation": ALL_SAMPLES}})
+    analysis = _merged(_merged(lowest, defaults), written)
+    _check_analysis(written, analysis, source, place)
+    check_transforms(analysis, structure, source, place)
+    _check_something_left(written, analysis, source, place)
+    return settings_of(name, own_source | analysis | merged_fit(defaults, written))
 
 
 def _recipe(written: Keys, defaults: Keys) -> Recipe:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from evopem.config.order_grid import max_candidates_per_part, sample_requirements
 from evopem.config.settings import DatasetSettings, RecordedSource
-from evopem.config.state_space_settings import StateSpaceDataset, StateSpaceSource
+from evopem.config.state_space_settings import MultichannelDataset, MultichannelSource
 from evopem.config.structures import phases_of
 
 MARGIN_MINUTES = 10
@@ -20,12 +20,12 @@ SECONDS_OF_CHANNELS = 60.0
 """Processor time of a short recording by the automatic recipe, and of one of several channels."""
 
 
-def recording_bytes(settings: DatasetSettings | StateSpaceDataset) -> int:
+def recording_bytes(settings: DatasetSettings | MultichannelDataset) -> int:
     """Size of a data set's recordings, known before any job has run."""
     source = settings.source
-    if not isinstance(source, RecordedSource | StateSpaceSource):
+    if not isinstance(source, RecordedSource | MultichannelSource):
         return 16 * source.samples
-    files = [Path(file) for file in (*source.files, *source.validation_files)]
+    files = [Path(file) for file in source.all_files]
     return sum(file.stat().st_size for file in files if is_file(file))
 
 
@@ -45,12 +45,12 @@ def max_samples(settings: DatasetSettings) -> float:
     return source.samples
 
 
-def reading_memory(settings: DatasetSettings | StateSpaceDataset, attempt: int) -> int:
+def reading_memory(settings: DatasetSettings | MultichannelDataset, attempt: int) -> int:
     """MB of a job that reads a recording once."""
     return int(attempt * (800 + 40e-6 * recording_bytes(settings)))
 
 
-def reading_time(settings: DatasetSettings | StateSpaceDataset, attempt: int) -> int:
+def reading_time(settings: DatasetSettings | MultichannelDataset, attempt: int) -> int:
     """Minutes of a job that reads a recording once."""
     return int(attempt * (5 + 0.25e-6 * recording_bytes(settings)))
 
@@ -64,13 +64,13 @@ def estimation_memory(settings: DatasetSettings, threads: int, attempt: int) -> 
     return int(attempt * (400 + processes * each))
 
 
-def recording_seconds(settings: DatasetSettings | StateSpaceDataset) -> float:
+def recording_seconds(settings: DatasetSettings | MultichannelDataset) -> float:
     """Processor time of all stages of a recording without figures, roughly.
 
     The text of a sample has more than the 8 bytes of :func:`max_samples`; a few times too many
     samples do no harm here.
     """
-    if isinstance(settings, StateSpaceDataset):
+    if isinstance(settings, MultichannelDataset):
         return SECONDS_OF_CHANNELS
     if settings.automatic is not None:
         return SECONDS_OF_RECIPE + 2e-3 * max_samples(settings)
@@ -95,12 +95,12 @@ def estimation_time(
     return int(attempt * (MARGIN_MINUTES + 3 * count * seconds / threads / 60))
 
 
-def state_space_memory(settings: StateSpaceDataset, attempt: int) -> int:
+def state_space_memory(settings: MultichannelDataset, attempt: int) -> int:
     """MB of a job that estimates state-space models."""
     return int(attempt * (1200 + 200e-6 * recording_bytes(settings)))
 
 
-def state_space_time(settings: StateSpaceDataset, attempt: int) -> int:
+def state_space_time(settings: MultichannelDataset, attempt: int) -> int:
     """Minutes of a job that estimates state-space models of all orders."""
     return int(attempt * (60 + 60e-6 * recording_bytes(settings)))
 

@@ -5,11 +5,14 @@ from __future__ import annotations
 import ast
 import hashlib
 import os
+import re
 from collections.abc import Iterable, Iterator, Sequence
 from functools import cache
 from pathlib import Path
 
 _PACKAGE = "evopem"
+# A text that begins with the package, behind a quotation mark or a field of an f-string.
+_MODULE_AS_TEXT = re.compile(rf"[\"'}}]{_PACKAGE}\.")
 
 
 def code_version(
@@ -71,23 +74,30 @@ def _reached(script: Path, roots: tuple[Path, ...]) -> set[Path]:
 @cache
 def _imports(file: Path, roots: tuple[Path, ...]) -> frozenset[Path]:
     """Find the project's files that a file imports anywhere in it, its functions included."""
-    tree = ast.parse(file.read_text(encoding="utf-8"))
     home = next(root for root in roots if file.is_relative_to(root))
-    found: set[Path] = set()
-    for node in _run_nodes(tree):
-        for name in _names(node, file, home):
-            for root in roots:
-                found.update(_files(name, root))
-    return frozenset(found)
+    names = _imported_names(file, home)
+    return frozenset(found for name in names for root in roots for found in _files(name, root))
 
 
-def _run_nodes(tree: ast.AST) -> Iterator[ast.AST]:
+@cache
+def _imported_names(file: Path, home: Path) -> frozenset[str]:
+    """The dotted names that a file imports, or may import."""
+    text = file.read_text(encoding="utf-8")
+    # Every start of Snakemake reads all modules: expressions, which are most of their nodes, only
+    # where one names a module.
+    nodes = _run_nodes(ast.parse(text), with_expressions=_MODULE_AS_TEXT.search(text) is not None)
+    return frozenset(name for node in nodes for name in _names(node, file, home))
+
+
+def _run_nodes(tree: ast.AST, with_expressions: bool) -> Iterator[ast.AST]:
     """Walk a syntax tree, past what only a type checker reads."""
     for node in ast.iter_child_nodes(tree):
+        if isinstance(node, ast.expr) and not with_expressions:
+            continue
         if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
             continue
         yield node
-        yield from _run_nodes(node)
+        yield from _run_nodes(node, with_expressions)
 
 
 def _names(node: ast.AST, file: Path, root: Path) -> Iterator[str]:
@@ -111,20 +121,19 @@ def _names(node: ast.AST, file: Path, root: Path) -> Iterator[str]:
         yield node.value
 
 
-def _files(name: str, root: Path) -> Iterator[Path]:
+@cache
+def _files(name: str, root: Path) -> tuple[Path, ...]:
     """Find the files below a folder that an import of a dotted name runs.
 
     The ``__init__`` of a top-level package is not among them.
     """
     first, *steps = name.split(".")
     module, path = root / f"{first}.py", root / first
-    if module.is_file():
-        yield module
+    candidates = [module]
     if name.endswith("."):
         steps.pop()
-        yield from path.joinpath(*steps).glob("*.py")
+        candidates += path.joinpath(*steps).glob("*.py")
     for step in steps:
         path /= step
-        for file in (path.with_suffix(".py"), path / "__init__.py"):
-            if file.is_file():
-                yield file
+        candidates += (path.with_suffix(".py"), path / "__init__.py")
+    return tuple(file for file in candidates if file.is_file())

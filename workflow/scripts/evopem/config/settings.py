@@ -16,6 +16,7 @@ Range = tuple[int, int]
 Synthesis = Literal["flexible_arm", "armax"]
 Structure = Literal["fir", "arx", "arma", "armax", "ararx", "ararmax", "oe", "bj", "general"]
 Objective = Literal["absolute", "quadratic"]
+OBJECTIVES: tuple[Objective, ...] = ("absolute", "quadratic")
 Initialization = Literal["arx", "incremental_order"]
 Focus = Literal["prediction", "simulation"] | int
 Refine = Literal["worst", "all", "best", "random"]
@@ -81,6 +82,11 @@ class RecordedSource:
     validation_files: tuple[str, ...] = ()
     channels_from_file: bool = False
 
+    @property
+    def all_files(self) -> tuple[str, ...]:
+        """The recorded files, those for validation last."""
+        return (*self.files, *self.validation_files)
+
 
 @dataclass(frozen=True)
 class SyntheticSource:
@@ -101,6 +107,11 @@ class SyntheticSource:
     samples: int = 5000
     sampling_rate: float = 100.0
     noise: float | None = None
+
+    @property
+    def all_files(self) -> tuple[str, ...]:
+        """None: nothing is recorded."""
+        return ()
 
 
 @dataclass(frozen=True)

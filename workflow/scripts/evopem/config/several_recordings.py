@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from evopem.config.settings import DatasetSettings, SyntheticSource
-from evopem.config.state_space_settings import StateSpaceDataset
+from evopem.config.state_space_settings import MultichannelDataset
 from evopem.errors import InputError
 
 
-def check_several_recordings(settings: DatasetSettings | StateSpaceDataset, source: str) -> None:
+def check_several_recordings(settings: DatasetSettings | MultichannelDataset, source: str) -> None:
     """Refuse keys that have no meaning for several recordings of one data set.
 
     Parameters
     ----------
-    settings : DatasetSettings or StateSpaceDataset
+    settings : DatasetSettings or MultichannelDataset
     source : str
         The configuration, for an error to name.
 
@@ -24,7 +24,7 @@ def check_several_recordings(settings: DatasetSettings | StateSpaceDataset, sour
     if isinstance(recorded, SyntheticSource) or len(recorded.files) == 1:
         return
     place = f"datasets.{settings.name}"
-    own = settings if isinstance(settings, StateSpaceDataset) else settings.preparation
+    own = settings if isinstance(settings, MultichannelDataset) else settings.preparation
     split = own.split
     whole_recordings = split.by == "recordings" and not recorded.validation_files
     if whole_recordings and isinstance(split.estimation, int):

@@ -27,12 +27,12 @@ from evopem.config.settings import Range, SplitSettings
 from evopem.config.source_keys import check_file_paths
 from evopem.config.state_space_settings import (
     ChannelLists,
+    MultichannelDataset,
+    MultichannelSource,
     OrderRanges,
     Reference,
     StateSpaceChoices,
-    StateSpaceDataset,
     StateSpaceSearchSettings,
-    StateSpaceSource,
     UnitSettings,
     is_pattern,
     is_polynomial,
@@ -111,7 +111,7 @@ def check_single_channel(written: Keys, source: str, place: str) -> None:
 
 def complete_state_space(
     name: str, written: Keys, defaults: Keys, source: str
-) -> StateSpaceDataset:
+) -> MultichannelDataset:
     """Check and complete the keys of a data set with several channels.
 
     Parameters
@@ -163,7 +163,7 @@ def complete_state_space(
     return state_space_settings(name, own)
 
 
-def state_space_settings(name: str, keys: Keys) -> StateSpaceDataset:
+def state_space_settings(name: str, keys: Keys) -> MultichannelDataset:
     """The settings of complete, checked keys."""
     channels = ChannelLists(
         inputs=_listed(keys.get("input", 1)),
@@ -176,9 +176,9 @@ def state_space_settings(name: str, keys: Keys) -> StateSpaceDataset:
     resample = keys.get("resample", "none")
     given = {key: keys[key] for key in ("structure", "focus", *_STATE_SPACE_ONLY) if key in keys}
     geometry = keys.get("geometry")
-    return StateSpaceDataset(
+    return MultichannelDataset(
         name=name,
-        source=StateSpaceSource(
+        source=MultichannelSource(
             tuple(files_of(keys["file"])),
             channels,
             tuple(files_of(keys.get("validation_file"))),
@@ -197,7 +197,7 @@ def state_space_settings(name: str, keys: Keys) -> StateSpaceDataset:
     )
 
 
-def keys_of_state_space(settings: StateSpaceDataset) -> dict[str, Any]:
+def keys_of_state_space(settings: MultichannelDataset) -> dict[str, Any]:
     """List the keys that give these settings; what is decided from the recording is left out."""
     source, choices = settings.source, settings.choices
     channels = source.channels
@@ -230,12 +230,12 @@ def keys_of_state_space(settings: StateSpaceDataset) -> dict[str, Any]:
     return {key: value for key, value in keys.items() if value is not None and value != ""}
 
 
-def state_space_yaml(settings: StateSpaceDataset) -> str:
+def state_space_yaml(settings: MultichannelDataset) -> str:
     """Write a configuration with this one data set, ready to be run again."""
     return dataset_yaml(settings.name, keys_of_state_space(settings))
 
 
-def read_state_space_settings(path: str | Path) -> StateSpaceDataset:
+def read_state_space_settings(path: str | Path) -> MultichannelDataset:
     """Read the settings that :func:`state_space_yaml` wrote.
 
     Raises

@@ -65,7 +65,7 @@ class ChannelLists:
 
 
 @dataclass(frozen=True)
-class StateSpaceSource:
+class MultichannelSource:
     """Recorded files with several channels, and independent ones for validation.
 
     Attributes
@@ -79,6 +79,11 @@ class StateSpaceSource:
     files: tuple[str, ...]
     channels: ChannelLists
     validation_files: tuple[str, ...] = ()
+
+    @property
+    def all_files(self) -> tuple[str, ...]:
+        """The recorded files, those for validation last."""
+        return (*self.files, *self.validation_files)
 
 
 @dataclass(frozen=True)
@@ -202,13 +207,13 @@ class Geometry:
 
 
 @dataclass(frozen=True)
-class StateSpaceDataset:
+class MultichannelDataset:
     """All settings of one data set with several channels.
 
     Attributes
     ----------
     name : str
-    source : StateSpaceSource
+    source : MultichannelSource
     split : SplitSettings
     resample : float, optional
         New sampling rate in Hz; None where it is decided, or kept.
@@ -222,7 +227,7 @@ class StateSpaceDataset:
     """
 
     name: str
-    source: StateSpaceSource
+    source: MultichannelSource
     split: SplitSettings = field(default_factory=lambda: SplitSettings(discard=0))
     resample: float | None = None
     rate_given: bool = False
@@ -276,26 +281,26 @@ def variant_name(form: str, weighting: str) -> str:
     return form if is_polynomial(form) else f"{form}_{weighting}"
 
 
-def searched_variants(dataset: StateSpaceDataset) -> tuple[tuple[str, str], ...]:
+def searched_variants(dataset: MultichannelDataset) -> tuple[tuple[str, str], ...]:
     """The forms with their weightings that a data set searches.
 
     Examples
     --------
-    >>> source = StateSpaceSource(("a.csv",), ChannelLists((1,), (2, 3)))
-    >>> searched_variants(StateSpaceDataset("a", source))
+    >>> source = MultichannelSource(("a.csv",), ChannelLists((1,), (2, 3)))
+    >>> searched_variants(MultichannelDataset("a", source))
     (('innovations', 'determinant'), ('output_error', 'noise'), \
 ('output_error_drift', 'noise'), ('box_jenkins', 'determinant'))
     >>> choices = StateSpaceChoices(weighting="power")
-    >>> searched_variants(StateSpaceDataset("a", source, choices=choices))[0]
+    >>> searched_variants(MultichannelDataset("a", source, choices=choices))[0]
     ('innovations', 'power')
     >>> choices = StateSpaceChoices(focus="simulation")
-    >>> searched_variants(StateSpaceDataset("a", source, choices=choices))
+    >>> searched_variants(MultichannelDataset("a", source, choices=choices))
     (('output_error', 'noise'), ('output_error_drift', 'noise'))
     >>> search = StateSpaceSearchSettings(objective="absolute")
-    >>> searched_variants(StateSpaceDataset("a", source, search=search))[0]
+    >>> searched_variants(MultichannelDataset("a", source, search=search))[0]
     ('innovations', 'noise')
-    >>> source = StateSpaceSource(("a.csv",), ChannelLists((1, 2), (3,)))
-    >>> [form for form, _ in searched_variants(StateSpaceDataset("a", source))]
+    >>> source = MultichannelSource(("a.csv",), ChannelLists((1, 2), (3,)))
+    >>> [form for form, _ in searched_variants(MultichannelDataset("a", source))]
     ['innovations', 'output_error', 'output_error_drift', 'box_jenkins', 'arx', 'armax', 'oe', 'bj']
     """
     choices, channels = dataset.choices, dataset.source.channels

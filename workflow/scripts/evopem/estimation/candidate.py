@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evopem.config.structures import plant_order
 from evopem.estimation.criteria import Criteria
-from evopem.estimation.polynomial_estimate import PolynomialEstimate
 from evopem.estimation.search.problem import SearchDiagnostics, SearchResult
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomials import max_root_radius
 from evopem.models.structures import PolynomialOrders
+
+if TYPE_CHECKING:
+    from evopem.estimation.polynomial_estimate import PolynomialEstimate
 
 Array = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from evopem.config.settings import FitSettings, ScoringWindow, SearchSettings
 from evopem.errors import InputError
 from evopem.estimation.criteria import Criteria
-from evopem.estimation.polynomial_estimate import PolynomialEstimate
 from evopem.estimation.search.problem import SearchDiagnostics
 from evopem.files.json_form import load
 from evopem.models.modes import Mode
@@ -24,6 +23,9 @@ from evopem.models.polynomial import PolynomialModel
 from evopem.models.structures import PolynomialOrders
 from evopem.signals.preparation import Transforms
 from evopem.version import __version__
+
+if TYPE_CHECKING:
+    from evopem.estimation.polynomial_estimate import PolynomialEstimate
 
 Array = NDArray[np.float64]
 Roots = NDArray[np.complex128]

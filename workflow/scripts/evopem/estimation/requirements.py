@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.config.settings import ScoringWindow, SearchSettings
-from evopem.estimation.pem.objective import OBJECTIVES
+from evopem.config.settings import OBJECTIVES, ScoringWindow, SearchSettings
 from evopem.estimation.search.armax_problem import INITIALIZATIONS
 from evopem.estimation.search.memetic import REFINE
 from evopem.models.structures import PolynomialOrders

@@ -357,8 +357,7 @@ class IdentificationResults:
             raise InputError(str(folder), "holds other files than results", "choose a new folder")
         shutil.copytree(self.files.folder, target, dirs_exist_ok=True)
         if self._folder is not None and isinstance(self.results.settings.source, RecordedSource):
-            source = self.results.settings.source
-            for name in (*source.files, *source.validation_files):
+            for name in self.results.settings.source.all_files:
                 shutil.copy(Path(self._folder.name) / name, target / name)
         return target
 

@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from evopem.config.settings import DatasetSettings
-from evopem.config.state_space_settings import StateSpaceDataset
+from evopem.config.state_space_settings import MultichannelDataset
 from evopem.errors import InputError
 from evopem.files.archive import pack
 from evopem.files.atomic import TEMPORARY, files_below, write_text
@@ -20,12 +20,12 @@ from evopem.files.checksums import delete_results
 from evopem.files.job import job
 from evopem.files.unfinished import unfinished_record
 from evopem.pipeline.identification import identify_recording
-from evopem.pipeline.multichannel import identify_channels
+from evopem.pipeline.multichannel.stages import identify_channels
 from evopem.results.layout import IDENTIFICATION, DatasetFiles
 from evopem.results.made_from import MADE_FROM, is_finished, made_from
 
 Log = Callable[[str], None]
-_Settings = DatasetSettings | StateSpaceDataset
+_Settings = DatasetSettings | MultichannelDataset
 _SHOWN = 5
 
 
@@ -45,7 +45,7 @@ def identify_batch(
     ----------
     folder : path
         The folder of all results.
-    recordings : mapping of str to DatasetSettings or StateSpaceDataset
+    recordings : mapping of str to DatasetSettings or MultichannelDataset
         Settings by the names of the data sets.
     code : str
         Digest of the code that identifies them.
@@ -89,7 +89,7 @@ def _identify(files: DatasetFiles, settings: _Settings, code: str, cores: int) -
         own = DatasetFiles(str(work / files.name))
         try:
             write_text(f"{own.folder}/{MADE_FROM}", made_from(settings, code).text)
-            if isinstance(settings, StateSpaceDataset):
+            if isinstance(settings, MultichannelDataset):
                 identify_channels(own, settings, with_report=False, log=logger.info)
             else:
                 identify_recording(own, settings, with_report=False, log=logger.info, cores=cores)

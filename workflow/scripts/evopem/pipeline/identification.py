@@ -89,7 +89,7 @@ def _stages_of_the_chapter(
             sample_requirements(settings),
             _is_validated(settings),
             (settings.fit, settings.order_grid) if settings.fit.changes_model else None,
-            _recorded(settings),
+            settings.source.all_files,
         ),
         "spectrum": partial(estimate_spectrum, files, settings.spectrum),
     }
@@ -109,7 +109,7 @@ def _automatic_stages(
     wanted = (automatic.structure,) if automatic.structure else searched
     listed: dict[str, Stage] = {
         "plan": partial(
-            decide_preparation, files, preparation, given, validated, _recorded(settings)
+            decide_preparation, files, preparation, given, validated, settings.source.all_files
         ),
         "preparation": partial(apply_preparation, files, preparation, validated),
         "spectrum": partial(estimate_spectrum, files, settings.spectrum),
@@ -125,14 +125,6 @@ def _automatic_stages(
         "other_model": partial(complete_other_model, files, other, settings.search),
         "decisions": partial(collect_decisions, files, searched, other),
     }
-
-
-def _recorded(settings: DatasetSettings) -> tuple[str, ...]:
-    """The recorded files, those for validation last; none of a synthetic recording."""
-    source = settings.source
-    if not isinstance(source, RecordedSource):
-        return ()
-    return (*source.files, *source.validation_files)
 
 
 def _is_validated(settings: DatasetSettings) -> bool:

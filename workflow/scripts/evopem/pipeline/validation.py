@@ -10,7 +10,7 @@ from evopem.files.json_form import load, save
 from evopem.results.layout import DatasetFiles
 from evopem.signals.preparation import load_prepared
 from evopem.signals.spectral.summary import SpectrumSummary
-from evopem.validation.validation import validate
+from evopem.validation.validate import validate
 
 
 def validate_model(files: DatasetFiles, phase: str) -> None:

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 from evopem.config.constraints import Constraints, FixedPole, Prior
 from evopem.estimation.model_record import FitRecord
-from evopem.estimation.state_space.model_record import ConstrainedFit
 from evopem.report.numbers import number, percent, plural
+
+if TYPE_CHECKING:
+    from evopem.estimation.state_space.model_record import ConstrainedFit
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from evopem.config.settings import DatasetSettings, RecordedSource
-from evopem.config.state_space_settings import StateSpaceDataset, StateSpaceSource
+from evopem.config.state_space_settings import MultichannelDataset, MultichannelSource
 from evopem.errors import InputError
 from evopem.files.archive import member_of
 from evopem.files.checksums import sha256_of_file, verify_checksums
@@ -49,7 +49,7 @@ class MadeFrom:
         return json.dumps(asdict(self), indent=2) + "\n"
 
 
-def made_from(settings: DatasetSettings | StateSpaceDataset, code: str) -> MadeFrom:
+def made_from(settings: DatasetSettings | MultichannelDataset, code: str) -> MadeFrom:
     """Digest what the results of a data set would be made from now."""
     content = json.dumps(to_json(settings), sort_keys=True)
     digest = hashlib.sha256(content.encode()).hexdigest()
@@ -57,7 +57,7 @@ def made_from(settings: DatasetSettings | StateSpaceDataset, code: str) -> MadeF
 
 
 def is_finished(
-    files: DatasetFiles, settings: DatasetSettings | StateSpaceDataset, code: str
+    files: DatasetFiles, settings: DatasetSettings | MultichannelDataset, code: str
 ) -> bool:
     """Whether a recording has the results of a batch, undamaged and made from what there is now.
 
@@ -81,7 +81,7 @@ def is_finished(
 
 def forget_incomplete_batches(
     batches: Mapping[str, tuple[str, ...]],
-    datasets: Mapping[str, DatasetSettings | StateSpaceDataset],
+    datasets: Mapping[str, DatasetSettings | MultichannelDataset],
 ) -> None:
     """Delete what the jobs of batches have written where a recording has to be identified again.
 
@@ -94,7 +94,7 @@ def forget_incomplete_batches(
             output.unlink(missing_ok=True)
 
 
-def _is_outdated(name: str, settings: DatasetSettings | StateSpaceDataset) -> bool:
+def _is_outdated(name: str, settings: DatasetSettings | MultichannelDataset) -> bool:
     """Whether results are missing, or a recorded file has another content than was read."""
     files = DatasetFiles.of_dataset(name)
     if not all(map(_exists, (*files.batch_results, files.checksums))):
@@ -125,14 +125,11 @@ def _kept(files: DatasetFiles) -> MadeFrom | None:
         return None
 
 
-def _recorded_files(settings: DatasetSettings | StateSpaceDataset) -> list[str]:
-    source = settings.source
-    if not isinstance(source, RecordedSource | StateSpaceSource):
-        return []
-    return list(dict.fromkeys((*source.files, *source.validation_files)))
+def _recorded_files(settings: DatasetSettings | MultichannelDataset) -> list[str]:
+    return list(dict.fromkeys(settings.source.all_files))
 
 
-def _recordings(settings: DatasetSettings | StateSpaceDataset) -> dict[str, str]:
+def _recordings(settings: DatasetSettings | MultichannelDataset) -> dict[str, str]:
     return {file: _checksum(file) for file in _recorded_files(settings)}
 
 

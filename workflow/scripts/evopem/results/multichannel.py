@@ -15,7 +15,7 @@ from evopem.automatic.record import OtherModel
 from evopem.automatic.state_space_choice import StateSpaceChoice
 from evopem.automatic.state_space_remedies import RemedyRecord
 from evopem.automatic.state_space_search import VariantSearch
-from evopem.config.state_space_settings import StateSpaceDataset
+from evopem.config.state_space_settings import MultichannelDataset
 from evopem.estimation.state_space.model_record import MultichannelModelRecord
 from evopem.files.checksums import sha256_of_file
 from evopem.files.json_form import load
@@ -64,7 +64,7 @@ class MultichannelResults:
 
     Attributes
     ----------
-    settings : StateSpaceDataset
+    settings : MultichannelDataset
     config_text : str
         The complete configuration.
     recording_info : MultichannelInfo
@@ -81,7 +81,7 @@ class MultichannelResults:
     decisions : DecisionList
     """
 
-    settings: StateSpaceDataset
+    settings: MultichannelDataset
     config_text: str
     recording_info: MultichannelInfo
     validation_recording_info: MultichannelInfo | None
@@ -123,14 +123,14 @@ class MultichannelResults:
 
 
 def read_multichannel_results(
-    files: DatasetFiles, settings: StateSpaceDataset, variants: Sequence[str]
+    files: DatasetFiles, settings: MultichannelDataset, variants: Sequence[str]
 ) -> MultichannelResults:
     """Read the results of one data set with several channels.
 
     Parameters
     ----------
     files : DatasetFiles
-    settings : StateSpaceDataset
+    settings : MultichannelDataset
     variants : sequence of str
         Names of the variants that were searched.
 

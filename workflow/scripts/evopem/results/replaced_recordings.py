@@ -14,13 +14,13 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from evopem.config.settings import DatasetSettings, RecordedSource
-from evopem.config.state_space_settings import StateSpaceDataset, StateSpaceSource
+from evopem.config.state_space_settings import MultichannelDataset, MultichannelSource
 from evopem.files.checksums import sha256_of_file
 from evopem.results.layout import DatasetFiles
 
 
 def mark_replaced_recordings(
-    datasets: Mapping[str, DatasetSettings | StateSpaceDataset],
+    datasets: Mapping[str, DatasetSettings | MultichannelDataset],
 ) -> list[str]:
     """Make the outputs of reading a recording older than it, where its content has changed.
 
@@ -29,7 +29,7 @@ def mark_replaced_recordings(
 
     Parameters
     ----------
-    datasets : mapping of str to DatasetSettings or StateSpaceDataset
+    datasets : mapping of str to DatasetSettings or MultichannelDataset
 
     Returns
     -------
@@ -50,12 +50,12 @@ def was_read_from(path: str, info: str) -> bool:
 
 
 def _read_files(
-    datasets: Mapping[str, DatasetSettings | StateSpaceDataset],
+    datasets: Mapping[str, DatasetSettings | MultichannelDataset],
 ) -> Iterator[tuple[str, str, str]]:
     """List each recorded file with the outputs of reading it: samples and origin."""
     for name, dataset in datasets.items():
         source, files = dataset.source, DatasetFiles.of_dataset(name)
-        if isinstance(source, RecordedSource | StateSpaceSource):
+        if isinstance(source, RecordedSource | MultichannelSource):
             for path in source.files:
                 yield path, files.recording, files.recording_info
             for path in source.validation_files:

@@ -20,7 +20,7 @@ from evopem.config.order_grid import phases_of_dataset
 from evopem.config.schema import schema_file
 from evopem.config.settings import DatasetSettings, SyntheticSource
 from evopem.config.state_space_settings import (
-    StateSpaceDataset,
+    MultichannelDataset,
     searched_variants,
     variant_name,
 )
@@ -76,7 +76,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return _init(given[1:])
         if given[:1] == ["compare"]:
             return _compare(given[1:])
-        return _identify(_parser().parse_args(given))
+        return _identify(_parsed(given))
     except InputError as error:
         sys.stderr.write(f"{error}\n")
         return 1
@@ -86,6 +86,27 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # `evopem … | head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
+
+
+def _parsed(given: Sequence[str]) -> argparse.Namespace:
+    """Parse the arguments; a second channel behind one option is told how to be given."""
+    parser = _parser()
+    arguments, left = parser.parse_known_args(given)
+    if left:
+        parser.error(_about_unrecognized(given, left))
+    return arguments
+
+
+def _about_unrecognized(given: Sequence[str], left: Sequence[str]) -> str:
+    for option, _, second in zip(given, given[1:], given[2:], strict=False):
+        is_channel = option in ("--input", "--output") and not second.startswith("-")
+        if is_channel and second == left[0]:
+            return (
+                f"{second} stands without an option: write {option} before each channel, as in"
+                f" {option} 2 {option} 3, or give a pattern in quotation marks, as in {option}"
+                " 'acc_*'; further files stand before the first option"
+            )
+    return f"unrecognized arguments: {' '.join(left)}"
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -187,7 +208,7 @@ def _identify(arguments: argparse.Namespace) -> int:
     files = DatasetFiles(str(Path(arguments.results) / settings.name))
     _check_folder(files, settings)
     from evopem.pipeline.identification import identify_recording
-    from evopem.pipeline.multichannel import identify_channels
+    from evopem.pipeline.multichannel.stages import identify_channels
     from evopem.terminal.results_text import dataset_text, show
 
     progress = ProgressLine(sys.stderr)
@@ -213,7 +234,7 @@ def _identify(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _settings(arguments: argparse.Namespace) -> DatasetSettings | StateSpaceDataset:
+def _settings(arguments: argparse.Namespace) -> DatasetSettings | MultichannelDataset:
     """The settings that a data set of these keys has in a configuration."""
     from evopem.terminal.new_configuration import dataset_name
 
@@ -248,7 +269,7 @@ def _defaults(path: str) -> Any:
     return yaml.safe_load(Path(path).read_text(encoding="utf-8")).get("defaults")
 
 
-def _check_folder(files: DatasetFiles, settings: DatasetSettings | StateSpaceDataset) -> None:
+def _check_folder(files: DatasetFiles, settings: DatasetSettings | MultichannelDataset) -> None:
     """Refuse to overwrite the results of another recording.
 
     Raises

@@ -11,11 +11,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from evopem.estimation.state_space.estimate import OrderScores
 from evopem.estimation.state_space.order_models import OrderModel
 from evopem.estimation.state_space.prepared import paired_records
 from evopem.models.mode_clusters import cluster_modes
@@ -28,6 +28,9 @@ from evopem.validation.held_out_tests import (
 )
 from evopem.validation.mode_evidence import NO_TEST, SIGNIFICANCE, STABLE_SHARE, origin_of
 from evopem.validation.mode_trust import doubts, plane_is_known, shape_doubt
+
+if TYPE_CHECKING:
+    from evopem.estimation.state_space.estimate import OrderScores
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

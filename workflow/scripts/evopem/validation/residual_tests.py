@@ -11,13 +11,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from evopem.config.settings import OBJECTIVES
 from evopem.errors import check_choice
 from evopem.estimation.pem.covariance import density_at_zero, pseudo_inverse_factor
 from evopem.estimation.pem.least_squares import triangle_of
-from evopem.estimation.pem.objective import OBJECTIVES
 from evopem.models.gain_interval import NORMAL_95
 from evopem.signals import correlation as signals
 from evopem.validation.weighted_chi_square import weighted_chi_square_tail
+from evopem.validation.whiteness import WhitenessTest
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -30,29 +31,6 @@ CROSS_CORRELATION_LAGS = 200
 
 # A sum of squares that is expected to be smaller than this has no distribution worth testing.
 LEAST_EXPECTED = 0.5
-
-
-@dataclass(frozen=True)
-class WhitenessTest:
-    """Joint test that the residuals of a fitted model are white.
-
-    Attributes
-    ----------
-    statistic : float
-        Ljung-Box statistic ``N (N + 2) sum r_k^2 / (N - k)``.
-    expected : float
-        Its expected value under white innovations, the fit taken into account.  It takes the
-        place of the degrees of freedom.
-    p_value : float
-        NaN where no autocorrelation is left free by the fit.
-    lags : int
-        Number of lags tested jointly.
-    """
-
-    statistic: float
-    expected: float
-    p_value: float
-    lags: int
 
 
 def whiteness_test(

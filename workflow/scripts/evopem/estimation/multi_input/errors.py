@@ -18,7 +18,6 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from evopem.estimation.absolute_descent import Places, Weighing, linear_coefficients
 from evopem.models.multi_input import MultiInputModel, MultiInputOrders
@@ -295,6 +294,8 @@ class MultiInputErrors:
 
     def _signals(self, point: Array, place: int) -> tuple[list[Array], Array, Array]:
         """x_i, v and e of a record, from its first residual on."""
+        from scipy.signal import lfilter
+
         o, start = self.orders, self.record.start
         u, y = self.record.inputs[place], self.record.outputs[place]
         at, of_inputs, of_noise = self._own_parts(place)
@@ -316,6 +317,8 @@ class MultiInputErrors:
 
     def _jacobian(self, point: Array, place: int) -> Array:
         """Columns are delayed copies of filtered signals; see the module."""
+        from scipy.signal import lfilter
+
         o, start = self.orders, self.record.start
         u, y = self.record.inputs[place], self.record.outputs[place]
         at, of_inputs, of_noise = self._own_parts(place)

@@ -7,7 +7,6 @@ from itertools import pairwise, product
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from evopem.estimation.damped_descent import Optimum
 from evopem.estimation.multi_input.descent import TOLERANCE, descend
@@ -232,6 +231,8 @@ def _denominators_of(errors: MultiInputErrors) -> list[slice]:
 
 def _plants(errors: MultiInputErrors) -> Iterator[list[Array]]:
     """Denominators of the responses to all inputs: one polynomial for each."""
+    from scipy.signal import lfilter
+
     o, record = errors.orders, errors.record
     order = max(o.na, *o.nf)
     if order == 0:

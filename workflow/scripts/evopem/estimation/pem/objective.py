@@ -21,8 +21,6 @@ from evopem.models.structures import PolynomialOrders
 
 Array = NDArray[np.float64]
 
-OBJECTIVES = ("absolute", "quadratic")
-
 # What the square of a noise state weighs against that of a residual: a prior of ten standard
 # deviations of the innovations.  Where C forgets its start before the first scored residual, a
 # state of any size would fit a few residuals more, and the search would have no end.

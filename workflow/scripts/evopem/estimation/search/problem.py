@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.estimation.pem.batch_bfgs import Descent
+if TYPE_CHECKING:
+    from evopem.estimation.pem.batch_bfgs import Descent
+
 
 Array = NDArray[np.float64]
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import block_diag
-from scipy.stats import chi2
 from threadpoolctl import threadpool_limits
 
 from evopem.estimation.state_space.prepared import records_of
@@ -127,6 +126,8 @@ class _Fit:
 
         Wilks' likelihood ratio with Bartlett's factor (Anderson 2003, section 8.5).
         """
+        from scipy.stats import chi2
+
         factor = whole.count - whole.regressors - (whole.outputs - left_out + 1) / 2.0
         statistic = factor * (self.log_determinant - whole.log_determinant)
         return bool(chi2.sf(statistic, left_out * whole.outputs) > SIGNIFICANCE)

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
-from evopem.estimation.state_space.estimate import StateSpaceEstimate
 from evopem.models.state_space import StateSpaceModel
 from evopem.models.state_space_modes import ShapedMode
+
+if TYPE_CHECKING:
+    from evopem.estimation.state_space.estimate import StateSpaceEstimate
 
 
 @dataclass(frozen=True, eq=False)

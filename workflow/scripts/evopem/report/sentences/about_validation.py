@@ -5,8 +5,8 @@ from __future__ import annotations
 from evopem.report.numbers import count, is_number, number, p_value, percent, plural, times
 from evopem.results.dataset import DatasetResults
 from evopem.validation.checks.residuals import WITHOUT_NOISE_MODEL
-from evopem.validation.residual_tests import WhitenessTest
 from evopem.validation.validation import CrossCorrelationTest, Validation
+from evopem.validation.whiteness import WhitenessTest
 
 
 def residuals(results: DatasetResults) -> list[str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
-from evopem.automatic.remedies import Trial
+from evopem.automatic.record import Trial
 from evopem.automatic.state_space_choice import ModelChoice, scores_of
 from evopem.automatic.state_space_search import VariantSearch
 from evopem.config.state_space_settings import is_polynomial

@@ -13,14 +13,14 @@ rule read_channels:
     benchmark:
         files.benchmark("recording")
     wildcard_constraints:
-        dataset=provider.one_of(provider.state_space),
+        dataset=provider.one_of(provider.multichannel),
     priority: 10  # what cannot be read is said before any search begins
     conda:
         "../envs/evopem.yaml"
     threads: 1
     resources:
-        mem_mb=provider.reading_memory,
-        runtime=provider.reading_time,
+        mem_mb=provider.resources.reading_memory,
+        runtime=provider.resources.reading_time,
     params:
         recorded=provider.settings("source.files"),
         channels=provider.settings("source.channels"),
@@ -41,7 +41,7 @@ use rule read_channels as read_validation_channels with:
     benchmark:
         files.benchmark("validation_recording")
     wildcard_constraints:
-        dataset=provider.one_of(provider.state_space & provider.validated),
+        dataset=provider.one_of(provider.multichannel & provider.validated),
     params:
         recorded=provider.settings("source.validation_files"),
         channels=provider.settings("source.channels"),
@@ -56,7 +56,7 @@ rule write_channels_configuration:
     log:
         files.log("configuration"),
     wildcard_constraints:
-        dataset=provider.one_of(provider.state_space),
+        dataset=provider.one_of(provider.multichannel),
     localrule: True
     conda:
         "../envs/evopem.yaml"
@@ -85,19 +85,19 @@ rule prepare_channels:
     benchmark:
         files.benchmark("preparation")
     wildcard_constraints:
-        dataset=provider.one_of(provider.state_space),
+        dataset=provider.one_of(provider.multichannel),
     priority: 10
     conda:
         "../envs/evopem.yaml"
     threads: 1
     resources:
-        mem_mb=provider.state_space_memory,
-        runtime=provider.state_space_time,
+        mem_mb=provider.resources.state_space_memory,
+        runtime=provider.resources.state_space_time,
     params:
         source=provider.settings("source"),
         split=provider.settings("split"),
         resample=provider.settings("resample"),
-        given=provider.start_and_rate_given,
+        given=provider.several_channels.start_and_rate_given,
         code=code("prepare_channels"),
     script:
         "../scripts/prepare_channels.py"
@@ -115,13 +115,13 @@ rule decide_input_delays:
     benchmark:
         files.benchmark("decisions/delays")
     wildcard_constraints:
-        dataset=provider.one_of(provider.state_space),
+        dataset=provider.one_of(provider.multichannel),
     conda:
         "../envs/evopem.yaml"
     threads: 1
     resources:
-        mem_mb=provider.state_space_memory,
-        runtime=provider.reading_time,
+        mem_mb=provider.resources.state_space_memory,
+        runtime=provider.resources.reading_time,
     params:
         ranges=provider.settings("choices.orders.nk"),
         code=code("decide_input_delays"),
@@ -143,16 +143,16 @@ rule search_state_space:
     benchmark:
         files.benchmark("decisions/search/{variant}")
     wildcard_constraints:
-        dataset=provider.one_of(provider.state_space),
+        dataset=provider.one_of(provider.multichannel),
         variant="|".join(sorted(provider.variants)) or "(?!)",
     conda:
         "../envs/evopem.yaml"
     threads: 1
     resources:
-        mem_mb=provider.state_space_memory,
-        runtime=provider.state_space_time,
+        mem_mb=provider.resources.state_space_memory,
+        runtime=provider.resources.state_space_time,
     params:
-        ranges=provider.order_ranges,
+        ranges=provider.several_channels.order_ranges,
         search=provider.settings("search"),
         code=code("search_state_space"),
     script:
@@ -162,7 +162,7 @@ rule search_state_space:
 rule choose_state_space:
     """Choose form, weighting and order by the errors on held-out samples."""
     input:
-        searches=provider.variant_searches,
+        searches=provider.several_channels.variant_searches,
     output:
         comparison=files.decision("comparison"),
     log:
@@ -170,7 +170,7 @@ rule choose_state_space:
     benchmark:
         files.benchmark("decisions/comparison")
     wildcard_constraints:
-        dataset=provider.one_of(provider.state_space),
+        dataset=provider.one_of(provider.multichannel),
     conda:
         "../envs/evopem.yaml"
     threads: 1
@@ -178,7 +178,7 @@ rule choose_state_space:
         mem_mb=500,
         runtime=5,
     params:
-        variants=provider.searched_variants,
+        variants=provider.several_channels.searched_variants,
         choices=provider.settings("choices"),
         code=code("choose_state_space"),
     script:
@@ -192,8 +192,8 @@ rule estimate_state_space:
         transforms=files.transforms,
         delays=files.decision("delays"),
         comparison=files.decision("comparison"),
-        orders=provider.models_of_orders_of_variants,
-        searches=provider.variant_searches,
+        orders=provider.several_channels.models_of_orders,
+        searches=provider.several_channels.variant_searches,
     output:
         candidates=report(
             files.candidates,
@@ -217,15 +217,15 @@ rule estimate_state_space:
     benchmark:
         files.benchmark("model")
     wildcard_constraints:
-        dataset=provider.one_of(provider.state_space),
+        dataset=provider.one_of(provider.multichannel),
     conda:
         "../envs/evopem.yaml"
     threads: 1
     resources:
-        mem_mb=provider.state_space_memory,
-        runtime=provider.state_space_time,
+        mem_mb=provider.resources.state_space_memory,
+        runtime=provider.resources.state_space_time,
     params:
-        variants=provider.searched_variants,
+        variants=provider.several_channels.searched_variants,
         ranges=provider.settings("choices.orders"),
         search=provider.settings("search"),
         constraints=provider.settings("constraints"),
@@ -241,7 +241,7 @@ rule complete_other_state_space:
         transforms=files.transforms,
         delays=files.decision("delays"),
         comparison=files.decision("comparison"),
-        orders=provider.models_of_orders_of_variants,
+        orders=provider.several_channels.models_of_orders,
     output:
         model=files.other_model("{purpose}"),
         errors=files.other_errors("{purpose}"),
@@ -250,14 +250,14 @@ rule complete_other_state_space:
     benchmark:
         files.benchmark("decisions/models/{purpose}")
     wildcard_constraints:
-        dataset=provider.one_of(provider.state_space),
+        dataset=provider.one_of(provider.multichannel),
         purpose="simulation|prediction",
     conda:
         "../envs/evopem.yaml"
     threads: 1
     resources:
-        mem_mb=provider.state_space_memory,
-        runtime=provider.state_space_time,
+        mem_mb=provider.resources.state_space_memory,
+        runtime=provider.resources.state_space_time,
     params:
         ranges=provider.settings("choices.orders"),
         search=provider.settings("search"),
@@ -270,7 +270,7 @@ rule complete_other_state_space:
 rule validate_state_space:
     """Validate the model and its modes on samples that no choice has seen."""
     input:
-        orders=provider.models_of_orders_of_variants,
+        orders=provider.several_channels.models_of_orders,
         remedies=files.decision("remedies"),
         prepared=files.prepared,
         transforms=files.transforms,
@@ -299,13 +299,13 @@ rule validate_state_space:
     benchmark:
         files.benchmark("validation")
     wildcard_constraints:
-        dataset=provider.one_of(provider.state_space),
+        dataset=provider.one_of(provider.multichannel),
     conda:
         "../envs/evopem.yaml"
     threads: 1
     resources:
-        mem_mb=provider.reading_memory,
-        runtime=provider.reading_time,
+        mem_mb=provider.resources.reading_memory,
+        runtime=provider.resources.reading_time,
     params:
         code=code("validate_state_space"),
     script:
@@ -319,7 +319,7 @@ rule collect_state_space_decisions:
         delays=files.decision("delays"),
         comparison=files.decision("comparison"),
         remedies=files.decision("remedies"),
-        other=provider.other_state_space,
+        other=provider.several_channels.other_state_space,
     output:
         decisions=files.decisions,
     log:
@@ -327,7 +327,7 @@ rule collect_state_space_decisions:
     benchmark:
         files.benchmark("decisions/collection")
     wildcard_constraints:
-        dataset=provider.one_of(provider.state_space),
+        dataset=provider.one_of(provider.multichannel),
     localrule: True
     conda:
         "../envs/evopem.yaml"
@@ -344,7 +344,7 @@ rule collect_state_space_decisions:
 rule summarize_state_space:
     """Put order, errors, modes and checks of one data set into one small file."""
     input:
-        searches=provider.variant_searches,
+        searches=provider.several_channels.variant_searches,
         remedies=files.decision("remedies"),
         info=files.recording_info,
         model=files.model,
@@ -357,7 +357,7 @@ rule summarize_state_space:
     benchmark:
         files.benchmark("summary")
     wildcard_constraints:
-        dataset=provider.one_of(provider.state_space),
+        dataset=provider.one_of(provider.multichannel),
     conda:
         "../envs/evopem.yaml"
     threads: 1
@@ -373,7 +373,7 @@ rule summarize_state_space:
 rule write_state_space_report:
     """Set the results of one data set into one HTML file."""
     input:
-        searches=provider.variant_searches,
+        searches=provider.several_channels.variant_searches,
         config=files.config,
         info=files.recording_info,
         prepared=files.prepared,
@@ -399,16 +399,16 @@ rule write_state_space_report:
     benchmark:
         files.benchmark("report")
     wildcard_constraints:
-        dataset=provider.one_of(provider.state_space),
+        dataset=provider.one_of(provider.multichannel),
     conda:
         "../envs/evopem.yaml"
     threads: 1
     resources:
-        mem_mb=provider.reading_memory,
-        runtime=provider.reading_time,
+        mem_mb=provider.resources.reading_memory,
+        runtime=provider.resources.reading_time,
     params:
         settings=provider.settings(),
-        variants=provider.searched_variants,
+        variants=provider.several_channels.searched_variants,
         code=code("write_state_space_report", *TEMPLATES),
     script:
         "../scripts/write_state_space_report.py"

@@ -1,0 +1,113 @@
+"""Samples that tell nothing: a rest before the first change, clipped and stuck ones."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evopem.automatic.decision import Alternative, Decision
+from evopem.signals.recording import MAX_DESIGNED_LEVELS, Recording
+
+Array = NDArray[np.float64]
+
+# Samples that are kept of a rest before the first change: they tell the level of the rest.
+KEPT_REST = 10
+# Samples at a limit of the output, against those at the levels beside it.
+CLIPPED_RATIO, CLIPPED_RUN, MOST_CLIPPED = 10.0, 5, 0.3
+# Equal samples in sequence that stand still, the largest share of them, and the largest share of
+# other samples that repeat the one before in a record where standing still means something.
+STUCK_RUN, MOST_STUCK, REPEATED = 15, 0.5, 0.01
+
+
+def decide_starts(recordings: Sequence[Recording]) -> tuple[tuple[int, ...], Decision]:
+    """Leave out leading samples in which neither signal has begun to change."""
+    starts = []
+    for each in recordings:
+        u, y = each.input, each.output
+        still = (u == u[0]) & (y == y[0])
+        still |= ~(np.isfinite(u) & np.isfinite(y))
+        leading = int(np.argmin(still)) if not still.all() else 0
+        kept = max(leading - KEPT_REST, 0)
+        starts.append(kept if np.isfinite(y[kept:leading]).all() else leading)
+    alternatives = (
+        Alternative("0", 0.0),
+        *(Alternative(str(start), float(start)) for start in sorted(set(starts)) if start),
+    )
+    sentence = (
+        "Samples before the first change of either signal are left out."
+        if any(starts)
+        else "The record begins with its first sample; the transient belongs to the estimated "
+        "initial state."
+    )
+    choice = ", ".join(map(str, starts))
+    return tuple(starts), Decision(
+        "start", choice, alternatives, "leading samples without any change", sentence
+    )
+
+
+def decide_clipping(
+    recordings: Sequence[Recording], starts: Sequence[int]
+) -> tuple[tuple[float, float], Decision]:
+    """Breaks at a limit of the output where far more samples lie than beside it."""
+    # A rest before the first change is not clipped.
+    outputs = [
+        each.output[start + KEPT_REST if start else 0 :]
+        for each, start in zip(recordings, starts, strict=True)
+    ]
+    y = np.concatenate([each[np.isfinite(each)] for each in outputs])
+    levels, counts = np.unique(y, return_counts=True)
+    limits, alternatives = [-np.inf, np.inf], [Alternative("none", 0.0)]
+    if levels.size > MAX_DESIGNED_LEVELS:
+        for side, order in ((0, 1), (1, -1)):
+            near = counts[::order][:6]
+            share = near[0] / y.size
+            ratio = float(near[0] / np.mean(near[1:]))
+            runs = max(_longest_run(each, levels[::order][0]) for each in outputs)
+            if ratio > CLIPPED_RATIO and runs >= CLIPPED_RUN and share < MOST_CLIPPED:
+                limits[side] = float(levels[::order][0])
+                alternatives.append(Alternative(f"at {limits[side]:g}", share))
+    found = len(alternatives) > 1
+    sentence = (
+        "Samples at a limit of the output, many in sequence, are clipped: they become breaks."
+        if found
+        else "No limit of the output holds more samples than the levels beside it."
+    )
+    choice = " and ".join(each.name for each in alternatives[1:]) if found else "none"
+    decision = Decision(
+        *("clipping", choice, tuple(alternatives), "share of samples at the limit", sentence)
+    )
+    return (limits[0], limits[1]), decision
+
+
+def decide_stuck(recordings: Sequence[Recording], starts: Sequence[int]) -> tuple[bool, Decision]:
+    """Breaks where the output repeats one value for long, in a record without other repetitions."""
+    outputs = [each.output[start:] for each, start in zip(recordings, starts, strict=True)]
+    still = np.concatenate([standing_still(y) for y in outputs])
+    repeated = np.concatenate([np.append(y[1:] == y[:-1], False) for y in outputs])
+    share, others = float(np.mean(still)), float(np.mean(repeated & ~still))
+    found = 0.0 < share < MOST_STUCK and others < REPEATED
+    sentence = (
+        "The output stands still for long stretches of a record without other repetitions: they "
+        "become breaks."
+        if found
+        else "No stretch in which the output stands still is distinguished from the rest."
+    )
+    alternatives = (Alternative("no", others), Alternative("yes", share))
+    criterion = "share of samples that repeat the one before: scattered ones, in long stretches"
+    choice = "yes" if found else "no"
+    return found, Decision("stuck samples", choice, alternatives, criterion, sentence)
+
+
+def standing_still(signal: Array) -> NDArray[np.bool_]:
+    """Samples in runs of at least ``STUCK_RUN`` equal values."""
+    edges = np.concatenate([[0], np.flatnonzero(np.diff(signal) != 0.0) + 1, [len(signal)]])
+    lengths = np.diff(edges)
+    return np.repeat(lengths >= STUCK_RUN, lengths)
+
+
+def _longest_run(signal: Array, value: float) -> int:
+    at = np.concatenate([[0], (signal == value).astype(int), [0]])
+    edges = np.flatnonzero(np.diff(at))
+    return int(np.max(edges[1::2] - edges[::2], initial=0))

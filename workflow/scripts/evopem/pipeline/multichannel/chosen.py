@@ -1,0 +1,153 @@
+"""The chosen model of several channels, and the one for the other purpose."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
+
+from threadpoolctl import threadpool_limits
+
+from evopem.automatic.record import OtherModel
+from evopem.automatic.state_space_choice import ModelChoice, StateSpaceChoice
+from evopem.automatic.state_space_chosen import ChosenModel
+from evopem.automatic.state_space_remedies import RemediedModel, SearchedForms, act_on_checks
+from evopem.automatic.state_space_search import DelayChoice, Variant, VariantSearch
+from evopem.config.constraints import InputConstraints
+from evopem.config.state_space_settings import OrderRanges, StateSpaceSearchSettings
+from evopem.estimation.multi_input.order_limits import OrderLimits, joint_orders
+from evopem.estimation.state_space.model_record import MultichannelModelRecord
+from evopem.estimation.state_space.order_models import OrderModels
+from evopem.files.atomic import write_table
+from evopem.files.json_form import load, save
+from evopem.models.matlab import save_multi_input_mat, save_state_space_mat
+from evopem.models.state_space import StateSpaceModel
+from evopem.pipeline.multichannel.candidates import candidates_table
+from evopem.pipeline.multichannel.prepared import errors_name_dataset, load_prepared_channels
+from evopem.pipeline.multichannel.search import estimation_settings
+from evopem.results.layout import DatasetFiles
+from evopem.results.multichannel import frequency_response_rows
+from evopem.signals.multichannel_preparation import MultichannelData
+from evopem.validation.multichannel import mean_errors
+
+Log = Callable[[str], None]
+
+
+def estimate_chosen_state_space(
+    files: DatasetFiles,
+    variants: Sequence[Variant],
+    ranges: OrderRanges,
+    search: StateSpaceSearchSettings,
+    constraints: InputConstraints | None = None,
+    log: Log | None = None,
+) -> None:
+    """Search the chosen model globally, add its noise model, and write what follows from it.
+
+    Raises
+    ------
+    InputError
+        When the record is too short, or no model of the order meets the constraints.
+    """
+    data = load_prepared_channels(files)
+    choice = load(StateSpaceChoice, files.decision("comparison")).model
+    forms = _searched_forms(files, data, variants, ranges, search, constraints)
+    with errors_name_dataset(files):
+        remedied = act_on_checks(forms, choice, log)
+    found = remedied.model
+    record = _record(found, data, remedied.record.choice, search, constraints)
+    save(record, files.model)
+    save(remedied.record, files.decision("remedies"))
+    write_table(files.candidates, _candidates(forms, choice, remedied))
+    if record.polynomials is None:
+        save_state_space_mat(record.model, files.model_mat)
+    else:
+        save_multi_input_mat(record.polynomials, files.model_mat)
+    with threadpool_limits(limits=1, user_api="blas"):
+        write_table(files.frequency_response, frequency_response_rows(record, data.estimation))
+
+
+def complete_other_state_space(
+    files: DatasetFiles,
+    ranges: OrderRanges,
+    search: StateSpaceSearchSettings,
+    constraints: InputConstraints | None = None,
+) -> None:
+    """Keep the model for the other purpose, with its errors on the validation samples.
+
+    It is the one of the search over orders, without a global search of its own.
+
+    Raises
+    ------
+    InputError
+        When the record is too short.
+    """
+    data = load_prepared_channels(files)
+    choice = load(StateSpaceChoice, files.decision("comparison")).other
+    assert choice is not None  # only data sets with inputs have another purpose
+    with threadpool_limits(limits=1, user_api="blas"):
+        forms = _searched_forms(files, data, (), ranges, search, constraints)
+        with errors_name_dataset(files):
+            found = forms.as_searched(choice)
+        record = _record(found, data, choice, search, constraints)
+        errors = mean_errors(record.model, data.validation, choice.level == "state")
+    save(record, files.other_model(choice.purpose))
+    save(OtherModel(choice.purpose, record.text, *errors), files.other_errors(choice.purpose))
+
+
+def _searched_forms(
+    files: DatasetFiles,
+    data: MultichannelData,
+    variants: Sequence[Variant],
+    ranges: OrderRanges,
+    search: StateSpaceSearchSettings,
+    constraints: InputConstraints | None,
+) -> SearchedForms:
+    """What the search over the orders of some forms has left."""
+
+    def start(variant: Variant, order: int) -> StateSpaceModel:
+        return load(OrderModels, files.models_of_orders(variant.name)).of_order(order)
+
+    return SearchedForms(
+        data.estimation,
+        load(DelayChoice, files.decision("delays")).delays,
+        tuple(load(VariantSearch, files.search(variant.name)) for variant in variants),
+        start,
+        partial(estimation_settings, search),
+        ranges,
+        constraints,
+    )
+
+
+def _record(
+    found: ChosenModel,
+    data: MultichannelData,
+    choice: ModelChoice,
+    search: StateSpaceSearchSettings,
+    constraints: InputConstraints | None,
+) -> MultichannelModelRecord:
+    """Everything that is known of a model."""
+    return MultichannelModelRecord.of(
+        found.estimate,
+        found.model,
+        (choice.variant.form, choice.variant.weighting),
+        (data.estimation.input_units, data.estimation.output_units),
+        search,
+        data.transforms,
+        choice.level,
+        found.polynomials,
+        constraints,
+        found.at_upper_ends,
+    )
+
+
+def _candidates(
+    forms: SearchedForms, choice: ModelChoice, remedied: RemediedModel
+) -> dict[str, list[Any]]:
+    """The table of all candidates."""
+    limits = OrderLimits.of(forms.ranges, forms.estimation.input_names)
+
+    def orders_of(structure: str, order: int) -> str:
+        return str(joint_orders(structure, order, forms.delays, limits))
+
+    tried, trials = remedied.model.tried, remedied.record.trials
+    return candidates_table(forms.searches, choice, orders_of, tried, trials)

@@ -1,0 +1,91 @@
+"""Delays of the inputs, and the search over the orders of each form with a weighting."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from evopem.automatic.multi_input_choice import search_structure, searched_joint_orders
+from evopem.automatic.state_space_search import (
+    DelayChoice,
+    Variant,
+    decide_delays,
+    search_variant,
+    searched_orders,
+)
+from evopem.config.input_ranges import InputRanges
+from evopem.config.state_space_settings import (
+    ONE_OUTPUT,
+    OrderRanges,
+    StateSpaceSearchSettings,
+    is_polynomial,
+)
+from evopem.estimation.state_space.settings import StateSpaceSettings
+from evopem.files.json_form import load, save
+from evopem.pipeline.multichannel.prepared import errors_name_dataset, load_prepared_channels
+from evopem.results.layout import DatasetFiles
+
+Log = Callable[[str], None]
+
+
+def decide_input_delays(files: DatasetFiles, ranges: InputRanges) -> None:
+    """Decide the delay of each input.
+
+    Raises
+    ------
+    InputError
+        When the ranges are those of other inputs.
+    """
+    estimation = load_prepared_channels(files).estimation
+    with errors_name_dataset(files):
+        choice = decide_delays(estimation, ranges)
+    save(choice, files.decision("delays"))
+
+
+def search_state_space(
+    files: DatasetFiles,
+    variant: Variant,
+    ranges: OrderRanges,
+    search: StateSpaceSearchSettings,
+    log: Log | None = None,
+) -> None:
+    """Estimate all orders of a form with a weighting, and score them on held-out samples.
+
+    Raises
+    ------
+    InputError
+        When the record is too short.
+    """
+    estimation = load_prepared_channels(files).estimation
+    settings = estimation_settings(search, variant)
+    delays = load(DelayChoice, files.decision("delays")).delays
+    with errors_name_dataset(files):
+        if is_polynomial(variant.form):
+            joint = searched_joint_orders(estimation, variant.form, delays, ranges)
+            found, models = search_structure(estimation, variant, joint, settings, log)
+        else:
+            orders = searched_orders(estimation, ranges.nx)
+            found, models = search_variant(estimation, variant, delays, orders, settings, log)
+    save(found, files.search(variant.name))
+    save(models, files.models_of_orders(variant.name))
+
+
+def variant_named(name: str) -> Variant:
+    """A form with its weighting, by the name of its file."""
+    form, _, weighting = name.rpartition("_")
+    return variants_of([(name, ONE_OUTPUT) if is_polynomial(name) else (form, weighting)])[0]
+
+
+def variants_of(names: Sequence[tuple[str, str]]) -> list[Variant]:
+    """Forms with their weightings."""
+    return [Variant(form, weighting) for form, weighting in names]  # type: ignore[arg-type]
+
+
+def estimation_settings(search: StateSpaceSearchSettings, variant: Variant) -> StateSpaceSettings:
+    """The settings of a search, as the estimation of one form with its weighting takes them."""
+    return StateSpaceSettings(
+        weighting=variant.weighting,
+        max_root_radius=search.max_root_radius,
+        seed=search.seed,
+        evaluations=search.evaluations,
+        objective=search.objective,
+    )

@@ -1,0 +1,50 @@
+"""Validation of a model of several channels and of its modes."""
+
+from __future__ import annotations
+
+from threadpoolctl import threadpool_limits
+
+from evopem.automatic.state_space_remedies import RemedyRecord
+from evopem.estimation.state_space.model_record import MultichannelModelRecord
+from evopem.estimation.state_space.order_models import OrderModel, OrderModels
+from evopem.files.atomic import write_table
+from evopem.files.json_form import load, save
+from evopem.pipeline.multichannel.prepared import load_prepared_channels
+from evopem.results.layout import DatasetFiles
+from evopem.signals.multichannel import MultichannelRecording
+from evopem.validation.mode_table import table_of_models
+from evopem.validation.modes_record import ModesRecord
+from evopem.validation.multichannel import validate_multichannel
+
+
+def validate_state_space(files: DatasetFiles) -> None:
+    """Validate the model and its modes on samples that no choice has seen."""
+    record = load(MultichannelModelRecord, files.model)
+    prepared = load_prepared_channels(files).validation
+    with threadpool_limits(limits=1, user_api="blas"):
+        free_level = record.level_of_simulation == "state"
+        validation, tables = validate_multichannel(record.model, prepared, free_level)
+        modes = _judged_modes(files, record, prepared)
+    save(modes, files.modes_json)
+    write_table(files.modes, modes.rows())
+    save(validation, files.validation)
+    write_table(files.simulation, tables.simulation)
+    write_table(files.residual_autocorrelation, tables.residual_autocorrelation)
+    write_table(files.cross_correlation, tables.cross_correlation)
+
+
+def _judged_modes(
+    files: DatasetFiles, record: MultichannelModelRecord, validation: MultichannelRecording
+) -> ModesRecord:
+    """The modes of the model and of the other orders of its form, with their evidence."""
+    choice = load(RemedyRecord, files.decision("remedies")).choice
+    searched = load(OrderModels, files.models_of_orders(choice.variant.name))
+    own = OrderModel.of(choice.order, record.bic, record.plant)
+    table = table_of_models(
+        searched.with_model(own).models,
+        choice.order,
+        validation.input_records,
+        validation.output_records,
+        0,
+    )
+    return ModesRecord.of(table, record.input_names, record.output_names)

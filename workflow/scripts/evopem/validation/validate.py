@@ -1,0 +1,264 @@
+"""A fitted model against the data: residual tests, prediction, and pure simulation.
+
+Prediction and simulation answer different questions and are never mixed. The one-step prediction
+uses every measured output up to the sample before; the simulation sees the input alone.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+
+from evopem.config.settings import OBJECTIVES, SpectrumSettings
+from evopem.errors import InputError, check_choice
+from evopem.signals.spectral.frequency_response import (
+    FrequencyResponse,
+    multitaper_frequency_response,
+)
+from evopem.validation.excitation import excitation_order
+from evopem.validation.held_out_tests import input_significance
+from evopem.validation.horizons import PredictedStretch, horizon_errors, log_spaced_horizons
+from evopem.validation.mode_evidence import NO_TEST, mode_evidence
+from evopem.validation.peak_evidence import peak_evidence
+from evopem.validation.recorded_units import (
+    recorded_errors,
+    recorded_series,
+)
+from evopem.validation.residual_tests import (
+    CROSS_CORRELATION_LAGS,
+    cross_correlation,
+    ljung_box_lags,
+    residual_autocorrelation,
+    share_inside,
+    whiteness_test,
+)
+from evopem.validation.responses import (
+    HeldOutSamples,
+    held_out_samples,
+    responses_of,
+    simulation_table,
+    unscored_samples,
+)
+from evopem.validation.scores import error_percent, fit_percent, outlier_percent
+from evopem.validation.split_spectra import split_spectra
+from evopem.validation.tested_residuals import TestedResiduals, tested_residuals
+
+if TYPE_CHECKING:
+    from evopem.models.polynomial import PolynomialModel
+    from evopem.signals.preparation import PreparedData
+    from evopem.signals.recording import Recording
+
+
+from evopem.validation.validation import (
+    CrossCorrelationTest,
+    Excitation,
+    HorizonError,
+    Validation,
+    ValidationTables,
+)
+from evopem.validation.whiteness import WhitenessTest
+
+
+def validate(
+    model: PolynomialModel,
+    prepared: PreparedData,
+    loss_start: int | None = None,
+    objective: str = "quadratic",
+    others: Sequence[PolynomialModel] = (),
+    spectrum: SpectrumSettings | None = None,
+    lags: int = 1200,
+    free_level: bool = False,
+) -> tuple[Validation, ValidationTables]:
+    """Validate a model on the estimation samples and on samples it was not estimated from.
+
+    Parameters
+    ----------
+    model : PolynomialModel
+    prepared : PreparedData
+        Estimation and validation samples, transformed alike.
+    loss_start : int, optional
+        First estimation sample whose residual is used. By default the first one that the states of
+        plant and noise do not fit.
+    objective : {"absolute", "quadratic"}
+        What the estimate minimised.
+    others : sequence of PolynomialModel
+        Models of other orders of the same samples, for the stability of the modes.
+    spectrum : SpectrumSettings, optional
+        Of the multitaper estimates of the output's spectrum and of the coherence.
+    lags : int
+        Largest lag of the residual autocorrelation; cut to the number of residuals less one.
+    free_level : bool
+        Whether the simulation fits its level to the validation samples, as it fits the initial
+        state.
+
+    Returns
+    -------
+    Validation, ValidationTables
+
+    Raises
+    ------
+    ValueError
+        When too few samples are left for a test, or the objective is not known.
+
+    Notes
+    -----
+    Residual tests use the estimation samples (Ljung 1999, section 16.6), from the states that fit
+    them best; the residuals of several stretches stand one after the other.  Where the validation
+    samples are several stretches, each has its own states, and the tests of the input and of modes
+    use the longest.
+
+    The simulation of the validation samples starts from the initial state that fits them best, as
+    MATLAB's ``compare`` has it: a few numbers, and nothing else, come from the output it is
+    compared with.  When the validation samples continue the estimation samples
+    (``prepared.contiguous``), a stricter simulation goes with it: it starts with the estimation
+    samples, to which alone its state is fitted, and runs on without seeing one validation output
+    (``continued_simulation_error_percent``).
+
+    The predictor runs through both parts of a continuous record, so that it knows all the measured
+    past.  An independent recording has no past on record: there the predictor starts with the
+    recording, its states are fitted to it, and the first max(na, nb + nk − 1) samples and the
+    max(nc, nd, nf) after them are not scored.
+
+    Of a model without input there is no simulation, and no test concerns the input.
+    """
+    check_choice("objective", objective, OBJECTIVES)
+    estimation = prepared.estimation
+    inputs = estimation.input if model.has_input else np.zeros_like(estimation.output)
+    orders = model.orders
+    start = unscored_samples(model) if loss_start is None else loss_start
+    tested = tested_residuals(model, estimation, start, objective)
+    residuals = tested.residuals
+    if residuals.size < 2:
+        raise ValueError(
+            f"{estimation.output.size} estimation samples leave no residuals from sample {start} on"
+        )
+    autocorrelation = residual_autocorrelation(residuals, lags)
+    largest = len(autocorrelation) - 1
+    cross = cross_correlation(residuals, tested.input, min(lags, CROSS_CORRELATION_LAGS))
+    noise_parameters = orders.na + orders.nc + orders.nd
+    tested_lags = ljung_box_lags(residuals.size, noise_parameters, largest)
+    coherence = None
+    if model.has_input:
+        coherence = _coherence(estimation.longest, spectrum or SpectrumSettings())
+    held_out = held_out_samples(model, prepared, free_level)
+    longest = max(held_out, key=lambda each: each.samples)
+    responses = responses_of(model, prepared, held_out, free_level)
+    scored = responses.scored
+    measured = responses.output[scored]
+    if measured.size == 0:
+        raise ValueError("no validation sample is left to score; keep more samples for validation")
+    by_horizon = _horizons(held_out, int(np.argmax(scored)), measured.size)
+    recorded = recorded_series(
+        prepared.transforms, responses.output, responses.predicted, responses.simulated
+    )
+    needed = orders.na + orders.nf + orders.nb if model.has_input else 0
+    validation = Validation(
+        prediction_error_percent=error_percent(measured, responses.predicted[scored]),
+        simulation_error_percent=error_percent(measured, responses.simulated[scored]),
+        prediction_fit_percent=fit_percent(measured, responses.predicted[scored]),
+        simulation_fit_percent=fit_percent(measured, responses.simulated[scored]),
+        continued_simulation_error_percent=(
+            None
+            if responses.continued is None
+            else error_percent(measured, responses.continued[scored])
+        ),
+        samples=measured.size,
+        unscored_samples=int(np.sum(~scored)),
+        residual_samples=residuals.size,
+        autocorrelation_share_inside95=share_inside(
+            autocorrelation["autocorrelation"].iloc[1:], autocorrelation["bound95"].iloc[1:]
+        ),
+        lags=largest,
+        ljung_box=_whiteness(tested, tested_lags, objective),
+        cross_correlation=_cross_correlation_test(cross),
+        residual_outlier_percent=outlier_percent(residuals),
+        excitation=Excitation(excitation_order(inputs, needed), needed),
+        recorded=recorded_errors(prepared.transforms, recorded, scored),
+        input_test=(
+            input_significance(longest.model, longest.input, longest.output, longest.first)
+            if model.has_input
+            else NO_TEST
+        ),
+        modes=tuple(
+            mode_evidence(
+                *(longest.model, longest.input, longest.output, longest.first, longest.states),
+                *(coherence, others),
+            )
+        ),
+        peaks=peak_evidence(model, estimation.longest, spectrum or SpectrumSettings()),
+        split=split_spectra(
+            inputs,
+            prepared.validation.input if model.has_input else np.zeros(measured.size),
+            estimation.sampling_rate,
+        ),
+        horizons=by_horizon,
+    )
+    simulation = simulation_table(responses, recorded, estimation.sampling_rate)
+    return validation, ValidationTables(
+        autocorrelation, cross, simulation, _horizon_table(by_horizon, estimation.sampling_rate)
+    )
+
+
+def _cross_correlation_test(table: pd.DataFrame) -> CrossCorrelationTest:
+    """What the table of the cross-correlation says of its bounds."""
+    correlation, bound = table["cross_correlation"], table["bound95"]
+    return CrossCorrelationTest(
+        share_inside95=share_inside(correlation, bound),
+        max_abs=float(correlation.abs().max()),
+        max_in_bounds=float((correlation.abs() / bound).max()),
+        lags=int(table["lag"].max()),
+    )
+
+
+def _horizons(
+    held_out: Sequence[HeldOutSamples], unscored: int, scored: int
+) -> tuple[HorizonError, ...]:
+    """Errors of k-step predictions, where the first samples are not scored."""
+    longest = max(each.samples for each in held_out)
+    horizons = log_spaced_horizons(min(longest - unscored, scored))
+    stretches = [
+        PredictedStretch(
+            *(each.model, each.input, each.output, each.states),
+            len(each.output) - each.samples + unscored,
+        )
+        for each in held_out
+    ]
+    errors = horizon_errors(stretches, horizons)
+    return tuple(map(HorizonError, horizons, errors.tolist()))
+
+
+def _horizon_table(errors: Sequence[HorizonError], sampling_rate: float) -> pd.DataFrame:
+    """The errors by horizon in samples and in seconds."""
+    horizons = np.array([each.samples for each in errors])
+    return pd.DataFrame(
+        {
+            "horizon": horizons,
+            "horizon_s": horizons / sampling_rate,
+            "error_percent": [each.error_percent for each in errors],
+        }
+    )
+
+
+def _whiteness(tested: TestedResiduals, lags: int, objective: str) -> WhitenessTest:
+    """Joint test of the residuals; NaN where there are too few."""
+    if not 0 < lags < tested.residuals.size:
+        return WhitenessTest(math.nan, math.nan, math.nan, max(lags, 0))
+    return whiteness_test(tested.residuals, tested.jacobian(), lags, objective)
+
+
+def _coherence(estimation: Recording, settings: SpectrumSettings) -> FrequencyResponse | None:
+    """Empirical frequency response with its coherence; None where no spectrum can be estimated."""
+    try:
+        return multitaper_frequency_response(
+            estimation.input,
+            estimation.output,
+            estimation.sampling_rate,
+            settings.time_halfbandwidth,
+            settings.nfft,
+        )
+    except InputError:
+        return None
