@@ -309,7 +309,8 @@ def test_descents_of_long_records_race_to_the_same_optimum(monkeypatch):
     truth = structure(modes=2, ny=2, nu=1, form="output_error")
     u, y, _ = recorded(truth, 300, 0.1, 3)
     full = sweep_state_space_orders(u, y, (2, 4), form="output_error", folds=False)
-    monkeypatch.setattr("evopem.estimation.state_space.problem.LONG", 0)
+    monkeypatch.setattr("evopem.estimation.state_space.problem.COSTLY", 0)
+    monkeypatch.setattr("evopem.estimation.state_space.problem.LAP", 5)
     raced = sweep_state_space_orders(u, y, (2, 4), form="output_error", folds=False)
     spent = [
         sum(each.search.diagnostics.evaluations for each in scores.estimates)

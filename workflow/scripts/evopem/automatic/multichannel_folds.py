@@ -23,7 +23,6 @@ from evopem.estimation.state_space.held_out import (
     errors_from_first_samples,
     prediction_errors,
 )
-from evopem.estimation.state_space.problem import LONG
 from evopem.estimation.state_space.settings import Objective
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.multichannel import MultichannelRecording
@@ -34,7 +33,7 @@ Array = NDArray[np.float64]
 # show errors of the gain and of slow poles, many leave more samples to fit.  Large records have the
 # first alone, and records of few samples the last one: half of them say too little.
 DESIGNS = (2, 5)
-LARGE, FEW = 100_000, 400
+LARGE, LONG, FEW = 100_000, 40_000, 400
 SHORTEST_FOLD = 24
 # Least share of all samples that is left to fit where recordings are held out.
 LEAST_TRAINING = 1.0 / 3.0
@@ -183,7 +182,7 @@ def is_large(estimation: MultichannelRecording) -> bool:
 
 
 def is_long(estimation: MultichannelRecording) -> bool:
-    """Whether a record has so many values that descents on it race each other."""
+    """Whether a record has so many values that orders of noise models are tried in steps of two."""
     return _values(estimation) > LONG
 
 

@@ -35,7 +35,7 @@ from evopem.estimation.state_space.estimate import (
 )
 from evopem.estimation.state_space.noise_model import RISES, WIDTH, noise_model, side_by_side
 from evopem.estimation.state_space.order_models import OrderModel, OrderModels
-from evopem.estimation.state_space.problem import STEPS
+from evopem.estimation.state_space.problem import STEPS, USUAL_ORDER
 from evopem.estimation.state_space.search import FINAL_WIDTH
 from evopem.estimation.state_space.settings import Objective, StateSpaceSettings
 from evopem.models.state_space import Form, StateSpaceModel
@@ -53,7 +53,7 @@ LARGE_WIDTH, LARGE_STEPS = 2, 12
 TRIMMED_FOLDS = 5
 # Largest orders tried of plant and noise model, and output values for each parameter of the largest
 # model.
-MOST_STATES, MOST_NOISE_STATES, VALUES_PER_PARAMETER = 20, 10, 5
+MOST_STATES, MOST_NOISE_STATES, VALUES_PER_PARAMETER = 40, 10, 5
 # Above this largest order they are tried in steps of two.
 SINGLE_STEPS = 10
 # Weighting of the output-error models that Box-Jenkins models begin with.
@@ -358,7 +358,7 @@ def searched_variant(
         Of the errors on held-out samples.
     log : callable, optional
     """
-    found = _until_bic_rises(estimates)
+    found = until_bic_rises(estimates)
     models = tuple(
         OrderModel.of(
             order,
@@ -376,17 +376,28 @@ def searched_variant(
     return search, OrderModels(models)
 
 
-def _until_bic_rises(estimates: Iterable[tuple[int, Estimate]]) -> dict[int, Estimate]:
-    """The estimates by order, up to where the BIC has risen so often that the search ends."""
+def until_bic_rises(estimates: Iterable[tuple[int, Estimate]]) -> dict[int, Estimate]:
+    """The estimates by order, up to where the BIC has risen so often that the search ends.
+
+    From the usual largest order on it ends with the first rise, also of the BIC with the colour of
+    the errors: states that only describe coloured errors would be added without end.
+
+    Parameters
+    ----------
+    estimates : iterable of (int, ScoredEstimate)
+        By ascending order; no more of them is taken than needed.
+    """
     found: dict[int, Estimate] = {}
-    lowest = np.inf
+    lowest = lowest_coloured = np.inf
     rises = 0
     for order, estimate in estimates:
         found[order] = estimate
         rises = 0 if estimate.bic < lowest else rises + 1
-        lowest = min(lowest, estimate.bic)
-        if rises >= RISES:
+        falls = rises == 0 and estimate.coloured_bic < lowest_coloured
+        if rises >= RISES or (order >= USUAL_ORDER and not falls):
             break
+        lowest = min(lowest, estimate.bic)
+        lowest_coloured = min(lowest_coloured, estimate.coloured_bic)
     return found
 
 
