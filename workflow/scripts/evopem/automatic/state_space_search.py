@@ -47,10 +47,8 @@ Refit = Callable[[MultichannelRecording], StateSpaceModel]
 """The model that a descent ends at on parts of a record, from the one of the whole record."""
 
 # Estimates of each order that are descended from on large records, whose estimates are good ones,
-# and steps of these descents.
+# and steps of these descents; also of those on folds of long records, from the optimum of all.
 LARGE_WIDTH, LARGE_STEPS = 2, 12
-# Steps on a fold of a long record, from the optimum of all samples.
-FOLD_STEPS = 25
 # Folds of all designs from which on the worst one of a model is left out.
 TRIMMED_FOLDS = 5
 # Largest orders tried of plant and noise model, and output values for each parameter of the largest
@@ -481,7 +479,7 @@ def _refits(
             training.output_records,
             delays=tuple(delays),
             settings=settings,
-            steps=min(_steps(estimation), FOLD_STEPS) if is_long(estimation) else STEPS,
+            steps=LARGE_STEPS if is_long(estimation) else STEPS,
         )
 
     return refit_of
