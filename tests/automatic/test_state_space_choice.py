@@ -1,5 +1,7 @@
 """Choice of form and order by scores on held-out samples."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -11,6 +13,7 @@ from evopem.automatic.state_space_search import (
     decide_delays,
     noise_orders,
     searched_orders,
+    until_bic_rises,
 )
 from evopem.config.input_ranges import InputRanges
 from evopem.config.state_space_settings import StateSpaceChoices
@@ -118,8 +121,27 @@ def test_bic_decides_where_no_score_is_known():
     assert chosen([unknown, search(OUTPUT_ERROR, (np.nan,))]) == (INNOVATIONS, 3)
 
 
+@pytest.mark.parametrize(
+    ("orders", "bic", "coloured", "last"),
+    [
+        # Two rises end a search; a single one does not.
+        (range(2, 21, 2), (9, 8, 8.5, 7, 7.5, 7.2, 3, 2, 1, 0), (0,) * 10, 12),
+        # Beyond 20 states the first one does, of either criterion.
+        (range(16, 31, 2), (9, 8, 7, 6, 5, 5.5, 4, 3), (9, 8, 7, 6, 5, 4, 3, 2), 26),
+        (range(16, 31, 2), (9, 8, 7, 6, 5, 4, 3, 2), (9, 8, 7, 6, 6.5, 6, 5, 4), 24),
+        # Errors that stay coloured alike do not add states without end.
+        (range(16, 31, 2), (9, 8, 7, 6, 5, 4, 3, 2), (5, 6, 7, 8, 9, 9, 9, 9), 20),
+        ((30,), (1,), (1,), 30),
+    ],
+)
+def test_a_search_over_orders_ends_where_bic_rises(orders, bic, coloured, last):
+    scores = zip(orders, bic, coloured, strict=True)
+    estimates = ((order, SimpleNamespace(bic=b, coloured_bic=c)) for order, b, c in scores)
+    assert max(until_bic_rises(estimates)) == last
+
+
 def test_orders_follow_the_length_of_the_record():
-    assert searched_orders(recording(5000), None) == tuple(range(2, 21, 2))
+    assert searched_orders(recording(5000), None) == tuple(range(2, 41, 2))
     assert searched_orders(recording(100), None) == (1, 2, 3)
     assert searched_orders(recording(5000), (3, 5)) == (3, 4, 5)
     # Five folds leave four fifths of a short record to fit.

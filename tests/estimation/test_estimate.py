@@ -33,12 +33,12 @@ def test_arx_recovers_a_noise_free_system():
 @pytest.mark.filterwarnings("ignore")
 def test_quadratic_estimate_agrees_with_statsmodels():
     """The ARMAX model is a regression on lagged signals with moving-average errors."""
-    statsmodels = pytest.importorskip("statsmodels.api")
+    sarimax = pytest.importorskip("statsmodels.tsa.statespace.sarimax")
     u, y = small_record(samples=800)
     found = estimate(u, y, (2, 2, 1, 1), settings=QUADRATIC, window=ScoringWindow(2, 3))
     t = np.arange(2, len(y))
     lagged = np.column_stack([-y[t - 1], -y[t - 2], u[t - 1], u[t - 2]])
-    theirs = statsmodels.tsa.SARIMAX(y[2:], exog=lagged, order=(0, 0, 1)).fit(disp=False)
+    theirs = sarimax.SARIMAX(y[2:], exog=lagged, order=(0, 0, 1)).fit(disp=False)
     # Exact likelihood against sum of squares from a zero past: they differ by the first residuals.
     np.testing.assert_allclose(found.model.parameters, theirs.params[:5], atol=5e-3)
     np.testing.assert_allclose(np.sqrt(np.diag(found.model.covariance)), theirs.bse[:5], rtol=0.1)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_are
 from scipy.optimize import least_squares
+from scipy.signal import lfilter
 
 from evopem.estimation.state_space.covariance import (
     initial_states,
@@ -24,6 +25,7 @@ from evopem.estimation.state_space.estimate import (
     sweep_state_space_orders,
 )
 from evopem.estimation.state_space.held_out import continued_errors, simulation_errors
+from evopem.estimation.state_space.kernels import section_responses
 from evopem.estimation.state_space.levenberg_marquardt import descend
 from evopem.estimation.state_space.noise_colour import autoregression_of
 from evopem.estimation.state_space.problem import (
@@ -285,6 +287,49 @@ def test_the_covariance_is_that_of_a_numerical_jacobian(form):
          for k in np.eye(len(q0))]
     ).T  # fmt: skip
     np.testing.assert_allclose(covariance.standard_errors(gradients), expected, rtol=1e-3)
+
+
+def test_many_lags_of_coloured_errors_are_summed_by_filters(monkeypatch):
+    truth = structure(modes=1, ny=2, nu=1, form="output_error")
+    u, y, _ = recorded(truth, 300, 0.3, 3)
+    y += lfilter([1.0], [1.0, -1.2, 0.3], y, axis=0)
+    record = state_space_record([u[:100], u[100:]], [y[:100], y[100:]], [1], True)
+    errors = StateSpaceErrors(record, 3, "output_error")
+    found = errors.projection(from_poles(errors, random_poles(3, np.random.default_rng(1))))
+    weights = errors.weights(found.covariance)
+    by_lags, by_filters = [], []
+    for listed, lags in ((by_lags, 10**6), (by_filters, 0)):
+        monkeypatch.setattr("evopem.estimation.state_space.covariance.FILTERED", lags)
+        factor = parameter_covariance(errors, found, weights).factor
+        listed.append(np.linalg.norm(factor, axis=1))
+    np.testing.assert_allclose(by_filters, by_lags, rtol=1e-6)
+
+
+def test_descents_of_long_records_race_to_the_same_optimum(monkeypatch):
+    truth = structure(modes=2, ny=2, nu=1, form="output_error")
+    u, y, _ = recorded(truth, 300, 0.1, 3)
+    full = sweep_state_space_orders(u, y, (2, 4), form="output_error", folds=False)
+    monkeypatch.setattr("evopem.estimation.state_space.problem.COSTLY", 0)
+    monkeypatch.setattr("evopem.estimation.state_space.problem.LAP", 5)
+    raced = sweep_state_space_orders(u, y, (2, 4), form="output_error", folds=False)
+    spent = [
+        sum(each.search.diagnostics.evaluations for each in scores.estimates)
+        for scores in (raced, full)
+    ]
+    assert spent[0] < spent[1]
+    np.testing.assert_allclose(raced.bic, full.bic, rtol=1e-6)
+
+
+def test_decayed_responses_leave_no_subnormal_numbers():
+    responses = section_responses(
+        *(np.array([value]) for value in (0.5, 0.3, -0.3)),
+        np.array([0]),
+        np.ones((1, 1)),
+        np.zeros((3000, 1)),
+        np.array([0, 3000]),
+    )
+    assert not responses[2000:].any()
+    assert np.abs(responses[responses != 0.0]).min() > np.finfo(float).tiny
 
 
 def test_an_output_error_model_is_an_innovations_model_without_gain():

@@ -128,9 +128,9 @@ def test_a_recording_is_known_by_its_path(read):
     assert not was_read_from("x.csv", "results/none/recording.json")
 
 
-def test_ten_thousand_data_sets_take_seconds():
+def test_two_thousand_data_sets_take_a_second():
     Path("data").mkdir()
-    names = [f"r{number}" for number in range(10_000)]
+    names = [f"r{number}" for number in range(2_000)]
     for name in names:
         Path(f"data/{name}.csv").write_text("1,2\n")
     for name in names:
@@ -139,7 +139,7 @@ def test_ten_thousand_data_sets_take_seconds():
     datasets = settings({name: {"file": f"data/{name}.csv"} for name in names})
     before = time.process_time()
     assert mark_replaced_recordings(datasets) == []
-    assert time.process_time() - before < 5
+    assert time.process_time() - before < 1
 
 
 @pytest.mark.parametrize("seconds", [0, 1, 2, 10**9])

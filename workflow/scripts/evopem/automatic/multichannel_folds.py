@@ -33,7 +33,7 @@ Array = NDArray[np.float64]
 # show errors of the gain and of slow poles, many leave more samples to fit.  Large records have the
 # first alone, and records of few samples the last one: half of them say too little.
 DESIGNS = (2, 5)
-LARGE, FEW = 100_000, 400
+LARGE, LONG, FEW = 100_000, 40_000, 400
 SHORTEST_FOLD = 24
 # Least share of all samples that is left to fit where recordings are held out.
 LEAST_TRAINING = 1.0 / 3.0
@@ -178,8 +178,16 @@ def fewest_fitted(estimation: MultichannelRecording) -> int:
 
 def is_large(estimation: MultichannelRecording) -> bool:
     """Whether a record has so many values that searches over orders are shortened."""
-    channels = estimation.inputs.shape[1] + estimation.outputs.shape[1]
-    return estimation.samples * channels > LARGE
+    return _values(estimation) > LARGE
+
+
+def is_long(estimation: MultichannelRecording) -> bool:
+    """Whether a record has so many values that orders of noise models are tried in steps of two."""
+    return _values(estimation) > LONG
+
+
+def _values(estimation: MultichannelRecording) -> int:
+    return estimation.inputs.size + estimation.outputs.size
 
 
 def _errors_alone(

@@ -16,10 +16,12 @@ from numpy.typing import NDArray
 from evopem.automatic.decision import Alternative, Decision, given_by_configuration
 from evopem.automatic.multichannel_folds import (
     DESIGNS,
+    Fold,
     designs_of,
     fewest_fitted,
     folds_of,
     is_large,
+    is_long,
 )
 from evopem.config.input_ranges import InputRanges
 from evopem.config.state_space_settings import ModelForm, OutputWeighting, variant_name
@@ -33,7 +35,7 @@ from evopem.estimation.state_space.estimate import (
 )
 from evopem.estimation.state_space.noise_model import RISES, WIDTH, noise_model, side_by_side
 from evopem.estimation.state_space.order_models import OrderModel, OrderModels
-from evopem.estimation.state_space.problem import STEPS
+from evopem.estimation.state_space.problem import STEPS, USUAL_ORDER
 from evopem.estimation.state_space.search import FINAL_WIDTH
 from evopem.estimation.state_space.settings import Objective, StateSpaceSettings
 from evopem.models.state_space import Form, StateSpaceModel
@@ -45,13 +47,13 @@ Refit = Callable[[MultichannelRecording], StateSpaceModel]
 """The model that a descent ends at on parts of a record, from the one of the whole record."""
 
 # Estimates of each order that are descended from on large records, whose estimates are good ones,
-# and steps of these descents.
+# and steps of these descents; also of those on folds of long records, from the optimum of all.
 LARGE_WIDTH, LARGE_STEPS = 2, 12
 # Folds of all designs from which on the worst one of a model is left out.
 TRIMMED_FOLDS = 5
 # Largest orders tried of plant and noise model, and output values for each parameter of the largest
 # model.
-MOST_STATES, MOST_NOISE_STATES, VALUES_PER_PARAMETER = 20, 10, 5
+MOST_STATES, MOST_NOISE_STATES, VALUES_PER_PARAMETER = 40, 10, 5
 # Above this largest order they are tried in steps of two.
 SINGLE_STEPS = 10
 # Weighting of the output-error models that Box-Jenkins models begin with.
@@ -223,7 +225,7 @@ def noise_orders(estimation: MultichannelRecording) -> tuple[int, ...]:
     samples = estimation.samples
     of_order = 1 + len(estimation.starts)
     affordable = min(MOST_NOISE_STATES, samples // 12, samples // VALUES_PER_PARAMETER // of_order)
-    if is_large(estimation):
+    if is_long(estimation):
         return tuple(range(2, max(affordable, 2) + 1, 2))
     return tuple(range(1, max(affordable, 1) + 1))
 
@@ -311,6 +313,7 @@ def _search_box_jenkins(
         delays=tuple(delays),
         settings=replace(settings, weighting=OUTPUT_ERROR_WEIGHTING),
         width=WIDTH,
+        log=log,
     )
 
     def estimates() -> Iterator[tuple[int, StateSpaceEstimate]]:
@@ -355,7 +358,7 @@ def searched_variant(
         Of the errors on held-out samples.
     log : callable, optional
     """
-    found = _until_bic_rises(estimates)
+    found = until_bic_rises(estimates)
     models = tuple(
         OrderModel.of(
             order,
@@ -373,17 +376,28 @@ def searched_variant(
     return search, OrderModels(models)
 
 
-def _until_bic_rises(estimates: Iterable[tuple[int, Estimate]]) -> dict[int, Estimate]:
-    """The estimates by order, up to where the BIC has risen so often that the search ends."""
+def until_bic_rises(estimates: Iterable[tuple[int, Estimate]]) -> dict[int, Estimate]:
+    """The estimates by order, up to where the BIC has risen so often that the search ends.
+
+    From the usual largest order on it ends with the first rise, also of the BIC with the colour of
+    the errors: states that only describe coloured errors would be added without end.
+
+    Parameters
+    ----------
+    estimates : iterable of (int, ScoredEstimate)
+        By ascending order; no more of them is taken than needed.
+    """
     found: dict[int, Estimate] = {}
-    lowest = np.inf
+    lowest = lowest_coloured = np.inf
     rises = 0
     for order, estimate in estimates:
         found[order] = estimate
         rises = 0 if estimate.bic < lowest else rises + 1
-        lowest = min(lowest, estimate.bic)
-        if rises >= RISES:
+        falls = rises == 0 and estimate.coloured_bic < lowest_coloured
+        if rises >= RISES or (order >= USUAL_ORDER and not falls):
             break
+        lowest = min(lowest, estimate.bic)
+        lowest_coloured = min(lowest_coloured, estimate.coloured_bic)
     return found
 
 
@@ -465,7 +479,7 @@ def _refits(
             training.output_records,
             delays=tuple(delays),
             settings=settings,
-            steps=_steps(estimation),
+            steps=LARGE_STEPS if is_long(estimation) else STEPS,
         )
 
     return refit_of
@@ -487,9 +501,8 @@ def _scored(
     refits = [refit_of(estimates[order]) for order in orders]
     of_designs = []
     for count in designs_of(estimation):
-        of_designs.append(_errors_of_folds(estimation, count, refits, objective))
-        if log is not None:
-            log(f"{variant.name}: {count} folds")
+        folds = _told(folds_of(estimation, count), variant, log)
+        of_designs.append(_errors_of_folds(folds, refits, objective))
     scores = _without_worst_fold(np.concatenate(of_designs))
     simulation, free_level, prediction = (tuple(map(float, row)) for row in scores)
     return VariantSearch(
@@ -514,29 +527,33 @@ def _up_to_lowest(bic: Mapping[int, float]) -> tuple[int, ...]:
     return tuple(order for order in bic if order <= lowest)
 
 
-def _errors_of_folds(
-    estimation: MultichannelRecording,
-    count: int,
-    refits: Sequence[Refit],
-    objective: Objective,
-) -> Array:
+def _told(folds: Sequence[Fold], variant: Variant, log: Log | None) -> Iterator[Fold]:
+    """The folds of a design, each one after a line that says so."""
+    for number, fold in enumerate(folds, start=1):
+        if log is not None:
+            log(f"{variant.name}: fold {number} of {len(folds)}")
+        yield fold
+
+
+def _errors_of_folds(folds: Iterable[Fold], refits: Sequence[Refit], objective: Objective) -> Array:
     """Errors of each model on each fold of a design, (folds, 3, models), mean over the outputs.
 
     Simulation with the level of the training part and with a free one, and prediction.  The
     training part of a fold is fitted by a descent from the model of all samples: so it is the
     same optimum that is scored.
     """
-    folds = folds_of(estimation, count)
-    relative = np.full((len(folds), 3, len(refits)), np.inf)
-    for number, fold in enumerate(folds):
+    relative = []
+    for fold in folds:
+        of_fold = np.full((3, len(refits)), np.inf)
         for place, refit in enumerate(refits):
             try:
                 fitted = refit(fold.training)
             except ValueError:
                 continue
             errors = np.minimum(fold.errors(fitted, objective), LARGEST_ERROR)
-            relative[number, :, place] = errors.mean(axis=-1)
-    return relative
+            of_fold[:, place] = errors.mean(axis=-1)
+        relative.append(of_fold)
+    return np.array(relative).reshape(-1, 3, len(refits))
 
 
 def _without_worst_fold(errors: Array) -> Array:

@@ -27,6 +27,7 @@ from evopem.config.settings import (
 )
 from evopem.config.several_recordings import check_several_recordings
 from evopem.config.source_keys import check_paths, complete_source
+from evopem.config.split_keys import check_fractions, check_something_left
 from evopem.config.state_space_keys import (
     check_single_channel,
     complete_state_space,
@@ -145,7 +146,8 @@ def _by_chapter(name: str, written: Keys, defaults: Keys, source: str) -> Datase
     analysis = _merged(_merged(lowest, defaults), written)
     _check_analysis(written, analysis, source, place)
     check_transforms(analysis, structure, source, place)
-    _check_something_left(written, analysis, source, place)
+    estimation = analysis["split"]["estimation"]
+    check_something_left(estimation, "validation_file" in written, source, place)
     return settings_of(name, own_source | analysis | merged_fit(defaults, written))
 
 
@@ -173,7 +175,8 @@ def _automatic(name: str, written: Keys, defaults: Keys, source: str) -> Dataset
     own = {key: value for key, value in written.items() if key in ANALYSIS_KEYS}
     analysis = laid_over(laid_over(lowest, defaults), own)
     _check_analysis(written, analysis, source, place)
-    _check_something_left(written, analysis, source, place)
+    estimation = analysis["split"]["estimation"]
+    check_something_left(estimation, "validation_file" in written, source, place)
     return settings_of(name, own_source | analysis | merged_fit(defaults, written))
 
 
@@ -233,14 +236,7 @@ def _check_analysis(written: Keys, merged: Keys, source: str, place: str) -> Non
                 f"write [{value[1]}, {value[0]}]",
                 f"{place}.{key}",
             )
-    for key, value in merged["split"].items():
-        if isinstance(value, float) and value > 1:
-            raise InputError(
-                source,
-                f"{value} is neither a whole number nor a fraction",
-                "give a whole number of samples or a fraction between 0 and 1",
-                f"{place}.split.{key}",
-            )
+    check_fractions(merged["split"], source, place)
     search = merged["search"]
     own = written.get("search", {})
     for low, high, meaning in (
@@ -255,15 +251,3 @@ def _check_analysis(written: Keys, merged: Keys, source: str, place: str) -> Non
                 f"give {low} no more than {high}",
                 f"{place}.search.{key}",
             )
-
-
-def _check_something_left(written: Keys, analysis: Keys, source: str, place: str) -> None:
-    """Refuse to estimate on all samples of a recording that is also to be validated on."""
-    chosen = analysis["split"]["estimation"]
-    if isinstance(chosen, float) and chosen == ALL_SAMPLES and "validation_file" not in written:
-        raise InputError(
-            source,
-            f"{chosen} takes all samples, so none are left to validate on",
-            "give a smaller fraction such as 0.8, or a validation_file",
-            f"{place}.split.estimation",
-        )

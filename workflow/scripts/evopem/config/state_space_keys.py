@@ -25,6 +25,7 @@ from evopem.config.input_ranges import (
 )
 from evopem.config.settings import Range, SplitSettings
 from evopem.config.source_keys import check_file_paths
+from evopem.config.split_keys import check_fractions, check_something_left
 from evopem.config.state_space_settings import (
     ChannelLists,
     MultichannelDataset,
@@ -357,22 +358,9 @@ def _check_split(own: Keys, written: Keys, source: str, place: str) -> None:
             "remove it",
             f"{place}.split.by",
         )
-    for key, value in own["split"].items():
-        if isinstance(value, float) and value > 1:
-            raise InputError(
-                source,
-                f"{value} is neither a whole number nor a fraction",
-                "give a whole number of samples or a fraction between 0 and 1",
-                f"{place}.split.{key}",
-            )
-    chosen = own["split"].get("estimation", 0.8)
-    if isinstance(chosen, float) and chosen == ALL_SAMPLES and "validation_file" not in written:
-        raise InputError(
-            source,
-            f"{chosen} takes all samples, so none are left to validate on",
-            "give a smaller fraction such as 0.8, or a validation_file",
-            f"{place}.split.estimation",
-        )
+    check_fractions(own["split"], source, place)
+    estimation = own["split"].get("estimation", 0.8)
+    check_something_left(estimation, "validation_file" in written, source, place)
 
 
 def _references(given: Any, role: str, source: str, place: str) -> tuple[Reference, ...]:

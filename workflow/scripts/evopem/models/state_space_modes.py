@@ -127,15 +127,9 @@ def shaped_modes(
             for k, each in zip(oscillating, derivatives, strict=True)
         ]
         known = [place for place, error in enumerate(errors) if error.known]
-        of_known = _neighbours(
-            poles[oscillating[known]],
-            shapes[:, oscillating[known]],
-            [derivatives[place] for place in known],
-            covariance,
+        neighbours = _among_known(
+            poles[oscillating], shapes[:, oscillating], derivatives, known, covariance
         )
-        for place, neighbour in zip(known, of_known, strict=True):
-            partner = None if neighbour.partner is None else known[neighbour.partner]
-            neighbours[place] = replace(neighbour, partner=partner)
     modes = []
     for k, error, neighbour in zip(map(int, oscillating), errors, neighbours, strict=True):
         scale = _scale(shapes[:, k])
@@ -167,6 +161,24 @@ def shaped_modes(
             )
         )
     return modes
+
+
+def _among_known(
+    poles: Complex,
+    shapes: Complex,
+    derivatives: Sequence[tuple[Complex, Complex]],
+    known: Sequence[int],
+    covariance: ParameterCovariance,
+) -> list[Neighbour]:
+    """The neighbour of each mode, among those whose standard errors are known."""
+    neighbours = [Neighbour()] * len(poles)
+    of_known = _neighbours(
+        poles[known], shapes[:, known], [derivatives[place] for place in known], covariance
+    )
+    for place, neighbour in zip(known, of_known, strict=True):
+        partner = None if neighbour.partner is None else known[neighbour.partner]
+        neighbours[place] = replace(neighbour, partner=partner)
+    return neighbours
 
 
 def _scale(shape: Complex) -> complex:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -63,6 +64,10 @@ def run_stages(stages: Mapping[str, Stage], announce: Announce | None = None) ->
         stage()
 
 
+# Seconds between two lines about one stage where there is no terminal.
+PAUSE = 30.0
+
+
 @dataclass
 class ProgressLine:
     """One line that each stage overwrites; a line for each stage where there is no terminal.
@@ -75,15 +80,29 @@ class ProgressLine:
 
     stream: TextIO
     _started: float = field(default_factory=time.monotonic)
+    _shown: float = 0.0
+    _stage: tuple[str, str] = ("", "")
     _width: int = 0
 
     def announce(self, stage: str, number: int, stages: int) -> None:
         """Say that a stage begins: its name, its number from 1, and how many there are."""
-        elapsed = time.monotonic() - self._started
-        text = f"[{number}/{stages}] {elapsed:5.1f} s  {stage_title(stage)}"
+        self._stage = f"[{number}/{stages}]", stage_title(stage)
+        self._show("")
+
+    def tell(self, words: str) -> None:
+        """Say how far the stage has come; not each time where there is no terminal."""
+        if self.stream.isatty() or time.monotonic() - self._shown >= PAUSE:
+            self._show(f": {words}")
+
+    def _show(self, words: str) -> None:
+        self._shown = time.monotonic()
+        number, title = self._stage
+        text = f"{number} {self._shown - self._started:5.1f} s  {title}{words}"
         if not self.stream.isatty():
             self.stream.write(f"{text}\n")
         else:
+            # A line that is wrapped could not be overwritten.
+            text = text[: shutil.get_terminal_size().columns - 1]
             self.stream.write(f"\r{text:<{self._width}}")
             self._width = len(text)
         self.stream.flush()

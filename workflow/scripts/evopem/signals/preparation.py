@@ -10,7 +10,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.config.settings import PreparationSettings
+from evopem.config.settings import PreparationSettings, SplitSettings
 from evopem.errors import check_choice
 from evopem.files.json_form import load, save
 from evopem.files.npz import load_arrays, save_arrays
@@ -233,25 +233,18 @@ def prepare(
         if records[0].sampling_rate != recording.sampling_rate:
             resampled_from = recording.sampling_rate
 
-    transforms, split = settings.transforms, settings.split
+    transforms = settings.transforms
     check_differences(transforms, f"{key}transforms")
     differences, differences_input = transforms.difference, transforms.difference_input
     lost = max(differences, differences_input)
-    own = validation_recording is None
-    start, stop = estimation_range(records[0].samples - lost, split, own, f"{key}split")
-    start, stop = start + lost, stop + lost
-    if own:
-        validation_range = (stop, records[0].samples)
-    else:
-        validation_start = lost + discarded(records[1].samples - lost, split, f"{key}split")
-        validation_range = (validation_start, records[1].samples)
+    (start, stop), held_out_range = _ranges(records, settings.split, lost, f"{key}split")
 
     records, parameter, shift = transform_outputs(
         records, transforms.box_cox, [(0, start, stop)], f"{key}transforms.box_cox"
     )
     counts = (differences, differences_input)
     estimation, estimation_initial = section(records[0], start, stop, counts)
-    validation, validation_initial = section(records[-1], *validation_range, counts)
+    validation, validation_initial = section(records[-1], *held_out_range, counts)
 
     input_mean, output_mean = float(estimation.input.mean()), output_level(estimation)
     centred = [
@@ -280,9 +273,23 @@ def prepare(
             validation_difference_input_initial=validation_initial[0],
             estimation_samples=centred[0].samples,
             validation_samples=centred[1].samples,
-            validation_source="cut" if own else "file",
+            validation_source="cut" if validation_recording is None else "file",
         ),
     )
+
+
+def _ranges(
+    records: Sequence[Recording], split: SplitSettings, lost: int, key: str
+) -> tuple[tuple[int, int], tuple[int, int]]:
+    """First sample and the one after the last, of the estimation and of the validation samples.
+
+    The latter are the rest of the one recording, or those of the second.  ``lost`` is the number of
+    samples at the beginning that differences take away.
+    """
+    own = len(records) == 1
+    start, stop = estimation_range(records[0].samples - lost, split, own, key)
+    begin = stop + lost if own else lost + discarded(records[1].samples - lost, split, key)
+    return (start + lost, stop + lost), (begin, records[-1].samples)
 
 
 def invert_output(

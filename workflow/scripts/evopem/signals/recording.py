@@ -172,35 +172,40 @@ def check_recording(recording: Recording, source: str = "recording") -> None:
             f"give a longer recording, of at least {MINIMUM_SAMPLES} samples",
         )
     for channel, values in signals.items():
-        finite = np.isfinite(values)
-        if not finite.all():
-            first = int(np.argmin(finite))
-            raise InputError(
-                source,
-                f"the value is {values[first]}, not a finite number",
-                "repair the recording or cut that part away",
-                f"{channel}, sample {first + 1}",
-            )
-        if np.ptp(values) == 0.0:
-            raise InputError(
-                source,
-                f"every sample is {values[0]:g}, so there is nothing to identify",
-                "choose a channel that varies",
-                channel,
-            )
-        if not LARGEST**-1 < np.max(np.abs(values)) < LARGEST:
-            raise InputError(
-                source,
-                f"the largest magnitude is {np.max(np.abs(values)):g}, with which the squares of"
-                " small residuals leave the range of numbers",
-                "record in another unit or scale the channel",
-                channel,
-            )
+        _check_signal(values, source, channel)
     if not (np.isfinite(recording.sampling_rate) and recording.sampling_rate > 0):
         raise InputError(
             source,
             f"the sampling rate is {recording.sampling_rate} Hz",
             "give a positive number of samples a second",
+        )
+
+
+def _check_signal(values: NDArray[np.float64], source: str, channel: str) -> None:
+    """Refuse samples that are not finite, never change, or cannot be squared."""
+    finite = np.isfinite(values)
+    if not finite.all():
+        first = int(np.argmin(finite))
+        raise InputError(
+            source,
+            f"the value is {values[first]}, not a finite number",
+            "repair the recording or cut that part away",
+            f"{channel}, sample {first + 1}",
+        )
+    if np.ptp(values) == 0.0:
+        raise InputError(
+            source,
+            f"every sample is {values[0]:g}, so there is nothing to identify",
+            "choose a channel that varies",
+            channel,
+        )
+    if not LARGEST**-1 < np.max(np.abs(values)) < LARGEST:
+        raise InputError(
+            source,
+            f"the largest magnitude is {np.max(np.abs(values)):g}, with which the squares of"
+            " small residuals leave the range of numbers",
+            "record in another unit or scale the channel",
+            channel,
         )
 
 

@@ -222,7 +222,12 @@ def _identify(arguments: argparse.Namespace) -> int:
         identify = partial(identify_channels, files, settings)
     try:
         with job(files.log("identification"), (), outputs, ends_with_parent=False) as logger:
-            identify(with_report=True, log=logger.info, announce=progress.announce)
+
+            def log(words: str) -> None:
+                logger.info(words)
+                progress.tell(words)
+
+            identify(with_report=True, log=log, announce=progress.announce)
     finally:
         progress.close()
     show(dataset_text(files, files.report))

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import oaconvolve
 
 from evopem.estimation.state_space.errors import Projection, StateSpaceErrors
 from evopem.estimation.state_space.noise_colour import coloured_autocovariances
@@ -19,6 +22,9 @@ UNDETERMINED = 1e-15
 # Condition of the states' responses at the outputs, scaled to one, above which another basis of the
 # states is taken, and doublings of the number of samples that they are seen over.
 ILL_CONDITIONED, DOUBLINGS = 1e4, 20
+
+# Lags of errors that cost as much as filtering the signals for one pair of outputs.
+FILTERED = 20
 
 
 def model_of(
@@ -130,24 +136,65 @@ def _score_covariance(errors: StateSpaceErrors, found: Projection, weights: Arra
         autocovariances = found.covariance[None]
     else:
         autocovariances = coloured_autocovariances(found.errors, record.bounds)
-    signals, regressors = errors.derivative_signals(found), found.regressors
-    total = np.zeros(2 * (errors.dimension + weights.shape[0] * regressors.shape[1],))
-    for lag, gamma in enumerate(autocovariances):
-        between = weights @ gamma @ weights
+    between = weights @ autocovariances @ weights
+    signals = errors.derivative_signals(found), found.regressors
+    pairs = weights.shape[0] * (weights.shape[0] + 1) // 2
+    summed = _summed_by_lags if len(between) < FILTERED * pairs else _summed_by_outputs
+    return inflation * summed(errors, found, signals, between)
+
+
+def _summed_by_lags(
+    errors: StateSpaceErrors, found: Projection, signals: tuple[Array, Array], between: Array
+) -> Array:
+    """``sum J_(t+k)' between_k J_t`` over lags k of either sign, ``between_-k = between_k'``."""
+    total = np.zeros(2 * (_coefficients(errors, found),))
+    for lag, of_lag in enumerate(between):
         products = np.zeros_like(total)
-        for first, stop in zip(record.bounds[:-1], record.bounds[1:], strict=True):
+        for first, stop in pairwise(errors.record.bounds):
             later, earlier = slice(first + lag, stop), slice(first, max(stop - lag, first))
             if first + lag >= stop:
                 continue
             products += _products(
                 errors,
                 found,
-                (signals[later], regressors[later]),
-                (signals[earlier], regressors[earlier]),
-                between,
+                (signals[0][later], signals[1][later]),
+                (signals[0][earlier], signals[1][earlier]),
+                of_lag,
             )
         total += products if lag == 0 else products + products.T
-    return inflation * total
+    return total
+
+
+def _summed_by_outputs(
+    errors: StateSpaceErrors, found: Projection, signals: tuple[Array, Array], between: Array
+) -> Array:
+    """The same for many lags: signals filtered by all of them, for each pair of outputs."""
+    outputs = between.shape[1]
+    total = np.zeros(2 * (_coefficients(errors, found),))
+    for one in range(outputs):
+        for other in range(one + 1):
+            of_lags = np.concatenate([between[:0:-1, other, one], between[:, one, other]])
+            filtered = [_filtered(each, of_lags, errors.record.bounds) for each in signals]
+            unit = np.zeros((outputs, outputs))
+            unit[one, other] = 1.0
+            products = _products(errors, found, signals, (filtered[0], filtered[1]), unit)
+            total += products if one == other else products + products.T
+    return total
+
+
+def _filtered(signals: Array, of_lags: Array, bounds: NDArray[np.int64]) -> Array:
+    """``sum_k of_lags_k signals_(t-k)`` over lags of either sign, record by record."""
+    before = len(of_lags) // 2
+    filtered = np.empty_like(signals)
+    for first, stop in pairwise(bounds):
+        whole = oaconvolve(signals[first:stop], of_lags[:, None], axes=0)
+        filtered[first:stop] = whole[before : before + stop - first]
+    return filtered
+
+
+def _coefficients(errors: StateSpaceErrors, found: Projection) -> int:
+    """Coordinates and, output by output, linear coefficients."""
+    return errors.dimension + found.linear.size
 
 
 def _products(

@@ -1,15 +1,49 @@
-"""Compiled recursions of second-order sections."""
+"""Compiled recursions of sections ``p+ = sigma p + back r + z, r+ = coupling p + sigma r``.
+
+z is the signal that drives a section.  Each recursion writes what is needed of p and r, without
+arrays in between: those of a long record do not fit into a processor's cache.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
-from evopem.estimation.pem.kernels.cache import cached_njit
+from evopem.estimation.pem.kernels.cache import cached_njit, njit
+
+# Of signals of unit size; below it a free response is 0.  Its own end would be subnormal numbers,
+# which it never leaves, and which are a hundred times slower in all that follows.
+DECAYED = 1e-150
+
+
+@njit
+def _respond(out, first, stop, sigma, coupling, back, driven_by, pulses, signals):
+    """The responses p and r of one record, in the first ``2 len(sigma)`` columns of ``out``."""
+    count = len(sigma)
+    out[first, :count] = pulses
+    out[first, count : 2 * count] = 0.0
+    for t in range(first, stop - 1):
+        now, after, z = out[t], out[t + 1], signals[t]
+        for c in range(count):
+            p, r = now[c], now[count + c]
+            next_p = sigma[c] * p + back[c] * r + z[driven_by[c]]
+            next_r = coupling[c] * p + sigma[c] * r
+            after[c] = next_p if abs(next_p) > DECAYED else 0.0
+            after[count + c] = next_r if abs(next_r) > DECAYED else 0.0
+
+
+@njit
+def _advance(p, r, sigma, coupling, back, z):
+    """One sample of sections whose p and r (S,) are overwritten."""
+    for c in range(len(p)):
+        next_p = sigma[c] * p[c] + back[c] * r[c] + z[c]
+        next_r = coupling[c] * p[c] + sigma[c] * r[c]
+        p[c] = next_p if abs(next_p) > DECAYED else 0.0
+        r[c] = next_r if abs(next_r) > DECAYED else 0.0
 
 
 @cached_njit
 def section_responses(sigma, coupling, back, driven_by, pulses, signals, bounds):
-    """Responses of sections ``p+ = sigma p + back r + z, r+ = coupling p + sigma r`` to signals.
+    """Responses of sections to signals.
 
     Parameters
     ----------
@@ -28,17 +62,91 @@ def section_responses(sigma, coupling, back, driven_by, pulses, signals, bounds)
     (N, 2 S) array
         p in the first S columns, r in the others.
     """
-    count, samples = len(sigma), len(signals)
-    out = np.empty((samples, 2 * count))
-    p, r = np.empty(count), np.empty(count)
+    out = np.empty((len(signals), 2 * len(sigma)))
     for record in range(len(bounds) - 1):
-        p[:] = pulses[record]
+        first, stop = bounds[record], bounds[record + 1]
+        _respond(out, first, stop, sigma, coupling, back, driven_by, pulses[record], signals)
+    return out
+
+
+@cached_njit
+def section_states(sigma, coupling, back, ratio, pulses, drives, bounds, order):
+    """States of sections that signals drive at their first and at their second state.
+
+    Parameters
+    ----------
+    sigma, coupling, back, ratio : (S,) arrays
+        Of the pairs of poles, then of the single one of an odd order.
+    pulses : (records, 2 S) array
+        What drives the first states, then the second ones, before the first sample of each record.
+    drives : (N, 2 S) array
+        What drives them at each sample.
+    bounds : (records + 1,) integer array
+    order : int
+
+    Returns
+    -------
+    (N, order) array
+        Both states of each pair, one after the other, then that of the single pole.
+    """
+    count, pairs = len(sigma), order // 2
+    out = np.empty((len(drives), order))
+    p, r = np.empty((2, count)), np.empty((2, count))
+    for record in range(len(bounds) - 1):
+        p[0], p[1] = pulses[record, :count], pulses[record, count:]
         r[:] = 0.0
         for t in range(bounds[record], bounds[record + 1]):
-            for c in range(count):
-                was_p, was_r = p[c], r[c]
-                out[t, c] = was_p
-                out[t, count + c] = was_r
-                p[c] = sigma[c] * was_p + back[c] * was_r + signals[t, driven_by[c]]
-                r[c] = coupling[c] * was_p + sigma[c] * was_r
+            now = out[t]
+            for m in range(pairs):
+                now[2 * m] = p[0, m] + r[1, m]
+                now[2 * m + 1] = ratio[m] * r[0, m] + p[1, m]
+            if count > pairs:
+                now[order - 1] = p[0, pairs] + r[1, pairs]
+            _advance(p[0], r[0], sigma, coupling, back, drives[t, :count])
+            _advance(p[1], r[1], sigma, coupling, back, drives[t, count:])
+    return out
+
+
+@cached_njit
+def derivative_signals(
+    sigma, coupling, back, driven_by, pulses, signals, of_state, ratio, states, bounds
+):
+    """The signals of which derivatives of the states of sections consist.
+
+    Parameters
+    ----------
+    sigma, coupling, back, driven_by, pulses, signals, bounds
+        As of :func:`section_responses`.
+    of_state : (n,) integer array
+        Entry of the first three of the section of each state.
+    ratio : (S,) array
+    states : (N, n) array
+
+    Returns
+    -------
+    (N, 2 S + 4 (n // 2) + n % 2) array
+        The responses of the sections, the derivatives of both states of each pair by sigma and by
+        delta, then that of the single pole's state.
+    """
+    order = len(of_state)
+    pairs, extra = order // 2, 2 * len(sigma)
+    own_sigma, own_coupling, own_back = sigma[of_state], coupling[of_state], back[of_state]
+    out = np.empty((len(signals), extra + 4 * pairs + order % 2))
+    p, r = np.empty(order), np.empty(order)
+    for record in range(len(bounds) - 1):
+        first, stop = bounds[record], bounds[record + 1]
+        _respond(out, first, stop, sigma, coupling, back, driven_by, pulses[record], signals)
+        p[:] = 0.0
+        r[:] = 0.0
+        for t in range(first, stop):
+            now = out[t]
+            for m in range(pairs):
+                one, two, c = 2 * m, 2 * m + 1, of_state[2 * m]
+                now[extra + m] = p[one] + r[two]
+                now[extra + pairs + m] = ratio[c] * r[one] + p[two]
+                now[extra + 2 * pairs + m] = r[one] / coupling[c]
+                now[extra + 3 * pairs + m] = p[one] / coupling[c]
+            if order % 2:
+                now[extra + 4 * pairs] = p[order - 1]
+            _advance(p, r, own_sigma, own_coupling, own_back, states[t])
     return out

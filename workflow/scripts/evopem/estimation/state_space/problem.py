@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,6 +22,8 @@ from evopem.estimation.state_space.starting_points import (
     random_poles,
 )
 from evopem.estimation.state_space.subspace import (
+    Complex,
+    PredictorModel,
     canonical_variates,
     instrumental_poles,
     largest_lag,
@@ -31,15 +33,21 @@ from evopem.estimation.state_space.subspace import (
 from evopem.models.parameter_covariance import ParameterCovariance
 
 Array = NDArray[np.float64]
+Log = Callable[[str], None]
 
 # Lags of the long ARX models, and horizons of the instrumental estimates.
 LAGS = (8, 20, 50)
 HORIZONS = (10, 25)
+# Largest order of most records.
+USUAL_ORDER = 20
 # Pairs of poles tried at a step from smaller orders to larger ones, and those descended from.
 PAIRS, DESCENDED = 32, 3
 # Steps and tolerance of a descent of the search, and of the last one.
 STEPS, TOLERANCE = 100, 1e-7
 POLISH_STEPS, POLISH_TOLERANCE = 1000, 1e-11
+# Multiplications of one set of normal equations from which on descents race each other, and steps
+# of a lap of such a race.
+COSTLY, LAP = 2e7, 10
 # Gain of twice the log likelihood that no choice depends on.
 NEGLIGIBLE = 0.1
 # Random points of the first batch of a multistart check suffice.
@@ -166,6 +174,9 @@ class StateSpaceProblem:
         )
 
 
+_Estimates = tuple[list[list[PredictorModel]], list[list[Complex]]]
+
+
 class StartingModels:
     """Estimates by linear algebra of one record, for all orders and both forms.
 
@@ -179,31 +190,16 @@ class StartingModels:
     """
 
     def __init__(self, errors: StateSpaceErrors, largest_order: int, thorough: bool) -> None:
-        record = errors.record
-        self._inputs = record.inputs.shape[1]
-        outputs = record.outputs.shape[1]
-        least = -(-largest_order // outputs) + 2
-        most = largest_lag(record)
-        lags = sorted({min(max(lag, least), most) for lag in LAGS})
-        if not thorough:
-            lags = lags[len(lags) // 2 : len(lags) // 2 + 1]
-        self._predictors, self._poles = [], []
-        for lag in lags:
-            arx = long_arx(record, lag)
-            future = min(lag, max(10, least))
-            self._predictors.append(canonical_variates(record, arx, future, largest_order))
-            if thorough:
-                self._poles.append(realised_poles(record, arx, largest_order))
-        for horizon in HORIZONS if thorough else ():
-            longest = (record.samples // (2 * self._inputs + 2 * outputs)) // 3
-            wanted = min(max(horizon, least + 1), longest)
-            if wanted > 2:
-                self._poles.append(instrumental_poles(record, wanted, largest_order))
+        self._record, self._thorough = errors.record, thorough
+        self._inputs = errors.record.inputs.shape[1]
+        self._largest = largest_order
+        self._made: dict[int, _Estimates] = {}
 
     def points(self, errors: StateSpaceErrors) -> Iterator[Array]:
         """Points of the order and form of a problem."""
         at = errors.order - 1
-        for models in self._predictors:
+        predictors, found_poles = self._estimates(errors.order)
+        for models in predictors:
             if at >= len(models):
                 continue
             model = models[at]
@@ -212,9 +208,41 @@ class StartingModels:
                 A, B = A + B[:, self._inputs :] @ model.C, B[:, : self._inputs]
             yield from_matrices(errors, A, B)
             yield from_poles(errors, np.asarray(np.linalg.eigvals(A), dtype=complex))
-        for poles in self._poles:
+        for poles in found_poles:
             if at < len(poles) and not errors.innovations:
                 yield from_poles(errors, poles[at])
+
+    def _estimates(self, order: int) -> _Estimates:
+        """Predictors and poles of all orders, made for the larger ones only where they are needed.
+
+        Those take longer lags, which the smaller ones do not need.
+        """
+        largest = self._largest if order > USUAL_ORDER else min(self._largest, USUAL_ORDER)
+        if largest not in self._made:
+            self._made[largest] = self._made_for(largest)
+        return self._made[largest]
+
+    def _made_for(self, largest_order: int) -> _Estimates:
+        record, thorough = self._record, self._thorough
+        outputs = record.outputs.shape[1]
+        least = -(-largest_order // outputs) + 2
+        most = largest_lag(record)
+        lags = sorted({min(max(lag, least), most) for lag in LAGS})
+        if not thorough:
+            lags = lags[len(lags) // 2 : len(lags) // 2 + 1]
+        predictors, poles = [], []
+        for lag in lags:
+            arx = long_arx(record, lag)
+            future = min(lag, max(10, least))
+            predictors.append(canonical_variates(record, arx, future, largest_order))
+            if thorough:
+                poles.append(realised_poles(record, arx, largest_order))
+        for horizon in HORIZONS if thorough else ():
+            longest = (record.samples // (2 * self._inputs + 2 * outputs)) // 3
+            wanted = min(max(horizon, least + 1), longest)
+            if wanted > 2:
+                poles.append(instrumental_poles(record, wanted, largest_order))
+        return predictors, poles
 
 
 def converted(errors: StateSpaceErrors, other: StateSpaceErrors, point: Array) -> Array:
@@ -285,13 +313,44 @@ def lowest(errors: StateSpaceErrors, starts: list[Array], count: int) -> list[Ar
     return [starts[k] for k in order]
 
 
+def cost(errors: StateSpaceErrors) -> float:
+    """Multiplications of one set of normal equations."""
+    layout = errors.layout
+    signals = 2 * layout.sections * layout.drives + 2 * layout.order
+    return float(errors.record.samples) * signals**2
+
+
 def raced(errors: StateSpaceErrors, starts: list[Array], steps: int) -> list[Optimum]:
     """Optima from starts, the lowest first, which alone is descended to the last digits.
 
-    The others end where no choice depends on what is left.
+    The others end where no choice depends on what is left, and where each step takes long as soon
+    as they fall behind.
     """
-    optima = descended(errors, starts, len(starts), steps, _rough(errors))
-    return [_to_the_end(errors, optima[0], steps), *optima[1:]] if optima else []
+    tolerance = _rough(errors)
+    optima = []
+    if cost(errors) > COSTLY:
+        optima = _in_laps(errors, starts, steps, tolerance)
+    optima = optima or descended(errors, starts, len(starts), steps, tolerance)
+    return [_continued(errors, optima[0], steps, TOLERANCE), *optima[1:]] if optima else []
+
+
+def _in_laps(
+    errors: StateSpaceErrors, starts: list[Array], steps: int, tolerance: float
+) -> list[Optimum]:
+    """Optima of descents of which only the better half goes on after each lap."""
+    running = descended(errors, starts, len(starts), min(LAP, steps), tolerance)
+    behind: list[Optimum] = []
+    for _ in range(LAP, steps, LAP):
+        if len(running) < 2:
+            break
+        half = -(-len(running) // 2)
+        behind = running[half:] + behind
+        further = [
+            each if each.converged else _continued(errors, each, LAP, tolerance)
+            for each in running[:half]
+        ]
+        running = sorted(further, key=lambda optimum: optimum.value)
+    return running + behind
 
 
 def _rough(errors: StateSpaceErrors) -> float:
@@ -299,8 +358,8 @@ def _rough(errors: StateSpaceErrors) -> float:
     return max(NEGLIGIBLE / errors.record.samples if errors.logarithmic else 0.0, TOLERANCE)
 
 
-def _to_the_end(errors: StateSpaceErrors, optimum: Optimum, steps: int) -> Optimum:
-    ended = descend(errors, optimum.point, steps, TOLERANCE)
+def _continued(errors: StateSpaceErrors, optimum: Optimum, steps: int, tolerance: float) -> Optimum:
+    ended = descend(errors, optimum.point, steps, tolerance)
     return replace(ended, evaluations=optimum.evaluations + ended.evaluations)
 
 
@@ -311,6 +370,7 @@ def rungs(
     width: int,
     orders: range,
     steps: int = STEPS,
+    log: Log | None = None,
 ) -> Iterator[tuple[StateSpaceErrors, list[Optimum]]]:
     """Optima of several orders, each from estimates and from the optima of its neighbours.
 
@@ -326,6 +386,8 @@ def rungs(
         Ascending, in steps of one or two.
     steps : int
         Of each descent at most.
+    log : callable, optional
+        Receives one line as each order begins.
 
     Yields
     ------
@@ -335,6 +397,8 @@ def rungs(
     found: list[Rung] = []
     yielded = 0
     for order in orders:
+        if log is not None:
+            log(f"{errors.form}: order {order} of at most {orders[-1]}")
         problem = errors.of_order(order)
         starts = lowest(problem, list(models.points(problem)), width)
         for below in [rung for rung in found if rung.optima][-2:]:
@@ -372,6 +436,6 @@ class Rung:
         starts = reductions(above.problem, above.optima[0].point)
         reached = descended(self.problem, starts, 1, steps, _rough(self.problem))
         if reached and (not self.optima or reached[0].value < self.optima[0].value):
-            reached = [_to_the_end(self.problem, reached[0], steps)]
+            reached = [_continued(self.problem, reached[0], steps, TOLERANCE)]
         optima = sorted([*reached, *self.optima], key=lambda optimum: optimum.value)
         return Rung(self.problem, optima)

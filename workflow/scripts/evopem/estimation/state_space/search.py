@@ -18,9 +18,11 @@ from evopem.estimation.state_space.errors import StateSpaceErrors
 from evopem.estimation.state_space.prepared import FORMS, PreparedRecords
 from evopem.estimation.state_space.problem import (
     STEPS,
+    USUAL_ORDER,
     StartingModels,
     StateSpaceProblem,
     converted,
+    cost,
     descended,
     extensions,
     rungs,
@@ -52,20 +54,13 @@ def generator_of(
     return np.random.default_rng(np.random.SeedSequence(settings.seed, spawn_key=key))
 
 
-def _cost(errors: StateSpaceErrors) -> float:
-    """Multiplications of one set of normal equations."""
-    layout = errors.layout
-    signals = 2 * layout.sections * layout.drives + 2 * layout.order
-    return float(errors.record.samples) * signals**2
-
-
 def _evaluations(problem: StateSpaceProblem, settings: StateSpaceSettings) -> int:
     if settings.evaluations is not None:
         return settings.evaluations
-    cost = _cost(problem.errors)
-    if cost > HEAVY:
+    each = cost(problem.errors)
+    if each > HEAVY:
         return 0
-    return int(np.clip(BUDGET / cost / problem.grams, LEAST_EVALUATIONS, MOST_EVALUATIONS))
+    return int(np.clip(BUDGET / each / problem.grams, LEAST_EVALUATIONS, MOST_EVALUATIONS))
 
 
 def searched(
@@ -88,15 +83,15 @@ def searched(
     """
     problem = problem_for(errors, settings)
     budget = _evaluations(problem, settings)
-    if starts and _cost(errors) > HEAVY and budget == 0:
+    if starts and cost(errors) > HEAVY and budget == 0:
         return problem, _polished(problem, starts, 0)
     plain = without_outliers(problem)
-    models = StartingModels(plain, errors.order, _cost(errors) <= HEAVY)
+    models = StartingModels(plain, errors.order, cost(errors) <= HEAVY)
     given = descended(plain, starts, len(starts))
     points = [optimum.point for optimum in given]
     spent = sum(optimum.evaluations for optimum in given)
     for each in (plain, *_other_form(plain)):
-        optima = _optima_from_estimates(each, models, generator)
+        optima = _optima_from_estimates(each, models, generator, log)
         if each is not plain:
             spent += sum(optimum.evaluations for optimum in optima)
             crossing = [converted(plain, each, optimum.point) for optimum in optima[:CROSSED]]
@@ -126,17 +121,20 @@ def searched(
 
 
 def _optima_from_estimates(
-    problem: StateSpaceErrors, models: StartingModels, generator: np.random.Generator
+    problem: StateSpaceErrors,
+    models: StartingModels,
+    generator: np.random.Generator,
+    log: Log | None,
 ) -> list[Optimum]:
     """Optima from estimates of the order itself, and from the optimum of two states fewer."""
-    if _cost(problem) > HEAVY:
+    if cost(problem) > HEAVY:
         ((_, optima),) = rungs(
             problem, models, generator, 1, range(problem.order, problem.order + 1)
         )
         return optima
     starts = list(models.points(problem))
     smaller = range(1 + (problem.order + 1) % 2, problem.order, 2)
-    for below, optima in rungs(problem, models, generator, WIDTH, smaller):
+    for below, optima in rungs(problem, models, generator, WIDTH, smaller, log=log):
         if optima and below.order == problem.order - 2:
             starts += extensions(problem, below, optima[0].point, generator)
     return descended(problem, starts, FINAL_WIDTH)
@@ -172,7 +170,7 @@ def _other_form(errors: StateSpaceErrors) -> tuple[StateSpaceErrors, ...]:
     if errors.record.inputs.shape[1] == 0:
         return ()
     other = errors.of_form("output_error" if errors.innovations else "innovations")
-    return () if _cost(other) > HEAVY else (other,)
+    return () if cost(other) > HEAVY else (other,)
 
 
 def swept(
@@ -187,9 +185,10 @@ def swept(
 ) -> Iterator[tuple[StateSpaceProblem, SearchResult]]:
     """The best optimum of each order that the rungs of a ladder reach."""
     plain = without_outliers(problem_for(errors, settings))
-    models = StartingModels(plain, orders[-1], _cost(errors) <= HEAVY)
-    generator = generator_of(settings, orders[-1], errors.form, prepared, 1 + fold)
-    for each, optima in rungs(plain, models, generator, width, orders, steps):
+    usual = min(orders[-1], USUAL_ORDER)
+    models = StartingModels(plain, orders[-1], cost(errors.of_order(usual)) <= HEAVY)
+    generator = generator_of(settings, usual, errors.form, prepared, 1 + fold)
+    for each, optima in rungs(plain, models, generator, width, orders, steps, log):
         if not optima:
             continue
         problem = problem_for(errors.of_order(each.order), settings)
