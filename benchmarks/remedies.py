@@ -202,11 +202,13 @@ def main() -> None:
     for name in dict.fromkeys(each.remedy for each in found):
         own = [each for each in found if each.remedy == name]
         taken = np.array([each.after / each.before for each in own if each.taken])
-        gain = f"{np.exp(np.log(taken).mean()):.3f} ({taken.min():.2f} to {taken.max():.2f})"
+        gain = "-"
+        if taken.size:
+            gain = f"{np.exp(np.log(taken).mean()):.3f} ({taken.min():.2f} to {taken.max():.2f})"
         spent = sum(each.seconds for each in own), sum(each.of_all for each in own)
         print(
             f"{name}: {len(own)} records, {len(taken)} taken, error after / before "
-            f"{gain if taken.size else '-'}, {spent[0]:.0f} of {spent[1]:.0f} s"
+            f"{gain}, {spent[0]:.0f} of {spent[1]:.0f} s"
         )
 
 

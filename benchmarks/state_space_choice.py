@@ -33,7 +33,7 @@ sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
 
 # Fresh samples, and the largest order searched: no truth has more than 12 states, and those of the
 # steady and slow kinds have 6 at most.
-FRESH, MOST, MOST_OF_SHAPES = 1000, 12, 8
+FRESH, MOST, MOST_OF_SHAPES = 1000, 12, 6
 
 
 @dataclass(frozen=True)
