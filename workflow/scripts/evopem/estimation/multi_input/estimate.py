@@ -48,7 +48,7 @@ Array = NDArray[np.float64]
 Log = Callable[[str], None]
 
 SETTINGS = SearchSettings(
-    objective="quadratic", mu=8, lambda_=16, nu=6, refine="random", evaluations=3000
+    objective="quadratic", mu=8, lambda_=16, nu=6, refine="random", evaluations=10_000
 )
 """Settings of the search where none are given."""
 
