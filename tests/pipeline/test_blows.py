@@ -1,6 +1,7 @@
 """Several recordings of several channels, from the files to the report."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,8 @@ from evopem.files.json_form import load
 from evopem.pipeline.multichannel.stages import identify_channels
 from evopem.results.layout import DatasetFiles
 from evopem.signals.multichannel_preparation import load_multichannel_data
+from evopem.signals.multichannel_reading import MultichannelInfo
+from evopem.validation.checks.state_space import state_space_checks
 from evopem.validation.modes_record import ModesRecord
 from evopem.validation.multichannel import MultichannelValidation
 
@@ -104,6 +107,24 @@ def test_the_report_lists_every_recording(results):
     for number in range(1, 5):
         assert page.count(f"blow_{number}.csv</th>") == 1
         assert f"<dd>blow_{number}.csv</dd>" in page
+
+
+@pytest.mark.parametrize(
+    ("form", "order", "passed", "says"),
+    [
+        ("output_error", 4, True, "Inside: 4 states; 2 to 8 were tried."),
+        ("output_error", 8, False, "At the upper end: 8 states; 2 to 8 were tried."),
+        # The states of such a model are those of plant and noise; the plant's were searched.
+        ("box_jenkins", 4, True, "Inside: 4 states of the plant; 2 to 8 were tried."),
+    ],
+)
+def test_the_order_is_judged_by_the_orders_that_were_searched(results, form, order, passed, says):
+    record = replace(load(MultichannelModelRecord, results.model), form=form, plant_states=11)
+    validation = load(MultichannelValidation, results.validation)
+    info = load(MultichannelInfo, results.recording_info)
+    checks = state_space_checks(record, validation, order, (2, 4, 6, 8), info)
+    (found,) = (each for each in checks if each.name == "Order inside its range")
+    assert (found.passed, found.statement) == (passed, says)
 
 
 def test_every_structure_takes_several_recordings(tmp_path, monkeypatch):

@@ -109,7 +109,9 @@ class MultichannelResults:
     @property
     def checks(self) -> list[Check]:
         """The checks of the model."""
-        return state_space_checks(self.model, self.validation, self.tried, self.recording_info)
+        return state_space_checks(
+            self.model, self.validation, self.choice.model.order, self.tried, self.recording_info
+        )
 
     @property
     def tried(self) -> tuple[int, ...]:
@@ -167,8 +169,8 @@ def summarize_multichannel(files: DatasetFiles) -> DatasetSummary:
     validation = load(MultichannelValidation, files.validation)
     info = load(MultichannelInfo, files.recording_info)
     modes = load(ModesRecord, files.modes_json)
-    variant = load(RemedyRecord, files.decision("remedies")).choice.variant
-    tried = load(VariantSearch, files.search(variant.name)).tried
+    choice = load(RemedyRecord, files.decision("remedies")).choice
+    tried = load(VariantSearch, files.search(choice.variant.name)).tried
     return DatasetSummary(
         file=info.file.path,
         sha256=info.file.sha256,
@@ -181,7 +183,7 @@ def summarize_multichannel(files: DatasetFiles) -> DatasetSummary:
         prediction_error_percent=validation.prediction_error_percent,
         simulation_error_percent=validation.simulation_error_percent,
         continued_simulation_error_percent=None,
-        checks=tuple(state_space_checks(record, validation, tried, info)),
+        checks=tuple(state_space_checks(record, validation, choice.order, tried, info)),
         modes=tuple(
             Mode(
                 mode.frequency_hz,

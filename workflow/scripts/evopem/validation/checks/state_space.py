@@ -33,6 +33,7 @@ LISTED = 6
 def state_space_checks(
     record: MultichannelModelRecord,
     validation: MultichannelValidation,
+    order: int,
     tried: Sequence[int],
     recording: MultichannelInfo,
 ) -> list[Check]:
@@ -42,6 +43,9 @@ def state_space_checks(
     ----------
     record : MultichannelModelRecord
     validation : MultichannelValidation
+    order : int
+        That was chosen: of the plant that a Box-Jenkins model begins with, whose states cannot be
+        told from those of the noise afterwards.
     tried : sequence of int
         Orders that were searched.
     recording : MultichannelInfo
@@ -53,7 +57,7 @@ def state_space_checks(
         *([_better_than_mean(validation)] if has_input else []),
         _whiteness(record, validation),
         *([_independence(record, validation)] if has_input else []),
-        _order(record, tried),
+        _order(record, order, tried),
         repeatability(record.search, STATE_SPACE if record.polynomials is None else POLYNOMIALS),
         _outliers(record, validation),
         _saturation(recording),
@@ -184,9 +188,9 @@ def _independence(record: MultichannelModelRecord, validation: MultichannelValid
     )
 
 
-def _order(record: MultichannelModelRecord, tried: Sequence[int]) -> Check:
+def _order(record: MultichannelModelRecord, order: int, tried: Sequence[int]) -> Check:
     name, key = "Order inside its range", _range_key(record)
-    order, text = record.plant_states, f"{record.plant_states} states;"
+    text = f"{order} states{' of the plant' if record.form == 'box_jenkins' else ''};"
     if record.polynomials is not None:
         order, text = record.polynomials.orders.joint, f"{record.text}; joint orders"
     text += f" {min(tried)} to {max(tried)} were tried"
