@@ -106,6 +106,19 @@ def test_several_channels(tmp_path):
     np.testing.assert_allclose(recording.outputs @ [1.0, 2.0], 0.0, atol=1e-7)
 
 
+def test_times_that_were_told_from_the_file_are_described_too(tmp_path):
+    """Stamps within the tolerance of even ones are moved as well, which has to be said."""
+    shifts = np.random.default_rng(2).uniform(-0.02, 0.02, EVEN.size) / RATE
+    table = np.column_stack([EVEN + shifts, np.sin(EVEN), np.cos(EVEN)])
+    file = tmp_path / "bench.csv"
+    np.savetxt(file, table, delimiter=",", header="time,u,y", comments="", fmt="%.9g")
+    info = str(tmp_path / "recording.json")
+    channels = ChannelSettings("u", "y", uneven_time="interpolate")
+    read_recording([str(file)], channels, str(tmp_path / "recording.npz"), info)
+    (found,) = load(RecordingInfo, info).uneven_times
+    assert 0.0 < found.largest_shift < 0.05
+
+
 def test_the_unit_of_whole_numbers_has_to_be_known_here_too(tmp_path):
     file = written(tmp_path, np.arange(EVEN.size) * 20.0)
     lists = ChannelLists(("u",), ("y", "w"), time="time", uneven_time="interpolate")

@@ -55,16 +55,14 @@ def read_recording(
         roles = roles_of(Path(folder) / recorded[0])
     if roles is not None:
         channels = replace(channels, input=roles.input, output=roles.output, time=roles.time)
-    times = [_time_told(Path(folder) / file, channels) for file in recorded]
-    recordings = [
-        _read(Path(folder) / file, replace(channels, time=channels.time if time is None else time))
-        for file, time in zip(recorded, times, strict=True)
-    ]
+    paths = [Path(folder) / file for file in recorded]
+    times = [_time_told(path, channels) for path in paths]
+    read = [channels if time is None else replace(channels, time=time) for time in times]
+    recordings = [_read(*each) for each in zip(paths, read, strict=True)]
     recording = joined(recordings, recorded) if len(recordings) > 1 else recordings[0]
     save_recording(recording, recording_file)
     info = describe_recorded_files(recorded, recording, channels, folder, roles)
-    uneven = uneven_times([Path(folder) / file for file in recorded], channels)
-    save(replace(info, time_told=times[0], uneven_times=uneven), info_file)
+    save(replace(info, time_told=times[0], uneven_times=uneven_times(paths, read)), info_file)
 
 
 def _time_told(file: Path, channels: ChannelSettings) -> Reference | None:

@@ -234,28 +234,27 @@ def read_columns(
 
 
 def uneven_times(
-    paths: Sequence[str | Path], channels: ChannelSettings | ChannelLists
+    paths: Sequence[str | Path], channels: Sequence[ChannelSettings | ChannelLists]
 ) -> tuple[Unevenness, ...]:
     """How uneven the time stamps of some files are; empty where they have to be uniform.
 
     Parameters
     ----------
     paths : sequence of str or Path
-    channels : ChannelSettings or ChannelLists
+    channels : sequence of ChannelSettings or ChannelLists
+        Of each file.
 
     Raises
     ------
     InputError
         As :func:`read_recording`.
     """
-    if channels.uneven_time == "refuse" or channels.time is None:
-        return ()
     found = []
-    for path in map(Path, paths):
-        options = _text_options(
-            format_of(path), str(path), channels.header_lines, channels.decimal_mark
-        )
-        (time,) = _read_as(path, [channels.time], options)
+    for path, own in zip(map(Path, paths), channels, strict=True):
+        if own.uneven_time == "refuse" or own.time is None:
+            continue
+        options = _text_options(format_of(path), str(path), own.header_lines, own.decimal_mark)
+        (time,) = _read_as(path, [own.time], options)
         found.append(even_grid(time.values, str(path), time.name).unevenness)
     return tuple(found)
 

@@ -64,6 +64,6 @@ def read_channels(
     info = replace(
         describe_multichannel(recorded, recording),
         time_told=None if told[0] == channels else told[0].time,
-        uneven_times=uneven_times(recorded, channels),
+        uneven_times=uneven_times(recorded, told),
     )
     save(info, info_file)
