@@ -48,20 +48,41 @@ def decide_decimation(stretches: Sequence[Stretch]) -> tuple[int, Decision]:
             f"{100 * POWER_SHARE:g} % of the output's power lie below {edge:.3g} of it: a lower "
             "rate would lose dynamics."
         )
-        return 1, Decision("decimation", "1", (Alternative("1", np.nan),), criterion, sentence)
+        return not_decimated(sentence, criterion)
     factors = [f for f in factors if f * coherent <= 0.5][-MOST_FACTORS:]
     if not factors:
         sentence = (
             f"{100 * POWER_SHARE:g} % of the output's power reach up to {edge:.3g} of the sampling "
             "rate: the record is not oversampled."
         )
-        return 1, Decision("decimation", "1", (Alternative("1", np.nan),), criterion, sentence)
+        return not_decimated(sentence, criterion)
     alternatives = [Alternative(str(f), _decimated_error(stretches, f)) for f in (1, *factors)]
-    chosen = lowest(alternatives, LEAST_GAIN)
-    sentence = (
+    found = (
         f"{100 * POWER_SHARE:g} % of the output's power lie below {edge:.3g} of the sampling rate."
-        f" A factor of {chosen.name} simulates held-out samples best."
     )
+    return best_factor(alternatives, found, criterion)
+
+
+def not_decimated(sentence: str, criterion: str) -> tuple[int, Decision]:
+    """No decimation, without a comparison."""
+    return 1, Decision("decimation", "1", (Alternative("1", np.nan),), criterion, sentence)
+
+
+def best_factor(
+    alternatives: Sequence[Alternative], found: str, criterion: str
+) -> tuple[int, Decision]:
+    """The factor of the lowest error, where it pays.
+
+    Parameters
+    ----------
+    alternatives : sequence of Alternative
+        Factors with their errors, 1 the first.
+    found : str
+        Why the record may be decimated.
+    criterion : str
+    """
+    chosen = lowest(alternatives, LEAST_GAIN)
+    sentence = f"{found} A factor of {chosen.name} simulates held-out samples best."
     return int(chosen.name), Decision(
         "decimation", chosen.name, tuple(alternatives), criterion, sentence
     )

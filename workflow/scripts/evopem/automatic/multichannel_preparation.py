@@ -11,18 +11,19 @@ from numpy.typing import NDArray
 from evopem.automatic.breaks import KEPT_REST
 from evopem.automatic.decimation import (
     FACTORS,
-    LEAST_GAIN,
     LEAST_SAMPLES,
     MOST_DECIMATED,
     MOST_FACTORS,
     OVERSAMPLED,
     POWER_SHARE,
+    best_factor,
     coherence_edge,
     decimated,
+    not_decimated,
     power_edge,
     smoothed,
 )
-from evopem.automatic.decision import Alternative, Decision, given_by_configuration, lowest
+from evopem.automatic.decision import Alternative, Decision, given_by_configuration
 from evopem.estimation.state_space.estimate import sweep_state_space_orders
 from evopem.estimation.state_space.settings import StateSpaceSettings
 from evopem.signals.multichannel import MultichannelRecording
@@ -170,12 +171,15 @@ def _decide_decimation(estimation: MultichannelRecording) -> tuple[int, Decision
         and shortest / f >= SHORTEST_RECORD
     ]
     if not factors:
-        return _not_decimated(
+        return not_decimated(
             f"{100 * POWER_SHARE:g} % of the power of every output are only reached at {edge:.3g} "
-            "of the sampling rate: the record is not oversampled."
+            "of the sampling rate: the record is not oversampled.",
+            CRITERION,
         )
     if not estimation.has_input:
-        return _not_decimated("Without an input the rate is kept: nothing tells modes from noise.")
+        return not_decimated(
+            "Without an input the rate is kept: nothing tells modes from noise.", CRITERION
+        )
     coherent = max(
         coherence_edge([Stretch(input_, output)])
         for input_ in _columns(longest.inputs)
@@ -183,26 +187,20 @@ def _decide_decimation(estimation: MultichannelRecording) -> tuple[int, Decision
     )
     factors = [f for f in factors if f * coherent <= 0.5][-MOST_FACTORS:]
     if not factors:
-        return _not_decimated(
+        return not_decimated(
             f"An input and an output are coherent up to {coherent:.3g} of the sampling rate, though"
             f" {100 * POWER_SHARE:g} % of the power of every output lie below {edge:.3g} of it: a"
-            " lower rate would lose dynamics."
+            " lower rate would lose dynamics.",
+            CRITERION,
         )
     alternatives = [
         Alternative(str(factor), _simulation_error(estimation, factor)) for factor in (1, *factors)
     ]
-    chosen = lowest(alternatives, LEAST_GAIN)
-    sentence = (
+    found = (
         f"{100 * POWER_SHARE:g} % of the power of every output lie below {edge:.3g} of the sampling"
-        f" rate. A factor of {chosen.name} simulates held-out samples best."
+        " rate."
     )
-    return int(chosen.name), Decision(
-        "decimation", chosen.name, tuple(alternatives), CRITERION, sentence
-    )
-
-
-def _not_decimated(sentence: str) -> tuple[int, Decision]:
-    return 1, Decision("decimation", "1", (Alternative("1", np.nan),), CRITERION, sentence)
+    return best_factor(alternatives, found, CRITERION)
 
 
 def _columns(signals: Array) -> list[Array]:
