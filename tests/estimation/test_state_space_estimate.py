@@ -14,11 +14,7 @@ from evopem.estimation.state_space.covariance import (
     parameter_covariance,
 )
 from evopem.estimation.state_space.delays import estimate_delays
-from evopem.estimation.state_space.errors import (
-    WEIGHTINGS,
-    StateSpaceErrors,
-    state_space_record,
-)
+from evopem.estimation.state_space.errors import WEIGHTINGS, StateSpaceErrors
 from evopem.estimation.state_space.estimate import (
     descend_from,
     estimate_state_space,
@@ -35,6 +31,7 @@ from evopem.estimation.state_space.problem import (
     descended,
     reductions,
 )
+from evopem.estimation.state_space.scaled_record import state_space_record
 from evopem.estimation.state_space.sections import (
     inside,
     largest_radius,
