@@ -122,7 +122,7 @@ def _degrees_of_freedom(errors: StateSpaceErrors) -> float:
 
 def _information(errors: StateSpaceErrors, found: Projection, weights: Array) -> Array:
     """``J' W J`` over coordinates and, output by output, linear coefficients."""
-    signals = errors.derivative_signals(found)
+    signals = errors.signals.derivatives(found.sections, found.states)
     return _products(
         errors, found, (signals, found.regressors), (signals, found.regressors), weights
     )
@@ -137,7 +137,7 @@ def _score_covariance(errors: StateSpaceErrors, found: Projection, weights: Arra
     else:
         autocovariances = coloured_autocovariances(found.errors, record.bounds)
     between = weights @ autocovariances @ weights
-    signals = errors.derivative_signals(found), found.regressors
+    signals = errors.signals.derivatives(found.sections, found.states), found.regressors
     pairs = weights.shape[0] * (weights.shape[0] + 1) // 2
     summed = _summed_by_lags if len(between) < FILTERED * pairs else _summed_by_outputs
     return inflation * summed(errors, found, signals, between)
@@ -206,9 +206,9 @@ def _products(
 ) -> Array:
     """``J_left' between J_right`` from the (signals, regressors) that both consist of."""
     c = found.linear[: errors.order].T
-    top = errors.contracted(found, left[0].T @ right[0], c.T @ between @ c)
-    upper = errors.by_linear(found, left[0].T @ right[1], c.T @ between)
-    lower = errors.by_linear(found, right[0].T @ left[1], c.T @ between.T)
+    top = errors.derivatives.contracted(found.sections, left[0].T @ right[0], c.T @ between @ c)
+    upper = errors.derivatives.by_linear(found.sections, left[0].T @ right[1], c.T @ between)
+    lower = errors.derivatives.by_linear(found.sections, right[0].T @ left[1], c.T @ between.T)
     bottom = np.kron(between, left[1].T @ right[1])
     return np.block([[top, upper], [lower.T, bottom]])
 
