@@ -8,11 +8,7 @@ from scipy.linalg import solve_discrete_are
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
-from evopem.estimation.state_space.covariance import (
-    initial_states,
-    model_of,
-    parameter_covariance,
-)
+from evopem.estimation.state_space.covariance import parameter_covariance
 from evopem.estimation.state_space.delays import estimate_delays
 from evopem.estimation.state_space.errors import WEIGHTINGS, StateSpaceErrors
 from evopem.estimation.state_space.estimate import (
@@ -24,6 +20,7 @@ from evopem.estimation.state_space.held_out import continued_errors, simulation_
 from evopem.estimation.state_space.kernels import section_responses
 from evopem.estimation.state_space.levenberg_marquardt import descend
 from evopem.estimation.state_space.noise_colour import autoregression_of
+from evopem.estimation.state_space.point_model import initial_states, model_of
 from evopem.estimation.state_space.problem import (
     Rung,
     StartingModels,

@@ -12,11 +12,11 @@ from threadpoolctl import threadpool_limits
 
 from evopem.estimation.criteria import lies_at_bound
 from evopem.estimation.search.problem import SearchResult
-from evopem.estimation.state_space.covariance import initial_states, model_of
 from evopem.estimation.state_space.errors import StateSpaceErrors
 from evopem.estimation.state_space.held_out import simulation_errors
 from evopem.estimation.state_space.likelihood import log_loss
 from evopem.estimation.state_space.noise_colour import autoregression_of
+from evopem.estimation.state_space.point_model import initial_states, model_of
 from evopem.estimation.state_space.prepared import (
     PreparedRecords,
     halves_of,
