@@ -26,14 +26,12 @@ from threadpoolctl import threadpool_limits
 
 from evopem.automatic import identify as recipe
 from evopem.automatic import state_space_remedies as of_several
+from evopem.automatic.input_delays import decide_delays
 from evopem.automatic.limits import OrderLimits
+from evopem.automatic.searched_orders import searched_orders
 from evopem.automatic.state_space_choice import choose
-from evopem.automatic.state_space_search import (
-    Variant,
-    decide_delays,
-    search_variant,
-    searched_orders,
-)
+from evopem.automatic.state_space_search import search_variant
+from evopem.automatic.variant_search import Variant
 from evopem.config.state_space_settings import VARIANTS, OrderRanges, StateSpaceChoices
 from evopem.estimation.state_space.settings import StateSpaceSettings
 from evopem.signals.recording import Recording

@@ -10,13 +10,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from evopem.automatic.multichannel_folds import fewest_fitted
-from evopem.automatic.state_space_search import (
-    VALUES_PER_PARAMETER,
-    Refit,
-    Variant,
-    VariantSearch,
-    searched_variant,
-)
+from evopem.automatic.searched_orders import VALUES_PER_PARAMETER
+from evopem.automatic.variant_search import Refit, Variant, VariantSearch, searched_variant
 from evopem.config.constraints import InputConstraints
 from evopem.config.settings import SearchSettings
 from evopem.config.state_space_settings import OrderRanges

@@ -6,12 +6,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from evopem.automatic.multi_input_choice import EstimatedStructure, estimate_structure
+from evopem.automatic.searched_orders import noise_orders
 from evopem.automatic.state_space_choice import ModelChoice
 from evopem.automatic.state_space_search import (
     OUTPUT_ERROR_WEIGHTING,
     descended,
     estimate_box_jenkins,
-    noise_orders,
     searched_form,
     settings_of,
 )

@@ -20,7 +20,8 @@ from evopem.automatic.record import Trial
 from evopem.automatic.remedies import DELAY, TOLERATED
 from evopem.automatic.state_space_choice import ModelChoice, scores_of
 from evopem.automatic.state_space_chosen import ChosenModel, estimate_as_searched, search_chosen
-from evopem.automatic.state_space_search import Variant, VariantSearch, search_variant
+from evopem.automatic.state_space_search import search_variant
+from evopem.automatic.variant_search import Variant, VariantSearch
 from evopem.config.constraints import InputConstraints
 from evopem.config.state_space_settings import OF_SIMULATION, OrderRanges, is_polynomial
 from evopem.errors import InputError

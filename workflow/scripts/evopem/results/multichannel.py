@@ -14,7 +14,7 @@ from evopem.automatic.decision import Decision
 from evopem.automatic.record import OtherModel
 from evopem.automatic.state_space_choice import StateSpaceChoice
 from evopem.automatic.state_space_remedies import RemedyRecord
-from evopem.automatic.state_space_search import VariantSearch
+from evopem.automatic.variant_search import VariantSearch
 from evopem.config.state_space_settings import MultichannelDataset
 from evopem.estimation.state_space.model_record import MultichannelModelRecord
 from evopem.files.checksums import sha256_of_file
