@@ -7,7 +7,8 @@ import pytest
 from least_absolute import descended, loss
 
 from evopem.estimation.multi_input.errors import MultiInputErrors, multi_input_record
-from evopem.estimation.multi_input.estimate import SETTINGS, estimate_multi_input
+from evopem.estimation.multi_input.estimate import estimate_multi_input
+from evopem.estimation.multi_input.search import SETTINGS
 from evopem.estimation.state_space.absolute_errors import AbsoluteStateSpaceErrors
 from evopem.estimation.state_space.errors import StateSpaceErrors
 from evopem.estimation.state_space.estimate import estimate_state_space

@@ -17,7 +17,8 @@ from evopem.automatic.state_space_search import (
 )
 from evopem.config.constraints import InputConstraints
 from evopem.config.state_space_settings import OrderRanges, is_polynomial
-from evopem.estimation.multi_input.estimate import MultiInputEstimate, TriedOrders
+from evopem.estimation.multi_input.estimate import MultiInputEstimate
+from evopem.estimation.multi_input.order_reduction import TriedOrders
 from evopem.estimation.state_space.estimate import StateSpaceEstimate, estimate_state_space
 from evopem.estimation.state_space.noise_model import noise_model, side_by_side
 from evopem.estimation.state_space.settings import StateSpaceSettings
