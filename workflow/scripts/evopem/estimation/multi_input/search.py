@@ -82,16 +82,7 @@ def without_generations(optima: Sequence[Optimum]) -> SearchResult:
     """The lowest of some optima as the result of a search; nothing was confirmed."""
     spent = sum(optimum.evaluations for optimum in optima)
     value = optima[0].value
-    diagnostics = SearchDiagnostics(
-        evaluations=spent,
-        generations=0,
-        restart_minima=(value,),
-        n_confirming=0,
-        n_local_optima=len(optima),
-        n_multistart=0,
-        undiscovered_probability=1.0,
-        convergence=((spent, value),),
-    )
+    diagnostics = SearchDiagnostics.of_descents(value, spent, len(optima))
     return SearchResult(optima[0].point, value, diagnostics)
 
 

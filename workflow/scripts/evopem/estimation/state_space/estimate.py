@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from threadpoolctl import threadpool_limits
 
 from evopem.estimation.criteria import lies_at_bound
-from evopem.estimation.search.problem import SearchResult
+from evopem.estimation.search.problem import SearchDiagnostics, SearchResult
 from evopem.estimation.state_space.errors import StateSpaceErrors
 from evopem.estimation.state_space.held_out import simulation_errors
 from evopem.estimation.state_space.likelihood import log_loss
@@ -36,7 +36,6 @@ from evopem.estimation.state_space.search import (
     problem_for,
     searched,
     swept,
-    without_generations,
 )
 from evopem.estimation.state_space.sections import largest_radius
 from evopem.estimation.state_space.settings import StateSpaceSettings
@@ -359,7 +358,7 @@ def _descended_from(
     value = float(found.values[0])
     if not np.isfinite(value):
         raise ValueError("the descent found no stable model")
-    diagnostics = without_generations(value, found.evaluations, 1)
+    diagnostics = SearchDiagnostics.of_descents(value, found.evaluations, 1)
     return problem, SearchResult(found.points[0], value, diagnostics)
 
 

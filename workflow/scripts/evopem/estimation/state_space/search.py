@@ -147,22 +147,8 @@ def _polished(problem: StateSpaceProblem, starts: list[Array], spent: int) -> Se
     polished = problem.polish(best[None, :])
     value = float(polished.values[0])
     spent += polished.evaluations + used
-    diagnostics = without_generations(value, spent, len(points))
+    diagnostics = SearchDiagnostics.of_descents(value, spent, len(points))
     return SearchResult(polished.points[0], value, diagnostics)
-
-
-def without_generations(value: float, spent: int, optima: int) -> SearchDiagnostics:
-    """Diagnostics of descents from estimates alone: nothing was confirmed."""
-    return SearchDiagnostics(
-        evaluations=spent,
-        generations=0,
-        restart_minima=(value,),
-        n_confirming=0,
-        n_local_optima=optima,
-        n_multistart=0,
-        undiscovered_probability=1.0,
-        convergence=((spent, value),),
-    )
 
 
 def _other_form(errors: StateSpaceErrors) -> tuple[StateSpaceErrors, ...]:
@@ -196,7 +182,7 @@ def swept(
         spent = sum(optimum.evaluations for optimum in optima) + used
         if log is not None:
             log(f"order {each.order}: {value:.9g} %, {spent} evaluations")
-        diagnostics = without_generations(value, spent, len(optima))
+        diagnostics = SearchDiagnostics.of_descents(value, spent, len(optima))
         yield problem, SearchResult(point, value, diagnostics)
 
 
