@@ -131,15 +131,15 @@ def outcomes_of_several(kind: str, seed: int) -> list[Outcome]:
     fresh = recording_of(made.fresh_u - middle_u, made.fresh_clean - middle_y)
 
     def recorded(first: Any, log: Any) -> Any:
-        (last, trials), spent = timed(partial(act, first, log))
+        (last, attempts), spent = timed(partial(act, first, log))
         failed = len(first.checks.failed), len(last.checks.failed)
         errors = (
             mean_errors(each.model.model, fresh, each.choice.level == "state")[1]
             for each in (first, last)
         )
-        remedy = trials[-1].remedy if last is not first else "none"
-        kept.append(Outcome(remedy, len(trials), last is not first, *failed, *errors, spent, 0.0))
-        return last, trials
+        remedy = attempts[-1].trial.remedy if last is not first else "none"
+        kept.append(Outcome(remedy, len(attempts), last is not first, *failed, *errors, spent, 0.0))
+        return last, attempts
 
     act = of_several._with_other_model
     with patch.object(of_several, "_with_other_model", recorded):

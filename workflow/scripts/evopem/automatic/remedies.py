@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,6 +13,7 @@ from evopem.automatic.orders import Candidate, Scorer
 from evopem.automatic.record import Trial
 from evopem.automatic.simulation import simulated
 from evopem.automatic.structures import AS_GOOD, Choice, as_good
+from evopem.automatic.trials import DELAY, TOLERATED, Attempt, Budget, tried_in_turn
 from evopem.config.structures import ORDER_NAMES
 from evopem.models.structures import PolynomialOrders
 from evopem.signals.stretches import Stretch, total_samples
@@ -24,11 +25,13 @@ from evopem.validation.checks.roots import DISTINCT, INSIDE_BOUND
 # Poles and zeros that are left out where some cancel, most poles without zeros, and most roots that
 # become those of D.
 FEWER_ROOTS, MOST_POLES_ALONE, MOST_MOVED = (1, 2, 3, 4, 6, 8), 2, 2
-# A remedy is taken only if the error for the purpose grows by no more than this share.
-TOLERATED = 0.02
-DELAY, LENGTH = "Delay", "Length of B"
+LENGTH = "Length of B"
 NOISE_ORDERS = (1, 2, 3, 4, 6, 8, 10, 12)
 MOST_TRIALS = 12
+
+
+OrdersOfRemedy = tuple[str, str, PolynomialOrders]
+"""What a remedy is called, and the structure and orders that it tries."""
 
 
 @dataclass(frozen=True)
@@ -67,34 +70,21 @@ def act_on_checks(scorer: Scorer, choice: Choice) -> Remedied:
     scorer : Scorer
     choice : Choice
     """
+    first = current = choice.candidate
+    scorer.remember([current])
+    budget = Budget(MOST_TRIALS)
     trials: list[Trial] = []
     tried: list[tuple[str, Candidate]] = []
-    current = choice.candidate
-    scorer.remember([current])
-    first, budget = current, MOST_TRIALS
     for checks, remedies in REMEDIES:
-        failed = _failures(scorer, current).intersection(checks)
+        found = _failures(scorer, current)
+        failed = tuple(check for check in checks if check in found)
         if not failed:
             continue
-        best = current
-        for remedy, structure, orders in remedies(current):
-            if budget == 0:
-                break
-            budget -= 1
-            candidate = scorer.candidate(structure, orders, [best.model, current.model])
-            if candidate is None:
-                continue
-            taken = _is_better(scorer, candidate, best) and _is_allowed(
-                scorer, candidate, first, choice
-            )
-            named = " and ".join(check for check in checks if check in failed)
-            trials.append(_trial(scorer, named, remedy, candidate, choice, taken))
-            tried.extend((check, candidate) for check in failed)
-            if taken:
-                best = candidate
-            if taken and not _failures(scorer, candidate).intersection(failed):
-                break
-        current = best
+        current, attempts = _remedied(
+            *(scorer, choice, first, current, failed, budget.of(remedies(current)))
+        )
+        trials += [each.trial for each in attempts]
+        tried += [(check, each.model) for each in attempts for check in failed]
     kept = choice.purpose == "simulation" and _has_coloured_plant(scorer, current)
     if kept:
         current, kept = _with_another_noise_model(scorer, current, choice, trials)
@@ -106,6 +96,32 @@ def act_on_checks(scorer: Scorer, choice: Choice) -> Remedied:
     if not kept:
         current = scorer.on_all_samples(current)
     return Remedied(replace(choice, candidate=current), tuple(trials), remaining, statements, kept)
+
+
+def _remedied(
+    scorer: Scorer,
+    choice: Choice,
+    first: Candidate,
+    current: Candidate,
+    failed: tuple[str, ...],
+    remedies: Iterable[OrdersOfRemedy],
+) -> tuple[Candidate, list[Attempt[Candidate]]]:
+    """The model after remedies for some failed checks, until all of these hold."""
+
+    def attempt(remedy: OrdersOfRemedy, best: Candidate) -> Attempt[Candidate] | None:
+        name, structure, orders = remedy
+        candidate = scorer.candidate(structure, orders, [best.model, current.model])
+        if candidate is None:
+            return None
+        taken = _is_better(scorer, candidate, best)
+        taken = taken and _is_allowed(scorer, candidate, first, choice)
+        named = " and ".join(failed)
+        return Attempt(candidate, _trial(scorer, named, name, candidate, choice, taken))
+
+    def suffices(candidate: Candidate) -> bool:
+        return not _failures(scorer, candidate).intersection(failed)
+
+    return tried_in_turn(remedies, current, attempt, suffices)
 
 
 def _failures(scorer: Scorer, candidate: Candidate) -> set[str]:
@@ -272,7 +288,7 @@ def _score(candidate: Candidate, choice: Choice) -> float:
     return candidate.scores.free_level if level == "state" else candidate.scores.simulation
 
 
-def _later(candidate: Candidate) -> Iterator[tuple[str, str, PolynomialOrders]]:
+def _later(candidate: Candidate) -> Iterator[OrdersOfRemedy]:
     o = candidate.orders
     for more in (1, 2, 3):
         if o.nb > more:
@@ -280,7 +296,7 @@ def _later(candidate: Candidate) -> Iterator[tuple[str, str, PolynomialOrders]]:
             yield f"delay of {o.nk + more}", candidate.structure, _changed(o, **changed)
 
 
-def _shorter(candidate: Candidate) -> Iterator[tuple[str, str, PolynomialOrders]]:
+def _shorter(candidate: Candidate) -> Iterator[OrdersOfRemedy]:
     o = candidate.orders
     for fewer in (1, 2, 3):
         if o.nb > fewer:
@@ -290,7 +306,7 @@ def _shorter(candidate: Candidate) -> Iterator[tuple[str, str, PolynomialOrders]
             )
 
 
-def _fewer_roots(candidate: Candidate) -> Iterator[tuple[str, str, PolynomialOrders]]:
+def _fewer_roots(candidate: Candidate) -> Iterator[OrdersOfRemedy]:
     o = candidate.orders
     name = "nf" if o.nf else "na"
     for fewer in FEWER_ROOTS:
@@ -308,7 +324,7 @@ def _fewer_roots(candidate: Candidate) -> Iterator[tuple[str, str, PolynomialOrd
             yield f"{fewer} pole less", candidate.structure, _changed(o, **changed)
 
 
-def _further_noise(candidate: Candidate) -> Iterator[tuple[str, str, PolynomialOrders]]:
+def _further_noise(candidate: Candidate) -> Iterator[OrdersOfRemedy]:
     o = candidate.orders
     for n in NOISE_ORDERS:
         if o.nf and n > min(o.nc, o.nd):
@@ -320,7 +336,7 @@ def _further_noise(candidate: Candidate) -> Iterator[tuple[str, str, PolynomialO
             yield f"A and C of order {n}", "armax", _changed(o, na=n, nc=n)
 
 
-def _longer_b(candidate: Candidate) -> Iterator[tuple[str, str, PolynomialOrders]]:
+def _longer_b(candidate: Candidate) -> Iterator[OrdersOfRemedy]:
     o = candidate.orders
     for more in (1, 2, 4, 8):
         yield f"{more} coefficients of B more", candidate.structure, _changed(o, nb=o.nb + more)

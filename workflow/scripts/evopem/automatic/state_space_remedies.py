@@ -10,17 +10,16 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import islice
 
 import numpy as np
 from scipy.special import ndtri
 
 from evopem.automatic.multi_input_choice import search_structure
 from evopem.automatic.record import Trial
-from evopem.automatic.remedies import DELAY, TOLERATED
 from evopem.automatic.state_space_choice import ModelChoice, scores_of
 from evopem.automatic.state_space_chosen import ChosenModel, estimate_as_searched, search_chosen
 from evopem.automatic.state_space_search import search_variant
+from evopem.automatic.trials import DELAY, TOLERATED, Attempt, Budget, tried_in_turn
 from evopem.automatic.variant_search import Variant, VariantSearch
 from evopem.config.constraints import InputConstraints
 from evopem.config.state_space_settings import OF_SIMULATION, OrderRanges, is_polynomial
@@ -246,37 +245,45 @@ def act_on_checks(
     ValueError
         When the record is too short.
     """
-    current = _Judged.of(forms, choice, forms.searched(choice, log=log))
-    current, trials = _with_other_model(current, log)
+    first = _Judged.of(forms, choice, forms.searched(choice, log=log))
+    current, attempts = _with_other_model(first, log)
     remaining = tuple(name for name in _OF_RESIDUALS if name in current.checks.failed)
-    record = RemedyRecord(current.choice, tuple(trials), remaining)
+    record = RemedyRecord(current.choice, tuple(each.trial for each in attempts), remaining)
     return RemediedModel(current.model, record)
 
 
-def _with_other_model(first: _Judged, log: Log | None) -> tuple[_Judged, list[Trial]]:
-    """The first remedy that is taken, or the model itself.
+def _with_other_model(first: _Judged, log: Log | None) -> tuple[_Judged, list[Attempt[_Judged]]]:
+    """The first remedy that is taken, or the model itself: each one is searched globally."""
+    return tried_in_turn(
+        Budget(MOST_TRIALS).of(_remedies(first)),
+        first,
+        lambda remedy, best: _attempt(remedy, best, log),
+        lambda _: True,
+    )
+
+
+def _attempt(
+    remedy: tuple[str, tuple[int, ...], ModelChoice], first: _Judged, log: Log | None
+) -> Attempt[_Judged] | None:
+    """What a remedy gives; None where no model can be estimated.
 
     It is taken where fewer checks fail, no other one does, and the error on held-out samples grows
     by no more than :data:`.TOLERATED`: before its global search, and after it.
     """
-    failed = " and ".join(name for name in _OF_RESIDUALS if name in first.checks.failed)
-    trials: list[Trial] = []
-    for remedy, delays, choice in islice(_remedies(first), MOST_TRIALS):
-        try:
-            forms = first.forms
-            if delays != forms.delays:
-                forms = forms.with_delays(delays, choice)
-            other = _Judged.of(forms, choice, forms.as_searched(choice))
-            taken = _is_better(other, first)
-            if taken:
-                other = _Judged.of(forms, choice, forms.searched(choice, log=log))
-                taken = _is_better(other, first)
-        except (InputError, ValueError):
-            continue
-        trials.append(other.trial(failed, remedy, taken))
+    name, delays, choice = remedy
+    try:
+        forms = first.forms
+        if delays != forms.delays:
+            forms = forms.with_delays(delays, choice)
+        other = _Judged.of(forms, choice, forms.as_searched(choice))
+        taken = _is_better(other, first)
         if taken:
-            return other, trials
-    return first, trials
+            other = _Judged.of(forms, choice, forms.searched(choice, log=log))
+            taken = _is_better(other, first)
+    except (InputError, ValueError):
+        return None
+    failed = " and ".join(name for name in _OF_RESIDUALS if name in first.checks.failed)
+    return Attempt(other, other.trial(failed, name, taken))
 
 
 def _is_better(other: _Judged, first: _Judged) -> bool:
