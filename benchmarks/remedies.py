@@ -28,6 +28,7 @@ from evopem.automatic import identify as recipe
 from evopem.automatic import state_space_remedies as of_several
 from evopem.automatic.input_delays import decide_delays
 from evopem.automatic.limits import OrderLimits
+from evopem.automatic.searched_forms import SearchedForms
 from evopem.automatic.searched_orders import searched_orders
 from evopem.automatic.state_space_choice import choose
 from evopem.automatic.state_space_search import search_variant
@@ -159,7 +160,7 @@ def identified(estimation: Any, kind: str, order: int) -> None:
         )
         for each in (Variant(*names) for names in VARIANTS)
     }
-    forms = of_several.SearchedForms(
+    forms = SearchedForms(
         *(estimation, delays, tuple(search for search, _ in found.values())),
         lambda variant, order: found[variant][1].of_order(order),
         lambda variant: StateSpaceSettings(weighting=variant.weighting),
