@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 from evopem.config.geometry_keys import check_geometry, geometry_keys, geometry_of
@@ -41,7 +40,7 @@ from evopem.config.state_space_settings import (
 from evopem.config.strict_yaml import Keys
 from evopem.config.structures import STRUCTURES, has_input
 from evopem.config.values import ALL_SAMPLES
-from evopem.config.yaml_form import dataset_yaml, files_of, one_or_list, read_dataset
+from evopem.config.yaml_form import dataset_yaml, files_of, one_or_list
 from evopem.errors import InputError
 from evopem.files.json_form import from_json, to_json
 
@@ -234,17 +233,6 @@ def keys_of_state_space(settings: MultichannelDataset) -> dict[str, Any]:
 def state_space_yaml(settings: MultichannelDataset) -> str:
     """Write a configuration with this one data set, ready to be run again."""
     return dataset_yaml(settings.name, keys_of_state_space(settings))
-
-
-def read_state_space_settings(path: str | Path) -> MultichannelDataset:
-    """Read the settings that :func:`state_space_yaml` wrote.
-
-    Raises
-    ------
-    InputError
-        When the file is missing or holds something else.
-    """
-    return read_dataset(path, state_space_settings)
 
 
 def _check_structure(written: Keys, defaults: Keys, source: str, place: str) -> None:

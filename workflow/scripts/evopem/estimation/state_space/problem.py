@@ -16,7 +16,7 @@ from evopem.estimation.state_space.levenberg_marquardt import descend
 from evopem.estimation.state_space.sections import inside, normalised
 from evopem.estimation.state_space.settings import Objective
 from evopem.estimation.state_space.starting_points import (
-    extended_by,
+    extended,
     from_matrices,
     from_poles,
     random_poles,
@@ -274,7 +274,7 @@ def extensions(
     remainder = smaller.projection(point).errors
     added = larger.order - smaller.order
     points = [
-        extended_by(larger, smaller, point, remainder, random_poles(added, generator))
+        extended(larger, smaller, point, remainder, random_poles(added, generator))
         for _ in range(tried)
     ]
     # Added poles may leave A unstable where the descent does not.

@@ -177,7 +177,11 @@ def with_initial_states(errors: StateSpaceErrors, point: Array) -> Array:
 
 
 def extended(
-    larger: StateSpaceErrors, smaller: StateSpaceErrors, point: Array, poles: Complex
+    larger: StateSpaceErrors,
+    smaller: StateSpaceErrors,
+    point: Array,
+    remainder: Array,
+    poles: Complex,
 ) -> Array:
     """The point of a smaller order with more poles, whose inputs fit what was left.
 
@@ -187,21 +191,11 @@ def extended(
         Problems of the two orders.
     point : (n,) array
         Of the smaller order.
+    remainder : (N, ny) array
+        Its errors.
     poles : array
         As many as the orders differ: two, or one where the smaller order is even.
     """
-    found = smaller.projection(point)
-    return extended_by(larger, smaller, point, found.errors, poles)
-
-
-def extended_by(
-    larger: StateSpaceErrors,
-    smaller: StateSpaceErrors,
-    point: Array,
-    remainder: Array,
-    poles: Complex,
-) -> Array:
-    """:func:`extended`, with the errors of the smaller order, (N, ny), known already."""
     added = larger.of_order(len(poles))
     bare = poles_only(added.layout, poles)
     alpha, beta = _residues(added, bare, remainder)
