@@ -178,7 +178,7 @@ def summarize_multichannel(files: DatasetFiles) -> DatasetSummary:
         estimation_samples=record.transforms.estimation_samples,
         validation_samples=record.transforms.validation_samples,
         orders=None,
-        state_space=record.text,
+        multichannel_model=record.text,
         bic=record.bic,
         prediction_error_percent=validation.prediction_error_percent,
         simulation_error_percent=validation.simulation_error_percent,
