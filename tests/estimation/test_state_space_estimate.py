@@ -20,14 +20,8 @@ from evopem.estimation.state_space.held_out import continued_errors, simulation_
 from evopem.estimation.state_space.kernels import section_responses
 from evopem.estimation.state_space.levenberg_marquardt import descend
 from evopem.estimation.state_space.noise_colour import autoregression_of
+from evopem.estimation.state_space.order_ladder import Rung, converted, descended, reductions
 from evopem.estimation.state_space.point_model import initial_states, model_of
-from evopem.estimation.state_space.problem import (
-    Rung,
-    StartingModels,
-    converted,
-    descended,
-    reductions,
-)
 from evopem.estimation.state_space.scaled_record import state_space_record
 from evopem.estimation.state_space.sections import (
     inside,
@@ -40,6 +34,7 @@ from evopem.estimation.state_space.sections import (
     state_matrix,
 )
 from evopem.estimation.state_space.settings import StateSpaceSettings
+from evopem.estimation.state_space.starting_models import StartingModels
 from evopem.estimation.state_space.starting_points import extended, from_poles, random_poles
 from evopem.models.state_space import StateSpaceModel
 
@@ -303,8 +298,8 @@ def test_descents_of_long_records_race_to_the_same_optimum(monkeypatch):
     truth = structure(modes=2, ny=2, nu=1, form="output_error")
     u, y, _ = recorded(truth, 300, 0.1, 3)
     full = sweep_state_space_orders(u, y, (2, 4), form="output_error", folds=False)
-    monkeypatch.setattr("evopem.estimation.state_space.problem.COSTLY", 0)
-    monkeypatch.setattr("evopem.estimation.state_space.problem.LAP", 5)
+    monkeypatch.setattr("evopem.estimation.state_space.order_ladder.COSTLY", 0)
+    monkeypatch.setattr("evopem.estimation.state_space.order_ladder.LAP", 5)
     raced = sweep_state_space_orders(u, y, (2, 4), form="output_error", folds=False)
     spent = [
         sum(each.search.diagnostics.evaluations for each in scores.estimates)

@@ -17,8 +17,8 @@ from evopem.automatic.multichannel_folds import Fold, designs_of, folds_of
 from evopem.config.state_space_settings import ModelForm, OutputWeighting, variant_name
 from evopem.estimation.state_space.noise_model import RISES
 from evopem.estimation.state_space.order_models import OrderModel, OrderModels
-from evopem.estimation.state_space.problem import USUAL_ORDER
 from evopem.estimation.state_space.settings import Objective
+from evopem.estimation.state_space.starting_models import USUAL_ORDER
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.multichannel import MultichannelRecording
 

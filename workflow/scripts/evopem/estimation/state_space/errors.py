@@ -144,6 +144,12 @@ class StateSpaceErrors:
         return count + ny * (int(self.record.levels) + self.record.drift.shape[1])
 
     @property
+    def cost(self) -> float:
+        """Multiplications of one set of normal equations."""
+        signals = 2 * self.layout.sections * self.layout.drives + 2 * self.order
+        return float(self.record.samples) * signals**2
+
+    @property
     def logarithmic(self) -> bool:
         """Whether N times the criterion is comparable with twice a log likelihood."""
         return self.weighting != "power"

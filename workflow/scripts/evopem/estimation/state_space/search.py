@@ -15,19 +15,11 @@ from evopem.estimation.search.memetic import memetic_search
 from evopem.estimation.search.problem import SearchDiagnostics, SearchResult
 from evopem.estimation.state_space.absolute_problem import AbsoluteStateSpaceProblem
 from evopem.estimation.state_space.errors import StateSpaceErrors
+from evopem.estimation.state_space.order_ladder import converted, descended, extensions, rungs
 from evopem.estimation.state_space.prepared import FORMS, PreparedRecords
-from evopem.estimation.state_space.problem import (
-    STEPS,
-    USUAL_ORDER,
-    StartingModels,
-    StateSpaceProblem,
-    converted,
-    cost,
-    descended,
-    extensions,
-    rungs,
-)
+from evopem.estimation.state_space.problem import STEPS, StateSpaceProblem
 from evopem.estimation.state_space.settings import StateSpaceSettings
+from evopem.estimation.state_space.starting_models import USUAL_ORDER, StartingModels
 
 Array = NDArray[np.float64]
 Log = Callable[[str], None]
@@ -57,7 +49,7 @@ def generator_of(
 def _evaluations(problem: StateSpaceProblem, settings: StateSpaceSettings) -> int:
     if settings.evaluations is not None:
         return settings.evaluations
-    each = cost(problem.errors)
+    each = problem.errors.cost
     if each > HEAVY:
         return 0
     return int(np.clip(BUDGET / each / problem.grams, LEAST_EVALUATIONS, MOST_EVALUATIONS))
@@ -83,10 +75,10 @@ def searched(
     """
     problem = problem_for(errors, settings)
     budget = _evaluations(problem, settings)
-    if starts and cost(errors) > HEAVY and budget == 0:
+    if starts and errors.cost > HEAVY and budget == 0:
         return problem, _polished(problem, starts, 0)
     plain = without_outliers(problem)
-    models = StartingModels(plain, errors.order, cost(errors) <= HEAVY)
+    models = StartingModels(plain, errors.order, errors.cost <= HEAVY)
     given = descended(plain, starts, len(starts))
     points = [optimum.point for optimum in given]
     spent = sum(optimum.evaluations for optimum in given)
@@ -127,7 +119,7 @@ def _optima_from_estimates(
     log: Log | None,
 ) -> list[Optimum]:
     """Optima from estimates of the order itself, and from the optimum of two states fewer."""
-    if cost(problem) > HEAVY:
+    if problem.cost > HEAVY:
         ((_, optima),) = rungs(
             problem, models, generator, 1, range(problem.order, problem.order + 1)
         )
@@ -156,7 +148,7 @@ def _other_form(errors: StateSpaceErrors) -> tuple[StateSpaceErrors, ...]:
     if errors.record.inputs.shape[1] == 0:
         return ()
     other = errors.of_form("output_error" if errors.innovations else "innovations")
-    return () if cost(other) > HEAVY else (other,)
+    return () if other.cost > HEAVY else (other,)
 
 
 def swept(
@@ -172,7 +164,7 @@ def swept(
     """The best optimum of each order that the rungs of a ladder reach."""
     plain = without_outliers(problem_for(errors, settings))
     usual = min(orders[-1], USUAL_ORDER)
-    models = StartingModels(plain, orders[-1], cost(errors.of_order(usual)) <= HEAVY)
+    models = StartingModels(plain, orders[-1], errors.of_order(usual).cost <= HEAVY)
     generator = generator_of(settings, usual, errors.form, prepared, 1 + fold)
     for each, optima in rungs(plain, models, generator, width, orders, steps, log):
         if not optima:
