@@ -11,16 +11,13 @@ from scipy.signal import lfilter
 from evopem.estimation.state_space.covariance import parameter_covariance
 from evopem.estimation.state_space.delays import estimate_delays
 from evopem.estimation.state_space.errors import WEIGHTINGS, StateSpaceErrors
-from evopem.estimation.state_space.estimate import (
-    descend_from,
-    estimate_state_space,
-    sweep_state_space_orders,
-)
+from evopem.estimation.state_space.estimate import descend_from, estimate_state_space
 from evopem.estimation.state_space.held_out import continued_errors, simulation_errors
 from evopem.estimation.state_space.kernels import section_responses
 from evopem.estimation.state_space.levenberg_marquardt import descend
 from evopem.estimation.state_space.noise_colour import autoregression_of
 from evopem.estimation.state_space.order_ladder import Rung, converted, descended, reductions
+from evopem.estimation.state_space.order_sweep import sweep_state_space_orders
 from evopem.estimation.state_space.point_model import initial_states, model_of
 from evopem.estimation.state_space.scaled_record import state_space_record
 from evopem.estimation.state_space.sections import (

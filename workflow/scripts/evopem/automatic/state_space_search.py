@@ -13,14 +13,10 @@ from evopem.automatic.multichannel_folds import DESIGNS, is_large, is_long
 from evopem.automatic.searched_orders import noise_orders
 from evopem.automatic.variant_search import Refit, Variant, VariantSearch, searched_variant
 from evopem.config.state_space_settings import ModelForm, OutputWeighting
-from evopem.estimation.state_space.estimate import (
-    StateSpaceEstimate,
-    descend_from,
-    estimates_of_orders,
-    refitted,
-)
+from evopem.estimation.state_space.estimate import StateSpaceEstimate, descend_from, refitted
 from evopem.estimation.state_space.noise_model import WIDTH, noise_model, side_by_side
 from evopem.estimation.state_space.order_models import OrderModels
+from evopem.estimation.state_space.order_sweep import estimates_of_orders
 from evopem.estimation.state_space.problem import STEPS
 from evopem.estimation.state_space.search import FINAL_WIDTH
 from evopem.estimation.state_space.settings import StateSpaceSettings
