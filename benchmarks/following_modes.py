@@ -20,7 +20,7 @@ import numpy as np
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
 
-from evopem.estimation.state_space.estimate import sweep_state_space_orders  # noqa: E402
+from evopem.estimation.state_space.order_sweep import sweep_state_space_orders  # noqa: E402
 from evopem.report.followed_chart import movements  # noqa: E402
 from evopem.results.followed_modes import RecordedMode, follow_modes  # noqa: E402
 from evopem.synthesis.vibrating_structure import VibratingStructure  # noqa: E402

@@ -18,7 +18,7 @@ import numpy as np
 from state_space_choice import KINDS, record, recording_of
 from threadpoolctl import threadpool_limits
 
-from evopem.automatic.state_space_search import decide_delays
+from evopem.automatic.input_delays import decide_delays
 
 LENGTHS = (200, 500, 1000)
 # Delays of the inputs, and the largest of them.

@@ -199,7 +199,7 @@ def stable_groups(result, reach):  # type: ignore[no-untyped-def]
 
 
 def run_own(folder: Path, count: int) -> None:
-    from evopem.estimation.state_space.estimate import sweep_state_space_orders
+    from evopem.estimation.state_space.order_sweep import sweep_state_space_orders
     from evopem.files.json_form import save
     from evopem.validation.mode_table import mode_table
 

@@ -20,7 +20,7 @@ sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
 from covered_intervals import CoveredIntervals  # noqa: E402
 
 from evopem import SearchSettings, estimate  # noqa: E402
-from evopem.estimation.state_space.estimate import sweep_state_space_orders  # noqa: E402
+from evopem.estimation.state_space.order_sweep import sweep_state_space_orders  # noqa: E402
 from evopem.synthesis.vibrating_structure import VibratingStructure  # noqa: E402
 
 RATE = 100.0

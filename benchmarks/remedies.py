@@ -26,14 +26,13 @@ from threadpoolctl import threadpool_limits
 
 from evopem.automatic import identify as recipe
 from evopem.automatic import state_space_remedies as of_several
+from evopem.automatic.input_delays import decide_delays
 from evopem.automatic.limits import OrderLimits
+from evopem.automatic.searched_forms import SearchedForms
+from evopem.automatic.searched_orders import searched_orders
 from evopem.automatic.state_space_choice import choose
-from evopem.automatic.state_space_search import (
-    Variant,
-    decide_delays,
-    search_variant,
-    searched_orders,
-)
+from evopem.automatic.state_space_search import search_variant
+from evopem.automatic.variant_search import Variant
 from evopem.config.state_space_settings import VARIANTS, OrderRanges, StateSpaceChoices
 from evopem.estimation.state_space.settings import StateSpaceSettings
 from evopem.signals.recording import Recording
@@ -133,15 +132,15 @@ def outcomes_of_several(kind: str, seed: int) -> list[Outcome]:
     fresh = recording_of(made.fresh_u - middle_u, made.fresh_clean - middle_y)
 
     def recorded(first: Any, log: Any) -> Any:
-        (last, trials), spent = timed(partial(act, first, log))
+        (last, attempts), spent = timed(partial(act, first, log))
         failed = len(first.checks.failed), len(last.checks.failed)
         errors = (
             mean_errors(each.model.model, fresh, each.choice.level == "state")[1]
             for each in (first, last)
         )
-        remedy = trials[-1].remedy if last is not first else "none"
-        kept.append(Outcome(remedy, len(trials), last is not first, *failed, *errors, spent, 0.0))
-        return last, trials
+        remedy = attempts[-1].trial.remedy if last is not first else "none"
+        kept.append(Outcome(remedy, len(attempts), last is not first, *failed, *errors, spent, 0.0))
+        return last, attempts
 
     act = of_several._with_other_model
     with patch.object(of_several, "_with_other_model", recorded):
@@ -161,7 +160,7 @@ def identified(estimation: Any, kind: str, order: int) -> None:
         )
         for each in (Variant(*names) for names in VARIANTS)
     }
-    forms = of_several.SearchedForms(
+    forms = SearchedForms(
         *(estimation, delays, tuple(search for search, _ in found.values())),
         lambda variant, order: found[variant][1].of_order(order),
         lambda variant: StateSpaceSettings(weighting=variant.weighting),

@@ -28,7 +28,8 @@ from evopem.automatic import folds, multichannel_folds
 from evopem.automatic.identify import identify
 from evopem.automatic.response_parts import response_parts
 from evopem.automatic.state_space_choice import choose
-from evopem.automatic.state_space_search import Variant, search_variant
+from evopem.automatic.state_space_search import search_variant
+from evopem.automatic.variant_search import Variant
 from evopem.config.state_space_settings import StateSpaceChoices
 from evopem.estimation.state_space.settings import StateSpaceSettings
 from evopem.models.state_space_modes import ShapedMode

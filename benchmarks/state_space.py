@@ -33,14 +33,12 @@ sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
 from covered_intervals import CoveredIntervals  # noqa: E402
 
 from evopem.estimation.state_space.delays import estimate_delays  # noqa: E402
-from evopem.estimation.state_space.estimate import (  # noqa: E402
-    estimate_state_space,
-    sweep_state_space_orders,
-)
+from evopem.estimation.state_space.estimate import estimate_state_space  # noqa: E402
 from evopem.estimation.state_space.held_out import (  # noqa: E402
     prediction_errors,
     simulation_errors,
 )
+from evopem.estimation.state_space.order_sweep import sweep_state_space_orders  # noqa: E402
 from evopem.estimation.state_space.settings import StateSpaceSettings  # noqa: E402
 from evopem.models.state_space import StateSpaceModel  # noqa: E402
 

@@ -39,8 +39,8 @@ from evopem.estimation.state_space.estimate import (  # noqa: E402
     StateSpaceEstimate,
     descend_from,
     estimate_state_space,
-    sweep_state_space_orders,
 )
+from evopem.estimation.state_space.order_sweep import sweep_state_space_orders  # noqa: E402
 from evopem.estimation.state_space.prepared import prepared_records, problem_of  # noqa: E402
 from evopem.estimation.state_space.problem import StateSpaceProblem  # noqa: E402
 from evopem.estimation.state_space.search import MOST_EVALUATIONS  # noqa: E402

@@ -226,11 +226,9 @@ def search_record(folder: Path, name: str, made: dict[str, np.ndarray]) -> None:
     target = folder / f"search_{name}.json"
     if target.exists():
         return
-    from evopem.automatic.state_space_search import (
-        decide_delays,
-        search_variant,
-        searched_orders,
-    )
+    from evopem.automatic.input_delays import decide_delays
+    from evopem.automatic.searched_orders import searched_orders
+    from evopem.automatic.state_space_search import search_variant
     from evopem.config.state_space_settings import VARIANTS
     from evopem.estimation.state_space.settings import StateSpaceSettings
     from evopem.pipeline.multichannel.search import variants_of
@@ -342,7 +340,7 @@ def scored_candidates(content: dict, made: dict) -> tuple[list[Scored], str]:  #
     """All candidates of a record, and whether simulations fit a level to other samples."""
     from evopem.automatic.level_decision import decide_level
     from evopem.automatic.state_space_choice import CLEAR_GAIN, scores_of
-    from evopem.automatic.state_space_search import VariantSearch
+    from evopem.automatic.variant_search import VariantSearch
     from evopem.files.json_form import from_json
 
     searches = [from_json(VariantSearch, each) for each in content["searches"]]
@@ -496,7 +494,7 @@ def drift_row(content: dict) -> tuple[bool, float, float, float]:  # type: ignor
     Over those of the choice without that form, twice, and of the best other candidate.
     """
     from evopem.automatic.state_space_choice import choose
-    from evopem.automatic.state_space_search import VariantSearch
+    from evopem.automatic.variant_search import VariantSearch
     from evopem.config.state_space_settings import StateSpaceChoices
     from evopem.files.json_form import from_json
 

@@ -58,7 +58,7 @@ def run_sippy(folder: Path) -> None:
 
 
 def run_own(folder: Path) -> None:
-    from evopem.estimation.state_space.estimate import sweep_state_space_orders
+    from evopem.estimation.state_space.order_sweep import sweep_state_space_orders
 
     for file in sorted(folder.glob("record_?_*.mat")):
         record = loadmat(file)

@@ -5,16 +5,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from evopem.automatic.input_delays import decide_delays
+from evopem.automatic.searched_orders import noise_orders, searched_orders
 from evopem.automatic.state_space_choice import choose
-from evopem.automatic.state_space_search import (
-    FoldErrors,
-    Variant,
-    VariantSearch,
-    decide_delays,
-    noise_orders,
-    searched_orders,
-    until_bic_rises,
-)
+from evopem.automatic.variant_search import FoldErrors, Variant, VariantSearch, until_bic_rises
 from evopem.config.input_ranges import InputRanges
 from evopem.config.state_space_settings import StateSpaceChoices
 from evopem.errors import InputError

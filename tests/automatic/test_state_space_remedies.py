@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from evopem.automatic.searched_forms import SearchedForms
 from evopem.automatic.state_space_choice import ModelChoice
-from evopem.automatic.state_space_remedies import SearchedForms, act_on_checks
-from evopem.automatic.state_space_search import Variant, search_variant
+from evopem.automatic.state_space_remedies import act_on_checks
+from evopem.automatic.state_space_search import search_variant
+from evopem.automatic.variant_search import Variant
 from evopem.config.input_ranges import InputRanges
 from evopem.config.state_space_settings import OrderRanges
 from evopem.estimation.state_space.settings import StateSpaceSettings

@@ -9,7 +9,7 @@ from evopem.config.defaults import complete
 from evopem.config.settings import DatasetSettings
 from evopem.config.state_space_keys import (
     keys_of_state_space,
-    read_state_space_settings,
+    state_space_settings,
     state_space_yaml,
 )
 from evopem.config.state_space_settings import (
@@ -18,6 +18,7 @@ from evopem.config.state_space_settings import (
     UnitSettings,
     searched_variants,
 )
+from evopem.config.yaml_form import read_dataset
 from evopem.errors import InputError
 
 SCHEMA = Path(__file__).parents[2] / "workflow" / "schemas" / "config.schema.yaml"
@@ -142,7 +143,7 @@ def test_orders_and_delays_of_each_input(tmp_path, written, ranges):
     assert orders.joint == (1, 4)
     file = tmp_path / "config.yaml"
     file.write_text(state_space_yaml(found))
-    assert read_state_space_settings(file) == found
+    assert read_dataset(file, state_space_settings) == found
     again = complete({"datasets": {"a": keys_of_state_space(found)}}, SCHEMA)
     assert again.datasets["a"] == found
 
@@ -165,7 +166,7 @@ def test_constraints_come_back(tmp_path):
     )
     file = tmp_path / "config.yaml"
     file.write_text(state_space_yaml(found))
-    assert read_state_space_settings(file) == found
+    assert read_dataset(file, state_space_settings) == found
     assert found.constraints.of_input("a").static_gain == 2
     assert found.constraints.of_input("b").static_gain_bounds == (0, None)
     assert found.constraints.of_input("a").max_pole_radius == 0.9
@@ -194,7 +195,7 @@ def test_complete_keys_come_back(tmp_path):
     )
     file = tmp_path / "config.yaml"
     file.write_text(state_space_yaml(found))
-    assert read_state_space_settings(file) == found
+    assert read_dataset(file, state_space_settings) == found
     assert found.search.objective == "absolute"
     assert found.geometry.channels["acc"] == ChannelPlace("tip", (-1.0, 0.0, 0.0))
     again = complete({"datasets": {"a": keys_of_state_space(found)}}, SCHEMA)

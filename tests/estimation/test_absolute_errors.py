@@ -7,10 +7,12 @@ import pytest
 from least_absolute import descended, loss
 
 from evopem.estimation.multi_input.errors import MultiInputErrors, multi_input_record
-from evopem.estimation.multi_input.estimate import SETTINGS, estimate_multi_input
+from evopem.estimation.multi_input.estimate import estimate_multi_input
+from evopem.estimation.multi_input.search import SETTINGS
 from evopem.estimation.state_space.absolute_errors import AbsoluteStateSpaceErrors
-from evopem.estimation.state_space.errors import StateSpaceErrors, state_space_record
+from evopem.estimation.state_space.errors import StateSpaceErrors
 from evopem.estimation.state_space.estimate import estimate_state_space
+from evopem.estimation.state_space.scaled_record import state_space_record
 from evopem.estimation.state_space.settings import StateSpaceSettings
 from evopem.models.state_space import StateSpaceModel
 

@@ -10,7 +10,8 @@ from scipy.signal import lfilter
 from evopem.config.constraints import Constraints, FixedPole, InputConstraints
 from evopem.errors import InputError
 from evopem.estimation.multi_input.errors import MultiInputErrors, multi_input_record
-from evopem.estimation.multi_input.estimate import SETTINGS, estimate_multi_input
+from evopem.estimation.multi_input.estimate import estimate_multi_input
+from evopem.estimation.multi_input.search import SETTINGS
 
 RATE = 20.0
 SHORT = replace(SETTINGS, evaluations=0)

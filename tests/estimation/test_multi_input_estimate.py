@@ -10,13 +10,10 @@ from scipy.signal import lfilter
 from evopem.estimation.multi_input.covariance import parameter_covariance
 from evopem.estimation.multi_input.descent import descend
 from evopem.estimation.multi_input.errors import MultiInputErrors, multi_input_record
-from evopem.estimation.multi_input.estimate import (
-    SETTINGS,
-    estimate_multi_input,
-    multi_input_estimates,
-    reduced_orders,
-)
+from evopem.estimation.multi_input.estimate import estimate_multi_input, multi_input_estimates
 from evopem.estimation.multi_input.order_limits import joint_orders
+from evopem.estimation.multi_input.order_reduction import reduced_orders
+from evopem.estimation.multi_input.search import SETTINGS
 from evopem.models.multi_input import MultiInputModel, MultiInputOrders
 
 ONE = np.ones(1)

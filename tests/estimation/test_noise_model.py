@@ -3,12 +3,9 @@
 import numpy as np
 import pytest
 
-from evopem.estimation.state_space.estimate import (
-    descend_from,
-    estimate_state_space,
-    estimates_of_orders,
-)
+from evopem.estimation.state_space.estimate import descend_from, estimate_state_space
 from evopem.estimation.state_space.noise_model import noise_model, plant_of, side_by_side
+from evopem.estimation.state_space.order_sweep import estimates_of_orders
 from evopem.estimation.state_space.settings import StateSpaceSettings
 
 N = 700

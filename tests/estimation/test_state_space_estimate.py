@@ -8,33 +8,18 @@ from scipy.linalg import solve_discrete_are
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
-from evopem.estimation.state_space.covariance import (
-    initial_states,
-    model_of,
-    parameter_covariance,
-)
+from evopem.estimation.state_space.covariance import parameter_covariance
 from evopem.estimation.state_space.delays import estimate_delays
-from evopem.estimation.state_space.errors import (
-    WEIGHTINGS,
-    StateSpaceErrors,
-    state_space_record,
-)
-from evopem.estimation.state_space.estimate import (
-    descend_from,
-    estimate_state_space,
-    sweep_state_space_orders,
-)
+from evopem.estimation.state_space.errors import WEIGHTINGS, StateSpaceErrors
+from evopem.estimation.state_space.estimate import descend_from, estimate_state_space
 from evopem.estimation.state_space.held_out import continued_errors, simulation_errors
 from evopem.estimation.state_space.kernels import section_responses
 from evopem.estimation.state_space.levenberg_marquardt import descend
 from evopem.estimation.state_space.noise_colour import autoregression_of
-from evopem.estimation.state_space.problem import (
-    Rung,
-    StartingModels,
-    converted,
-    descended,
-    reductions,
-)
+from evopem.estimation.state_space.order_ladder import Rung, converted, descended, reductions
+from evopem.estimation.state_space.order_sweep import sweep_state_space_orders
+from evopem.estimation.state_space.point_model import initial_states, model_of
+from evopem.estimation.state_space.scaled_record import state_space_record
 from evopem.estimation.state_space.sections import (
     inside,
     largest_radius,
@@ -46,6 +31,7 @@ from evopem.estimation.state_space.sections import (
     state_matrix,
 )
 from evopem.estimation.state_space.settings import StateSpaceSettings
+from evopem.estimation.state_space.starting_models import StartingModels
 from evopem.estimation.state_space.starting_points import extended, from_poles, random_poles
 from evopem.models.state_space import StateSpaceModel
 
@@ -309,8 +295,8 @@ def test_descents_of_long_records_race_to_the_same_optimum(monkeypatch):
     truth = structure(modes=2, ny=2, nu=1, form="output_error")
     u, y, _ = recorded(truth, 300, 0.1, 3)
     full = sweep_state_space_orders(u, y, (2, 4), form="output_error", folds=False)
-    monkeypatch.setattr("evopem.estimation.state_space.problem.COSTLY", 0)
-    monkeypatch.setattr("evopem.estimation.state_space.problem.LAP", 5)
+    monkeypatch.setattr("evopem.estimation.state_space.order_ladder.COSTLY", 0)
+    monkeypatch.setattr("evopem.estimation.state_space.order_ladder.LAP", 5)
     raced = sweep_state_space_orders(u, y, (2, 4), form="output_error", folds=False)
     spent = [
         sum(each.search.diagnostics.evaluations for each in scores.estimates)
@@ -511,13 +497,14 @@ def test_a_sweep_never_rises_with_the_order_by_much_and_finds_the_true_one():
 def test_a_pair_left_out_of_a_larger_order_gives_the_smaller_one_back():
     errors, point = problem("innovations", 5)
     larger = errors.of_order(7)
-    grown = extended(larger, errors, point, random_poles(2, np.random.default_rng(3)))
-    left = [
+    left = errors.projection(point).errors
+    grown = extended(larger, errors, point, left, random_poles(2, np.random.default_rng(3)))
+    reduced = [
         errors.criterion(errors.projection(each).covariance) for each in reductions(larger, grown)
     ]
-    assert len(left) == 3
+    assert len(reduced) == 3
     own = errors.criterion(errors.projection(point).covariance)
-    assert min(abs(each - own) for each in left) < 1e-9
+    assert min(abs(each - own) for each in reduced) < 1e-9
 
 
 def test_an_order_is_reached_from_two_states_more():
@@ -528,7 +515,9 @@ def test_an_order_is_reached_from_two_states_more():
     generator = np.random.default_rng(3)
     starts = list(StartingModels(errors, 6, thorough=True).points(errors))
     best, *_ = descended(errors, starts, 8)
-    above = descend(larger, extended(larger, errors, best.point, random_poles(2, generator)), 20, 0)
+    left = errors.projection(best.point).errors
+    grown = extended(larger, errors, best.point, left, random_poles(2, generator))
+    above = descend(larger, grown, 20, 0)
     poor = from_poles(errors, random_poles(4, generator))
     known = descend(errors, poor, 1, 1e-7)
     assert known.value > best.value + 0.1

@@ -15,11 +15,12 @@ from hypothesis import settings as examples
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
+from evopem.automatic.input_delays import DelayChoice
 from evopem.automatic.multichannel_preparation import MultichannelPlan
 from evopem.automatic.record import OtherModel
 from evopem.automatic.state_space_choice import StateSpaceChoice
 from evopem.automatic.state_space_remedies import RemedyRecord
-from evopem.automatic.state_space_search import DelayChoice, VariantSearch
+from evopem.automatic.variant_search import VariantSearch
 from evopem.config import settings, state_space_settings
 from evopem.config.settings import ChannelSettings, OrderSettings, SearchSettings, SyntheticSource
 from evopem.errors import InputError

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from evopem.errors import InputError
-from evopem.signals.reading import FORMATS, read_recording
+from evopem.signals.measured_files import FORMATS
+from evopem.signals.reading import read_recording
 
 EXTENSIONS = sorted(FORMATS)
 CHANNELS = ((1, 2, None), (1, 2, 3), ("u", "y", None), ("u", "y", "y_time"))

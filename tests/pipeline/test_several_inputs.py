@@ -93,7 +93,7 @@ def test_every_file_is_there_and_says_the_same(results):
     assert (responses["gain_upper"] > responses["gain_lower"]).all()
     assert "simulated_y" in pd.read_csv(path / files.simulation)
     summary = load(DatasetSummary, path / files.summary)
-    assert summary.state_space == "ARMAX(2,[2 1],1,[1 3])"
+    assert summary.multichannel_model == "ARMAX(2,[2 1],1,[1 3])"
     decisions = json.loads((path / files.decisions).read_text())["decisions"]
     assert any(each["choice"] == "armax" for each in decisions)
     remedies = json.loads((path / files.decision("remedies")).read_text())

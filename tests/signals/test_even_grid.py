@@ -101,7 +101,8 @@ def test_one_channel(tmp_path):
 def test_several_channels(tmp_path):
     file = written(tmp_path, np.arange(EVEN.size) * 20.0, "time_ms")
     lists = ChannelLists(("u",), ("y", "w"), time="time_ms", uneven_time="interpolate")
-    recording = read_multichannel(file, lists)
+    recording, unevenness = read_multichannel(file, lists)
+    assert unevenness.in_gaps == len(LOST)
     assert (recording.sampling_rate, recording.outputs.shape) == (RATE, (EVEN.size, 2))
     np.testing.assert_allclose(recording.outputs @ [1.0, 2.0], 0.0, atol=1e-7)
 

@@ -77,7 +77,7 @@ def refusal(path, channels):
 @pytest.mark.parametrize("name", FORMATS)
 def test_every_format_gives_the_same_samples(name, tmp_path):
     FORMATS[name](tmp_path / name)
-    found = read_multichannel(tmp_path / name, WANTED)
+    found = read_multichannel(tmp_path / name, WANTED).recording
     np.testing.assert_array_equal(found.inputs, np.column_stack([SIGNALS["u1"], SIGNALS["u2"]]))
     np.testing.assert_array_equal(found.outputs[:, 2], SIGNALS["acc_3"])
     assert found.output_names == ("acc_1", "acc_2", "acc_3")
@@ -87,7 +87,7 @@ def test_every_format_gives_the_same_samples(name, tmp_path):
 @pytest.mark.parametrize(("name", "write"), [("a.tdms", write_tdms), ("a.uff", write_uff)])
 def test_formats_with_names_of_their_own_are_read_by_numbers(name, write, tmp_path):
     write(tmp_path / name)
-    found = read_multichannel(tmp_path / name, ChannelLists((1, 2), (3, 4, 5), RATE))
+    found = read_multichannel(tmp_path / name, ChannelLists((1, 2), (3, 4, 5), RATE)).recording
     np.testing.assert_allclose(found.outputs[:, 2], SIGNALS["acc_3"], rtol=1e-6, atol=1e-6)
     assert len(set(found.input_names + found.output_names)) == 5
 
@@ -103,7 +103,7 @@ def file(tmp_path):
 
 def test_a_pattern_leaves_out_what_is_named(file):
     channels = ChannelLists(("u1", "u2"), ("*",), time="time")
-    assert read_multichannel(file, channels).output_names == ("acc_1", "acc_2", "acc_3")
+    assert read_multichannel(file, channels).recording.output_names == ("acc_1", "acc_2", "acc_3")
 
 
 def test_units_by_order_by_name_and_for_all(file):
@@ -113,11 +113,11 @@ def test_units_by_order_by_name_and_for_all(file):
         (UnitSettings(by_name={"acc_2": "b"}), ("", "b", "")),
     ):
         channels = ChannelLists(("u1",), ("acc_*",), time="time", output_units=units)
-        assert read_multichannel(file, channels).output_units == expected
+        assert read_multichannel(file, channels).recording.output_units == expected
 
 
 def test_samples_and_facts_are_kept(file, tmp_path):
-    found = read_multichannel(file, ChannelLists((), ("acc_*",), time="time"))
+    found = read_multichannel(file, ChannelLists((), ("acc_*",), time="time")).recording
     save_multichannel(found, tmp_path / "recording.npz")
     again = load_multichannel(tmp_path / "recording.npz")
     assert again.inputs.shape == (N, 0)

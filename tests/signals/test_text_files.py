@@ -264,7 +264,8 @@ def test_a_name_beyond_ascii_in_the_c_locale(tmp_path, form):
     files["csv"] = write(tmp_path, table(","))
     named = files[form].rename(tmp_path / f"Größe {form.replace(' ', '')}{files[form].suffix}")
     program = (
-        "from evopem.signals.reading import read_recording, sha256\n"
+        "from evopem.signals.measured_files import sha256\n"
+        "from evopem.signals.reading import read_recording\n"
         f"path = {str(named)!r}\n"
         "assert read_recording(path, 1, 2, 1.0).samples > 8\n"
         "assert len(sha256(path)) == 64\n"

@@ -35,7 +35,7 @@ def test_a_channel_named_as_a_time_gives_the_rate(name, tmp_path):
     info = load(RecordingInfo, tmp_path / "i")
     assert (info.sampling_rate, info.time_told) == (RATE, name)
     several = with_time_told(file, ChannelLists(("u",), ("acc_*",)))
-    assert read_multichannel(file, several).sampling_rate == RATE
+    assert read_multichannel(file, several).recording.sampling_rate == RATE
 
 
 @pytest.mark.parametrize(

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from evopem.estimation.state_space.estimate import sweep_state_space_orders
 from evopem.estimation.state_space.order_models import OrderModel
+from evopem.estimation.state_space.order_sweep import sweep_state_space_orders
 from evopem.files.json_form import from_json, to_json
 from evopem.models.state_space import StateSpaceModel
 from evopem.models.state_space_modes import assurance

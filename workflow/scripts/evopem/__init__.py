@@ -19,11 +19,8 @@ if TYPE_CHECKING:
     from evopem.estimation.multi_input.estimate import MultiInputEstimate, estimate_multi_input
     from evopem.estimation.polynomial_estimate import PolynomialEstimate
     from evopem.estimation.state_space.delays import estimate_delays
-    from evopem.estimation.state_space.estimate import (
-        StateSpaceEstimate,
-        estimate_state_space,
-        sweep_state_space_orders,
-    )
+    from evopem.estimation.state_space.estimate import StateSpaceEstimate, estimate_state_space
+    from evopem.estimation.state_space.order_sweep import sweep_state_space_orders
     from evopem.estimation.state_space.settings import StateSpaceSettings
     from evopem.estimation.structured_estimate import estimate
     from evopem.models.multi_input import MultiInputModel, MultiInputOrders
@@ -91,7 +88,7 @@ _HOMES = {
     "estimate_state_space": "evopem.estimation.state_space.estimate",
     "mode_table": "evopem.validation.mode_table",
     "ModeTable": "evopem.validation.mode_table",
-    "sweep_state_space_orders": "evopem.estimation.state_space.estimate",
+    "sweep_state_space_orders": "evopem.estimation.state_space.order_sweep",
 }
 
 

@@ -250,7 +250,6 @@ def _described(
         residuals = model.residuals(data.input, data.output, plant, noise)[start:]
         outputs = data.output[start:]
     criteria = criteria_of(residuals, outputs, objective, scored.parameters)
-    diagnostics = SearchDiagnostics(0, 0, (), 0, 0, 0, 1.0, ())
     return Candidate(
         phase=STRUCTURES,
         orders=_named_orders(scored),
@@ -261,7 +260,7 @@ def _described(
         noise_state=noise,
         minimum=criteria.objective,
         at_stability_bound=False,
-        diagnostics=diagnostics,
+        diagnostics=SearchDiagnostics.none(),
         further_levels=levels[1:],
     )
 

@@ -10,28 +10,22 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from evopem.automatic.multichannel_folds import fewest_fitted
-from evopem.automatic.state_space_search import (
-    VALUES_PER_PARAMETER,
-    Refit,
-    Variant,
-    VariantSearch,
-    searched_variant,
-)
+from evopem.automatic.searched_orders import VALUES_PER_PARAMETER
+from evopem.automatic.variant_search import Refit, Variant, VariantSearch, searched_variant
 from evopem.config.constraints import InputConstraints
 from evopem.config.settings import SearchSettings
 from evopem.config.state_space_settings import OrderRanges
 from evopem.errors import InputError
 from evopem.estimation.multi_input.constrained import check_input_constraints
 from evopem.estimation.multi_input.estimate import (
-    SETTINGS,
     MultiInputEstimate,
-    TriedOrders,
     estimate_multi_input,
     multi_input_estimates,
-    reduced_orders,
     refitted_multi_input,
 )
 from evopem.estimation.multi_input.order_limits import OrderLimits, joint_orders
+from evopem.estimation.multi_input.order_reduction import TriedOrders, reduced_orders
+from evopem.estimation.multi_input.search import SETTINGS
 from evopem.estimation.state_space.order_models import OrderModels
 from evopem.estimation.state_space.settings import StateSpaceSettings
 from evopem.models.multi_input import MultiInputOrders

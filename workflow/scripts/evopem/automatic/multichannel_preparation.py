@@ -24,7 +24,7 @@ from evopem.automatic.decimation import (
     smoothed,
 )
 from evopem.automatic.decision import Alternative, Decision, given_by_configuration
-from evopem.estimation.state_space.estimate import sweep_state_space_orders
+from evopem.estimation.state_space.order_sweep import sweep_state_space_orders
 from evopem.estimation.state_space.settings import StateSpaceSettings
 from evopem.signals.multichannel import MultichannelRecording
 from evopem.signals.multichannel_preparation import (

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,23 +11,17 @@ from evopem.automatic.fit import FitSettings, fit, log_loss
 from evopem.automatic.level_decision import Level
 from evopem.automatic.orders import Candidate, Scorer
 from evopem.automatic.record import Trial
+from evopem.automatic.remedy_orders import LENGTH, NOISE_ORDERS, REMEDIES, OrdersOfRemedy
 from evopem.automatic.simulation import simulated
 from evopem.automatic.structures import AS_GOOD, Choice, as_good
-from evopem.config.structures import ORDER_NAMES
+from evopem.automatic.trials import DELAY, TOLERATED, Attempt, Budget, tried_in_turn
 from evopem.models.structures import PolynomialOrders
 from evopem.signals.stretches import Stretch, total_samples
 from evopem.validation.checks.check import SIGNIFICANCE
 from evopem.validation.checks.excitation import EXCITATION_ADEQUATE
 from evopem.validation.checks.residuals import INDEPENDENT_OF_INPUT, WHITE
-from evopem.validation.checks.roots import DISTINCT, INSIDE_BOUND
+from evopem.validation.checks.roots import INSIDE_BOUND
 
-# Poles and zeros that are left out where some cancel, most poles without zeros, and most roots that
-# become those of D.
-FEWER_ROOTS, MOST_POLES_ALONE, MOST_MOVED = (1, 2, 3, 4, 6, 8), 2, 2
-# A remedy is taken only if the error for the purpose grows by no more than this share.
-TOLERATED = 0.02
-DELAY, LENGTH = "Delay", "Length of B"
-NOISE_ORDERS = (1, 2, 3, 4, 6, 8, 10, 12)
 MOST_TRIALS = 12
 
 
@@ -67,34 +61,21 @@ def act_on_checks(scorer: Scorer, choice: Choice) -> Remedied:
     scorer : Scorer
     choice : Choice
     """
+    first = current = choice.candidate
+    scorer.remember([current])
+    budget = Budget(MOST_TRIALS)
     trials: list[Trial] = []
     tried: list[tuple[str, Candidate]] = []
-    current = choice.candidate
-    scorer.remember([current])
-    first, budget = current, MOST_TRIALS
     for checks, remedies in REMEDIES:
-        failed = _failures(scorer, current).intersection(checks)
+        found = _failures(scorer, current)
+        failed = tuple(check for check in checks if check in found)
         if not failed:
             continue
-        best = current
-        for remedy, structure, orders in remedies(current):
-            if budget == 0:
-                break
-            budget -= 1
-            candidate = scorer.candidate(structure, orders, [best.model, current.model])
-            if candidate is None:
-                continue
-            taken = _is_better(scorer, candidate, best) and _is_allowed(
-                scorer, candidate, first, choice
-            )
-            named = " and ".join(check for check in checks if check in failed)
-            trials.append(_trial(scorer, named, remedy, candidate, choice, taken))
-            tried.extend((check, candidate) for check in failed)
-            if taken:
-                best = candidate
-            if taken and not _failures(scorer, candidate).intersection(failed):
-                break
-        current = best
+        current, attempts = _remedied(
+            *(scorer, choice, first, current, failed, budget.of(remedies(current)))
+        )
+        trials += [each.trial for each in attempts]
+        tried += [(check, each.model) for each in attempts for check in failed]
     kept = choice.purpose == "simulation" and _has_coloured_plant(scorer, current)
     if kept:
         current, kept = _with_another_noise_model(scorer, current, choice, trials)
@@ -106,6 +87,32 @@ def act_on_checks(scorer: Scorer, choice: Choice) -> Remedied:
     if not kept:
         current = scorer.on_all_samples(current)
     return Remedied(replace(choice, candidate=current), tuple(trials), remaining, statements, kept)
+
+
+def _remedied(
+    scorer: Scorer,
+    choice: Choice,
+    first: Candidate,
+    current: Candidate,
+    failed: tuple[str, ...],
+    remedies: Iterable[OrdersOfRemedy],
+) -> tuple[Candidate, list[Attempt[Candidate]]]:
+    """The model after remedies for some failed checks, until all of these hold."""
+
+    def attempt(remedy: OrdersOfRemedy, best: Candidate) -> Attempt[Candidate] | None:
+        name, structure, orders = remedy
+        candidate = scorer.candidate(structure, orders, [best.model, current.model])
+        if candidate is None:
+            return None
+        taken = _is_better(scorer, candidate, best)
+        taken = taken and _is_allowed(scorer, candidate, first, choice)
+        named = " and ".join(failed)
+        return Attempt(candidate, _trial(scorer, named, name, candidate, choice, taken))
+
+    def suffices(candidate: Candidate) -> bool:
+        return not _failures(scorer, candidate).intersection(failed)
+
+    return tried_in_turn(remedies, current, attempt, suffices)
 
 
 def _failures(scorer: Scorer, candidate: Candidate) -> set[str]:
@@ -272,66 +279,6 @@ def _score(candidate: Candidate, choice: Choice) -> float:
     return candidate.scores.free_level if level == "state" else candidate.scores.simulation
 
 
-def _later(candidate: Candidate) -> Iterator[tuple[str, str, PolynomialOrders]]:
-    o = candidate.orders
-    for more in (1, 2, 3):
-        if o.nb > more:
-            changed = {"nk": o.nk + more, "nb": o.nb - more}
-            yield f"delay of {o.nk + more}", candidate.structure, _changed(o, **changed)
-
-
-def _shorter(candidate: Candidate) -> Iterator[tuple[str, str, PolynomialOrders]]:
-    o = candidate.orders
-    for fewer in (1, 2, 3):
-        if o.nb > fewer:
-            yield (
-                *(f"{fewer} coefficients of B less", candidate.structure),
-                _changed(o, nb=o.nb - fewer),
-            )
-
-
-def _fewer_roots(candidate: Candidate) -> Iterator[tuple[str, str, PolynomialOrders]]:
-    o = candidate.orders
-    name = "nf" if o.nf else "na"
-    for fewer in FEWER_ROOTS:
-        if not (getattr(o, name) > fewer and o.nb > fewer):
-            continue
-        changed = {name: getattr(o, name) - fewer, "nb": o.nb - fewer}
-        if name == "na" and fewer <= MOST_MOVED:
-            # What A and B have in common belongs to D: A D y = B D u + C e.
-            moved = changed | {"nd": o.nd + fewer}
-            structure = "ararmax" if o.nc else "ararx"
-            yield f"{fewer} common roots of A and B moved to D", structure, _changed(o, **moved)
-        yield f"{fewer} pole and zero less", candidate.structure, _changed(o, **changed)
-        if fewer <= MOST_POLES_ALONE:
-            del changed["nb"]
-            yield f"{fewer} pole less", candidate.structure, _changed(o, **changed)
-
-
-def _further_noise(candidate: Candidate) -> Iterator[tuple[str, str, PolynomialOrders]]:
-    o = candidate.orders
-    for n in NOISE_ORDERS:
-        if o.nf and n > min(o.nc, o.nd):
-            yield f"noise model of order {n}", "bj", _changed(o, nc=n, nd=n)
-        elif o.na and n > o.nc:
-            structure = "ararmax" if o.nd else "armax"
-            yield f"C of order {n}", structure, _changed(o, nc=n)
-        elif not o.na and not o.nf:
-            yield f"A and C of order {n}", "armax", _changed(o, na=n, nc=n)
-
-
-def _longer_b(candidate: Candidate) -> Iterator[tuple[str, str, PolynomialOrders]]:
-    o = candidate.orders
-    for more in (1, 2, 4, 8):
-        yield f"{more} coefficients of B more", candidate.structure, _changed(o, nb=o.nb + more)
-
-
-def _changed(orders: PolynomialOrders, **changes: int) -> PolynomialOrders:
-    """Other orders, of the smallest structure that has them."""
-    given = {name: getattr(orders, name) for name in ORDER_NAMES}
-    return PolynomialOrders(**(given | changes))
-
-
 # Why a check fails, where no remedy makes it hold.
 CAUSES = {
     WHITE: "the noise of this record is none of a linear filter of these orders",
@@ -343,11 +290,4 @@ CAUSES = {
 REPEATED = (
     "the residuals repeat with the input, so that they are a nonlinear response to it more than"
     " noise, and a linear model of any order leaves them"
-)
-REMEDIES = (
-    ((DISTINCT, INSIDE_BOUND, EXCITATION_ADEQUATE), _fewer_roots),
-    ((DELAY,), _later),
-    ((LENGTH,), _shorter),
-    ((WHITE,), _further_noise),
-    ((INDEPENDENT_OF_INPUT,), _longer_b),
 )

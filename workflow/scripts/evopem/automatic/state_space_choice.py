@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.level_decision import Level, decide_level
-from evopem.automatic.state_space_search import Variant, VariantSearch
+from evopem.automatic.variant_search import Variant, VariantSearch
 from evopem.config.state_space_settings import StateSpaceChoices
 
 Array = NDArray[np.float64]

@@ -6,18 +6,19 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from evopem.automatic.multi_input_choice import EstimatedStructure, estimate_structure
+from evopem.automatic.searched_orders import noise_orders
 from evopem.automatic.state_space_choice import ModelChoice
 from evopem.automatic.state_space_search import (
     OUTPUT_ERROR_WEIGHTING,
     descended,
     estimate_box_jenkins,
-    noise_orders,
     searched_form,
     settings_of,
 )
 from evopem.config.constraints import InputConstraints
 from evopem.config.state_space_settings import OrderRanges, is_polynomial
-from evopem.estimation.multi_input.estimate import MultiInputEstimate, TriedOrders
+from evopem.estimation.multi_input.estimate import MultiInputEstimate
+from evopem.estimation.multi_input.order_reduction import TriedOrders
 from evopem.estimation.state_space.estimate import StateSpaceEstimate, estimate_state_space
 from evopem.estimation.state_space.noise_model import noise_model, side_by_side
 from evopem.estimation.state_space.settings import StateSpaceSettings

@@ -1,158 +1,32 @@
 """Acting on failed checks of a model of several channels after its global search.
 
-Residuals are judged on the estimation samples: the validation samples decide nothing.  Remedies are
-the models of larger orders and of other forms that the search over orders has left, with their
-errors on held-out samples, and earlier delays.
+Remedies are the models of larger orders and of other forms that the search over orders has left,
+with their errors on held-out samples, and earlier delays.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
-from itertools import islice
 
 import numpy as np
-from scipy.special import ndtri
 
-from evopem.automatic.multi_input_choice import search_structure
 from evopem.automatic.record import Trial
-from evopem.automatic.remedies import DELAY, TOLERATED
-from evopem.automatic.state_space_choice import ModelChoice, scores_of
-from evopem.automatic.state_space_chosen import ChosenModel, estimate_as_searched, search_chosen
-from evopem.automatic.state_space_search import Variant, VariantSearch, search_variant
-from evopem.config.constraints import InputConstraints
-from evopem.config.state_space_settings import OF_SIMULATION, OrderRanges, is_polynomial
+from evopem.automatic.searched_forms import SearchedForms
+from evopem.automatic.state_space_choice import ModelChoice
+from evopem.automatic.state_space_chosen import ChosenModel
+from evopem.automatic.state_space_judgement import OF_RESIDUALS, Judgement, judge
+from evopem.automatic.trials import DELAY, TOLERATED, Attempt, Budget, tried_in_turn
+from evopem.automatic.variant_search import VariantSearch
+from evopem.config.state_space_settings import OF_SIMULATION
 from evopem.errors import InputError
-from evopem.estimation.multi_input.order_limits import OrderLimits, joint_orders
-from evopem.estimation.state_space.settings import StateSpaceSettings
-from evopem.models.state_space import StateSpaceModel
-from evopem.signals.multichannel import MultichannelRecording
-from evopem.validation.checks.check import SIGNIFICANCE
 from evopem.validation.checks.residuals import INDEPENDENT_OF_INPUT, WHITE
 from evopem.validation.checks.roots import INSIDE_BOUND
-from evopem.validation.checks.state_space import coloured_outputs, dependent_pairs
-from evopem.validation.multichannel import validate_multichannel
-from evopem.validation.residual_tests import correlation_with_input
 
 Log = Callable[[str], None]
 
 # Larger orders of the same form, and models in all, that are tried.
 LARGER_ORDERS, MOST_TRIALS = 2, 6
-# Checks that hold or fail by the residuals and roots of a model.
-_OF_RESIDUALS = (DELAY, WHITE, INDEPENDENT_OF_INPUT, INSIDE_BOUND)
-
-
-@dataclass(frozen=True, eq=False)
-class SearchedForms:
-    """What the search over orders has left, to estimate other models than the chosen one from.
-
-    Attributes
-    ----------
-    estimation : MultichannelRecording
-    delays : tuple of int
-    searches : tuple of VariantSearch
-    start : callable
-        The model of a variant and an order.
-    settings : callable
-        Settings of the searches of a variant.
-    ranges : OrderRanges
-    constraints : InputConstraints, optional
-    """
-
-    estimation: MultichannelRecording
-    delays: tuple[int, ...]
-    searches: tuple[VariantSearch, ...]
-    start: Callable[[Variant, int], StateSpaceModel]
-    settings: Callable[[Variant], StateSpaceSettings]
-    ranges: OrderRanges
-    constraints: InputConstraints | None = None
-
-    def score(self, choice: ModelChoice) -> float:
-        """Error for the purpose on held-out samples in percent; infinite where there is none."""
-        search = self.search_of(choice.variant)
-        if choice.order not in search.orders:
-            return np.inf
-        scores = getattr(search, scores_of(choice.purpose, choice.level))
-        found = float(scores[search.orders.index(choice.order)])
-        return found if np.isfinite(found) else np.inf
-
-    def search_of(self, variant: Variant) -> VariantSearch:
-        """The search of a variant."""
-        return next(each for each in self.searches if each.variant == variant)
-
-    def as_searched(self, choice: ModelChoice) -> ChosenModel:
-        """A model next to the one that the search over orders found.
-
-        Raises
-        ------
-        InputError
-            When no model of the order meets the constraints.
-        ValueError
-            When there is no stable one.
-        """
-        return self._estimated(estimate_as_searched, choice, self.settings(choice.variant))
-
-    def searched(self, choice: ModelChoice, log: Log | None = None) -> ChosenModel:
-        """The model of a global search.
-
-        Errors are those of :meth:`as_searched`.
-        """
-        return self._estimated(
-            partial(search_chosen, log=log), choice, self.settings(choice.variant)
-        )
-
-    def with_delays(self, delays: tuple[int, ...], choice: ModelChoice) -> SearchedForms:
-        """The search of one variant and order with other delays."""
-        variant, settings = choice.variant, self.settings(choice.variant)
-        if is_polynomial(variant.form):
-            limits = OrderLimits.of(self.ranges, self.estimation.input_names)
-            orders = {choice.order: joint_orders(variant.form, choice.order, delays, limits)}
-            search, models = search_structure(self.estimation, variant, orders, settings)
-        else:
-            search, models = search_variant(
-                self.estimation, variant, delays, (choice.order,), settings
-            )
-        return replace(
-            self,
-            delays=delays,
-            searches=(search,),
-            start=lambda _, order: models.of_order(order),
-        )
-
-    def _estimated(
-        self,
-        estimate: Callable[..., ChosenModel],
-        choice: ModelChoice,
-        settings: StateSpaceSettings,
-    ) -> ChosenModel:
-        start = self.start(choice.variant, choice.order)
-        return estimate(
-            *(choice, start, self.estimation, self.delays, settings),
-            ranges=self.ranges,
-            constraints=self.constraints,
-        )
-
-
-@dataclass(frozen=True)
-class Judgement:
-    """What the checks say of a model on its estimation samples.
-
-    Attributes
-    ----------
-    failed : frozenset of str
-    whiteness : float
-        Lowest p-value of the outputs.
-    correlation : float
-        Largest cross-correlation of residuals and an input, in its 95 % bounds.
-    delays : tuple of int
-        The delays, or earlier ones where residuals depend on samples of an input before them.
-    """
-
-    failed: frozenset[str]
-    whiteness: float
-    correlation: float
-    delays: tuple[int, ...]
 
 
 @dataclass(frozen=True)
@@ -245,100 +119,50 @@ def act_on_checks(
     ValueError
         When the record is too short.
     """
-    current = _Judged.of(forms, choice, forms.searched(choice, log=log))
-    current, trials = _with_other_model(current, log)
-    remaining = tuple(name for name in _OF_RESIDUALS if name in current.checks.failed)
-    record = RemedyRecord(current.choice, tuple(trials), remaining)
+    first = _Judged.of(forms, choice, forms.searched(choice, log=log))
+    current, attempts = _with_other_model(first, log)
+    remaining = tuple(name for name in OF_RESIDUALS if name in current.checks.failed)
+    record = RemedyRecord(current.choice, tuple(each.trial for each in attempts), remaining)
     return RemediedModel(current.model, record)
 
 
-def _with_other_model(first: _Judged, log: Log | None) -> tuple[_Judged, list[Trial]]:
-    """The first remedy that is taken, or the model itself.
+def _with_other_model(first: _Judged, log: Log | None) -> tuple[_Judged, list[Attempt[_Judged]]]:
+    """The first remedy that is taken, or the model itself: each one is searched globally."""
+    return tried_in_turn(
+        Budget(MOST_TRIALS).of(_remedies(first)),
+        first,
+        lambda remedy, best: _attempt(remedy, best, log),
+        lambda _: True,
+    )
+
+
+def _attempt(
+    remedy: tuple[str, tuple[int, ...], ModelChoice], first: _Judged, log: Log | None
+) -> Attempt[_Judged] | None:
+    """What a remedy gives; None where no model can be estimated.
 
     It is taken where fewer checks fail, no other one does, and the error on held-out samples grows
     by no more than :data:`.TOLERATED`: before its global search, and after it.
     """
-    failed = " and ".join(name for name in _OF_RESIDUALS if name in first.checks.failed)
-    trials: list[Trial] = []
-    for remedy, delays, choice in islice(_remedies(first), MOST_TRIALS):
-        try:
-            forms = first.forms
-            if delays != forms.delays:
-                forms = forms.with_delays(delays, choice)
-            other = _Judged.of(forms, choice, forms.as_searched(choice))
-            taken = _is_better(other, first)
-            if taken:
-                other = _Judged.of(forms, choice, forms.searched(choice, log=log))
-                taken = _is_better(other, first)
-        except (InputError, ValueError):
-            continue
-        trials.append(other.trial(failed, remedy, taken))
+    name, delays, choice = remedy
+    try:
+        forms = first.forms
+        if delays != forms.delays:
+            forms = forms.with_delays(delays, choice)
+        other = _Judged.of(forms, choice, forms.as_searched(choice))
+        taken = _is_better(other, first)
         if taken:
-            return other, trials
-    return first, trials
+            other = _Judged.of(forms, choice, forms.searched(choice, log=log))
+            taken = _is_better(other, first)
+    except (InputError, ValueError):
+        return None
+    failed = " and ".join(name for name in OF_RESIDUALS if name in first.checks.failed)
+    return Attempt(other, other.trial(failed, name, taken))
 
 
 def _is_better(other: _Judged, first: _Judged) -> bool:
     fewer = other.checks.failed < first.checks.failed
     return fewer and other.score <= (1.0 + TOLERATED) * first.score
-
-
-def judge(model: StateSpaceModel, at_bound: bool, forms: SearchedForms) -> Judgement:
-    """The checks of a model by its residuals of the estimation samples.
-
-    Parameters
-    ----------
-    model : StateSpaceModel
-        With its noise model.
-    at_bound : bool
-        Whether a root lies at the largest radius allowed.
-    forms : SearchedForms
-        Behind it.
-    """
-    estimation = forms.estimation
-    validation, _ = validate_multichannel(model, estimation, fitted=model.order)
-    delays = _earlier_delays(model, forms)
-    failed = {
-        DELAY: delays != forms.delays,
-        WHITE: bool(np.any(model.K)) and bool(coloured_outputs(validation)),
-        INDEPENDENT_OF_INPUT: bool(dependent_pairs(validation)),
-        INSIDE_BOUND: at_bound,
-    }
-    return Judgement(
-        frozenset(name for name, fails in failed.items() if fails),
-        min(each.ljung_box_p for each in validation.outputs),
-        max((each.max_in_bounds for each in validation.pairs), default=0.0),
-        delays,
-    )
-
-
-def _earlier_delays(model: StateSpaceModel, forms: SearchedForms) -> tuple[int, ...]:
-    """The delays, earlier where residuals depend on samples of an input before its delay.
-
-    A dependence on later samples is one of the response, and no fault of the delay.
-    """
-    estimation, delays = forms.estimation, forms.delays
-    limits = OrderLimits.of(forms.ranges, estimation.input_names).nk if delays else ()
-    least = [each[0] if each else 0 for each in limits]
-    tested = model.outputs * sum(np.subtract(delays, least))
-    if tested == 0:
-        return delays
-    allowed = float(ndtri(1 - SIGNIFICANCE / (2 * tested)) / ndtri(0.975))
-    residuals = np.concatenate(
-        [
-            model.residuals(u, y, model.prediction_state(u, y))
-            for u, y in zip(estimation.input_records, estimation.output_records, strict=True)
-        ]
-    )
-    earlier = list(delays)
-    for column, (delay, lowest) in enumerate(zip(delays, least, strict=True)):
-        for e in residuals.T:
-            u = estimation.inputs[:, column]
-            found = correlation_with_input(e, u, max(delay, 1), estimation.bounds)
-            large = np.abs(found.values) > allowed * found.bound95
-            before = found.lag[large & (found.lag >= lowest) & (found.lag < delay)]
-            earlier[column] = min([earlier[column], *before.tolist()])
-    return tuple(earlier)
 
 
 def _remedies(first: _Judged) -> Iterator[tuple[str, tuple[int, ...], ModelChoice]]:

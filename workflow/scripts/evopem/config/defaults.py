@@ -28,8 +28,8 @@ from evopem.config.settings import (
 from evopem.config.several_recordings import check_several_recordings
 from evopem.config.source_keys import check_paths, complete_source
 from evopem.config.split_keys import check_fractions, check_something_left
+from evopem.config.state_space_checks import check_single_channel
 from evopem.config.state_space_keys import (
-    check_single_channel,
     complete_state_space,
     is_state_space,
     single_channel_defaults,

@@ -39,15 +39,10 @@ class DelayRefinement:
         The chosen model.
     tried : tuple of (PolynomialOrders, float)
         Orders estimated on the way and their BIC, in this order.
-    leading_t, trailing_t : float
-        t ratios of the first and the last coefficient of B of the chosen model; 0 where they are
-        not identifiable, NaN where no covariance is known.
     """
 
     fit: Fit
     tried: tuple[tuple[PolynomialOrders, float], ...]
-    leading_t: float
-    trailing_t: float
 
 
 def refine_delay(
@@ -77,8 +72,7 @@ def refine_delay(
                 tried[orders] = fits[-1].bic
         better = min(fits, key=lambda fit: (fit.bic, fit.model.orders), default=best)
         if not better.bic < best.bic:
-            leading, trailing = t_ratios_of_ends(best.model)
-            return DelayRefinement(best, tuple(tried.items()), leading, trailing)
+            return DelayRefinement(best, tuple(tried.items()))
         best = better
 
 
@@ -111,7 +105,10 @@ def delay_alternatives(
 
 
 def t_ratios_of_ends(model: PolynomialModel) -> tuple[float, float]:
-    """Absolute t ratios of the first and the last coefficient of B; NaN without a covariance."""
+    """Absolute t ratios of the first and the last coefficient of B.
+
+    0 where they are not identifiable, NaN where no covariance is known.
+    """
     if model.covariance is None:
         return math.nan, math.nan
     ends = np.zeros((2, model.orders.parameters))

@@ -47,8 +47,6 @@ Array = NDArray[np.float64]
 RANDOM_STARTS = 24
 # Ways to divide the plant's poles between A and F of which the noise model is refined.
 REFINED_DIVISIONS = 3
-# Diagnostics of a noise model without coefficients or states.
-NO_SEARCH = SearchDiagnostics(0, 0, (), 0, 0, 0, 1.0, ())
 
 
 def simulation_estimate(task: EstimationTask) -> PolynomialEstimate:
@@ -214,7 +212,9 @@ def _noise_fit(
         steps = LINEAR_STEPS[errors.objective]
         starts = solve_linear(constrained, starts, parameters.linear, steps)
     if not len(parameters.codes):
-        return SearchResult(point, float(errors.values(point[None, :])[0]), NO_SEARCH)
+        # A noise model without coefficients or states.
+        value = float(errors.values(point[None, :])[0])
+        return SearchResult(point, value, SearchDiagnostics.none())
     largest = float(np.min(constrained.values(starts)))
     found = multistart(constrained, starts, largest)
     return replace(found, point=constrained.points(found.point[None, :])[0])

@@ -12,9 +12,8 @@ from evopem.signals.channel_roles import roles_of
 from evopem.signals.inspection import may_tell_time, time_told
 from evopem.signals.joining import joined
 from evopem.signals.readers.channels import Reference
-from evopem.signals.reading import read_recording as read_channels
-from evopem.signals.reading import uneven_times
-from evopem.signals.recording import Recording, save_recording
+from evopem.signals.reading import read_measured
+from evopem.signals.recording import save_recording
 from evopem.signals.recording_info import RecordingInfo, describe_recorded_files
 
 
@@ -58,11 +57,13 @@ def read_recording(
     paths = [Path(folder) / file for file in recorded]
     times = [_time_told(path, channels) for path in paths]
     read = [channels if time is None else replace(channels, time=time) for time in times]
-    recordings = [_read(*each) for each in zip(paths, read, strict=True)]
+    measured = [read_measured(*each) for each in zip(paths, read, strict=True)]
+    recordings = [each.recording for each in measured]
     recording = joined(recordings, recorded) if len(recordings) > 1 else recordings[0]
     save_recording(recording, recording_file)
     info = describe_recorded_files(recorded, recording, channels, folder, roles)
-    save(replace(info, time_told=times[0], uneven_times=uneven_times(paths, read)), info_file)
+    uneven = tuple(each.unevenness for each in measured if each.unevenness is not None)
+    save(replace(info, time_told=times[0], uneven_times=uneven), info_file)
 
 
 def _time_told(file: Path, channels: ChannelSettings) -> Reference | None:
@@ -71,19 +72,3 @@ def _time_told(file: Path, channels: ChannelSettings) -> Reference | None:
         return None
     signals = [channels.output] if channels.input is None else [channels.input, channels.output]
     return time_told(file, signals)
-
-
-def _read(file: Path, channels: ChannelSettings) -> Recording:
-    return read_channels(
-        file,
-        input=channels.input,
-        output=channels.output,
-        sampling_rate=channels.sampling_rate,
-        time=channels.time,
-        input_unit=channels.input_unit,
-        output_unit=channels.output_unit,
-        time_unit=channels.time_unit,
-        header_lines=channels.header_lines,
-        decimal_mark=channels.decimal_mark,
-        uneven_time=channels.uneven_time,
-    )

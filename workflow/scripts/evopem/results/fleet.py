@@ -52,7 +52,7 @@ class DatasetSummary:
         Hz, after all transforms.
     estimation_samples, validation_samples : int
     orders : PolynomialOrders, optional
-        None for a state-space model.
+        None for a model of several channels.
     bic : float
     prediction_error_percent, simulation_error_percent : float
     continued_simulation_error_percent : float, optional
@@ -66,8 +66,8 @@ class DatasetSummary:
         filter.
     made_from : dict of str to str
         SHA-256 of files that the summary was made from, by their names in the data set's folder.
-    state_space : str, optional
-        A state-space model in a few words.
+    multichannel_model : str, optional
+        A model of several channels in a few words: in state space, or of polynomials.
     shapes : tuple of tuples of complex
         Of each mode the shape over several outputs; empty for one output.
     """
@@ -87,13 +87,13 @@ class DatasetSummary:
     trusted: tuple[bool, ...]
     gain_db: tuple[float, ...]
     made_from: dict[str, str]
-    state_space: str | None = None
+    multichannel_model: str | None = None
     shapes: tuple[tuple[complex, ...], ...] = ()
 
     @property
     def model(self) -> str:
         """The model in a few words."""
-        return self.state_space or str(self.orders)
+        return self.multichannel_model or str(self.orders)
 
     def n_checks(self, passed: bool | None) -> int:
         """Number of checks with an outcome: passed, failed (False) or not judged (None)."""

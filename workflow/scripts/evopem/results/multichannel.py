@@ -14,7 +14,7 @@ from evopem.automatic.decision import Decision
 from evopem.automatic.record import OtherModel
 from evopem.automatic.state_space_choice import StateSpaceChoice
 from evopem.automatic.state_space_remedies import RemedyRecord
-from evopem.automatic.state_space_search import VariantSearch
+from evopem.automatic.variant_search import VariantSearch
 from evopem.config.state_space_settings import MultichannelDataset
 from evopem.estimation.state_space.model_record import MultichannelModelRecord
 from evopem.files.checksums import sha256_of_file
@@ -178,7 +178,7 @@ def summarize_multichannel(files: DatasetFiles) -> DatasetSummary:
         estimation_samples=record.transforms.estimation_samples,
         validation_samples=record.transforms.validation_samples,
         orders=None,
-        state_space=record.text,
+        multichannel_model=record.text,
         bic=record.bic,
         prediction_error_percent=validation.prediction_error_percent,
         simulation_error_percent=validation.simulation_error_percent,

@@ -10,8 +10,8 @@ from pathlib import Path
 from evopem.errors import InputError
 from evopem.signals.causality import SIGNIFICANCE, CausalityTest, causality_test
 from evopem.signals.inspection import SignalColumn, inspect_file
+from evopem.signals.measured_files import read_channels
 from evopem.signals.readers.channels import Reference
-from evopem.signals.reading import read_channels
 
 INPUT_NAMES = frozenset(
     (

@@ -11,8 +11,8 @@ import numpy as np
 from evopem.config.settings import ChannelSettings
 from evopem.config.state_space_settings import ChannelLists
 from evopem.errors import InputError
+from evopem.signals.measured_files import channel_names, read_channels
 from evopem.signals.readers.channels import Channel, Reference
-from evopem.signals.reading import channel_names, read_channels
 from evopem.signals.timestamps import STEP_TOLERANCE, names_time, sampling_rate_of
 
 

@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,11 +20,11 @@ from evopem.config.state_space_settings import (
 from evopem.errors import InputError
 from evopem.signals.even_grid import Unevenness
 from evopem.signals.inspection import may_tell_time, time_told
+from evopem.signals.measured_files import channel_names, format_of, local_path, sha256
 from evopem.signals.multichannel import MultichannelRecording, check_multichannel
 from evopem.signals.readers.channels import Channel, listing
-from evopem.signals.reading import channel_names, format_of, local_path, read_columns, sha256
+from evopem.signals.reading import read_columns, refuse_time
 from evopem.signals.recording import saturated_share
-from evopem.signals.timestamps import is_time
 
 
 @dataclass(frozen=True)
@@ -88,7 +89,14 @@ class MultichannelInfo:
         return (self.file, *self.further_files)
 
 
-def read_multichannel(path: str | Path, channels: ChannelLists) -> MultichannelRecording:
+class MeasuredChannels(NamedTuple):
+    """A recording, and how uneven its time stamps were where it was brought to an even grid."""
+
+    recording: MultichannelRecording
+    unevenness: Unevenness | None
+
+
+def read_multichannel(path: str | Path, channels: ChannelLists) -> MeasuredChannels:
     """Read the input and output channels of a measured file.
 
     A pattern stands for all channels whose names it matches and that no other entry names.
@@ -109,17 +117,7 @@ def read_multichannel(path: str | Path, channels: ChannelLists) -> MultichannelR
     roles: dict[str, Reference] = {}
     roles |= {_role("input", inputs, number): each for number, each in enumerate(inputs, 1)}
     roles |= {_role("output", outputs, number): each for number, each in enumerate(outputs, 1)}
-    if channels.time is not None:
-        roles["time"] = channels.time
-    found, rate = read_columns(
-        path,
-        roles,
-        channels.sampling_rate,
-        channels.time_unit,
-        channels.header_lines,
-        channels.decimal_mark,
-        channels.uneven_time,
-    )
+    found, rate, unevenness = read_columns(path, roles, channels)
     listed = list(found.values())
     names = _names([each.name for each in listed], len(inputs))
     of_inputs, of_outputs = listed[: len(inputs)], listed[len(inputs) :]
@@ -140,14 +138,8 @@ def read_multichannel(path: str | Path, channels: ChannelLists) -> MultichannelR
     )
     check_multichannel(recording, source, measured=True)
     for role, each in found.items():
-        if is_time(each.values, rate):
-            raise InputError(
-                source,
-                "the channel increases by the sampling period in every sample, as a time does",
-                "choose another channel",
-                f'{role} "{each.name}"',
-            )
-    return recording
+        refuse_time(each.values, rate, source, f'{role} "{each.name}"')
+    return MeasuredChannels(recording, unevenness)
 
 
 def with_time_told(path: str | Path, channels: ChannelLists) -> ChannelLists:

@@ -10,7 +10,7 @@ from typing import Literal
 from evopem.config.settings import ChannelSettings
 from evopem.signals.channel_roles import ChannelRoles
 from evopem.signals.even_grid import Unevenness
-from evopem.signals.reading import format_of, local_path, sha256
+from evopem.signals.measured_files import format_of, local_path, sha256
 from evopem.signals.recording import Recording, saturated_share
 
 

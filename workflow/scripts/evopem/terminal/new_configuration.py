@@ -13,7 +13,7 @@ from evopem.config.schema import schema_file
 from evopem.errors import InputError
 from evopem.signals.channel_roles import INPUT_NAMES, OUTPUT_NAMES, named
 from evopem.signals.inspection import FileContents, SignalColumn, TimeColumn, inspect_file
-from evopem.signals.reading import FORMATS
+from evopem.signals.measured_files import FORMATS
 
 CONFIGURATION = "config.yaml"
 

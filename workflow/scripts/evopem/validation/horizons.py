@@ -9,14 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.polynomial_states import (
-    estimate_prediction_states,
-    estimate_simulation_state,
-)
-from evopem.validation.scores import error_percent, fit_percent
+from evopem.validation.scores import error_percent
 
 Array = NDArray[np.float64]
-
 
 # Horizons of a decade, and the longest one.
 DECADE = (1, 2, 3, 5, 7)
@@ -77,47 +72,3 @@ def horizon_errors(stretches: Sequence[PredictedStretch], horizons: Sequence[int
             for horizon in horizons
         ]
     )
-
-
-def horizon_fits(
-    model: PolynomialModel,
-    input: Array,  # noqa: A002 - the field's word
-    output: Array,
-    horizons: Sequence[int],
-) -> Array:
-    """NRMSE fit of k-step predictions on a record, in percent, one for each horizon.
-
-    The initial states are estimated from the record; samples before the first prediction do not
-    count.
-
-    Parameters
-    ----------
-    model : PolynomialModel
-    input, output : (N,) arrays
-    horizons : sequence of int
-        Samples, each at least 1.
-
-    Examples
-    --------
-    White noise at the output is as unpredictable over one sample as over ten:
-
-    >>> model = PolynomialModel(
-    ...     a=np.ones(1), b=np.ones(1), c=np.ones(1), d=np.ones(1), f=np.array([1.0, -0.9])
-    ... )
-    >>> generator = np.random.default_rng(1)
-    >>> u = generator.standard_normal(500)
-    >>> y = model.simulate(u) + 0.1 * generator.standard_normal(500)
-    >>> one, ten = horizon_fits(model, u, y, (1, 10))
-    >>> bool(one == ten)
-    True
-    """
-    states = estimate_prediction_states(model, input, output)
-    first = model.orders.first_residual
-    stretch = PredictedStretch(model, input, output, states, first)
-    return 100.0 - horizon_errors([stretch], horizons)
-
-
-def simulation_fit(model: PolynomialModel, input: Array, output: Array) -> float:  # noqa: A002
-    """NRMSE fit of the simulation from the initial state that fits a record, in percent."""
-    simulated = model.simulate(input, estimate_simulation_state(model, input, output))
-    return fit_percent(output, simulated)

@@ -30,7 +30,7 @@ from evopem.validation.mode_evidence import NO_TEST, SIGNIFICANCE, STABLE_SHARE,
 from evopem.validation.mode_trust import doubts, plane_is_known, shape_doubt
 
 if TYPE_CHECKING:
-    from evopem.estimation.state_space.estimate import OrderScores
+    from evopem.estimation.state_space.order_sweep import OrderScores
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

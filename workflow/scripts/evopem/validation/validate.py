@@ -8,21 +8,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 
 from evopem.config.settings import OBJECTIVES, SpectrumSettings
 from evopem.errors import InputError, check_choice
+from evopem.models.polynomial import PolynomialModel
+from evopem.signals.preparation import PreparedData
+from evopem.signals.recording import Recording
 from evopem.signals.spectral.frequency_response import (
     FrequencyResponse,
     multitaper_frequency_response,
 )
 from evopem.validation.excitation import excitation_order
-from evopem.validation.held_out_tests import input_significance
+from evopem.validation.held_out_tests import HeldOutTest, input_significance
 from evopem.validation.horizons import PredictedStretch, horizon_errors, log_spaced_horizons
-from evopem.validation.mode_evidence import NO_TEST, mode_evidence
+from evopem.validation.mode_evidence import NO_TEST, ModeEvidence, mode_evidence
 from evopem.validation.peak_evidence import peak_evidence
 from evopem.validation.recorded_units import (
     recorded_errors,
@@ -44,15 +46,8 @@ from evopem.validation.responses import (
     unscored_samples,
 )
 from evopem.validation.scores import error_percent, fit_percent, outlier_percent
-from evopem.validation.split_spectra import split_spectra
+from evopem.validation.split_spectra import SplitSpectra, split_spectra
 from evopem.validation.tested_residuals import TestedResiduals, tested_residuals
-
-if TYPE_CHECKING:
-    from evopem.models.polynomial import PolynomialModel
-    from evopem.signals.preparation import PreparedData
-    from evopem.signals.recording import Recording
-
-
 from evopem.validation.validation import (
     CrossCorrelationTest,
     Excitation,
@@ -126,26 +121,17 @@ def validate(
     Of a model without input there is no simulation, and no test concerns the input.
     """
     check_choice("objective", objective, OBJECTIVES)
+    spectrum = spectrum or SpectrumSettings()
     estimation = prepared.estimation
-    inputs = estimation.input if model.has_input else np.zeros_like(estimation.output)
-    orders = model.orders
     start = unscored_samples(model) if loss_start is None else loss_start
     tested = tested_residuals(model, estimation, start, objective)
-    residuals = tested.residuals
-    if residuals.size < 2:
+    if tested.residuals.size < 2:
         raise ValueError(
             f"{estimation.output.size} estimation samples leave no residuals from sample {start} on"
         )
-    autocorrelation = residual_autocorrelation(residuals, lags)
-    largest = len(autocorrelation) - 1
-    cross = cross_correlation(residuals, tested.input, min(lags, CROSS_CORRELATION_LAGS))
-    noise_parameters = orders.na + orders.nc + orders.nd
-    tested_lags = ljung_box_lags(residuals.size, noise_parameters, largest)
-    coherence = None
-    if model.has_input:
-        coherence = _coherence(estimation.longest, spectrum or SpectrumSettings())
+    autocorrelation = residual_autocorrelation(tested.residuals, lags)
+    cross = cross_correlation(tested.residuals, tested.input, min(lags, CROSS_CORRELATION_LAGS))
     held_out = held_out_samples(model, prepared, free_level)
-    longest = max(held_out, key=lambda each: each.samples)
     responses = responses_of(model, prepared, held_out, free_level)
     scored = responses.scored
     measured = responses.output[scored]
@@ -155,7 +141,8 @@ def validate(
     recorded = recorded_series(
         prepared.transforms, responses.output, responses.predicted, responses.simulated
     )
-    needed = orders.na + orders.nf + orders.nb if model.has_input else 0
+    largest = len(autocorrelation) - 1
+    input_test, modes = _tests_on_held_out(held_out, estimation.longest, spectrum, others)
     validation = Validation(
         prediction_error_percent=error_percent(measured, responses.predicted[scored]),
         simulation_error_percent=error_percent(measured, responses.simulated[scored]),
@@ -168,39 +155,60 @@ def validate(
         ),
         samples=measured.size,
         unscored_samples=int(np.sum(~scored)),
-        residual_samples=residuals.size,
+        residual_samples=tested.residuals.size,
         autocorrelation_share_inside95=share_inside(
             autocorrelation["autocorrelation"].iloc[1:], autocorrelation["bound95"].iloc[1:]
         ),
         lags=largest,
-        ljung_box=_whiteness(tested, tested_lags, objective),
+        ljung_box=_whiteness(tested, model, largest, objective),
         cross_correlation=_cross_correlation_test(cross),
-        residual_outlier_percent=outlier_percent(residuals),
-        excitation=Excitation(excitation_order(inputs, needed), needed),
+        residual_outlier_percent=outlier_percent(tested.residuals),
+        excitation=_excitation(model, estimation),
         recorded=recorded_errors(prepared.transforms, recorded, scored),
-        input_test=(
-            input_significance(longest.model, longest.input, longest.output, longest.first)
-            if model.has_input
-            else NO_TEST
-        ),
-        modes=tuple(
-            mode_evidence(
-                *(longest.model, longest.input, longest.output, longest.first, longest.states),
-                *(coherence, others),
-            )
-        ),
-        peaks=peak_evidence(model, estimation.longest, spectrum or SpectrumSettings()),
-        split=split_spectra(
-            inputs,
-            prepared.validation.input if model.has_input else np.zeros(measured.size),
-            estimation.sampling_rate,
-        ),
+        input_test=input_test,
+        modes=modes,
+        peaks=peak_evidence(model, estimation.longest, spectrum),
+        split=_split(model, prepared, measured.size),
         horizons=by_horizon,
     )
     simulation = simulation_table(responses, recorded, estimation.sampling_rate)
     return validation, ValidationTables(
         autocorrelation, cross, simulation, _horizon_table(by_horizon, estimation.sampling_rate)
     )
+
+
+def _excitation(model: PolynomialModel, estimation: Recording) -> Excitation:
+    """Order of excitation of the input, and what the model needs; 0 without an input."""
+    if not model.has_input:
+        return Excitation(excitation_order(np.zeros_like(estimation.output), 0), 0)
+    orders = model.orders
+    needed = orders.na + orders.nf + orders.nb
+    return Excitation(excitation_order(estimation.input, needed), needed)
+
+
+def _split(model: PolynomialModel, prepared: PreparedData, scored: int) -> SplitSpectra:
+    """The input's spectra in both parts; none can be compared without an input."""
+    estimation, validation = prepared.estimation, prepared.validation
+    inputs = estimation.input, validation.input
+    if not model.has_input:
+        inputs = np.zeros_like(estimation.output), np.zeros(scored)
+    return split_spectra(*inputs, estimation.sampling_rate)
+
+
+def _tests_on_held_out(
+    held_out: Sequence[HeldOutSamples],
+    estimation: Recording,
+    spectrum: SpectrumSettings,
+    others: Sequence[PolynomialModel],
+) -> tuple[HeldOutTest, tuple[ModeEvidence, ...]]:
+    """Tests of the input and of each mode on the longest stretch of held-out samples."""
+    longest = max(held_out, key=lambda each: each.samples)
+    model, samples = longest.model, (longest.input, longest.output, longest.first)
+    has_input = model.has_input
+    coherence = _coherence(estimation, spectrum) if has_input else None
+    input_test = input_significance(model, *samples) if has_input else NO_TEST
+    modes = mode_evidence(model, *samples, longest.states, coherence, others)
+    return input_test, tuple(modes)
 
 
 def _cross_correlation_test(table: pd.DataFrame) -> CrossCorrelationTest:
@@ -243,8 +251,12 @@ def _horizon_table(errors: Sequence[HorizonError], sampling_rate: float) -> pd.D
     )
 
 
-def _whiteness(tested: TestedResiduals, lags: int, objective: str) -> WhitenessTest:
-    """Joint test of the residuals; NaN where there are too few."""
+def _whiteness(
+    tested: TestedResiduals, model: PolynomialModel, largest: int, objective: str
+) -> WhitenessTest:
+    """Joint test of the residuals over some lags up to the largest; NaN where there are too few."""
+    orders = model.orders
+    lags = ljung_box_lags(tested.residuals.size, orders.na + orders.nc + orders.nd, largest)
     if not 0 < lags < tested.residuals.size:
         return WhitenessTest(math.nan, math.nan, math.nan, max(lags, 0))
     return whiteness_test(tested.residuals, tested.jacobian(), lags, objective)

@@ -25,15 +25,8 @@ from evopem.estimation.multi_input.problem import (
     MultiInputProblem,
     starting_points,
 )
-from evopem.estimation.pem.constrained_parameters import (
-    EXCESS,
-    KIND,
-    SHARE,
-    ConstrainedParameters,
-    GivenGain,
-    Linear,
-    Sections,
-)
+from evopem.estimation.pem.constrained_parameters import ConstrainedParameters, GivenGain
+from evopem.estimation.pem.constrained_polynomials import EXCESS, KIND, SHARE, Linear, Sections
 from evopem.estimation.search.problem import SearchResult, count_confirming, count_distinct
 from evopem.models.constraint_checks import check_constraints
 from evopem.models.multi_input import MultiInputOrders

@@ -166,6 +166,11 @@ class MultiInputErrors:
             variance = value / 100.0 * scale**2
         return float(np.log(variance)) if variance > 0.0 else -np.inf
 
+    def bic(self, value: float) -> float:
+        """BIC of a residual from the objective; the level is one of the parameters."""
+        samples = self.record.samples
+        return float(self.log_loss(value) + self.parameters * np.log(samples) / samples)
+
     @cached_property
     def mean_absolute(self) -> float:
         """Mean absolute value of the scaled output."""

@@ -73,81 +73,115 @@ def memetic_search(
     InputError
         When no value was finite.
     """
-    best_point, best_value = None, np.inf
-    minima: list[float] = []
-    optima: list[float] = []
-    convergence: list[tuple[int, float]] = []
+    found = _Found()
     check: MultistartCheck | None = None
-    spent = generations = 0
 
     def agreed() -> bool:
-        best = min(best_value, known_minimum)
-        agreeing = sum(same_optimum(minimum, best) for minimum in minima)
-        return agreeing >= agreeing_restarts and 2 * agreeing >= len(minima)
+        best = min(found.value, known_minimum)
+        agreeing = sum(same_optimum(minimum, best) for minimum in found.minima)
+        return agreeing >= agreeing_restarts and 2 * agreeing >= len(found.minima)
 
-    while spent < settings.evaluations:
-        parents, used = problem.draw(settings.mu, generator)
-        values = problem.values(parents)
-        spent += used + len(parents)
-        while True:
-            parents, values, used, descents = _generation(
-                problem, settings, parents, values, generator, recombine
-            )
-            spent += used
-            generations += 1
-            optima.extend(descents)
-            if values[0] < best_value:
-                best_point, best_value = parents[0].copy(), float(values[0])
-            convergence.append((spent, best_value))
-            if log is not None:
-                log(
-                    f"restart {len(minima) + 1} generation {generations}: lowest "
-                    f"{values[0]:.9g}, highest parent {values[-1]:.9g}, {spent} evaluations"
-                )
-            if spent >= settings.evaluations or same_optimum(values[-1], values[0], SAME_DESCENT):
-                break
-        polished = problem.polish(parents[:1])
-        spent += polished.evaluations
-        if polished.values[0] < best_value:
-            best_point, best_value = polished.points[0].copy(), float(polished.values[0])
-        convergence.append((spent, best_value))
-        minima.append(min(float(polished.values[0]), float(values[0])))
+    while found.spent < settings.evaluations:
+        _restart(problem, settings, generator, recombine, found, log)
         if check is None and agreed():
             check = multistart_check(problem, settings.evaluations, generator)
-            spent += check.evaluations
-            optima.extend(check.optima)
-            if check.value < best_value:
-                best_point, best_value = check.point, check.value
-            convergence.append((spent, best_value))
-            minima.append(check.value)
+            found.add_check(check)
             if log is not None:
                 log(
                     f"multistart check: lowest {check.value:.9g} of {check.n_multistart} points, "
                     f"undiscovered probability {check.undiscovered_probability:.2g}, "
-                    f"{spent} evaluations"
+                    f"{found.spent} evaluations"
                 )
         if agreed():
             break
-    if best_point is None:
-        raise InputError(
-            "search",
-            "no model that was tried predicts the output with finite errors",
-            "look for values that stand out by many orders of magnitude, and remove them",
+    return found.result(check)
+
+
+class _Found:
+    """What a search has found and spent so far."""
+
+    def __init__(self) -> None:
+        self.point: Array | None = None
+        self.value = np.inf
+        self.minima: list[float] = []
+        self.optima: list[float] = []
+        self.convergence: list[tuple[int, float]] = []
+        self.spent = self.generations = 0
+
+    def reach(self, point: Array, value: float) -> None:
+        """Keep a point where it is lower, and note how low the search is by now."""
+        if value < self.value:
+            self.point, self.value = point.copy(), value
+        self.convergence.append((self.spent, self.value))
+
+    def add_check(self, check: MultistartCheck) -> None:
+        """A multistart check, which counts as a restart."""
+        self.spent += check.evaluations
+        self.optima.extend(check.optima)
+        self.reach(check.point, check.value)
+        self.minima.append(check.value)
+
+    def result(self, check: MultistartCheck | None) -> SearchResult:
+        """The best point of all, with diagnostics.
+
+        Raises
+        ------
+        InputError
+            When no value was finite.
+        """
+        if self.point is None:
+            raise InputError(
+                "search",
+                "no model that was tried predicts the output with finite errors",
+                "look for values that stand out by many orders of magnitude, and remove them",
+            )
+        return SearchResult(
+            point=self.point,
+            value=self.value,
+            diagnostics=SearchDiagnostics(
+                evaluations=self.spent,
+                generations=self.generations,
+                restart_minima=tuple(self.minima),
+                n_confirming=count_confirming(tuple(self.minima), self.value),
+                n_local_optima=count_distinct(self.optima),
+                n_multistart=check.n_multistart if check else 0,
+                undiscovered_probability=check.undiscovered_probability if check else 1.0,
+                convergence=tuple(self.convergence),
+            ),
         )
-    return SearchResult(
-        point=best_point,
-        value=best_value,
-        diagnostics=SearchDiagnostics(
-            evaluations=spent,
-            generations=generations,
-            restart_minima=tuple(minima),
-            n_confirming=count_confirming(tuple(minima), best_value),
-            n_local_optima=count_distinct(optima),
-            n_multistart=check.n_multistart if check else 0,
-            undiscovered_probability=check.undiscovered_probability if check else 1.0,
-            convergence=tuple(convergence),
-        ),
-    )
+
+
+def _restart(
+    problem: Problem,
+    settings: SearchSettings,
+    generator: np.random.Generator,
+    recombine: Recombination | None,
+    found: _Found,
+    log: Callable[[str], None] | None,
+) -> None:
+    """Generations of an independent population until it has converged, and a polish."""
+    parents, used = problem.draw(settings.mu, generator)
+    values = problem.values(parents)
+    found.spent += used + len(parents)
+    while True:
+        parents, values, used, descents = _generation(
+            problem, settings, parents, values, generator, recombine
+        )
+        found.spent += used
+        found.generations += 1
+        found.optima.extend(descents)
+        found.reach(parents[0], float(values[0]))
+        if log is not None:
+            log(
+                f"restart {len(found.minima) + 1} generation {found.generations}: lowest "
+                f"{values[0]:.9g}, highest parent {values[-1]:.9g}, {found.spent} evaluations"
+            )
+        if found.spent >= settings.evaluations or same_optimum(values[-1], values[0], SAME_DESCENT):
+            break
+    polished = problem.polish(parents[:1])
+    found.spent += polished.evaluations
+    found.reach(polished.points[0], float(polished.values[0]))
+    found.minima.append(min(float(polished.values[0]), float(values[0])))
 
 
 def _generation(

@@ -90,6 +90,25 @@ class SearchDiagnostics:
     undiscovered_probability: float
     convergence: tuple[tuple[int, float], ...]
 
+    @classmethod
+    def none(cls) -> SearchDiagnostics:
+        """Of a model that no search was needed for."""
+        return cls(0, 0, (), 0, 0, 0, 1.0, ())
+
+    @classmethod
+    def of_descents(cls, value: float, evaluations: int, optima: int) -> SearchDiagnostics:
+        """Of descents without generations, to the lowest of some optima: nothing was confirmed."""
+        return cls(
+            evaluations=evaluations,
+            generations=0,
+            restart_minima=(value,),
+            n_confirming=0,
+            n_local_optima=optima,
+            n_multistart=0,
+            undiscovered_probability=1.0,
+            convergence=((evaluations, value),),
+        )
+
     @property
     def n_restarts(self) -> int:
         """Number of independent restarts."""
@@ -115,21 +134,9 @@ class SearchResult:
 def descended(problem: Problem, point: Array) -> SearchResult:
     """One descent from a point, (n,), to the last digits, as a search of its own."""
     polished = problem.polish(point[None, :])
-    value, used = float(polished.values[0]), polished.evaluations
-    return SearchResult(
-        point=polished.points[0],
-        value=value,
-        diagnostics=SearchDiagnostics(
-            evaluations=used,
-            generations=0,
-            restart_minima=(value,),
-            n_confirming=0,
-            n_local_optima=1,
-            n_multistart=0,
-            undiscovered_probability=1.0,
-            convergence=((used, value),),
-        ),
-    )
+    value = float(polished.values[0])
+    diagnostics = SearchDiagnostics.of_descents(value, polished.evaluations, 1)
+    return SearchResult(polished.points[0], value, diagnostics)
 
 
 def continuing(earlier: SearchResult | None) -> tuple[int, ...]:

@@ -75,12 +75,12 @@ class AbsoluteStateSpaceErrors:
     def jacobians(self, point: Array) -> Iterator[tuple[Array, Places]]:
         """Derivatives of the errors of each output by its part of a point."""
         problem, found = self.quadratic, self.projection(point)
-        signals = problem.derivative_signals(found)
+        signals = problem.signals.derivatives(found.sections, found.states)
         own = np.arange(self._regressors)
         shared = np.arange(problem.dimension)
         for k, size in enumerate(self.sizes):
-            by_coordinates = problem.state_derivatives(
-                found, signals, found.linear[: problem.order, k]
+            by_coordinates = problem.derivatives.of_output(
+                found.sections, signals, found.linear[: problem.order, k]
             )
             columns = np.column_stack([by_coordinates, found.regressors]) / -size
             yield columns, np.concatenate([shared, problem.dimension + k * len(own) + own])

@@ -14,20 +14,16 @@ those signals, whose size does not depend on the number of outputs, gives the no
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag, qr
+from scipy.linalg import qr
 from scipy.linalg.blas import dgemm
 
-from evopem.estimation.state_space.kernels import (
-    derivative_signals,
-    section_responses,
-    section_states,
-)
+from evopem.estimation.state_space.scaled_record import StateSpaceRecord
+from evopem.estimation.state_space.section_signals import SectionSignals
 from evopem.estimation.state_space.sections import (
     Layout,
     Sections,
@@ -36,6 +32,7 @@ from evopem.estimation.state_space.sections import (
     sections_of,
     state_matrix,
 )
+from evopem.estimation.state_space.state_derivatives import StateDerivatives
 
 Array = NDArray[np.float64]
 
@@ -46,110 +43,6 @@ REGRESSOR_RANK = 1e-9
 # Added to the variances of the errors, relative to the power of the outputs: errors of less than a
 # ten-millionth of an output carry no information, and a determinant would seek them out.
 ROUNDING = 1e-14
-
-
-@dataclass(frozen=True, eq=False)
-class StateSpaceRecord:
-    """Scaled signals of one or more records, one after the other.
-
-    Attributes
-    ----------
-    inputs : (N, nu) array
-        Shifted by their delays, and divided by ``input_scales``.
-    outputs : (N, ny) array
-        ``(y - output_offsets) / output_scales``: of unit mean square.
-    bounds : (records + 1,) integer array
-        First sample of each record, and N.
-    input_scales : (nu,) array
-    output_scales, output_offsets : (ny,) arrays
-    feedthrough : (nu,) boolean array
-        Whether an input acts on the output of the same sample, so that D has a column for it.
-    levels : bool
-        Whether each record has a constant of its own.
-    drift : (N, k) array
-        Slow changes of the outputs of each record beside its constant, which the model does not
-        explain.
-    """
-
-    inputs: Array
-    outputs: Array
-    bounds: NDArray[np.int64]
-    input_scales: Array
-    output_scales: Array
-    output_offsets: Array
-    feedthrough: NDArray[np.bool_]
-    levels: bool
-    drift: Array
-
-    @property
-    def records(self) -> int:
-        """Number of records."""
-        return len(self.bounds) - 1
-
-    @property
-    def samples(self) -> int:
-        """Samples N of all records."""
-        return len(self.outputs)
-
-    @property
-    def values(self) -> int:
-        """Values of all inputs and outputs."""
-        return self.inputs.size + self.outputs.size
-
-
-def state_space_record(
-    inputs: Sequence[Array],
-    outputs: Sequence[Array],
-    delays: Sequence[int],
-    levels: bool,
-    drift_period: float | None = None,
-) -> StateSpaceRecord:
-    """Shift and scale the signals of records.
-
-    Parameters
-    ----------
-    inputs, outputs : sequences of (N, nu) and (N, ny) arrays
-    delays : sequence of int
-        nk of each input.  Inputs with nk > 1 are not known at the first samples, which the
-        record then leaves out.
-    levels : bool
-    drift_period : float, optional
-        Shortest period of the drift, in samples; without one there is no drift.
-    """
-    shifts = [max(delay - 1, 0) for delay in delays]
-    lost = max(shifts, default=0)
-    shifted = [
-        np.column_stack(
-            [u[lost - shift : len(u) - shift, k] for k, shift in enumerate(shifts)]
-            or [np.empty((len(u), 0))]
-        )
-        for u in inputs
-    ]
-    u, y = np.concatenate(shifted), np.concatenate([each[lost:] for each in outputs])
-    offsets = y.mean(axis=0) if levels else np.zeros(y.shape[1])
-    y_scale = np.sqrt(np.mean((y - offsets) ** 2, axis=0))
-    y_scale[y_scale == 0.0] = 1.0
-    u_scale = np.sqrt(np.mean(u**2, axis=0))
-    u_scale[u_scale == 0.0] = 1.0
-    lengths = [len(each) - lost for each in outputs]
-    return StateSpaceRecord(
-        inputs=np.ascontiguousarray(u / u_scale),
-        outputs=np.ascontiguousarray((y - offsets) / y_scale),
-        bounds=np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64),
-        input_scales=u_scale,
-        output_scales=y_scale,
-        output_offsets=offsets,
-        feedthrough=np.array([delay == 0 for delay in delays], dtype=bool),
-        levels=levels,
-        drift=block_diag(*(_slow_cosines(samples, drift_period) for samples in lengths)),
-    )
-
-
-def _slow_cosines(samples: int, shortest: float | None) -> Array:
-    """Cosines over a record of periods down to the shortest, (samples, k); without a mean."""
-    count = 0 if shortest is None else round(2 * samples / shortest)
-    phase = np.pi * (np.arange(samples) + 0.5) / samples
-    return np.cos(phase[:, None] * np.arange(1, count + 1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -222,8 +115,7 @@ class StateSpaceErrors:
         signals = np.column_stack(driving)
         self.driving = signals.shape[1]
         self.layout = Layout(order, self.driving + record.records)
-        # The last column, of zeros, drives the responses to initial states.
-        self._signals = np.column_stack([signals, np.zeros(record.samples)])
+        self.signals = SectionSignals(self.layout, signals, record.bounds)
         self.direct = [record.inputs[:, record.feedthrough]]
         if record.levels:
             constants = np.zeros((record.samples, record.records))
@@ -237,6 +129,11 @@ class StateSpaceErrors:
         """Length of a point."""
         return self.layout.dimension
 
+    @cached_property
+    def derivatives(self) -> StateDerivatives:
+        """Derivatives of the states by the coordinates."""
+        return StateDerivatives(self.layout)
+
     @property
     def parameters(self) -> int:
         """Independent parameters: coefficients, level and drift, without initial states."""
@@ -245,6 +142,12 @@ class StateSpaceErrors:
         count = n * (nu + ny) + ny * int(self.record.feedthrough.sum())
         count += n * ny if self.innovations else 0
         return count + ny * (int(self.record.levels) + self.record.drift.shape[1])
+
+    @property
+    def cost(self) -> float:
+        """Multiplications of one set of normal equations."""
+        signals = 2 * self.layout.sections * self.layout.drives + 2 * self.order
+        return float(self.record.samples) * signals**2
 
     @property
     def logarithmic(self) -> bool:
@@ -299,23 +202,8 @@ class StateSpaceErrors:
     def _regression(self, point: Array) -> tuple[Sections, Array, Array]:
         """Sections of a point, the states, and all regressors."""
         sections = sections_of(self.layout, point)
-        states = self._states(sections)
+        states = self.signals.states(sections)
         return sections, states, np.column_stack([states, *self.direct])
-
-    def _states(self, sections: Sections) -> Array:
-        """States driven by all signals, (N, n): one response for each instead of each drive."""
-        inputs = np.vstack([sections.b1, sections.b2])
-        states: Array = section_states(
-            sections.sigma,
-            sections.coupling,
-            sections.back,
-            sections.ratio,
-            np.ascontiguousarray(inputs[:, self.driving :].T),
-            self._signals[:, : self.driving] @ inputs[:, : self.driving].T,
-            self.record.bounds,
-            self.order,
-        )
-        return states
 
     def criterion(self, covariance: Array) -> float:
         """Criterion of the errors' covariance, (ny, ny); its unit is one for each output."""
@@ -383,141 +271,16 @@ class StateSpaceErrors:
 
     def normal_equations(self, found: Projection) -> NormalEquations:
         """Gradient and Gauss-Newton Hessian of the criterion, s of each section held."""
-        signals = self.derivative_signals(found)
+        signals = self.signals.derivatives(found.sections, found.states)
         along = found.basis.T @ signals
         # Less their part in the space of the regressors, without another array of this size.
         signals = dgemm(-1.0, along.T, found.basis.T, 1.0, signals.T, overwrite_c=True).T
         c = found.linear[: self.order].T
         weights = self.weights(found.covariance)
         per_sample = 2.0 / self.record.samples
-        hessian = per_sample * self.contracted(found, signals.T @ signals, c.T @ weights @ c)
+        hessian = per_sample * self.derivatives.contracted(
+            found.sections, signals.T @ signals, c.T @ weights @ c
+        )
         against = signals.T @ (found.errors @ (weights @ c))
-        gradient = np.zeros(self.dimension)
-        for columns, states, factors in self._terms(found.sections):
-            gradient -= factors * against[columns, states]
+        gradient = self.derivatives.summed(found.sections, -against)
         return NormalEquations(per_sample * gradient, hessian)
-
-    def derivative_signals(self, found: Projection) -> Array:
-        """Signals that derivatives of the states by the coordinates consist of, (N, signals).
-
-        The responses of the sections to the drives, then the derivatives of both states of each
-        pair by sigma and by delta, then that of the single pole.
-        """
-        layout, sections = self.layout, found.sections
-        section = np.minimum(np.arange(layout.order) // 2, layout.sections - 1)
-        signals: Array = derivative_signals(
-            *self._driven_sections(sections),
-            self._signals,
-            section * layout.drives,
-            np.repeat(sections.ratio, layout.drives),
-            found.states,
-            self.record.bounds,
-        )
-        return signals
-
-    def state_derivatives(self, found: Projection, signals: Array, c: Array) -> Array:
-        """Derivatives by the coordinates of an output whose row of C is ``c``, (N, n).
-
-        Parameters
-        ----------
-        found : Projection
-        signals : (N, signals) array
-            Of :meth:`derivative_signals`.
-        c : (order,) array
-        """
-        total = np.zeros((len(signals), self.dimension))
-        for columns, states, factors in self._terms(found.sections):
-            total += signals[:, columns] * (factors * c[states])
-        return total
-
-    def contracted(self, found: Projection, gram: Array, by_state: Array) -> Array:
-        """Matrix over coordinates, (n, n), of the Gram matrix of signals and one of states."""
-        matrix = np.zeros((self.dimension, self.dimension))
-        terms = self._terms(found.sections)
-        for columns, states, factors in terms:
-            for other_columns, other_states, other_factors in terms:
-                matrix += (
-                    np.outer(factors, other_factors)
-                    * gram[np.ix_(columns, other_columns)]
-                    * by_state[np.ix_(states, other_states)]
-                )
-        return matrix
-
-    def by_linear(self, found: Projection, cross: Array, by_state: Array) -> Array:
-        """Matrix over coordinates and linear coefficients, (n, ny q).
-
-        Of the products of signals and regressors, (signals, q), and a matrix over states and
-        outputs, (order, ny).  Linear coefficients stand output by output.
-        """
-        matrix = np.zeros((self.dimension, by_state.shape[1] * cross.shape[1]))
-        for columns, states, factors in self._terms(found.sections):
-            products = by_state[states][:, :, None] * cross[columns][:, None, :]
-            matrix += factors[:, None] * products.reshape(self.dimension, -1)
-        return matrix
-
-    def _terms(self, sections: Sections) -> list[tuple[NDArray, NDArray, Array]]:
-        """Derivative of the states by each coordinate: twice (signal, state, factor)."""
-        (first, first_state), (second, second_state), ratio_of = self._columns
-        factors = np.ones(self.dimension)
-        factors[ratio_of >= 0] = sections.ratio[ratio_of[ratio_of >= 0]]
-        # The single pole moves one state.
-        factors[ratio_of == -2] = 0.0
-        return [
-            (first, first_state, np.ones(self.dimension)),
-            (second, second_state, factors),
-        ]
-
-    @cached_property
-    def _columns(self):  # type: ignore[no-untyped-def]
-        """Signals and states of each coordinate, and which section's ratio multiplies the second.
-
-        -1 stands for a factor of 1, -2 for one of 0.
-        """
-        layout = self.layout
-        drives, pairs = layout.drives, layout.pairs
-        count = layout.sections * drives
-        extra = 2 * count
-        first = np.zeros((2, self.dimension), dtype=np.intp)
-        second = np.zeros((2, self.dimension), dtype=np.intp)
-        ratio_of = np.full(self.dimension, -1, dtype=np.intp)
-        for m in range(pairs):
-            at = m * layout.pair_length
-            p = np.arange(m * drives, (m + 1) * drives)
-            b1, b2 = slice(at + 2, at + 2 + drives), slice(at + 2 + drives, at + 2 + 2 * drives)
-            first[0, at], second[0, at] = extra + m, extra + pairs + m
-            first[0, at + 1], second[0, at + 1] = extra + 2 * pairs + m, extra + 3 * pairs + m
-            first[0, b1], second[0, b1] = p, count + p
-            first[0, b2], second[0, b2] = count + p, p
-            ratio_of[b1] = m
-            whole = slice(at, at + layout.pair_length)
-            first[1, whole], second[1, whole] = 2 * m, 2 * m + 1
-        if layout.single:
-            at = pairs * layout.pair_length
-            first[0, at] = extra + 4 * pairs
-            first[0, at + 1 :] = np.arange(pairs * drives, (pairs + 1) * drives)
-            first[1, at:] = second[1, at:] = layout.order - 1
-            ratio_of[at:] = -2
-        return tuple(first), tuple(second), ratio_of
-
-    def responses(self, sections: Sections) -> Array:
-        """Responses of each section to each drive, (N, 2 sections drives)."""
-        found: Array = section_responses(
-            *self._driven_sections(sections), self._signals, self.record.bounds
-        )
-        return found
-
-    def _driven_sections(self, sections: Sections) -> tuple[NDArray, ...]:
-        """Of each section and drive: its sigma, coupling and back, its signal, and its pulses."""
-        layout, records = self.layout, self.record.records
-        drives = layout.drives
-        driven_by = np.minimum(np.arange(drives), self.driving)
-        pulses = np.zeros((records, layout.sections, drives))
-        for k in range(records):
-            pulses[k, :, self.driving + k] = 1.0
-        return (
-            np.repeat(sections.sigma, drives),
-            np.repeat(sections.coupling, drives),
-            np.repeat(sections.back, drives),
-            np.tile(driven_by, layout.sections),
-            pulses.reshape(records, -1),
-        )

@@ -16,8 +16,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.estimation.state_space.estimate import estimates_of_orders
 from evopem.estimation.state_space.likelihood import log_loss
+from evopem.estimation.state_space.order_sweep import estimates_of_orders
 from evopem.estimation.state_space.settings import StateSpaceSettings
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.state_space import StateSpaceModel

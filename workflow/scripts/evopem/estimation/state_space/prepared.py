@@ -8,12 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from evopem.estimation.state_space.errors import (
-    WEIGHTINGS,
-    StateSpaceErrors,
-    StateSpaceRecord,
-    state_space_record,
-)
+from evopem.estimation.state_space.errors import WEIGHTINGS, StateSpaceErrors
+from evopem.estimation.state_space.scaled_record import StateSpaceRecord, state_space_record
 from evopem.estimation.state_space.settings import StateSpaceSettings
 from evopem.models.state_space import Form
 

@@ -15,19 +15,11 @@ from evopem.estimation.search.memetic import memetic_search
 from evopem.estimation.search.problem import SearchDiagnostics, SearchResult
 from evopem.estimation.state_space.absolute_problem import AbsoluteStateSpaceProblem
 from evopem.estimation.state_space.errors import StateSpaceErrors
+from evopem.estimation.state_space.order_ladder import converted, descended, extensions, rungs
 from evopem.estimation.state_space.prepared import FORMS, PreparedRecords
-from evopem.estimation.state_space.problem import (
-    STEPS,
-    USUAL_ORDER,
-    StartingModels,
-    StateSpaceProblem,
-    converted,
-    cost,
-    descended,
-    extensions,
-    rungs,
-)
+from evopem.estimation.state_space.problem import STEPS, StateSpaceProblem
 from evopem.estimation.state_space.settings import StateSpaceSettings
+from evopem.estimation.state_space.starting_models import USUAL_ORDER, StartingModels
 
 Array = NDArray[np.float64]
 Log = Callable[[str], None]
@@ -57,7 +49,7 @@ def generator_of(
 def _evaluations(problem: StateSpaceProblem, settings: StateSpaceSettings) -> int:
     if settings.evaluations is not None:
         return settings.evaluations
-    each = cost(problem.errors)
+    each = problem.errors.cost
     if each > HEAVY:
         return 0
     return int(np.clip(BUDGET / each / problem.grams, LEAST_EVALUATIONS, MOST_EVALUATIONS))
@@ -83,10 +75,10 @@ def searched(
     """
     problem = problem_for(errors, settings)
     budget = _evaluations(problem, settings)
-    if starts and cost(errors) > HEAVY and budget == 0:
+    if starts and errors.cost > HEAVY and budget == 0:
         return problem, _polished(problem, starts, 0)
     plain = without_outliers(problem)
-    models = StartingModels(plain, errors.order, cost(errors) <= HEAVY)
+    models = StartingModels(plain, errors.order, errors.cost <= HEAVY)
     given = descended(plain, starts, len(starts))
     points = [optimum.point for optimum in given]
     spent = sum(optimum.evaluations for optimum in given)
@@ -127,7 +119,7 @@ def _optima_from_estimates(
     log: Log | None,
 ) -> list[Optimum]:
     """Optima from estimates of the order itself, and from the optimum of two states fewer."""
-    if cost(problem) > HEAVY:
+    if problem.cost > HEAVY:
         ((_, optima),) = rungs(
             problem, models, generator, 1, range(problem.order, problem.order + 1)
         )
@@ -147,22 +139,8 @@ def _polished(problem: StateSpaceProblem, starts: list[Array], spent: int) -> Se
     polished = problem.polish(best[None, :])
     value = float(polished.values[0])
     spent += polished.evaluations + used
-    diagnostics = without_generations(value, spent, len(points))
+    diagnostics = SearchDiagnostics.of_descents(value, spent, len(points))
     return SearchResult(polished.points[0], value, diagnostics)
-
-
-def without_generations(value: float, spent: int, optima: int) -> SearchDiagnostics:
-    """Diagnostics of descents from estimates alone: nothing was confirmed."""
-    return SearchDiagnostics(
-        evaluations=spent,
-        generations=0,
-        restart_minima=(value,),
-        n_confirming=0,
-        n_local_optima=optima,
-        n_multistart=0,
-        undiscovered_probability=1.0,
-        convergence=((spent, value),),
-    )
 
 
 def _other_form(errors: StateSpaceErrors) -> tuple[StateSpaceErrors, ...]:
@@ -170,7 +148,7 @@ def _other_form(errors: StateSpaceErrors) -> tuple[StateSpaceErrors, ...]:
     if errors.record.inputs.shape[1] == 0:
         return ()
     other = errors.of_form("output_error" if errors.innovations else "innovations")
-    return () if cost(other) > HEAVY else (other,)
+    return () if other.cost > HEAVY else (other,)
 
 
 def swept(
@@ -186,7 +164,7 @@ def swept(
     """The best optimum of each order that the rungs of a ladder reach."""
     plain = without_outliers(problem_for(errors, settings))
     usual = min(orders[-1], USUAL_ORDER)
-    models = StartingModels(plain, orders[-1], cost(errors.of_order(usual)) <= HEAVY)
+    models = StartingModels(plain, orders[-1], errors.of_order(usual).cost <= HEAVY)
     generator = generator_of(settings, usual, errors.form, prepared, 1 + fold)
     for each, optima in rungs(plain, models, generator, width, orders, steps, log):
         if not optima:
@@ -196,7 +174,7 @@ def swept(
         spent = sum(optimum.evaluations for optimum in optima) + used
         if log is not None:
             log(f"order {each.order}: {value:.9g} %, {spent} evaluations")
-        diagnostics = without_generations(value, spent, len(optima))
+        diagnostics = SearchDiagnostics.of_descents(value, spent, len(optima))
         yield problem, SearchResult(point, value, diagnostics)
 
 

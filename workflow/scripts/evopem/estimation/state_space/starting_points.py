@@ -65,7 +65,7 @@ def _residues(errors: StateSpaceErrors, point: Array, outputs: Array) -> tuple[A
     """Coefficients of the responses p and r, (sections, drives, ny) each."""
     layout, record = errors.layout, errors.record
     sections = sections_of(layout, point)
-    responses = errors.responses(sections)
+    responses = errors.signals.responses(sections)
     direct = [part for part in errors.direct if part.shape[1]]
     x = np.column_stack([responses, *direct])
     sizes = np.linalg.norm(x, axis=0)
@@ -149,7 +149,7 @@ def with_initial_states(errors: StateSpaceErrors, point: Array) -> Array:
     c = found.linear[: errors.order]
     count = layout.sections * drives
     ratio = found.sections.ratio
-    responses = errors.responses(found.sections)
+    responses = errors.signals.responses(found.sections)
     for k in range(errors.record.records):
         rows_of = slice(errors.record.bounds[k], errors.record.bounds[k + 1])
         # Free responses of the states: a pulse into the first and into the second of a pair.
@@ -177,7 +177,11 @@ def with_initial_states(errors: StateSpaceErrors, point: Array) -> Array:
 
 
 def extended(
-    larger: StateSpaceErrors, smaller: StateSpaceErrors, point: Array, poles: Complex
+    larger: StateSpaceErrors,
+    smaller: StateSpaceErrors,
+    point: Array,
+    remainder: Array,
+    poles: Complex,
 ) -> Array:
     """The point of a smaller order with more poles, whose inputs fit what was left.
 
@@ -187,21 +191,11 @@ def extended(
         Problems of the two orders.
     point : (n,) array
         Of the smaller order.
+    remainder : (N, ny) array
+        Its errors.
     poles : array
         As many as the orders differ: two, or one where the smaller order is even.
     """
-    found = smaller.projection(point)
-    return extended_by(larger, smaller, point, found.errors, poles)
-
-
-def extended_by(
-    larger: StateSpaceErrors,
-    smaller: StateSpaceErrors,
-    point: Array,
-    remainder: Array,
-    poles: Complex,
-) -> Array:
-    """:func:`extended`, with the errors of the smaller order, (N, ny), known already."""
     added = larger.of_order(len(poles))
     bare = poles_only(added.layout, poles)
     alpha, beta = _residues(added, bare, remainder)

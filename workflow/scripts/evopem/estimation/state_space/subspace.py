@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.estimation.state_space.errors import StateSpaceRecord
+from evopem.estimation.state_space.scaled_record import StateSpaceRecord
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

@@ -20,7 +20,6 @@ from evopem.signals.multichannel_reading import (
     read_multichannel,
     with_time_told,
 )
-from evopem.signals.reading import uneven_times
 
 
 def write_multichannel_configuration(files: DatasetFiles, settings: MultichannelDataset) -> None:
@@ -57,13 +56,14 @@ def read_channels(
         When a file cannot be read, or the recordings are not of the same channels and rate.
     """
     told = [with_time_told(file, channels) for file in recorded]
-    recordings = [read_multichannel(*each) for each in zip(recorded, told, strict=True)]
+    measured = [read_multichannel(*each) for each in zip(recorded, told, strict=True)]
+    recordings = [each.recording for each in measured]
     recording = joined_multichannel(recordings, recorded) if len(recordings) > 1 else recordings[0]
     check_measured_places(geometry, recording.output_names, f"{place}.geometry")
     save_multichannel(recording, recording_file)
     info = replace(
         describe_multichannel(recorded, recording),
         time_told=None if told[0] == channels else told[0].time,
-        uneven_times=uneven_times(recorded, told),
+        uneven_times=tuple(each.unevenness for each in measured if each.unevenness is not None),
     )
     save(info, info_file)

@@ -7,9 +7,9 @@ from typing import Any
 
 from evopem.automatic.record import Trial
 from evopem.automatic.state_space_choice import ModelChoice, scores_of
-from evopem.automatic.state_space_search import VariantSearch
+from evopem.automatic.variant_search import VariantSearch
 from evopem.config.state_space_settings import is_polynomial
-from evopem.estimation.multi_input.estimate import TriedOrders
+from evopem.estimation.multi_input.order_reduction import TriedOrders
 
 COLUMNS = (
     *("step", "form", "order", "model", "bic", "bic_with_colour"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from evopem.automatic.state_space_choice import choose
-from evopem.automatic.state_space_search import Variant, VariantSearch
+from evopem.automatic.variant_search import Variant, VariantSearch
 from evopem.config.state_space_settings import StateSpaceChoices
 from evopem.files.json_form import load, save
 from evopem.results.layout import DatasetFiles

@@ -8,11 +8,13 @@ from typing import Any
 
 from threadpoolctl import threadpool_limits
 
+from evopem.automatic.input_delays import DelayChoice
 from evopem.automatic.record import OtherModel
+from evopem.automatic.searched_forms import SearchedForms
 from evopem.automatic.state_space_choice import ModelChoice, StateSpaceChoice
 from evopem.automatic.state_space_chosen import ChosenModel
-from evopem.automatic.state_space_remedies import RemediedModel, SearchedForms, act_on_checks
-from evopem.automatic.state_space_search import DelayChoice, Variant, VariantSearch
+from evopem.automatic.state_space_remedies import RemediedModel, act_on_checks
+from evopem.automatic.variant_search import Variant, VariantSearch
 from evopem.config.constraints import InputConstraints
 from evopem.config.state_space_settings import OrderRanges, StateSpaceSearchSettings
 from evopem.estimation.multi_input.order_limits import OrderLimits, joint_orders

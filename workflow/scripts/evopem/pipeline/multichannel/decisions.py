@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from evopem.automatic.input_delays import DelayChoice
 from evopem.automatic.multichannel_preparation import MultichannelPlan
 from evopem.automatic.record import OtherModel
 from evopem.automatic.state_space_choice import StateSpaceChoice
 from evopem.automatic.state_space_remedies import RemedyRecord
-from evopem.automatic.state_space_search import DelayChoice
 from evopem.files.json_form import load, save
 from evopem.results.layout import DatasetFiles
 from evopem.results.multichannel import DecisionList

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from evopem.automatic.state_space_search import Variant
+from evopem.automatic.variant_search import Variant
 from evopem.config.state_space_settings import MultichannelDataset
 from evopem.files.atomic import write_text
 from evopem.pipeline.commit import commit_of

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+from evopem.automatic.input_delays import DelayChoice, decide_delays
 from evopem.automatic.multi_input_choice import search_structure, searched_joint_orders
-from evopem.automatic.state_space_search import (
-    DelayChoice,
-    Variant,
-    decide_delays,
-    search_variant,
-    searched_orders,
-)
+from evopem.automatic.searched_orders import searched_orders
+from evopem.automatic.state_space_search import search_variant
+from evopem.automatic.variant_search import Variant
 from evopem.config.input_ranges import InputRanges
 from evopem.config.state_space_settings import (
     ONE_OUTPUT,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import partial
 
-from evopem.automatic.state_space_search import Variant
+from evopem.automatic.variant_search import Variant
 from evopem.config.state_space_settings import MultichannelDataset, searched_variants
 from evopem.pipeline.multichannel.acquisition import read_channels, write_multichannel_configuration
 from evopem.pipeline.multichannel.choice import choose_state_space

@@ -110,6 +110,38 @@ def multitaper_frequency_response(
     """
     from scipy.stats import t as student
 
+    layout = _layout(input, output, sampling_rate, time_halfbandwidth, nfft)
+    s_uu, s_yy, s_uy, weights = _spectra(input, output, layout, sampling_rate)
+    response = s_uy / s_uu
+    gain = np.abs(response)
+    coherence = np.minimum(np.abs(s_uy) ** 2 / (s_uu * s_yy), 1.0)
+    freedom = layout.freedom(weights)
+    # At zero and Nyquist the coefficients are real and the count is halved; keep one free.
+    residual_freedom = np.maximum(freedom - 2.0, 1.0)
+    quantile = student.ppf(0.5 + CONFIDENCE / 2.0, residual_freedom)
+    # Without coherence the band is infinite.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        radius = quantile * np.sqrt(s_yy / s_uu * (1.0 - coherence) / residual_freedom)
+    return FrequencyResponse(
+        frequencies=layout.frequencies,
+        response=response,
+        gain=gain,
+        gain_lower=np.maximum(gain - radius, 0.0),
+        gain_upper=gain + radius,
+        phase_deg=np.degrees(np.angle(response)),
+        coherence=coherence,
+        degrees_of_freedom=freedom,
+    )
+
+
+def _layout(
+    input: Floats,  # noqa: A002
+    output: Floats,
+    sampling_rate: float,
+    time_halfbandwidth: float,
+    nfft: int,
+) -> Tapering:
+    """Tapers and segments of two signals of one length, at least two estimates in all."""
     if input.size != output.size:
         raise InputError(
             "spectrum",
@@ -123,6 +155,16 @@ def multitaper_frequency_response(
             f"{time_halfbandwidth:g} gives a single taper, and a coherence needs two",
             "choose at least 1.5",
         )
+    return layout
+
+
+def _spectra(
+    input: Floats,  # noqa: A002
+    output: Floats,
+    layout: Tapering,
+    sampling_rate: float,
+) -> tuple[Floats, Floats, NDArray[np.complex128], Floats]:
+    """Spectra of input and output, their cross-spectrum, and the weights that they share."""
     signals = [signal - signal.mean() for signal in (input, output)]
     variances = [float(np.mean(signal**2)) for signal in signals]
     if min(variances) == 0.0:
@@ -145,24 +187,4 @@ def multitaper_frequency_response(
         )
     )
     s_uu, s_yy = (weighted_average(weights, spectra) for spectra in own)
-    s_uy = weighted_average(weights, cross)
-    response = s_uy / s_uu
-    gain = np.abs(response)
-    coherence = np.minimum(np.abs(s_uy) ** 2 / (s_uu * s_yy), 1.0)
-    freedom = layout.freedom(weights)
-    # At zero and Nyquist the coefficients are real and the count is halved; keep one free.
-    residual_freedom = np.maximum(freedom - 2.0, 1.0)
-    quantile = student.ppf(0.5 + CONFIDENCE / 2.0, residual_freedom)
-    # Without coherence the band is infinite.
-    with np.errstate(divide="ignore", invalid="ignore"):
-        radius = quantile * np.sqrt(s_yy / s_uu * (1.0 - coherence) / residual_freedom)
-    return FrequencyResponse(
-        frequencies=layout.frequencies,
-        response=response,
-        gain=gain,
-        gain_lower=np.maximum(gain - radius, 0.0),
-        gain_upper=gain + radius,
-        phase_deg=np.degrees(np.angle(response)),
-        coherence=coherence,
-        degrees_of_freedom=freedom,
-    )
+    return s_uu, s_yy, weighted_average(weights, cross), weights

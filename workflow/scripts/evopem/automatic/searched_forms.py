@@ -1,0 +1,114 @@
+"""What the search over orders of several channels has left, to estimate other models from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from evopem.automatic.multi_input_choice import search_structure
+from evopem.automatic.state_space_choice import ModelChoice, scores_of
+from evopem.automatic.state_space_chosen import ChosenModel, estimate_as_searched, search_chosen
+from evopem.automatic.state_space_search import search_variant
+from evopem.automatic.variant_search import Variant, VariantSearch
+from evopem.config.constraints import InputConstraints
+from evopem.config.state_space_settings import OrderRanges, is_polynomial
+from evopem.estimation.multi_input.order_limits import OrderLimits, joint_orders
+from evopem.estimation.state_space.settings import StateSpaceSettings
+from evopem.models.state_space import StateSpaceModel
+from evopem.signals.multichannel import MultichannelRecording
+
+Log = Callable[[str], None]
+
+
+@dataclass(frozen=True, eq=False)
+class SearchedForms:
+    """What the search over orders has left, to estimate other models than the chosen one from.
+
+    Attributes
+    ----------
+    estimation : MultichannelRecording
+    delays : tuple of int
+    searches : tuple of VariantSearch
+    start : callable
+        The model of a variant and an order.
+    settings : callable
+        Settings of the searches of a variant.
+    ranges : OrderRanges
+    constraints : InputConstraints, optional
+    """
+
+    estimation: MultichannelRecording
+    delays: tuple[int, ...]
+    searches: tuple[VariantSearch, ...]
+    start: Callable[[Variant, int], StateSpaceModel]
+    settings: Callable[[Variant], StateSpaceSettings]
+    ranges: OrderRanges
+    constraints: InputConstraints | None = None
+
+    def score(self, choice: ModelChoice) -> float:
+        """Error for the purpose on held-out samples in percent; infinite where there is none."""
+        search = self.search_of(choice.variant)
+        if choice.order not in search.orders:
+            return np.inf
+        scores = getattr(search, scores_of(choice.purpose, choice.level))
+        found = float(scores[search.orders.index(choice.order)])
+        return found if np.isfinite(found) else np.inf
+
+    def search_of(self, variant: Variant) -> VariantSearch:
+        """The search of a variant."""
+        return next(each for each in self.searches if each.variant == variant)
+
+    def as_searched(self, choice: ModelChoice) -> ChosenModel:
+        """A model next to the one that the search over orders found.
+
+        Raises
+        ------
+        InputError
+            When no model of the order meets the constraints.
+        ValueError
+            When there is no stable one.
+        """
+        return self._estimated(estimate_as_searched, choice, self.settings(choice.variant))
+
+    def searched(self, choice: ModelChoice, log: Log | None = None) -> ChosenModel:
+        """The model of a global search.
+
+        Errors are those of :meth:`as_searched`.
+        """
+        return self._estimated(
+            partial(search_chosen, log=log), choice, self.settings(choice.variant)
+        )
+
+    def with_delays(self, delays: tuple[int, ...], choice: ModelChoice) -> SearchedForms:
+        """The search of one variant and order with other delays."""
+        variant, settings = choice.variant, self.settings(choice.variant)
+        if is_polynomial(variant.form):
+            limits = OrderLimits.of(self.ranges, self.estimation.input_names)
+            orders = {choice.order: joint_orders(variant.form, choice.order, delays, limits)}
+            search, models = search_structure(self.estimation, variant, orders, settings)
+        else:
+            search, models = search_variant(
+                self.estimation, variant, delays, (choice.order,), settings
+            )
+        return replace(
+            self,
+            delays=delays,
+            searches=(search,),
+            start=lambda _, order: models.of_order(order),
+        )
+
+    def _estimated(
+        self,
+        estimate: Callable[..., ChosenModel],
+        choice: ModelChoice,
+        settings: StateSpaceSettings,
+    ) -> ChosenModel:
+        start = self.start(choice.variant, choice.order)
+        return estimate(
+            *(choice, start, self.estimation, self.delays, settings),
+            ranges=self.ranges,
+            constraints=self.constraints,
+        )

@@ -1,0 +1,120 @@
+"""Derivatives of the states by the coordinates of a point, in terms of a few signals.
+
+The derivative by a coordinate moves at most two states, each by one of the signals of
+:meth:`.SectionSignals.derivatives` times a factor.  Products of derivatives follow from those of
+the signals, whose number does not depend on that of the outputs.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evopem.estimation.state_space.sections import Layout, Sections
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+
+class Term(NamedTuple):
+    """Of each coordinate a signal, the state that it moves, and a factor; each (n,)."""
+
+    signals: Indices
+    states: Indices
+    factors: Array
+
+
+class StateDerivatives:
+    """Sums and products of the derivatives, (n,) over the coordinates of a layout.
+
+    Parameters
+    ----------
+    layout : Layout
+    """
+
+    def __init__(self, layout: Layout) -> None:
+        self.dimension = layout.dimension
+        pairs, drives = layout.pairs, layout.drives
+        count = layout.sections * drives
+        extra = 2 * count
+        first = np.zeros((2, self.dimension), dtype=np.intp)
+        second = np.zeros((2, self.dimension), dtype=np.intp)
+        # The section whose ratio is the factor of the second term: -1 for 1, -2 for 0.
+        ratio_of = np.full(self.dimension, -1, dtype=np.intp)
+        for m in range(pairs):
+            at = m * layout.pair_length
+            p = np.arange(m * drives, (m + 1) * drives)
+            b1, b2 = slice(at + 2, at + 2 + drives), slice(at + 2 + drives, at + 2 + 2 * drives)
+            first[0, at], second[0, at] = extra + m, extra + pairs + m
+            first[0, at + 1], second[0, at + 1] = extra + 2 * pairs + m, extra + 3 * pairs + m
+            first[0, b1], second[0, b1] = p, count + p
+            first[0, b2], second[0, b2] = count + p, p
+            ratio_of[b1] = m
+            whole = slice(at, at + layout.pair_length)
+            first[1, whole], second[1, whole] = 2 * m, 2 * m + 1
+        if layout.single:
+            at = pairs * layout.pair_length
+            first[0, at] = extra + 4 * pairs
+            first[0, at + 1 :] = np.arange(pairs * drives, (pairs + 1) * drives)
+            first[1, at:] = second[1, at:] = layout.order - 1
+            # The single pole moves one state.
+            ratio_of[at:] = -2
+        self._first, self._second, self._ratio_of = first, second, ratio_of
+
+    def _terms(self, sections: Sections) -> tuple[Term, Term]:
+        """The two terms of each derivative."""
+        factors = np.ones(self.dimension)
+        factors[self._ratio_of >= 0] = sections.ratio[self._ratio_of[self._ratio_of >= 0]]
+        factors[self._ratio_of == -2] = 0.0
+        return (
+            Term(self._first[0], self._first[1], np.ones(self.dimension)),
+            Term(self._second[0], self._second[1], factors),
+        )
+
+    def summed(self, sections: Sections, products: Array) -> Array:
+        """Vector over coordinates, (n,), of products of signals and states, (signals, order)."""
+        total = np.zeros(self.dimension)
+        for signals, states, factors in self._terms(sections):
+            total += factors * products[signals, states]
+        return total
+
+    def of_output(self, sections: Sections, signals: Array, c: Array) -> Array:
+        """Derivatives by the coordinates of an output whose row of C is ``c``, (N, n).
+
+        Parameters
+        ----------
+        sections : Sections
+        signals : (N, signals) array
+        c : (order,) array
+        """
+        total = np.zeros((len(signals), self.dimension))
+        for columns, states, factors in self._terms(sections):
+            total += signals[:, columns] * (factors * c[states])
+        return total
+
+    def contracted(self, sections: Sections, gram: Array, by_state: Array) -> Array:
+        """Matrix over coordinates, (n, n), of the Gram matrix of signals and one of states."""
+        matrix = np.zeros((self.dimension, self.dimension))
+        terms = self._terms(sections)
+        for columns, states, factors in terms:
+            for other_columns, other_states, other_factors in terms:
+                matrix += (
+                    np.outer(factors, other_factors)
+                    * gram[np.ix_(columns, other_columns)]
+                    * by_state[np.ix_(states, other_states)]
+                )
+        return matrix
+
+    def by_linear(self, sections: Sections, cross: Array, by_state: Array) -> Array:
+        """Matrix over coordinates and linear coefficients, (n, ny q).
+
+        Of the products of signals and regressors, (signals, q), and a matrix over states and
+        outputs, (order, ny).  Linear coefficients stand output by output.
+        """
+        matrix = np.zeros((self.dimension, by_state.shape[1] * cross.shape[1]))
+        for columns, states, factors in self._terms(sections):
+            products = by_state[states][:, :, None] * cross[columns][:, None, :]
+            matrix += factors[:, None] * products.reshape(self.dimension, -1)
+        return matrix

@@ -1,0 +1,211 @@
+"""Files of the known formats: what reads them, and channels as a file holds them."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import importlib
+import os
+import signal
+import warnings
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from types import ModuleType
+from typing import Any, TypeVar
+
+from evopem.errors import InputError
+from evopem.signals.readers.channels import Channel, Reference, refuse_unreadable
+
+T = TypeVar("T")
+
+FORMATS = {
+    ".csv": "text",
+    ".tsv": "text",
+    ".txt": "text",
+    ".dat": "text",
+    ".asc": "text",
+    ".lvm": "text",
+    ".mat": "matlab",
+    ".npz": "numpy_files",
+    ".npy": "numpy_files",
+    ".parquet": "parquet",
+    ".h5": "hdf5",
+    ".hdf5": "hdf5",
+    ".tdms": "tdms",
+    ".uff": "uff",
+    ".unv": "uff",
+}
+"""The module of `evopem.signals.readers` that reads each extension."""
+
+COMPILED = {"matlab": "MATLAB", "hdf5": "HDF5", "parquet": "Parquet"}
+"""The readers whose libraries parse a file in compiled code, which a damaged file can crash."""
+
+_SIGNATURES = {
+    b"PAR1": ("Parquet", ("parquet",)),
+    b"\x89HDF\r\n\x1a\n": ("HDF5", ("hdf5", "matlab")),
+    b"PK\x03\x04": ("zip or npz", ("numpy_files",)),
+    b"\x93NUMPY": ("npy", ("numpy_files",)),
+    b"TDSm": ("TDMS", ("tdms",)),
+    b"MATLAB": ("MATLAB", ("matlab",)),
+}
+
+
+def channel_names(path: str | Path) -> list[str]:
+    """Names of all channels of a measured file, in the order of their numbers.
+
+    A channel without a name has an empty one.
+
+    Raises
+    ------
+    InputError
+        When the file cannot be read as its format.
+    """
+    return _read(Path(path), lambda reader, local: reader.names(local))
+
+
+def read_channels(
+    path: str | Path,
+    references: Sequence[Reference],
+    header_lines: int | None = None,
+    decimal_mark: str | None = None,
+) -> list[Channel]:
+    """Read channels of a measured file as the file holds them, without any check of their values.
+
+    Parameters
+    ----------
+    path : str or Path
+    references : sequence of int or str
+    header_lines, decimal_mark : optional
+        As of :func:`.read_recording`.
+
+    Raises
+    ------
+    InputError
+        When the file cannot be read as its format, there is no such channel, or the form of a text
+        table is stated for another file.
+    """
+    path = Path(path)
+    options = _text_options(format_of(path), str(path), header_lines, decimal_mark)
+    return _read(path, lambda reader, local: reader.read(local, list(references), **options))
+
+
+def sha256(path: str | Path) -> str:
+    """SHA-256 of a file's bytes, as hexadecimal digits."""
+    with local_path(Path(path)).open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def format_of(path: Path) -> str:
+    """The format of a file, one of the values of `FORMATS`, by its extension.
+
+    Raises
+    ------
+    InputError
+        When the extension is not known.
+    """
+    extension = path.suffix.lower()
+    if extension not in FORMATS:
+        raise InputError(
+            str(path),
+            f'the extension "{extension}" is none of a known format',
+            f"use one of {' '.join(FORMATS)}",
+        )
+    return FORMATS[extension]
+
+
+def local_path(path: Path) -> Path:
+    """The path as the operating system's calls take it in any locale.
+
+    In the C locale without UTF-8 mode Python cannot encode a name such as "Größe.csv". Files are
+    then named by the bytes of UTF-8.
+    """
+    try:
+        os.fsencode(path)
+    except UnicodeEncodeError:
+        return Path(os.fsdecode(str(path).encode("utf-8", "surrogateescape")))
+    return path
+
+
+def _text_options(
+    format_name: str, source: str, header_lines: int | None, decimal_mark: str | None
+) -> dict[str, Any]:
+    """The options that are given, which must fit the format."""
+    stated = {"header_lines": header_lines, "decimal_mark": decimal_mark}
+    options = {key: value for key, value in stated.items() if value is not None}
+    if options and format_name != "text":
+        raise InputError(
+            source, f"{next(iter(options))} is stated for a file that is no text table", "remove it"
+        )
+    if header_lines is not None and header_lines < 0:
+        raise InputError(source, f"header_lines is {header_lines}", "give 0 or a number above")
+    if decimal_mark not in (None, ".", ","):
+        raise InputError(source, f'the decimal mark is "{decimal_mark}"', 'give "." or ","')
+    return options
+
+
+def _read(path: Path, use: Callable[[ModuleType, Path], T]) -> T:
+    """Call a function with the reader of a file and the path as the system's calls take it."""
+    local = local_path(path)
+    try:
+        reader = _reader_of(local)
+        if format_of(local) in COMPILED and hasattr(os, "fork"):
+            _refuse_crashing(reader, local, use)
+        return use(reader, local)
+    except InputError as refused:
+        if local == path or refused.source != str(local):
+            raise
+        raise InputError(str(path), refused.problem, refused.remedy, refused.place) from None
+
+
+def _reader_of(path: Path) -> ModuleType:
+    """The module that reads a file, which must be there and be what its extension says."""
+    format_name = format_of(path)
+    try:
+        path.stat()
+    except (OSError, ValueError):
+        # Also a name that is too long for the file system, or that holds a zero byte.
+        raise InputError(
+            str(path), "there is no such file", "check the path in the configuration"
+        ) from None
+    if not path.is_file():
+        raise InputError(str(path), "is not a file", "give the path of one file")
+    try:
+        with path.open("rb") as file:
+            beginning = file.read(8)
+    except OSError as error:
+        raise InputError(
+            str(path), f"cannot be opened ({error.strerror})", "check its permissions"
+        ) from None
+    if not beginning:
+        raise InputError(str(path), "the file is empty", "export or copy it again")
+    for signature, (label, formats) in _SIGNATURES.items():
+        if beginning.startswith(signature) and format_name not in formats:
+            raise InputError(
+                str(path),
+                f"its content is {label}, which the extension does not say",
+                "give the file the extension of its format",
+            )
+    return importlib.import_module(f"evopem.signals.readers.{format_name}")
+
+
+def _refuse_crashing(
+    reader: ModuleType, path: Path, use: Callable[[ModuleType, Path], object]
+) -> None:
+    """Refuse a file that crashes its reader, by reading it first in a separate process.
+
+    A damaged file can make compiled code access invalid memory, as in scipy's reader of MATLAB
+    files. That ends the process without an exception.
+    """
+    with warnings.catch_warnings():
+        # From Python 3.12 on, a fork beside the idle threads of a BLAS is warned about.
+        warnings.simplefilter("ignore", DeprecationWarning)
+        child = os.fork()
+    if child == 0:
+        for fatal in (signal.SIGSEGV, signal.SIGBUS, signal.SIGABRT, signal.SIGFPE):
+            signal.signal(fatal, signal.SIG_DFL)
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
+        with contextlib.suppress(BaseException):
+            use(reader, path)
+        os._exit(0)
+    if os.waitpid(child, 0)[1] != 0:
+        refuse_unreadable(path, f"{COMPILED[reader.__name__.rpartition('.')[2]]} file")

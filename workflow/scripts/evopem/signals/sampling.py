@@ -1,0 +1,130 @@
+"""The constant rate of channels that were sampled together."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evopem.config.settings import UnevenTime
+from evopem.errors import InputError
+from evopem.signals.even_grid import Unevenness, even_grid
+from evopem.signals.measured_files import channel_names
+from evopem.signals.readers.channels import Channel
+from evopem.signals.timestamps import names_time, sampling_rate_of
+
+
+class Sampled(NamedTuple):
+    """Signals at a constant rate.
+
+    Attributes
+    ----------
+    signals : dict of str to (N,) array
+    rate : float
+        Hz.
+    unevenness : Unevenness, optional
+        Of the time stamps, where the signals were brought to an even grid.
+    """
+
+    signals: dict[str, NDArray[np.float64]]
+    rate: float
+    unevenness: Unevenness | None
+
+
+def sampled(
+    signals: dict[str, NDArray[np.float64]],
+    channels: dict[str, Channel],
+    stated_rate: float | None,
+    time_unit: str | None,
+    uneven_time: UnevenTime,
+    source: str,
+) -> Sampled:
+    """The signals at the rate that is stated, else that of the time stamps, else the file's own.
+
+    Parameters
+    ----------
+    signals : dict of str to (N,) array
+        By role; without the time stamps.
+    channels : dict of str to Channel
+        What the file holds, the time stamps as ``time``.
+    stated_rate : float, optional
+        Hz.
+    time_unit : str, optional
+    uneven_time : {"refuse", "interpolate"}
+    source : str
+        The file that an error names.
+
+    Raises
+    ------
+    InputError
+        When the rate is unknown or contradicted by the time stamps, or these are too uneven.
+    """
+    if uneven_time == "refuse":
+        return Sampled(signals, _sampling_rate(channels, stated_rate, time_unit, source), None)
+    if "time" not in channels:
+        raise InputError(
+            source,
+            "uneven_time is stated without a time channel",
+            f"state time{_named_times(source)}, or remove uneven_time",
+        )
+    time = channels["time"]
+    grid = even_grid(time.values, source, time.name)
+    rate = _sampling_rate(channels, stated_rate, time_unit, source, grid.step)
+    on_grid = {role: grid.interpolated(each) for role, each in signals.items()}
+    return Sampled(on_grid, rate, grid.unevenness)
+
+
+def _sampling_rate(
+    channels: dict[str, Channel],
+    stated: float | None,
+    time_unit: str | None,
+    source: str,
+    step: float | None = None,
+) -> float:
+    """The rate that is stated, else that of the time stamps, else the file's own.
+
+    That of the time stamps follows from their mean step where they are not uniform.
+    """
+    signals = [channel for role, channel in channels.items() if role != "time"]
+    in_file = list(dict.fromkeys(channel.sampling_rate for channel in signals))
+    if len(in_file) > 1 and stated is None:
+        rates = " and ".join("none" if one is None else f"{one:g} Hz" for one in in_file)
+        raise InputError(
+            source,
+            f"the file states different sampling rates for input and output ({rates})",
+            "choose two channels that were sampled together",
+        )
+    own = in_file[0] if len(in_file) == 1 else None
+    if "time" in channels:
+        time = channels["time"]
+        if time.values.size != signals[0].values.size:
+            raise InputError(
+                source,
+                f"there are {time.values.size} time stamps and {signals[0].values.size} samples",
+                "choose the time channel of these signals",
+                f'time "{time.name}"',
+            )
+        known = stated if stated is not None else own
+        stamps = time.values, source, time.name, time.unit
+        return sampling_rate_of(*stamps, known, time_unit, step)
+    if time_unit is not None:
+        raise InputError(
+            source, "time_unit is stated without a time channel", "remove it or state time"
+        )
+    if stated is not None:
+        return float(stated)
+    if own is not None:
+        return own
+    problem = next((one.rate_problem for one in signals if one.rate_problem), "")
+    raise InputError(
+        source,
+        f"the sampling rate is not known, since {problem or 'the file states none'}",
+        f"give sampling_rate in Hz or the name of a time channel{_named_times(source)}",
+    )
+
+
+def _named_times(path: str) -> str:
+    """The first channel whose name says that it holds times, in words; empty where none does."""
+    named = [name for name in channel_names(path) if names_time(name)]
+    return f', such as "{named[0]}"' if named else ""
