@@ -5,7 +5,8 @@ worst by default), and selects the best of parents and offspring.  The chapter l
 the individuals; there is no random mutation.  Diversity comes from the first population and from
 recombination.  When a population has converged to one point, the search restarts with an
 independent population.  When enough restarts agree on the lowest value, a multistart check follows.
-The search ends when the check finds nothing lower, or when its evaluations are spent.
+The search ends when the check finds nothing lower, or when its evaluations are spent; where it is
+asked to, it goes on until the restarts certify the optimum (:mod:`.certificate`).
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 
 from evopem.config.settings import SearchSettings
 from evopem.errors import InputError
+from evopem.estimation.search.certificate import enough_agree
 from evopem.estimation.search.multistart_check import MultistartCheck, multistart_check
 from evopem.estimation.search.problem import (
     SAME_DESCENT,
@@ -47,6 +49,7 @@ def memetic_search(
     known_minimum: float = np.inf,
     agreeing_restarts: int = AGREEING_RESTARTS,
     recombine: Recombination | None = None,
+    until_certified: bool = False,
 ) -> SearchResult:
     """Minimise an objective globally.
 
@@ -67,6 +70,8 @@ def memetic_search(
     recombine : callable, optional
         ``recombine(parents, count, generator)``: offspring, (count, n), of parents, (mu, n), and
         the evaluations that they took.  :func:`discrete_recombination` by default.
+    until_certified : bool
+        Whether restarts go on after the check until they are what a certificate asks for.
 
     Raises
     ------
@@ -79,6 +84,8 @@ def memetic_search(
     def agreed() -> bool:
         best = min(found.value, known_minimum)
         agreeing = sum(same_optimum(minimum, best) for minimum in found.minima)
+        if until_certified and check is not None:
+            return enough_agree(agreeing, len(found.minima), check.undiscovered_probability)
         return agreeing >= agreeing_restarts and 2 * agreeing >= len(found.minima)
 
     while found.spent < settings.evaluations:

@@ -107,6 +107,7 @@ def searched(
         log,
         agreeing_restarts=AGREEING_BEFORE_CHECK,
         recombine=problem.recombine,
+        until_certified=True,
     )
     diagnostics = replace(result.diagnostics, evaluations=result.diagnostics.evaluations + spent)
     return problem, replace(result, diagnostics=diagnostics)
