@@ -19,12 +19,14 @@ from numpy.typing import NDArray
 
 from evopem.config.settings import SearchSettings
 from evopem.errors import InputError
+from evopem.estimation.pem.batch_bfgs import Descent
 from evopem.estimation.search.certificate import MANY_OPTIMA, ONE_OPTIMUM, enough_agree
 from evopem.estimation.search.likely_gain import AFTER_BATCHES, AFTER_RESTART, Aim
 from evopem.estimation.search.memetic import Recombination, memetic_search
 from evopem.estimation.search.problem import (
     SAME_COARSE_DESCENT,
     CoarseProblem,
+    EstimatedProblem,
     SearchDiagnostics,
     SearchResult,
     continuing,
@@ -54,6 +56,8 @@ MEMETIC_RESTARTS = 2
 NEVER = 2**31
 # Evaluations of a search that is the first pass of a race, and its random points.
 FIRST_PASS, FIRST_BATCH = 0, 8
+# The lowest of the estimates by linear algebra that it descends from as well.
+FIRST_ESTIMATES = 4
 
 
 class _Record:
@@ -277,16 +281,27 @@ def _descend_from_random_points(
 def _descend_coarsely(
     problem: HoppingProblem, generator: np.random.Generator, found: _Record
 ) -> None:
-    """The first pass of a race: coarse descents from a few random points."""
-    starts = problem.random(FIRST_BATCH, generator)
-    if isinstance(problem, CoarseProblem):
-        descents = problem.descend_coarsely(starts)
-    else:
-        descents = problem.descend(starts)
-    lowest = int(np.argmin(descents.values))
+    """The first pass of a race: coarse descents from a few random points, and from estimates.
+
+    Where a plant's poles are also those of the noise, beside poles of its own, nearly all random
+    points may lead to an optimum that has exchanged the two.
+    """
+    descend = problem.descend_coarsely if isinstance(problem, CoarseProblem) else problem.descend
+    descents = descend(problem.random(FIRST_BATCH, generator))
     found.optima, found.points = converged_values(descents), FIRST_BATCH
-    found.add("first pass", descents.points[lowest], descents.values[lowest], descents.evaluations)
+    _add_lowest(found, "first pass", descents, 0)
     found.undiscovered = undiscovered(found.optima, SAME_COARSE_DESCENT)
+    if isinstance(problem, EstimatedProblem):
+        estimates, used = problem.lowest_estimates(FIRST_ESTIMATES)
+        if len(estimates):
+            _add_lowest(found, "estimates", descend(estimates), used)
+
+
+def _add_lowest(found: _Record, kind: str, descents: Descent, evaluations: int) -> None:
+    """Count descents as a restart, with evaluations that led to them."""
+    lowest = int(np.argmin(descents.values))
+    used = evaluations + descents.evaluations
+    found.add(kind, descents.points[lowest], float(descents.values[lowest]), used)
 
 
 def _restart(

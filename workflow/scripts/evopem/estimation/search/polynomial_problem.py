@@ -140,6 +140,15 @@ class PolynomialProblem:
         """Points from estimates of the record, (M, n): the first population before its descent."""
         return self._estimates[0]
 
+    def lowest_estimates(self, count: int) -> tuple[Array, int]:
+        """Points of the lowest of the estimates by linear algebra, and their evaluations."""
+        found = [self._from_denominators(each) for each in self._denominators()]
+        points = np.concatenate([each[0] for each in found])
+        values = self.values(points)
+        lowest = np.argsort(values, kind="stable")[:count]
+        used = sum(each[1] for each in found) + len(points)
+        return points[lowest[np.isfinite(values[lowest])]], used
+
     def _drawn_at_random(self, count: int, generator: np.random.Generator) -> tuple[Array, int]:
         points = np.zeros((count, self.errors.dimension))
         for name in "acdf":

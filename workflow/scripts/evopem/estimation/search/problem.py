@@ -31,6 +31,14 @@ class CoarseProblem(Protocol):
         """Descend from each row to near its optimum."""
 
 
+@runtime_checkable
+class EstimatedProblem(Protocol):
+    """A problem with estimates by linear algebra."""
+
+    def lowest_estimates(self, count: int) -> tuple[Array, int]:
+        """The lowest of them, (count, n), and the evaluations that they took."""
+
+
 class Problem(Protocol):
     """An objective, the region it is searched in, and a local descent."""
 
