@@ -136,8 +136,14 @@ def test_exchange_never_leads_up_and_repeats_to_the_bit(objective):
 
 
 def test_growth_and_exchange_lead_lower_than_the_memetic_search():
-    """Orders with spare sections: nearly every choice of their places is an optimum."""
-    searched = problem("armax", (10, 10, 10, 3), samples=800)
-    alone = memetic_search(searched, SearchSettings(), np.random.default_rng(1))
-    found = SectionExchange(searched).search(20000, np.random.default_rng(1))
-    assert found.value < alone.value * (1.0 - 1e-4)
+    """Orders with spare sections: nearly every choice of their places is an optimum.
+
+    Which of them one search ends at hangs on the last digits, so several are compared.
+    """
+    searched = problem("armax", (14, 14, 14, 3), samples=400)
+    sizes, draws = SearchSettings(evaluations=50_000), (1, 2, 3)
+    alone = [memetic_search(searched, sizes, np.random.default_rng(each)).value for each in draws]
+    exchange = SectionExchange(searched)
+    found = [exchange.search(np.inf, np.random.default_rng(each)) for each in draws]
+    assert np.median([each.value for each in found]) < min(alone) * (1.0 - 1e-3)
+    assert max(each.evaluations for each in found) < 80_000
