@@ -12,6 +12,7 @@ asked to, it goes on until the restarts certify the optimum (:mod:`.certificate`
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +40,8 @@ REFINE = ("worst", "all", "best", "random")
 
 # Restarts that must end at the lowest value, and be at least half of all, before the check.
 AGREEING_RESTARTS = 2
+# How many times the evaluations a search may take that only lacks further restarts to be certified.
+CONFIRMING = 2
 
 
 def memetic_search(
@@ -71,7 +74,8 @@ def memetic_search(
         ``recombine(parents, count, generator)``: offspring, (count, n), of parents, (mu, n), and
         the evaluations that they took.  :func:`discrete_recombination` by default.
     until_certified : bool
-        Whether restarts go on after the check until they are what a certificate asks for.
+        Whether restarts go on after the check until they are what a certificate asks for; where
+        all agree so far, with up to twice the evaluations.
 
     Raises
     ------
@@ -81,15 +85,18 @@ def memetic_search(
     found = _Found()
     check: MultistartCheck | None = None
 
-    def agreed() -> bool:
+    def agreeing() -> int:
         best = min(found.value, known_minimum)
-        agreeing = sum(same_optimum(minimum, best) for minimum in found.minima)
-        if until_certified and check is not None:
-            return enough_agree(agreeing, len(found.minima), check.undiscovered_probability)
-        return agreeing >= agreeing_restarts and 2 * agreeing >= len(found.minima)
+        return sum(same_optimum(minimum, best) for minimum in found.minima)
 
-    while found.spent < settings.evaluations:
-        _restart(problem, settings, generator, recombine, found, log)
+    def agreed() -> bool:
+        if until_certified and check is not None:
+            return enough_agree(agreeing(), len(found.minima), check.undiscovered_probability)
+        return agreeing() >= agreeing_restarts and 2 * agreeing() >= len(found.minima)
+
+    limit = settings.evaluations
+    while found.spent < limit:
+        _restart(problem, replace(settings, evaluations=limit), generator, recombine, found, log)
         if check is None and agreed():
             check = multistart_check(problem, settings.evaluations, generator)
             found.add_check(check)
@@ -101,6 +108,8 @@ def memetic_search(
                 )
         if agreed():
             break
+        confirming = until_certified and check is not None and agreeing() == len(found.minima)
+        limit = (CONFIRMING if confirming else 1) * settings.evaluations
     return found.result(check)
 
 

@@ -33,8 +33,8 @@ LEAST_EVALUATIONS, MOST_EVALUATIONS = 500, 8000
 WIDTH, FINAL_WIDTH = 3, 8
 # Optima of the other form that are descended from.
 CROSSED = 2
-# Restarts that must agree before the multistart check, which is one more: a certificate needs so
-# many where there are many optima, as there are nearly always.
+# Restarts that must agree before the multistart check, which is one more: no certificate asks for
+# fewer where there are many optima, as there are nearly always.
 AGREEING_BEFORE_CHECK = AGREEING - 1
 
 
