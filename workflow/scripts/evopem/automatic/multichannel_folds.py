@@ -33,6 +33,8 @@ Array = NDArray[np.float64]
 # show errors of the gain and of slow poles, many leave more samples to fit.  Large records have the
 # first alone, and records of few samples the last one: half of them say too little.
 DESIGNS = (2, 5)
+# Values of a large and of a long record, and samples of one with few.  Values and not the cost of a
+# descent: that grows with the order, and with the square of the number of recordings.
 LARGE, LONG, FEW = 100_000, 40_000, 400
 SHORTEST_FOLD = 24
 # Least share of all samples that is left to fit where recordings are held out.

@@ -6,12 +6,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from evopem.automatic.multi_input_choice import EstimatedStructure, estimate_structure
-from evopem.automatic.searched_orders import noise_orders
 from evopem.automatic.state_space_choice import ModelChoice
 from evopem.automatic.state_space_search import (
     OUTPUT_ERROR_WEIGHTING,
     descended,
     estimate_box_jenkins,
+    noise_beside,
     searched_form,
     settings_of,
 )
@@ -20,7 +20,7 @@ from evopem.config.state_space_settings import OrderRanges, is_polynomial
 from evopem.estimation.multi_input.estimate import MultiInputEstimate
 from evopem.estimation.multi_input.order_reduction import TriedOrders
 from evopem.estimation.state_space.estimate import StateSpaceEstimate, estimate_state_space
-from evopem.estimation.state_space.noise_model import noise_model, side_by_side
+from evopem.estimation.state_space.noise_model import side_by_side
 from evopem.estimation.state_space.settings import StateSpaceSettings
 from evopem.models.multi_input import MultiInputModel
 from evopem.models.state_space import Form, StateSpaceModel
@@ -192,11 +192,5 @@ def _completed(
     plant = estimate.model
     if plant.form != "output_error":
         return ChosenModel(estimate, plant)
-    noise = noise_model(
-        plant,
-        estimation.input_records,
-        estimation.output_records,
-        noise_orders(estimation),
-        settings,
-    )
+    noise = noise_beside(plant, estimation, settings)
     return ChosenModel(estimate, plant if noise is None else side_by_side(plant, noise))

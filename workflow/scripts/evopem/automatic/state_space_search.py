@@ -156,16 +156,31 @@ def estimate_box_jenkins(
     ValueError
         When the record is too short, or the descent finds no stable model.
     """
-    noise = noise_model(
+    noise = noise_beside(plant, estimation, settings)
+    start = replace(plant, form="innovations", covariance=None)
+    beside = start if noise is None else side_by_side(plant, noise)
+    return descended(beside, estimation, delays, settings)
+
+
+def noise_beside(
+    plant: StateSpaceModel, estimation: MultichannelRecording, settings: StateSpaceSettings
+) -> StateSpaceModel | None:
+    """The model of what a plant leaves of the estimation samples; None where that is white.
+
+    Parameters
+    ----------
+    plant : StateSpaceModel
+        Of output-error form.
+    estimation : MultichannelRecording
+    settings : StateSpaceSettings
+    """
+    return noise_model(
         plant,
         estimation.input_records,
         estimation.output_records,
         noise_orders(estimation),
         settings,
     )
-    start = replace(plant, form="innovations", covariance=None)
-    beside = start if noise is None else side_by_side(plant, noise)
-    return descended(beside, estimation, delays, settings)
 
 
 def descended(

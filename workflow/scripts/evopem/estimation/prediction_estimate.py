@@ -83,22 +83,9 @@ def prediction_estimate(task: EstimationTask, horizon: int) -> tuple[PolynomialE
             "the weight of the priors is not known: the residuals have no density at 0"
         )
     weight = prior_weight_of(scaled, deviation) if priors.terms else 0.0
-    bounded = parameters.coordinates(free.point)
-    nearest = parameters.point(bounded)[0]
-    active, tangent = parameters.active(parameters.unbounded(bounded, 0.0))
-    met = not priors.terms and _meets(parameters, bounded, free.point, nearest)
-    if met:
-        found = free
-    else:
-        wide = with_plant_radius(scaled, UNBOUNDED_RADIUS)
-        constrained = ConstrainedErrors(errors_ahead(wide, horizon), parameters, priors, weight)
-        starts = _starts(task, problem, constrained, free.point)
-        found = multistart(constrained, starts, max(free.value, 1e-300))
-        z = parameters.snapped(found.point)
-        if not constrained.values(z[None, :])[0] <= found.value * (1.0 + 1e-6):
-            z = found.point
-        active, tangent = parameters.active(z)
-        found = replace(found, point=parameters.point(parameters.bounded(z)[0])[0])
+    found, active, tangent = _constrained_optimum(
+        *(task, problem, horizon, free, parameters, priors, weight)
+    )
     prior_rows = priors.deviations(found.point)[1]
     covariance = _covariance(scaled, k_errors, found.point, tangent, prior_rows, horizon)
     objective, without = (
@@ -109,7 +96,7 @@ def prediction_estimate(task: EstimationTask, horizon: int) -> tuple[PolynomialE
     result = describe(task.errors, unscaled, task.sampling_rate)
     coefficients = task.orders.parameters
     covariance = covariance and coefficient_covariance(covariance, scales, coefficients)
-    if met and not active and horizon == 1:
+    if found is free and not active and horizon == 1:
         covariance = result.model.covariance
     estimate = replace(
         result,
@@ -118,6 +105,34 @@ def prediction_estimate(task: EstimationTask, horizon: int) -> tuple[PolynomialE
         constraints=ConstraintEffect(objective, without, (*equalities(task.constraints), *active)),
     )
     return estimate, Fitted(k_errors.jacobian(found.point), tangent, prior_rows)
+
+
+def _constrained_optimum(
+    task: EstimationTask,
+    problem: PolynomialProblem,
+    horizon: int,
+    free: SearchResult,
+    parameters: ConstrainedParameters,
+    priors: Priors,
+    weight: float,
+) -> tuple[SearchResult, tuple[str, ...], Array]:
+    """The optimum under constraints and priors, what is active there, and its free directions.
+
+    The unconstrained optimum itself where it meets all constraints and there are no priors.
+    """
+    bounded = parameters.coordinates(free.point)
+    nearest = parameters.point(bounded)[0]
+    if not priors.terms and _meets(parameters, bounded, free.point, nearest):
+        return free, *parameters.active(parameters.unbounded(bounded, 0.0))
+    wide = with_plant_radius(problem.errors, UNBOUNDED_RADIUS)
+    constrained = ConstrainedErrors(errors_ahead(wide, horizon), parameters, priors, weight)
+    starts = _starts(task, problem, constrained, free.point)
+    found = multistart(constrained, starts, max(free.value, 1e-300))
+    z = parameters.snapped(found.point)
+    if not constrained.values(z[None, :])[0] <= found.value * (1.0 + 1e-6):
+        z = found.point
+    point = parameters.point(parameters.bounded(z)[0])[0]
+    return replace(found, point=point), *parameters.active(z)
 
 
 def _unconstrained(

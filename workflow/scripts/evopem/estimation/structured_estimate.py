@@ -54,7 +54,7 @@ def estimate(
     sampling_rate : float
         Hz.
     structure : str
-        A key of :data:`evopem.models.structures.STRUCTURES`: ``fir``, ``arx``, ``arma``,
+        A key of :data:`evopem.config.structures.STRUCTURES`: ``fir``, ``arx``, ``arma``,
         ``armax``, ``ararx``, ``ararmax``, ``oe``, ``bj`` or ``general``.
     settings : SearchSettings, optional
     window : ScoringWindow, optional

@@ -289,24 +289,9 @@ def _check_fixed_pole(
             "give real, or frequency_hz and damping_ratio",
         )
     if pole.real is not None:
-        radius, damping, frequency = abs(pole.real), 1.0, None
-        if not math.isfinite(pole.real):
-            raise _refused(key, f"{pole.real} is not a finite number", "give a number")
-        if pole.real <= 0.0 and constraints.real_poles == "positive":
-            raise _refused(key, "real poles must be positive", "leave out one of the two")
-        if constraints.real_poles == "none":
-            raise _refused(key, "real poles are forbidden", "leave out one of the two")
+        radius = _radius_of_real_pole(pole.real, key, constraints)
     else:
-        frequency, damping = pole.frequency_hz or 0.0, pole.damping_ratio or 0.0
-        turn = 2.0 * math.pi * frequency / sampling_rate
-        if not (0.0 <= damping < 1.0 and 0.0 < turn * math.sqrt(1.0 - damping**2) < math.pi):
-            raise _refused(
-                key,
-                f"{frequency} Hz with a damping ratio of {damping} is no mode below half the "
-                f"sampling rate, {sampling_rate / 2.0} Hz",
-                "give a frequency in Hz and a damping ratio from 0 to below 1",
-            )
-        radius = math.exp(-turn * damping)
+        radius = _radius_of_pair(pole, key, sampling_rate)
     if orders.nf and radius > 1.0:
         raise _refused(
             key,
@@ -318,19 +303,47 @@ def _check_fixed_pole(
         raise _refused(
             key, f"its radius {radius:.6g} exceeds max_pole_radius {limit}", "change one of the two"
         )
+    if pair:
+        _check_pair(pole.frequency_hz or 0.0, pole.damping_ratio or 0.0, key, constraints)
+
+
+def _radius_of_real_pole(pole: float, key: str, constraints: Constraints) -> float:
+    if not math.isfinite(pole):
+        raise _refused(key, f"{pole} is not a finite number", "give a number")
+    if pole <= 0.0 and constraints.real_poles == "positive":
+        raise _refused(key, "real poles must be positive", "leave out one of the two")
+    if constraints.real_poles == "none":
+        raise _refused(key, "real poles are forbidden", "leave out one of the two")
+    return abs(pole)
+
+
+def _radius_of_pair(pole: FixedPole, key: str, sampling_rate: float) -> float:
+    frequency, damping = pole.frequency_hz or 0.0, pole.damping_ratio or 0.0
+    turn = 2.0 * math.pi * frequency / sampling_rate
+    if not (0.0 <= damping < 1.0 and 0.0 < turn * math.sqrt(1.0 - damping**2) < math.pi):
+        raise _refused(
+            key,
+            f"{frequency} Hz with a damping ratio of {damping} is no mode below half the "
+            f"sampling rate, {sampling_rate / 2.0} Hz",
+            "give a frequency in Hz and a damping ratio from 0 to below 1",
+        )
+    return math.exp(-turn * damping)
+
+
+def _check_pair(frequency: float, damping: float, key: str, constraints: Constraints) -> None:
+    """Refuse a pair of poles that the constraints of modes forbid."""
     least = constraints.min_damping_ratio
-    if least is not None and frequency is not None and damping < least:
+    if least is not None and damping < least:
         raise _refused(
             key,
             f"its damping ratio {damping} is below min_damping_ratio {least}",
             "change one of the two",
         )
-    if frequency is not None:
-        band = constraints.frequency_band
-        if band is not None and not band[0] <= frequency <= band[1]:
-            raise _refused(key, "it lies outside frequency_band", "change one of the two")
-        if any(lower < frequency < upper for lower, upper in constraints.forbidden_bands):
-            raise _refused(key, "it lies in a forbidden band", "change one of the two")
+    band = constraints.frequency_band
+    if band is not None and not band[0] <= frequency <= band[1]:
+        raise _refused(key, "it lies outside frequency_band", "change one of the two")
+    if any(lower < frequency < upper for lower, upper in constraints.forbidden_bands):
+        raise _refused(key, "it lies in a forbidden band", "change one of the two")
 
 
 def _check_prior(

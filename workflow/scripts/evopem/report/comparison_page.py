@@ -68,7 +68,6 @@ def build_comparison(
         environment(template_directory)
         .get_template("comparison.html.j2")
         .render(
-            comparison=comparison,
             rows=list(zip(comparison.labels, comparison.results, strict=True)),
             verdicts={
                 label: verdict(results).sentence

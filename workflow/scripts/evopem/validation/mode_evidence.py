@@ -84,13 +84,6 @@ class ModeEvidence:
     stable: bool | None
 
     @property
-    def coherent(self) -> bool | None:
-        """Whether the coherence at the mode's frequency is significant; None when not known."""
-        if math.isnan(self.coherence) or math.isnan(self.coherence_limit):
-            return None
-        return self.coherence > self.coherence_limit
-
-    @property
     def has_input(self) -> bool:
         """Whether the model of the mode has an input."""
         return self.input_test.samples > 0

@@ -70,7 +70,7 @@ def reduced_orders(
     Parameters
     ----------
     inputs, output
-        As of :func:`estimate_multi_input`.
+        As of :func:`.estimate_multi_input`.
     orders : MultiInputOrders
     settings : SearchSettings, optional
     limits : OrderLimits, optional
