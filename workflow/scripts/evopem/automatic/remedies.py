@@ -166,12 +166,14 @@ def _statement(
             )
             + "."
         )
+    if not tried:
+        return f"“{check}” failed, and no remedy for it was tried."
     causes = CAUSES
     if scorer.plan.repetition.independent < 1.0:
         causes = CAUSES | {WHITE: REPEATED, INDEPENDENT_OF_INPUT: REPEATED}
-    return f"“{check}” held for none of the {len(tried)} models that were tried" + (
-        f": {causes[check]}." if check in causes else "."
-    )
+    models = f"any of the {len(tried)} models that were" if len(tried) > 1 else "the one that was"
+    because = f": {causes[check]}" if check in causes else ""
+    return f"“{check}” did not hold for {models} tried{because}."
 
 
 def _trial(

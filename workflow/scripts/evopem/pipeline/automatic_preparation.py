@@ -149,6 +149,9 @@ def _without_trend(
     rate = settings.resample or recording.sampling_rate
     slopes = plan.input_trend * rate, plan.output_trend * rate  # per second
     times = np.arange(recording.samples) / recording.sampling_rate
+    # Where they are divided may depend on where the input rests, which a slope hides.
+    own = prepare_recordings(recording, settings, None, place).transforms.estimation_samples
+    settings = replace(settings, split=replace(settings.split, estimation=own))
     level = replace(
         recording,
         input=recording.input - slopes[0] * times,

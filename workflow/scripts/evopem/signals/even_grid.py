@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.errors import InputError
-from evopem.signals.timestamps import elapsed
+from evopem.signals.coarse_clock import CoarseClock
+from evopem.signals.timestamps import clock_of_uneven, elapsed, refuse_same_times
 
 LONGEST_GAP = 20
 """Steps between two stamps that are interpolated at most."""
@@ -35,11 +36,14 @@ class Unevenness:
         Largest distance of two neighbouring stamps, in steps.
     largest_shift : float
         Largest distance of a stamp from the nearest sample, in steps.
+    tick : float
+        Resolution of a coarse clock whose stamps are otherwise even, in steps; 0.0 for others.
     """
 
     in_gaps: int
     longest_gap: float
     largest_shift: float
+    tick: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +75,29 @@ class EvenGrid:
         return np.interp(np.arange(self.samples), self.stamps, values)
 
 
+def coarseness(stamps: NDArray[Values], source: str, name: str) -> Unevenness | None:
+    """How uneven a coarse clock makes the stamps of even samples; None for other stamps.
+
+    Parameters
+    ----------
+    stamps, source, name
+        As of :func:`even_grid`.
+
+    Raises
+    ------
+    InputError
+        When the stamps are too few or not finite.
+    """
+    times = elapsed(stamps, source, name)
+    clock = clock_of_uneven(times)
+    return None if clock is None else _of_clock(clock, times)
+
+
+def _of_clock(clock: CoarseClock, times: NDArray[np.float64]) -> Unevenness:
+    tick = clock.tick / clock.step
+    return Unevenness(0, float(np.diff(times).max()) / clock.step, tick, tick)
+
+
 def even_grid(stamps: NDArray[Values], source: str, name: str) -> EvenGrid:
     """The grid of the usual step of time stamps, some of which may be late or missing.
 
@@ -90,16 +117,12 @@ def even_grid(stamps: NDArray[Values], source: str, name: str) -> EvenGrid:
     steps = np.diff(times)
     usual = float(np.median(steps))
     place = f'time "{name}"'
+    clock = clock_of_uneven(times)
+    if clock is not None:
+        even = np.arange(times.size, dtype=np.float64)
+        return EvenGrid(clock.step, times.size, _of_clock(clock, times), even)
     if steps.min() <= CLOSEST * usual:
-        at = int(np.argmax(steps <= CLOSEST * usual)) + 2
-        raise InputError(
-            *(
-                source,
-                "the time does not increase",
-                "remove rows whose time is not later than the one before",
-            ),
-            f"{place}, sample {at}",
-        )
+        refuse_same_times(times, CLOSEST * usual, source, place)
     # The median of a few irregular steps is not exact enough to divide the whole time by.
     total = max(int(np.round(steps / usual).sum()), 1)
     step = float(times[-1]) / total

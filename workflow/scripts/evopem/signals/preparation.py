@@ -25,6 +25,7 @@ from evopem.signals.recording import (
 )
 from evopem.signals.resampling import resample_recording
 from evopem.signals.sections import (
+    before_last_change,
     check_differences,
     discarded,
     estimation_range,
@@ -253,7 +254,9 @@ def prepare(
     ]
     check_recording(centred[0], prepared_samples(f"{key}estimation", recorded, 0))
     held_out = len(records) - 1
-    check_recording(centred[1], prepared_samples(f"{key}validation", recorded, held_out))
+    check_recording(
+        centred[1], prepared_samples(f"{key}validation", recorded, held_out), constant_input=True
+    )
     return PreparedData(
         estimation=centred[0],
         validation=centred[1],
@@ -288,6 +291,8 @@ def _ranges(
     """
     own = len(records) == 1
     start, stop = estimation_range(records[0].samples - lost, split, own, key)
+    if own and split.estimation == SplitSettings().estimation:
+        stop = before_last_change(records[0].input[lost:], start, stop)
     begin = stop + lost if own else lost + discarded(records[1].samples - lost, split, key)
     return (start + lost, stop + lost), (begin, records[-1].samples)
 

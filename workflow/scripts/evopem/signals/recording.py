@@ -132,7 +132,9 @@ def without_input(
     )
 
 
-def check_recording(recording: Recording, source: str = "recording") -> None:
+def check_recording(
+    recording: Recording, source: str = "recording", constant_input: bool = False
+) -> None:
     """Refuse a recording from which no model can be identified.
 
     Parameters
@@ -141,6 +143,9 @@ def check_recording(recording: Recording, source: str = "recording") -> None:
         The recording to check.
     source : str
         The file or configuration key that an error names.
+    constant_input : bool
+        Whether the input may rest: after a step or a blow a model can still be validated by its
+        free response.
 
     Raises
     ------
@@ -172,7 +177,7 @@ def check_recording(recording: Recording, source: str = "recording") -> None:
             f"give a longer recording, of at least {MINIMUM_SAMPLES} samples",
         )
     for channel, values in signals.items():
-        _check_signal(values, source, channel)
+        _check_signal(values, source, channel, constant_input and values is recording.input)
     if not (np.isfinite(recording.sampling_rate) and recording.sampling_rate > 0):
         raise InputError(
             source,
@@ -181,7 +186,9 @@ def check_recording(recording: Recording, source: str = "recording") -> None:
         )
 
 
-def _check_signal(values: NDArray[np.float64], source: str, channel: str) -> None:
+def _check_signal(
+    values: NDArray[np.float64], source: str, channel: str, may_be_constant: bool = False
+) -> None:
     """Refuse samples that are not finite, never change, or cannot be squared."""
     finite = np.isfinite(values)
     if not finite.all():
@@ -193,6 +200,8 @@ def _check_signal(values: NDArray[np.float64], source: str, channel: str) -> Non
             f"{channel}, sample {first + 1}",
         )
     if np.ptp(values) == 0.0:
+        if may_be_constant:
+            return
         raise InputError(
             source,
             f"every sample is {values[0]:g}, so there is nothing to identify",

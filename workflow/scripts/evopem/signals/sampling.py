@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from evopem.config.settings import UnevenTime
 from evopem.errors import InputError
-from evopem.signals.even_grid import Unevenness, even_grid
+from evopem.signals.even_grid import Unevenness, coarseness, even_grid
 from evopem.signals.measured_files import channel_names
 from evopem.signals.readers.channels import Channel
 from evopem.signals.timestamps import names_time, sampling_rate_of
@@ -24,7 +24,7 @@ class Sampled(NamedTuple):
     rate : float
         Hz.
     unevenness : Unevenness, optional
-        Of the time stamps, where the signals were brought to an even grid.
+        Of the time stamps, where the signals were brought to an even grid or the clock is coarse.
     """
 
     signals: dict[str, NDArray[np.float64]]
@@ -61,7 +61,10 @@ def sampled(
         When the rate is unknown or contradicted by the time stamps, or these are too uneven.
     """
     if uneven_time == "refuse":
-        return Sampled(signals, _sampling_rate(channels, stated_rate, time_unit, source), None)
+        rate = _sampling_rate(channels, stated_rate, time_unit, source)
+        time = channels.get("time")
+        found = None if time is None else coarseness(time.values, source, time.name)
+        return Sampled(signals, rate, found)
     if "time" not in channels:
         raise InputError(
             source,

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from evopem.config.settings import SplitSettings, TransformSettings
 from evopem.errors import InputError
@@ -71,6 +72,29 @@ def estimation_range(
             "ask for fewer samples or name a validation_file",
         )
     return first, first + samples
+
+
+def before_last_change(signal: NDArray[np.float64], first: int, stop: int) -> int:
+    """Where the validation samples begin when the built-in share is to test the input's response.
+
+    That is `stop`, unless the input rests from there on. Then it is the last sample before the
+    input's last change, where that leaves at least half of the samples for estimation and the input
+    changes among them: of a sequence of steps the last one is held out. After a single step or blow
+    it stays `stop`.
+
+    Parameters
+    ----------
+    signal : (N,) array
+        The input.
+    first, stop : int
+        First estimation sample and the one after the last, by the built-in share.
+    """
+    if np.ptp(signal[stop:]) > 0.0:
+        return stop
+    changes = first + np.flatnonzero(np.diff(signal[first : stop + 1]))
+    if changes.size < 2 or 2 * (changes[-1] - first) < signal.size - first:
+        return stop
+    return int(changes[-1])
 
 
 def discarded(available: int, split: SplitSettings, source: str) -> int:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.errors import InputError
+from evopem.signals.coarse_clock import CoarseClock, coarse_clock
 
 STEP_TOLERANCE = 0.1
 """A step may differ from the median step by this share of it."""
@@ -80,7 +81,8 @@ def sampling_rate_of(
 
     The stamps must increase. Each step must be within 10 % of the median step, and each stamp
     within half a step, or 0.1 % of the record, of the uniform grid from the first stamp to the
-    last.
+    last. Or they are those of even times but for the ticks of a coarse clock
+    (:func:`.coarse_clock`), which neighbouring samples may share.
 
     Parameters
     ----------
@@ -112,19 +114,23 @@ def sampling_rate_of(
             place,
         )
     ticks = _ticks(stamps, source, place)
+    tolerance = RATE_TOLERANCE
     if step is None:
-        step = _uniform_step(_from_first(ticks), source, place)
+        clock = clock_of_uneven(_from_first(ticks))
+        step = clock.step if clock else _uniform_step(_from_first(ticks), source, place)
+        tolerance = max(tolerance, clock.relative_error) if clock else tolerance
     if stamps.dtype.kind in "Mm":
         scale = TIME_UNITS["ns"]
     elif time_unit is not None:
         scale = TIME_UNITS[time_unit]
     else:
         stated = _stated_unit(name, unit, source, place)
-        scale = TIME_UNITS[stated] if stated else _scale(ticks, step, stated_rate, source, place)
+        unstated = ticks, step, stated_rate, tolerance
+        scale = TIME_UNITS[stated] if stated else _scale(*unstated, source, place)
     rate = float(f"{1.0 / (step * scale):.9g}")
     if stated_rate is None:
         return rate
-    if abs(rate / stated_rate - 1.0) > RATE_TOLERANCE:
+    if abs(rate / stated_rate - 1.0) > tolerance:
         raise InputError(
             source,
             f"the time stamps give {rate:g} Hz and the stated sampling rate is {stated_rate:g} Hz",
@@ -204,11 +210,60 @@ def _ticks(stamps: NDArray, source: str, place: str) -> NDArray:
     return ticks
 
 
+def clock_of_uneven(times: NDArray[np.float64]) -> CoarseClock | None:
+    """The coarse clock of times whose steps are not uniform; None for uniform steps, or none such.
+
+    Parameters
+    ----------
+    times : (N,) array
+        From the first stamp on.
+    """
+    steps = np.diff(times)
+    usual = float(np.median(steps))
+    uniform = np.abs(steps - usual) <= STEP_TOLERANCE * usual
+    return None if usual > 0.0 and uniform.all() else coarse_clock(times)
+
+
+def refuse_same_times(
+    times: NDArray[np.float64], closest: float, source: str, place: str
+) -> NoReturn:
+    """Refuse times that do not increase, and name the first two samples and how many there are.
+
+    Parameters
+    ----------
+    times : (N,) array
+    closest : float
+        Two times closer than this are the same.
+    source, place : str
+
+    Raises
+    ------
+    InputError
+    """
+    steps = np.diff(times)
+    found = np.flatnonzero(steps <= closest) + 1
+    first = int(found[0])
+    back = -float(steps[first - 1])
+    problem = "the time does not increase: it is "
+    problem += (
+        f"{back:g} before that of sample {first}" if back > closest else f"that of sample {first}"
+    )
+    if found.size > 1:
+        problem += f", and there are {found.size - 1} more such samples"
+    raise InputError(
+        source,
+        problem,
+        "remove rows whose time is not later than the one before; if only the clock is too coarse,"
+        " leave time out and state sampling_rate",
+        f"{place}, sample {first + 1}",
+    )
+
+
 def _uniform_step(times: NDArray[np.float64], source: str, place: str) -> float:
     """The mean step of uniform times that begin at 0."""
     steps = np.diff(times)
     if steps.min() <= 0.0:
-        _refuse(source, place, int(np.argmax(steps <= 0.0)) + 1, "the time does not increase")
+        refuse_same_times(times, 0.0, source, place)
     usual = float(np.median(steps))
     uneven = np.abs(steps - usual) > STEP_TOLERANCE * usual
     if uneven.any():
@@ -301,14 +356,19 @@ def _unit_in_name(name: str) -> str:
 
 
 def _scale(
-    ticks: NDArray, step: float, stated_rate: float | None, source: str, place: str
+    ticks: NDArray,
+    step: float,
+    stated_rate: float | None,
+    tolerance: float,
+    source: str,
+    place: str,
 ) -> float:
     """Seconds in the unit of stamps for which the file states none."""
     if not np.array_equal(ticks, np.round(ticks)):
         return 1.0
     if stated_rate is not None:
         for scale in TIME_UNITS.values():
-            if abs(1.0 / (step * scale * stated_rate) - 1.0) <= RATE_TOLERANCE:
+            if abs(1.0 / (step * scale * stated_rate) - 1.0) <= tolerance:
                 return scale
         return 1.0
     if float(ticks[0]) >= _LARGEST_UPTIME:

@@ -38,7 +38,7 @@ class HeldOutTest:
         Student's t of the coefficient.
     p_value : float
         Of the statistic, for coefficients above 0.  NaN where no test is possible: fewer than
-        :data:`FEWEST_SAMPLES` samples, or a part that contributes nothing.
+        :data:`FEWEST_SAMPLES` samples, a part that contributes nothing, or an input that rests.
     samples : int
         Number of held-out samples.
     """
@@ -77,8 +77,11 @@ def input_significance(
     first : int
         First held-out sample.
     """
-    simulated = model.simulate(input)[first:]
     held_out = np.asarray(output, dtype=float)[first:]
+    if not np.ptp(np.asarray(input)[first:]) > 0.0:
+        # What is simulated is then a free response alone.
+        return HeldOutTest(math.nan, math.nan, math.nan, held_out.size)
+    simulated = model.simulate(input)[first:]
     return contribution_test(
         held_out, simulated, free_responses(model.plant_denominator, len(held_out))
     )

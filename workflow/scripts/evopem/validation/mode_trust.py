@@ -11,6 +11,8 @@ from evopem.models.state_space_modes import ShapedMode
 STRONG_DAMPING = 0.5
 # Largest half width of the 95 % interval of a frequency, relative to the frequency.
 WIDEST_INTERVAL = 0.1
+# Decay in a sample, relative to the amplitude, that no record of usual length shows.
+NO_DECAY = 1e-6
 # Level of the test that tells two poles apart, and smallest assurance (MAC) that a known shape is
 # expected to have with the true one: that of well correlated shapes (Ewins 2000).
 POLES_APART, KNOWN_SHAPE = 0.01, 0.9
@@ -80,7 +82,7 @@ def doubts(evidence: Evidence, sampling_rate: float) -> list[str]:
     mode, found = evidence.mode, []
     if mode.damping_ratio > STRONG_DAMPING or mode.frequency_hz > sampling_rate / 2:
         found.append("decays too fast to be a resonance")
-    if mode.damping_ratio <= 0:
+    if 2.0 * math.pi * mode.damping_ratio * mode.frequency_hz <= NO_DECAY * sampling_rate:
         found.append("does not decay")
     if evidence.origin == "neither":
         found.append(
@@ -91,7 +93,8 @@ def doubts(evidence: Evidence, sampling_rate: float) -> list[str]:
     elif evidence.origin == "not judged":
         found.append("could not be tested on validation samples")
     if evidence.stable is False:
-        found.append(f"was found at only {100 * evidence.recurrence:.0f} % of the orders compared")
+        share = f"only {100 * evidence.recurrence:.0f} %" if evidence.recurrence else "none"
+        found.append(f"was found at {share} of the orders compared")
     half_width = 1.96 * mode.frequency_se_hz
     if not math.isfinite(half_width):
         found.append("has no known standard error")

@@ -50,7 +50,18 @@ def sampling_rate_told(time: int | str) -> str:
 
 
 def uneven_stamps(times: Sequence[Unevenness]) -> list[str]:
-    """How far the stamps were from the even grid that the signals were brought to."""
+    """How far the stamps were from even ones, and what that means for the signals."""
+    ticks = [each.tick for each in times if each.tick]
+    coarse = [
+        f"The clock of the time stamps is coarse: a tick lasts {number(tick, 3)} samples. But for"
+        " that the times are even, and the samples are used as they are."
+        for tick in sorted(ticks)[-1:]
+    ]
+    return coarse + _interpolated([each for each in times if not each.tick])
+
+
+def _interpolated(times: Sequence[Unevenness]) -> list[str]:
+    """How far stamps were from the even times that the signals were brought to."""
     if not times:
         return []
     missing = sum(each.in_gaps for each in times)

@@ -12,6 +12,7 @@ from evopem.figures.frequency_domain import plant_or_noise_filter
 from evopem.report.numbers import THIN, count, enumeration, is_number, number, percent, plural
 from evopem.results.dataset import DatasetResults
 from evopem.validation.checks import Check
+from evopem.validation.checks.excitation import RESTING, input_rests
 from evopem.validation.checks.residuals import WITHOUT_NOISE_MODEL, white
 
 Answer = Literal["good", "care", "no"]
@@ -154,6 +155,11 @@ def answer_by_error(error: float) -> Answer:
 
 def _simulation(results: DatasetResults, outcome: Mapping[str, Check]) -> Use:
     validation, transforms = results.validation, results.model.transforms
+    name = "simulation from the input"
+    if transforms.changes_output:
+        name = "simulation of the transformed output"
+    if input_rests(validation):
+        return Use(name, "no", f"not tested: {RESTING}")
     answer, against = _by_checks("simulation", outcome)
     error = validation.simulation_error_percent
     reason = (
@@ -162,9 +168,6 @@ def _simulation(results: DatasetResults, outcome: Mapping[str, Check]) -> Use:
         if is_number(error)
         else "the error is not known"
     )
-    name = "simulation from the input"
-    if transforms.changes_output:
-        name = "simulation of the transformed output"
     return Use(name, worse(answer, answer_by_error(error)), joined(reason, against))
 
 
@@ -173,18 +176,15 @@ def _simulation_as_recorded(results: DatasetResults, outcome: Mapping[str, Check
     if not results.model.transforms.changes_output:
         return []
     recorded = results.validation.recorded
+    name = "simulation of the output as recorded"
+    if input_rests(results.validation):
+        return [Use(name, "no", f"not tested: {RESTING}")]
     answer, against = _by_checks("simulation", outcome)
     error = recorded.simulation_error_percent
     reason = f"off by {percent(error)}" if is_number(error) else "the error is not known"
     if recorded.integrations and answer_by_error(error) != "good":
         reason += ", because undoing the differences sums up the error"
-    return [
-        Use(
-            "simulation of the output as recorded",
-            worse(answer, answer_by_error(error)),
-            joined(reason, against),
-        )
-    ]
+    return [Use(name, worse(answer, answer_by_error(error)), joined(reason, against))]
 
 
 def _prediction(results: DatasetResults, outcome: Mapping[str, Check]) -> Use:
@@ -248,6 +248,14 @@ def _intervals(results: DatasetResults, outcome: Mapping[str, Check]) -> Use:
     if _without_noise_model(results) and white(results.validation) is not True:
         residuals = "the colour of the residuals is taken into account"
     reason = f"{residuals}, repeatable optimum" if answer == "good" else ""
+    errors = results.model.model.parameter_standard_errors()
+    known = 0 if errors is None else int(np.isfinite(errors).sum())
+    total = len(results.model.model.parameters)
+    if known == 0:
+        return Use("standard errors", "no", joined("no coefficient has one", against))
+    if known < total:
+        answer = worse(answer, "care")
+        reason = f"not known of {total - known} of {plural(total, 'coefficient')}"
     return Use("standard errors", answer, joined(reason, against))
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from evopem.validation.checks.check import SIGNIFICANCE, Check, p_text
+from evopem.validation.split_spectra import FEWEST_SAMPLES
 
 if TYPE_CHECKING:
     from evopem.estimation.model_record import ModelRecord
@@ -14,6 +15,11 @@ if TYPE_CHECKING:
 EXCITATION_ADEQUATE = "Excitation adequate"
 RESPONSE_SIGNIFICANT = "Response to the input significant"
 INPUT_COMPARABLE = "Validation input comparable"
+RESTING = "the input does not change in the validation samples"
+EXCITE_AGAIN = (
+    "Record a second step or blow, in the same file or as a “validation_file”: one event cannot be"
+    " fitted and tested as well."
+)
 
 
 def excitation(model: ModelRecord, validation: Validation) -> Check:
@@ -39,6 +45,8 @@ def response_to_input(validation: Validation) -> Check:
     name = RESPONSE_SIGNIFICANT
     test = validation.input_test
     passed = test.significant(SIGNIFICANCE)
+    if passed is None and input_rests(validation):
+        return Check(name, None, f"Not tested: {RESTING}.", EXCITE_AGAIN)
     if passed is None:
         return Check(
             name,
@@ -59,16 +67,28 @@ def response_to_input(validation: Validation) -> Check:
     )
 
 
+def input_rests(validation: Validation) -> bool:
+    """Whether the input does not change in validation samples that are enough to tell."""
+    return validation.samples >= FEWEST_SAMPLES and validation.split.comparable is None
+
+
 def comparable_split(validation: Validation) -> Check:
     """The validation input has power only where the estimation input has power as well."""
     name = INPUT_COMPARABLE
     split = validation.split
+    if input_rests(validation):
+        return Check(
+            name,
+            None,
+            f"{RESTING[0].upper()}{RESTING[1:]}. The simulation error there is that of the free"
+            " response.",
+            EXCITE_AGAIN,
+        )
     if split.comparable is None:
         return Check(
             name,
             None,
-            "The spectra of the input in the two parts could not be compared: a part is too short"
-            " or constant.",
+            "The spectra of the input in the two parts could not be compared: a part is too short.",
             "Leave more samples to validation.",
         )
     bands = ", ".join(f"{low:.3g} to {high:.3g} Hz" for low, high in split.bands_hz[:4])
