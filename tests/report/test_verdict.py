@@ -130,6 +130,39 @@ def test_an_untransformed_output_has_one_simulation(results):
     ]
 
 
+def test_an_input_that_rests_tests_no_simulation(results):
+    split = replace(results.validation.split, comparable=None)
+    resting = with_validation(results, split=split, input_test=NO_TEST)
+    uses = {use.name: use for use in verdict(resting).uses}
+    for name in ("simulation of the transformed output", "simulation of the output as recorded"):
+        assert uses[name].answer == "no"
+        assert uses[name].reason.startswith("not tested: the input does not change")
+    outcome = {check.name: check for check in resting.checks}
+    for name in ("Response to the input significant", "Validation input comparable"):
+        assert outcome[name].passed is None
+        assert "the input does not change" in outcome[name].statement.lower()
+        assert "second step or blow" in outcome[name].advice
+
+
+def test_standard_errors_that_are_not_known_are_not_good(results, monkeypatch):
+    with_checks(monkeypatch, results)
+    assert answers(verdict(results))["standard errors"] == "good"
+    one = results.model.parameter_standard_errors.copy()
+    one[0] = np.inf
+    for errors, answer, reason in (
+        (None, "no", "no coefficient has one"),
+        (np.full_like(one, np.nan), "no", "no coefficient has one"),
+        (one, "care", f"not known of 1 of {one.size} coefficients"),
+    ):
+        record = replace(results.model, parameter_standard_errors=errors)
+        (use,) = [
+            each
+            for each in verdict(replace(results, model=record)).uses
+            if each.name == "standard errors"
+        ]
+        assert (use.answer, use.reason) == (answer, reason)
+
+
 def test_a_model_without_a_trusted_mode_says_so(results):
     found = verdict(with_validation(results, modes=()))
     assert answers(found)["modes"] == "no"
@@ -159,6 +192,7 @@ def test_reasons_to_doubt_a_mode(results):
     mode = trusted.mode
     assert of(mode=replace(mode, damping_ratio=0.7)) == ["decays too fast to be a resonance"]
     assert of(mode=replace(mode, damping_ratio=-0.01)) == ["does not decay"]
+    assert of(mode=replace(mode, damping_ratio=1e-9)) == ["does not decay"]
     assert of(mode=replace(mode, frequency_se_hz=np.nan)) == ["has no known standard error"]
     assert of(mode=replace(mode, frequency_se_hz=mode.frequency_hz)) == [
         "has a frequency known to no better than 10 %"
@@ -172,4 +206,5 @@ def test_reasons_to_doubt_a_mode(results):
     ]
     assert of(reached=None, needed_by_noise=None) == ["could not be tested on validation samples"]
     assert of(stable=False, recurrence=0.5) == ["was found at only 50 % of the orders compared"]
+    assert of(stable=False, recurrence=0.0) == ["was found at none of the orders compared"]
     assert of(stable=None) == []

@@ -128,6 +128,42 @@ def test_four_fifths_are_for_estimation_and_the_recording_stays_as_it_is():
     np.testing.assert_array_equal(recording.output, kept)
 
 
+def stepped(*changes: int) -> Recording:
+    """A recording whose input rises at some samples and rests between them."""
+    levels = np.searchsorted(changes, np.arange(400), side="right").astype(float)
+    return replace(record(), input=levels)
+
+
+@pytest.mark.parametrize(
+    ("changes", "split", "samples"),
+    [
+        ((50, 150, 250), {}, 249),  # the last step is held out
+        ((50, 150, 250), {"discard": 40}, 209),
+        ((50, 150, 330), {}, 320),  # the last fifth has a step
+        ((50, 150), {}, 320),  # too little would be left
+        ((250,), {}, 320),  # one step cannot be fitted and held out
+        ((50, 150, 250), {"estimation": 0.7}, 280),  # as it was asked for
+        ((50, 150, 250), {"estimation": 320}, 320),
+    ],
+)
+def test_the_last_change_of_an_input_that_rests_is_held_out(changes, split, samples):
+    recording = stepped(*changes)
+    prepared = prepare(recording, preparation(split=split))
+    assert prepared.contiguous
+    assert prepared.estimation.samples == samples
+    begin = samples + prepared.transforms.discard
+    validation = prepared.validation.input + prepared.transforms.input_mean
+    np.testing.assert_allclose(validation, recording.input[begin:], atol=1e-12)
+
+
+def test_an_input_that_rests_throughout_and_an_output_that_rests_are_refused():
+    with pytest.raises(InputError, match=r"estimation .* so there is nothing to identify"):
+        prepare(stepped(350), preparation())
+    recording = replace(stepped(50), output=np.append(record().output[:320], np.ones(80)))
+    with pytest.raises(InputError, match=r"validation .* so there is nothing to identify"):
+        prepare(recording, preparation())
+
+
 def test_box_cox_parameter_does_not_see_the_validation_samples():
     recording = record()
     changed = replace(recording, output=recording.output.copy())

@@ -248,7 +248,7 @@ def _intervals(results: DatasetResults, outcome: Mapping[str, Check]) -> Use:
     if _without_noise_model(results) and white(results.validation) is not True:
         residuals = "the colour of the residuals is taken into account"
     reason = f"{residuals}, repeatable optimum" if answer == "good" else ""
-    errors = results.model.model.parameter_standard_errors()
+    errors = results.model.parameter_standard_errors
     known = 0 if errors is None else int(np.isfinite(errors).sum())
     total = len(results.model.model.parameters)
     if known == 0:
