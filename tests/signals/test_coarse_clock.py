@@ -33,8 +33,8 @@ def test_the_rate_is_known_to_a_tick_over_the_record(step, phase, scale):
     """Ticks of 0.7 to 10 steps: most samples share a tick, or every other one skips one."""
     stamps = scale * stamped(step, 1.0, phase)
     clock = coarse_clock(stamps - stamps[0])
-    if clock is None:  # two lengths of steps, one of them rare: may be lost or repeated samples
-        assert abs(step - 1.0) < 0.11
+    if clock is None:  # steps of one length, or a rare one: it may be a lost or a repeated sample
+        assert abs(step - 1.0) < 0.12
         return
     assert clock.tick == pytest.approx(scale)
     assert abs(clock.step / (scale * step) - 1.0) <= clock.relative_error < 0.01

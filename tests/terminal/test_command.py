@@ -8,6 +8,7 @@ import sys
 import numpy as np
 import pytest
 import yaml
+from scipy.signal import lfilter
 
 import evopem
 from evopem.config.defaults import complete
@@ -178,3 +179,41 @@ def test_init_writes_a_configuration_that_is_accepted(folder, capsys):
     assert main(["init"]) == 1
     assert "exists already" in capsys.readouterr().err
     assert (folder / "config.yaml").read_text() == written
+
+
+def test_what_an_error_asks_for_is_an_option(folder, capsys):
+    """A clock in whole milliseconds, under a name that does not say so."""
+    table = np.loadtxt("data.csv", delimiter=",", skiprows=1)
+    table[:, 0] *= 1000
+    np.savetxt("data.csv", table, "%.10g", ";", header="stamp;u;y", comments="note\n")
+    given = ["data.csv", "--input", "u", "--output", "y", "--config", "small.yaml"]
+    for asked, sentence in (
+        (["--time", "stamp"], "set --time-unit to one of s, ms"),
+        ([], "give --rate in Hz"),
+    ):
+        ended = run(folder, *given, *asked)
+        assert ended.returncode == 1
+        assert sentence in ended.stderr
+    options = ["--time-unit", "ms", "--header-lines", "2", "--decimal-mark", "."]
+    assert main([*given, "--time", "stamp", *options]) == 0
+    assert "at 100 Hz" in capsys.readouterr().out
+    (channels,) = [read_settings("results/data/config.yaml").source.channels]
+    assert (channels.time_unit, channels.header_lines, channels.decimal_mark) == ("ms", 2, ".")
+
+
+def test_a_single_step_is_identified(folder, capsys):
+    """The input rests from the third second on, and thus in all samples that validate."""
+    table = np.loadtxt("data.csv", delimiter=",", skiprows=1)
+    table[:, 1] = table[:, 0] >= 2.0
+    noise = 0.01 * np.random.default_rng(2).standard_normal(len(table))
+    table[:, 2] = lfilter([0.1], [1.0, -1.8, 0.9], table[:, 1]) + noise
+    np.savetxt("data.csv", table, delimiter=",", header="time,u,y", comments="")
+    assert main([*RUN]) == 0
+    shown = capsys.readouterr().out
+    assert "not for simulation from the input" in shown.replace("\n", " ")
+    page = (folder / "results" / "data" / "report.html").read_text()
+    assert "not tested: the input does not change in the validation samples" in page
+    model = evopem.load(folder / "results" / "data" / "model.json")
+    frequency = min(model.modes(), key=lambda mode: mode.damping_ratio).frequency_hz
+    pole = np.log(np.roots([1.0, -1.8, 0.9])[0]) * 100
+    assert frequency == pytest.approx(abs(pole) / (2 * np.pi), rel=0.02)

@@ -51,13 +51,13 @@ def coarse_clock(times: NDArray[np.float64]) -> CoarseClock | None:
         From the first stamp on.
     """
     steps = np.diff(times)
-    longest = float(steps.max(initial=0.0))
-    if steps.size < 2 or steps.min() < 0.0 or longest <= 0.0:
+    shortest, longest = float(steps.min(initial=np.inf)), float(steps.max(initial=0.0))
+    if steps.size < 2 or shortest < 0.0 or shortest == longest:
         return None
-    long = steps > 0.5 * (float(steps.min()) + longest)
-    tick = float(np.median(steps[long]) - np.median(steps[~long])) if not long.all() else 0.0
-    spread = max(float(np.ptp(steps[long])), float(np.ptp(steps[~long]))) if tick > 0.0 else 0.0
-    if tick <= 0.0 or spread > SPREAD * tick:
+    long = steps > 0.5 * (shortest + longest)
+    tick = float(np.median(steps[long]) - np.median(steps[~long]))
+    spread = max(float(np.ptp(steps[long])), float(np.ptp(steps[~long])))
+    if spread > SPREAD * tick:
         return None
     usual, rare = float(np.median(steps)), min(int(long.sum()), int((~long).sum()))
     if 0.0 < usual < 2.0 * tick and rare < max(FEWEST, SMALLEST_SHARE * steps.size):

@@ -165,7 +165,7 @@ def _reader_of(path: Path) -> ModuleType:
     except (OSError, ValueError):
         # Also a name that is too long for the file system, or that holds a zero byte.
         raise InputError(
-            str(path), "there is no such file", "check the path in the configuration"
+            str(path), "there is no such file", "check the path"
         ) from None
     if not path.is_file():
         raise InputError(str(path), "is not a file", "give the path of one file")

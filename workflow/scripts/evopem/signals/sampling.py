@@ -128,6 +128,10 @@ def _sampling_rate(
 
 
 def _named_times(path: str) -> str:
-    """The first channel whose name says that it holds times, in words; empty where none does."""
-    named = [name for name in channel_names(path) if names_time(name)]
+    """The first channel whose name says that it holds times, in words; empty where none does.
+
+    LabVIEW's `X_Value` is mostly a time, which its name does not say.
+    """
+    names = channel_names(path)
+    named = [name for name in names if names_time(name)] or [n for n in names if n == "X_Value"]
     return f', such as "{named[0]}"' if named else ""

@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -34,6 +34,15 @@ from evopem.results.layout import DatasetFiles
 from evopem.version import __version__
 
 _INTERRUPTED = 130
+_OPTIONS = {
+    "uneven_time: interpolate": "--uneven-time interpolate",
+    'decimal_mark: ","': "--decimal-mark ,",
+    'decimal_mark: "."': "--decimal-mark .",
+    "sampling_rate": "--rate",
+    "time_unit": "--time-unit",
+    "header_lines": "--header-lines",
+}
+"""How the keys that a remedy names are given to this command."""
 _DESCRIPTION = """\
 Identify a dynamic system from a recording of its inputs and outputs: a model, natural frequencies
 and damping ratios with standard errors, and a report that says how far to trust them.
@@ -142,6 +151,14 @@ def _parser() -> argparse.ArgumentParser:
         choices=["interpolate"],
         help="bring signals whose times are not even to an even grid",
     )
+    parser.add_argument("--time-unit", metavar="UNIT", help="of times: s, ms, us, ns, min, h or d")
+    parser.add_argument(
+        "--header-lines",
+        type=int,
+        metavar="N",
+        help="of a text table: lines above the first sample",
+    )
+    parser.add_argument("--decimal-mark", choices=[".", ","], help="of a text table")
     parser.add_argument(
         "--results",
         default=RESULTS_FOLDER,
@@ -199,6 +216,18 @@ def _compare(given: Sequence[str]) -> int:
     return 0
 
 
+@contextmanager
+def _options_for_keys() -> Iterator[None]:
+    """What an error tells to do names options where it names keys of a configuration."""
+    try:
+        yield
+    except InputError as error:
+        remedy = error.remedy
+        for key, option in _OPTIONS.items():
+            remedy = remedy.replace(key, option)
+        raise InputError(error.source, error.problem, remedy, error.place) from None
+
+
 def _identify(arguments: argparse.Namespace) -> int:
     check_packages(FOR_REPORT, "evopem", "the validation and the report")
     check_environment(os.environ)
@@ -227,7 +256,8 @@ def _identify(arguments: argparse.Namespace) -> int:
                 logger.info(words)
                 progress.tell(words)
 
-            identify(with_report=True, log=log, announce=progress.announce)
+            with _options_for_keys():
+                identify(with_report=True, log=log, announce=progress.announce)
     finally:
         progress.close()
     show(dataset_text(files, files.report))
@@ -245,7 +275,9 @@ def _settings(arguments: argparse.Namespace) -> DatasetSettings | MultichannelDa
     }
     keys |= {} if arguments.rate is None else {"sampling_rate": arguments.rate}
     keys |= {} if arguments.time is None else {"time": arguments.time}
-    keys |= {} if arguments.uneven_time is None else {"uneven_time": arguments.uneven_time}
+    for key in ("uneven_time", "time_unit", "header_lines", "decimal_mark"):
+        given = getattr(arguments, key)
+        keys |= {} if given is None else {key: given}
     name = dataset_name(Path(arguments.file[0]))
     content: dict[str, Any] = {"datasets": {name: keys}}
     defaults = None if arguments.config is None else _defaults(arguments.config)
@@ -257,7 +289,8 @@ def _settings(arguments: argparse.Namespace) -> DatasetSettings | MultichannelDa
         key = error.place.removeprefix(f"datasets.{name}.")
         if key == error.place:
             raise
-        option = {"sampling_rate": "--rate", "file": "FILE"}.get(key, f"--{key}")
+        named = {"sampling_rate": "--rate", "file": "FILE"}
+        option = named.get(key, f"--{key.replace('_', '-')}")
         raise InputError(option, error.problem, error.remedy) from None
     return completed.datasets[name]
 
