@@ -137,11 +137,12 @@ def stepped(*changes: int) -> Recording:
 @pytest.mark.parametrize(
     ("changes", "split", "samples"),
     [
-        ((50, 150, 250), {}, 249),  # the last step is held out
-        ((50, 150, 250), {"discard": 40}, 209),
+        ((50, 150, 250), {}, 209),  # the last step is held out, with 40 samples before it
+        ((50, 150, 280), {"discard": 40}, 203),
         ((50, 150, 330), {}, 320),  # the last fifth has a step
         ((50, 150), {}, 320),  # too little would be left
-        ((250,), {}, 320),  # one step cannot be fitted and held out
+        ((260,), {}, 320),  # one step cannot be fitted and held out
+        ((250, 260), {}, 320),  # nor one pulse
         ((50, 150, 250), {"estimation": 0.7}, 280),  # as it was asked for
         ((50, 150, 250), {"estimation": 320}, 320),
     ],

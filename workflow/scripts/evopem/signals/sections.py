@@ -77,10 +77,10 @@ def estimation_range(
 def before_last_change(signal: NDArray[np.float64], first: int, stop: int) -> int:
     """Where the validation samples begin when the built-in share is to test the input's response.
 
-    That is `stop`, unless the input rests from there on. Then it is the last sample before the
-    input's last change, where that leaves at least half of the samples for estimation and the input
-    changes among them: of a sequence of steps the last one is held out. After a single step or blow
-    it stays `stop`.
+    That is `stop`, unless the input rests from there on. Then it is a tenth of the samples before
+    the input's last change, so that the state before it can be told from the response to it. At
+    least half of the samples have to remain for estimation, and the input has to change among them:
+    of a sequence of steps the last one is held out. After a single step or blow it stays `stop`.
 
     Parameters
     ----------
@@ -92,9 +92,11 @@ def before_last_change(signal: NDArray[np.float64], first: int, stop: int) -> in
     if np.ptp(signal[stop:]) > 0.0:
         return stop
     changes = first + np.flatnonzero(np.diff(signal[first : stop + 1]))
-    if changes.size < 2 or 2 * (changes[-1] - first) < signal.size - first:
+    available = signal.size - first
+    begin = int(changes[-1]) - available // 10 if changes.size else first
+    if 2 * (begin - first) < available or changes[0] + 1 >= begin:
         return stop
-    return int(changes[-1])
+    return begin
 
 
 def discarded(available: int, split: SplitSettings, source: str) -> int:
