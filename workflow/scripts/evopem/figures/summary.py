@@ -75,10 +75,10 @@ def simulated_or_predicted(simulation: pd.DataFrame) -> str:
     return "simulated" if simulation["simulated"].notna().any() else "predicted"
 
 
-def shown_samples(modes: Sequence[Mode], sampling_rate: float) -> int:
-    """Number of samples over which the simulation is shown."""
+def shown_samples(modes: Sequence[Mode], sampling_rate: float) -> int | None:
+    """Samples over which the simulation is shown; None for all, where nothing oscillates."""
     if not modes:
-        return MOST_SAMPLES // 2
+        return None
     lowest = max(min(mode.frequency_hz for mode in modes), sampling_rate / MOST_SAMPLES)
     return min(max(round(PERIODS * sampling_rate / lowest), FEWEST_SAMPLES), MOST_SAMPLES)
 
