@@ -197,14 +197,14 @@ def _phases(results: DatasetResults) -> Figure:
 REPORT_FIGURES = (
     ReportFigure(
         "measured_and_simulated",
-        "Validation samples from the first on, less the level of those of estimation. The simulation uses"
-        " the input alone.",
+        "Validation samples from the first on, less the level of the estimation samples. The"
+        " simulation uses the input alone.",
         (_FILES.simulation,),
         _measured_and_simulated,
         measured_and_simulated_table,
         panels.measured_and_simulated,
-        without_input="Validation samples from the first on, less the level of those of estimation. The"
-        " prediction knows the output before.",
+        without_input="Validation samples from the first on, less the level of the estimation"
+        " samples. The prediction knows the output before.",
     ),
     ReportFigure(
         "gain",

@@ -164,9 +164,7 @@ def _reader_of(path: Path) -> ModuleType:
         path.stat()
     except (OSError, ValueError):
         # Also a name that is too long for the file system, or that holds a zero byte.
-        raise InputError(
-            str(path), "there is no such file", "check the path"
-        ) from None
+        raise InputError(str(path), "there is no such file", "check the path") from None
     if not path.is_file():
         raise InputError(str(path), "is not a file", "give the path of one file")
     try:
