@@ -60,7 +60,8 @@ class RecordingInfo:
     time_told : int or str, optional
         The channel of time stamps of the first file, where it alone was told from the file.
     uneven_times : tuple of Unevenness
-        Of the stamps of each file, where signals were brought to an even grid or the clock is coarse.
+        Of the stamps of each file, where signals were brought to an even grid, or the clock is
+        coarse.
     """
 
     kind: Literal["file", "synthesis"]
