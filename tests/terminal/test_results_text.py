@@ -7,6 +7,7 @@ from evopem.report.results_text import results_text
 from evopem.report.sentences.about_verdict import verdict
 from evopem.results.fleet import IncompleteDataset, summarize
 from evopem.terminal.results_text import run_text
+from evopem.validation.checks import Check
 
 
 @pytest.fixture
@@ -35,6 +36,19 @@ def test_a_data_set_has_its_verdict_its_modes_and_its_failed_checks(identified):
     assert str(results.model.orders) in text
     assert text.endswith("report  results/bench/report.html")
     assert max(map(len, text.splitlines())) <= 100
+
+
+def test_what_a_failed_check_found_is_a_whole_sentence(identified, monkeypatch):
+    statements = {
+        "The input is of order 4; the model needs 22. More follows.": "The input is of order 4.",
+        "At the upper end: nf = 5; nf from 1 to 5 was tried": "At the upper end: nf = 5.",
+        "Poles at 0.5 and 0.6. They are close.": "Poles at 0.5 and 0.6.",
+    }
+    listed = [Check("Name", False, statement) for statement in statements]
+    monkeypatch.setattr(type(identified.results), "checks", property(lambda _: listed))
+    shown = results_text(identified.results).splitlines()
+    found = [line.removeprefix("  failed  Name: ") for line in shown if "failed" in line]
+    assert found == list(statements.values())
 
 
 def test_many_data_sets_have_a_line_each(summary):

@@ -364,7 +364,7 @@ FIVE_AGREE = {"restart_minima": (1.0,) * 5, "n_confirming": 4}
     ("changes", "passed", "statement"),
     [
         ({"restart_minima": (1.0,), "n_confirming": 0, "n_multistart": 0}, None, "one restart"),
-        ({"n_confirming": 0}, False, "Not certified: None of 2 other independent restarts"),
+        ({"n_confirming": 0}, False, "Not certified: none of 2 other independent restarts"),
         ({"undiscovered_probability": 0.0076}, False, "Not certified: 1 of 2 other independent"),
         ({"undiscovered_probability": 0.0075}, True, "Certified: 1 of 2 other independent"),
         ({"restart_minima": (1.0, 1.0)}, True, "1 of 1 other independent restart reached"),
@@ -372,7 +372,7 @@ FIVE_AGREE = {"restart_minima": (1.0,) * 5, "n_confirming": 4}
         (
             {"undiscovered_probability": 0.11, "n_multistart": 32, **FIVE_AGREE},
             False,
-            "with probability 0.11 a descent from a random point leads to one that was not found",
+            "with probability 0.11 a further descent from a random point leads to one that was not",
         ),
         (
             {"undiscovered_probability": 1.0, "n_multistart": 0, **FIVE_AGREE},

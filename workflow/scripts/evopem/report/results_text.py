@@ -63,8 +63,11 @@ def state_space_text(summary: DatasetSummary, name: str, page: str = "") -> str:
         "",
         f"  model   {summary.model}, from {count(summary.estimation_samples)} samples at "
         f"{summary.sampling_rate:g} Hz",
-        f"  errors  {', '.join(errors)} on {count(summary.validation_samples)} validation samples, "
-        "mean over the outputs",
+        *_wrapped(
+            f"{', '.join(errors)} on {count(summary.validation_samples)} validation samples, mean"
+            " over the outputs",
+            "  errors  ",
+        ),
         *_failed(summary.checks),
         *([f"  report  {page}"] if page else []),
     ]
@@ -103,8 +106,8 @@ def _failed(checks: Sequence[Check]) -> list[str]:
     lines = []
     for check in checks:
         if check.passed is False:
-            found = re.split(r"(?<=[.;]) ", check.statement, maxsplit=1)[0]
-            lines += _wrapped(f"{check.name}: {found}", "  failed  ")
+            found = re.split(r"(?<=\.) |; ", check.statement, maxsplit=1)[0].rstrip(".")
+            lines += _wrapped(f"{check.name}: {found}.", "  failed  ")
     return lines
 
 

@@ -55,6 +55,10 @@ OF_THE_INPUT = (
 
 # The automatic recipe has tried what the advice of these would be.
 REMEDIED = (WHITE, INDEPENDENT_OF_INPUT, DISTINCT)
+ELSEWHERE = "Look for nonlinearity, disturbances or feedback in the record."
+LEFT_TO_DO = {
+    DISTINCT: "The pair hardly affects the frequency response. Do not trust a mode of it."
+}
 
 __all__ = ["SIGNIFICANCE", "Check", "checks", "p_text"]
 
@@ -112,6 +116,6 @@ def _after_remedies(check: Check) -> Check:
         return check
     return replace(
         check,
-        advice="The remedies that were tried stand in decisions.json, with what each of them"
-        " brought. Look for nonlinearity, disturbances or feedback in the record.",
+        advice="What was tried against it, and what that brought, is under “Decisions” and in"
+        f" decisions.json. {LEFT_TO_DO.get(check.name, ELSEWHERE)}",
     )

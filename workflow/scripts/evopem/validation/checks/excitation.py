@@ -31,7 +31,7 @@ def excitation(model: ModelRecord, validation: Validation) -> Check:
     return Check(
         EXCITATION_ADEQUATE,
         passed,
-        f"The input is persistently exciting of order {order}; the model needs {needed}"
+        f"The input is persistently exciting of order {order}, and the model needs {needed}"
         f" ({' + '.join(terms)}). Directions more than 40 dB below the strongest are not counted.",
         ""
         if passed

@@ -140,22 +140,23 @@ def repeatability(diagnostics: SearchDiagnostics, measured: Calibration = POLYNO
             f" missed a lower minimum (at most {rate:.2g} % with 95 % confidence).",
             "",
         )
-    reached = f"{confirming if confirming else 'None'} of {restarts} reached the lowest minimum"
+    reached = f"{confirming or 'none'} of {restarts} reached the lowest minimum"
     return Check(
         name,
         False,
-        f"Not certified: {reached} that was found, {_reason(diagnostics)}. In 95 % of such test"
-        f" problems a minimum found elsewhere was at most {measured.lower_elsewhere:g} % lower.",
+        f"Not certified: {reached} that was found, too few for a certificate."
+        f"{_other_minima(diagnostics)} In 95 % of such test problems a minimum found elsewhere was"
+        f" at most {measured.lower_elsewhere:g} % lower.",
         advice,
     )
 
 
-def _reason(diagnostics: SearchDiagnostics) -> str:
-    """Why a search is not certified."""
+def _other_minima(diagnostics: SearchDiagnostics) -> str:
+    """How many minima there are beside those that were found, where there are many."""
     if not diagnostics.n_multistart or diagnostics.undiscovered_probability <= MANY_OPTIMA:
-        return "too few for a certificate"
+        return ""
     return (
-        "too few for a certificate where there are so many others: with probability"
-        f" {diagnostics.undiscovered_probability:.2g} a descent from a random point leads to one"
-        " that was not found"
+        " There are many others: with probability"
+        f" {diagnostics.undiscovered_probability:.2g} a further descent from a random point leads"
+        " to one that was not found."
     )
