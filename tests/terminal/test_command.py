@@ -8,6 +8,7 @@ import sys
 import numpy as np
 import pytest
 import yaml
+from scipy.io import loadmat
 from scipy.signal import lfilter
 
 import evopem
@@ -68,7 +69,12 @@ def test_several_channels_have_modes_and_a_report(folder, capsys):
     assert "state space, 3 states (innovations" in shown
     assert "at 100 Hz" in shown
     assert shown.endswith("report  results/data/report.html\n")
-    assert "y_2" in (folder / "results" / "data" / "report.html").read_text()
+    results = folder / "results" / "data"
+    assert "y_2" in (results / "report.html").read_text()
+    model = evopem.load(results / "model.json")
+    assert isinstance(model, evopem.StateSpaceModel)
+    assert model.output_names == ("y_1", "y_2")
+    np.testing.assert_array_equal(model.A, loadmat(results / "model.mat")["A"])
 
 
 def test_several_recordings_are_one_data_set(folder, capsys):
@@ -92,11 +98,15 @@ def test_results_of_another_recording_are_not_overwritten(folder, capsys):
     results = folder / "results" / "data"
     results.mkdir(parents=True)
     (results / "config.yaml").write_text(yaml_text(SETTINGS))
+    (results / "report.html").write_text("")
     (folder / "other").mkdir()
     (folder / "data.csv").rename(folder / "other" / "data.csv")
     assert main(["other/data.csv", *RUN[1:]]) == 1
     assert "it holds the results of data.csv" in capsys.readouterr().err
-    assert [path.name for path in results.iterdir()] == ["config.yaml"]
+    assert {path.name for path in results.iterdir()} == {"config.yaml", "report.html"}
+    # What a run that failed has left is no result.
+    (results / "report.html").unlink()
+    assert run(folder, "other/data.csv", *RUN[1:]).returncode == 0
 
 
 @pytest.mark.parametrize(

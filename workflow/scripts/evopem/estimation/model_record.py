@@ -25,6 +25,7 @@ from evopem.signals.preparation import Transforms
 from evopem.version import __version__
 
 if TYPE_CHECKING:
+    from evopem.models.state_space import StateSpaceModel
     from evopem.estimation.polynomial_estimate import PolynomialEstimate
 
 Array = NDArray[np.float64]
@@ -226,8 +227,10 @@ class ModelRecord:
         )
 
 
-def load_model(path: str | Path) -> PolynomialModel:
+def load_model(path: str | Path) -> PolynomialModel | StateSpaceModel:
     """Read the model of a ``model.json``, or a polynomial model that :func:`.json_form.save` wrote.
+
+    The model of several channels is a state-space model.
 
     Raises
     ------
@@ -255,10 +258,14 @@ def load_model(path: str | Path) -> PolynomialModel:
     >>> bool(np.all(model.parameters == found.model.parameters))
     True
     """
+    from evopem.estimation.state_space.model_record import MultichannelModelRecord
+
     try:
         return load(ModelRecord, path).model
     except InputError as error:
-        # Another form of file: only what is no model of either form is refused.
+        # Another form of file: only what is no model of any form is refused.
+        with suppress(InputError):
+            return load(MultichannelModelRecord, path).model
         with suppress(InputError):
             return load(PolynomialModel, path)
         raise InputError(

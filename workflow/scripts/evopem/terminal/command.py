@@ -312,7 +312,8 @@ def _check_folder(files: DatasetFiles, settings: DatasetSettings | MultichannelD
     folder = Path(files.folder)
     if folder.exists() and not folder.is_dir():
         raise InputError(str(folder), "is a file, and the results need this folder", "move it")
-    if not Path(files.config).exists():
+    # A run that did not end left nothing that is worth keeping.
+    if not (Path(files.config).exists() and Path(files.report).exists()):
         return
     held = read_dataset(files.config, lambda _, keys: keys.get("file", "a synthetic recording"))
     held = [held] if isinstance(held, str) else list(held)
