@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import NamedTuple, Protocol
+from functools import partial
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.estimation.pem.batch_bfgs import Descent, descend
+from evopem.estimation.pem.batch_bfgs import Descent, descend, descend_by
+from evopem.estimation.pem.kernels.bfgs import State
 
 Array = NDArray[np.float64]
 
@@ -60,6 +62,23 @@ class PredictionErrors(Protocol):
 
     def mean_absolute_residuals(self, values: Array) -> Array:
         """Size of the residuals that belong to values of the objective."""
+
+
+@runtime_checkable
+class AdvancedErrors(PredictionErrors, Protocol):
+    """Prediction errors that come with the loop over the trials of their descents."""
+
+    def advance_descents(
+        self,
+        smoothing: Array,
+        barriers: Array,
+        tolerance: float,
+        max_iterations: int,
+        state: State,
+        trials: int,
+        few: int,
+    ) -> tuple[int, int]:
+        """Trials of descents; see :func:`.batch_bfgs.descend_by`."""
 
 
 def staged_descent(
@@ -152,12 +171,16 @@ def _bfgs(
     damping: float,
     wait: float | None,
 ) -> Descent:
+    def inverse_hessians(at: Array, rows: NDArray[np.intp]) -> Array:
+        return damped_inverses(errors.curvatures(at, smoothing[rows], barriers[rows]), damping)
+
+    if isinstance(errors, AdvancedErrors):
+        own = partial(errors.advance_descents, smoothing, barriers, tolerance, MAX_ITERATIONS)
+        return descend_by(own, points, inverse_hessians, wait=wait)
     return descend(
         lambda trial, rows: errors.values_and_gradients(trial, smoothing[rows], barriers[rows]),
         points,
-        lambda at, rows: damped_inverses(
-            errors.curvatures(at, smoothing[rows], barriers[rows]), damping
-        ),
+        inverse_hessians,
         MAX_ITERATIONS,
         tolerance,
         wait=wait,

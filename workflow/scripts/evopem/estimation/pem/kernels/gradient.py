@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from evopem.estimation.pem.kernels.cache import cached_njit, njit
+from evopem.estimation.pem.kernels.cache import njit
 from evopem.estimation.pem.kernels.record import (
     BLOCK,
     CHUNK,
@@ -12,7 +12,6 @@ from evopem.estimation.pem.kernels.record import (
     all_finite,
     fill,
     load_points,
-    load_smoothing,
     marked_rows,
     squared_state,
 )
@@ -149,13 +148,14 @@ def _loss_and_gradient(record, workspace, absolute):
     return s
 
 
-@cached_njit
-def values_and_gradients(record, objective, workspace, points, smoothing, barriers):
+@njit
+def values_and_gradients(record, objective, workspace, points, starts, smoothing, barriers):
     """Smoothed objective of each row with a barrier added, and its gradient.
 
     The absolute value is smoothed, ``sqrt(e**2 + smoothing**2)``.  The barrier is that of
-    :func:`.stability.stability_barriers`, of A and of C, times ``barriers``.  Infeasible rows are
-    inf and 0.
+    :func:`.stability.stability_barriers`, of A and of C, times ``barriers``.  Smoothing and weight
+    of the barrier of a row are those of the start that it belongs to.  Infeasible rows are inf and
+    0.
     """
     found = np.empty(points.shape[0])
     gradients = np.zeros(points.shape)
@@ -173,13 +173,16 @@ def values_and_gradients(record, objective, workspace, points, smoothing, barrie
     for i in range(0, feasible.size, LANES):
         rows = feasible[i : i + LANES]
         load_points(record, points, rows, workspace.parameters)
-        load_smoothing(smoothing, rows, workspace)
+        store(workspace.smoothing, 0, constant(1.0))
+        for lane, r in enumerate(rows):
+            workspace.smoothing[0, lane] = smoothing[starts[r]]
         store(workspace.total, 0, _loss_and_gradient(record, workspace, objective.absolute))
         for lane, r in enumerate(rows):
+            weight = barriers[starts[r]]
             for i in range(points.shape[1]):
-                gradients[r, i] *= barriers[r]
+                gradients[r, i] *= weight
             _unload_gradient(record, objective, workspace.gradient, lane, points[r], gradients[r])
-            value = objective.factor * workspace.total[0, lane] + barriers[r] * of_roots[r]
+            value = objective.factor * workspace.total[0, lane] + weight * of_roots[r]
             value += objective.state_weight * squared_state(record, points[r])
             if np.isfinite(value) and all_finite(gradients[r]):
                 found[r] = value
