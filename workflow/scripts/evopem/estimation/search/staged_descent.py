@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evopem.estimation.pem.batch_bfgs import Descent, descend, descend_by
-from evopem.estimation.pem.kernels.bfgs import State
 
 Array = NDArray[np.float64]
 
@@ -62,23 +61,6 @@ class PredictionErrors(Protocol):
 
     def mean_absolute_residuals(self, values: Array) -> Array:
         """Size of the residuals that belong to values of the objective."""
-
-
-@runtime_checkable
-class AdvancedErrors(PredictionErrors, Protocol):
-    """Prediction errors that come with the loop over the trials of their descents."""
-
-    def advance_descents(
-        self,
-        smoothing: Array,
-        barriers: Array,
-        tolerance: float,
-        max_iterations: int,
-        state: State,
-        trials: int,
-        few: int,
-    ) -> tuple[int, int]:
-        """Trials of descents; see :func:`.batch_bfgs.descend_by`."""
 
 
 def staged_descent(
@@ -174,9 +156,12 @@ def _bfgs(
     def inverse_hessians(at: Array, rows: NDArray[np.intp]) -> Array:
         return damped_inverses(errors.curvatures(at, smoothing[rows], barriers[rows]), damping)
 
-    if isinstance(errors, AdvancedErrors):
-        own = partial(errors.advance_descents, smoothing, barriers, tolerance, MAX_ITERATIONS)
-        return descend_by(own, points, inverse_hessians, wait=wait)
+    # Errors may come with the loop over the trials of their descents.  Whether they do is asked
+    # thousands of times; a check of the whole protocol would take as long as some passes.
+    own = getattr(errors, "advance_descents", None)
+    if own is not None:
+        advance = partial(own, smoothing, barriers, tolerance, MAX_ITERATIONS)
+        return descend_by(advance, points, inverse_hessians, wait=wait)
     return descend(
         lambda trial, rows: errors.values_and_gradients(trial, smoothing[rows], barriers[rows]),
         points,
