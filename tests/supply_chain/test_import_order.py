@@ -11,7 +11,17 @@ SCRIPTS = Path(__file__).parents[2] / "workflow" / "scripts"
 PACKAGE = SCRIPTS / "evopem"
 # Each part may import those before it.
 PARTS = (
-    *("errors", "version", "files", "config", "signals", "models", "synthesis", "estimation"),
+    *(
+        "errors",
+        "version",
+        "blas_threads",
+        "files",
+        "config",
+        "signals",
+        "models",
+        "synthesis",
+        "estimation",
+    ),
     *(
         "validation",
         "automatic",

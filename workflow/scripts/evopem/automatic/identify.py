@@ -8,7 +8,6 @@ from typing import get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from threadpoolctl import threadpool_limits
 
 from evopem.automatic.decision import Decision
 from evopem.automatic.folds import decide_folds
@@ -31,6 +30,7 @@ from evopem.automatic.record import Trial
 from evopem.automatic.remedies import act_on_checks
 from evopem.automatic.simulation import prediction_errors, simulated
 from evopem.automatic.structures import Choice, Purpose, compare_structures
+from evopem.blas_threads import one_blas_thread
 from evopem.models.polynomial import PolynomialModel
 from evopem.signals.recording import Recording
 from evopem.signals.stretches import Stretch
@@ -186,7 +186,7 @@ def identify_recordings(
             if log is not None:
                 log(f"{each.subject}: {each.choice}. {each.sentence}")
 
-    with threadpool_limits(limits=1, user_api="blas"):
+    with one_blas_thread():
         plan: PreparationPlan = decide_preparation(recordings)
         tell(plan.decisions)
         prepared = prepare(recordings, plan)

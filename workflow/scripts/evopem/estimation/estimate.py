@@ -9,8 +9,8 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from threadpoolctl import threadpool_limits
 
+from evopem.blas_threads import one_blas_thread
 from evopem.config.settings import ScoringWindow, SearchSettings
 from evopem.estimation.criteria import criteria_of, lies_at_bound, power_of_two_scale
 from evopem.estimation.pem.covariance import (
@@ -119,7 +119,7 @@ def estimate(
     _check(u, y, orders, settings, window)
     _warn_of_level(y)
     # The bits of a result must not depend on how many threads the machine's BLAS would take.
-    with threadpool_limits(limits=1, user_api="blas"):
+    with one_blas_thread():
         errors = prediction_errors(u, y, orders, settings, window)
         problem, scales = _scaled_problem(errors, settings.initialization)
         key = (orders.na, orders.nb, orders.nc, orders.nk)

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from threadpoolctl import threadpool_limits
 
+from evopem.blas_threads import one_blas_thread
 from evopem.config.constraints import Constraints
 from evopem.config.settings import ScoringWindow, SearchSettings
 from evopem.estimation.estimation_task import EstimationTask
@@ -75,7 +75,7 @@ def estimate_focused(
     known = constraints or Constraints()
     task = EstimationTask(errors, structure, sampling_rate, settings, known, log, optimum)
     # The bits of a result must not depend on how many threads the machine's BLAS would take.
-    with threadpool_limits(limits=1, user_api="blas"):
+    with one_blas_thread():
         found = (
             simulation_estimate(task) if horizon is None else prediction_estimate(task, horizon)[0]
         )

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
 
+from evopem.blas_threads import one_blas_thread
 from evopem.config.settings import ScoringWindow, SearchSettings
 from evopem.estimation.criteria import criteria_of, power_of_two_scale
 from evopem.estimation.pem.covariance import innovation_variance
@@ -71,7 +71,7 @@ def estimate_joined(
         When no stretch is long enough for the orders.
     """
     o = orders
-    with threadpool_limits(limits=1, user_api="blas"):
+    with one_blas_thread():
         errors = joined_errors(stretches, orders, settings, window, level)
         problem, scales = _scaled_problem(errors)
         key = (o.na, o.nb, o.nc, o.nd, o.nf, o.nk, int(level))

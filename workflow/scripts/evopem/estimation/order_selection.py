@@ -8,8 +8,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
+from evopem.blas_threads import one_blas_thread
 from evopem.config.settings import FitSettings, ScoringWindow, SearchSettings
 from evopem.errors import InputError
 from evopem.estimation.candidate import Candidate, PhaseSelection
@@ -172,7 +172,7 @@ def reoptimize_from(
     """Re-optimise a candidate from the parameters of a nested smaller one."""
     orders, level = candidate.orders, candidate.with_level
     if data.is_joined:
-        with threadpool_limits(limits=1, user_api="blas"):
+        with one_blas_thread():
             errors = joined_errors(data.stretches, orders, settings, window, level)
             found = descend_from_model(nested.model, errors, data.sampling_rate, candidate.search)
         return Candidate.of(found, candidate.phase)

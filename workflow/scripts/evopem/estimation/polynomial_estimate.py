@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from threadpoolctl import threadpool_limits
 
+from evopem.blas_threads import one_blas_thread
 from evopem.config.settings import ScoringWindow, SearchSettings
 from evopem.estimation.criteria import (
     Criteria,
@@ -161,7 +161,7 @@ def estimate_polynomial(
     o = orders_of(structure, orders)
     settings = settings or SearchSettings()
     # The bits of a result must not depend on how many threads the machine's BLAS would take.
-    with threadpool_limits(limits=1, user_api="blas"):
+    with one_blas_thread():
         errors = checked_errors(input, output, o, settings, window, level)
         problem, scales = scaled_problem(errors)
         key = (o.na, o.nb, o.nc, o.nd, o.nf, o.nk, int(level))

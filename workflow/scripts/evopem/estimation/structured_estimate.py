@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from threadpoolctl import threadpool_limits
 
+from evopem.blas_threads import one_blas_thread
 from evopem.config.constraints import Constraints
 from evopem.config.settings import ScoringWindow, SearchSettings
 from evopem.estimation import estimate as armax
@@ -162,10 +162,10 @@ def described(
 ) -> PolynomialEstimate:
     """The full estimate at the end of a search, with residuals and covariance."""
     if data.is_joined:
-        with threadpool_limits(limits=1, user_api="blas"):
+        with one_blas_thread():
             joined = joined_errors(data.stretches, orders, settings, window, level)
             return describe_joined(joined, result, data.sampling_rate)
-    with threadpool_limits(limits=1, user_api="blas"):
+    with one_blas_thread():
         if has_own_search(orders, level):
             errors = armax.prediction_errors(data.input, data.output, orders, settings, window)
             return armax.describe(errors, result, data.sampling_rate)
@@ -183,7 +183,7 @@ def descended_from(
     level: bool,
 ) -> PolynomialEstimate:
     """The estimate after one descent from a point, pooled with an earlier search."""
-    with threadpool_limits(limits=1, user_api="blas"):
+    with one_blas_thread():
         if has_own_search(orders, level):
             errors = armax.prediction_errors(data.input, data.output, orders, settings, window)
             return armax.descend_from(point, errors, data.sampling_rate, earlier)

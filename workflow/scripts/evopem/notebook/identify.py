@@ -98,8 +98,7 @@ def identify(
     recorded = given_recordings(data, output, input, time, sampling_rate)
     held_out = _validation_signals(validation, recorded[0], output, input, time, sampling_rate)
     settings = _settings(name, recorded, held_out, keys)
-    from threadpoolctl import threadpool_limits
-
+    from evopem.blas_threads import one_blas_thread
     from evopem.notebook.progress import progress
     from evopem.notebook.results import IdentificationResults
     from evopem.pipeline.identification import identify_recording
@@ -111,7 +110,7 @@ def identify(
     for each, file in zip(held_out, _files(VALIDATION, held_out), strict=True):
         each.save(root / file)
     files = DatasetFiles(str(root / RESULTS_FOLDER / name))
-    with threadpool_limits(limits=1, user_api="blas"), progress(show_progress) as announce:
+    with one_blas_thread(), progress(show_progress) as announce:
         try:
             identify_recording(files, settings, False, announce=announce, folder=root)
         except InputError as error:

@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import cast
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from evopem.automatic.chosen import estimate_choice, window_of
 from evopem.automatic.chosen import estimate_chosen as search_chosen
@@ -19,6 +18,7 @@ from evopem.automatic.preparation import PreparationPlan
 from evopem.automatic.record import DecisionRecord, OtherModel
 from evopem.automatic.remedies import Remedied
 from evopem.automatic.structures import Comparison, Purpose
+from evopem.blas_threads import one_blas_thread
 from evopem.config.settings import Objective, SearchSettings
 from evopem.estimation.model_record import ModelRecord
 from evopem.estimation.order_selection import complete_estimate
@@ -41,7 +41,7 @@ def estimate_chosen(files: DatasetFiles, search: SearchSettings, log: Log | None
     data = load_prepared(files.prepared, files.transforms).estimation
     remedied = load(Remedied, files.decision("remedies"))
     settings = replace(search, objective=cast("Objective", record.plan.objective))
-    with threadpool_limits(limits=1, user_api="blas"):
+    with one_blas_thread():
         selection = search_chosen(remedied, record, data, settings, log)
     save(selection, files.phase(selection.phase))
 
@@ -55,7 +55,7 @@ def complete_other_model(files: DatasetFiles, purpose: Purpose, search: SearchSe
     prepared = load_prepared(files.prepared, files.transforms)
     choice = load(Comparison, files.decision("comparison")).choice(purpose)
     settings = replace(search, objective=cast("Objective", record.plan.objective))
-    with threadpool_limits(limits=1, user_api="blas"):
+    with one_blas_thread():
         selected = estimate_choice(choice, record, prepared.estimation, settings)
         estimate = complete_estimate(
             selected, prepared.estimation, settings, window_of(selected.orders)

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from evopem.automatic.preparation import (
     GivenPreparation,
@@ -18,6 +17,7 @@ from evopem.automatic.preparation import (
 from evopem.automatic.preparation import decide_preparation as decide
 from evopem.automatic.prepared_data import load_stretches, prepared_data, save_stretches
 from evopem.automatic.transforms import TransformPlan, decide_transforms
+from evopem.blas_threads import one_blas_thread
 from evopem.config.settings import PreparationSettings
 from evopem.errors import InputError
 from evopem.files.json_form import load, save
@@ -56,7 +56,7 @@ def decide_preparation(
     """
     divided = _divided(files, settings, has_validation_recording, recorded=recorded)
     try:
-        with threadpool_limits(limits=1, user_api="blas"):
+        with one_blas_thread():
             transforms = _decide_transforms(divided, given)
             if transforms.changes_samples:
                 divided = _divided(files, settings, has_validation_recording, transforms)
@@ -106,7 +106,7 @@ def apply_preparation(
     """
     plan = load(PreparationPlan, files.decision("preparation"))
     divided = _divided(files, settings, has_validation_recording, plan.transforms)
-    with threadpool_limits(limits=1, user_api="blas"):
+    with one_blas_thread():
         record = prepare(separated(divided.estimation), plan)
         prepared = prepared_data(divided, record, f"datasets.{files.name}")
     save_prepared(prepared, files.prepared, files.transforms)

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from threadpoolctl import threadpool_limits
-
 from evopem.automatic.chosen import select_structure
 from evopem.automatic.decision import Decision, given_by_configuration
 from evopem.automatic.folds import FoldPlan
@@ -18,6 +16,7 @@ from evopem.automatic.orders import search_structure as search
 from evopem.automatic.remedies import act_on_checks as act
 from evopem.automatic.structures import Comparison, Purpose
 from evopem.automatic.structures import compare_structures as compare
+from evopem.blas_threads import one_blas_thread
 from evopem.config.settings import AutomaticSettings, Range
 from evopem.errors import InputError
 from evopem.files.json_form import load, save
@@ -36,7 +35,7 @@ class DelayDecision:
 
 def decide_folds(files: DatasetFiles) -> None:
     """Decide how held-out samples are divided."""
-    with threadpool_limits(limits=1, user_api="blas"):
+    with one_blas_thread():
         save(decide_common_folds(load_record(files).stretches), files.decision("folds"))
 
 
@@ -46,7 +45,7 @@ def decide_delay(files: DatasetFiles, limits: Range | None) -> None:
         about = given_by_configuration("delay", str(limits[0]))
         save(DelayDecision(limits[0], about), files.decision("delay"))
         return
-    with threadpool_limits(limits=1, user_api="blas"):
+    with one_blas_thread():
         delay, decision = decide_common_delay(load_record(files).stretches)
     if limits is not None:
         delay = min(max(delay, limits[0]), limits[1])
@@ -57,7 +56,7 @@ def search_structure(files: DatasetFiles, structure: str, settings: AutomaticSet
     """Search the orders of one structure, from the optima of those nested in it."""
     smaller = {each: load(StructureSearch, files.search(each)) for each in NESTED[structure]}
     delay = load(DelayDecision, files.decision("delay")).delay
-    with threadpool_limits(limits=1, user_api="blas"):
+    with one_blas_thread():
         scorer = _scorer(files, OrderLimits.of_search(settings))
         save(search(scorer, structure, delay, smaller), files.search(structure))
 
@@ -73,7 +72,7 @@ def compare_structures(
         When the recording is too short for every structure.
     """
     searches = [load(StructureSearch, files.search(each)) for each in structures]
-    with threadpool_limits(limits=1, user_api="blas"):
+    with one_blas_thread():
         scorer = _scorer(files, OrderLimits.of_choice(settings))
         try:
             comparison = compare(scorer, searches)
@@ -95,7 +94,7 @@ def act_on_checks(files: DatasetFiles, settings: AutomaticSettings) -> None:
     """Apply remedies to the model for the purpose until its checks hold or nothing helps."""
     comparison = load(Comparison, files.decision("comparison"))
     purpose: Purpose = settings.purpose
-    with threadpool_limits(limits=1, user_api="blas"):
+    with one_blas_thread():
         scorer = _scorer(files, OrderLimits.of_choice(settings))
         save(act(scorer, comparison.choice(purpose)), files.decision("remedies"))
 

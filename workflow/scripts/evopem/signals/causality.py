@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
+
+from evopem.blas_threads import one_blas_thread
 
 Array = NDArray[np.float64]
 
@@ -69,7 +70,7 @@ def causality_test(first: Array, second: Array) -> CausalityTest:
     most = min(MOST_LAGS, samples // SAMPLES_PER_LAG)
     if most < 1:
         return CausalityTest(np.nan, np.nan, 0)
-    with threadpool_limits(limits=1, user_api="blas"):
+    with one_blas_thread():
         pairs = ((signals[1], signals[0]), (signals[0], signals[1]))
         triangles = [_triangle(target, other, most) for target, other in pairs]
         rows = samples - most

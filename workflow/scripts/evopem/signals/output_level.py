@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
+
+from evopem.blas_threads import one_blas_thread
 
 if TYPE_CHECKING:
     from evopem.signals.recording import Recording
@@ -68,7 +69,7 @@ def output_level(recording: Recording) -> float:
     u = recording.input - recording.input.mean()
     u /= np.std(u) or 1.0
     # The bits must not depend on how many threads the machine's BLAS would take.
-    with threadpool_limits(limits=1, user_api="blas"):
+    with one_blas_thread():
         shift = _shift(_triangle(u, y, lags), lags, recording.samples - lags)
     return mean + deviation * shift
 

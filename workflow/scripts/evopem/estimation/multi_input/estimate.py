@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from threadpoolctl import threadpool_limits
 
+from evopem.blas_threads import one_blas_thread
 from evopem.config.constraints import InputConstraints
 from evopem.config.settings import SearchSettings
 from evopem.estimation.criteria import lies_at_bound
@@ -148,7 +148,7 @@ def estimate_multi_input(
     names = tuple(input_names) or tuple(str(k + 1) for k in range(wanted.inputs))
     if constraints is not None:
         check_input_constraints(constraints, wanted, names, sampling_rate)
-    with threadpool_limits(limits=1, user_api="blas"):
+    with one_blas_thread():
         record = record_for(us, ys, wanted)
         errors = MultiInputErrors(record, wanted, settings.max_root_radius, settings.objective)
         found = searched(errors, settings, log)
@@ -194,7 +194,7 @@ def multi_input_estimates(
     smaller: list[MultiInputModel] = []
     for order, wanted in orders.items():
         errors = MultiInputErrors(record, wanted, settings.max_root_radius, settings.objective)
-        with threadpool_limits(limits=1, user_api="blas"):
+        with one_blas_thread():
             found = descents(errors, smaller[-2:], settings, WIDTH)
             if not found:
                 continue
@@ -221,7 +221,7 @@ def refitted_multi_input(
         When the records are too short, or no errors are finite.
     """
     us, ys = records_of(inputs, outputs)
-    with threadpool_limits(limits=1, user_api="blas"):
+    with one_blas_thread():
         record = record_for(us, ys, model.orders)
         errors = MultiInputErrors(
             record, model.orders, settings.max_root_radius, settings.objective

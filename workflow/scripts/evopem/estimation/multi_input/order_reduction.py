@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from numpy.typing import ArrayLike
-from threadpoolctl import threadpool_limits
 
+from evopem.blas_threads import one_blas_thread
 from evopem.config.settings import SearchSettings
 from evopem.config.structures import STRUCTURES
 from evopem.estimation.multi_input.descent import descend
@@ -80,7 +80,7 @@ def reduced_orders(
     settings = settings or SETTINGS
     us, ys = records_of(inputs, output)
     tried: list[TriedOrders] = []
-    with threadpool_limits(limits=1, user_api="blas"):
+    with one_blas_thread():
         record = record_for(us, ys, orders)
         errors = MultiInputErrors(record, orders, settings.max_root_radius, settings.objective)
         found = descents(errors, [], settings, FINAL_WIDTH)

@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.estimation.pem.kernels.cache import cached_njit, njit
+from evopem.estimation.pem.kernels.bfgs import State, advance, state_at, trial_points
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
 Evaluate = Callable[[Array, Rows], tuple[Array, Array]]
 InverseHessians = Callable[[Array, Rows], Array]
+Advance = Callable[[State, int, int], tuple[int, int]]
 
-SUFFICIENT_DECREASE = 1e-4
-CURVATURE = 0.9
-LONGEST_LINE_SEARCH = 30
-# Least part of a bracket that an interpolated step keeps.
-SHORTEST_CUT = 0.1
 # Trials after which the inverse Hessians are approximated anew, for all starts at once: they share
 # the passes of that as well.  Not sooner: what a start has learnt of the land on its way leads it
 # past more of the poor optima than the approximation does.
@@ -35,28 +31,6 @@ class Descent:
     values: Array
     converged: NDArray[np.bool_]
     evaluations: int
-
-
-# What the line search of a start knows. One array of records in place of one for each field: every
-# array of a compiled function costs time when it is compiled, and at each call.
-_LINE = np.dtype(
-    [
-        *((name, np.float64) for name in ("value", "slope", "step", "low", "high")),
-        *((name, np.int64) for name in ("tries", "iterations")),
-        *((name, np.bool_) for name in ("converged", "active")),
-    ],
-    align=True,
-)
-
-
-class _State(NamedTuple):
-    """Where each start is, its gradient, inverse Hessian and direction, and its line search."""
-
-    x: Array
-    g: Array
-    h: Array
-    d: Array
-    line: NDArray[np.void]
 
 
 def descend(
@@ -93,167 +67,57 @@ def descend(
         How much longer the rest may take once half of the starts have ended, in what those took;
         by default all go on to their ends.
     """
-    x = starts.copy()
-    f, g = evaluate(x, np.arange(len(x)))
-    evaluations = count = len(x)
-    line = np.zeros(count, _LINE)
-    line["value"], line["active"] = f, np.isfinite(f)
-    state = _State(x=x, g=g, h=np.zeros((*x.shape, x.shape[1])), d=np.zeros_like(x), line=line)
+
+    def tried(state: State, trials: int, few: int) -> tuple[int, int]:
+        if not trials:
+            every = np.arange(len(starts))
+            state.line["value"], state.g[:] = evaluate(state.x, every)
+        made = evaluations = 0
+        while made < trials:
+            rows = state.line["active"].nonzero()[0]
+            trial = trial_points(state, rows)
+            values, gradients = evaluate(trial, rows)
+            evaluations += advance(state, rows, trial, values, gradients, tolerance, max_iterations)
+            made += 1
+            if np.count_nonzero(state.line["active"]) <= few:
+                break
+        return made, evaluations
+
+    return descend_by(tried, starts, inverse_hessians, refresh, wait)
+
+
+def descend_by(
+    advance: Advance,
+    starts: Array,
+    inverse_hessians: InverseHessians,
+    refresh: bool = True,
+    wait: float | None = None,
+) -> Descent:
+    """Minimise as :func:`descend` does an objective that comes with the loop over its trials.
+
+    Parameters
+    ----------
+    advance : callable
+        ``advance(state, trials, few)`` lets the active descents of a :class:`State` try points,
+        until they have made so many trials or no more than ``few`` are active.  No trials are the
+        values and gradients of the starts.  Returns the trials and the evaluations that were made.
+    starts, inverse_hessians, refresh, wait
+        As for :func:`descend`.
+    """
+    state, count = state_at(starts.copy()), len(starts)
+    advance(state, 0, 0)
+    line, evaluations = state.line, count
+    line["active"] = np.isfinite(line["value"])
     trials, latest = 0, np.inf
     while len(rows := line["active"].nonzero()[0]) and trials < latest:
         if wait is not None and latest == np.inf and 2 * len(rows) <= count:
             latest = (1.0 + wait) * trials
         if trials == 0 or (refresh and trials % REFRESH == 0):
-            state.h[rows] = inverse_hessians(x[rows], rows)
-            _aim_anew(state, rows)
-        trial = _trial_points(state, rows)
-        values, gradients = evaluate(trial, rows)
-        trials += 1
-        evaluations += _advance(state, rows, trial, values, gradients, tolerance, max_iterations)
-    return Descent(x, line["value"].copy(), line["converged"].copy(), evaluations)
-
-
-@cached_njit
-def _trial_points(state: _State, rows: Rows) -> Array:
-    """The point that each of some starts tries."""
-    trial = np.empty((rows.size, state.x.shape[1]))
-    for k, r in enumerate(rows):
-        for i in range(trial.shape[1]):
-            trial[k, i] = state.x[r, i] + state.line[r].step * state.d[r, i]
-    return trial
-
-
-@cached_njit
-def _aim_anew(state: _State, rows: Rows) -> None:
-    for r in rows:
-        _aim(state, r)
-
-
-@cached_njit
-def _advance(
-    state: _State,
-    rows: Rows,
-    trial: Array,
-    values: Array,
-    gradients: Array,
-    tolerance: float,
-    max_iterations: int,
-) -> int:
-    """Accept each start's trial, or say where along the line it tries next.
-
-    Returns the evaluations that these trials were: a step out of the stability region is refused
-    before any residual is computed.
-    """
-    evaluations = 0
-    for k, r in enumerate(rows):
-        evaluations += np.isfinite(values[k])
-        state.line[r].tries += 1
-        step, slope = state.line[r].step, state.line[r].slope
-        last = state.line[r].tries >= LONGEST_LINE_SEARCH
-        if not values[k] <= state.line[r].value + SUFFICIENT_DECREASE * step * slope:
-            state.line[r].high = step
-        # A search that keeps its decrease but never flattens ends with the decrease it has.
-        elif last or _dot(gradients[k], state.d[r]) >= CURVATURE * slope:
-            _accept(state, r, trial[k], values[k], gradients[k], tolerance, max_iterations)
-            continue
-        else:
-            state.line[r].low = step
-        state.line[r].active = not last
-        state.line[r].step = _next_step(
-            state.line[r].low, state.line[r].high, state.line[r].value, slope, values[k]
-        )
-    return evaluations
-
-
-@njit
-def _next_step(low: float, high: float, f: float, slope: float, beyond: float) -> float:
-    """The next trial step: twice the last one until a bracket is found, then inside it.
-
-    While the bracket starts at zero its inside is the minimum of the parabola through value and
-    slope there and the value at its far end; later, and where that end is infeasible, its middle.
-    """
-    if high == np.inf:
-        return 2.0 * low
-    width = high - low
-    if low == 0.0 and np.isfinite(beyond):
-        parabola = -slope * high**2 / (2.0 * (beyond - f - slope * high))
-        if np.isfinite(parabola):
-            return min(max(parabola, SHORTEST_CUT * width), 0.5 * width)
-    return low + 0.5 * width
-
-
-@njit
-def _accept(
-    state: _State,
-    r: int,
-    point: Array,
-    value: float,
-    gradient: Array,
-    tolerance: float,
-    max_iterations: int,
-) -> None:
-    """Move a start to its trial point and aim from there; end it where it has converged."""
-    drop = state.line[r].value - value
-    step, change = np.empty(point.size), np.empty(point.size)
-    for i in range(point.size):
-        step[i] = state.line[r].step * state.d[r, i]
-        change[i] = gradient[i] - state.g[r, i]
-        state.x[r, i], state.g[r, i] = point[i], gradient[i]
-    state.line[r].value = value
-    _update(state.h[r], step, change)
-    state.line[r].iterations += 1
-    state.line[r].tries = 0
-    _aim(state, r)
-    limit = tolerance * abs(value)
-    state.line[r].converged = -0.5 * state.line[r].slope <= limit and drop <= limit
-    state.line[r].active = not (
-        state.line[r].converged or state.line[r].iterations >= max_iterations
-    )
-
-
-@njit
-def _aim(state: _State, r: int) -> None:
-    """Begin a line along the quasi-Newton direction, or steepest descent where that climbs."""
-    h, g, d = state.h[r], state.g[r], state.d[r]
-    product = _times(h, g)
-    for i in range(g.size):
-        d[i] = -product[i]
-    state.line[r].slope = _dot(d, g)
-    if not state.line[r].slope < 0.0:
-        for i in range(g.size):
-            for j in range(g.size):
-                h[i, j] = 1.0 if i == j else 0.0
-            d[i] = -g[i]
-        state.line[r].slope = _dot(d, g)
-    state.line[r].step, state.line[r].low, state.line[r].high = 1.0, 0.0, np.inf
-
-
-@njit
-def _update(h: Array, s: Array, y: Array) -> None:
-    """Update an inverse Hessian by BFGS (Fletcher 1987), except where curvature is not positive."""
-    sy = _dot(s, y)
-    if not sy > 1e-12 * np.sqrt(_dot(s, s) * _dot(y, y)):
-        return
-    hy = _times(h, y)
-    weight = (1.0 + _dot(y, hy) / sy) / sy
-    for i in range(len(s)):
-        for j in range(len(s)):
-            h[i, j] += weight * s[i] * s[j] - (hy[i] * s[j] + s[i] * hy[j]) / sy
-
-
-# Sums in one order: the bits of a result must not depend on the processor's vectors.
-@njit
-def _dot(one: Array, other: Array) -> float:
-    total = 0.0
-    for i in range(len(one)):
-        total += one[i] * other[i]
-    return total
-
-
-@njit
-def _times(symmetric: Array, vector: Array) -> Array:
-    product = np.zeros(len(vector))
-    for j in range(len(vector)):
-        for i in range(len(vector)):
-            product[i] += symmetric[j, i] * vector[j]
-    return product
+            state.h[rows] = inverse_hessians(state.x[rows], rows)
+            line["unaimed"] = True
+        refreshed = trials + REFRESH - trials % REFRESH
+        most = max(math.ceil(min(refreshed, latest)) - trials, 1)
+        few = count // 2 if wait is not None and latest == np.inf else 0
+        made, spent = advance(state, most, few)
+        trials, evaluations = trials + made, evaluations + spent
+    return Descent(state.x, line["value"].copy(), line["converged"].copy(), evaluations)

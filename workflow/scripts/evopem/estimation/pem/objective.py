@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.estimation.pem import kernels
+from evopem.estimation.pem.kernels.bfgs import State
 from evopem.models.polynomials import reflect_into_disc
 from evopem.models.structures import PolynomialOrders
 
@@ -166,10 +167,37 @@ class PredictionErrorProblem:
         the stability region (:func:`evopem.estimation.pem.kernels.stability_barriers` of A and of
         C), so that a descent moves along the edge instead of stopping at it.
         """
-        found: tuple[Array, Array] = kernels.values_and_gradients(
+        return kernels.values_and_gradients_at(
             self._record, self._objective, self._workspace, _rows(points), smoothing, barriers
         )
-        return found
+
+    def advance_descents(
+        self,
+        smoothing: Array,
+        barriers: Array,
+        tolerance: float,
+        max_iterations: int,
+        state: State,
+        trials: int,
+        few: int,
+    ) -> tuple[int, int]:
+        """Trials of descents by :meth:`values_and_gradients`; see :func:`.batch_bfgs.descend_by`.
+
+        Smoothing and barriers are those of the starts.
+        """
+        made: tuple[int, int] = kernels.advance_descents(
+            self._record,
+            self._objective,
+            self._workspace,
+            state,
+            smoothing,
+            barriers,
+            tolerance,
+            max_iterations,
+            trials,
+            few,
+        )
+        return made
 
     def curvatures(self, points: Array, smoothing: Array, barriers: Array) -> Array:
         """Gauss-Newton approximation of the Hessian of the smoothed objective, (M, n, n).
@@ -249,6 +277,7 @@ def _rows(points: Array) -> Array:
 
 
 def _padded(signal: Array, length: int) -> Array:
-    padded = np.zeros(length)
+    """A signal with zeros up to a length, and beyond it some that a kernel reads in vain."""
+    padded = np.zeros(length + kernels.LANES)
     padded[: len(signal)] = signal
-    return padded
+    return padded[:length]

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.estimation.pem.batch_bfgs import Descent, descend
+from evopem.estimation.pem.batch_bfgs import Descent, descend, descend_by
 
 Array = NDArray[np.float64]
 
@@ -152,12 +153,19 @@ def _bfgs(
     damping: float,
     wait: float | None,
 ) -> Descent:
+    def inverse_hessians(at: Array, rows: NDArray[np.intp]) -> Array:
+        return damped_inverses(errors.curvatures(at, smoothing[rows], barriers[rows]), damping)
+
+    # Errors may come with the loop over the trials of their descents.  Whether they do is asked
+    # thousands of times; a check of the whole protocol would take as long as some passes.
+    own = getattr(errors, "advance_descents", None)
+    if own is not None:
+        advance = partial(own, smoothing, barriers, tolerance, MAX_ITERATIONS)
+        return descend_by(advance, points, inverse_hessians, wait=wait)
     return descend(
         lambda trial, rows: errors.values_and_gradients(trial, smoothing[rows], barriers[rows]),
         points,
-        lambda at, rows: damped_inverses(
-            errors.curvatures(at, smoothing[rows], barriers[rows]), damping
-        ),
+        inverse_hessians,
         MAX_ITERATIONS,
         tolerance,
         wait=wait,

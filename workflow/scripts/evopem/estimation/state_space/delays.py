@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import block_diag
-from threadpoolctl import threadpool_limits
 
+from evopem.blas_threads import one_blas_thread
 from evopem.estimation.state_space.prepared import records_of
 
 Array = NDArray[np.float64]
@@ -67,7 +67,7 @@ def estimate_delays(
     constants = block_diag(*(np.ones((len(part[2]), 1)) for part in parts))
     known = np.column_stack([constants, np.concatenate([part[0] for part in parts])])
     targets = np.concatenate([part[2] for part in parts])
-    with threadpool_limits(limits=1, user_api="blas"):
+    with one_blas_thread():
         delays = low.tolist()
         for _ in range(ROUNDS):
             before = list(delays)

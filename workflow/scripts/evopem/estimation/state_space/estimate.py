@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from threadpoolctl import threadpool_limits
 
+from evopem.blas_threads import one_blas_thread
 from evopem.estimation.criteria import lies_at_bound
 from evopem.estimation.search.problem import SearchDiagnostics, SearchResult
 from evopem.estimation.state_space.errors import StateSpaceErrors
@@ -145,7 +145,7 @@ def estimate_state_space(
     (0.52, 0.16)
     """
     settings = settings or StateSpaceSettings()
-    with threadpool_limits(limits=1, user_api="blas"):
+    with one_blas_thread():
         prepared = prepared_records(inputs, outputs, delays, level, settings.drift_period)
         errors = problem_of(prepared, order, form, settings)
         generator = generator_of(settings, order, form, prepared)
@@ -184,7 +184,7 @@ def descend_from(
         When the records are too short, or the descent finds no stable model.
     """
     settings = settings or StateSpaceSettings()
-    with threadpool_limits(limits=1, user_api="blas"):
+    with one_blas_thread():
         prepared = prepared_records(inputs, outputs, delays, True, settings.drift_period)
         problem, found = _descended_from(model, prepared, settings, POLISH_STEPS, POLISH_TOLERANCE)
         names = tuple(input_names), tuple(output_names)
@@ -215,7 +215,7 @@ def refitted(
         As there.
     """
     settings = settings or StateSpaceSettings()
-    with threadpool_limits(limits=1, user_api="blas"):
+    with one_blas_thread():
         prepared = prepared_records(inputs, outputs, delays, True, settings.drift_period)
         problem, found = _descended_from(model, prepared, settings, steps, TOLERANCE)
         projection = problem.projection(found.point)

@@ -8,8 +8,8 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from threadpoolctl import threadpool_limits
 
+from evopem.blas_threads import one_blas_thread
 from evopem.estimation.state_space.estimate import StateSpaceEstimate, described
 from evopem.estimation.state_space.held_out import simulation_errors
 from evopem.estimation.state_space.point_model import model_of
@@ -87,7 +87,7 @@ def sweep_state_space_orders(
     """
     settings = settings or StateSpaceSettings()
     span = _span(orders)
-    with threadpool_limits(limits=1, user_api="blas"):
+    with one_blas_thread():
         prepared = prepared_records(inputs, outputs, delays, level, settings.drift_period)
         errors = problem_of(prepared, span[-1], form, settings)
         names = tuple(input_names), tuple(output_names)
@@ -128,7 +128,7 @@ def estimates_of_orders(
         slowly, and nothing depends on their last digits.
     """
     settings = settings or StateSpaceSettings()
-    with threadpool_limits(limits=1, user_api="blas"):
+    with one_blas_thread():
         prepared = prepared_records(inputs, outputs, delays, True, settings.drift_period)
         span = _span(orders)
         errors = problem_of(prepared, span[-1], form, settings)

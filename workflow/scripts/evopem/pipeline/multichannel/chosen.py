@@ -6,8 +6,6 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
-from threadpoolctl import threadpool_limits
-
 from evopem.automatic.input_delays import DelayChoice
 from evopem.automatic.record import OtherModel
 from evopem.automatic.searched_forms import SearchedForms
@@ -15,6 +13,7 @@ from evopem.automatic.state_space_choice import ModelChoice, StateSpaceChoice
 from evopem.automatic.state_space_chosen import ChosenModel
 from evopem.automatic.state_space_remedies import RemediedModel, act_on_checks
 from evopem.automatic.variant_search import Variant, VariantSearch
+from evopem.blas_threads import one_blas_thread
 from evopem.config.constraints import InputConstraints
 from evopem.config.state_space_settings import OrderRanges, StateSpaceSearchSettings
 from evopem.estimation.multi_input.order_limits import OrderLimits, joint_orders
@@ -64,7 +63,7 @@ def estimate_chosen_state_space(
         save_state_space_mat(record.model, files.model_mat)
     else:
         save_multi_input_mat(record.polynomials, files.model_mat)
-    with threadpool_limits(limits=1, user_api="blas"):
+    with one_blas_thread():
         write_table(files.frequency_response, frequency_response_rows(record, data.estimation))
 
 
@@ -86,7 +85,7 @@ def complete_other_state_space(
     data = load_prepared_channels(files)
     choice = load(StateSpaceChoice, files.decision("comparison")).other
     assert choice is not None  # only data sets with inputs have another purpose
-    with threadpool_limits(limits=1, user_api="blas"):
+    with one_blas_thread():
         forms = _searched_forms(files, data, (), ranges, search, constraints)
         with errors_name_dataset(files):
             found = forms.as_searched(choice)

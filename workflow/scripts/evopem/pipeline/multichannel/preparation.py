@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from threadpoolctl import threadpool_limits
-
 from evopem.automatic.multichannel_folds import describe_folds
 from evopem.automatic.multichannel_preparation import (
     apply_multichannel_plan,
     decide_multichannel_preparation,
 )
+from evopem.blas_threads import one_blas_thread
 from evopem.config.settings import SplitSettings
 from evopem.config.state_space_settings import MultichannelSource
 from evopem.files.json_form import save
@@ -49,7 +48,7 @@ def prepare_channels(
         validation = load_multichannel(files.validation_recording)
     place = f"datasets.{files.name}"
     divided = divide_multichannel(recording, split, resample, validation, place, source.all_files)
-    with threadpool_limits(limits=1, user_api="blas"):
+    with one_blas_thread():
         plan = decide_multichannel_preparation(divided.estimation, *given)
         prepared = apply_multichannel_plan(divided, plan)
     plan = replace(plan, decisions=(*plan.decisions, describe_folds(prepared.estimation)))

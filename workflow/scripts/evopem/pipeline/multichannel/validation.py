@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from threadpoolctl import threadpool_limits
-
 from evopem.automatic.state_space_remedies import RemedyRecord
+from evopem.blas_threads import one_blas_thread
 from evopem.estimation.state_space.model_record import MultichannelModelRecord
 from evopem.estimation.state_space.order_models import OrderModel, OrderModels
 from evopem.files.atomic import write_table
@@ -21,7 +20,7 @@ def validate_state_space(files: DatasetFiles) -> None:
     """Validate the model and its modes on samples that no choice has seen."""
     record = load(MultichannelModelRecord, files.model)
     prepared = load_prepared_channels(files).validation
-    with threadpool_limits(limits=1, user_api="blas"):
+    with one_blas_thread():
         free_level = record.level_of_simulation == "state"
         validation, tables = validate_multichannel(record.model, prepared, free_level)
         modes = _judged_modes(files, record, prepared)

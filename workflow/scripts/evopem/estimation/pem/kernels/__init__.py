@@ -1,7 +1,7 @@
 """Compiled kernels of ARMAX models: residuals, loss, adjoint gradient, Gauss-Newton, stability."""
 
+from evopem.estimation.pem.kernels.descent import advance_descents, values_and_gradients_at
 from evopem.estimation.pem.kernels.gauss_newton import gauss_newton_matrices
-from evopem.estimation.pem.kernels.gradient import values_and_gradients
 from evopem.estimation.pem.kernels.record import (
     MIN_NC,
     LagSums,
@@ -27,6 +27,7 @@ __all__ = [
     "Objective",
     "Record",
     "Workspace",
+    "advance_descents",
     "feasible_rows",
     "gauss_newton_matrices",
     "lag_sums_for",
@@ -35,6 +36,6 @@ __all__ = [
     "schur_stable",
     "stability_barriers",
     "values",
-    "values_and_gradients",
+    "values_and_gradients_at",
     "workspace_for",
 ]

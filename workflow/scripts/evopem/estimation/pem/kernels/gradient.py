@@ -2,23 +2,15 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from evopem.estimation.pem.kernels.cache import cached_njit, njit
+from evopem.estimation.pem.kernels.cache import njit
 from evopem.estimation.pem.kernels.record import (
     BLOCK,
     CHUNK,
     MIN_NC,
-    all_finite,
     fill,
-    load_points,
-    load_smoothing,
-    marked_rows,
-    squared_state,
 )
 from evopem.estimation.pem.kernels.residuals import kept_residuals, residuals_of_part
 from evopem.estimation.pem.kernels.simd import (
-    LANES,
     add,
     constant,
     divide,
@@ -28,7 +20,6 @@ from evopem.estimation.pem.kernels.simd import (
     square_root,
     store,
 )
-from evopem.estimation.pem.kernels.stability import barrier
 
 
 @njit
@@ -117,7 +108,7 @@ def _sweep_back(record, parameters, e, before, slope, begin, end, gradient):
 
 
 @njit
-def _loss_and_gradient(record, workspace, absolute):
+def loss_and_gradient(record, workspace, absolute):
     """Loss of the loaded models, and by one backward pass its gradient, whatever their size.
 
     The gradient, with respect to the signed parameters, goes to its table; the loss is returned.
@@ -147,57 +138,3 @@ def _loss_and_gradient(record, workspace, absolute):
     for k in range(history):
         store(gradient, noise_state + k, load(slope, k))
     return s
-
-
-@cached_njit
-def values_and_gradients(record, objective, workspace, points, smoothing, barriers):
-    """Smoothed objective of each row with a barrier added, and its gradient.
-
-    The absolute value is smoothed, ``sqrt(e**2 + smoothing**2)``.  The barrier is that of
-    :func:`.stability.stability_barriers`, of A and of C, times ``barriers``.  Infeasible rows are
-    inf and 0.
-    """
-    found = np.empty(points.shape[0])
-    gradients = np.zeros(points.shape)
-    radius = objective.max_root_radius
-    a, noise = record.na, record.na + record.nb
-    c = noise + record.nc
-    of_roots = np.empty(found.size)
-    order = max(record.na, record.nc)
-    work = np.empty((order + 1, order))
-    for r in range(found.size):
-        found[r] = np.inf
-        of_roots[r] = barrier(points[r, :a], radius, work, gradients[r, :a])
-        of_roots[r] += barrier(points[r, noise:c], radius, work, gradients[r, noise:c])
-    feasible = marked_rows(of_roots < np.inf)
-    for i in range(0, feasible.size, LANES):
-        rows = feasible[i : i + LANES]
-        load_points(record, points, rows, workspace.parameters)
-        load_smoothing(smoothing, rows, workspace)
-        store(workspace.total, 0, _loss_and_gradient(record, workspace, objective.absolute))
-        for lane, r in enumerate(rows):
-            for i in range(points.shape[1]):
-                gradients[r, i] *= barriers[r]
-            _unload_gradient(record, objective, workspace.gradient, lane, points[r], gradients[r])
-            value = objective.factor * workspace.total[0, lane] + barriers[r] * of_roots[r]
-            value += objective.state_weight * squared_state(record, points[r])
-            if np.isfinite(value) and all_finite(gradients[r]):
-                found[r] = value
-    for r in range(found.size):
-        if not np.isfinite(found[r]):
-            for i in range(points.shape[1]):
-                gradients[r, i] = 0.0
-    return found, gradients
-
-
-@njit
-def _unload_gradient(record, objective, table, lane, point, gradient):
-    """Add one lane's gradient, with respect to the signed parameters, to a row of gradients."""
-    factor, state = objective.factor, record.na + record.nb + record.nc
-    for i in range(record.na):
-        gradient[i] += factor * table[i, lane]
-    for i in range(record.na, state):
-        gradient[i] -= factor * table[i, lane]
-    for k in range(record.nc):
-        gradient[state + k] += factor * table[record.na + record.nb + record.rows_c + k, lane]
-        gradient[state + k] += 2.0 * objective.state_weight * point[state + k]

@@ -14,6 +14,7 @@ from numba import types
 from numba.core import cgutils
 from numba.core.datamodel import models
 from numba.extending import intrinsic, register_model
+from numba.np.arrayobj import populate_array
 from numpy.typing import NDArray
 
 LANES = 8
@@ -44,10 +45,21 @@ def _splat(builder, scalar):
     return builder.shuffle_vector(first, undefined, zeros)
 
 
-def _row_pointer(context, builder, array_type, array, row):
+def _entry_type(table):
+    return _lanes if table.ndim == 2 else types.float64
+
+
+def _run_pointer(context, builder, array_type, array, index):
     data = context.make_array(array_type)(context, builder, array).data
+    return builder.bitcast(builder.gep(data, [index]), _VECTOR.as_pointer())
+
+
+def _row_pointer(context, builder, array_type, array, row):
+    if array_type.ndim == 1:
+        data = context.make_array(array_type)(context, builder, array).data
+        return builder.gep(data, [row])
     offset = builder.mul(row, ir.Constant(row.type, LANES))
-    return builder.bitcast(builder.gep(data, [offset]), _VECTOR.as_pointer())
+    return _run_pointer(context, builder, array_type, array, offset)
 
 
 @intrinsic
@@ -73,13 +85,24 @@ def sample(typingctx, signal, index):
 
 @intrinsic
 def load(typingctx, table, row):
-    """Row of a C-contiguous (rows, LANES) table as one vector."""
+    """Row of a C-contiguous (rows, LANES) table as one vector, or a number of a flat one."""
 
     def codegen(context, builder, signature, args):
         pointer = _row_pointer(context, builder, signature.args[0], args[0], args[1])
         return builder.load(pointer, align=8)
 
-    return _lanes(table, types.intp), codegen
+    return _entry_type(table)(table, types.intp), codegen
+
+
+@intrinsic
+def load_run(typingctx, flat, index):
+    """Numbers ``index ... index + LANES - 1`` of a flat array as one vector."""
+
+    def codegen(context, builder, signature, args):
+        pointer = _run_pointer(context, builder, signature.args[0], args[0], args[1])
+        return builder.load(pointer, align=8)
+
+    return _lanes(flat, types.intp), codegen
 
 
 @intrinsic
@@ -99,33 +122,68 @@ def load_either(typingctx, source, row):
 
 
 @intrinsic
-def store(typingctx, table, row, lanes):
-    """Write one vector to a row of a C-contiguous (rows, LANES) table."""
+def store(typingctx, table, row, entry):
+    """Write what :func:`load` reads."""
 
     def codegen(context, builder, signature, args):
         pointer = _row_pointer(context, builder, signature.args[0], args[0], args[1])
         builder.store(args[2], pointer, align=8)
         return context.get_dummy_value()
 
-    return types.void(table, types.intp, _lanes), codegen
+    return types.void(table, types.intp, _entry_type(table)), codegen
+
+
+@intrinsic
+def store_run(typingctx, flat, index, lanes):
+    """Write what :func:`load_run` reads."""
+
+    def codegen(context, builder, signature, args):
+        pointer = _run_pointer(context, builder, signature.args[0], args[0], args[1])
+        builder.store(args[2], pointer, align=8)
+        return context.get_dummy_value()
+
+    return types.void(flat, types.intp, _lanes), codegen
+
+
+@intrinsic
+def flat(typingctx, table):
+    """The numbers of a table one after the other, in the same memory, which the table keeps."""
+    of_numbers = types.Array(types.float64, 1, "C")
+
+    def codegen(context, builder, signature, args):
+        whole = context.make_array(signature.args[0])(context, builder, args[0])
+        numbers = context.make_array(of_numbers)(context, builder)
+        populate_array(
+            numbers,
+            data=whole.data,
+            shape=[whole.nitems],
+            strides=[whole.itemsize],
+            itemsize=whole.itemsize,
+            meminfo=None,
+        )
+        return numbers._getvalue()
+
+    return of_numbers(table), codegen
 
 
 def _call(builder, name, arguments):
-    function_type = ir.FunctionType(_VECTOR, [_VECTOR] * len(arguments))
+    kind = arguments[0].type
+    suffix = f"v{LANES}f64" if kind == _VECTOR else "f64"
+    function_type = ir.FunctionType(kind, [kind] * len(arguments))
     function = cgutils.get_or_insert_function(
-        builder.module, function_type, f"llvm.{name}.v{LANES}f64"
+        builder.module, function_type, f"llvm.{name}.{suffix}"
     )
     return builder.call(function, arguments)
 
 
 @intrinsic
 def fma(typingctx, x, y, z):
-    """``x * y + z`` rounded once."""
+    """``x * y + z`` rounded once, of vectors or numbers."""
 
     def codegen(context, builder, signature, args):
         return _call(builder, "fma", args)
 
-    return _lanes(_lanes, _lanes, _lanes), codegen
+    return x(x, x, x), codegen
 
 
 @intrinsic

@@ -1,0 +1,200 @@
+"""Lockstep BFGS, the steps of all starts at once, for every objective."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evopem.estimation.pem.kernels.cache import cached_njit, njit
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.intp]
+
+SUFFICIENT_DECREASE = 1e-4
+CURVATURE = 0.9
+LONGEST_LINE_SEARCH = 30
+# Least part of a bracket that an interpolated step keeps.
+SHORTEST_CUT = 0.1
+
+# What the line search of a start knows. One array of records in place of one for each field: every
+# array of a compiled function costs time when it is compiled, and at each call.
+LINE = np.dtype(
+    [
+        *((name, np.float64) for name in ("value", "slope", "step", "low", "high")),
+        *((name, np.int64) for name in ("tries", "iterations")),
+        *((name, np.bool_) for name in ("converged", "active", "unaimed")),
+    ],
+    align=True,
+)
+
+
+class State(NamedTuple):
+    """Where each start is, its gradient, inverse Hessian and direction, and its line search.
+
+    A line that is not aimed yet begins along the direction that the inverse Hessian gives.
+    """
+
+    x: Array
+    g: Array
+    h: Array
+    d: Array
+    line: NDArray[np.void]
+
+
+def state_at(starts: Array) -> State:
+    """The state of descents whose starts, (M, n), have not been evaluated yet."""
+    count, dimension = starts.shape
+    line = np.zeros(count, LINE)
+    line["active"] = True
+    return State(
+        x=starts,
+        g=np.zeros((count, dimension)),
+        h=np.zeros((count, dimension, dimension)),
+        d=np.zeros((count, dimension)),
+        line=line,
+    )
+
+
+@cached_njit
+def trial_points(state: State, rows: Rows) -> Array:
+    """The point that each of some starts tries."""
+    trial = np.empty((rows.size, state.x.shape[1]))
+    for k, r in enumerate(rows):
+        if state.line[r].unaimed:
+            _aim(state, r)
+        for i in range(trial.shape[1]):
+            trial[k, i] = state.x[r, i] + state.line[r].step * state.d[r, i]
+    return trial
+
+
+@cached_njit
+def advance(
+    state: State,
+    rows: Rows,
+    trial: Array,
+    values: Array,
+    gradients: Array,
+    tolerance: float,
+    max_iterations: int,
+) -> int:
+    """Accept each start's trial, or say where along the line it tries next.
+
+    Returns the evaluations that these trials were: a step out of the stability region is refused
+    before any residual is computed.
+    """
+    evaluations = 0
+    for k, r in enumerate(rows):
+        evaluations += np.isfinite(values[k])
+        state.line[r].tries += 1
+        step, slope = state.line[r].step, state.line[r].slope
+        last = state.line[r].tries >= LONGEST_LINE_SEARCH
+        if not values[k] <= state.line[r].value + SUFFICIENT_DECREASE * step * slope:
+            state.line[r].high = step
+        # A search that keeps its decrease but never flattens ends with the decrease it has.
+        elif last or _dot(gradients[k], state.d[r]) >= CURVATURE * slope:
+            _accept(state, r, trial[k], values[k], gradients[k], tolerance, max_iterations)
+            continue
+        else:
+            state.line[r].low = step
+        state.line[r].active = not last
+        state.line[r].step = _next_step(
+            state.line[r].low, state.line[r].high, state.line[r].value, slope, values[k]
+        )
+    return evaluations
+
+
+@njit
+def _next_step(low: float, high: float, f: float, slope: float, beyond: float) -> float:
+    """The next trial step: twice the last one until a bracket is found, then inside it.
+
+    While the bracket starts at zero its inside is the minimum of the parabola through value and
+    slope there and the value at its far end; later, and where that end is infeasible, its middle.
+    """
+    if high == np.inf:
+        return 2.0 * low
+    width = high - low
+    if low == 0.0 and np.isfinite(beyond):
+        parabola = -slope * high**2 / (2.0 * (beyond - f - slope * high))
+        if np.isfinite(parabola):
+            return min(max(parabola, SHORTEST_CUT * width), 0.5 * width)
+    return low + 0.5 * width
+
+
+@njit
+def _accept(
+    state: State,
+    r: int,
+    point: Array,
+    value: float,
+    gradient: Array,
+    tolerance: float,
+    max_iterations: int,
+) -> None:
+    """Move a start to its trial point and aim from there; end it where it has converged."""
+    drop = state.line[r].value - value
+    step, change = np.empty(point.size), np.empty(point.size)
+    for i in range(point.size):
+        step[i] = state.line[r].step * state.d[r, i]
+        change[i] = gradient[i] - state.g[r, i]
+        state.x[r, i], state.g[r, i] = point[i], gradient[i]
+    state.line[r].value = value
+    _update(state.h[r], step, change)
+    state.line[r].iterations += 1
+    state.line[r].tries = 0
+    _aim(state, r)
+    limit = tolerance * abs(value)
+    state.line[r].converged = -0.5 * state.line[r].slope <= limit and drop <= limit
+    state.line[r].active = not (
+        state.line[r].converged or state.line[r].iterations >= max_iterations
+    )
+
+
+@njit
+def _aim(state: State, r: int) -> None:
+    """Begin a line along the quasi-Newton direction, or steepest descent where that climbs."""
+    h, g, d = state.h[r], state.g[r], state.d[r]
+    product = _times(h, g)
+    for i in range(g.size):
+        d[i] = -product[i]
+    state.line[r].slope = _dot(d, g)
+    if not state.line[r].slope < 0.0:
+        for i in range(g.size):
+            for j in range(g.size):
+                h[i, j] = 1.0 if i == j else 0.0
+            d[i] = -g[i]
+        state.line[r].slope = _dot(d, g)
+    state.line[r].step, state.line[r].low, state.line[r].high = 1.0, 0.0, np.inf
+    state.line[r].unaimed = False
+
+
+@njit
+def _update(h: Array, s: Array, y: Array) -> None:
+    """Update an inverse Hessian by BFGS (Fletcher 1987), except where curvature is not positive."""
+    sy = _dot(s, y)
+    if not sy > 1e-12 * np.sqrt(_dot(s, s) * _dot(y, y)):
+        return
+    hy = _times(h, y)
+    weight = (1.0 + _dot(y, hy) / sy) / sy
+    for i in range(len(s)):
+        for j in range(len(s)):
+            h[i, j] += weight * s[i] * s[j] - (hy[i] * s[j] + s[i] * hy[j]) / sy
+
+
+# Sums in one order: the bits of a result must not depend on the processor's vectors.
+@njit
+def _dot(one: Array, other: Array) -> float:
+    total = 0.0
+    for i in range(len(one)):
+        total += one[i] * other[i]
+    return total
+
+
+@njit
+def _times(symmetric: Array, vector: Array) -> Array:
+    product = np.zeros(len(vector))
+    for j in range(len(vector)):
+        for i in range(len(vector)):
+            product[i] += symmetric[j, i] * vector[j]
+    return product
