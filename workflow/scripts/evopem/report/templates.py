@@ -7,7 +7,6 @@ from base64 import b64encode
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import evopem
 from evopem.report import numbers
 
 if TYPE_CHECKING:
@@ -19,7 +18,7 @@ def template_folder() -> Path:
 
     It is a subpackage of an installed evopem, and ``workflow/templates`` in a checkout.
     """
-    package = Path(evopem.__file__).resolve().parent
+    package = Path(__file__).resolve().parents[1]
     installed = package / "templates"
     return installed if installed.is_dir() else package.parents[1] / "templates"
 
