@@ -153,7 +153,7 @@ def script_of(folder):
 
 
 def hold_up(folder):
-    """Stop the process of a run's job, for it to last longer than SLURM lets it."""
+    """Stop the process of a run's job, for it to last until SLURM, or somebody, ends it."""
     os.kill(until(lambda: script_of(folder), "the job's process"), signal.SIGSTOP)
 
 
@@ -164,7 +164,7 @@ def test_a_run_that_is_stopped_leaves_no_job_and_goes_on_later(runs):
     """
     folder = runs.folders["cancelled"]
     for cancelled_by_hand in (False, True):
-        until(lambda: script_of(folder), "the job's process")
+        hold_up(folder)
         if cancelled_by_hand:
             (number,) = jobs_of(folder)
             subprocess.run(["scancel", number], check=True)
