@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from evopem.estimation.pem import kernels
 from evopem.estimation.pem.kernels.bfgs import State
-from evopem.models.polynomials import reflect_into_disc
+from evopem.estimation.pem.losses import mean_residuals, slopes_of, total_loss
+from evopem.estimation.pem.root_repair import repaired
 from evopem.models.structures import PolynomialOrders
 
 Array = NDArray[np.float64]
@@ -67,8 +68,7 @@ class PredictionErrorProblem:
         self.scoring_start = scoring_start
         self.max_root_radius = max_root_radius
         absolute = objective == "absolute"
-        scored = output[scoring_start:]
-        self._scale = float(np.sum(np.abs(scored)) if absolute else scored @ scored)
+        self._scale = total_loss(output[scoring_start:], objective)
         self.scored_samples = self.samples - scoring_start
         # A square in the unit of the loss.
         state_unit = self._scale / self.scored_samples if absolute else 1.0
@@ -219,8 +219,7 @@ class PredictionErrorProblem:
 
     def mean_absolute_residuals(self, values: Array) -> Array:
         """Mean (absolute objective) or root mean square (quadratic) residual, from values."""
-        total = values / 100.0 * self._scale / self.scored_samples
-        return total if self.objective == "absolute" else np.sqrt(total)
+        return mean_residuals(values, self._scale, self.scored_samples, self.objective)
 
     def residuals(self, point: Array) -> Array:
         """Residuals of one parameter vector, (N,); zero before ``recursion_start``."""
@@ -248,27 +247,8 @@ class PredictionErrorProblem:
         return feasible
 
     def repair(self, points: Array) -> Array:
-        """Move the roots of A and C of infeasible rows inside by reflection at the unit circle.
-
-        Reflection of a root of C leaves the spectrum of the noise as it was (Söderström &
-        Stoica 1989, section 6.2); roots in the margin go to its inner edge.
-        """
-        repaired = points.copy()
-        inner = self.max_root_radius * (1.0 - 1e-6)
-        rows = np.flatnonzero(~self.feasible(points))
-        finite = np.where(np.isfinite(points[rows]), points[rows], 0.0)
-        for name in "ac":
-            part = self.parts()[name]
-            finite[:, part] = reflect_into_disc(finite[:, part], inner)
-        repaired[rows] = finite
-        return repaired
-
-
-def slopes_of(residuals: Array, objective: str, first: int) -> Array:
-    """Half the slopes of squares, or those of magnitudes; 0 before the first residual counted."""
-    slopes = np.sign(residuals) if objective == "absolute" else residuals.copy()
-    slopes[:first] = 0.0
-    return slopes
+        """Move the roots of A and C of infeasible rows inside; see :func:`.repaired`."""
+        return repaired(self, points, "ac")
 
 
 def _rows(points: Array) -> Array:

@@ -8,12 +8,15 @@ leave no transient.  A population is an (M, n) array.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
 from evopem.estimation.pem.kernels import polynomial as kernels
-from evopem.estimation.pem.objective import DENSITY_BANDWIDTH, STATE_WEIGHT, slopes_of
-from evopem.models.polynomials import reflect_into_disc
+from evopem.estimation.pem.losses import mean_residuals, slopes_of, total_loss
+from evopem.estimation.pem.objective import DENSITY_BANDWIDTH, STATE_WEIGHT
+from evopem.estimation.pem.root_repair import repaired
 from evopem.models.structures import PolynomialOrders
 
 Array = NDArray[np.float64]
@@ -67,8 +70,7 @@ class PolynomialErrors:
         )
         self._workspace = kernels.polynomial_workspace(self._record)
         absolute = objective == "absolute"
-        scored = output[loss_start:]
-        self._scale = float(np.sum(np.abs(scored)) if absolute else scored @ scored)
+        self._scale = total_loss(output[loss_start:], objective)
         self.scored_samples = self.samples - loss_start
         # A square in the unit of the loss.
         state_unit = self._scale / self.scored_samples if absolute else 1.0
@@ -143,11 +145,7 @@ class PolynomialErrors:
         o = self.orders
         lengths = {"a": o.na, "b": o.nb, "c": o.nc, "d": o.nd, "f": o.nf}
         lengths |= {"level": int(self.level), "plant": o.nf, "noise": o.noise_states}
-        parts, first = {}, 0
-        for name, length in lengths.items():
-            parts[name] = slice(first, first + length)
-            first += length
-        return parts
+        return consecutive(lengths)
 
     def values(self, points: Array) -> Array:
         """Objective of each row of an (M, n) population, in percent; infeasible rows are inf.
@@ -192,8 +190,7 @@ class PolynomialErrors:
 
     def mean_absolute_residuals(self, values: Array) -> Array:
         """Mean (absolute objective) or root mean square (quadratic) residual, from values."""
-        total = values / 100.0 * self._scale / self.scored_samples
-        return total if self.objective == "absolute" else np.sqrt(total)
+        return mean_residuals(values, self._scale, self.scored_samples, self.objective)
 
     def residuals(self, point: Array) -> Array:
         """Residuals of one point, (N,); zero before ``residual_start``."""
@@ -228,26 +225,17 @@ class PolynomialErrors:
         return feasible
 
     def repair(self, points: Array) -> Array:
-        """Move the roots of infeasible rows inside by reflection at the unit circle.
+        """Move the roots of infeasible rows inside; see :func:`.repaired`."""
+        return repaired(self, points, "acdf")
 
-        Reflection leaves the magnitude of a frequency response as it was but for a constant;
-        roots between the allowed radius and the unit circle go to that radius.
-        """
-        repaired = points.copy()
-        rows = np.flatnonzero(~self.feasible(points))
-        finite = np.where(np.isfinite(points[rows]), points[rows], 0.0)
-        parts = self.parts()
-        for name, radius in (
-            ("a", self.plant_radius),
-            ("c", self.noise_radius),
-            ("d", self.noise_radius),
-            ("f", self.plant_radius),
-        ):
-            part = parts[name]
-            if part.stop > part.start:
-                finite[:, part] = reflect_into_disc(finite[:, part], radius * (1.0 - 1e-6))
-        repaired[rows] = finite
-        return repaired
+
+def consecutive(lengths: Mapping[str, int]) -> dict[str, slice]:
+    """Where parts of some lengths stand, one after the other."""
+    parts, first = {}, 0
+    for name, length in lengths.items():
+        parts[name] = slice(first, first + length)
+        first += length
+    return parts
 
 
 def _rows(points: Array) -> Array:

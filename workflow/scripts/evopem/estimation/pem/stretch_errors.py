@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.config.settings import ScoringWindow
-from evopem.estimation.pem.polynomial_objective import PolynomialErrors
+from evopem.estimation.pem.losses import mean_residuals, total_loss
+from evopem.estimation.pem.polynomial_objective import PolynomialErrors, consecutive
+from evopem.estimation.pem.root_repair import repaired
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.polynomials import reflect_into_disc
 from evopem.models.structures import PolynomialOrders
 from evopem.signals.stretches import Stretch
 
@@ -83,14 +84,7 @@ class StretchErrors:
             )
             for each in self.stretches
         ]
-        self._scales = np.array(
-            [
-                np.sum(np.abs(e.output[first:]))
-                if objective == "absolute"
-                else e.output[first:] @ e.output[first:]
-                for e in self._errors
-            ]
-        )
+        self._scales = np.array([total_loss(e.output[first:], objective) for e in self._errors])
         self._scales = np.maximum(self._scales, np.finfo(float).tiny)
         self._weights = self._scales / np.sum(self._scales)
         self.scored_samples = sum(e.scored_samples for e in self._errors)
@@ -128,11 +122,7 @@ class StretchErrors:
         lengths = {"a": o.na, "b": o.nb, "c": o.nc, "d": o.nd, "f": o.nf}
         lengths["level"] = len(self.recordings) if self.level else 0
         lengths |= {"plant": count * o.nf, "noise": count * o.noise_states}
-        parts, first = {}, 0
-        for name, length in lengths.items():
-            parts[name] = slice(first, first + length)
-            first += length
-        return parts
+        return consecutive(lengths)
 
     def _points_of_stretches(self) -> list[NDArray[np.intp]]:
         """Where the point of each stretch alone stands in the point of all."""
@@ -184,8 +174,8 @@ class StretchErrors:
 
     def mean_absolute_residuals(self, values: Array) -> Array:
         """Mean (absolute objective) or root mean square (quadratic) residual, from values."""
-        total = values / 100.0 * np.sum(self._scales) / self.scored_samples
-        return total if self.objective == "absolute" else np.sqrt(total)
+        total = float(np.sum(self._scales))
+        return mean_residuals(values, total, self.scored_samples, self.objective)
 
     def residuals(self, point: Array) -> Array:
         """Residuals of one point that count, of all stretches one after the other."""
@@ -242,15 +232,5 @@ class StretchErrors:
         )
 
     def repair(self, points: Array) -> Array:
-        """Move the roots of infeasible rows inside by reflection at the unit circle."""
-        repaired = points.copy()
-        rows = np.flatnonzero(~self.feasible(points))
-        finite = np.where(np.isfinite(points[rows]), points[rows], 0.0)
-        parts = self.parts()
-        for name in "acdf":
-            part = parts[name]
-            if part.stop > part.start and len(rows):
-                radius = self.radius_of(name) * (1.0 - 1e-6)
-                finite[:, part] = reflect_into_disc(finite[:, part], radius)
-        repaired[rows] = finite
-        return repaired
+        """Move the roots of infeasible rows inside; see :func:`.repaired`."""
+        return repaired(self, points, "acdf")
