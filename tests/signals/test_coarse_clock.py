@@ -100,18 +100,19 @@ def test_irregular_sampling_is_no_coarse_clock():
     assert coarse_clock(10.0 * np.floor(times / 10.0)) is None
 
 
-@pytest.mark.parametrize("uneven_time", ["refuse", "interpolate"])
-def test_the_samples_are_used_as_they_are_and_the_report_says_so(tmp_path, uneven_time):
+@pytest.mark.parametrize("given", [{}, {"time": "time"}, {"uneven_time": "interpolate"}])
+def test_the_samples_are_used_as_they_are_and_the_report_says_so(tmp_path, given):
     u, y = np.random.default_rng(5).standard_normal((2, SAMPLES))
     file = tmp_path / "log.csv"
     stamps = 1e-3 * stamped(3.0, 10.0, 0.0)
     np.savetxt(file, np.column_stack([stamps, u, y]), "%.17g", ",", header="time,u,y", comments="")
     results = str(tmp_path / "recording.npz"), str(tmp_path / "recording.json")
-    channels = ChannelSettings("u", "y", time="time", uneven_time=uneven_time)
+    channels = ChannelSettings("u", "y", **given)
     read_recording([str(file)], channels, *results)
     recording, info = load_recording(results[0]), load(RecordingInfo, results[1])
     np.testing.assert_array_equal(recording.output, y)
     assert recording.sampling_rate == pytest.approx(1000.0 / 3.0, rel=1e-6)
+    assert info.time_told == (None if "time" in given else "time")
     (sentence,) = uneven_stamps(info.uneven_times)
     assert "a tick lasts 3.33 samples" in sentence
 

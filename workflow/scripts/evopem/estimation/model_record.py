@@ -25,8 +25,8 @@ from evopem.signals.preparation import Transforms
 from evopem.version import __version__
 
 if TYPE_CHECKING:
-    from evopem.models.state_space import StateSpaceModel
     from evopem.estimation.polynomial_estimate import PolynomialEstimate
+    from evopem.models.state_space import StateSpaceModel
 
 Array = NDArray[np.float64]
 Roots = NDArray[np.complex128]
