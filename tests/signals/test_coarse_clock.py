@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from evopem.config.settings import ChannelSettings
@@ -24,6 +24,7 @@ def stamped(step: float, tick: float, phase: float, samples: int = SAMPLES):
     return tick * np.floor((np.arange(samples) * step) / tick + phase)
 
 
+@settings(deadline=None)  # other processes may hold this one up
 @given(
     step=st.floats(0.1, 1.4),
     phase=st.floats(0.0, 1.0, exclude_max=True),
@@ -100,18 +101,19 @@ def test_irregular_sampling_is_no_coarse_clock():
     assert coarse_clock(10.0 * np.floor(times / 10.0)) is None
 
 
-@pytest.mark.parametrize("uneven_time", ["refuse", "interpolate"])
-def test_the_samples_are_used_as_they_are_and_the_report_says_so(tmp_path, uneven_time):
+@pytest.mark.parametrize("stated", [{}, {"time": "time"}, {"uneven_time": "interpolate"}])
+def test_the_samples_are_used_as_they_are_and_the_report_says_so(tmp_path, stated):
     u, y = np.random.default_rng(5).standard_normal((2, SAMPLES))
     file = tmp_path / "log.csv"
     stamps = 1e-3 * stamped(3.0, 10.0, 0.0)
     np.savetxt(file, np.column_stack([stamps, u, y]), "%.17g", ",", header="time,u,y", comments="")
     results = str(tmp_path / "recording.npz"), str(tmp_path / "recording.json")
-    channels = ChannelSettings("u", "y", time="time", uneven_time=uneven_time)
+    channels = ChannelSettings("u", "y", **stated)
     read_recording([str(file)], channels, *results)
     recording, info = load_recording(results[0]), load(RecordingInfo, results[1])
     np.testing.assert_array_equal(recording.output, y)
     assert recording.sampling_rate == pytest.approx(1000.0 / 3.0, rel=1e-6)
+    assert info.time_told == (None if "time" in stated else "time")
     (sentence,) = uneven_stamps(info.uneven_times)
     assert "a tick lasts 3.33 samples" in sentence
 

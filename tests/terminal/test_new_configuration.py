@@ -52,7 +52,24 @@ def test_what_is_not_certain_is_left_to_the_user(tmp_path):
     assert settings_of(text)["counted"].source.channels.time == "tick"
 
 
+def test_a_named_time_that_is_not_even_is_no_signal(tmp_path):
+    time = np.arange(SAMPLES) / 250.0
+    time[200] = time[199]
+    table = np.column_stack([time, U, Y])
+    np.savetxt(tmp_path / "again.csv", table, delimiter=",", header="t,a,b", comments="")
+    coarse = np.column_stack([np.floor(np.arange(SAMPLES) * 3 / 4) / 250, U, Y])
+    np.savetxt(tmp_path / "coarse.csv", coarse, delimiter=",", header="time,a,b", comments="")
+    text = configuration_text(tmp_path)
+    assert "time: time  # 333.333 Hz" in text
+    assert "# the time does not increase: it is that of sample 200; remove rows" in text
+    settings = settings_of(text)
+    for name, channel in (("again", "t"), ("coarse", "time")):
+        own = settings[name].source.channels
+        assert (own.time, own.input, own.output) == (channel, "a", "b")
+
+
 def test_other_files_are_left_out_and_named(tmp_path):
+    (tmp_path / "cut.csv").write_text("t,a,b\n0,1,2\n1,2,3\n2,1\n")
     np.savetxt(tmp_path / "data.csv", np.column_stack([U, Y]), delimiter=",")
     (tmp_path / "README.txt").write_text("measured on a Monday\n")
     np.savetxt(tmp_path / "single.csv", U)
@@ -65,9 +82,12 @@ def test_other_files_are_left_out_and_named(tmp_path):
     left_out = text.partition("# Left out:\n")[2].splitlines()
     assert [line.split(":")[0] for line in left_out] == [
         "# README.txt",
+        "# cut.csv",
         "# dead.csv",
         "# single.csv",
     ]
+    assert "no two channels can be read. " in left_out[1]
+    assert "cut.csv, line 4: the row has 2 fields where the others have 3" in left_out[1]
 
 
 @pytest.mark.parametrize("name", ["y", "no", "12", "a: b", "#1", "Größe [N]", "'quoted'"])

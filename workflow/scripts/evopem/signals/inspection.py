@@ -15,6 +15,9 @@ from evopem.signals.measured_files import channel_names, read_channels
 from evopem.signals.readers.channels import Channel, Reference
 from evopem.signals.timestamps import STEP_TOLERANCE, names_time, sampling_rate_of
 
+MOST_INCREASE = 0.95
+"""Larger share of the steps of a time that do not decrease."""
+
 
 @dataclass(frozen=True)
 class SignalColumn:
@@ -65,17 +68,21 @@ class FileContents:
         Channels of finite real numbers that are not constant, in the order of the file.
     time : TimeColumn, optional
         The first channel of time stamps.
+    unread : str
+        Why the first channel that cannot be read cannot; empty where all can.
     """
 
     signals: tuple[SignalColumn, ...]
     time: TimeColumn | None
+    unread: str = ""
 
 
 def inspect_file(path: str | Path) -> FileContents:
     """Read all channels of a measured file and tell times from signals.
 
-    A channel that increases by the same step from sample to sample, or holds dates, is taken for a
-    time. A channel that cannot be read, or holds text or a constant, is left out.
+    A channel that increases by the same step from sample to sample, or holds dates, or increases
+    and is named as a time, is taken for a time. A channel that cannot be read, or holds text or a
+    constant, is left out.
 
     Raises
     ------
@@ -85,19 +92,21 @@ def inspect_file(path: str | Path) -> FileContents:
     names = channel_names(path)
     signals: list[SignalColumn] = []
     time: TimeColumn | None = None
+    unread = ""
     for number, name in enumerate(names, start=1):
         reference = name if name and names.count(name) == 1 else number
         try:
             (channel,) = read_channels(path, [number])
-        except InputError:
+        except InputError as error:
+            unread = unread or str(error)
             continue
-        if _is_time(channel):
+        if _is_time(channel) or (time is None and _is_named_time(channel)):
             time = time or _time_column(channel, reference, str(path))
         elif _is_signal(channel):
             signals.append(
                 SignalColumn(reference, channel.unit, channel.values.size, channel.sampling_rate)
             )
-    return FileContents(tuple(signals), time)
+    return FileContents(tuple(signals), time, unread)
 
 
 def may_tell_time(channels: ChannelSettings | ChannelLists) -> bool:
@@ -134,8 +143,11 @@ def time_told(path: str | Path, signals: Sequence[Reference]) -> Reference | Non
         except InputError:
             continue
         reference = name if names.count(name) == 1 else number
-        if channel.values.size == first.values.size and _is_time(channel):
-            return reference if _time_column(channel, reference, str(path)).sampling_rate else None
+        if channel.values.size != first.values.size:
+            continue
+        rate = _time_column(channel, reference, str(path)).sampling_rate
+        if rate or _is_time(channel):
+            return reference if rate else None
     return None
 
 
@@ -148,6 +160,15 @@ def _is_time(channel: Channel) -> bool:
     steps = np.diff(values.astype(np.float64))
     usual = float(np.median(steps))
     return usual > 0.0 and bool((np.abs(steps - usual) <= STEP_TOLERANCE * usual).all())
+
+
+def _is_named_time(channel: Channel) -> bool:
+    """Whether a channel is named as a time and hardly ever decreases, as times that repeat do."""
+    values = channel.values
+    if values.dtype.kind not in "fiu" or values.size < 3 or not names_time(channel.name):
+        return False
+    steps = np.diff(values.astype(np.float64))
+    return bool(values[-1] > values[0]) and float(np.mean(steps >= 0.0)) > MOST_INCREASE
 
 
 def _time_column(channel: Channel, reference: Reference, source: str) -> TimeColumn:

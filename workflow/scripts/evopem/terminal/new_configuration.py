@@ -177,13 +177,16 @@ def _rate(source: SignalColumn, target: SignalColumn, time: TimeColumn | None) -
         column = f"    time: {_scalar(time.reference)}"
         if time.sampling_rate is not None:
             return [f"{column}  # {time.sampling_rate:g} Hz"]
-        return [column, f"    # time_unit: ms  # to be set: {_comment(time.problem)}"]
+        to_set = "time_unit: ms  # to be set: " if "time_unit" in time.problem else ""
+        return [column, f"    # {to_set}{_comment(time.problem)}"]
     if len(own) == 1 and None not in own:
         return [f"    # sampling rate: {own.pop():g} Hz, as the file states"]
     return ["    # sampling_rate: 100  # Hz; to be set: the file states none"]
 
 
 def _unusable(shown: str, contents: FileContents) -> str:
+    if len(contents.signals) < 2 and contents.unread:
+        return f"{shown}: no two channels can be read. {contents.unread}"
     if len(contents.signals) < 2:
         number = len(contents.signals)
         return f"{shown}: {number} of its channels can be an input or an output; two are needed."
