@@ -223,12 +223,8 @@ class PredictionErrorProblem:
 
     def residuals(self, point: Array) -> Array:
         """Residuals of one parameter vector, (N,); zero before ``recursion_start``."""
-        # Tables that are not there are not kept: they are larger than what is wanted.
-        workspace = self.__dict__.get("_workspace") or kernels.workspace_for(self._record, 1)
-        residuals: Array = kernels.residuals(
-            self._record, workspace, _rows(point[None, :]), np.zeros(1, dtype=np.intp)
-        )
-        return residuals[0, : self.samples]
+        residuals: Array = kernels.residuals(self._record, np.ascontiguousarray(point))
+        return residuals[: self.samples]
 
     def residuals_and_slopes(self, point: Array) -> tuple[Array, Array]:
         """Residuals, (N,), and the :func:`slopes_of` their losses."""

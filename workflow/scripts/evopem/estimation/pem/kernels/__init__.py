@@ -12,8 +12,9 @@ from evopem.estimation.pem.kernels.record import (
     padded_length,
     workspace_for,
 )
-from evopem.estimation.pem.kernels.residuals import residuals, values
+from evopem.estimation.pem.kernels.residuals import values
 from evopem.estimation.pem.kernels.simd import LANES
+from evopem.estimation.pem.kernels.single_model import residuals
 from evopem.estimation.pem.kernels.stability import (
     feasible_rows,
     schur_stable,

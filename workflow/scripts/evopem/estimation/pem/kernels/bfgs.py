@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.estimation.pem.kernels.cache import cached_njit, njit
+from evopem.estimation.pem.kernels.cache import cached_njit, inlined, njit
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
@@ -57,7 +57,7 @@ def state_at(starts: Array) -> State:
     )
 
 
-@cached_njit
+@njit
 def trial_points(state: State, rows: Rows) -> Array:
     """The point that each of some starts tries."""
     trial = np.empty((rows.size, state.x.shape[1]))
@@ -69,7 +69,7 @@ def trial_points(state: State, rows: Rows) -> Array:
     return trial
 
 
-@cached_njit
+@njit
 def advance(
     state: State,
     rows: Rows,
@@ -122,7 +122,7 @@ def _next_step(low: float, high: float, f: float, slope: float, beyond: float) -
     return low + 0.5 * width
 
 
-@njit
+@inlined
 def _accept(
     state: State,
     r: int,
@@ -193,8 +193,30 @@ def _dot(one: Array, other: Array) -> float:
 
 @njit
 def _times(symmetric: Array, vector: Array) -> Array:
-    product = np.zeros(len(vector))
+    product = np.empty(len(vector))
+    for i in range(len(vector)):
+        product[i] = 0.0
     for j in range(len(vector)):
         for i in range(len(vector)):
             product[i] += symmetric[j, i] * vector[j]
     return product
+
+
+@cached_njit
+def points_to_try(state: State, rows: Rows) -> Array:
+    """:func:`trial_points` for an objective that Python evaluates."""
+    return trial_points(state, rows)
+
+
+@cached_njit
+def advance_by(
+    state: State,
+    rows: Rows,
+    trial: Array,
+    values: Array,
+    gradients: Array,
+    tolerance: float,
+    max_iterations: int,
+) -> int:
+    """:func:`advance` for an objective that Python evaluates."""
+    return advance(state, rows, trial, values, gradients, tolerance, max_iterations)

@@ -32,6 +32,11 @@ def njit(function: Callable[..., Any]) -> Any:
     return numba.njit(**_OPTIONS, **_INNER)(function)
 
 
+def inlined(function: Callable[..., Any]) -> Any:
+    """Compile a large function into the one place that calls it, and not by itself as well."""
+    return numba.njit(inline="always", **_OPTIONS, **_INNER)(function)
+
+
 def cached_njit(function: Callable[..., Any]) -> Any:
     """Compile a function that Python calls, on first use, and keep the result on disk.
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.estimation.pem.kernels.bfgs import advance, state_at, trial_points
-from evopem.estimation.pem.kernels.cache import cached_njit, njit
+from evopem.estimation.pem.kernels.cache import cached_njit, inlined, njit
 from evopem.estimation.pem.kernels.gradient import loss_and_gradient
 from evopem.estimation.pem.kernels.record import (
     Objective,
@@ -24,7 +24,7 @@ from evopem.estimation.pem.kernels.stability import barrier
 Array = NDArray[np.float64]
 
 
-@njit
+@inlined
 def values_and_gradients(record, objective, workspace, points, starts, smoothing, barriers):
     """Smoothed objective of each row with a barrier added, and its gradient.
 
@@ -34,7 +34,7 @@ def values_and_gradients(record, objective, workspace, points, starts, smoothing
     0.
     """
     found = np.empty(points.shape[0])
-    gradients = np.zeros(points.shape)
+    gradients = np.empty(points.shape)
     radius = objective.max_root_radius
     a, noise = record.na, record.na + record.nb
     c = noise + record.nc
@@ -43,6 +43,8 @@ def values_and_gradients(record, objective, workspace, points, starts, smoothing
     work = np.empty((order + 1, order))
     for r in range(found.size):
         found[r] = np.inf
+        for i in range(points.shape[1]):
+            gradients[r, i] = 0.0
         of_roots[r] = barrier(points[r, :a], radius, work, gradients[r, :a])
         of_roots[r] += barrier(points[r, noise:c], radius, work, gradients[r, noise:c])
     feasible = marked_rows(of_roots < np.inf)
@@ -50,13 +52,15 @@ def values_and_gradients(record, objective, workspace, points, starts, smoothing
     while i < feasible.size:
         rows = feasible[i : i + LANES]
         i += rows.size
-        load_points(record, points, rows, workspace.parameters)
-        store(workspace.smoothing, 0, constant(1.0))
-        for lane, r in enumerate(rows):
-            workspace.smoothing[0, lane] = smoothing[starts[r]]
         if rows.size == 1:
-            workspace.total[0, 0] = loss_and_gradient_of_one(record, workspace, objective.absolute)
+            workspace.total[0, 0] = loss_and_gradient_of_one(
+                record, workspace, objective.absolute, points[rows[0]], smoothing[starts[rows[0]]]
+            )
         else:
+            load_points(record, points, rows, workspace.parameters)
+            store(workspace.smoothing, 0, constant(1.0))
+            for lane, r in enumerate(rows):
+                workspace.smoothing[0, lane] = smoothing[starts[r]]
             store(workspace.total, 0, loss_and_gradient(record, workspace, objective.absolute))
         for lane, r in enumerate(rows):
             weight = barriers[starts[r]]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from evopem.estimation.pem.kernels.cache import cached_njit, njit
+from evopem.estimation.pem.kernels.cache import cached_njit, inlined, njit
 from evopem.estimation.pem.kernels.record import (
     BLOCK,
     CHUNK,
@@ -160,7 +160,7 @@ def forget_decayed(table, row, size):
                 table[i, lane] = 0.0
 
 
-@njit
+@inlined
 def _gauss_newton(record, workspace, lag_sums):
     """Upper triangle of ``sum_t J_t J_t'`` over the samples that count, for the loaded models.
 
@@ -239,7 +239,9 @@ def gauss_newton_matrices(
     work, curvature = np.empty((order + 1, order)), np.empty((order, order))
     slopes, next_slopes = np.empty((order, order)), np.empty((order, order))
     for begin in range(0, count, LANES):
-        rows = np.arange(begin, min(begin + LANES, count))
+        rows = np.empty(min(LANES, count - begin), dtype=np.intp)
+        for lane in range(rows.size):
+            rows[lane] = begin + lane
         load_points(record, points, rows, workspace.parameters)
         if objective.absolute:
             load_smoothing(smoothing, rows, workspace)

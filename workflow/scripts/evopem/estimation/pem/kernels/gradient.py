@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from evopem.estimation.pem.kernels.cache import njit
+from evopem.estimation.pem.kernels.cache import inlined, njit
 from evopem.estimation.pem.kernels.record import (
     BLOCK,
     CHUNK,
@@ -107,7 +107,7 @@ def _sweep_back(record, parameters, e, before, slope, begin, end, gradient):
             store(gradient, row, add(even, odd))
 
 
-@njit
+@inlined
 def loss_and_gradient(record, workspace, absolute):
     """Loss of the loaded models, and by one backward pass its gradient, whatever their size.
 

@@ -135,22 +135,6 @@ def sum_of_losses(e, absolute, begin, end, s):
 
 
 @cached_njit
-def residuals(record, workspace, points, rows):
-    """Residuals of up to eight rows of a population, (rows, padded samples).
-
-    Zero before ``residual_start``, meaningless beyond the record.
-    """
-    load_points(record, points, rows, workspace.parameters)
-    e = np.zeros((rows.size, record.y.size))
-    for part in range(kept_residuals(record, workspace)[1]):
-        begin, end = residuals_of_part(record, workspace, part)
-        for lane in range(rows.size):
-            for t in range(begin, end):
-                e[lane, t] = workspace.residuals[t - begin + record.rows_c, lane]
-    return e
-
-
-@cached_njit
 def values(record, objective, workspace, points):
     """Objective of each row of a population, (M,); infeasible rows are inf.
 

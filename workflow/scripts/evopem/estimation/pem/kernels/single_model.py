@@ -7,7 +7,9 @@ the order of :mod:`.gradient`, so that the bits are the same.
 
 from __future__ import annotations
 
-from evopem.estimation.pem.kernels.cache import njit
+import numpy as np
+
+from evopem.estimation.pem.kernels.cache import cached_njit, inlined, njit
 from evopem.estimation.pem.kernels.gradient import filter_block_back
 from evopem.estimation.pem.kernels.record import BLOCK, CHUNK
 from evopem.estimation.pem.kernels.residuals import filter_block, kept_residuals, load_block
@@ -25,6 +27,21 @@ from evopem.estimation.pem.kernels.simd import (
     store,
     store_run,
 )
+
+
+@njit
+def _load_point(record, point, parameters):
+    """Signed parameters of a point, and as many zeros as a vector is wide."""
+    noise = record.na + record.nb
+    state = noise + record.rows_c
+    for k in range(state + record.rows_c + LANES):
+        parameters[k] = 0.0
+    for i in range(record.na):
+        parameters[i] = point[i]
+    for i in range(record.na, noise + record.nc):
+        parameters[i] = -point[i]
+    for k in range(record.nc):
+        parameters[state + k] = point[noise + record.nc + k]
 
 
 @njit
@@ -47,6 +64,24 @@ def _residuals(record, parameters, e):
     for row in range(nc, nc + y.size - start, BLOCK):
         s0, s1, s2, s3 = load_block(e, row)
         filter_block(parameters, c, nc, s0, s1, s2, s3, e, row)
+
+
+@cached_njit
+def residuals(record, point):
+    """Residuals of a point, (padded samples,).
+
+    Zero before ``residual_start``, meaningless beyond the record.
+    """
+    start, history = record.residual_start, record.rows_c
+    parameters = np.empty(record.na + record.nb + 2 * history + LANES)
+    e, found = np.empty(record.y.size - start + history), np.empty(record.y.size)
+    _load_point(record, point, parameters)
+    _residuals(record, parameters, e)
+    for t in range(start):
+        found[t] = 0.0
+    for t in range(start, found.size):
+        found[t] = e[t - start + history]
+    return found
 
 
 @njit
@@ -110,9 +145,9 @@ def _whole_runs(count):
     return -(-count // LANES) * LANES
 
 
-@njit
-def loss_and_gradient_of_one(record, workspace, absolute):
-    """Loss of the model whose signed parameters are the first column of their table.
+@inlined
+def loss_and_gradient_of_one(record, workspace, absolute, point, smoothing):
+    """Loss of a model, the absolute value smoothed by a number.
 
     The gradient goes to the first column of its table; the loss is returned.
     """
@@ -120,11 +155,7 @@ def loss_and_gradient_of_one(record, workspace, absolute):
     c = na + nb
     parameters, e = flat(workspace.parameters), flat(workspace.residuals)
     slope, sums = flat(workspace.window), flat(workspace.filtered)
-    width = workspace.parameters.shape[0]
-    for row in range(width):
-        store(parameters, row, workspace.parameters[row, 0])
-    for row in range(width, width + LANES):
-        store(parameters, row, 0.0)
+    _load_point(record, point, parameters)
     _residuals(record, parameters, e)
     of_u = _whole_runs(na)
     of_e = of_u + _whole_runs(nb)
@@ -140,7 +171,7 @@ def loss_and_gradient_of_one(record, workspace, absolute):
         end = min(first + kept, record.y.size)
         while end > first:
             begin = max(end - CHUNK, first)
-            _slopes(record, absolute, workspace.smoothing[0, 0], e, slope, losses, begin, end)
+            _slopes(record, absolute, smoothing, e, slope, losses, begin, end)
             # Sums and correlations keep the processor busy while the recursion waits for itself.
             for t in range(end - 1, begin, -2 * BLOCK):
                 s = _sum_of_losses(absolute, slope, losses + end - 1 - t, s)
