@@ -103,7 +103,7 @@ def test_what_is_printed(run):
     _, printed = run
     assert "frame: " in printed
     assert "state space, 4 states (output error" in printed
-    assert "mean over the outputs" in printed
+    assert "mean over the outputs" in " ".join(printed.split())
 
 
 def test_the_truth_is_found(run):
