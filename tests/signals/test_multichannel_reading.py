@@ -164,3 +164,17 @@ def test_places_of_channels_that_do_not_exist_are_refused():
     geometry = Geometry({"p": (0.0, 0.0, 0.0)}, (), {"acc_9": ChannelPlace("p", (1.0, 0.0, 0.0))})
     with pytest.raises(InputError, match='there is no output "acc_9"'):
         check_measured_places(geometry, ["acc_1"], "datasets.a.geometry")
+
+
+def test_a_pattern_finds_channels_of_a_group_by_their_own_names(tmp_path):
+    h5py = pytest.importorskip("h5py")
+    signals = np.random.default_rng(8).standard_normal((4, 60))
+    path = tmp_path / "bench.h5"
+    with h5py.File(path, "w") as file:
+        for name, values in zip(
+            ("run/force", "run/acc_1", "run/acc_2", "acc"), signals, strict=True
+        ):
+            file[name] = values
+    for pattern, names in (("acc_*", ("run/acc_1", "run/acc_2")), ("acc*", ("acc",))):
+        lists = ChannelLists(("run/force",), (pattern,), sampling_rate=100.0)
+        assert read_multichannel(path, lists).recording.output_names == names

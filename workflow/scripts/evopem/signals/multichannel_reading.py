@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
@@ -233,11 +233,10 @@ def _expanded(
             if not is_pattern(reference):
                 expanded[role].append(reference)
                 continue
-            matching = [
-                number
-                for number, name in enumerate(names, 1)
-                if number not in named and _matches(str(reference), name)
-            ]
+            # A channel of a group is found by its own name as well, as one without a pattern is.
+            matching = _matching(str(reference), names, named) or _matching(
+                str(reference), [name.rpartition("/")[2] for name in names], named
+            )
             if not matching:
                 raise InputError(
                     str(path),
@@ -257,6 +256,12 @@ def _expanded(
                 taken[number] = f'"{reference}" of {role}'
             expanded[role] += matching
     return tuple(expanded["input"]), tuple(expanded["output"])
+
+
+def _matching(pattern: str, names: Sequence[str], named: Collection[int]) -> list[int]:
+    """Numbers of the channels whose names fit a pattern, without those that are named."""
+    fits = [number for number, name in enumerate(names, 1) if _matches(pattern, name)]
+    return [number for number in fits if number not in named]
 
 
 def _matches(pattern: str, name: str) -> bool:
