@@ -1,12 +1,16 @@
 """The compiled kernels against the difference equation and finite differences."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
 from evopem.estimation.pem import kernels
+from evopem.estimation.pem.batch_bfgs import descend, descend_by
 from evopem.estimation.pem.kernels.filtering import filter_rows
 from evopem.estimation.pem.objective import PredictionErrorProblem
+from evopem.estimation.search.staged_descent import damped_inverses
 from evopem.models.structures import armax_orders
 
 CASES = [
@@ -122,9 +126,16 @@ def test_gauss_newton_matrix_is_that_of_the_jacobian(orders):
     np.testing.assert_allclose(found / scale, expected / scale, atol=0.03)
 
 
-def test_a_model_gets_the_same_bits_whatever_shares_its_pass():
-    orders = armax_orders(7, 6, 7, 3)
-    errors, _, _ = problem(orders, "absolute")
+@pytest.mark.parametrize("kept", [None, 0, 256])
+@pytest.mark.parametrize("objective", ["absolute", "quadratic"])
+@pytest.mark.parametrize("orders", [*CASES, armax_orders(9, 17, 11, 2)], ids=str)
+def test_a_model_gets_the_same_bits_whatever_shares_its_pass(orders, objective, kept, monkeypatch):
+    """Alone it takes another way through the record, and of a long record the parts one by one."""
+    u, y = np.random.default_rng(5).standard_normal((2, 1100))
+    errors = PredictionErrorProblem(u, y, orders, objective, 19, 40, 0.999)
+    if kept is not None:
+        monkeypatch.setattr("evopem.estimation.pem.kernels.record.KEPT", 256)
+        errors._workspace = kernels.workspace_for(errors._record, kept)
     points = population(orders, 21)
     smoothing, barriers = np.full(21, 0.1), np.full(21, 0.2)
     together = errors.values_and_gradients(points, smoothing, barriers)
@@ -132,6 +143,32 @@ def test_a_model_gets_the_same_bits_whatever_shares_its_pass():
         alone = errors.values_and_gradients(points[i : i + 1], smoothing[:1], barriers[:1])
         assert alone[0][0] == together[0][i]
         np.testing.assert_array_equal(alone[1][0], together[1][i])
+
+
+@pytest.mark.parametrize("wait", [None, 0.5])
+@pytest.mark.parametrize("objective", ["absolute", "quadratic"])
+def test_descents_are_those_that_python_steps_through(objective, wait):
+    orders = armax_orders(3, 3, 3, 1)
+    errors, _, _ = problem(orders, objective, samples=400)
+    starts = population(orders, 11)
+    smoothing, barriers = np.full(11, 0.05), np.full(11, 1e-4)
+
+    def evaluate(points, rows):
+        return errors.values_and_gradients(points, smoothing[rows], barriers[rows])
+
+    def inverse_hessians(points, rows):
+        return damped_inverses(errors.curvatures(points, smoothing[rows], barriers[rows]))
+
+    stepped = descend(evaluate, starts, inverse_hessians, 200, 1e-9, wait=wait)
+    advance = partial(errors.advance_descents, smoothing, barriers, 1e-9, 200)
+    found = descend_by(advance, starts, inverse_hessians, wait=wait)
+    assert found.evaluations == stepped.evaluations > 200
+    for own, other in zip(
+        (found.points, found.values, found.converged),
+        (stepped.points, stepped.values, stepped.converged),
+        strict=True,
+    ):
+        np.testing.assert_array_equal(own, other)
 
 
 def test_infeasible_points_are_infinite_and_repair_makes_them_feasible():
