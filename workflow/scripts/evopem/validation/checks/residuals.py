@@ -102,11 +102,11 @@ def whiteness(model: ModelRecord, validation: Validation) -> Check:
         return Check(
             name,
             True,
-            f"The residuals are {'white' if passed else 'coloured'}: Ljung-Box test over"
-            f" {test.lags} lags, {p_text(test.p_value)}. {structure.upper()} models claim nothing"
-            " of the noise, so coloured residuals are no fault of the plant model; its intervals"
-            " take the colour into account. The cross-correlation with the input is the test that"
-            " counts.",
+            f"Not asked of {structure.upper()} models, which claim nothing of the noise. The"
+            f" residuals are {'white' if passed else 'coloured'} (Ljung-Box test over {test.lags}"
+            f" lags: {p_text(test.p_value)}); the intervals of the plant model take the colour into"
+            " account."
+            " The cross-correlation with the input is the test that counts.",
         )
     return Check(
         name,

@@ -120,8 +120,8 @@ def _whiteness(record: MultichannelModelRecord, validation: MultichannelValidati
         return Check(
             WHITE,
             True,
-            f"{found} The model claims nothing of the noise, so coloured residuals are no fault of"
-            " the plant model; its intervals take the colour into account.",
+            f"Not asked of a model that claims nothing of the noise. {found} The intervals of the"
+            " plant model take the colour into account.",
         )
     return Check(
         WHITE,
