@@ -76,7 +76,7 @@ class Calibration:
 # Of benchmarks/search_certificate.py, which writes docs/evidence/certificate.md.
 POLYNOMIALS = Calibration(certified=282, wrong=1, lower_elsewhere=1.2)
 # Of benchmarks/state_space_certificate.py, see docs/evidence/state_space.md.
-STATE_SPACE = Calibration(certified=23, wrong=0, lower_elsewhere=4.7)
+STATE_SPACE = Calibration(certified=32, wrong=0, lower_elsewhere=1.4)
 
 
 def enough_agree(agreeing: int, restarts: int, undiscovered: float) -> bool:
