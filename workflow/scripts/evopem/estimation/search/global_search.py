@@ -283,25 +283,26 @@ def _descend_coarsely(
 ) -> None:
     """The first pass of a race: coarse descents from a few random points, and from estimates.
 
-    Where a plant's poles are also those of the noise, beside poles of its own, nearly all random
-    points may lead to an optimum that has exchanged the two.
+    Where plant and noise share the poles of A and the noise has those of D besides, nearly all
+    random points may lead to an optimum that has exchanged the two.  The estimates of a record are
+    always the same, so their descents are no independent restart.
     """
     descend = problem.descend_coarsely if isinstance(problem, CoarseProblem) else problem.descend
     descents = descend(problem.random(FIRST_BATCH, generator))
     found.optima, found.points = converged_values(descents), FIRST_BATCH
-    _add_lowest(found, "first pass", descents, 0)
+    found.add("first pass", *_lowest_of(descents), descents.evaluations)
     found.undiscovered = undiscovered(found.optima, SAME_COARSE_DESCENT)
     if isinstance(problem, EstimatedProblem):
         estimates, used = problem.lowest_estimates(FIRST_ESTIMATES)
         if len(estimates):
-            _add_lowest(found, "estimates", descend(estimates), used)
+            descents = descend(estimates)
+            found.lower("estimates", *_lowest_of(descents), used + descents.evaluations)
 
 
-def _add_lowest(found: _Record, kind: str, descents: Descent, evaluations: int) -> None:
-    """Count descents as a restart, with evaluations that led to them."""
+def _lowest_of(descents: Descent) -> tuple[Array, float]:
+    """Point and value of the lowest end."""
     lowest = int(np.argmin(descents.values))
-    used = evaluations + descents.evaluations
-    found.add(kind, descents.points[lowest], float(descents.values[lowest]), used)
+    return descents.points[lowest], float(descents.values[lowest])
 
 
 def _restart(
@@ -326,8 +327,7 @@ def _restart(
         starts, used = problem.draw(BATCH, generator)
         descents = problem.descend(starts)
         found.optima.extend(converged_values(descents))
-        lowest = int(np.argmin(descents.values))
-        point, value = descents.points[lowest], float(descents.values[lowest])
+        point, value = _lowest_of(descents)
         evaluations = used + descents.evaluations
     best = min(found.value, known_minimum, value)
     left = settings.evaluations - found.spent - evaluations

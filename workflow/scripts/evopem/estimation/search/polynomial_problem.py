@@ -142,12 +142,10 @@ class PolynomialProblem:
 
     def lowest_estimates(self, count: int) -> tuple[Array, int]:
         """Points of the lowest of the estimates by linear algebra, and their evaluations."""
-        found = [self._from_denominators(each) for each in self._denominators()]
-        points = np.concatenate([each[0] for each in found])
+        points, used = self._by_linear_algebra()
         values = self.values(points)
         lowest = np.argsort(values, kind="stable")[:count]
-        used = sum(each[1] for each in found) + len(points)
-        return points[lowest[np.isfinite(values[lowest])]], used
+        return points[lowest[np.isfinite(values[lowest])]], used + len(points)
 
     def _drawn_at_random(self, count: int, generator: np.random.Generator) -> tuple[Array, int]:
         points = np.zeros((count, self.errors.dimension))
@@ -256,17 +254,20 @@ class PolynomialProblem:
     @cached_property
     def _estimates(self) -> tuple[Array, int]:
         """Points from estimates of the record, and the evaluations that they took."""
-        points, used = [], 0
-        for denominator in self._denominators():
-            found, more = self._from_denominators(denominator)
-            points.append(found)
-            used += more
-        for found, more in (self._armax_optimum(), self._extended()):
-            points.append(found)
-            used += more
-        together = np.concatenate(points)
+        found = (self._by_linear_algebra(), self._armax_optimum(), self._extended())
+        together = np.concatenate([points for points, _ in found])
         finite = np.isfinite(self.values(together))
-        return together[finite] if finite.any() else together, used
+        return together[finite] if finite.any() else together, sum(used for _, used in found)
+
+    def _by_linear_algebra(self) -> tuple[Array, int]:
+        """Points of all denominators by linear algebra, and the evaluations that they took."""
+        points, used = [np.empty((0, self.errors.dimension))], 0
+        for denominator in self._denominators():
+            if np.isfinite(denominator).all():
+                found, more = self._from_denominators(denominator)
+                points.append(found)
+                used += more
+        return np.concatenate(points), used
 
     def _denominators(self) -> Iterator[Array]:
         """Denominators of the plant by linear algebra, (max(na, nf),) each."""

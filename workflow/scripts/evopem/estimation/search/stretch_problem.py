@@ -45,11 +45,7 @@ class StretchProblem(PolynomialProblem):
         """Feasible points to descend from, (M, n)."""
         found: list[Array] = []
         if self._own_starts:
-            found.extend(
-                self._from_denominators(denominator)[0]
-                for denominator in self._denominators()
-                if np.isfinite(denominator).all()
-            )
+            found.append(self._by_linear_algebra()[0])
         for model in self._models:
             found.append(self.completed(self._adapted(model))[0])
             found.append(self._with_further_poles(model))
