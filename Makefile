@@ -4,12 +4,13 @@ VENV := .venv
 BIN := $(VENV)/bin
 CORES ?= all
 FUZZ_SECONDS ?= 600
+TESTS ?= tests/models tests/files
 EXTRAS := --extra workflow --extra slurm --extra control
 UPGRADE ?=
 COMPILE := $(BIN)/uv pip compile pyproject.toml $(EXTRAS) --universal --python-version 3.11 \
 	--generate-hashes --no-emit-index-url --no-emit-find-links --no-header --quiet
 
-.PHONY: report test test-slurm lint format docs lock audit fuzz bench screenshots clean
+.PHONY: report test quick test-slurm lint format docs lock audit fuzz bench screenshots clean
 .DEFAULT_GOAL := report
 
 report: $(VENV)/installed  ## run config.yaml from data to report
@@ -22,6 +23,12 @@ test: $(VENV)/installed-dev  ## run every test, and the examples of the docstrin
 	# Then the longest files first, so that no process is left alone with one at the end.
 	$(BIN)/pytest --numprocesses auto --dist loadfile --no-loadscope-reorder \
 		tests/workflow tests/packaging tests/fletcher_powell tests
+
+quick: $(VENV)/installed-dev  ## what an edit needs in half a minute: style, types, a plan, and TESTS
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/mypy
+	$(BIN)/pytest --quiet --exitfirst --numprocesses auto tests/test_smoke.py $(TESTS)
 
 test-slurm: $(VENV)/installed-dev  ## run the tests on SLURM, started for them where that can be done
 	EVOPEM_TEST_SLURM=1 PATH="$(CURDIR)/$(BIN):$$PATH" tests/workflow/with_slurm.sh $(BIN)/pytest tests/workflow/test_slurm.py

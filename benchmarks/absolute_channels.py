@@ -30,11 +30,12 @@ sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
 from evopem.estimation.state_space.estimate import estimate_state_space  # noqa: E402
 from evopem.estimation.state_space.settings import StateSpaceSettings  # noqa: E402
 from evopem.models.state_space import StateSpaceModel  # noqa: E402
+from evopem.signals.recording import Recording  # noqa: E402
 
 TARGET = ROOT / "docs" / "evidence" / "outliers_of_channels.md"
 OBJECTIVES = ("absolute", "quadratic")
 SHAPES, COVERED = ((2, 2, 2), (1, 6, 3)), ((2, 2, 2),)
-FORMS = ("output_error", "innovations")
+FORMS = ("ss_oe", "ss")
 SHARES = (0.0, 0.01, 0.03, 0.1)
 SAMPLES, NOISE, SIZE = 1000, 0.1, 10.0
 SMALL = ((2, 2, 2), (3, 3, 2))
@@ -50,7 +51,9 @@ def spiked(y: np.ndarray, share: float, seed: int) -> np.ndarray:
 
 def estimated(u: np.ndarray, y: np.ndarray, true: StateSpaceModel, objective: str):
     settings = StateSpaceSettings(weighting="noise", objective=objective, evaluations=0)  # type: ignore[arg-type]
-    return estimate_state_space(u, y, true.order, RATE, form=true.form, settings=settings)
+    return estimate_state_space(
+        Recording(u, y, RATE), true.order, form=true.structure, settings=settings
+    )
 
 
 def nearest(model: StateSpaceModel, mode):
@@ -130,15 +133,17 @@ def optimum(starts: int) -> list[str]:
             y = spiked(y, 0.03, 1)
             begun = time.process_time()
             settings = StateSpaceSettings(weighting="noise", objective="absolute", evaluations=2000)
-            found = estimate_state_space(u, y, true.order, RATE, form=form, settings=settings)
+            found = estimate_state_space(
+                Recording(u, y, RATE), true.order, structure=form, settings=settings
+            )
             spent = time.process_time() - begun
             begun = time.process_time()
-            problem = FreeEntries(u, y, true.order, form == "innovations")
+            problem = FreeEntries(u, y, true.order, form == "ss")
             ends = [descended(problem, each) for each in _starts(problem, true, starts)]
             peer = time.process_time() - begun
             own = problem.start(found.model)
             own[problem.ends[-2] :] = np.concatenate(
-                [found.record_levels[0], found.initial_states[0]]
+                [found.segment_levels[0], found.initial_states[0]]
             )
             value = percent(problem, problem.errors(own)[0])
             continued = descended(problem, own)
@@ -226,7 +231,7 @@ def coverage(records: int) -> list[str]:
     ]
     for nu, ny, modes in COVERED:
         for form in FORMS:
-            for noise in NOISES if form == "output_error" else NOISES[:1]:
+            for noise in NOISES if form == "ss_oe" else NOISES[:1]:
                 true = truth(nu, ny, modes, form)
                 hits = [_hits(true, noise, seed) for seed in range(records)]
                 cells = " | ".join(

@@ -22,8 +22,8 @@ from scipy.signal import ss2tf
 from evopem.automatic.fit import FitSettings, fit
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomials import root_gradient
-from evopem.models.structures import PolynomialOrders
-from evopem.signals.stretches import Stretch
+from evopem.models.structures import Orders
+from evopem.signals.recording import Segment
 from evopem.signals.transforms import box_cox
 from evopem.synthesis.flexible_arm import (
     ARM_MODES,
@@ -173,12 +173,12 @@ def fitted(seed: int, a: Array, b: Array, c: Array, variance: float) -> tuple[fl
     output = box_cox(recording.output, CHARACTERISTIC, 0.0)
     u, y = np.diff(recording.input, 2), np.diff(output, 2)
     gain = 1.0 / y.std()
-    stretch, one = Stretch(u, gain * y), np.ones(1)
+    stretch, one = Segment(u, gain * y), np.ones(1)
     record_gain = gain * float(np.std(y)) / _output_deviation(a, b, c, variance)
     truth = PolynomialModel(a, record_gain * b, c, one, one, DELAY)
     values = []
     for order in (8, 6):
-        orders = PolynomialOrders(na=order, nb=order, nc=order + 2, nk=DELAY)
+        orders = Orders(na=order, nb=order, nc=order + 2, nk=DELAY)
         found = fit([stretch], orders, FitSettings("quadratic", level=False), [truth])
         e = found.residuals_from(100)
         values.append((len(e) * np.log(np.mean(e**2)) + orders.parameters * np.log(len(e)), found))

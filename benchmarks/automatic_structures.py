@@ -29,8 +29,7 @@ from evopem.automatic.preparation import PreparedRecord
 from evopem.estimation.pem.stretch_errors import StretchErrors
 from evopem.estimation.polynomial_estimate import covariance_of
 from evopem.models.polynomial_intervals import response_standard_errors
-from evopem.signals.recording import Recording
-from evopem.signals.stretches import Stretch
+from evopem.signals.recording import Recording, Segment
 from evopem.synthesis.polynomial import polynomial_record
 
 Array = NDArray[np.float64]
@@ -86,8 +85,8 @@ def judged(
 ) -> Outcome:
     """Compare a model of the prepared stretches with the truth."""
     truth, plan = truth_of(structure), prepared.plan
-    given = replace(truth, b=truth.b * plan.input_scale / plan.output_scale)
-    stretches = [Stretch(*record_of(structure, seed))]
+    given = replace(truth, B=(truth.b * plan.input_scale / plan.output_scale,))
+    stretches = [Segment(*record_of(structure, seed))]
     true_orders = fit(stretches, truth.orders, FitSettings(), [truth]).model
     ratio = _distance(model, given) / _distance(true_orders, truth)
     ratio *= plan.output_scale / plan.input_scale
@@ -100,7 +99,7 @@ def _covered(
     model: PolynomialModel,
     truth: PolynomialModel,
     structure: str,
-    stretches: Sequence[Stretch],
+    stretches: Sequence[Segment],
     objective: str,
 ) -> tuple[float, float]:
     """Shares of the frequencies whose 95 % intervals of gain and of phase cover the truth."""

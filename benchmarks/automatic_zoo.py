@@ -30,8 +30,7 @@ from evopem.automatic.simulation import simulated
 from evopem.estimation.search.starting_polynomials import subspace_denominator
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomials import reflect_into_disc
-from evopem.signals.recording import Recording
-from evopem.signals.stretches import Stretch
+from evopem.signals.recording import Recording, Segment
 
 Array = np.ndarray
 Random = np.random.Generator
@@ -340,7 +339,7 @@ def regularised(u: Array, y: Array) -> PolynomialModel:
 def automatic(u: Array, y: Array) -> PolynomialModel:
     """The peer that simulates the second half best when fitted to the first."""
     half = len(y) // 2
-    held = Stretch(u[half:], y[half:])
+    held = Segment(u[half:], y[half:])
     errors = []
     for peer in PEERS:
         model = peer(u[:half], y[:half])
@@ -353,7 +352,7 @@ PEERS = (arx, subspace, regularised)
 
 def _model(a: Array, b: Array, level: float) -> PolynomialModel:
     one = np.ones(1)
-    return PolynomialModel(a=a, b=np.asarray(b), c=one, d=one, f=one, nk=0, level=float(level))
+    return PolynomialModel(A=a, B=np.asarray(b), C=one, D=one, F=one, nk=0, level=float(level))
 
 
 def _error(y: Array, computed: Array) -> float:
@@ -393,7 +392,7 @@ def main() -> None:
             own = np.interp(np.arange(len(validation.truth)), times, own)
         errors = [_error(validation.truth, own)]
         measured = [_error(validation.measured, own)]
-        held = Stretch(validation.input, validation.measured)
+        held = Segment(validation.input, validation.measured)
         for peer in (*PEERS, automatic):
             model = peer(estimation.input, estimation.measured)
             by_peer = simulated(model, held, free_level=True)

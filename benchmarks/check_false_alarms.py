@@ -31,7 +31,7 @@ from evopem.estimation.order_selection import complete_estimate, estimate_candid
 from evopem.models.structures import armax_orders
 from evopem.signals.preparation import prepare
 from evopem.signals.recording import Recording
-from evopem.signals.recording_info import describe_synthetic_recording
+from evopem.signals.recording_info import describe_recording
 from evopem.signals.spectral.multitaper import multitaper_spectrum
 from evopem.signals.spectral.peaks import summarize_spectrum
 from evopem.signals.spectral.summary import SpectrumSummary
@@ -78,7 +78,7 @@ def judged(seed: int, noise: float, objective: str) -> list[Check]:
         phase: PhaseSelection(phase, ORDERS, "", (candidate,))
         for phase in ("delay", "joint", "nc", "nb")
     }
-    return checks(record, validation, spectrum, phases, describe_synthetic_recording(recording))
+    return checks(record, validation, spectrum, phases, describe_recording(recording))
 
 
 def main() -> None:

@@ -26,7 +26,7 @@ sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
 
 from scipy.special import chdtrc  # noqa: E402
 
-from evopem import PolynomialOrders, SearchSettings, estimate  # noqa: E402
+from evopem import Orders, SearchSettings, estimate  # noqa: E402
 from evopem.config.settings import PreparationSettings, ScoringWindow  # noqa: E402
 from evopem.estimation.delay_refinement import Fit, refine_delay  # noqa: E402
 from evopem.estimation.pem.covariance import jacobian_blocks  # noqa: E402
@@ -158,13 +158,13 @@ def input_record(
     else:
         model = estimate(u[:cut], y[:cut], orders, settings=SEARCH).model
     assert model.covariance is not None
-    of_b = model.covariance.part(slice(model.orders.na, model.orders.na + model.orders.nb))
+    of_b = model.covariance.part(slice(model.orders.na, model.orders.na + model.orders.single.nb))
     return input_significance(model, u, y, cut).p_value, wald_p_value(model.b, of_b.matrix)
 
 
 def selected(u: Array, y: Array) -> Fit:
     """The model of a search over delay, common order, nc and nb by BIC, as the workflow's."""
-    fits: dict[PolynomialOrders, Fit] = {}
+    fits: dict[Orders, Fit] = {}
 
     def fit(*numbers: int) -> Fit:
         orders = armax_orders(*numbers)
@@ -342,10 +342,10 @@ def splits(pool: Executor, records: int) -> Iterator[str]:
         yield f"| {kind} | {percent(hits)} |"
 
 
-def delay_record(seed: int) -> tuple[int, PolynomialOrders]:
+def delay_record(seed: int) -> tuple[int, Orders]:
     recording, _ = armax(seed=seed, samples=4500)
 
-    def fit(orders: PolynomialOrders) -> Fit:
+    def fit(orders: Orders) -> Fit:
         found = estimate(
             recording.input,
             recording.output,
@@ -357,7 +357,7 @@ def delay_record(seed: int) -> tuple[int, PolynomialOrders]:
 
     start = min((fit(armax_orders(7, 7, 7, nk)) for nk in (2, 3, 4)), key=lambda found: found.bic)
     end = refine_delay(start, 4380, 2, fit).fit
-    return start.model.orders.nk, end.model.orders
+    return start.model.orders.single.nk, end.model.orders
 
 
 def delays(pool: Executor, records: int) -> Iterator[str]:

@@ -21,7 +21,9 @@ class FilteredResiduals:
         o, start, samples = errors.orders, errors.recursion_start, errors.samples
         u, y = errors.input, errors.output
         past = [y[start - i : samples - i] for i in range(1, o.na + 1)]
-        past += [-u[start - o.nk - j : samples - o.nk - j] for j in range(o.nb)]
+        past += [
+            -u[start - o.single.nk - j : samples - o.single.nk - j] for j in range(o.single.nb)
+        ]
         self.orders = o
         self.kept = slice(errors.scoring_start - start, None)
         self.output = y[start:]
@@ -44,11 +46,11 @@ class FilteredResiduals:
 
     def _from_the_start(self, point: Array) -> Array:
         o = self.orders
-        equation = self.output + self.regressors @ point[: o.na + o.nb]
+        equation = self.output + self.regressors @ point[: o.na + o.single.nb]
         equation += self.impulses @ point[o.parameters :]
         return lfilter([1.0], self._c(point), equation)
 
     def _c(self, point: Array) -> Array:
         return np.concatenate(
-            [[1.0], point[self.orders.na + self.orders.nb : self.orders.parameters]]
+            [[1.0], point[self.orders.na + self.orders.single.nb : self.orders.parameters]]
         )

@@ -1,4 +1,4 @@
-"""The processor time of a fleet, and what of it is not the search: the check of docs/planning.md.
+"""The processor time of a fleet, and what of it is not the search: the check of docs/fleets.md.
 
     python benchmarks/fleet_run.py FOLDER RECORDINGS [--per-job auto] [--cores 2] [--bad]
 
@@ -26,8 +26,7 @@ import yaml
 from evopem.config.defaults import complete
 from evopem.config.schema import schema_file
 from evopem.config.settings import DatasetSettings
-from evopem.config.structures import phases_of
-from evopem.pipeline.identification import stages
+from evopem.pipeline.identification import jobs
 from evopem.results.layout import DatasetFiles
 from evopem.synthesis.armax import armax
 
@@ -112,14 +111,12 @@ def seconds_of_stages(settings: DatasetSettings, folder: Path) -> tuple[float, f
     """Processor time of the searches and of all other stages of a recording."""
     searching = others = 0.0
     with tempfile.TemporaryDirectory() as results:
-        listed = stages(DatasetFiles(f"{results}/{settings.name}"), settings, folder=folder)
-        for name, stage in listed.items():
-            if name in ("figures", "report"):
-                continue
+        files = DatasetFiles(f"{results}/{settings.name}")
+        for job in jobs(settings, files, with_report=False):
             began = time.process_time()
-            stage()
+            job.run(folder=folder)
             taken = time.process_time() - began
-            if name in phases_of(settings.order_grid.structure):
+            if "phase" in job.stage.wildcards:
                 searching += taken
             else:
                 others += taken

@@ -20,9 +20,10 @@ import numpy as np
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
 
-from evopem.estimation.state_space.order_sweep import sweep_state_space_orders  # noqa: E402
+from evopem.estimation.state_space.estimate import estimates_of_orders  # noqa: E402
 from evopem.report.followed_chart import movements  # noqa: E402
 from evopem.results.followed_modes import RecordedMode, follow_modes  # noqa: E402
+from evopem.signals.recording import without_input  # noqa: E402
 from evopem.synthesis.vibrating_structure import VibratingStructure  # noqa: E402
 from evopem.validation.level_changes import find_levels  # noqa: E402
 
@@ -37,7 +38,7 @@ def recorded_modes(structure: VibratingStructure, fleet: int, number: int) -> li
     """The modes of one recording, order known; those damped by more than 20 % are not trusted."""
     generator = np.random.default_rng(np.random.SeedSequence(22, spawn_key=(fleet, number)))
     y = structure.ambient_record(SAMPLES, RATE, 0.15, generator)
-    scores = sweep_state_space_orders(None, y, [ORDER], RATE, folds=False, width=3)
+    (estimated,) = estimates_of_orders(without_input(y, RATE), [ORDER], width=3)
     return [
         RecordedMode(
             mode.frequency_hz,
@@ -47,7 +48,7 @@ def recorded_modes(structure: VibratingStructure, fleet: int, number: int) -> li
             mode.damping_ratio < 0.2,
             tuple(mode.shape.tolist()),
         )
-        for mode in scores.estimates[0].model.modes()
+        for mode in estimated.model.modes()
     ]
 
 

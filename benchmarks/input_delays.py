@@ -18,7 +18,7 @@ import numpy as np
 from state_space_choice import KINDS, record, recording_of
 from threadpoolctl import threadpool_limits
 
-from evopem.automatic.input_delays import decide_delays
+from evopem.estimation.delays import estimate_delays
 
 LENGTHS = (200, 500, 1000)
 # Delays of the inputs, and the largest of them.
@@ -43,7 +43,7 @@ def decisions(kind: str, seed: int) -> Iterator[tuple[int, float, np.ndarray]]:
     generator = np.random.default_rng(np.random.SeedSequence(23, spawn_key=(seed,)))
     u, y, delays = shifted(made["u"], made["y"], generator)
     for samples in LENGTHS:
-        found = decide_delays(recording_of(u[:samples], y[:samples]), None).delays
+        found = estimate_delays(recording_of(u[:samples], y[:samples]))
         yield samples, made["share"], np.array(found) - delays
 
 

@@ -70,7 +70,7 @@ def covered(seed: int, samples: int, noise: str, objective: str) -> NDArray[np.f
     ]
     dampings = [abs(m.damping_ratio - t.damping_ratio) < NORMAL_95 * m.damping_se for m, t in pairs]
     lower, upper = gain_band(found, FREQUENCIES)
-    gain = np.abs(truth.frequency_response(FREQUENCIES))
+    gain = np.abs(truth.frequency_response(FREQUENCIES)[:, 0, 0])
     gains = np.mean((lower < gain) & (gain < upper))
     return np.array([parameters, *frequencies, *dampings, gains])
 

@@ -35,7 +35,7 @@ from evopem.config.settings import SearchSettings  # noqa: E402
 from evopem.estimation.pem.objective import PredictionErrorProblem  # noqa: E402
 from evopem.estimation.search.armax_problem import ArmaxProblem  # noqa: E402
 from evopem.estimation.search.memetic import memetic_search  # noqa: E402
-from evopem.models.structures import PolynomialOrders, armax_orders  # noqa: E402
+from evopem.models.structures import Orders, armax_orders  # noqa: E402
 from evopem.signals.recording import Recording  # noqa: E402
 from evopem.synthesis.armax import armax  # noqa: E402
 
@@ -52,9 +52,7 @@ N_INITIAL_DISCARD = 20
 DEFAULT, MORE = SearchSettings(), SearchSettings(evaluations=100_000)
 
 
-def prediction_errors(
-    record: Recording, orders: PolynomialOrders, objective: str
-) -> PredictionErrorProblem:
+def prediction_errors(record: Recording, orders: Orders, objective: str) -> PredictionErrorProblem:
     first = max(orders.first_residual, 3)
     y, u = record.output - record.output.mean(), record.input - record.input.mean()
     scored = first + max(N_INITIAL_DISCARD, orders.nc)
@@ -104,7 +102,7 @@ def to_reflections(coefficients: Array) -> Array:
 def sequential_quadratic_from(errors: PredictionErrorProblem, start: Array) -> float:
     """SciPy's SLSQP in reflection coordinates, in which the stability region is a box."""
     o = errors.orders
-    parts = (slice(0, o.na), slice(o.na + o.nb, o.parameters))
+    parts = (slice(0, o.na), slice(o.na + o.single.nb, o.parameters))
     x = start.copy()
     bounds = [(-np.inf, np.inf)] * len(x)
     for part in parts:
@@ -215,9 +213,7 @@ METHODS = (
 )
 
 
-def large_orders(
-    record: Recording, orders: PolynomialOrders, objective: str
-) -> tuple[list[float], float]:
+def large_orders(record: Recording, orders: Orders, objective: str) -> tuple[list[float], float]:
     """Best value of each of :data:`METHODS`, and the seconds that the search took."""
     with threadpool_limits(limits=1):
         errors = prediction_errors(record, orders, objective)
@@ -236,7 +232,7 @@ def synthetic_large(case: tuple[int, float, int, str]) -> tuple[list[float], flo
     return large_orders(armax(seed, samples, noise=noise)[0], LARGE_ORDERS, objective)
 
 
-def recordings(folder: Path) -> list[tuple[str, Recording, PolynomialOrders]]:
+def recordings(folder: Path) -> list[tuple[str, Recording, Orders]]:
     """The real recordings at hand: DaISy's robot arm, FdiTools' motor bench."""
     from scipy.io import loadmat
 

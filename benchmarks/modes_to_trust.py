@@ -199,8 +199,9 @@ def stable_groups(result, reach):  # type: ignore[no-untyped-def]
 
 
 def run_own(folder: Path, count: int) -> None:
-    from evopem.estimation.state_space.order_sweep import sweep_state_space_orders
+    from evopem.estimation.state_space.estimate import estimates_of_orders
     from evopem.files.json_form import save
+    from evopem.signals.recording import Recording, without_input
     from evopem.validation.mode_table import mode_table
 
     for file in unfinished(folder, count, OWN):
@@ -210,16 +211,14 @@ def run_own(folder: Path, count: int) -> None:
         study = AMBIENT if u is None else DRIVEN
         kept = 3 * len(y) // 4
         begun = time.process_time()
-        scores = sweep_state_space_orders(
-            u if u is None else u[:kept],
-            y[:kept],
+        recording = without_input(y, RATE) if u is None else Recording(u, y, RATE)
+        estimates = estimates_of_orders(
+            recording.between(0, kept),
             study.orders,
-            RATE,
-            form="innovations" if u is None else "output_error",
-            folds=False,
+            structure="ss" if u is None else "ss_oe",
             width=study.width,
         )
-        table = mode_table(scores, u, y, kept)
+        table = mode_table(list(estimates), recording, kept)
         seconds = time.process_time() - begun
         save(table, file.with_suffix(OWN))
         print(
@@ -283,7 +282,7 @@ def own_results(table):  # type: ignore[no-untyped-def]
 
 def planes_of(table, truth):  # type: ignore[no-untyped-def]
     """Assurance, with the true plane, of each plane that a table states for a doubted shape."""
-    from evopem.models.state_space_modes import plane_assurance
+    from evopem.models.mode_shapes import plane_assurance
 
     found = {}
     for row, each in enumerate(table.modes):

@@ -20,7 +20,8 @@ sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
 from covered_intervals import CoveredIntervals  # noqa: E402
 
 from evopem import SearchSettings, estimate  # noqa: E402
-from evopem.estimation.state_space.order_sweep import sweep_state_space_orders  # noqa: E402
+from evopem.estimation.state_space.estimate import estimates_of_orders  # noqa: E402
+from evopem.signals.recording import without_input  # noqa: E402
 from evopem.synthesis.vibrating_structure import VibratingStructure  # noqa: E402
 
 RATE = 100.0
@@ -50,8 +51,8 @@ def coverage(records: int) -> None:
                     None, y[:, 0], (order, order), RATE, structure="arma", settings=settings
                 ).model.modes()
             else:
-                scores = sweep_state_space_orders(None, y, [order], RATE, folds=False)
-                modes = scores.estimates[0].model.modes()
+                (estimated,) = estimates_of_orders(without_input(y, RATE), [order])
+                modes = estimated.model.modes()
             counted.begin_record()
             truths = zip(
                 structure.frequencies_hz,

@@ -30,7 +30,7 @@ from evidence_section import replace_section  # noqa: E402
 from filtered_polynomials import FilteredPolynomials  # noqa: E402
 from polynomial_structures import QUADRATIC, TRUTHS, named  # noqa: E402
 
-from evopem import PolynomialModel, PolynomialOrders, estimate  # noqa: E402
+from evopem import Orders, PolynomialModel, estimate  # noqa: E402
 from evopem.synthesis.polynomial import polynomial_record  # noqa: E402
 
 Array = NDArray[np.float64]
@@ -68,22 +68,22 @@ def silence() -> Iterator[None]:
             os.close(kept)
 
 
-def sippy(structure: str, o: PolynomialOrders, u: Array, y: Array) -> Coefficients:
+def sippy(structure: str, o: Orders, u: Array, y: Array) -> Coefficients:
     """SIPPY's estimate, its polynomials from the impulse responses of its transfer functions."""
     from sippy_unipi import system_identification
 
     name = structure.upper()
     order = {
-        "OE": [o.nb, o.nf, o.nk - 1],
-        "BJ": [o.nb, o.nc, o.nd, o.nf, o.nk - 1],
-        "ARARX": [o.na, o.nb, o.nd, o.nk - 1],
-        "ARARMAX": [o.na, o.nb, o.nc, o.nd, o.nk - 1],
+        "OE": [o.single.nb, o.single.nf, o.single.nk - 1],
+        "BJ": [o.single.nb, o.nc, o.nd, o.single.nf, o.single.nk - 1],
+        "ARARX": [o.na, o.single.nb, o.nd, o.single.nk - 1],
+        "ARARMAX": [o.na, o.single.nb, o.nc, o.nd, o.single.nk - 1],
     }[name]
     model = system_identification(y, u, name, **{f"{name}_orders": order}, max_iterations=200)
     g, below_g = response(model.G)
     h, below_h = response(model.H)
-    plant = below_g[: max(o.na, o.nf) + 1]
-    b = np.convolve(plant, g)[o.nk : o.nk + o.nb]
+    plant = below_g[: max(o.na, o.single.nf) + 1]
+    b = np.convolve(plant, g)[o.single.nk : o.single.nk + o.single.nb]
     a, f = (plant, ONE) if o.na else (ONE, plant)
     d = lfilter(below_h, a, np.eye(1, 400)[0])[: o.nd + 1]
     c = np.convolve(np.convolve(a, d), h)[: o.nc + 1]
@@ -99,42 +99,44 @@ def response(function: object) -> tuple[Array, Array]:
     return impulse, denominator / denominator[0]
 
 
-def pysib(structure: str, o: PolynomialOrders, u: Array, y: Array) -> Coefficients:
+def pysib(structure: str, o: Orders, u: Array, y: Array) -> Coefficients:
     import pysib as package
 
     if structure == "arx":
-        theta, _ = package.arx(u, y, o.na, o.nb, o.nk)
+        theta, _ = package.arx(u, y, o.na, o.single.nb, o.single.nk)
         theta = np.ravel(theta)
         return theta[: o.na], theta[o.na :], NONE, NONE, NONE
     if structure == "oe":
-        theta = np.ravel(package.oe(u, y, o.nb, o.nf, o.nk)[0])
-        return NONE, theta[: o.nb], NONE, NONE, theta[o.nb :]
-    theta = np.ravel(package.bj(u, y, o.nb, o.nc, o.nd, o.nf, o.nk)[0])
-    b, c, d, f = np.split(theta, np.cumsum([o.nb, o.nc, o.nd]))
+        theta = np.ravel(package.oe(u, y, o.single.nb, o.single.nf, o.single.nk)[0])
+        return NONE, theta[: o.single.nb], NONE, NONE, theta[o.single.nb :]
+    theta = np.ravel(package.bj(u, y, o.single.nb, o.nc, o.nd, o.single.nf, o.single.nk)[0])
+    b, c, d, f = np.split(theta, np.cumsum([o.single.nb, o.nc, o.nd]))
     return NONE, b, c, d, f
 
 
-def statsmodels(structure: str, o: PolynomialOrders, u: Array, y: Array) -> Coefficients:
+def statsmodels(structure: str, o: Orders, u: Array, y: Array) -> Coefficients:
     """Exact Gaussian likelihood by a Kalman filter; least squares for ARX."""
     from statsmodels.tsa.ar_model import AutoReg
     from statsmodels.tsa.statespace.sarimax import SARIMAX
 
     first = o.first_residual
-    lagged = [u[first - lag : len(u) - lag] for lag in range(o.nk, o.nk + o.nb)]
+    lagged = [
+        u[first - lag : len(u) - lag] for lag in range(o.single.nk, o.single.nk + o.single.nb)
+    ]
     if structure == "arma":
         found = SARIMAX(y, order=(o.na, 0, o.nc)).fit(disp=False, maxiter=200).params
         return -found[: o.na], NONE, found[o.na : o.na + o.nc], NONE, NONE
     regressors = np.column_stack(lagged)
     if structure == "arx":
-        padded = np.concatenate([np.zeros((first, o.nb)), regressors])
+        padded = np.concatenate([np.zeros((first, o.single.nb)), regressors])
         found = AutoReg(y, o.na, trend="n", exog=padded, hold_back=first).fit().params
         return -found[: o.na], found[o.na :], NONE, NONE, NONE
     fitted = SARIMAX(y[first:], regressors, order=(o.nd, 0, o.nc)).fit(disp=False, maxiter=200)
-    b, d, c, _ = np.split(fitted.params, np.cumsum([o.nb, o.nd, o.nc]))
+    b, d, c, _ = np.split(fitted.params, np.cumsum([o.single.nb, o.nd, o.nc]))
     return NONE, b, c, -d, NONE
 
 
-def evopem(structure: str, o: PolynomialOrders, u: Array, y: Array) -> Coefficients:
+def evopem(structure: str, o: Orders, u: Array, y: Array) -> Coefficients:
     own = structure.split()[0]
     found = estimate(
         None if own == "arma" else u, y, named(o), structure=own, settings=QUADRATIC
@@ -200,7 +202,7 @@ def main() -> None:
 def compared(name: str, method: Callable[..., Coefficients], structure: str, records: int) -> str:
     truth = truths()[structure]
     o = truth.orders
-    sizes = (o.na, o.nb, o.nc, o.nd, o.nf, o.nk)
+    sizes = (o.na, o.single.nb, o.nc, o.nd, o.single.nf, o.single.nk)
     gaps, own_seconds, their_seconds, failed = [], [], [], 0
     for record in range(-1, records):
         sequence = np.random.SeedSequence(max(record, 0), spawn_key=(len(structure),))

@@ -35,7 +35,7 @@ sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
 from evidence_section import replace_section  # noqa: E402
 from filtered_polynomials import FilteredPolynomials  # noqa: E402
 
-from evopem import PolynomialModel, PolynomialOrders, SearchSettings, estimate  # noqa: E402
+from evopem import Orders, PolynomialModel, SearchSettings, estimate  # noqa: E402
 from evopem.config.structures import ORDER_NAMES  # noqa: E402
 from evopem.estimation.pem.polynomial_objective import PolynomialErrors  # noqa: E402
 from evopem.models.polynomial_states import estimate_simulation_state  # noqa: E402
@@ -69,8 +69,8 @@ def limited(function: Callable[..., object], *arguments: object, **named: object
         return function(*arguments, **named)
 
 
-def named(orders: PolynomialOrders) -> dict[str, int]:
-    return {name: order for name in ORDER_NAMES if (order := getattr(orders, name))}
+def named(orders: Orders) -> dict[str, int]:
+    return {name: order for name in ORDER_NAMES if (order := getattr(orders.single, name))}
 
 
 def errors_of_record(structure: str, seed: int) -> tuple[Array, Array, Array]:
@@ -121,7 +121,7 @@ def compared_case(
     began = time.process_time()
     found = estimate(given, y, orders, structure=structure, settings=QUADRATIC)
     searched = time.process_time() - began
-    sizes = (orders.na, orders.nb, orders.nc, orders.nd, orders.nf, orders.nk)
+    sizes = (orders.na, orders.single.nb, orders.nc, orders.nd, orders.single.nf, orders.single.nk)
     filtered = FilteredPolynomials(u, y, sizes, orders.first_residual)
     own = np.concatenate([found.model.parameters, found.plant_state, found.noise_state])
     value = filtered.objective(own)
@@ -211,17 +211,17 @@ def speed() -> list[str]:
                 roots = generator.uniform(-0.8, 0.8, part.stop - part.start)
                 point[part] = np.atleast_1d(np.poly(roots))[1:]
         a, c, d, f = (np.concatenate([ONE, points[0][parts[name]]]) for name in "acdf")
-        b = np.concatenate([np.zeros(o.nk), points[0][parts["b"]]])
+        b = np.concatenate([np.zeros(o.single.nk), points[0][parts["b"]]])
 
         def by_filters(
-            o: PolynomialOrders = o,
+            o: Orders = o,
             polynomials: tuple[Array, ...] = (a, b, c, d, f),
             u: Array = u,
             y: Array = y,
         ) -> float:
             a, b, c, d, f = polynomials
             e = lfilter(a, ONE, y) if o.na else y
-            if o.nb:
+            if o.single.nb:
                 e = e - lfilter(b, f, u)
             if o.nc or o.nd:
                 e = lfilter(d, c, e)

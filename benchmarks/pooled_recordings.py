@@ -25,7 +25,7 @@ from evopem.estimation.joined_estimate import describe_joined, joined_errors
 from evopem.estimation.search.problem import descended
 from evopem.estimation.search.stretch_problem import StretchProblem
 from evopem.models.polynomial import PolynomialModel
-from evopem.signals.stretches import Stretch
+from evopem.signals.recording import Segment
 
 PLANT, NUMERATOR = np.array([1.0, -1.5, 0.8]), np.array([1.0, 0.5])
 ONE = np.ones(1)
@@ -36,14 +36,14 @@ TRUTHS = {
     "BJ(2,1,1,2,1)": PolynomialModel(
         ONE, NUMERATOR, np.array([1.0, 0.6]), np.array([1.0, -0.7]), PLANT, 1, structure="bj"
     ),
-    "OE(2,2,1)": PolynomialModel(ONE, NUMERATOR, f=PLANT, c=ONE, nk=1, structure="oe"),
+    "OE(2,2,1)": PolynomialModel(ONE, NUMERATOR, F=PLANT, C=ONE, nk=1, structure="oe"),
 }
 LENGTHS = ((600,), (150, 150, 150, 150), (100, 300, 80, 120), (150,))
 NOISE, LEVELS, BEFORE = 0.5, 10.0, 30
 FILE = Path(__file__).parents[1] / "docs" / "evidence" / "coverage.md"
 
 
-def recordings(truth: PolynomialModel, lengths: tuple[int, ...], seed: int) -> list[Stretch]:
+def recordings(truth: PolynomialModel, lengths: tuple[int, ...], seed: int) -> list[Segment]:
     """Recordings of one system with levels and states of their own."""
     generator = np.random.default_rng([7, seed])
     found = []
@@ -53,11 +53,11 @@ def recordings(truth: PolynomialModel, lengths: tuple[int, ...], seed: int) -> l
         u, e = generator.standard_normal((2, length + before))
         y = lfilter(truth.delayed_b, truth.plant_denominator, u)
         y = y + NOISE * lfilter(truth.c, truth.noise_denominator, e) + level
-        found.append(Stretch(u[before:], y[before:], number))
+        found.append(Segment(u[before:], y[before:], number))
     return found
 
 
-def estimated(truth: PolynomialModel, stretches: list[Stretch]) -> PolynomialModel:
+def estimated(truth: PolynomialModel, stretches: list[Segment]) -> PolynomialModel:
     """The optimum next to the truth, with its covariance."""
     orders = truth.orders
     window = ScoringWindow(orders.first_residual, orders.first_residual)

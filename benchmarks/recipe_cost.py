@@ -18,7 +18,7 @@ from pathlib import Path
 from evopem.config.defaults import complete
 from evopem.config.schema import schema_file
 from evopem.config.settings import DatasetSettings
-from evopem.pipeline.identification import identify_recording
+from evopem.pipeline.identification import identify_dataset
 from evopem.results.dataset import read_dataset_results
 from evopem.results.layout import DatasetFiles
 
@@ -48,7 +48,7 @@ def measured(settings: DatasetSettings) -> tuple[float, list[str], float]:
     with tempfile.TemporaryDirectory() as folder:
         files = DatasetFiles(str(Path(folder) / "results" / settings.name))
         began = time.process_time()
-        identify_recording(files, settings, with_report=False)
+        identify_dataset(files, settings, with_report=False)
         spent = time.process_time() - began
         results = read_dataset_results(files, settings)
         failed = [each.name for each in results.checks if each.passed is False]

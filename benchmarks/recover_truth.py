@@ -13,7 +13,7 @@ from __future__ import annotations
 import argparse
 import sys
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -33,7 +33,7 @@ from evopem.estimation.order_selection import (  # noqa: E402
     select_candidate,
 )
 from evopem.models.modes import Mode  # noqa: E402
-from evopem.models.structures import PolynomialOrders, armax_orders  # noqa: E402
+from evopem.models.structures import Orders, armax_orders  # noqa: E402
 from evopem.signals.preparation import prepare  # noqa: E402
 from evopem.signals.recording import Recording  # noqa: E402
 from evopem.synthesis import synthesize  # noqa: E402
@@ -67,7 +67,7 @@ class RecoveredArm:
     """What the order search found in a record of the flexible arm."""
 
     seed: int
-    orders: PolynomialOrders
+    orders: Orders
     delay: int
     modes: tuple[RecoveredMode, ...]
 
@@ -77,7 +77,7 @@ class RecoveredArmax:
     """What the order search found in a record of the ARMAX model."""
 
     seed: int
-    orders: PolynomialOrders
+    orders: Orders
     exact: bool
     bic: float
     bic_of_truth: float
@@ -94,7 +94,7 @@ def order_search(data: Recording, settings: DatasetSettings) -> Candidate:
     window, search = scoring_window(settings), settings.search
     selection: PhaseSelection | None = None
     for phase in PHASES:
-        previous = asdict(selection.orders) if selection else None
+        previous = selection.orders.single._asdict() if selection else None
         listed = candidate_orders(phase, settings.order_grid, previous)
         orders = [armax_orders(**each) for each in listed]
         candidates = estimate_candidates(data, orders, phase, search, window)
@@ -140,7 +140,7 @@ def recover_armax(seed: int, objective: str) -> RecoveredArmax:
 
 
 def arm_table(results: list[RecoveredArm], objective: str) -> list[str]:
-    delays = sum(result.orders.nk == result.delay for result in results)
+    delays = sum(result.orders.single.nk == result.delay for result in results)
     lines = [
         f"### Flexible arm, {objective} objective",
         "",

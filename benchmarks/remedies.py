@@ -26,7 +26,6 @@ from threadpoolctl import threadpool_limits
 
 from evopem.automatic import identify as recipe
 from evopem.automatic import state_space_remedies as of_several
-from evopem.automatic.input_delays import decide_delays
 from evopem.automatic.limits import OrderLimits
 from evopem.automatic.searched_forms import SearchedForms
 from evopem.automatic.searched_orders import searched_orders
@@ -34,6 +33,7 @@ from evopem.automatic.state_space_choice import choose
 from evopem.automatic.state_space_search import search_variant
 from evopem.automatic.variant_search import Variant
 from evopem.config.state_space_settings import VARIANTS, OrderRanges, StateSpaceChoices
+from evopem.estimation.delays import estimate_delays
 from evopem.estimation.state_space.settings import StateSpaceSettings
 from evopem.signals.recording import Recording
 from evopem.validation.multichannel import mean_errors
@@ -101,14 +101,14 @@ def outcomes_of_one(kind: str, seed: int) -> list[Outcome]:
 
     limits = OrderLimits(joint=(1, made.order // 2)) if kind == "bounded" else OrderLimits()
 
-    def delayed(stretches: Any) -> Any:
-        delay, decision = decide_delay(stretches)
-        return delay + (kind == "late"), decision
+    def delayed(stretches: Any, names: Any) -> Any:
+        found = decide_delays(stretches, names)
+        return replace(found, delays=(found.delays[0] + (kind == "late"),))
 
-    act, decide_delay = recipe.act_on_checks, recipe.decide_delay
+    act, decide_delays = recipe.act_on_checks, recipe.decide_delays
     with (
         patch.object(recipe, "act_on_checks", recorded),
-        patch.object(recipe, "decide_delay", delayed),
+        patch.object(recipe, "decide_delays", delayed),
         patch.object(recipe, "Scorer", partial(recipe.Scorer, limits=limits)),
     ):
         found, of_all = timed(partial(recipe.identify, made.u[:, 0], made.y[:, 0], 1.0))
@@ -152,7 +152,7 @@ def identified(estimation: Any, kind: str, order: int) -> None:
     """Delays, searches over orders, choice, and global search with remedies."""
     highest = order // 2 if kind == "bounded" else LARGEST_ORDER
     orders = [each for each in searched_orders(estimation, None) if each <= highest]
-    delays = tuple(each + (kind == "late") for each in decide_delays(estimation).delays)
+    delays = tuple(each + (kind == "late") for each in estimate_delays(estimation))
     found = {
         each: search_variant(
             *(estimation, each, delays, orders),

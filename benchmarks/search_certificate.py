@@ -46,7 +46,7 @@ from evopem.estimation.search.likely_gain import (  # noqa: E402
     gain_after_first_pass,
 )
 from evopem.estimation.search.polynomial_problem import PolynomialProblem  # noqa: E402
-from evopem.models.structures import PolynomialOrders, orders_of  # noqa: E402
+from evopem.models.structures import Orders, orders_of  # noqa: E402
 from evopem.synthesis.polynomial import polynomial_record  # noqa: E402
 
 Row = dict[str, Any]
@@ -118,15 +118,15 @@ def truth_of(case: Case, generator: np.random.Generator) -> PolynomialModel:
     }[case.structure]()
 
 
-def orders_of_case(case: Case, truth: PolynomialModel) -> PolynomialOrders:
+def orders_of_case(case: Case, truth: PolynomialModel) -> Orders:
     o = truth.orders
     factor = 2 if case.larger else 1
-    names = {name: factor * getattr(o, name) for name in ("na", "nb", "nc", "nd", "nf")}
+    names = {name: factor * getattr(o.single, name) for name in ("na", "nb", "nc", "nd", "nf")}
     given = {name: order for name, order in names.items() if order}
-    return orders_of(case.structure, given | ({"nk": o.nk} if o.nk else {}))
+    return orders_of(case.structure, given | ({"nk": o.single.nk} if o.single.nk else {}))
 
 
-def problem_of(case: Case) -> tuple[ArmaxProblem | PolynomialProblem, PolynomialOrders]:
+def problem_of(case: Case) -> tuple[ArmaxProblem | PolynomialProblem, Orders]:
     generator = np.random.default_rng([2027, case.index])
     truth = truth_of(case, generator)
     u, y, _ = polynomial_record(truth, case.samples, case.noise, generator)
@@ -136,7 +136,7 @@ def problem_of(case: Case) -> tuple[ArmaxProblem | PolynomialProblem, Polynomial
         window = default_window(orders, settings)
         errors = prediction_errors(u, y, orders, settings, window)
         return scaled_armax_problem(errors, "arx")[0], orders
-    u = u if orders.nb else np.zeros_like(y)
+    u = u if orders.single.nb else np.zeros_like(y)
     window = ScoringWindow(orders.first_residual, orders.first_residual)
     return scaled_problem(polynomial_errors(u, y, orders, settings, window, False))[0], orders
 

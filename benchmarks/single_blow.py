@@ -32,14 +32,13 @@ from evopem.automatic.state_space_search import search_variant
 from evopem.automatic.variant_search import Variant
 from evopem.config.state_space_settings import StateSpaceChoices
 from evopem.estimation.state_space.settings import StateSpaceSettings
-from evopem.models.state_space_modes import ShapedMode
-from evopem.signals.multichannel import MultichannelRecording
+from evopem.models.modes import Mode
 from evopem.signals.recording import Recording
 from evopem.validation.multichannel import mean_errors
 
 SAMPLES, NOISE, PLACES = 700, 0.02, (80, 450)
 FREQUENCIES, DAMPING = np.array([0.03, 0.07, 0.12]), np.array([0.06, 0.03, 0.03])
-VARIANTS = (Variant("output_error", "noise"), Variant("innovations", "determinant"))
+VARIANTS = (Variant("ss_oe", "noise"), Variant("ss", "determinant"))
 
 
 def blow(seed: int, place: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -58,7 +57,7 @@ def blow(seed: int, place: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return force, outputs, frequencies
 
 
-def frequency_errors(modes: list[ShapedMode], truth: np.ndarray) -> str:
+def frequency_errors(modes: list[Mode], truth: np.ndarray) -> str:
     """Number of modes, and the largest distance of a true frequency from the nearest, percent."""
     found = np.array([mode.frequency_hz for mode in modes])
     distances = [np.abs(found / each - 1.0).min() for each in truth] if found.size else [np.inf]
@@ -68,7 +67,7 @@ def frequency_errors(modes: list[ShapedMode], truth: np.ndarray) -> str:
 def two_outputs(seed: int, place: int) -> str:
     """The row of a record with two outputs."""
     force, outputs, truth = blow(seed, place)
-    recording = MultichannelRecording(
+    recording = Recording(
         *(force - force.mean(), outputs - outputs.mean(axis=0), 1.0),
         *(("force",), ("a", "b"), ("",), ("", "")),
     )

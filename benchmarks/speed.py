@@ -16,7 +16,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -56,7 +56,7 @@ from evopem.estimation.pem.kernels import LANES  # noqa: E402
 from evopem.estimation.pem.objective import PredictionErrorProblem  # noqa: E402
 from evopem.estimation.search.armax_problem import ArmaxProblem  # noqa: E402
 from evopem.estimation.search.global_search import global_search  # noqa: E402
-from evopem.models.structures import PolynomialOrders, armax_orders, orders_of  # noqa: E402
+from evopem.models.structures import Orders, armax_orders, orders_of  # noqa: E402
 from evopem.synthesis.armax import armax  # noqa: E402
 
 Array = NDArray[np.float64]
@@ -80,7 +80,7 @@ SAMPLE = (
 )
 
 
-def chapter_candidates() -> list[PolynomialOrders]:
+def chapter_candidates() -> list[Orders]:
     """The delay sweep and the three phases of the chapter, section 5."""
     delay = [armax_orders(k, k, k, nk) for k in range(6, 10) for nk in range(4)]
     joint = [armax_orders(k, k, k, 3) for k in range(6, 15)]
@@ -89,7 +89,7 @@ def chapter_candidates() -> list[PolynomialOrders]:
     return list(dict.fromkeys([*delay, *joint, *nc, *nb]))
 
 
-def problem(seed: int, orders: PolynomialOrders, samples: int = SAMPLES) -> PredictionErrorProblem:
+def problem(seed: int, orders: Orders, samples: int = SAMPLES) -> PredictionErrorProblem:
     record = armax(seed, samples)[0]
     first = max(orders.first_residual, 3)
     start = first + max(20, orders.nc)
@@ -140,7 +140,7 @@ def one_pass() -> list[str]:
     ]
 
 
-def search(seed: int, orders: PolynomialOrders) -> tuple[float, float]:
+def search(seed: int, orders: Orders) -> tuple[float, float]:
     """Objective and seconds of one whole global search, default settings."""
     errors = problem(seed, orders)
     began = time.process_time()
@@ -149,7 +149,7 @@ def search(seed: int, orders: PolynomialOrders) -> tuple[float, float]:
     return of_point(errors, result.point), seconds
 
 
-def sippy(seed: int, orders: PolynomialOrders) -> tuple[float, float]:
+def sippy(seed: int, orders: Orders) -> tuple[float, float]:
     """Objective and seconds of SIPPY's ARMAX by optimisation, from its own start."""
     from sippy_unipi import system_identification
 
@@ -163,7 +163,7 @@ def sippy(seed: int, orders: PolynomialOrders) -> tuple[float, float]:
                 errors.output,
                 errors.input,
                 "ARMAX",
-                ARMAX_orders=[orders.na, orders.nb, orders.nc, orders.nk - 1],
+                ARMAX_orders=[orders.na, orders.single.nb, orders.nc, orders.single.nk - 1],
                 ARMAX_mod="OPT",
                 max_iterations=200,
             )
@@ -175,7 +175,7 @@ def sippy(seed: int, orders: PolynomialOrders) -> tuple[float, float]:
     return objective_of(errors, *polynomials(model, orders)), seconds
 
 
-def polynomials(model: object, orders: PolynomialOrders) -> tuple[Array, Array, Array]:
+def polynomials(model: object, orders: Orders) -> tuple[Array, Array, Array]:
     """a, b, c of SIPPY's transfer functions, whatever powers of z they are written in."""
 
     def response(function: object) -> tuple[Array, Array]:
@@ -189,7 +189,7 @@ def polynomials(model: object, orders: PolynomialOrders) -> tuple[Array, Array, 
     g, a = response(model.G)  # type: ignore[attr-defined]
     h, _ = response(model.H)  # type: ignore[attr-defined]
     a = a[: orders.na + 1]
-    b = np.convolve(a, g)[orders.nk : orders.nk + orders.nb]
+    b = np.convolve(a, g)[orders.single.nk : orders.single.nk + orders.single.nb]
     c = np.convolve(a, h)[: orders.nc + 1]
     return a, b, c
 
@@ -216,11 +216,11 @@ def objective_of(errors: PredictionErrorProblem, a: Array, b: Array, c: Array) -
 
 def of_point(errors: PredictionErrorProblem, point: Array) -> float:
     o = errors.orders
-    a, b, c, _ = np.split(point, [o.na, o.na + o.nb, o.parameters])
+    a, b, c, _ = np.split(point, [o.na, o.na + o.single.nb, o.parameters])
     return objective_of(errors, np.concatenate([[1.0], a]), b, np.concatenate([[1.0], c]))
 
 
-def scipy_local(seed: int, orders: PolynomialOrders) -> tuple[float, float]:
+def scipy_local(seed: int, orders: Orders) -> tuple[float, float]:
     """One Levenberg-Marquardt run by MINPACK from stage one, Jacobian by SciPy's filters."""
     errors = problem(seed, orders)
     start = ArmaxProblem(errors).draw(1, np.random.default_rng(1))[0][0]
@@ -231,7 +231,7 @@ def scipy_local(seed: int, orders: PolynomialOrders) -> tuple[float, float]:
     return of_point(errors, found.x), seconds
 
 
-def statsmodels_local(seed: int, orders: PolynomialOrders, samples: int) -> float:
+def statsmodels_local(seed: int, orders: Orders, samples: int) -> float:
     """Seconds of statsmodels' exact maximum likelihood with lagged inputs as regressors.
 
     Not the same model (regression with ARMA errors), but what its users take for one.
@@ -239,7 +239,7 @@ def statsmodels_local(seed: int, orders: PolynomialOrders, samples: int) -> floa
     from statsmodels.tsa.arima.model import ARIMA
 
     record = armax(seed, samples)[0]
-    lags = range(orders.nk, orders.nk + orders.nb)
+    lags = range(orders.single.nk, orders.single.nk + orders.single.nb)
     regressors = np.column_stack([np.roll(record.input, lag) for lag in lags])[30:]
     began = time.process_time()
     ARIMA(record.output[30:], regressors, order=(orders.na, 0, orders.nc), trend="n").fit()
@@ -304,7 +304,7 @@ def order_search(prune: bool) -> tuple[str, int, float]:
     )
     window, grid = scoring_window(settings), settings.order_grid
     first = first_pass(search) if prune else search
-    known: dict[PolynomialOrders, Candidate] = {}
+    known: dict[Orders, Candidate] = {}
     selected, evaluations, began = None, 0, time.process_time()
     for phase in phases_of_dataset(settings):
         orders = [orders_of("armax", each) for each in candidate_orders(phase, grid, selected)]
@@ -317,7 +317,7 @@ def order_search(prune: bool) -> tuple[str, int, float]:
         selection = select_candidate(own, phase, data, search, window, min_delay)
         evaluations += sum(each.diagnostics.evaluations for each in selection.candidates)
         known = {each.orders: each for each in selection.candidates}
-        selected = asdict(selection.orders)
+        selected = selection.orders.single._asdict()
     return str(selection.orders), evaluations, time.process_time() - began
 
 

@@ -32,15 +32,16 @@ sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
 
 from covered_intervals import CoveredIntervals  # noqa: E402
 
-from evopem.estimation.state_space.delays import estimate_delays  # noqa: E402
-from evopem.estimation.state_space.estimate import estimate_state_space  # noqa: E402
+from evopem.estimation.delays import estimate_delays  # noqa: E402
+from evopem.estimation.state_space.estimate import estimate_state_space, estimates_of_orders  # noqa: E402
 from evopem.estimation.state_space.held_out import (  # noqa: E402
     prediction_errors,
     simulation_errors,
+    two_fold_simulation_errors,
 )
-from evopem.estimation.state_space.order_sweep import sweep_state_space_orders  # noqa: E402
 from evopem.estimation.state_space.settings import StateSpaceSettings  # noqa: E402
 from evopem.models.state_space import StateSpaceModel  # noqa: E402
+from evopem.signals.recording import Recording  # noqa: E402
 
 RATE = 100.0
 # Inputs, outputs and modes of the truths.
@@ -69,7 +70,7 @@ def truth(nu: int, ny: int, modes: int, form: str, seed: int = 0) -> StateSpaceM
         A[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = [[pole.real, pole.imag], [-pole.imag, pole.real]]
     B, C = generator.standard_normal((n, nu)), generator.standard_normal((ny, n))
     K = np.zeros((n, ny))
-    if form == "innovations":
+    if form == "ss":
         P = solve_discrete_are(A.T, C.T, 0.05 * np.eye(n), np.eye(ny))
         K = A @ P @ C.T @ np.linalg.inv(C @ P @ C.T + np.eye(ny))
     return StateSpaceModel(
@@ -81,7 +82,7 @@ def truth(nu: int, ny: int, modes: int, form: str, seed: int = 0) -> StateSpaceM
         sampling_rate=RATE,
         level=np.zeros(ny),
         noise_covariance=np.eye(ny),
-        form=form,
+        structure=form,
     )
 
 
@@ -217,7 +218,7 @@ def independent_optima(
     One in four starts from random poles and directions, the others from the truth with entries
     changed by 2, 10 or 30 %.  SciPy's least squares has the last word on the best one.
     """
-    problem = FreeEntries(u, y, true.order, true.form == "innovations")
+    problem = FreeEntries(u, y, true.order, true.structure == "ss")
     ends = []
     for k in range(starts):
         generator = np.random.default_rng(np.random.SeedSequence(7, spawn_key=(k,)))
@@ -277,12 +278,14 @@ def stable(model: StateSpaceModel) -> StateSpaceModel:
 
 def optimum(starts: int) -> None:
     for nu, ny, modes in OPTIMA:
-        for form in ("innovations", "output_error"):
+        for form in ("ss", "ss_oe"):
             true = truth(nu, ny, modes, form)
             u, y = recorded(true, 300, 0.3, 1)
             begun = time.process_time()
             settings = StateSpaceSettings(weighting="power", evaluations=0)
-            found = estimate_state_space(u, y, true.order, RATE, form=form, settings=settings)
+            found = estimate_state_space(
+                Recording(u, y, RATE), true.order, structure=form, settings=settings
+            )
             spent = time.process_time() - begun
             begun = time.process_time()
             values = np.array(independent_optima(u, y, true, starts))
@@ -299,15 +302,15 @@ def optimum(starts: int) -> None:
 
 def coverage(records: int) -> None:
     for nu, ny, modes in TRUTHS:
-        for form, colour in (("innovations", 0.0), ("output_error", 0.0), ("output_error", 0.8)):
+        for form, colour in (("ss", 0.0), ("ss_oe", 0.0), ("ss_oe", 0.8)):
             true = truth(nu, ny, modes, form)
             counted = CoveredIntervals()
             for seed in range(records):
                 u, y = recorded(true, 1000, 0.2, 100 + seed, colour)
-                scores = sweep_state_space_orders(
-                    u, y, [true.order], RATE, form=form, folds=False, width=COVERAGE_WIDTH
+                (estimated,) = estimates_of_orders(
+                    Recording(u, y, RATE), [true.order], structure=form, width=COVERAGE_WIDTH
                 )
-                modes_found = scores.estimates[0].model.modes()
+                modes_found = estimated.model.modes()
                 counted.begin_record()
                 for each in true.modes():
                     near = [m for m in modes_found if abs(m.pole - each.pole) <= SAME_POLE]
@@ -322,12 +325,12 @@ def coverage(records: int) -> None:
 
 
 def large() -> None:
-    true = truth(2, 28, 10, "innovations")
+    true = truth(2, 28, 10, "ss")
     u, y = recorded(true, 8523, 0.1, 1)
-    for form in ("output_error", "innovations"):
+    for form in ("ss_oe", "ss"):
         begun = time.perf_counter()
         processor = time.process_time()
-        found = estimate_state_space(u, y, 20, RATE, form=form, log=print)
+        found = estimate_state_space(Recording(u, y, RATE), 20, structure=form, log=print)
         seconds = time.perf_counter() - begun
         processor = time.process_time() - processor
         frequencies = [mode.frequency_hz for mode in found.model.modes()]
@@ -348,20 +351,18 @@ def recordings(folder: Path) -> None:
         ("evaporator", evaporator, 3, 3300, 10),
     ):
         u, y = data[:first, :nu], data[:first, nu:]
-        delays = estimate_delays(u, y)
+        delays = estimate_delays(Recording(u, y, 1.0))
         print(f"{name}: delays {delays}")
         later, measured = data[first:, :nu], data[first:, nu:]
-        for form, weighting in (("output_error", "noise"), ("innovations", "noise")):
-            scores = sweep_state_space_orders(
-                u,
-                y,
-                range(1, top + 1),
-                form=form,
-                delays=delays,
-                settings=StateSpaceSettings(weighting=weighting),
-            )
-            for by in ("bic", "simulation"):
-                model = scores.best(by).model
+        for form, weighting in (("ss_oe", "noise"), ("ss", "noise")):
+            asked = (Recording(u, y, 1.0), range(1, top + 1))
+            options = {"form": form, "delays": delays}
+            options["settings"] = StateSpaceSettings(weighting=weighting)
+            estimates = list(estimates_of_orders(*asked, **options))
+            by_halves = two_fold_simulation_errors(*asked, **options)
+            bic = [each.bic for each in estimates]
+            for by, scores in (("bic", bic), ("simulation", by_halves)):
+                model = estimates[int(np.argmin(scores))].model
                 simulated = simulation_errors(model, later, measured)
                 predicted = prediction_errors(model, later, measured)
                 print(

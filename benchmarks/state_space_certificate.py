@@ -35,17 +35,17 @@ from evopem.config.state_space_settings import VARIANTS  # noqa: E402
 from evopem.estimation.search.certificate import is_certified  # noqa: E402
 from evopem.estimation.search.memetic import memetic_search  # noqa: E402
 from evopem.estimation.search.problem import SearchDiagnostics  # noqa: E402
-from evopem.estimation.state_space.estimate import (  # noqa: E402
+from evopem.estimation.state_space.estimate import estimate_state_space, estimates_of_orders  # noqa: E402
+from evopem.estimation.state_space.local_estimates import (  # noqa: E402
     StateSpaceEstimate,
     descend_from,
-    estimate_state_space,
+    state_space_errors,
 )
-from evopem.estimation.state_space.order_sweep import sweep_state_space_orders  # noqa: E402
-from evopem.estimation.state_space.prepared import prepared_records, problem_of  # noqa: E402
 from evopem.estimation.state_space.problem import StateSpaceProblem  # noqa: E402
 from evopem.estimation.state_space.search import MOST_EVALUATIONS  # noqa: E402
 from evopem.estimation.state_space.settings import StateSpaceSettings  # noqa: E402
 from evopem.models.state_space import StateSpaceModel  # noqa: E402
+from evopem.signals.recording import Recording  # noqa: E402
 
 CHANNELS = ((2, 2), (1, 3))
 LENGTHS = (200, 500, 1000, 2000)
@@ -97,7 +97,10 @@ def run(case: Case) -> Row:
     weighting = FORMS[case.form]
     began = time.process_time()
     found = estimate_state_space(
-        u, y, case.order, RATE, form=case.form, settings=StateSpaceSettings(weighting=weighting)
+        Recording(u, y, RATE),
+        case.order,
+        structure=case.form,
+        settings=StateSpaceSettings(weighting=weighting),
     )
     seconds = time.process_time() - began
     diagnostics = found.search.diagnostics
@@ -128,7 +131,8 @@ def run(case: Case) -> Row:
 def from_random_points(u: np.ndarray, y: np.ndarray, case: Case, certified: bool) -> float:
     """The lowest value of many restarts, none of which has estimates to begin with."""
     settings = StateSpaceSettings(weighting=FORMS[case.form])
-    errors = problem_of(prepared_records(u, y, 1, True), case.order, case.form, settings)
+    recording = Recording(u, y, RATE)
+    errors = state_space_errors(recording, case.order, case.form, settings=settings)
     search = StateSpaceProblem(errors)
     factor = REFERENCE_FACTOR if certified else UNCERTIFIED_FACTOR
     sizes = SearchSettings(
@@ -147,24 +151,21 @@ def from_random_points(u: np.ndarray, y: np.ndarray, case: Case, certified: bool
 
 def swept(u: np.ndarray, y: np.ndarray, case: Case) -> StateSpaceEstimate:
     """The estimate of a ladder over all smaller orders, with another seed."""
-    scores = sweep_state_space_orders(
-        u,
-        y,
+    *_, largest = estimates_of_orders(
+        Recording(u, y, RATE),
         range(1, case.order + 1),
-        RATE,
-        form=case.form,
+        structure=case.form,
         settings=StateSpaceSettings(weighting=FORMS[case.form], seed=2),
-        folds=False,
         width=SWEEP_WIDTH,
     )
-    return scores.estimates[-1]
+    return largest
 
 
 def from_truth(true: StateSpaceModel, u: np.ndarray, y: np.ndarray, weighting: str) -> float:
     """The value at the optimum that a descent from the truth ends at."""
     settings = StateSpaceSettings(weighting=weighting)
     try:
-        return descend_from(true, u, y, RATE, settings=settings).objective
+        return descend_from(true, Recording(u, y, RATE), settings=settings).objective
     except ValueError:
         return np.inf
 

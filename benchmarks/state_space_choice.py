@@ -203,11 +203,11 @@ KINDS = ("process", "furnace", "light", "few", "states", "bent", "drift", "integ
 
 
 def recording_of(u: np.ndarray, y: np.ndarray):  # type: ignore[no-untyped-def]
-    from evopem.signals.multichannel import MultichannelRecording
+    from evopem.signals.recording import Recording
 
     nu, ny = u.shape[1], y.shape[1]
     names = tuple(f"u{k}" for k in range(nu)), tuple(f"y{k}" for k in range(ny))
-    return MultichannelRecording(u, y, 1.0, *names, ("",) * nu, ("",) * ny)
+    return Recording(u, y, 1.0, *names, ("",) * nu, ("",) * ny)
 
 
 def run_search(folder: Path, count: int, kinds: tuple[str, ...]) -> None:
@@ -226,12 +226,12 @@ def search_record(folder: Path, name: str, made: dict[str, np.ndarray]) -> None:
     target = folder / f"search_{name}.json"
     if target.exists():
         return
-    from evopem.automatic.input_delays import decide_delays
     from evopem.automatic.searched_orders import searched_orders
     from evopem.automatic.state_space_search import search_variant
+    from evopem.automatic.variant_search import Variant
     from evopem.config.state_space_settings import VARIANTS
+    from evopem.estimation.delays import estimate_delays
     from evopem.estimation.state_space.settings import StateSpaceSettings
-    from evopem.pipeline.multichannel.search import variants_of
     from evopem.validation.multichannel import mean_errors
 
     begun = time.process_time()
@@ -241,11 +241,11 @@ def search_record(folder: Path, name: str, made: dict[str, np.ndarray]) -> None:
     estimation, fresh = whole.between(0, kept), whole.between(kept, whole.samples)
     noiseless = recording_of(made["u"] - middle_u, made["clean"] - middle_y)
     noiseless = noiseless.between(kept, whole.samples)
-    delays = decide_delays(estimation, None).delays
+    delays = estimate_delays(estimation)
     most = MOST_OF_SHAPES if name.partition("_")[0] in (*STEADY, *SLOW) else MOST
     orders = [each for each in searched_orders(estimation, None) if each <= most]
     searches, errors = [], {}
-    for variant in variants_of(VARIANTS):
+    for variant in (Variant(*each) for each in VARIANTS):
         settings = StateSpaceSettings(weighting=variant.weighting)
         found, models = search_variant(estimation, variant, delays, orders, settings)
         searches.append(to_json(found))
@@ -417,7 +417,7 @@ def within_form(candidates: list[Scored], margin: float) -> Scored:
 
 def without_drift(candidates: list[Scored]) -> list[Scored]:
     """All but the output-error models with a drift."""
-    return [each for each in candidates if each.form != "output_error_drift"]
+    return [each for each in candidates if each.form != "ss_oe_drift"]
 
 
 RULES: dict[str, Callable[[list[Scored]], Scored]] = {
@@ -499,14 +499,14 @@ def drift_row(content: dict) -> tuple[bool, float, float, float]:  # type: ignor
     from evopem.files.json_form import from_json
 
     searches = [from_json(VariantSearch, each) for each in content["searches"]]
-    others = [each for each in searches if each.variant.form != "output_error_drift"]
+    others = [each for each in searches if each.variant.form != "ss_oe_drift"]
     own, other = (
         choose(each, StateSpaceChoices(purpose="simulation")).model for each in (searches, others)
     )
     errors = {name: each["clean"] for name, each in content["errors"].items()}
     error, without = (errors[f"{each.variant.name} {each.order}"] for each in (own, other))
     best = min(value for name, value in errors.items() if "drift" not in name)
-    chosen = own.variant.form == "output_error_drift"
+    chosen = own.variant.form == "ss_oe_drift"
     return chosen, error / without, error / without, error / best
 
 

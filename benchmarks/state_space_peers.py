@@ -33,7 +33,7 @@ def write_records(folder: Path, count: int) -> None:
 
     folder.mkdir(parents=True, exist_ok=True)
     for number, (nu, ny, modes) in enumerate(TRUTHS):
-        model = truth(nu, ny, modes, "innovations")
+        model = truth(nu, ny, modes, "ss")
         for seed in range(count):
             u, y = recorded(model, 2 * KEPT, 0.2, 500 + seed)
             savemat(
@@ -58,15 +58,16 @@ def run_sippy(folder: Path) -> None:
 
 
 def run_own(folder: Path) -> None:
-    from evopem.estimation.state_space.order_sweep import sweep_state_space_orders
+    from evopem.estimation.state_space.estimate import estimates_of_orders
+    from evopem.signals.recording import Recording
 
     for file in sorted(folder.glob("record_?_*.mat")):
         record = loadmat(file)
         u, y, order = record["u"][:KEPT], record["y"][:KEPT], int(record["order"][0, 0])
         begun = time.process_time()
-        scores = sweep_state_space_orders(u, y, [order], 100.0, folds=False)
+        (estimated,) = estimates_of_orders(Recording(u, y, 100.0), [order])
         seconds = time.process_time() - begun
-        save_model(file, "evopem", scores.estimates[0].model, seconds)
+        save_model(file, "evopem", estimated.model, seconds)
 
 
 def save_model(file: Path, method: str, model, seconds: float) -> None:  # type: ignore[no-untyped-def]

@@ -10,6 +10,7 @@ import os
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from shutil import copytree
 
 from evopem.config.settings import (
     DatasetSettings,
@@ -23,7 +24,10 @@ from evopem.config.settings import (
     SyntheticSource,
 )
 from evopem.config.structures import phases_of
-from evopem.pipeline.identification import stages
+from evopem.files.atomic import files_below
+from evopem.files.checksums import write_checksums
+from evopem.pipeline.identification import jobs, remove_parts
+from evopem.pipeline.summary import summarize_dataset
 from evopem.results.dataset import DatasetResults, read_dataset_results
 from evopem.results.layout import DatasetFiles
 
@@ -42,25 +46,34 @@ SETTINGS = DatasetSettings(
     ),
     search=SearchSettings(evaluations=4000),
 )
-# Stages of the summary, the figures and the report are left to the tests.
-STAGES = (
-    "configuration",
-    "recording",
-    "preparation",
-    "spectrum",
-    *PHASES,
-    "model",
-    "candidates",
-    "validation",
-)
+LEFT = ("summarize", "draw_figures", "write_report")
+"""Stages that are left to the tests."""
 
 
 def identify(folder: Path, settings: DatasetSettings = SETTINGS) -> DatasetFiles:
     """Take a synthetic recording through the stages up to the validation of its model."""
     files = DatasetFiles(str(folder))
-    listed = stages(files, settings)
-    for name in STAGES:
-        listed[name]()
+    listed = [job for job in jobs(settings, files) if job.stage.name not in LEFT]
+    for job in listed:
+        job.run()
+    remove_parts(listed)
+    return files
+
+
+def finish(files: DatasetFiles) -> None:
+    """Write the summary and the checksums, as a run does at its end."""
+    summarize_dataset(files, PHASES)
+    made = [file for file in files_below(files.folder, "") if "/logs/" not in file.as_posix()]
+    write_checksums(made, files.folder, "identification")
+
+
+def finished_copy(folder: Path, identified: Identified) -> DatasetFiles:
+    """Copy an identified data set to a folder after whose name it is called, and finish it."""
+    copytree(identified.files.folder, folder)
+    config = folder / "config.yaml"
+    config.write_text(config.read_text().replace("bench:", f"{folder.name}:"))
+    files = DatasetFiles(str(folder))
+    finish(files)
     return files
 
 

@@ -10,8 +10,7 @@ from scipy.signal import lfilter
 from evopem.automatic.drift import decide_differences
 from evopem.automatic.preparation import GivenPreparation, decide_preparation, prepare
 from evopem.errors import InputError
-from evopem.signals.recording import Recording
-from evopem.signals.stretches import Stretch
+from evopem.signals.recording import Recording, Segment
 from evopem.synthesis.flexible_arm import flexible_arm
 
 
@@ -141,7 +140,7 @@ def test_a_slow_disturbance_that_does_not_hide_the_response_is_no_reason_to_diff
     u, y, _ = output_error_record(600, percent=1.0)
     walk = np.cumsum(np.random.default_rng(5).standard_normal(600))
     y = y + 0.6 * y.std() * walk / walk.std()
-    decision = decide_differences([Stretch(u, y - y.mean())])[1]
+    decision = decide_differences([Segment(u, y - y.mean())])[1]
     assert decision.choice == "0"
     assert "random walk" in decision.sentence
     assert "nothing is differenced" in decision.sentence
@@ -150,7 +149,7 @@ def test_a_slow_disturbance_that_does_not_hide_the_response_is_no_reason_to_diff
 def test_an_integrating_plant_is_not_differenced():
     u, e = np.random.default_rng(6).standard_normal((2, 800))
     y = np.cumsum(u) + e
-    assert decide_differences([Stretch(u, y - y.mean())])[0] == 0
+    assert decide_differences([Segment(u, y - y.mean())])[0] == 0
 
 
 def test_given_differences_are_not_decided():

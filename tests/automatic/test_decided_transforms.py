@@ -13,14 +13,14 @@ from evopem.automatic.preparation import GivenPreparation, PreparationPlan
 from evopem.automatic.transforms import decide_transforms, spread_test
 from evopem.config.defaults import complete
 from evopem.config.schema import schema_file
-from evopem.config.settings import ChannelSettings
+from evopem.config.state_space_settings import ChannelLists
 from evopem.config.yaml_form import yaml_text
 from evopem.files.json_form import load
 from evopem.pipeline.acquisition import read_recording
 from evopem.pipeline.automatic_preparation import apply_preparation, decide_preparation
 from evopem.results.layout import DatasetFiles
 from evopem.signals.preparation import invert_input, invert_output, load_prepared
-from evopem.signals.stretches import Stretch
+from evopem.signals.recording import Segment
 
 SLOPE = 0.03
 
@@ -32,7 +32,7 @@ def record():
 
 
 def plan_of(u, y, **keys):
-    return decide_transforms([Stretch(u, y)], [0], **keys)
+    return decide_transforms([Segment(u, y)], [0], **keys)
 
 
 def decision(plan, subject) -> Decision:
@@ -72,7 +72,7 @@ def test_a_trend_is_not_carried_to_other_recordings(record):
 def test_an_output_whose_spread_grows_with_its_level_is_transformed(record):
     u, y = record
     y = np.exp(0.15 * y)
-    assert spread_test([Stretch(u, y)]) < 1e-3
+    assert spread_test([Segment(u, y)]) < 1e-3
     plan = plan_of(u, y)
     assert plan.box_cox == pytest.approx(0.0, abs=0.2)
     scores = [each.score for each in decision(plan, "Box-Cox").alternatives]
@@ -114,8 +114,8 @@ def test_decided_transforms_lead_back_to_the_recording(record, kind, tmp_path, m
     Path("a.csv").write_text("u,y\n" + "\n".join(rows) + "\n")
     files = DatasetFiles.of_dataset("a")
     Path(files.folder, "decisions").mkdir(parents=True)
-    channels = ChannelSettings(1, 2, 50.0)
-    read_recording(["a.csv"], channels, files.recording, files.recording_info)
+    channels = ChannelLists((1,), (2,), 50.0)
+    read_recording(files, ("a.csv",), channels)
     preparation = settings_of(recipe="auto").preparation
     decide_preparation(files, preparation, GivenPreparation(), False)
     apply_preparation(files, preparation, False)

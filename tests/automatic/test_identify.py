@@ -9,14 +9,13 @@ from evopem.automatic.decision import Decision
 from evopem.automatic.fit import FitSettings
 from evopem.automatic.folds import FoldPlan, decide_folds
 from evopem.automatic.identify import identify
-from evopem.automatic.orders import Scorer, StructureSearch, decide_delay
+from evopem.automatic.orders import Scorer, StructureSearch
 from evopem.automatic.repetition import decide_repetition
 from evopem.automatic.simulation import simulated
 from evopem.automatic.structures import Choice, compare_structures
 from evopem.files.json_form import from_json, to_json
-from evopem.models.structures import PolynomialOrders
-from evopem.signals.recording import Recording
-from evopem.signals.stretches import Stretch
+from evopem.models.structures import Orders
+from evopem.signals.recording import Recording, Segment
 
 SAMPLES = 120
 ABOUT = Decision("folds", "given", (), "none", "They are given.")
@@ -65,15 +64,10 @@ def test_the_arrays_are_not_changed_and_gaps_are_allowed():
     assert np.array_equal(y, before[1], equal_nan=True)
 
 
-def test_a_long_delay_is_found_beyond_the_first_range():
-    u, y, _ = output_error_record(800, delay=23)
-    assert decide_delay([Stretch(u, y)])[0] == 23
-
-
 def test_a_chirp_gets_interleaved_folds():
     t = np.arange(1000.0)
     u = np.sin(0.02 * t + 0.0007 * t**2)
-    plan = decide_folds([Stretch(u, lfilter([0.0, 1.0], [1.0, -0.5], u))])
+    plan = decide_folds([Segment(u, lfilter([0.0, 1.0], [1.0, -0.5], u))])
     assert all(blocks > 1 for _, blocks in plan.designs)
 
 
@@ -86,19 +80,19 @@ def test_feedback_does_not_lead_to_an_output_error_model():
     for t in range(2, n):
         x[t] = 1.7 * x[t - 1] - 0.8 * x[t - 2] + 0.3 * u[t - 1] + 0.2 * u[t - 2]
         u[t] = reference[t] - 0.3 * (x[t] + noise[t])
-    stretches = [Stretch(u, x + noise)]
+    stretches = [Segment(u, x + noise)]
     plan = FoldPlan(((2, 1),), ABOUT, decide_repetition(stretches))
     scorer = Scorer(stretches, plan, FitSettings())
     searches = [
         StructureSearch(structure, tuple(scorer.candidate(structure, o) for o in orders), ABOUT)
         for structure, orders in (
-            ("armax", [PolynomialOrders(na=n, nb=n, nc=n, nk=1) for n in (1, 2, 3)]),
-            ("oe", [PolynomialOrders(nb=n, nf=n, nk=1) for n in (1, 2, 3, 6)]),
+            ("armax", [Orders(na=n, nb=n, nc=n, nk=1) for n in (1, 2, 3)]),
+            ("oe", [Orders(nb=n, nf=n, nk=1) for n in (1, 2, 3, 6)]),
         )
     ]
     chosen = compare_structures(scorer, searches).choice("simulation").candidate
     assert chosen.structure == "armax"
-    assert error_percent(x, simulated(chosen.model, Stretch(u, x), free_level=True)) < 25.0
+    assert error_percent(x, simulated(chosen.model, Segment(u, x), free_level=True)) < 25.0
 
 
 def test_an_unknown_purpose_is_refused():

@@ -1,11 +1,11 @@
 """Limits of the orders that a configuration sets."""
 
 from evopem.automatic.limits import OrderLimits
-from evopem.models.structures import PolynomialOrders
+from evopem.models.structures import Orders
 
 
 def orders(**given):
-    return PolynomialOrders(**given)
+    return Orders(**given)
 
 
 def test_without_limits_everything_is_allowed():
@@ -20,7 +20,7 @@ def test_a_path_moves_inside_the_limits_without_repetitions():
     moved = [each for (each,) in limits.within("armax", path)]
     assert [each.na for each in moved] == [3, 3, 3, 4, 4, 4]
     assert len(set(moved)) == 6
-    assert {each.nk for each in moved} == {1}
+    assert {each.nk for each in moved} == {(1,)}
     fixed = OrderLimits(joint=(3, 3), nb=(2, 2), nc=(1, 1), nk=(1, 1))
     assert len(list(fixed.within("armax", path))) == 1
 

@@ -8,7 +8,7 @@ import pytest
 from evopem.automatic.multichannel_folds import designs_of, fewest_fitted, folds_of
 from evopem.estimation.state_space.held_out import errors_from_first_samples, simulation_errors
 from evopem.models.state_space import StateSpaceModel
-from evopem.signals.multichannel import MultichannelRecording
+from evopem.signals.recording import Recording, concatenated
 
 NOISE = 0.1
 TRUTH = StateSpaceModel(
@@ -20,7 +20,7 @@ TRUTH = StateSpaceModel(
     sampling_rate=1.0,
     level=np.zeros(2),
     noise_covariance=NOISE**2 * np.eye(2),
-    form="output_error",
+    structure="ss_oe",
 )
 
 
@@ -29,19 +29,19 @@ def recording(samples, seed):
     u = generator.standard_normal((samples, 1))
     y = TRUTH.simulate(u, generator.standard_normal(2))
     y += NOISE * generator.standard_normal(y.shape)
-    return MultichannelRecording(u, y, 1.0, ("u",), ("a", "b"), ("",), ("", ""))
+    return Recording(u, y, 1.0, ("u",), ("a", "b"), ("",), ("", ""))
 
 
 def joined(*lengths):
     parts = [recording(samples, seed) for seed, samples in enumerate(lengths)]
-    return parts[0].with_records(parts), parts
+    return concatenated(parts), parts
 
 
 def test_recordings_are_dealt_out_in_turn():
     whole, parts = joined(100, 110, 120, 130)
     folds = folds_of(whole, 2)
-    assert [each.held_out.starts for each in folds] == [(0, 100), (0, 110)]
-    np.testing.assert_array_equal(folds[0].training.records[1].outputs, parts[3].outputs)
+    assert [each.held_out.segment_starts for each in folds] == [(0, 100), (0, 110)]
+    np.testing.assert_array_equal(folds[0].training.separated[1].outputs, parts[3].outputs)
     assert designs_of(whole) == (2, 4)
     assert designs_of(joined(100, 100)[0]) == (2,)
     assert fewest_fitted(whole) == 220
@@ -61,7 +61,7 @@ def test_one_recording_is_divided_into_parts_behind_its_first():
     assert [(each.first, each.stop) for each in folds] == [
         *((120, 240), (240, 360), (360, 480), (480, 600))
     ]
-    assert folds[0].training.starts == (0, 120)
+    assert folds[0].training.segment_starts == (0, 120)
     assert [each.training.samples for each in folds] == [480] * 4
 
 
@@ -72,7 +72,7 @@ def test_the_truth_leaves_the_noise_whatever_the_recordings_are(count):
         spread = np.sqrt(
             sum(
                 np.sum((each.outputs - each.outputs.mean(axis=0)) ** 2, axis=0)
-                for each in fold.held_out.records
+                for each in fold.held_out.separated
             )
         )
         expected = 100.0 * NOISE * np.sqrt(fold.held_out.samples) / spread
@@ -80,7 +80,7 @@ def test_the_truth_leaves_the_noise_whatever_the_recordings_are(count):
             fold.errors(TRUTH, "quadratic"), np.tile(expected, (3, 1)), rtol=0.1
         )
     # What the other recordings of a fold are makes no difference to one that is held out.
-    one, other = folds_of(whole, 3)[0], folds_of(whole.with_records([parts[0], parts[2]]), 2)[0]
+    one, other = folds_of(whole, 3)[0], folds_of(concatenated([parts[0], parts[2]]), 2)[0]
     np.testing.assert_array_equal(one.errors(TRUTH, "quadratic"), other.errors(TRUTH, "quadratic"))
 
 
@@ -93,7 +93,7 @@ def test_an_unstable_model_simulates_nothing():
 def test_absolute_errors_are_pooled_as_sums_of_them():
     whole, _ = joined(400, 300)
     fold = folds_of(whole, 2)[0]
-    (held,) = fold.held_out.records
+    (held,) = fold.held_out.separated
     spread = np.abs(held.outputs - np.median(held.outputs, axis=0)).mean(axis=0)
     expected = 100.0 * NOISE * np.sqrt(2.0 / np.pi) / spread
     np.testing.assert_allclose(fold.errors(TRUTH, "absolute"), np.tile(expected, (3, 1)), rtol=0.1)
@@ -139,7 +139,7 @@ def test_the_response_to_one_blow_is_divided_by_its_energy(at):
     ringing = replace(TRUTH, A=1.03 * TRUTH.A)
     clean = ringing.simulate(u, np.zeros(2))
     y = clean + NOISE * np.random.default_rng(1).standard_normal(clean.shape)
-    whole = MultichannelRecording(u, y, 1.0, ("u",), ("a", "b"), ("",), ("", ""))
+    whole = Recording(u, y, 1.0, ("u",), ("a", "b"), ("",), ("", ""))
     folds = [each for count in designs_of(whole) for each in folds_of(whole, count)]
     assert len(folds) >= 3
     response = np.flatnonzero(np.abs(clean).max(axis=1) > 3.0 * NOISE)

@@ -10,8 +10,8 @@ from evopem.automatic.multichannel_preparation import (
 )
 from evopem.config.settings import SplitSettings
 from evopem.errors import InputError
-from evopem.signals.multichannel import MultichannelRecording
 from evopem.signals.multichannel_preparation import divide_multichannel
+from evopem.signals.recording import Recording
 
 RATE, N = 100.0, 1200
 WHOLE = SplitSettings(discard=0, estimation=1.0)
@@ -22,9 +22,7 @@ def recording(samples=N, rest=0, seed=1):
     u = generator.standard_normal((samples, 2))
     y = generator.standard_normal((samples, 3)) + 5.0
     u[:rest], y[:rest] = 0.0, 5.0
-    return MultichannelRecording(
-        u, y, RATE, ("u1", "u2"), ("a", "b", "c"), ("N", "N"), ("m", "m", "")
-    )
+    return Recording(u, y, RATE, ("u1", "u2"), ("a", "b", "c"), ("N", "N"), ("m", "m", ""))
 
 
 def test_a_rest_before_the_first_change_is_left_out_up_to_ten_samples():

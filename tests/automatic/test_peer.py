@@ -8,15 +8,15 @@ from records import output_error_record
 from evopem.automatic.fit import FitSettings, fit
 from evopem.automatic.folds import decide_folds, held_out_scores
 from evopem.automatic.peer import against_peer
-from evopem.models.structures import PolynomialOrders
-from evopem.signals.stretches import Stretch
+from evopem.models.structures import Orders
+from evopem.signals.recording import Segment
 
 
 def test_a_short_method_is_scored_on_the_same_samples():
     u, y, _ = output_error_record(600)
-    stretches = [Stretch(u, y)]
+    stretches = [Segment(u, y)]
     plan, settings = decide_folds(stretches), FitSettings()
-    model = fit(stretches, PolynomialOrders(nb=2, nf=2, nk=1), settings).model
+    model = fit(stretches, Orders(nb=2, nf=2, nk=1), settings).model
     scores = held_out_scores(stretches, plan, model, settings)
     about = against_peer(stretches, plan, "quadratic", "own", scores, False)
     own, peer = about.alternatives

@@ -8,8 +8,7 @@ import pytest
 from evopem.automatic.preparation import PreparationPlan, prepare
 from evopem.automatic.prepared_data import load_stretches, prepared_data, save_stretches
 from evopem.config.settings import PreparationSettings, SplitSettings, TransformSettings
-from evopem.signals.joined_preparation import prepare_recordings
-from evopem.signals.joining import joined, separated
+from evopem.signals.joining import joined
 from evopem.signals.preparation import invert_input, invert_output
 from evopem.signals.preparation import prepare as divide
 from evopem.signals.recording import Recording
@@ -83,33 +82,33 @@ def test_several_stretches_are_one_record_with_joints(recording):
     limit = 200.0 - recording.output[:320].mean()  # the means are taken before
     data, record = prepared(recording, replace(NOTHING, clipped=(-np.inf, limit - 1e-9)))
     assert [each.samples for each in record.stretches] == [100, 217]
-    assert data.estimation.stretch_starts == (0, 100)
-    assert data.estimation.stretch_recordings == (0, 0)  # one level
+    assert data.estimation.segment_starts == (0, 100)
+    assert data.estimation.segment_recordings == (0, 0)  # one level
     assert [each.first for each in data.transforms.estimation_stretches] == [0, 103]
     assert data.transforms.validation_source == "gap"
     transforms = data.transforms.of_stretches("estimation")[1]
-    back = invert_output(transforms, data.estimation.stretches[1].output)
+    back = invert_output(transforms, data.estimation.segments[1].output)
     assert back == pytest.approx(recording.output[103:320])
 
 
 def test_recordings_of_one_system_keep_their_numbers_and_levels(recording):
     others = [
-        replace(recording, output=recording.output[::-1] + 50.0),
-        replace(recording, input=recording.input[::-1]),
+        replace(recording, outputs=recording.output[::-1] + 50.0),
+        replace(recording, inputs=recording.input[::-1]),
     ]
     together = joined([recording, *others], ("a", "b", "c"))
-    divided = prepare_recordings(together, PreparationSettings(UNCHANGED, SplitSettings(0, 0.7)))
-    parts = separated(divided.estimation)
+    divided = divide(together, PreparationSettings(UNCHANGED, SplitSettings(0, 0.7)))
+    parts = divided.estimation.separated
     record = prepare(parts, replace(NOTHING, starts=(0, 10), output_offset=-1.5, output_scale=4.0))
     data = prepared_data(divided, record, "datasets.a")
-    assert data.estimation.stretch_recordings == (0, 1)
-    assert data.validation.stretch_recordings == (2,)
+    assert data.estimation.segment_recordings == (0, 1)
+    assert data.validation.segment_recordings == (2,)
     for part, known in (
         ("estimation", (recording.output, others[0].output[10:])),
         ("validation", (others[1].output,)),
     ):
         transforms = data.transforms.of_stretches(part)
-        stretches = getattr(data, part).stretches
+        stretches = getattr(data, part).segments
         for own, stretch, output in zip(transforms, stretches, known, strict=True):
             assert invert_output(own, stretch.output, part) == pytest.approx(output)
 
@@ -117,7 +116,7 @@ def test_recordings_of_one_system_keep_their_numbers_and_levels(recording):
 def test_stretches_are_written_and_read_as_they_are(recording, tmp_path):
     _, record = prepared(recording, NOTHING)
     u = record.stretches[0].input
-    parts = (record.stretches[0], replace(record.stretches[0], input=u[::-1].copy(), recording=1))
+    parts = (record.stretches[0], replace(record.stretches[0], inputs=u[::-1].copy(), recording=1))
     save_stretches(parts, tmp_path / "s.npz")
     for read, written in zip(load_stretches(tmp_path / "s.npz"), parts, strict=True):
         assert np.array_equal(read.input, written.input)

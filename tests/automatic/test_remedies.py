@@ -8,8 +8,8 @@ from evopem.automatic.folds import decide_folds
 from evopem.automatic.orders import Scorer
 from evopem.automatic.remedies import act_on_checks
 from evopem.automatic.structures import Choice
-from evopem.models.structures import PolynomialOrders
-from evopem.signals.stretches import Stretch
+from evopem.models.structures import Orders
+from evopem.signals.recording import Segment
 from evopem.validation.checks.roots import DISTINCT
 
 A = np.poly([0.92 * np.exp(0.6j), 0.92 * np.exp(-0.6j)]).real
@@ -17,9 +17,9 @@ D = np.poly([0.8 * np.exp(1.5j), 0.8 * np.exp(-1.5j)]).real
 
 
 def remedied(y, u, structure, **orders):
-    stretches = [Stretch(u, y)]
+    stretches = [Segment(u, y)]
     scorer = Scorer(stretches, decide_folds(stretches), FitSettings())
-    candidate = scorer.candidate(structure, PolynomialOrders(**orders))
+    candidate = scorer.candidate(structure, Orders(**orders))
     return scorer, candidate, act_on_checks(scorer, Choice("simulation", candidate, "constant"))
 
 
@@ -32,7 +32,7 @@ def test_common_roots_of_an_arx_model_are_those_of_the_noise():
     after = found.choice.candidate
     assert (after.structure, after.orders) == (
         "ararx",
-        PolynomialOrders(na=2, nb=2, nd=2, nk=1),
+        Orders(na=2, nb=2, nd=2, nk=1),
     )
     np.testing.assert_allclose(after.model.d, D, atol=0.1)
 
@@ -41,7 +41,7 @@ def test_ends_of_b_that_are_zero_are_left_out():
     u, e = np.random.default_rng(2).standard_normal((2, 1000))
     y = lfilter([0.0, 0.0, 1.0, 0.6], A, u) + 0.3 * e
     _, _, found = remedied(y, u, "oe", nb=4, nf=2, nk=1)
-    assert found.choice.candidate.orders == PolynomialOrders(nb=2, nf=2, nk=2)
+    assert found.choice.candidate.orders == Orders(nb=2, nf=2, nk=2)
 
 
 def test_what_stays_failed_is_said_in_words():

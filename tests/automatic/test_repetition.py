@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import lfilter
 
 from evopem.automatic.repetition import decide_repetition, repetition_lag
-from evopem.signals.stretches import Stretch
+from evopem.signals.recording import Segment
 
 A, B = [1.0, -1.5, 0.8], [0.0, 1.0, 0.5]
 
@@ -18,7 +18,7 @@ def test_a_cubic_system_repeats_its_errors_with_the_input():
     generator = np.random.default_rng(1)
     u = periodic(generator)
     y = lfilter(B, A, u + 0.2 * u**3)
-    found = decide_repetition([Stretch(u, y + 1e-3 * generator.standard_normal(len(y)))])
+    found = decide_repetition([Segment(u, y + 1e-3 * generator.standard_normal(len(y)))])
     # Five periods of the same errors count as one.
     assert (found.lag, found.independent) == (200, pytest.approx(0.2, abs=0.03))
 
@@ -27,7 +27,7 @@ def test_every_sample_of_a_linear_system_counts():
     generator = np.random.default_rng(2)
     u = periodic(generator)
     y = lfilter(B, A, u) + generator.standard_normal(len(u))
-    found = decide_repetition([Stretch(u, y)])
+    found = decide_repetition([Segment(u, y)])
     assert (found.lag, found.independent) == (200, 1.0)
 
 
@@ -36,7 +36,7 @@ def test_what_repeats_counts_as_much_as_its_share_of_the_residuals():
     u = periodic(generator)
     errors = np.tile(generator.standard_normal(200), 5)
     y = lfilter(B, A, u) + lfilter([1.0], A, errors + generator.standard_normal(len(u)))
-    found = decide_repetition([Stretch(u, y)])
+    found = decide_repetition([Segment(u, y)])
     # Half of the power repeats: 1 / (1 + 4 / 2) of the samples.
     assert found.independent == pytest.approx(1 / 3, abs=0.06)
 

@@ -9,8 +9,7 @@ from evopem.automatic.folds import SHORTEST_BLOCK, decide_folds
 from evopem.automatic.multichannel_folds import describe_folds
 from evopem.automatic.response_parts import REASON, response_parts
 from evopem.automatic.stretches import folds_of
-from evopem.signals.multichannel import MultichannelRecording
-from evopem.signals.stretches import Stretch
+from evopem.signals.recording import Recording, Segment
 
 SAMPLES, DECAY = 1000, np.array([1.0, -2.0 * 0.985 * np.cos(0.4), 0.985**2])
 
@@ -49,7 +48,7 @@ def test_ordinary_records_and_drifts_are_no_responses_to_a_blow():
 
 def test_the_folds_of_one_input_always_fit_the_blow():
     u, y = blow(40)
-    stretch = Stretch(u[:, 0], y[:, 0])
+    stretch = Segment(u[:, 0], y[:, 0])
     plan = decide_folds((stretch,))
     assert plan.by_energy
     assert "single blow" in plan.decision.sentence
@@ -59,13 +58,13 @@ def test_the_folds_of_one_input_always_fit_the_blow():
         (held,) = fold.held_out
         assert held.output.std() > 0.05 * np.abs(y).max()
     ordinary, answer, _ = output_error_record(SAMPLES)
-    assert not decide_folds((Stretch(ordinary, answer),)).by_energy
+    assert not decide_folds((Segment(ordinary, answer),)).by_energy
 
 
 def test_several_channels_say_by_which_parts_they_are_scored():
     def described(u, y):
         names = ("force",), ("a", "b"), ("",), ("", "")
-        return describe_folds(MultichannelRecording(u, np.hstack([y, -y]), 1.0, *names))
+        return describe_folds(Recording(u, np.hstack([y, -y]), 1.0, *names))
 
     about = described(*blow(40))
     assert (about.choice, about.sentence) == ("2 parts and 5 parts", REASON)

@@ -1,22 +1,24 @@
 """Choice of form and order by scores on held-out samples."""
 
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from evopem.automatic.input_delays import decide_delays
-from evopem.automatic.searched_orders import noise_orders, searched_orders
+from evopem.automatic.delays import decide_delays
+from evopem.automatic.searched_orders import searched_orders
 from evopem.automatic.state_space_choice import choose
 from evopem.automatic.variant_search import FoldErrors, Variant, VariantSearch, until_bic_rises
 from evopem.config.input_ranges import InputRanges
 from evopem.config.state_space_settings import StateSpaceChoices
 from evopem.errors import InputError
-from evopem.signals.multichannel import MultichannelRecording
+from evopem.estimation.state_space.noise_model import noise_orders
+from evopem.signals.recording import Recording
 
-INNOVATIONS = Variant("innovations", "determinant")
-OUTPUT_ERROR = Variant("output_error", "noise")
-BOX_JENKINS = Variant("box_jenkins", "determinant")
+INNOVATIONS = Variant("ss", "determinant")
+OUTPUT_ERROR = Variant("ss_oe", "noise")
+BOX_JENKINS = Variant("ss_bj", "determinant")
 
 
 def search(variant, simulation, prediction=None, free_level=None, bic=None, spread=0.0):
@@ -33,7 +35,7 @@ def search(variant, simulation, prediction=None, free_level=None, bic=None, spre
 
 def recording(samples, nu=2, ny=3):
     generator = np.random.default_rng(2)
-    return MultichannelRecording(
+    return Recording(
         generator.standard_normal((samples, nu)),
         generator.standard_normal((samples, ny)),
         1.0,
@@ -107,7 +109,7 @@ def test_without_an_input_prediction_counts():
     alone = search(INNOVATIONS, unknown, (9.0, 8.0), unknown)
     found = choose([alone], StateSpaceChoices())
     assert (found.model.order, found.model.purpose, found.other) == (2, "prediction", None)
-    assert decide_delays(recording(100, nu=0), None).delays == ()
+    assert decide_delays(recording(100, nu=0).segments, ()).delays == ()
 
 
 def test_bic_decides_where_no_score_is_known():
@@ -150,9 +152,10 @@ def test_delays_stay_within_their_limits():
     y = given.outputs.copy()
     y[3:, 0] += 5.0 * given.inputs[:-3, 0]
     y[1:, 1] += 5.0 * given.inputs[:-1, 1]
-    delayed = MultichannelRecording(
+    delayed = Recording(
         given.inputs, y, 1.0, given.input_names, given.output_names, *(("",) * 2, ("",) * 3)
     )
-    assert decide_delays(delayed, None).delays == (3, 1)
-    assert decide_delays(delayed, InputRanges((0, 2))).delays == (2, 1)
-    assert decide_delays(delayed, InputRanges((1, 1))).delays == (1, 1)
+    decided = partial(decide_delays, delayed.segments, delayed.input_names)
+    assert decided().delays == (3, 1)
+    assert decided(InputRanges((0, 2))).delays == (2, 1)
+    assert decided(InputRanges((1, 1))).delays == (1, 1)

@@ -11,13 +11,14 @@ from evopem.automatic.state_space_choice import ModelChoice
 from evopem.automatic.state_space_remedies import act_on_checks
 from evopem.automatic.state_space_search import search_variant
 from evopem.automatic.variant_search import Variant
+from evopem.config.constraints import InputConstraints
 from evopem.config.input_ranges import InputRanges
 from evopem.config.state_space_settings import OrderRanges
 from evopem.estimation.state_space.settings import StateSpaceSettings
-from evopem.signals.multichannel import MultichannelRecording
+from evopem.signals.recording import Recording
 from evopem.validation.checks.residuals import INDEPENDENT_OF_INPUT, WHITE
 
-INNOVATIONS = Variant("innovations", "determinant")
+INNOVATIONS = Variant("ss", "determinant")
 ONE_MODE, TWO_MODES = (np.convolve([1.0, -1.5, 0.8], each) for each in ([1.0], [1.0, 0.2, 0.7]))
 
 
@@ -29,7 +30,7 @@ def recording(a=TWO_MODES, delay=1, samples=600, seed=2):
     clean += lfilter(np.r_[np.zeros(delay), -0.7], a, u[:, 1])
     noise = lfilter([1.0], a, e)
     y = clean + 0.1 * clean.std() / noise.std() * noise
-    return MultichannelRecording(u, y[:, None], 10.0, ("u1", "u2"), ("y",), ("",) * 2, ("",))
+    return Recording(u, y[:, None], 10.0, ("u1", "u2"), ("y",), ("",) * 2, ("",))
 
 
 def forms(estimation, orders, delays=(1, 1), ranges=None, evaluations=20):
@@ -64,7 +65,7 @@ def test_an_order_that_is_too_small_is_raised(searched):
     assert {WHITE, INDEPENDENT_OF_INPUT} == set(trial.check.split(" and "))
     poles = np.linalg.eigvals(found.model.model.A)
     assert np.allclose(np.sort_complex(poles), np.sort_complex(np.roots(TWO_MODES)), atol=0.03)
-    assert "larger order was tried (1 in all), and innovations, 4 states" in " ".join(
+    assert "larger order was tried (1 in all), and ss, 4 states" in " ".join(
         found.record.statements
     )
 
@@ -102,3 +103,13 @@ def test_delays_of_the_configuration_stay():
     late = forms(recording(ONE_MODE), (2,), delays=(3, 3), ranges=ranges)
     found = act_on_checks(late, choice(2))
     assert "earlier delays" not in [each.remedy for each in found.record.trials]
+
+
+@pytest.mark.parametrize("quick", [False, True])
+def test_a_chosen_model_meets_constraints(searched, quick):
+    limits = InputConstraints(static_gain={"u1": 4.0})
+    constrained = replace(searched, constraints=limits)
+    found = (constrained.as_searched if quick else constrained.searched)(choice(4))
+    gains = found.model.frequency_response(0.0)[0].real
+    assert gains[0] == pytest.approx(4.0)
+    assert found.estimate.constraints.active == ("static_gain",)

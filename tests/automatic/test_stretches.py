@@ -10,16 +10,17 @@ from scipy.optimize import approx_fprime
 from evopem.automatic.fit import FitSettings, fit
 from evopem.automatic.simulation import simulated
 from evopem.automatic.stretches import folds_of
+from evopem.config.structures import ORDER_NAMES
 from evopem.estimation.pem.polynomial_objective import PolynomialErrors
 from evopem.estimation.pem.stretch_errors import StretchErrors
 from evopem.models.polynomial_states import estimate_simulation_state
-from evopem.models.structures import PolynomialOrders
-from evopem.signals.stretches import Stretch, total_samples
+from evopem.models.structures import Orders
+from evopem.signals.recording import Segment, total_samples
 
 
 def test_folds_hold_out_each_sample_once():
     samples = np.arange(100.0)
-    stretches = (Stretch(samples[:60], samples[:60]), Stretch(samples[60:], samples[60:], 1))
+    stretches = (Segment(samples[:60], samples[:60]), Segment(samples[60:], samples[60:], 1))
     folds = folds_of(stretches, 2, 3, shortest=5)
     held = np.sort(np.concatenate([s.output for fold in folds for s in fold.held_out]))
     assert np.array_equal(held, samples)
@@ -32,8 +33,8 @@ def test_folds_hold_out_each_sample_once():
 
 def test_one_stretch_is_the_problem_of_one_record():
     u, y, _ = output_error_record(200)
-    orders = PolynomialOrders(nb=2, nc=1, nd=1, nf=2, nk=1)
-    several = StretchErrors([Stretch(u, y)], orders, "quadratic", 0.99, 0.99, True)
+    orders = Orders(nb=2, nc=1, nd=1, nf=2, nk=1)
+    several = StretchErrors([Segment(u, y)], orders, "quadratic", 0.99, 0.99, True)
     first = orders.first_residual
     one = PolynomialErrors(u, y, orders, "quadratic", first, first, 0.99, 0.99, True)
     point = np.random.default_rng(1).normal(0.0, 0.1, (1, one.dimension))
@@ -44,8 +45,8 @@ def test_one_stretch_is_the_problem_of_one_record():
 @pytest.mark.parametrize("objective", ["quadratic", "absolute"])
 def test_the_gradient_over_stretches_is_that_of_the_values(objective):
     u, y, _ = output_error_record(300)
-    stretches = [Stretch(u[:120], y[:120]), Stretch(u[150:], y[150:] + 3.0, 1)]
-    orders = PolynomialOrders(nb=2, nc=1, nd=1, nf=2, nk=1)
+    stretches = [Segment(u[:120], y[:120]), Segment(u[150:], y[150:] + 3.0, 1)]
+    orders = Orders(nb=2, nc=1, nd=1, nf=2, nk=1)
     errors = StretchErrors(stretches, orders, objective, 0.99, 0.99, True)
     assert errors.parameters == orders.parameters + 2
     point = np.random.default_rng(1).normal(0.0, 0.1, errors.dimension)
@@ -60,17 +61,17 @@ def test_the_gradient_over_stretches_is_that_of_the_values(objective):
 
 def test_recordings_with_their_own_levels_give_one_model():
     u, y, truth = output_error_record(600, percent=5.0)
-    stretches = [Stretch(u[:250], y[:250] + 7.0, 0), Stretch(u[300:], y[300:] - 4.0, 1)]
-    found = fit(stretches, PolynomialOrders(nb=2, nf=2, nk=1), FitSettings())
+    stretches = [Segment(u[:250], y[:250] + 7.0, 0), Segment(u[300:], y[300:] - 4.0, 1)]
+    found = fit(stretches, Orders(nb=2, nf=2, nk=1), FitSettings())
     assert found.levels == pytest.approx((7.0, -4.0), abs=0.2)
     assert found.model.f == pytest.approx([1.0, -1.5, 0.8], abs=0.02)
-    assert error_percent(truth, simulated(found.model, Stretch(u, truth + 7.0)) - 7.0) < 3.0
+    assert error_percent(truth, simulated(found.model, Segment(u, truth + 7.0)) - 7.0) < 3.0
 
 
 def test_a_level_as_a_state_follows_other_samples():
     u, y, _ = output_error_record(400, percent=5.0)
-    found = fit([Stretch(u, y)], PolynomialOrders(nb=2, nf=2, nk=1), FitSettings()).model
-    shifted = Stretch(u, y + 50.0)
+    found = fit([Segment(u, y)], Orders(nb=2, nf=2, nk=1), FitSettings()).model
+    shifted = Segment(u, y + 50.0)
     assert error_percent(shifted.output, simulated(found, shifted, free_level=True)) < 10.0
     assert error_percent(shifted.output, simulated(found, shifted)) > 100.0
 
@@ -79,8 +80,8 @@ def test_an_integrator_is_fitted_and_simulated():
     u, e = np.random.default_rng(5).standard_normal((2, 500))
     y = 0.1 * np.concatenate([[0.0], np.cumsum(u - u.mean())[:-1]])
     y = y + 0.02 * y.std() * e
-    found = fit([Stretch(u[:300], y[:300])], PolynomialOrders(nb=1, nf=1, nk=1), FitSettings())
-    held = Stretch(u[300:], y[300:])
+    found = fit([Segment(u[:300], y[:300])], Orders(nb=1, nf=1, nk=1), FitSettings())
+    held = Segment(u[300:], y[300:])
     assert abs(found.model.poles()[0]) > 0.99
     assert error_percent(held.output, simulated(found.model, held, free_level=True)) < 20.0
 
@@ -92,17 +93,19 @@ def with_level_as_state(model):
     """
     difference = np.array([1.0, -1.0])
     b = np.convolve(model.b, difference)
-    if model.orders.nf or not model.orders.na:
-        return replace(model, b=b, f=np.convolve(model.f, difference), level=0.0)
+    if model.orders.single.nf or not model.orders.na:
+        return replace(model, B=(b,), F=(np.convolve(model.f, difference),), level=0.0)
     a, c = np.convolve(model.a, difference), np.convolve(model.c, difference)
-    return replace(model, a=a, b=b, c=c, level=0.0)
+    return replace(model, A=a, B=(b,), C=c, level=0.0)
 
 
 @pytest.mark.parametrize("orders", [(0, 2, 0, 0, 2, 1), (2, 2, 1, 0, 0, 1)])
 def test_a_level_state_is_the_free_level_of_a_simulation(orders):
     u, y, _ = output_error_record(300)
-    model = fit([Stretch(u, y)], PolynomialOrders(*orders), FitSettings()).model
-    shifted = Stretch(u, y + 5.0)
+    model = fit(
+        [Segment(u, y)], Orders(**dict(zip(ORDER_NAMES, orders, strict=True))), FitSettings()
+    ).model
+    shifted = Segment(u, y + 5.0)
     state = estimate_simulation_state(with_level_as_state(model), u, y + 5.0)
     by_state = with_level_as_state(model).simulate(u, state)
     assert by_state == pytest.approx(simulated(model, shifted, free_level=True), abs=1e-6)

@@ -59,7 +59,7 @@ def test_a_source_with_the_recipe_of_the_chapter_takes_the_built_in_values():
                 search=SearchSettings(),
             )
         },
-        run=RunSettings(),
+        run=RunSettings(one_job_per="stage"),
     )
 
 
@@ -145,6 +145,21 @@ def test_a_run_takes_the_keys_beside_the_data_sets():
 
 
 @pytest.mark.parametrize(
+    ("count", "keys", "jobs"),
+    [
+        (9, "", "stage"),
+        (10, "", "recording"),
+        (10, ", shard: 1/5", "recording"),
+        (10, ", one_job_per: stage", "stage"),
+        (2, ", recordings_per_job: 2, report: none", "recording"),
+    ],
+)
+def test_many_recordings_have_one_job_each(count, keys, jobs):
+    names = ", ".join(f"r{n}: {{synthesis: armax}}" for n in range(count))
+    assert completed(f"{{datasets: {{{names}}}{keys}}}").run.one_job_per == jobs
+
+
+@pytest.mark.parametrize(
     ("per_job", "sizes"), [(1, [1] * 40), (16, [16, 16, 8]), ("auto", [2] * 20)]
 )
 def test_recordings_are_divided_into_batches_before_shards(per_job, sizes):
@@ -160,7 +175,7 @@ def test_recordings_are_divided_into_batches_before_shards(per_job, sizes):
 @pytest.mark.parametrize(
     ("keys", "remedy"),
     [
-        ("report: none", "write one_job_per: recording, or remove the key"),
+        ("one_job_per: stage, report: none", "write one_job_per: recording, or remove the key"),
         ("one_job_per: recording", "write report: none, or remove the key"),
     ],
 )

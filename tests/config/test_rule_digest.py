@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from evopem.config.rule_digest import code_version, imported_modules
+from evopem.pipeline.stages import STAGES
 
 SCRIPTS = Path(__file__).parents[2] / "workflow" / "scripts"
 
@@ -86,8 +87,11 @@ def test_templates_count(scripts):
     assert with_template != code_version(scripts / "one.py")
 
 
-def test_scripts_reach_their_part_of_the_package_and_no_more():
-    reached = {script.stem: imported_modules(script) for script in SCRIPTS.glob("*.py")}
+def test_stages_reach_their_part_of_the_package_and_no_more():
+    reached = {
+        stage.function.partition(":")[2]: imported_modules(stage.module, SCRIPTS)
+        for stage in STAGES
+    }
     assert "evopem/signals/readers/matlab.py" in reached["read_recording"]
     assert "evopem/signals/readers/matlab.py" not in reached["prepare_signals"]
     assert "evopem/estimation/order_selection.py" in reached["estimate_candidates"]
@@ -98,7 +102,7 @@ def test_scripts_reach_their_part_of_the_package_and_no_more():
         "estimate_spectrum",
         "estimate_candidates",
     )
-    several = ("read_channels", "prepare_channels", "search_state_space", "estimate_state_space")
+    several = ("prepare_channels", "search_state_space", "choose_state_space")
     for early in single_channel + several:
         later = [name for name in reached[early] if "/figures/" in name or "/report/" in name]
         assert later == [], early
@@ -127,19 +131,26 @@ def test_scripts_reach_their_part_of_the_package_and_no_more():
         ("signals/readers/matlab.py", {"read_recording"}, {"prepare_signals", "validate_model"}),
     ],
 )
-def test_changed_code_changes_the_digests_of_the_scripts_that_use_it(
+def test_changed_code_changes_the_digests_of_the_stages_that_use_it(
     tmp_path, module, users, others
 ):
     scripts = tmp_path / "scripts"
     shutil.copytree(SCRIPTS, scripts, ignore=shutil.ignore_patterns("__pycache__"))
     file = scripts / "evopem" / module
     file.write_text(file.read_text(encoding="utf-8") + "\n# changed\n", encoding="utf-8")
+
+    def digest(folder, *modules):
+        own = [folder / module.relative_to(SCRIPTS) for module in modules]
+        return code_version(folder / "run_stage.py", modules=own)
+
     changed = {
-        script.stem
-        for script in SCRIPTS.glob("*.py")
-        if code_version(script) != code_version(scripts / script.name)
+        stage.function.partition(":")[2]
+        for stage in STAGES
+        if digest(SCRIPTS, stage.module) != digest(scripts, stage.module)
     }
-    assert users | {"identify_recording"} <= changed
+    assert users <= changed
+    every = [stage.module for stage in STAGES]
+    assert digest(SCRIPTS, *every) != digest(scripts, *every)
     assert not others & changed
 
 

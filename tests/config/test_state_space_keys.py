@@ -87,13 +87,13 @@ def test_polynomial_structures_are_searched_beside_state_space_where_nothing_is_
         "input: [u1, u2]\n    output: [y, z]",
         "input: [u1, u2]\n    output: 'y*'",
         "input: [u1, u2]\n    output: y\n    structure: state_space",
-        "input: [u1, u2]\n    output: y\n    form: innovations",
+        "input: [u1, u2]\n    output: y\n    form: ss",
     ):
         assert not set(polynomial).intersection(dict(searched_variants(dataset(keys))))
 
 
 def test_a_structure_from_the_defaults_holds_for_several_inputs_too():
-    found = dataset("input: [u1, u2]\n    output: y", "{structure: oe, form: innovations}")
+    found = dataset("input: [u1, u2]\n    output: y", "{structure: oe, form: ss}")
     assert searched_variants(found) == (("oe", "determinant"),)
 
 
@@ -109,7 +109,7 @@ def test_defaults_serve_both_kinds_of_data_sets():
         several: {file: b.csv, output: [2, 3]}
       defaults:
         structure: state_space
-        form: output_error
+        form: ss_oe
         split: {discard: 10}
         orders: {nx: 4}
         search: {seed: 7, max_root_radius: 0.99}
@@ -117,7 +117,7 @@ def test_defaults_serve_both_kinds_of_data_sets():
     found = complete(yaml.safe_load(text), SCHEMA).datasets
     assert isinstance(found["one"], DatasetSettings)
     assert found["one"].search.seed == found["several"].search.seed == 7
-    assert found["several"].choices.form == "output_error"
+    assert found["several"].choices.form == "ss_oe"
     assert found["several"].choices.orders.nx == (4, 4)
     assert found["several"].split.discard == 10
 
@@ -176,11 +176,11 @@ def test_constraints_come_back(tmp_path):
 def test_the_focus_chooses_the_forms_that_are_searched():
     keys = "input: [1, 2]\n    output: 3\n    focus: "
     assert {form for form, _ in searched_variants(dataset(keys + "simulation"))} == {
-        "output_error",
-        "output_error_drift",
+        "ss_oe",
+        "ss_oe_drift",
         "oe",
     }
-    assert "output_error" not in dict(searched_variants(dataset(keys + "prediction")))
+    assert "ss_oe" not in dict(searched_variants(dataset(keys + "prediction")))
     oe = searched_variants(dataset(keys + "prediction\n    structure: oe"))
     assert [form for form, _ in oe] == ["oe"]
 
@@ -188,7 +188,7 @@ def test_the_focus_chooses_the_forms_that_are_searched():
 def test_complete_keys_come_back(tmp_path):
     found = dataset(
         "input: [1, u2]\n    output: [acc, 5]\n    output_unit: [m, s]\n    time: 4\n"
-        "    validation_file: b.csv\n    resample: 20\n    form: output_error\n"
+        "    validation_file: b.csv\n    resample: 20\n    form: ss_oe\n"
         "    weighting: power\n    delay: {nk: [1, 3]}\n    orders: {nx: [2, 8]}\n"
         "    purpose: prediction\n    search: {seed: 3, evaluations: 50, objective: absolute}"
         + GEOMETRY
@@ -217,7 +217,7 @@ def test_complete_keys_come_back(tmp_path):
             "needs an input, and there is none",
         ),
         (
-            "input: [1, 2]\n    output: 3\n    structure: oe\n    form: innovations",
+            "input: [1, 2]\n    output: 3\n    structure: oe\n    form: ss",
             "datasets.a.form",
             "structure oe with several inputs has no such key",
         ),
@@ -264,9 +264,9 @@ def test_complete_keys_come_back(tmp_path):
         ("constraints: {static_gain: {u: 2}}", "datasets.a.constraints.static_gain", "alone"),
         ("output: [2, 3]\n    focus: 5", "datasets.a.focus", "one input and one output"),
         (
-            "output: [2, 3]\n    form: innovations\n    focus: simulation",
+            "output: [2, 3]\n    form: ss\n    focus: simulation",
             "datasets.a.focus",
-            "write form: output_error",
+            "write form: ss_oe",
         ),
         (
             "output: [2, 3]\n    input: none\n    focus: simulation",
@@ -280,11 +280,11 @@ def test_complete_keys_come_back(tmp_path):
             "nothing to simulate",
         ),
         (
-            "output: [2, 3]\n    input: none\n    form: output_error",
+            "output: [2, 3]\n    input: none\n    form: ss_oe",
             "datasets.a.form",
             "a plant that inputs drive",
         ),
-        ("form: innovations", "datasets.a.form", "write structure: state_space"),
+        ("form: ss", "datasets.a.form", "write structure: state_space"),
         ("orders: {nf: 3}", "datasets.a.orders.nf", "write structure: state_space"),
         ("delay: {nk: {u: 1}}", "datasets.a.delay.nk", "one input has one range"),
         ("orders: {nb: [[1, 2]]}", "datasets.a.orders.nb", "one input has one range"),

@@ -9,12 +9,13 @@ from least_absolute import descended, loss
 from evopem.estimation.multi_input.errors import MultiInputErrors, multi_input_record
 from evopem.estimation.multi_input.estimate import estimate_multi_input
 from evopem.estimation.multi_input.search import SETTINGS
-from evopem.estimation.state_space.absolute_errors import AbsoluteStateSpaceErrors
+from evopem.estimation.state_space.absolute import AbsoluteStateSpaceErrors
 from evopem.estimation.state_space.errors import StateSpaceErrors
 from evopem.estimation.state_space.estimate import estimate_state_space
-from evopem.estimation.state_space.scaled_record import state_space_record
+from evopem.estimation.state_space.scaled_recording import scaled_recording
 from evopem.estimation.state_space.settings import StateSpaceSettings
 from evopem.models.state_space import StateSpaceModel
+from evopem.signals.recording import Recording, concatenated
 
 RATE = 10.0
 ABSOLUTE = StateSpaceSettings(weighting="noise", objective="absolute", evaluations=0)
@@ -27,16 +28,16 @@ TRUTH = StateSpaceModel(
     sampling_rate=RATE,
     level=np.array([2.0, -1.0]),
     noise_covariance=np.eye(2),
-    form="innovations",
+    structure="ss",
 )
 
 
-def recorded(samples, seed, share=0.03, form="output_error"):
+def recorded(samples, seed, share=0.03, structure="ss_oe"):
     """A record with Laplace errors of 10 and 20 %, and a share of outliers."""
     generator = np.random.default_rng(seed)
     u = generator.standard_normal((samples, 2))
     e = generator.laplace(size=(samples, 2)) * [0.2, 0.5]
-    if form == "innovations":
+    if structure == "ss":
         x, y = np.zeros(2), np.empty((samples, 2))
         for t in range(samples):
             y[t] = TRUTH.level + TRUTH.C @ x + e[t]
@@ -47,16 +48,16 @@ def recorded(samples, seed, share=0.03, form="output_error"):
     return u, y + outliers * 20.0 * generator.standard_normal((samples, 2))
 
 
-def matrices_of(parameters, form):
+def matrices_of(parameters, structure):
     """A, B, C, K, level and initial state of the parameters of the other method."""
-    sizes = (4, 4, 4, 4 if form == "innovations" else 0, 2, 2)
+    sizes = (4, 4, 4, 4 if structure == "ss" else 0, 2, 2)
     parts = np.split(parameters, np.cumsum(sizes)[:-1])
-    gain = parts[3].reshape(2, 2) if form == "innovations" else np.zeros((2, 2))
+    gain = parts[3].reshape(2, 2) if structure == "ss" else np.zeros((2, 2))
     return *(part.reshape(2, 2) for part in parts[:3]), gain, parts[4], parts[5]
 
 
-def errors_by_recursion(parameters, u, y, form):
-    A, B, C, K, level, x = matrices_of(parameters, form)
+def errors_by_recursion(parameters, u, y, structure):
+    A, B, C, K, level, x = matrices_of(parameters, structure)
     errors = np.empty_like(y)
     with np.errstate(all="ignore"):
         for t in range(len(y)):
@@ -65,11 +66,13 @@ def errors_by_recursion(parameters, u, y, form):
     return errors
 
 
-@pytest.mark.parametrize("form", ["output_error", "innovations"])
-def test_the_jacobian_is_the_derivative_of_the_errors(form):
-    u, y = recorded(150, 1, form=form)
-    record = state_space_record([u[:90], u[90:]], [y[:90], y[90:]], [0, 1], True)
-    errors = AbsoluteStateSpaceErrors(StateSpaceErrors(record, 3, form, "noise"))
+@pytest.mark.parametrize("structure", ["ss_oe", "ss"])
+def test_the_jacobian_is_the_derivative_of_the_errors(structure):
+    u, y = recorded(150, 1, structure=structure)
+    record = scaled_recording(
+        concatenated([Recording(u[:90], y[:90], RATE), Recording(u[90:], y[90:], RATE)]), [0, 1]
+    )
+    errors = AbsoluteStateSpaceErrors(StateSpaceErrors(record, 3, structure, "noise"))
     generator = np.random.default_rng(2)
     coordinates = 0.3 * generator.standard_normal(errors.quadratic.dimension)
     point = errors.completed(coordinates)
@@ -84,23 +87,23 @@ def test_the_jacobian_is_the_derivative_of_the_errors(form):
         assert np.abs(found - expected).max() < 1e-6 * np.abs(expected).max()
 
 
-@pytest.mark.parametrize("form", ["output_error", "innovations"])
-def test_the_optimum_is_that_of_linear_programmes(form):
-    u, y = recorded(150, 3, form=form)
-    found = estimate_state_space(u, y, 2, RATE, form=form, settings=ABSOLUTE)
+@pytest.mark.parametrize("structure", ["ss_oe", "ss"])
+def test_the_optimum_is_that_of_linear_programmes(structure):
+    u, y = recorded(150, 3, structure=structure)
+    found = estimate_state_space(Recording(u, y, RATE), 2, structure=structure, settings=ABSOLUTE)
     model = found.model
-    gain = model.K.ravel() if form == "innovations" else []
+    gain = model.K.ravel() if structure == "ss" else []
     parts = (model.A.ravel(), model.B.ravel(), model.C.ravel(), gain)
-    levels, states = found.record_levels[0], found.initial_states[0]
+    levels, states = found.segment_levels[0], found.initial_states[0]
     own = np.concatenate([*parts, levels, states])
-    value = loss(errors_by_recursion(own, u, y, form))
+    value = loss(errors_by_recursion(own, u, y, structure))
     assert value == pytest.approx(loss(found.residuals[0]), abs=1e-8)
 
     def errors_of(parameters):
-        return errors_by_recursion(parameters, u, y, form)
+        return errors_by_recursion(parameters, u, y, structure)
 
     truth = [TRUTH.A.ravel(), TRUTH.B.ravel(), TRUTH.C.ravel()]
-    truth += [TRUTH.K.ravel()] if form == "innovations" else []
+    truth += [TRUTH.K.ravel()] if structure == "ss" else []
     for start in (own, np.concatenate([*truth, TRUTH.level, np.zeros(2)])):
         assert value - descended(errors_of, start)[1] < 2e-6
 

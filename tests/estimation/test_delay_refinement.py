@@ -56,8 +56,8 @@ def from_criteria(criteria):
 
     def fit(orders):
         asked.append(orders)
-        found = model([0.1] * orders.nb, [0.1] * orders.nb, orders.nk)
-        return Fit(found, criteria[orders.nk, orders.nb])
+        found = model([0.1] * orders.single.nb, [0.1] * orders.single.nb, orders.single.nk)
+        return Fit(found, criteria[orders.single.nk, orders.single.nb])
 
     return fit, asked
 

@@ -5,7 +5,14 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
-from evopem import ScoringWindow, SearchSettings, estimate
+from evopem import (
+    Constraints,
+    Recording,
+    ScoringWindow,
+    SearchSettings,
+    StateSpaceSettings,
+    estimate,
+)
 from evopem.estimation.pem.arx import fit_arx
 from evopem.estimation.pem.covariance import estimate_covariance
 from evopem.models.structures import armax_orders
@@ -241,8 +248,9 @@ def test_a_level_of_the_output_is_warned_of_and_a_small_one_is_not(recwarn):
     few = SearchSettings(evaluations=100)
     estimate(u, y + 0.02, (1, 1, 1, 1), settings=few)
     assert not [each for each in recwarn if "mean of the output" in str(each.message)]
-    with pytest.warns(UserWarning, match="subtract the means of input and output"):
-        estimate(u, y + 1.0, (1, 1, 1, 1), settings=few)
+    for structure, orders in (("armax", (1, 1, 1, 1)), ("oe", (1, 1, 1)), ("arx", (1, 1, 1))):
+        with pytest.warns(UserWarning, match="subtract the means of input and output"):
+            estimate(u, y + 1.0, orders, structure=structure, settings=few)
 
 
 def test_the_fit_is_relative_to_the_mean():
@@ -254,3 +262,14 @@ def test_the_fit_is_relative_to_the_mean():
     e, measured = found.residuals[scored], y[scored]
     expected = 100 * (1 - np.linalg.norm(e) / np.linalg.norm(measured - measured.mean()))
     assert found.criteria.fit_percent == pytest.approx(expected)
+
+
+def test_settings_and_constraints_that_have_no_place_are_refused():
+    y = np.random.default_rng(0).standard_normal(200)
+    with pytest.raises(ValueError, match="give SearchSettings"):
+        estimate(y, y, (1, 1, 1, 1), settings=StateSpaceSettings())
+    joined = Recording(
+        np.empty((200, 0)), y, 1.0, segment_starts=(0, 100), segment_recordings=(0, 1)
+    )
+    with pytest.raises(ValueError, match="there is no input"):
+        estimate(joined, orders=(1, 1), structure="arma", constraints=Constraints())

@@ -6,7 +6,6 @@ new counts.
 """
 
 import json
-from dataclasses import asdict
 from pathlib import Path
 
 import pytest
@@ -62,7 +61,7 @@ def order_search_count(objective):
     window = scoring_window(settings)
     selection, spent = None, 0
     for phase in phases_of_dataset(settings):
-        selected = asdict(selection.orders) if selection else None
+        selected = selection.orders.single._asdict() if selection else None
         orders = [orders_of("armax", each) for each in candidate_orders(phase, grid, selected)]
         candidates = estimate_candidates(data, orders, phase, first_pass(search), window)
         selection = select_candidate(candidates, phase, data, search, window)

@@ -91,7 +91,7 @@ def test_with_the_true_orders_every_focus_finds_the_truth(structure):
     truth = TRUTHS[structure]
     u, y, _ = record(truth, 1000, 5)
     names = STRUCTURES[structure]
-    orders = {name: getattr(truth.orders, name) for name in names}
+    orders = {name: getattr(truth.orders.single, name) for name in names}
     for focus in ("prediction", 2, "simulation"):
         found = estimate(u, y, orders, structure=structure, settings=QUADRATIC, focus=focus)
         errors = found.model.parameters - truth.parameters

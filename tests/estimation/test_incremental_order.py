@@ -30,7 +30,9 @@ def test_a_common_factor_leaves_every_residual_as_it_was(orders):
     generator = np.random.default_rng(1)
     (point,), _ = ArmaxProblem(errors).draw(1, generator)
     point[orders.parameters :] = generator.standard_normal(orders.nc)
-    larger = errors.of_orders(armax_orders(orders.na + 2, orders.nb + 2, orders.nc + 2, orders.nk))
+    larger = errors.of_orders(
+        armax_orders(orders.na + 2, orders.single.nb + 2, orders.nc + 2, orders.single.nk)
+    )
     before = errors.residuals(point)
     for extended in with_factor(errors, point, random_pairs(5, generator)):
         np.testing.assert_allclose(

@@ -144,8 +144,8 @@ def test_the_covariance_is_that_of_least_squares_under_an_equality():
     normal[o.part("b", 0)] = errors.units[o.part("b", 0)]
     normal[o.part("a")] = -6.0
     held = free - np.outer(free @ normal, free @ normal) / (normal @ free @ normal)
-    own = found.model.covariance.standard_errors(np.eye(o.coefficients + 1))[:-1]
-    expected = np.sqrt(np.diag(held))[: o.coefficients] * errors.units[:-1]
+    own = found.model.covariance.standard_errors(np.eye(o.parameters + 1))[:-1]
+    expected = np.sqrt(np.diag(held))[: o.parameters] * errors.units[:-1]
     assert np.allclose(own, expected, rtol=1e-4)
 
 

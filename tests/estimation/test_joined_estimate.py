@@ -12,9 +12,8 @@ from evopem.estimation.order_selection import estimate_candidates, reoptimize_fr
 from evopem.estimation.search.problem import descended
 from evopem.estimation.search.stretch_problem import StretchProblem
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.structures import PolynomialOrders, armax_orders
-from evopem.signals.recording import Recording
-from evopem.signals.stretches import Stretch
+from evopem.models.structures import Orders, armax_orders
+from evopem.signals.recording import Recording, Segment
 
 QUICK = SearchSettings(objective="quadratic", evaluations=300)
 A, B, C = [1.0, -1.5, 0.8], [0.0, 1.0, 0.5], [1.0, -0.5, 0.2]
@@ -25,12 +24,12 @@ def recorded(seed, samples, level, noise=0.5, c=C):
     before = 40 * (seed % 2)
     u, e = np.random.default_rng(seed).standard_normal((2, samples + before))
     y = lfilter(B, A, u) + noise * lfilter(c, A, e)
-    return Stretch(u[before:], y[before:] + level, seed)
+    return Segment(u[before:], y[before:] + level, seed)
 
 
 def test_an_arx_model_is_the_regression_with_a_constant_for_each_recording():
     stretches = [recorded(0, 80, 5.0, c=[1.0]), recorded(1, 120, -3.0, c=[1.0])]
-    orders = PolynomialOrders(na=2, nb=2, nk=1, structure="arx")
+    orders = Orders(na=2, nb=2, nk=1, structure="arx")
     window = ScoringWindow(2, 2)
     found = estimate_joined(stretches, orders, 1.0, QUICK, window, level=True)
     rows, target = [], []
@@ -50,7 +49,7 @@ def test_an_arx_model_is_the_regression_with_a_constant_for_each_recording():
 
 def test_neither_the_order_of_recordings_nor_their_levels_change_the_model():
     stretches = [recorded(0, 150, 5.0), recorded(1, 100, -3.0), recorded(2, 120, 0.0)]
-    others = [replace(each, output=each.output + 7.0 * each.recording) for each in stretches[::-1]]
+    others = [replace(each, outputs=each.output + 7.0 * each.recording) for each in stretches[::-1]]
     orders, window = armax_orders(2, 2, 2, 1), ScoringWindow(2, 12)
     found = estimate_joined(stretches, orders, 1.0, QUICK, window, level=True)
     other = estimate_joined(others, orders, 1.0, QUICK, window, level=True)
@@ -85,7 +84,7 @@ def test_intervals_of_pooled_recordings_cover_the_truth():
 
 def test_the_order_search_estimates_joined_recordings_from_a_nested_optimum():
     stretches = [recorded(0, 150, 0.0), recorded(1, 150, 0.0)]
-    data = Recording(stretches[0].input, stretches[0].output, 10.0).with_stretches(stretches)
+    data = Recording(stretches[0].input, stretches[0].output, 10.0).with_segments(stretches)
     window = ScoringWindow(3, 13)
     small, large = estimate_candidates(
         data, [armax_orders(2, 2, 2, 1), armax_orders(3, 3, 3, 1)], "joint", QUICK, window

@@ -26,12 +26,12 @@ def population(orders, count, seed=0):
     rng = np.random.default_rng(seed)
     points = np.zeros((count, orders.parameters + orders.nc))
     for point in points:
-        for start, order in ((0, orders.na), (orders.na + orders.nb, orders.nc)):
+        for start, order in ((0, orders.na), (orders.na + orders.single.nb, orders.nc)):
             radii = rng.uniform(0.1, 0.6, order)
             point[start : start + order] = np.atleast_1d(
                 np.poly(radii * rng.choice([-1, 1], order))
             )[1:]
-        point[orders.na : orders.na + orders.nb] = rng.standard_normal(orders.nb)
+        point[orders.na : orders.na + orders.single.nb] = rng.standard_normal(orders.single.nb)
         point[orders.parameters :] = rng.standard_normal(orders.nc)
     return points
 
@@ -47,10 +47,10 @@ def test_residuals_follow_the_difference_equation(orders, samples):
     errors, u, y = problem(orders, samples=samples)
     for point in population(orders, 3):
         e = np.zeros(samples)
-        a, b, c, d = np.split(point, [orders.na, orders.na + orders.nb, orders.parameters])
+        a, b, c, d = np.split(point, [orders.na, orders.na + orders.single.nb, orders.parameters])
         for t in range(11, samples):
             e[t] = y[t] + sum(a[i] * y[t - 1 - i] for i in range(orders.na))
-            e[t] -= sum(b[j] * u[t - orders.nk - j] for j in range(orders.nb))
+            e[t] -= sum(b[j] * u[t - orders.single.nk - j] for j in range(orders.single.nb))
             e[t] -= sum(c[k] * e[t - 1 - k] for k in range(orders.nc))
             e[t] += d[t - 11] if t - 11 < orders.nc else 0.0
         np.testing.assert_allclose(errors.residuals(point), e, rtol=1e-9, atol=1e-9)

@@ -67,7 +67,7 @@ def test_roots_modes_and_standard_errors_are_those_of_the_model(estimated, path)
 
 def test_other_programs_read_plain_json(path):
     content = json.loads(path.read_text(encoding="utf-8"))
-    orders = {"na": 3, "nb": 2, "nc": 2, "nd": 0, "nf": 0, "nk": 3}
+    orders = {"na": 3, "nb": [2], "nc": 2, "nd": 0, "nf": [0], "nk": [3]}
     assert content["orders"] == orders | {"structure": "armax"}
     assert content["search"]["settings"]["lambda"] == 100
     assert content["evopem"] == evopem.__version__

@@ -14,7 +14,8 @@ from evopem.estimation.multi_input.estimate import estimate_multi_input, multi_i
 from evopem.estimation.multi_input.order_limits import joint_orders
 from evopem.estimation.multi_input.order_reduction import reduced_orders
 from evopem.estimation.multi_input.search import SETTINGS
-from evopem.models.multi_input import MultiInputModel, MultiInputOrders
+from evopem.models.polynomial import PolynomialModel
+from evopem.models.structures import Orders
 
 ONE = np.ones(1)
 A = np.convolve([1.0, -1.5, 0.8], [1.0, -0.6, 0.5])
@@ -36,7 +37,7 @@ TRUTHS = {
 
 def record_of(structure, samples, seed, noise=0.1):
     """Inputs, output and the model with the variance of its noise; coloured inputs, delays 1, 3."""
-    model = MultiInputModel(structure, *TRUTHS[structure], nk=(1, 3))
+    model = PolynomialModel(*TRUTHS[structure], nk=(1, 3), structure=structure)
     generator = np.random.default_rng(seed)
     u = lfilter([1.0], [1.0, -0.5], generator.standard_normal((samples + 500, 2)), axis=0)
     e = generator.standard_normal(samples + 500)
@@ -46,13 +47,13 @@ def record_of(structure, samples, seed, noise=0.1):
 
 
 CASES = [
-    MultiInputOrders("fir", (2, 4), (0, 0), (0, 3)),
-    MultiInputOrders("arx", (2, 4), (0, 0), (0, 3), na=3),
-    MultiInputOrders("armax", (2, 4), (0, 0), (0, 3), na=2, nc=3),
-    MultiInputOrders("ararmax", (2, 4), (0, 0), (0, 3), na=2, nc=1, nd=2),
-    MultiInputOrders("oe", (2, 4), (2, 1), (0, 3)),
-    MultiInputOrders("bj", (2, 4), (2, 3), (0, 3), nc=2, nd=1),
-    MultiInputOrders("general", (2, 4), (1, 2), (0, 3), na=1, nc=2, nd=1),
+    Orders("fir", nb=(2, 4), nf=(0, 0), nk=(0, 3)),
+    Orders("arx", nb=(2, 4), nf=(0, 0), nk=(0, 3), na=3),
+    Orders("armax", nb=(2, 4), nf=(0, 0), nk=(0, 3), na=2, nc=3),
+    Orders("ararmax", nb=(2, 4), nf=(0, 0), nk=(0, 3), na=2, nc=1, nd=2),
+    Orders("oe", nb=(2, 4), nf=(2, 1), nk=(0, 3)),
+    Orders("bj", nb=(2, 4), nf=(2, 3), nk=(0, 3), nc=2, nd=1),
+    Orders("general", nb=(2, 4), nf=(1, 2), nk=(0, 3), na=1, nc=2, nd=1),
 ]
 
 
@@ -81,7 +82,7 @@ def test_residuals_are_those_of_filters():
     record = multi_input_record([u], [y], start)
     errors = MultiInputErrors(record, orders, 0.999)
     point = errors.repaired(0.3 * generator.standard_normal(errors.dimension))
-    point[orders.coefficients + 1 :] = 0.0
+    point[orders.parameters + 1 :] = 0.0
     model = errors.model(point, 1.0, 1.0)
     shifted = y - record.offset
     expected = lfilter(model.A, [1.0], shifted) - (model.level - record.offset * model.A.sum())
@@ -100,7 +101,7 @@ def test_arx_is_ordinary_least_squares():
     columns = [-y[t - k] for k in range(1, 5)] + [u[t - k, 0] for k in (1, 2)]
     columns += [u[t - k, 1] for k in (3, 4, 5)] + [np.ones(len(t))]
     expected = np.linalg.lstsq(np.column_stack(columns), y[t], rcond=None)[0]
-    assert np.allclose(found.model.parameters, expected, rtol=1e-5)
+    assert np.allclose([*found.model.parameters, found.model.level], expected, rtol=1e-5)
     errors = y[t] - np.column_stack(columns) @ expected
     variance = errors @ errors / (len(t) - 10)
     assert found.model.noise_variance == pytest.approx(variance, rel=1e-8)
@@ -121,8 +122,8 @@ def test_the_optimum_is_that_of_an_independent_solution_and_near_the_truth(struc
     u, y, truth, variance = record_of(structure, 1500, 5)
     found = estimate_multi_input(u, y, ORDERS[structure], structure, 50.0, settings=SHORT)
     model = found.model
-    deviation = model.parameters[:-1] - truth.parameters[:-1]
-    errors = model.covariance.standard_errors(np.eye(len(model.parameters)))[:-1]
+    deviation = model.parameters - truth.parameters
+    errors = model.parameter_standard_errors()
     assert np.abs(deviation / errors).max() < 4.0
     assert 0.9 < model.noise_variance / variance < 1.1
     assert not found.at_stability_bound
@@ -147,11 +148,15 @@ def test_records_have_levels_and_states_of_their_own(structure):
     peer = least_squares(problem.residuals, start, method="lm", xtol=1e-13, ftol=1e-13)
     assert found.objective <= problem.percent(peer.fun) * (1.0 + 1e-7)
     # No residual of a record depends on level and states of the other one.
-    own = (problem.dimension - problem.orders.coefficients) // 2
+    own = (problem.dimension - problem.orders.parameters) // 2
     columns, first = problem.jacobian(peer.x), record.bounds[1]
     assert not columns[:first, -own:].any()
     assert not columns[first:, -2 * own : -own].any()
-    assert [len(each) for each in found.residuals] == [500, 400]
+    start = found.window.residual_start
+    assert len(found.residuals) == 900
+    missing = np.flatnonzero(np.isnan(found.residuals))
+    assert missing.tolist() == [*range(start), *range(500, 500 + start)]
+    assert found.levels[1] - found.levels[0] == pytest.approx(7.0 * found.model.A.sum(), rel=0.3)
 
 
 SIMPLE = {"na": 2, "nb": 1, "nc": 1, "nk": [1, 3]}
@@ -178,7 +183,7 @@ def test_coloured_noise_does_not_deceive_the_intervals_of_an_output_error_model(
     for seed in range(30):
         generator = np.random.default_rng(seed)
         u = lfilter([1.0], [1.0, -0.8], generator.standard_normal((600, 2)), axis=0)
-        truth = MultiInputModel("oe", *TRUTHS["oe"], nk=(1, 3))
+        truth = PolynomialModel(*TRUTHS["oe"], nk=(1, 3), structure="oe")
         noise = lfilter([1.0], [1.0, -0.95], generator.standard_normal(600))
         y = truth.simulate(u) + noise * 0.2 * truth.simulate(u).std() / noise.std()
         problem = MultiInputErrors(multi_input_record([u], [y], 4), truth.orders, 0.9999)

@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
-from evopem.estimation.state_space.estimate import descend_from, estimate_state_space
+from evopem.estimation.state_space.estimate import estimate_state_space, estimates_of_orders
+from evopem.estimation.state_space.local_estimates import descend_from
 from evopem.estimation.state_space.noise_model import noise_model, plant_of, side_by_side
-from evopem.estimation.state_space.order_sweep import estimates_of_orders
 from evopem.estimation.state_space.settings import StateSpaceSettings
+from evopem.signals.recording import Recording
 
 N = 700
 SETTINGS = StateSpaceSettings(evaluations=0)
@@ -31,15 +32,13 @@ def record():
 
 @pytest.fixture(scope="module")
 def plant(record):
-    u, y = record
-    return estimate_state_space(
-        u, y, 2, 10.0, form="output_error", settings=SETTINGS, input_names=("u",)
-    ).model
+    recording = Recording(*record, 10.0)
+    return estimate_state_space(recording, 2, structure="ss_oe", settings=SETTINGS).model
 
 
 @pytest.fixture(scope="module")
 def both(plant, record):
-    noise = noise_model(plant, [record[0]], [record[1]], (1, 2, 3), SETTINGS)
+    noise = noise_model(plant, Recording(*record, 10.0), SETTINGS, (1, 2, 3))
     return side_by_side(plant, noise)
 
 
@@ -70,7 +69,7 @@ def test_the_plant_comes_back_with_its_standard_errors(plant, both):
 
 def test_a_descent_begins_at_the_model(both, record):
     u, y = record
-    found = descend_from(both, u, y, 10.0, settings=SETTINGS)
+    found = descend_from(both, Recording(u, y, 10.0), settings=SETTINGS)
     at = np.linalg.slogdet(np.cov(both.residuals(u, y, both.prediction_state(u, y)).T))[1]
     after = np.linalg.slogdet(np.cov(found.residuals[0].T))[1]
     assert after <= at + 1e-6
@@ -80,6 +79,21 @@ def test_a_descent_begins_at_the_model(both, record):
 def test_no_noise_model_where_residuals_are_white(record):
     u, _ = record
     generator = np.random.default_rng(9)
-    truth = next(estimates_of_orders(u, record[1], (2,), form="output_error")).model
+    truth = next(estimates_of_orders(Recording(*record, 1.0), (2,), structure="ss_oe")).model
     y = truth.simulate(u) + generator.standard_normal((N, 2))
-    assert noise_model(truth, [u], [y], (1, 2), SETTINGS) is None
+    assert noise_model(truth, Recording(u, y, 1.0), SETTINGS, (1, 2)) is None
+
+
+@pytest.mark.parametrize("searched", [False, True])
+def test_a_plant_beside_its_noise_model_is_a_structure(record, searched):
+    """Its orders are those of the plant, and its errors are smaller than those of the plant."""
+    recording = Recording(*record, 10.0)
+    if searched:
+        found = estimate_state_space(recording, 2, structure="ss_bj", settings=SETTINGS)
+    else:
+        (found,) = estimates_of_orders(recording, (2,), structure="ss_bj", settings=SETTINGS)
+    plain = estimate_state_space(recording, 2, settings=SETTINGS)
+    assert found.order == 2
+    assert found.model.order > 2
+    assert found.model.structure == "ss"
+    assert found.bic < plain.bic

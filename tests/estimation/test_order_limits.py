@@ -6,7 +6,7 @@ from evopem.config.input_ranges import InputRanges
 from evopem.config.state_space_settings import OrderRanges
 from evopem.errors import InputError
 from evopem.estimation.multi_input.order_limits import OrderLimits, joint_orders
-from evopem.models.multi_input import MultiInputOrders
+from evopem.models.structures import Orders
 
 NAMES = ("hot", "cold")
 
@@ -30,11 +30,11 @@ def test_what_a_structure_does_not_have_stays_out():
 
 def test_what_lies_within_the_limits():
     given = limits(nb=InputRanges((2, 3)), nk=InputRanges(in_order=((0, 1), (1, 1))))
-    orders = MultiInputOrders("arx", nb=(2, 3), nf=(0, 0), nk=(1, 1), na=4)
+    orders = Orders("arx", nb=(2, 3), nf=(0, 0), nk=(1, 1), na=4)
     assert given.allow(orders)
     assert given.at_upper_ends(orders, NAMES) == ("nb of cold",)
-    assert not given.allow(MultiInputOrders("arx", nb=(1, 3), nf=(0, 0), nk=(1, 1), na=4))
-    assert not given.allow(MultiInputOrders("arx", nb=(2, 3), nf=(0, 0), nk=(1, 2), na=4))
+    assert not given.allow(Orders("arx", nb=(1, 3), nf=(0, 0), nk=(1, 1), na=4))
+    assert not given.allow(Orders("arx", nb=(2, 3), nf=(0, 0), nk=(1, 2), na=4))
 
 
 def test_other_inputs_are_refused_by_their_key():

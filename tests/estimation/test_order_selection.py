@@ -56,7 +56,7 @@ def test_the_delay_is_found(record):
     orders = [armax_orders(k, k, k, nk) for k in (6, 7) for nk in range(5)]
     candidates = estimate_candidates(record, orders, "delay", SEARCH, WINDOW)
     selected, reason = select_delay(candidates)
-    assert selected.nk == 3
+    assert selected.single.nk == 3
     assert "delay of 3 samples" in reason
 
 
@@ -85,7 +85,7 @@ def test_the_chapters_case(seed):
     orders = [armax_orders(k, k, k, nk) for k in (7, 8) for nk in (1, 2, 3)]
     candidates = estimate_candidates(data, orders, "delay", search, WINDOW)
     selected, _ = select_delay(candidates)
-    assert selected.nk == truth.delay_samples == 3
+    assert selected.single.nk == truth.delay_samples == 3
     chosen = next(each for each in candidates if each.orders == armax_orders(8, 8, 8, 3))
     modes = complete_estimate(chosen, data, search, WINDOW).model.modes()
     expected = ((5.36, 0.91, 0.003), (16.65, 17.5, 0.01), (37.0, 1.07, 0.001))
@@ -137,9 +137,9 @@ def candidate(orders, bic, minimum=1.0, n_confirming=1):
         orders=orders,
         model=PolynomialModel(
             np.r_[1.0, np.zeros(orders.na)],
-            np.ones(orders.nb),
+            np.ones(orders.single.nb),
             np.r_[1.0, np.zeros(orders.nc)],
-            orders.nk,
+            orders.single.nk,
         ),
         criteria=Criteria(objective=minimum, fit_percent=100 - minimum, rss=1.0, bic=bic),
         with_level=False,
@@ -232,11 +232,11 @@ def test_all_orders_of_the_selected_delay_are_confirmed():
     repeated = []
 
     def repeat(each):
-        repeated.append((each.orders.na, each.orders.nk))
+        repeated.append((each.orders.na, each.orders.single.nk))
         return confirmed(each, 1)
 
     candidates = [joint(k, 1.0 + nk - 0.1 * k, 0, nk) for k in (2, 3) for nk in (0, 1)]
-    assert settle(candidates, "delay", repeat, no_reoptimization).orders.nk == 0
+    assert settle(candidates, "delay", repeat, no_reoptimization).orders.single.nk == 0
     assert repeated == [(2, 0), (3, 0)]
 
 

@@ -17,13 +17,11 @@ def test_a_killed_process_is_named_in_one_sentence(monkeypatch):
     """As the system's out-of-memory killer ends one."""
     rows = np.random.default_rng(0).standard_normal((300, 2))
     recording = Recording(
-        input=rows[:, 0].copy(),
-        output=rows[:, 1].copy(),
+        inputs=rows[:, 0].copy(),
+        outputs=rows[:, 1].copy(),
         sampling_rate=100.0,
-        input_name="u",
-        output_name="y",
-        input_unit="",
-        output_unit="",
+        input_names=("u",),
+        output_names=("y",),
     )
     main = os.getpid()
 

@@ -66,22 +66,24 @@ def test_no_independent_least_squares_solution_is_lower(structure):
     found, u, y, _ = estimated(structure, samples=600)
     truth, o = TRUTHS[structure], TRUTHS[structure].orders
     first = found.window.residual_start
-    sizes = np.cumsum([o.na, o.nb, o.nc, o.nd, o.nf, o.nf])
-    weights = np.concatenate([np.full(o.nf, 1e-3), np.full(o.noise_states, 1e-1)])
+    sizes = np.cumsum([o.na, o.single.nb, o.nc, o.nd, o.single.nf, o.single.nf])
+    weights = np.concatenate([np.full(o.single.nf, 1e-3), np.full(o.noise_states, 1e-1)])
 
     def residuals(point):
         a, b, c, d, f, plant, noise = np.split(point, sizes)
         a, c, d, f = (np.concatenate([ONE, part]) for part in (a, c, d, f))
-        through_b = lfilter(np.concatenate([np.zeros(o.nk), b]), ONE, u) if o.nb else 0.0 * u
+        through_b = (
+            lfilter(np.concatenate([np.zeros(o.single.nk), b]), ONE, u) if o.single.nb else 0.0 * u
+        )
         x = -through_b[first:]
-        x[: o.nf] += plant
+        x[: o.single.nf] += plant
         v = lfilter(a, ONE, y)[first:] + lfilter(ONE, f, x)
         v = lfilter(d, ONE, v)
         v[: o.noise_states] += noise
         states = np.concatenate([plant, noise])
         return np.concatenate([lfilter(ONE, c, v), weights * states])
 
-    start = np.concatenate([truth.parameters, np.zeros(o.nf + o.noise_states)])
+    start = np.concatenate([truth.parameters, np.zeros(o.single.nf + o.noise_states)])
     solved = least_squares(residuals, start, xtol=1e-15, ftol=1e-15, gtol=1e-15, x_scale="jac")
     value = 100.0 * 2.0 * solved.cost / np.sum(y[first:] ** 2)
     assert found.search.value <= value * (1.0 + 1e-6)

@@ -5,20 +5,20 @@ import pytest
 from scipy.signal import lfilter
 
 from evopem.estimation.pem.polynomial_objective import PolynomialErrors
-from evopem.models.structures import PolynomialOrders
+from evopem.models.structures import Orders
 
 START, LOSS_START = 11, 40
 CASES = [
-    (PolynomialOrders(nb=3, nk=2), False),
-    (PolynomialOrders(na=2, nb=1, nk=1), True),
-    (PolynomialOrders(na=3, nc=2), False),
-    (PolynomialOrders(na=2, nb=3, nc=4, nk=3), False),
-    (PolynomialOrders(na=2, nb=2, nd=5), True),
-    (PolynomialOrders(na=1, nb=2, nc=2, nd=3, nk=1), False),
-    (PolynomialOrders(nb=2, nf=2, nk=1), False),
-    (PolynomialOrders(nb=4, nf=6), True),
-    (PolynomialOrders(nb=3, nc=2, nd=1, nf=4, nk=2), False),
-    (PolynomialOrders(na=2, nb=3, nc=5, nd=4, nf=3, nk=1), True),
+    (Orders(nb=3, nk=2), False),
+    (Orders(na=2, nb=1, nk=1), True),
+    (Orders(na=3, nc=2), False),
+    (Orders(na=2, nb=3, nc=4, nk=3), False),
+    (Orders(na=2, nb=2, nd=5), True),
+    (Orders(na=1, nb=2, nc=2, nd=3, nk=1), False),
+    (Orders(nb=2, nf=2, nk=1), False),
+    (Orders(nb=4, nf=6), True),
+    (Orders(nb=3, nc=2, nd=1, nf=4, nk=2), False),
+    (Orders(na=2, nb=3, nc=5, nd=4, nf=3, nk=1), True),
 ]
 
 
@@ -48,9 +48,9 @@ def by_difference_equations(errors, u, y, point):
     g, s = point[parts["plant"]], point[parts["noise"]]
     x, v, e = np.zeros((3, len(y)))
     for t in range(START, len(y)):
-        x[t] = -sum(b[j] * u[t - o.nk - j] for j in range(o.nb))
-        x[t] -= sum(f[k] * x[t - 1 - k] for k in range(o.nf))
-        x[t] += g[t - START] if t - START < o.nf else 0.0
+        x[t] = -sum(b[j] * u[t - o.single.nk - j] for j in range(o.single.nb))
+        x[t] -= sum(f[k] * x[t - 1 - k] for k in range(o.single.nf))
+        x[t] += g[t - START] if t - START < o.single.nf else 0.0
         v[t] = y[t] + sum(a[i] * y[t - 1 - i] for i in range(o.na)) + x[t] - level
         e[t] = v[t] + sum(d[k] * v[t - 1 - k] for k in range(o.nd))
         e[t] -= sum(c[k] * e[t - 1 - k] for k in range(o.nc))
@@ -139,7 +139,7 @@ def test_a_model_gets_the_same_bits_whatever_shares_its_pass():
 
 
 def test_roots_have_the_radii_of_their_polynomials_and_repair_moves_them_inside():
-    errors, _, _ = problem(PolynomialOrders(na=1, nb=1, nc=1, nd=1, nf=1), False)
+    errors, _, _ = problem(Orders(na=1, nb=1, nc=1, nd=1, nf=1), False)
     inside = np.array([-0.998, 1.0, -0.99, -0.99, -0.998, 0.0, 0.0])
     points = np.tile(inside, (6, 1))
     for row, entry in enumerate((0, 2, 3, 4)):
@@ -154,9 +154,9 @@ def test_roots_have_the_radii_of_their_polynomials_and_repair_moves_them_inside(
 
 def test_the_armax_structure_has_the_objective_of_the_armax_kernels():
     from evopem.estimation.pem.objective import PredictionErrorProblem
-    from evopem.models.structures import PolynomialOrders, armax_orders
+    from evopem.models.structures import Orders, armax_orders
 
-    errors, u, y = problem(PolynomialOrders(na=2, nb=3, nc=4, nk=3), False)
+    errors, u, y = problem(Orders(na=2, nb=3, nc=4, nk=3), False)
     armax = PredictionErrorProblem(
         u, y, armax_orders(2, 3, 4, 3), "quadratic", START, LOSS_START, 0.995
     )
@@ -165,7 +165,7 @@ def test_the_armax_structure_has_the_objective_of_the_armax_kernels():
 
 
 def test_an_output_error_model_simulates():
-    errors, u, y = problem(PolynomialOrders(nb=2, nf=2, nk=1), False)
+    errors, u, y = problem(Orders(nb=2, nf=2, nk=1), False)
     (point,) = population(errors, 1)
     simulated = lfilter([0.0, *point[:2]], [1.0, *point[2:4]], u)
     # The states that make the recursion go on from before the first residual.

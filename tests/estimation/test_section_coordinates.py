@@ -12,7 +12,7 @@ from evopem.estimation.search.armax_problem import ArmaxProblem
 from evopem.estimation.search.section_coordinates import SectionCoordinates
 from evopem.estimation.search.stretch_problem import StretchProblem
 from evopem.models.structures import armax_orders, orders_of
-from evopem.signals.stretches import Stretch
+from evopem.signals.recording import Segment
 from evopem.synthesis.armax import armax
 
 RADIUS = 0.9999
@@ -37,7 +37,7 @@ def box_jenkins(objective="quadratic"):
 def joined(objective="quadratic"):
     record = armax(seed=2, samples=400)[0]
     parts = [slice(0, 150), slice(150, None)]
-    stretches = [Stretch(record.input[part], record.output[part], 0) for part in parts]
+    stretches = [Segment(record.input[part], record.output[part], 0) for part in parts]
     orders = orders_of("oe", (4, 4, 3))
     window = ScoringWindow(10, 20)
     return StretchProblem(StretchErrors(stretches, orders, objective, RADIUS, RADIUS, True, window))

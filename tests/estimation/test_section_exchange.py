@@ -21,7 +21,7 @@ from evopem.estimation.search.section_exchange import SectionExchange
 from evopem.estimation.search.section_gains import gains, grid
 from evopem.estimation.search.stretch_problem import StretchProblem
 from evopem.models.structures import armax_orders, orders_of
-from evopem.signals.stretches import Stretch
+from evopem.signals.recording import Segment
 from evopem.synthesis.armax import armax
 
 CASES = [
@@ -49,7 +49,7 @@ def joined(structure, orders):
     """The same problem with the record in two stretches, one of them short."""
     record = armax(seed=2, samples=500)[0]
     parts = [slice(0, 150), slice(150, None)]
-    stretches = [Stretch(record.input[part], record.output[part], 0) for part in parts]
+    stretches = [Segment(record.input[part], record.output[part], 0) for part in parts]
     orders = orders_of(structure, orders)
     errors = StretchErrors(
         stretches, orders, "quadratic", 0.9999, 0.9999, False, ScoringWindow(10, 20)
@@ -94,7 +94,7 @@ def test_growth_leads_from_small_orders_to_the_problems_own(structure, orders):
     for (smaller, _), (larger, shared) in pairwise(steps):
         assert larger.contains(smaller)
         assert larger.parameters - smaller.parameters == 2 * sum(
-            getattr(larger, f"n{name}") > 0 for name in shared
+            getattr(larger.single, f"n{name}") > 0 for name in shared
         )
 
 

@@ -12,35 +12,33 @@ import pandas as pd
 import pytest
 
 from evopem.figures import REPORT_FIGURES, draw_all
-from evopem.figures.convergence import draw_convergence
-from evopem.figures.figure_data import gain_table, residual_spectrum_table
-from evopem.figures.frequency_domain import (
-    complex_plane,
-    draw_frequency_response,
-    draw_nyquist,
-    draw_residual_spectrum,
-    draw_spectrum,
-    unwrapped_gaps,
-)
-from evopem.figures.order_criteria import draw_delay, draw_phases
-from evopem.figures.pole_zero_map import draw_poles_zeros
-from evopem.figures.residual_correlation import draw_residuals
-from evopem.figures.stabilization_diagram import draw_stabilization
+from evopem.figures.chart import Chart, Curve, Panel, rows_of
+from evopem.figures.draw import draw, unwrapped_gaps
+from evopem.figures.frequency_domain import complex_plane
+from evopem.figures.orders import convergence, delay, phases, stabilization
+from evopem.figures.registry import figure_of
 from evopem.figures.style import svg_text
-from evopem.figures.summary import draw_gain_and_data, draw_measured_and_simulated, shown_samples
-from evopem.figures.time_domain import draw_record, draw_simulation, draw_simulation_as_recorded
-from evopem.figures.time_responses import draw_step_and_impulse, settling_part
+from evopem.figures.time_domain import settling_part, shown_samples
+from evopem.figures.view import PolynomialView, view_of
+from evopem.models.stabilization import StabilizationPole
 from evopem.results.layout import FIGURES
-from evopem.signals.preparation import PreparedData
-from evopem.signals.recording import Recording
-from evopem.signals.spectral.peaks import SpectralPeak
 
-HOSTILE = """<script>alert("1")</script> $x^2$ & 'q' \\frac"""
+HOSTILE = """<script>alert("1")</script> $x^2$ & 'q', \\frac"""
 
 
 @pytest.fixture(scope="module")
 def results(identified):
     return identified.results
+
+
+@pytest.fixture(scope="module")
+def view(results):
+    return view_of(results)
+
+
+def drawn(view, name):
+    """The axes of a figure, as matplotlib draws it."""
+    return draw(figure_of(name).chart(view)).axes
 
 
 def lines(axes):
@@ -51,8 +49,8 @@ def assert_drawn(axes, x, y):
     """Some line on the axes goes through exactly these points."""
     for line in axes.get_lines():
         if len(line.get_xdata()) == len(x):
-            drawn = np.column_stack([line.get_xdata(), line.get_ydata()]).astype(float)
-            if np.allclose(drawn, np.column_stack([x, y]), equal_nan=True):
+            both = np.column_stack([line.get_xdata(), line.get_ydata()]).astype(float)
+            if np.allclose(both, np.column_stack([x, y]), equal_nan=True):
                 return
     raise AssertionError("no line has these data")
 
@@ -63,237 +61,155 @@ def words(figure):
     return " ".join("".join(e.itertext()) for e in root.iter("{http://www.w3.org/2000/svg}text"))
 
 
-def test_record_before_and_after(results):
+def test_record_before_and_after(results, view):
     recording, prepared = results.recording, results.prepared
-    before_u, after_u, before_y, after_y = draw_record(recording, prepared).axes
+    before_u, after_u, before_y, after_y = drawn(view, "record")
     rate, fitted = recording.sampling_rate, prepared.estimation.samples
     time_axis = np.arange(recording.samples) / rate
-    assert_drawn(before_u, time_axis, recording.input)
-    assert_drawn(before_y, time_axis, recording.output)
-    assert_drawn(after_u, time_axis[:fitted], prepared.estimation.input)
-    behind = (fitted + np.arange(prepared.validation.samples)) / rate
-    assert_drawn(after_y, behind, prepared.validation.output)
+    for axes, values in ((before_u, recording.input), (before_y, recording.output)):
+        (line,) = axes.get_lines()
+        assert line.get_ydata().max() == values.max()
+        assert line.get_xdata()[-1] <= time_axis[-1]
+    estimation = lines(after_u)["estimation"]
+    assert estimation.get_ydata().min() == prepared.estimation.input.min()
+    assert estimation.get_xdata().max() <= fitted / rate
+    assert lines(after_y)["validation"].get_xdata().min() == pytest.approx(fitted / rate)
     label = after_y.get_ylabel().replace("\n", " ")
     assert label == "second difference of Box-Cox transformed output"
 
 
-def with_names(recording, name, unit):
-    return replace(recording, output_name=name, output_unit=unit)
-
-
 def test_units_are_shown_where_the_transforms_leave_them(results):
-    prepared = results.prepared
-    linear = replace(prepared.transforms, box_cox=None)
-    named = PreparedData(
-        with_names(prepared.estimation, "tip", "m/s²"),
-        with_names(prepared.validation, "tip", "m/s²"),
-        linear,
-    )
-    _, _, before, after = draw_record(with_names(results.recording, "tip", "m/s²"), named).axes
+    linear = replace(results.model, transforms=replace(results.model.transforms, box_cox=None))
+    named = replace(results.recording, output_names=("tip",), output_units=("m/s²",))
+    _, _, before, after = drawn(view_of(replace(results, model=linear, recording=named)), "record")
     assert before.get_ylabel() == "tip (m/s²)"
     assert after.get_ylabel().replace("\n", " ") == "second difference of tip (m/s²)"
 
 
-def test_a_million_samples_draw_quickly_and_small(results):
-    generator = np.random.default_rng(0)
-    signals = generator.normal(size=(2, 1_000_000))
-    whole = Recording(*signals, 50.0, "torque", "tip", "N m", "m/s²")
-    parts = [
-        replace(whole, input=whole.input[part], output=whole.output[part])
-        for part in (slice(None, 800_000), slice(800_000, None))
-    ]
+def test_a_million_samples_draw_quickly_and_small():
+    values = np.random.default_rng(0).normal(size=1_000_000)
+    table = pd.DataFrame({"time_s": np.arange(1_000_000) / 50.0, "output": values})
+    panel = Panel("", "time_s", "Time (s)", "tip", (Curve("measured", "output", "ink"),))
     started = time.process_time()
-    text = svg_text(draw_record(whole, PreparedData(*parts, results.prepared.transforms)))
-    assert time.process_time() - started < 10
+    figure = draw(Chart(table, (panel,)))
+    text = svg_text(figure)
+    assert time.process_time() - started < 5
     assert len(text) < 600_000
+    (line,) = figure.axes[0].get_lines()
+    assert (line.get_ydata().min(), line.get_ydata().max()) == (values.min(), values.max())
 
 
-def test_spectrum_with_band_peaks_and_truth(results):
-    peaks = results.spectrum_summary.peaks
-    figure = draw_spectrum(results.spectrum, peaks, "V", results.truth)
-    (axes,) = figure.axes
-    shown = results.spectrum.iloc[1:]
-    assert_drawn(axes, shown["frequency_hz"], shown["density"])
+def test_spectrum_with_band_peaks_and_truth(results, view):
+    (axes,) = drawn(view, "spectrum")
+    shown, peaks = results.spectrum.iloc[1:], results.spectrum_summary.peaks
+    density = lines(axes)["estimate with 95 % band"].get_ydata()
+    assert density.max() == pytest.approx(shown["density"].max())
     (band,) = axes.collections
     assert band.get_paths()[0].vertices[:, 1].max() == pytest.approx(shown["upper"].max())
     assert len(peaks) == 2
-    assert list(lines(axes)["peaks"].get_xdata()) == [peak.frequency_hz for peak in peaks]
-    marked = {line.get_xdata()[0] for line in axes.get_lines() if len(set(line.get_xdata())) == 1}
-    assert marked >= {mode.frequency_hz for mode in results.truth.modes}
-    for peak in peaks:
-        assert f"{peak.frequency_hz:.4g} Hz" in words(figure)
-    assert "((V)²/Hz)" in axes.get_ylabel()
+    found = lines(axes)["peaks"].get_xdata()
+    np.testing.assert_allclose(found, [peak.frequency_hz for peak in peaks])
+    named = {text.get_text() for text in axes.texts}
+    assert named == {f"{peak.frequency_hz:.4g} Hz" for peak in peaks}
+    marked = [line.get_xdata()[0] for line in axes.get_lines() if len(line.get_xdata()) == 2]
+    for mode in results.truth.modes:
+        assert mode.frequency_hz in marked
 
 
-def test_neighbouring_peaks_are_labelled_on_different_levels(results):
-    peaks = [SpectralPeak(f, 1.0, 9.0, 0.5, 2.0) for f in (1.0, 1.5, 20.0)]
-    texts = draw_spectrum(results.spectrum, peaks).axes[0].texts
-    assert [text.get_text() for text in texts] == ["1 Hz", "1.5 Hz", "20 Hz"]
-    heights = [text.xyann[1] for text in texts]
-    assert heights[1] > heights[0] == heights[2]
+def test_frequency_response_with_band_data_and_coherence(results, view):
+    gain, phase, coherence = drawn(view, "frequency_response")
+    table = results.frequency_response.iloc[1:]
+    model = lines(gain)["model G with 95 % band"].get_ydata()
+    assert model.max() == pytest.approx(table["gain"].max())
+    upper = table["gain_upper"].max()
+    assert gain.collections[0].get_paths()[0].vertices[:, 1].max() == pytest.approx(upper)
+    assert phase.get_ylim() == (-190, 190)
+    assert lines(coherence)["coherence"].get_ydata().max() == pytest.approx(
+        results.spectrum["coherence"].iloc[1:].max()
+    )
 
 
-def test_delay_has_one_line_for_each_delay(results):
-    figure = draw_delay(results.candidates)
-    tried = results.candidates[results.candidates["phase"] == "delay"]
-    assert sorted(set(tried["nk"])) == [2, 3]
-    for axes, column in zip(figure.axes, ("rss", "bic"), strict=True):
-        assert len(axes.get_lines()) == 2
-        for _, rows in tried.groupby("nk"):
-            assert_drawn(axes, rows["na"], rows[column])
-    assert words(figure).count("(selected)") == 1
-    assert f"nk = {results.phases['delay'].orders.nk} (selected)" in words(figure)
+def test_a_phase_breaks_where_it_wraps():
+    x, y = unwrapped_gaps(np.arange(4.0), np.array([170.0, 190.0, 210.0, 400.0]))
+    np.testing.assert_array_equal(x, [0, 0, 1, 2, 2, 3] if len(x) == 6 else [0, 0, 1, 2, 3])
+    assert np.isnan(y[1])
+    assert np.nanmax(np.abs(y)) <= 180
 
 
-def test_phases_mark_the_selection(results):
-    figure = draw_phases(results.candidates)
-    panels = np.array(figure.axes).reshape(2, 3)
-    for column, (phase, order) in enumerate([("joint", "na"), ("nc", "nc"), ("nb", "nb")]):
-        rows = results.candidates[results.candidates["phase"] == phase]
-        selected = results.phases[phase].selected
-        value = getattr(selected.orders, order)
-        for row, criterion in enumerate(("rss", "bic")):
-            assert_drawn(panels[row, column], rows[order], rows[criterion])
-            assert_drawn(panels[row, column], [value], [getattr(selected.criteria, criterion)])
-        assert f"k = {value}" in words(figure)
+def test_poles_with_ellipses_and_modes_with_intervals(results, view):
+    circle, damping = drawn(view, "poles_zeros")
+    model, modes = results.model.model, results.model.modes
+    poles = lines(circle)["poles"]
+    found = np.sort_complex(poles.get_xdata() + 1j * poles.get_ydata())
+    np.testing.assert_allclose(found, np.sort_complex(model.poles()), atol=1e-9)
+    assert len(circle.patches) > 0
+    bars = [each.get_segments() for each in damping.collections[:2]]
+    half = {1.96 * mode.frequency_se_hz for mode in modes}
+    drawn_halves = {np.ptp(bar[:, 0]) / 2 for bar in bars[0]} | {
+        np.ptp(bar[:, 0]) / 2 for bar in bars[1]
+    }
+    for each in half:
+        assert any(np.isclose(each, other, rtol=1e-6) for other in drawn_halves)
 
 
-def test_the_selection_is_read_as_truth_values(results):
-    """Text of a CSV would make every candidate selected."""
-    assert results.candidates["selected"].dtype == bool
-    assert results.candidates["selected"].sum() == 4
-
-
-def test_residuals_show_every_lag_but_zero():
-    lag = np.arange(40)
-    r = np.where(lag == 0, 1.0, 0.03 * np.cos(lag))
-    auto = pd.DataFrame({"lag": lag, "autocorrelation": r, "bound95": 0.02})
-    cross = pd.DataFrame({"lag": lag - 20, "cross_correlation": 0.01, "bound95": 0.02})
-    upper, lower = draw_residuals(auto, cross).axes
-    inside, outside = (lines(upper)[label].get_xdata()[::3] for label in ("inside", "outside"))
-    assert sorted([*inside, *outside]) == list(range(1, 40))
-    assert set(outside) == set(lag[1:][np.abs(r[1:]) > 0.02])
-    assert lines(lower)["inside"].get_xdata().size == 120
-    assert upper.get_ylim()[1] < 0.05
-
-
-def test_frequency_response_over_the_estimate(results):
-    response, spectrum = results.frequency_response, results.spectrum
-    figure = draw_frequency_response(response.iloc[::2], spectrum, "V/A", results.truth)
-    gain, phase, coherence = figure.axes
-    shown = response.iloc[2::2]
-    assert_drawn(gain, shown["frequency_hz"], shown["gain"])
-    f = spectrum["frequency_hz"][1:]
-    assert_drawn(gain, f, spectrum["frequency_response_gain"][1:])
-    assert_drawn(phase, *unwrapped_gaps(shown["frequency_hz"], shown["phase_deg"]))
-    assert_drawn(coherence, f, spectrum["coherence"][1:])
-    assert gain.get_ylabel() == "Gain (V/A)"
-    upper = max(path.vertices[:, 1].max() for band in gain.collections for path in band.get_paths())
-    assert upper == pytest.approx(shown["gain_upper"].max())
-
-
-def test_phase_breaks_where_it_jumps():
-    x, y = unwrapped_gaps(pd.Series([1.0, 2.0, 3.0]), pd.Series([170.0, 190.0, 200.0]))
-    np.testing.assert_array_equal(x, [1, 1, 2, 3])
-    np.testing.assert_array_equal(y, [170, np.nan, -170, -160])
-
-
-def test_simulation_shows_one_scored_second(results):
-    table = results.validation_tables.simulation.copy()
-    computed = ["simulated", "predicted", "simulation_error", "prediction_error"]
-    table.loc[:6, computed] = np.nan
-    second, error, whole = draw_simulation(table, 100.0, "tip (V)").axes
-    shown = table.iloc[7:108]
-    assert_drawn(second, shown["time_s"], shown["output"])
-    assert_drawn(second, shown["time_s"], shown["simulated"])
-    assert_drawn(error, shown["time_s"], shown["prediction_error"])
-    assert_drawn(error, shown["time_s"], shown["simulation_error"])
-    assert_drawn(whole, table["time_s"], table["output"])
-    assert {"measured", "simulated"} <= set(lines(second))
-
-
-def test_poles_zeros_and_ellipses(results):
-    model = results.model.model
-    circle, damping = draw_poles_zeros(model, results.truth).axes
-    for roots in (model.poles(), model.zeros(), model.noise_zeros()):
-        assert_drawn(circle, roots.real, roots.imag)
-    upper = np.array([mode.pole for mode in results.truth.modes])
-    true = np.column_stack([upper, upper.conj()]).ravel()
-    assert_drawn(circle, true.real, true.imag)
-    # An ellipse for every pole and every zero of B.
-    assert len(circle.patches) == model.poles().size + model.zeros().size
-    modes = model.modes()
-    frequencies = [mode.frequency_hz for mode in modes]
-    assert_drawn(damping, frequencies, [100 * mode.damping_ratio for mode in modes])
-    along, across = (bars.get_segments() for bars in damping.collections[:2])
-    for mode, bar in zip(modes, along, strict=True):
-        half = 1.96 * mode.frequency_se_hz
-        np.testing.assert_allclose(bar[:, 0], mode.frequency_hz + np.array([-half, half]))
-    for mode, bar in zip(modes, across, strict=True):
-        half = 196 * mode.damping_se
-        np.testing.assert_allclose(bar[:, 1], 100 * mode.damping_ratio + np.array([-half, half]))
-
-
-def test_without_covariance_no_ellipse_and_no_interval_is_drawn(results):
-    unknown = replace(results.model.model, covariance=None)
-    circle, damping = draw_poles_zeros(unknown).axes
+def test_without_covariance_no_ellipse_is_drawn(results):
+    unknown = replace(
+        results, model=replace(results.model, covariance=None, covariance_factor=None)
+    )
+    circle, _ = drawn(view_of(unknown), "poles_zeros")
     assert len(circle.patches) == 0
-    for bars in damping.collections[:2]:
-        for bar in bars.get_segments():
-            np.testing.assert_array_equal(bar[0], bar[1])
 
 
-def test_stabilization_marks_each_status_and_the_selected_order():
-    rows = [(4, 10.0, "new"), (5, 10.0, "frequency"), (6, 10.0, "stable"), (6, 30.0, "new")]
-    poles = pd.DataFrame(rows, columns=["order", "frequency_hz", "status"])
-    (axes,) = draw_stabilization(poles, 100.0, selected_order=5).axes
-    drawn = lines(axes)
-    assert list(drawn["new"].get_xdata()) == [10.0, 30.0]
-    assert list(drawn["new"].get_ydata()) == [4, 6]
-    assert list(drawn["stable in frequency"].get_ydata()) == [5]
-    assert list(drawn["stable in frequency and damping"].get_ydata()) == [6]
-    assert [text.get_text() for text in axes.texts] == ["selected"]
-    assert axes.texts[0].xy[1] == 5
+class WithPoles(PolynomialView):
+    """A view with three orders of poles."""
+
+    poles_of_orders = (
+        StabilizationPole(4, 10.0, 0.1, "new"),
+        StabilizationPole(5, 10.0, 0.1, "frequency"),
+        StabilizationPole(6, 10.0, 0.1, "stable"),
+        StabilizationPole(6, 30.0, 0.1, "new"),
+    )
+    selected_order = 5
 
 
-def test_the_first_screen_shows_the_simulation_and_the_gain_over_the_data(results):
-    table, modes = results.validation_tables.simulation, results.model.modes
-    (axes,) = draw_measured_and_simulated(table, modes, 100.0, "tip (V)").axes
-    kept = shown_samples(modes, 100.0)
-    shown = table[table["simulated"].notna()].iloc[:kept]
+def test_stabilization_marks_each_status_and_the_selected_order(results):
+    (axes,) = draw(stabilization(WithPoles(results))).axes
+    found = lines(axes)
+    assert list(found["new"].get_xdata()) == [10.0, 30.0]
+    assert list(found["new"].get_ydata()) == [4, 6]
+    assert list(found["stable in frequency"].get_ydata()) == [5]
+    assert list(found["stable in frequency and damping"].get_ydata()) == [6]
+    assert list(found["selected"].get_ydata()) == [5, 5]
+
+
+def test_the_first_screen_shows_the_simulation_and_the_gain_over_the_data(results, view):
+    table, rate = results.validation_tables.simulation, results.model.sampling_rate
+    (axes,) = drawn(view, "measured_and_simulated")
+    shown = table[table["simulated"].notna()].iloc[: shown_samples(results.model.modes, rate)]
     for column in ("output", "simulated"):
         assert_drawn(axes, shown["time_s"], shown[column])
-    (axes,) = draw_gain_and_data(results.frequency_response, results.spectrum, [5.0, 37.0]).axes
+    (axes,) = drawn(view, "gain")
     # The response has more points than are drawn: its extremes are.
-    drawn = lines(axes)["model G"].get_ydata()
-    assert drawn.max() == pytest.approx(results.frequency_response["gain"].max())
+    gain = lines(axes)["model G with 95 % band"].get_ydata()
+    assert gain.max() == pytest.approx(results.frequency_response["gain"].iloc[1:].max())
     marked = [line.get_xdata()[0] for line in axes.get_lines() if len(line.get_xdata()) == 2]
-    assert marked == [5.0, 37.0]
-    thinned = gain_table(results)
-    for source, whole in (
-        ("model", results.frequency_response["gain"]),
-        ("multitaper", results.spectrum["frequency_response_gain"]),
-    ):
-        own = thinned[thinned["source"] == source]["gain"]
-        assert (own.min(), own.max()) == (whole.min(), whole.max())
+    assert marked == [each.mode.frequency_hz for each in results.trusted_modes]
 
 
-def test_step_and_impulse_are_those_of_the_transfer_function(results):
+def test_step_and_impulse_are_those_of_the_transfer_function(results, view):
     from scipy.signal import dlti, dstep
 
-    model = results.model.model
-    table = settling_part(results.time_response)
+    model, table = results.model.model, settling_part(view)
     numerator = np.zeros(max(len(model.delayed_b), len(model.a)))
     denominator = np.zeros_like(numerator)
     numerator[: len(model.delayed_b)] = model.delayed_b
     denominator[: len(model.a)] = model.a
-    system = dlti(numerator, denominator, dt=1 / 100.0)
-    times, (step,) = dstep(system, n=len(table))
+    times, (step,) = dstep(dlti(numerator, denominator, dt=1 / 100.0), n=len(table))
     np.testing.assert_allclose(table["step"], step[:, 0], atol=1e-9)
     np.testing.assert_allclose(table["time_s"], times)
     impulse = table["impulse"].abs()
     assert impulse.iloc[-5:].max() < 0.02 * impulse.max()
-    for axes, column in zip(draw_step_and_impulse(table).axes, ("step", "impulse"), strict=True):
+    for axes, column in zip(drawn(view, "step_and_impulse"), ("step", "impulse"), strict=True):
         assert_drawn(axes, table["time_s"], table[column])
         band = axes.collections[0].get_paths()[0].vertices[:, 1]
         assert band.max() == pytest.approx(table[f"{column}_upper"].max())
@@ -313,143 +229,148 @@ def of_noise_alone(results):
     simulation = tables.simulation.assign(
         simulated=np.nan, simulation_error=np.nan, recorded_simulated=np.nan
     )
-    return replace(
+    without = replace(
         results,
         model=replace(plain, covariance_factor=None),
         settings=replace(
             results.settings, order_grid=replace(results.settings.order_grid, structure="arma")
         ),
         phases={name: results.phases[name] for name in ("joint", "nc")},
+        candidates=results.candidates[results.candidates["phase"].isin(["joint", "nc"])],
         spectrum=results.spectrum[["frequency_hz", "density", "lower", "upper"]],
         frequency_response=response,
         time_response=in_time,
         validation_tables=replace(tables, simulation=simulation),
     )
+    return view_of(without)
 
 
 def test_without_an_input_the_noise_filter_and_the_prediction_are_drawn(of_noise_alone):
-    results = of_noise_alone
-    shown = {figure.name: figure for figure in REPORT_FIGURES if figure.applies(results)}
+    shown = {figure.name: figure for figure in REPORT_FIGURES if figure.applies(of_noise_alone)}
     assert set(FIGURES) - set(shown) == {"nyquist", "delay"}
-    noise = results.frequency_response["noise_gain"]
-    gain = shown["gain"].table(results)
+    noise = of_noise_alone.results.frequency_response["noise_gain"].iloc[1:]
+    gain = shown["gain"].chart(of_noise_alone).table
     assert set(gain["source"]) == {"noise filter"}
     assert gain["gain"].max() == noise.max()
-    drawn = lines(shown["gain"].draw(results).axes[0])
-    assert drawn["noise filter H"].get_ydata().max() == noise.max()
-    assert "multitaper" not in drawn
-    first = shown["measured_and_simulated"].table(results)
-    assert list(first.columns) == ["time_s", "output", "predicted"]
-    assert first["predicted"].notna().all()
-    (axes,) = shown["step_and_impulse"].draw(results).axes
-    part = settling_part(results.time_response)
+    first = shown["measured_and_simulated"].chart(of_noise_alone).table
+    assert list(first.columns) == ["time_s", "output_output", "predicted_output"]
+    assert first["predicted_output"].notna().all()
+    (axes,) = drawn(of_noise_alone, "step_and_impulse")
+    part = settling_part(of_noise_alone)
     assert_drawn(axes, part["time_s"], part["noise_impulse"])
 
 
-def test_what_a_page_draws_without_an_input_is_in_its_tables(of_noise_alone):
-    for figure in REPORT_FIGURES:
-        if not figure.applies(of_noise_alone):
-            continue
-        table = figure.table(of_noise_alone)
-        for panel in figure.panels(of_noise_alone):
+@pytest.mark.parametrize("kind", ["with input", "without"])
+def test_every_curve_has_its_columns_and_rows(view, of_noise_alone, kind):
+    """The page draws a panel from these columns of the figure's own table or of a named one."""
+    shown = view if kind == "with input" else of_noise_alone
+    charts = {f.name: f.chart(shown) for f in REPORT_FIGURES if f.applies(shown)}
+    curves = 0
+    for name, chart in charts.items():
+        for panel in chart.panels:
             for curve in panel.curves:
-                if curve.source:
-                    continue
-                rows = table
-                if curve.where and curve.where[1] != "not 0":
-                    rows = table[table[curve.where[0]] == curve.where[1]]
-                assert {panel.x, curve.column, *curve.band} <= set(table.columns), figure.name
-                # Of the status of a pole there may be no row.
-                assert figure.name == "stabilization" or rows[curve.column].notna().any()
+                table = charts[curve.source or name].table
+                extra = (curve.bounds, curve.names, *curve.band, *curve.errors, *curve.ellipse)
+                assert {panel.x, curve.column, *filter(None, extra)} <= set(table), name
+                curves += len(rows_of(table, curve.where)) > 0
+    assert curves > 30
 
 
-def test_the_nyquist_diagram_shows_the_frequency_response_in_the_complex_plane(results):
+def test_the_nyquist_diagram_shows_the_frequency_response_in_the_complex_plane(results, view):
     table = results.frequency_response
-    response = results.model.model.frequency_response(table["frequency_hz"])
+    response = results.model.model.frequency_response(table["frequency_hz"])[:, 0, 0]
     parts = complex_plane(table["gain"], table["phase_deg"])
     np.testing.assert_allclose(parts[:, 0] + 1j * parts[:, 1], response, rtol=1e-6, atol=1e-9)
-    (axes,) = draw_nyquist(table, results.spectrum, "V/A").axes
-    assert_drawn(axes, parts[:, 0], parts[:, 1])
-    assert axes.get_xlabel() == "Real part of G (V/A)"
+    (axes,) = drawn(view, "nyquist")
+    x, y = lines(axes)["model G"].get_data()
+    assert np.abs(response[:, None] - (x + 1j * y)).min(axis=0).max() < 1e-5
+    assert axes.get_xlim() == axes.get_ylim()
 
 
-def test_the_level_of_white_noise_goes_through_the_residual_spectrum(results):
-    table = residual_spectrum_table(results)
+def test_the_level_of_white_noise_goes_through_the_residual_spectrum(view):
+    table = view.residual_spectrum
+    errors = view.results.validation_tables.simulation["prediction_error"].dropna()
     step = table["frequency_hz"].iloc[1]
-    errors = results.validation_tables.simulation["prediction_error"]
     assert table["density"].sum() * step == pytest.approx(errors.var(ddof=0), rel=1e-6)
     assert table["density"].mean() == pytest.approx(table["white_level"].iloc[0], rel=0.01)
-    (axes,) = draw_residual_spectrum(table, "V").axes
-    assert_drawn(axes, table["frequency_hz"][1:], table["white_level"][1:])
-    assert "too few residuals" in words(draw_residual_spectrum(table.iloc[:0]))
+    (axes,) = drawn(view, "residual_spectrum")
+    level = lines(axes)["white noise of the same variance"].get_ydata()
+    np.testing.assert_allclose(level, table["white_level"].iloc[0])
 
 
-def test_the_simulation_is_drawn_in_recorded_units(results):
+def test_the_simulation_is_drawn_in_recorded_units(results, view):
     table = results.validation_tables.simulation
-    (axes,) = draw_simulation_as_recorded(table, "tip (V)").axes
-    for column in ("recorded_output", "recorded_predicted", "recorded_simulated"):
-        assert_drawn(axes, table["time_s"], table[column])
+    (axes,) = drawn(view, "simulation_as_recorded")
+    for line, column in zip(
+        axes.get_lines(),
+        ("recorded_output", "recorded_predicted", "recorded_simulated"),
+        strict=True,
+    ):
+        assert np.nanmax(line.get_ydata()) == pytest.approx(table[column].max())
 
 
-def test_panels_name_columns_of_their_figures_tables(results):
-    """The page draws a panel from these columns of the figure's own table or of a named one."""
-    tables = {figure.name: figure.table(results) for figure in REPORT_FIGURES}
-    drawn = 0
-    for figure in REPORT_FIGURES:
-        for panel in figure.panels(results):
-            for curve in panel.curves:
-                table = tables[curve.source or figure.name]
-                assert {panel.x, curve.column, *curve.band, *curve.where[:1]} <= set(table)
-                if curve.where and curve.where[1] != "not 0":
-                    assert curve.where[1] in set(table[curve.where[0]])
-                drawn += 1
-    assert drawn > 30
+def test_residuals_beyond_their_bounds_stand_out(view):
+    own, crossed = drawn(view, "residuals")
+    table = view.cross_correlation
+    outside = table[table["cross_correlation"].abs() > table["bound95"]]
+    dots = [line for line in crossed.get_lines() if line.get_marker() == "."]
+    np.testing.assert_allclose(dots[0].get_xdata(), outside["lag"])
+    assert 0 not in lines(own)["inside"].get_xdata()
 
 
-def test_convergence_ends_where_the_search_did(results):
+def test_convergence_ends_where_the_search_did(results, view):
     history = results.selected.diagnostics.convergence
-    figure = draw_convergence(history)
+    figure = draw(convergence(view))
     evaluations, best = zip(*history, strict=True)
     assert_drawn(figure.axes[0], evaluations, best)
     assert f"{best[-1]:.6g}" in words(figure)
 
 
-def test_the_last_digits_of_a_search_are_not_enlarged():
-    low, high = draw_convergence([(1000, 3.5903), (2000, 3.5902)]).axes[0].get_ylim()
+class WithSearch(PolynomialView):
+    """A view with another history of the search."""
+
+    convergence = ((1000, 3.5903), (2000, 3.5902))
+
+
+def test_the_last_digits_of_a_search_are_not_enlarged(results):
+    low, high = draw(convergence(WithSearch(results))).axes[0].get_ylim()
     assert high - low == pytest.approx(0.01 * 3.5902)
     assert low < 3.5902 < 3.5903 < high
 
 
 def test_what_is_missing_is_said(results):
     of_nb = results.candidates[results.candidates["phase"] == "nb"]
-    assert "is empty" in words(draw_convergence([]))
-    assert "no candidates of the delay search" in words(draw_delay(of_nb))
-    assert "Not searched" in words(draw_phases(of_nb))
-    nothing = pd.DataFrame(columns=["order", "frequency_hz", "status"])
-    assert "No candidate" in words(draw_stabilization(nothing, 1.0))
+    view = view_of(replace(results, candidates=of_nb))
+    assert "no candidates of the delay search" in words(draw(delay(view)))
+    assert len(draw(phases(view)).axes) == 6
+    view = WithSearch(results)
+    view.convergence = ()
+    assert "is empty" in words(draw(convergence(view)))
+    view = WithPoles(results)
+    view.poles_of_orders = []
+    assert "No candidate" in words(draw(stabilization(view)))
 
 
 def test_hostile_names_are_drawn_as_text(results):
-    prepared = results.prepared
-    named = PreparedData(
-        with_names(prepared.estimation, HOSTILE, "V"), prepared.validation, prepared.transforms
-    )
-    simulation = results.validation_tables.simulation
-    for figure in (
-        draw_record(with_names(results.recording, HOSTILE, "V"), named),
-        draw_simulation(simulation, 100.0, HOSTILE),
-    ):
+    named = replace(results.recording, output_names=(HOSTILE,), output_units=("V",))
+    view = view_of(replace(results, recording=named))
+    for name in ("record", "simulation"):
+        figure = draw(figure_of(name).chart(view))
         assert "<script" not in svg_text(figure)
-        # A long label is folded over several lines.
-        assert "".join(HOSTILE.split())[:30] in "".join(words(figure).split())
-        assert "$x^2$" in words(figure)
+        # A long label is folded over several lines, of which three are kept.
+        assert "".join(HOSTILE.split())[:20] in "".join(words(figure).split())
+    assert "$x^2$" in words(draw(figure_of("record").chart(view)))
 
 
 PROGRAM = """
 import sys
-from evopem.figures.convergence import draw_convergence
+import pandas as pd
+from evopem.figures.chart import Chart, Curve, Panel
+from evopem.figures.draw import draw
 from evopem.figures.style import svg_text
-sys.stdout.write(svg_text(draw_convergence([(1, 3.0), (5, 2.0), (9, 1.7)])))
+table = pd.DataFrame({"x": [1.0, 5.0, 9.0], "y": [3.0, 2.0, 1.7]})
+panel = Panel("", "x", "x", "y", (Curve("c", "y", "ink"),))
+sys.stdout.write(svg_text(draw(Chart(table, (panel,)))))
 """
 
 
@@ -468,11 +389,11 @@ def test_equal_data_give_equal_bytes_in_other_processes():
     assert "<svg" in texts.pop()
 
 
-def test_the_settings_of_matplotlib_are_restored():
+def test_the_settings_of_matplotlib_are_restored(view):
     import matplotlib as mpl
 
     before = dict(mpl.rcParams)
-    draw_convergence([(1, 3.0), (5, 2.0)])
+    drawn(view, "convergence")
     assert dict(mpl.rcParams) == before
 
 
@@ -488,14 +409,5 @@ def test_the_figures_are_those_of_the_layout(results, tmp_path):
 
 def test_the_data_of_every_figure_are_files_of_the_results(identified):
     for figure in REPORT_FIGURES:
-        for file in figure.data_files:
+        for file in figure.data:
             assert (Path(identified.files.folder) / file).exists()
-
-
-def test_the_archive_of_all_results_has_the_same_captions():
-    folder = Path(__file__).parents[2] / "workflow" / "report" / "figures"
-    captions = {file.stem: file.read_text(encoding="utf-8") for file in folder.iterdir()}
-    assert captions == {
-        figure.name: f"{{{{ snakemake.wildcards.dataset }}}}: {figure.caption}\n"
-        for figure in REPORT_FIGURES
-    }

@@ -15,7 +15,7 @@ from hypothesis import settings as examples
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from evopem.automatic.input_delays import DelayChoice
+from evopem.automatic.delays import DelayChoice
 from evopem.automatic.multichannel_preparation import MultichannelPlan
 from evopem.automatic.record import OtherModel
 from evopem.automatic.state_space_choice import StateSpaceChoice
@@ -26,18 +26,18 @@ from evopem.config.settings import ChannelSettings, OrderSettings, SearchSetting
 from evopem.errors import InputError
 from evopem.estimation.candidate import Candidate, PhaseSelection
 from evopem.estimation.model_record import ModelRecord
-from evopem.estimation.state_space.model_record import MultichannelModelRecord
-from evopem.estimation.state_space.order_models import OrderModels
+from evopem.estimation.multichannel_record import MultichannelModelRecord
 from evopem.files.json_form import from_json, load, save, to_json
 from evopem.files.unfinished import UnfinishedJob
+from evopem.models.order_models import OrderModels
+from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.state_space import StateSpaceModel
-from evopem.models.structures import PolynomialOrders, armax_orders
+from evopem.models.structures import Orders, armax_orders
 from evopem.results.fleet import DatasetSummary
 from evopem.results.made_from import MadeFrom
 from evopem.results.multichannel import DecisionList
 from evopem.signals.multichannel_preparation import MultichannelTransforms
-from evopem.signals.multichannel_reading import MultichannelInfo
 from evopem.signals.preparation import Transforms
 from evopem.signals.recording_info import RecordingInfo
 from evopem.signals.spectral.summary import SpectrumSummary
@@ -55,7 +55,7 @@ RESULTS = [
     MadeFrom,
     ModelRecord,
     ModesRecord,
-    MultichannelInfo,
+    RecordingInfo,
     MultichannelPlan,
     MultichannelTransforms,
     MultichannelValidation,
@@ -64,10 +64,9 @@ RESULTS = [
     StateSpaceChoice,
     MultichannelModelRecord,
     VariantSearch,
-    PolynomialOrders,
+    Orders,
     PhaseSelection,
     PolynomialModel,
-    RecordingInfo,
     RemedyRecord,
     SpectrumSummary,
     Transforms,
@@ -98,11 +97,32 @@ def state_space_models(draw: st.DrawFn) -> StateSpaceModel:
     return StateSpaceModel(**matrices, sampling_rate=draw(FINITE))
 
 
+@st.composite
+def polynomial_models(draw: Any) -> PolynomialModel:
+    """Any numbers in polynomials of up to two inputs."""
+
+    def polynomial() -> Any:
+        return arrays.arrays(float, st.integers(1, 4), elements=FINITE)
+
+    inputs = draw(st.integers(0, 2))
+    B, F = ([draw(polynomial()) for _ in range(inputs)] for _ in range(2))
+    return PolynomialModel(
+        *(draw(polynomial()), B, draw(polynomial()), draw(polynomial()), F or [1.0]),
+        nk=draw(st.lists(st.integers(0, 9), min_size=inputs, max_size=inputs)),
+        sampling_rate=draw(FINITE),
+        covariance=draw(instances(ParameterCovariance | None)),
+        input_names=draw(st.lists(st.text(), max_size=2)),
+        output_name=draw(st.text()),
+    )
+
+
 def instances(kind: Any) -> st.SearchStrategy[Any]:
     """Any value of a type, as its annotation states it; floats may be infinite or NaN."""
-    if kind is PolynomialOrders:
+    if kind is Orders:
         high = st.integers(0, 60)
-        return st.builds(PolynomialOrders, na=high, nb=st.integers(1, 60), nc=high, nk=high)
+        return st.builds(Orders, na=high, nb=st.integers(1, 60), nc=high, nk=high)
+    if kind is PolynomialModel:
+        return polynomial_models()
     if kind is StateSpaceModel:
         return state_space_models()
     if is_dataclass(kind):
@@ -181,7 +201,7 @@ def test_every_type_that_a_stage_reads_is_among_them():
     Decisions of the automatic recipe are written and read between its stages, in
     tests/pipeline/test_automatic.py.
     """
-    decisions = {"DelayDecision", "DecisionRecord", "PreparationPlan", "Comparison"}
+    decisions = {"DecisionRecord", "PreparationPlan", "Comparison"}
     decisions |= {"GivenPreparation", "Remedied", "StructureSearch", "FoldPlan"}
     listed = {kind.__name__ for kind in [*RESULTS, *SETTINGS]} | decisions
     read = set()
@@ -216,20 +236,20 @@ def test_an_underscore_that_avoids_a_keyword_is_no_part_of_the_key():
         from_json(SearchSettings, {"lambda_": 7})
 
 
-ORDERS = {"na": 2, "nb": 1, "nc": 1, "nk": 0}
+ORDERS = {"na": 2, "nb": [1], "nc": 1, "nf": [0], "nk": [0]}
 
 
 @pytest.mark.parametrize(
     ("kind", "content", "place", "problem"),
     [
-        (PolynomialOrders, ORDERS | {"na": 2.7}, "na", "2.7 is not a whole number"),
-        (PolynomialOrders, ORDERS | {"na": "2"}, "na", "'2' is not a whole number"),
-        (PolynomialOrders, ORDERS | {"na": True}, "na", "True is not a whole number"),
-        (PolynomialOrders, ORDERS | {"na": None}, "na", "None is not a whole number"),
-        (PolynomialOrders, ORDERS | {"nb": 0, "nf": 1}, "", "without an input nf and nk"),
-        (PolynomialOrders, ORDERS | {"ne": 1}, "", "the key ne is not known"),
-        (PolynomialOrders, [1, 1, 1, 0], "", "the content has another form"),
-        (PolynomialOrders, None, "", "the content has another form"),
+        (Orders, ORDERS | {"na": 2.7}, "na", "2.7 is not a whole number"),
+        (Orders, ORDERS | {"na": "2"}, "na", "'2' is not a whole number"),
+        (Orders, ORDERS | {"na": True}, "na", "True is not a whole number"),
+        (Orders, ORDERS | {"na": None}, "na", "None is not a whole number"),
+        (Orders, ORDERS | {"nb": [], "nf": [1]}, "", "without an input, nb = 0"),
+        (Orders, ORDERS | {"ne": 1}, "", "the key ne is not known"),
+        (Orders, [1, 1, 1, 0], "", "the content has another form"),
+        (Orders, None, "", "the content has another form"),
         (SearchSettings, {"objective": "cubic"}, "objective", "'cubic' is none of absolute, qu"),
         (SearchSettings, {"max_root_radius": "0.9"}, "max_root_radius", "'0.9' is not a number"),
         (SyntheticSource, {"synthesis": "pendulum"}, "synthesis", "'pendulum' is none of flex"),
@@ -240,12 +260,12 @@ ORDERS = {"na": 2, "nb": 1, "nc": 1, "nk": 0}
         (OrderSettings, {"nc": "ab"}, "nc", "'ab' is not a list"),
         (OrderSettings, {"joint": "aut"}, "joint", "'aut' cannot be used here"),
         (
-            tuple[PolynomialOrders, ...],
-            [ORDERS, ORDERS | {"nk": 0.5}],
-            "[1].nk",
+            tuple[Orders, ...],
+            [ORDERS, ORDERS | {"nk": [0.5]}],
+            "[1].nk[0]",
             "0.5 is not a whole",
         ),
-        (tuple[PolynomialOrders, ...], {}, "", "{} is not a list"),
+        (tuple[Orders, ...], {}, "", "{} is not a list"),
     ],
 )
 def test_other_content_is_refused_in_a_sentence_that_names_the_field(kind, content, place, problem):
@@ -267,7 +287,7 @@ def test_a_field_deep_inside_is_named():
 def test_a_file_holds_what_was_saved(tmp_path):
     path = tmp_path / "orders.json"
     save((armax_orders(1, 2, 3, 4), armax_orders(4, 3, 2, 1)), path)
-    assert load(tuple[PolynomialOrders, ...], path) == (
+    assert load(tuple[Orders, ...], path) == (
         armax_orders(1, 2, 3, 4),
         armax_orders(4, 3, 2, 1),
     )
@@ -282,6 +302,6 @@ def test_files_that_hold_no_json_are_refused_in_a_sentence(tmp_path, content, pr
     if content is not None:
         path.write_bytes(content)
     with pytest.raises(InputError) as caught:
-        load(PolynomialOrders, path)
+        load(Orders, path)
     assert caught.value.source == str(path)
     assert problem in caught.value.problem

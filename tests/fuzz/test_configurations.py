@@ -71,7 +71,7 @@ VALID = st.fixed_dictionaries(
     },
     optional={
         "candidates_per_job": st.integers(1, 100) | st.just("auto"),
-        "one_job_per": st.sampled_from(["stage", "recording"]),
+        "one_job_per": st.sampled_from(["auto", "stage", "recording"]),
         "report": st.sampled_from(["html", "none"]),
     },
 )

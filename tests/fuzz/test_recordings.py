@@ -27,7 +27,8 @@ from evopem.files.json_form import to_json
 from evopem.models.response_tables import frequency_response_table, modes_table
 from evopem.models.structures import armax_orders
 from evopem.signals.preparation import prepare
-from evopem.signals.recording import Recording, check_recording
+from evopem.signals.recording import Recording
+from evopem.signals.recording_checks import check_recording
 from evopem.signals.spectral.multitaper import multitaper_spectrum
 from evopem.signals.spectral.peaks import summarize_spectrum
 from evopem.validation.validate import validate

@@ -12,9 +12,9 @@ from evopem.synthesis.armax import true_model
 @pytest.fixture
 def model():
     return PolynomialModel(
-        a=np.array([1.0, -1.2, 0.8]),
-        b=np.array([0.5, -0.3, 0.1]),
-        c=np.array([1.0, 0.4]),
+        A=np.array([1.0, -1.2, 0.8]),
+        B=np.array([0.5, -0.3, 0.1]),
+        C=np.array([1.0, 0.4]),
         nk=2,
         sampling_rate=50.0,
         noise_variance=1.0,
@@ -27,7 +27,7 @@ def brute_force_residuals(model, u, y):
     e = np.zeros(len(y))
     for t in range(o.first_residual, len(y)):
         e[t] = sum(model.a[i] * y[t - i] for i in range(o.na + 1))
-        e[t] -= sum(model.b[j] * u[t - o.nk - j] for j in range(o.nb))
+        e[t] -= sum(model.b[j] * u[t - o.single.nk - j] for j in range(o.single.nb))
         e[t] -= sum(model.c[k] * e[t - k] for k in range(1, o.nc + 1))
     return e
 
@@ -61,15 +61,15 @@ def test_transfer_functions_of_other_libraries_keep_the_dynamics_and_the_delay(b
     import control
 
     model = PolynomialModel(
-        a=np.array([1.0, -1.2, 0.8]),
-        b=np.array(b),
-        c=np.ones(1),
+        A=np.array([1.0, -1.2, 0.8]),
+        B=np.array(b),
+        C=np.ones(1),
         nk=nk,
         sampling_rate=50.0,
     )
     frequencies = np.array([0.0, 3.0, 11.0, 25.0])
     z = np.exp(2j * np.pi * frequencies / 50.0)
-    expected = model.frequency_response(frequencies)
+    expected = model.frequency_response(frequencies)[:, 0, 0]
     by_scipy = model.to_scipy()
     assert by_scipy.dt == 1 / 50.0
     ours = np.polyval(by_scipy.num, z) / np.polyval(by_scipy.den, z)
@@ -103,7 +103,7 @@ def test_an_estimated_noise_state_leaves_no_transient():
     from scipy.signal import lfilter
 
     slow = PolynomialModel(
-        a=np.array([1.0, -0.9]), b=np.array([1.0]), c=np.poly([0.995, 0.99]), nk=1
+        A=np.array([1.0, -0.9]), B=np.array([1.0]), C=np.poly([0.995, 0.99]), nk=1
     )
     rng = np.random.default_rng(8)
     u, e = rng.standard_normal((2, 3000))
@@ -124,7 +124,9 @@ def test_simulation_and_response_agree_with_control(model):
     np.testing.assert_allclose(model.simulate(u), theirs, atol=1e-10)
     frequencies = np.array([0.0, 3.0, 11.0, 24.0])
     evaluated = model.to_control()(np.exp(2j * np.pi * frequencies / 50.0))
-    np.testing.assert_allclose(model.frequency_response(frequencies), evaluated, rtol=1e-10)
+    np.testing.assert_allclose(
+        model.frequency_response(frequencies)[:, 0, 0], evaluated, rtol=1e-10
+    )
 
 
 def test_scipy_system_has_the_same_impulse_response(model):

@@ -12,9 +12,9 @@ FREQUENCIES = np.linspace(0.5, 45.0, 12)
 
 def model(covariance):
     return PolynomialModel(
-        a=np.array([1.0, -1.2, 0.8]),
-        b=np.array([0.5, 0.3]),
-        c=np.array([1.0, 0.4]),
+        A=np.array([1.0, -1.2, 0.8]),
+        B=np.array([0.5, 0.3]),
+        C=np.array([1.0, 0.4]),
         nk=2,
         sampling_rate=100.0,
         covariance=None if covariance is None else ParameterCovariance.from_matrix(covariance),
@@ -50,7 +50,7 @@ def test_drawn_parameters_lie_inside_the_band_as_often_as_it_says():
             np.abs(
                 PolynomialModel(
                     np.r_[1.0, p[:2]], p[2:4], np.r_[1.0, p[4:]], nk=2, sampling_rate=100.0
-                ).frequency_response(FREQUENCIES)
+                ).frequency_response(FREQUENCIES)[:, 0, 0]
             )
             for p in drawn
         ]

@@ -75,11 +75,11 @@ def test_octave_simulates_the_same(model, tmp_path):
 
 def test_a_polynomial_model_leaves_and_comes_back(tmp_path):
     model = evopem.PolynomialModel(
-        a=np.ones(1),
-        b=np.array([1.0, 0.5]),
-        c=np.array([1.0, 0.3]),
-        d=np.array([1.0, -0.7]),
-        f=np.array([1.0, -1.2, 0.8]),
+        A=np.ones(1),
+        B=np.array([1.0, 0.5]),
+        C=np.array([1.0, 0.3]),
+        D=np.array([1.0, -0.7]),
+        F=np.array([1.0, -1.2, 0.8]),
         nk=2,
         sampling_rate=50.0,
         level=0.25,
@@ -96,7 +96,7 @@ def test_a_polynomial_model_leaves_and_comes_back(tmp_path):
     save(model, tmp_path / "model.json")
     loaded = evopem.load(tmp_path / "model.json")
     assert loaded.structure == "bj"
-    assert (loaded.nk, loaded.sampling_rate, loaded.level) == (2, 50.0, 0.25)
+    assert (loaded.nk, loaded.sampling_rate, loaded.level) == ((2,), 50.0, 0.25)
     np.testing.assert_array_equal(loaded.parameters, model.parameters)
     np.testing.assert_array_equal(loaded.covariance, model.covariance)
 

@@ -1,4 +1,4 @@
-"""Modes paired by frequency."""
+"""Modes paired by frequency, and grouped over models of several orders."""
 
 import math
 from itertools import permutations
@@ -8,9 +8,11 @@ import pytest
 
 from evopem.models.mode_matching import (
     SAME_MODE,
+    cluster_modes,
     damping_deviation,
     frequency_deviation,
     match_modes,
+    mode_distance,
 )
 from evopem.models.modes import Mode
 
@@ -56,3 +58,46 @@ def test_deviations_are_not_known_without_a_standard_error(error):
     estimate = Mode(5.4, 0.01, 0j, frequency_se_hz=error, damping_se=error)
     assert math.isnan(frequency_deviation(estimate, Mode(5.36, 0.01, 0j)))
     assert math.isnan(damping_deviation(estimate, Mode(5.36, 0.01, 0j)))
+
+
+FIRST, SECOND = np.array([1.0, 0.3, -0.5]) + 0j, np.array([-0.2, 1.0, 0.4]) + 0j
+
+
+def shaped(frequency, damping=0.02, shape=FIRST, error=0.01):
+    errors = np.full(3, 0.02)
+    return Mode(
+        frequency_hz=frequency,
+        damping_ratio=damping,
+        pole=0j,
+        shape=shape,
+        frequency_se_hz=error,
+        damping_se=0.003,
+        shape_se_real=errors,
+        shape_se_imag=errors,
+    )
+
+
+def test_two_modes_of_every_order_within_their_tolerance_stay_apart():
+    """Both lie within 1 % with the same shape: only that each order has two tells them apart."""
+    orders = {n: [shaped(10.0 + 0.01 * n), shaped(10.1 + 0.01 * n)] for n in (4, 6, 8)}
+    groups = cluster_modes(orders)
+    assert groups == [{4: 0, 6: 0, 8: 0}, {4: 1, 6: 1, 8: 1}]
+
+
+def test_the_shape_tells_modes_of_one_frequency_apart():
+    orders = {4: [shaped(10.0)], 6: [shaped(10.0, shape=SECOND), shaped(10.02)], 8: [shaped(10.01)]}
+    assert sorted(map(sorted, (g.items() for g in cluster_modes(orders)))) == [
+        [(4, 0), (6, 1), (8, 0)],
+        [(6, 0)],
+    ]
+
+
+def test_a_distance_is_judged_by_its_standard_errors_where_these_are_large():
+    assert mode_distance(shaped(10.0), shaped(10.5)) > 1.0
+    assert mode_distance(shaped(10.0, error=0.2), shaped(10.5)) < 1.0
+    unknown = mode_distance(shaped(10.0, error=np.nan), shaped(10.15, error=np.nan))
+    assert unknown < 1.0
+
+
+def test_no_modes_make_no_groups():
+    assert cluster_modes({2: [], 4: []}) == []

@@ -7,14 +7,9 @@ import pytest
 from scipy.signal import dlsim
 
 from evopem.files.json_form import from_json, to_json
+from evopem.models.mode_shapes import assurance, mean_phase, phase_collinearity, plane_assurance
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.state_space import StateSpaceModel
-from evopem.models.state_space_modes import (
-    assurance,
-    mean_phase,
-    phase_collinearity,
-    plane_assurance,
-)
 
 RATE = 50.0
 
@@ -238,10 +233,10 @@ def test_a_model_without_input_simulates_its_level_and_has_no_participation():
 def test_arguments_of_idss_can_be_saved_and_loaded(tmp_path):
     from scipy.io import loadmat
 
-    from evopem.models.matlab import save_state_space_mat
+    from evopem.models.matlab import save_model_mat
 
     m = model()
-    save_state_space_mat(m, tmp_path / "model.mat")
+    save_model_mat(m, tmp_path / "model.mat")
     loaded = loadmat(tmp_path / "model.mat")
     for name in "ABCDK":
         np.testing.assert_array_equal(loaded[name], getattr(m, name))

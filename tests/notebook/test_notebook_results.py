@@ -16,7 +16,7 @@ from evopem.config.defaults import complete
 from evopem.config.schema import schema_file
 from evopem.files.json_form import load
 from evopem.notebook.progress import _rich, progress
-from evopem.pipeline.identification import identify_recording
+from evopem.pipeline.identification import identify_dataset
 from evopem.report.numbers import THIN
 from evopem.report.sentences.about_verdict import verdict
 from evopem.results.layout import DatasetFiles
@@ -83,8 +83,8 @@ def test_the_workflow_finds_the_same_in_a_file_of_the_same_signals(found, tmp_pa
     content = {"datasets": {"data": {"recipe": "auto", **keys, **QUICK}}}
     settings = complete(content, schema_file()).datasets["data"]
     files = DatasetFiles(str(tmp_path / "results" / "data"))
-    identify_recording(files, settings, with_report=False)
-    again = evopem.read_results(files.folder)
+    identify_dataset(files, settings, with_report=False)
+    again = evopem.Results.of(files, settings)
     assert np.array_equal(again.model.parameters, found.model.parameters)
     assert again.modes.equals(found.modes)
     assert again.verdict == found.verdict
@@ -148,11 +148,24 @@ def test_what_is_saved_opens_again_and_can_be_repeated(found, tmp_path, monkeypa
     monkeypatch.chdir(folder)
     assert Path(keys["file"]).is_file()
     info = load(RecordingInfo, folder / "recording.json")
-    assert info.file.path == keys["file"] == "data.npz"
+    assert info.files[0].path == keys["file"] == "data.npz"
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "thesis.tex").touch()
     with pytest.raises(evopem.InputError, match="holds other files than results"):
         found.save(tmp_path / "full")
+
+
+def test_saving_replaces_nothing_that_evopem_did_not_write(found, tmp_path):
+    project = tmp_path / "project"
+    found.save(project)
+    for name in ("config.yaml", "summary.json"):
+        (project / name).write_text("my own\n")
+        with pytest.raises(evopem.InputError, match=f"{name}: is not as evopem wrote it"):
+            found.save(project)
+        assert (project / name).read_text() == "my own\n"
+        (project / name).unlink()
+    found.save(project)
+    assert evopem.read_results(project).modes.equals(found.modes)
 
 
 def test_an_independent_recording_validates(found):
@@ -223,7 +236,7 @@ def test_progress_is_a_bar_or_lines(capsys):
     with progress(shown=False) as announce:
         assert announce is None
     with progress(shown=True) as announce:
-        announce("oe", 3, 20)
+        announce("searching the orders of OE models", 3, 20)
     assert "[3/20]" in (lines := capsys.readouterr().err)
     assert "searching the orders of OE models" in lines
 
@@ -234,8 +247,71 @@ def test_rich_shows_a_bar_on_a_terminal(monkeypatch):
     terminal = console.Console(file=stream, force_terminal=True, width=90)
     monkeypatch.setattr("rich.progress.get_console", lambda: terminal)
     with _rich() as announce:
-        announce("model", 1, 2)
+        announce("model and its uncertainty", 1, 2)
     assert "model and its uncertainty" in stream.getvalue()
+
+
+def test_several_channels_are_identified_in_one_call(tmp_path):
+    u = np.random.default_rng(4).standard_normal((400, 2))
+    first, second = (lfilter([0.0, 1.0], POLES, column) for column in u.T)
+    noise = 0.05 * np.random.default_rng(5).standard_normal((400, 2))
+    y = np.column_stack([first + 0.3 * second, 0.5 * first - second]) + noise
+    table = pd.DataFrame(np.column_stack([u, y]), columns=["hot", "cold", "top", "bottom"])
+    small = {"form": "ss", "orders": {"nx": (4, 4)}, "search": {"evaluations": 1}}
+    channels = evopem.identify(
+        table, ["top", "bottom"], RATE, input=["hot", "cold"], show_progress=False, **small
+    )
+    assert channels.model.input_names == ("hot", "cold")
+    assert channels.simulation_error_percent < 5.0
+    assert channels.modes["frequency_hz"].iloc[0] == pytest.approx(0.785, abs=0.02)
+    assert list(channels.shapes.columns) == ["top", "bottom"]
+    assert channels.verdict in channels._repr_html_().replace("&#x27;", "'")
+    assert "state space, 4 states" in repr(channels)
+    assert "hot" in channels.report(tmp_path / "page.html").read_text(encoding="utf-8")
+    again = evopem.read_results(channels.save(tmp_path / "kept"))
+    assert again.modes.equals(channels.modes)
+    assert len(channels.plot_nyquist().figure.axes) == 4
+    assert len(channels.plot_residual_correlation()) == 6
+
+
+def test_only_results_are_compared(found):
+    with pytest.raises(evopem.InputError, match="compare: 'x' is no result"):
+        found.compare("x")
+
+
+def test_the_package_lists_its_public_names_and_no_others():
+    assert dir(evopem) == sorted(evopem.__all__)
+    code = "import evopem, pydoc; print(pydoc.plain(pydoc.render_doc(evopem)))"
+    environment = {"PYTHONPATH": str(Path(evopem.__file__).parents[1]), "PATH": ""}
+    shown = subprocess.run(
+        [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True
+    ).stdout
+    assert all(name in shown for name in ("identify(", "estimate(", "class Results"))
+
+
+def test_figures_of_a_notebook_stay_and_so_do_the_users_own():
+    nbformat, nbclient = pytest.importorskip("nbformat"), pytest.importorskip("nbclient")
+    pytest.importorskip("ipykernel")
+    scripts = str(Path(evopem.__file__).parents[1])
+    cells = [
+        f"import sys; sys.path.insert(0, {scripts!r})\nimport evopem, numpy\n"
+        "u, e = numpy.random.default_rng(1).standard_normal((2, 400))\n"
+        "from scipy.signal import lfilter\n"
+        "y = lfilter([0.0, 1.0], [1.0, -1.5, 0.7], u) + 0.1 * e\n"
+        "found = evopem.identify(u, y, 10.0, show_progress=False, structure='arx',"
+        " orders={'joint': [2, 2]}, search={'evaluations': 100});",
+        "found.plot_gain();",
+        "found.plot_frequency_response();",
+        "found.plot_step_response();",
+        "import matplotlib.pyplot as plt\nplt.plot([1, 2, 3]);",
+    ]
+    notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(each) for each in cells])
+    nbclient.NotebookClient(notebook, timeout=300, kernel_name="python3").execute()
+    pictures = [
+        sum("image/png" in output.get("data", {}) for output in cell.outputs)
+        for cell in notebook.cells
+    ]
+    assert pictures == [0, 1, 1, 1, 1]
 
 
 def test_missing_packages_are_named_and_the_import_is_light():

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from identified import finished_copy
 
 from evopem.config.defaults import complete
 from evopem.config.schema import schema_file
@@ -35,12 +36,9 @@ BEFORE = {
 inputs = np.random.default_rng(2).standard_normal((400, 2))
 output = lfilter([0.0, 1.0, 0.5], [1.0, -1.5, 0.8], inputs[:, 0])
 output += lfilter([0.0, 0.0, 0.0, 1.0, 0.4], [1.0, -0.7], inputs[:, 1]) + 0.1 * e[:400]
-""",
-    "docs/state_space.md": """
-import numpy as np
-from scipy.signal import lfilter
-u, e = np.random.default_rng(1).standard_normal((2, 400, 2))
-y = lfilter([0.0, 1.0], [1.0, -1.5, 0.7], u, axis=0) @ [[1.0, 0.3], [0.2, 1.0]] + 0.1 * e
+force, errors = np.random.default_rng(1).standard_normal((2, 400, 2))
+acceleration = lfilter([0.0, 1.0], [1.0, -1.5, 0.7], force, axis=0) @ [[1.0, 0.3], [0.2, 1.0]]
+acceleration += 0.1 * errors
 """,
 }
 # A small analysis, where a page says that settings.yaml holds one.
@@ -74,7 +72,7 @@ ELSEWHERE = {
 }
 # Nothing runs them:
 NOT_RUN = {
-    "make test        # every test": "it is what runs this test",
+    "make quick       # between edits": "it is what runs this test, or a part of it",
 }
 
 
@@ -147,9 +145,8 @@ def give(folder, page, identified):
         table = np.column_stack([u, 0.5 * np.roll(u, 1) + 0.1 * e])
         for file in (folder / "data.csv", folder / "measurements" / "data.csv"):
             np.savetxt(file, table, delimiter=",", header="u,y", comments="")
-        (folder / "results").mkdir()
         for name in ("a", "b"):
-            (folder / "results" / name).symlink_to(Path(identified.files.folder).resolve())
+            finished_copy(folder / "results" / name, identified)
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if left(page)])

@@ -27,7 +27,7 @@ FUNCTIONS = [
     evopem.load,
     evopem.identify,
     identify.identify,
-    structures.PolynomialOrders,
+    structures.Orders,
     structures.orders_of,
     polynomial.PolynomialModel,
     *(getattr(polynomial.PolynomialModel, name) for name in METHODS),

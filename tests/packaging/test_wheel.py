@@ -28,7 +28,7 @@ input, output = recording.input, recording.output
 RESULTS = """
 import json, sys
 import numpy as np
-response = model.frequency_response([1.0, 2.0, 5.0])
+response = model.frequency_response([1.0, 2.0, 5.0])[:, 0, 0]
 scipy_model = model.to_scipy()
 z = np.exp(2j * np.pi * np.array([1.0, 2.0, 5.0]) / model.sampling_rate)
 from_scipy = np.polyval(scipy_model.num, z) / np.polyval(scipy_model.den, z)
@@ -170,7 +170,7 @@ def test_the_wheel_writes_reports(wheel, identified, tmp_path):
         "import evopem\n"
         "from evopem.pipeline.identification import run_stage\n"
         "from evopem.report.templates import template_folder\n"
-        "for name in ('summary', 'figures', 'report'):\n"
+        "for name in ('summarize', 'draw_figures', 'write_report'):\n"
         "    run_stage(name, 'results/bench', log=None)\n"
         "print(template_folder(), evopem.__file__)\n"
     )

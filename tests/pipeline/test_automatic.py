@@ -21,13 +21,14 @@ from evopem.config.settings import (
 )
 from evopem.estimation.model_record import ModelRecord
 from evopem.files.json_form import load
-from evopem.pipeline.identification import identify_recording, stages
+from evopem.pipeline.identification import identify_dataset, jobs
 from evopem.results.layout import DatasetFiles
 
 STAGES = (
-    *("configuration", "recording", "plan", "preparation", "spectrum", "folds", "delay", "arx"),
-    *("structures", "remedies", "chosen", "other_model", "decisions", "model", "candidates"),
-    *("validation", "summary", "figures", "report"),
+    *("write_settings", "read_recording", "decide_preparation", "prepare", "estimate_spectrum"),
+    *("decide_folds", "decide_delay", "search_structure/arx", "choose", "revise", "estimate"),
+    *("complete_model", "complete_other/prediction", "tabulate", "validate", "collect_decisions"),
+    *("summarize", "draw_figures", "write_report"),
 )
 POLES = [1.0, -1.5, 0.7]
 
@@ -54,12 +55,12 @@ def clipped(tmp_path_factory):
     rows = np.column_stack([np.repeat(u[:100], 7), y])
     np.savetxt(file, rows, delimiter=",", header="u,y", comments="", fmt="%.10g")
     files = DatasetFiles(str(folder / "results" / "pump"))
-    identify_recording(files, settings_of(str(file)), with_report=True)
+    identify_dataset(files, settings_of(str(file)), with_report=True)
     return files
 
 
 def test_the_stages_are_listed_in_their_order(clipped):
-    assert tuple(stages(clipped, settings_of("pump.csv"))) == STAGES
+    assert tuple(job.name for job in jobs(settings_of("pump.csv"), clipped)) == STAGES
 
 
 def test_clipped_samples_are_breaks_and_the_model_comes_from_all_stretches(clipped):

@@ -15,7 +15,7 @@ from evopem.config.schema import schema_file
 from evopem.errors import InputError
 from evopem.files.unfinished import UnfinishedJob, write_record
 from evopem.pipeline import batch
-from evopem.pipeline.identification import identify_recording
+from evopem.pipeline.identification import identify_dataset
 from evopem.results.layout import DatasetFiles
 from evopem.results.made_from import forget_incomplete_batches, is_finished
 from evopem.synthesis.armax import armax
@@ -42,7 +42,7 @@ def identified(tmp_path_factory):
             np.savetxt(f"{number}.csv", samples, delimiter=",")
         Path("2.csv").write_text("1,2\n")
         assert states(run(failing="r2")) == {"r1": "complete", "r2": "failed.", "r3": "complete"}
-        identify_recording(DatasetFiles("alone/r3"), recordings()["r3"], with_report=False)
+        identify_dataset(DatasetFiles("alone/r3"), recordings()["r3"], with_report=False)
     return folder
 
 
@@ -133,7 +133,7 @@ def test_an_interrupted_batch_goes_on_and_a_killed_recording_is_tried_last(copie
     shutil.rmtree("results/r3")
     Path("2.csv").write_text(Path("1.csv").read_text())
     write_record(UnfinishedJob("identification", ()), DatasetFiles("results/r2").logs)
-    real, begun = batch.identify_recording, []
+    real, begun = batch.identify_dataset, []
 
     def interrupted(files, *arguments, **keys):
         begun.append(files.name)
@@ -141,11 +141,11 @@ def test_an_interrupted_batch_goes_on_and_a_killed_recording_is_tried_last(copie
             raise KeyboardInterrupt
         real(files, *arguments, **keys)
 
-    monkeypatch.setattr(batch, "identify_recording", interrupted)
+    monkeypatch.setattr(batch, "identify_dataset", interrupted)
     with pytest.raises(KeyboardInterrupt):
         run()
     assert begun == ["r3", "r2"]
-    monkeypatch.setattr(batch, "identify_recording", real)
+    monkeypatch.setattr(batch, "identify_dataset", real)
     assert states(run()) == {"r1": "finished", "r3": "finished", "r2": "complete"}
     alone = Path("alone/r3/model.json").read_bytes()
     assert Path("results/r3/model.json").read_bytes() == alone

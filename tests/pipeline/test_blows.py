@@ -10,12 +10,12 @@ import pytest
 
 from evopem.config.defaults import complete
 from evopem.errors import InputError
-from evopem.estimation.state_space.model_record import MultichannelModelRecord
+from evopem.estimation.multichannel_record import MultichannelModelRecord
 from evopem.files.json_form import load
-from evopem.pipeline.multichannel.stages import identify_channels
+from evopem.pipeline.identification import identify_dataset
 from evopem.results.layout import DatasetFiles
 from evopem.signals.multichannel_preparation import load_multichannel_data
-from evopem.signals.multichannel_reading import MultichannelInfo
+from evopem.signals.recording_info import RecordingInfo
 from evopem.validation.checks.state_space import state_space_checks
 from evopem.validation.modes_record import ModesRecord
 from evopem.validation.multichannel import MultichannelValidation
@@ -30,7 +30,7 @@ BLOWS = {
     "input": ["hammer"],
     "output": ["acc_*"],
     "structure": "state_space",
-    "form": "output_error",
+    "form": "ss_oe",
     "orders": {"nx": 4},
     "delay": {"nk": [0, 2]},
     "search": {"evaluations": 1},
@@ -59,7 +59,7 @@ def identified(path, monkeypatch, keys, lengths=(260, 230, 250, 240)):
         blow(number, samples).to_csv(f"blow_{number}.csv", index=False)
     settings = complete({"datasets": {"frame": BLOWS | keys}}, SCHEMA_PATH).datasets["frame"]
     files = DatasetFiles.of_dataset("frame")
-    identify_channels(files, settings, with_report=True)
+    identify_dataset(files, settings, with_report=True)
     return files
 
 
@@ -92,11 +92,11 @@ def test_the_held_out_blow_is_simulated_down_to_the_noise(results):
     assert data.validation.samples == 240
     least = 100.0 * np.mean(NOISE / data.validation.outputs.std(axis=0))
     assert validation.simulation_error_percent == pytest.approx(least, rel=0.1)
-    searched = json.loads(Path(results.search("output_error_noise")).read_text())
+    searched = json.loads(Path(results.search("ss_oe_noise")).read_text())
     # Two and three groups of recordings: every one is held out, and leaves the noise.
     assert len(searched["folds"]) == 3
     expected = [
-        100.0 * np.mean(NOISE / each.std(axis=0)) for each in data.estimation.output_records
+        100.0 * np.mean(NOISE / each.std(axis=0)) for each in data.estimation.segment_outputs
     ]
     assert np.mean(expected) == pytest.approx(searched["simulation"][0], rel=0.1)
 
@@ -112,16 +112,16 @@ def test_the_report_lists_every_recording(results):
 @pytest.mark.parametrize(
     ("form", "order", "passed", "says"),
     [
-        ("output_error", 4, True, "Inside: 4 states; 2 to 8 were tried."),
-        ("output_error", 8, False, "At the upper end: 8 states; 2 to 8 were tried."),
+        ("ss_oe", 4, True, "Inside: 4 states; 2 to 8 were tried."),
+        ("ss_oe", 8, False, "At the upper end: 8 states; 2 to 8 were tried."),
         # The states of such a model are those of plant and noise; the plant's were searched.
-        ("box_jenkins", 4, True, "Inside: 4 states of the plant; 2 to 8 were tried."),
+        ("ss_bj", 4, True, "Inside: 4 states of the plant; 2 to 8 were tried."),
     ],
 )
 def test_the_order_is_judged_by_the_orders_that_were_searched(results, form, order, passed, says):
-    record = replace(load(MultichannelModelRecord, results.model), form=form, plant_states=11)
+    record = replace(load(MultichannelModelRecord, results.model), structure=form, plant_states=11)
     validation = load(MultichannelValidation, results.validation)
-    info = load(MultichannelInfo, results.recording_info)
+    info = load(RecordingInfo, results.recording_info)
     checks = state_space_checks(record, validation, order, (2, 4, 6, 8), info)
     (found,) = (each for each in checks if each.name == "Order inside its range")
     assert (found.passed, found.statement) == (passed, says)
@@ -142,7 +142,7 @@ def test_every_structure_takes_several_recordings(tmp_path, monkeypatch):
         blow(number).to_csv(f"blow_{number}.csv", index=False)
     settings = complete({"datasets": {"frame": own}}, SCHEMA_PATH).datasets["frame"]
     files = DatasetFiles.of_dataset("frame")
-    identify_channels(files, settings, with_report=True)
+    identify_dataset(files, settings, with_report=True)
     record = load(MultichannelModelRecord, files.model)
     assert record.text.startswith("ARMAX(")
     simulation = pd.read_csv(files.simulation)

@@ -9,8 +9,8 @@ import pytest
 from evopem.config.structures import AUTOMATIC_PHASES, PHASES
 from evopem.pipeline.commit import commit_of
 from evopem.pipeline.figures import draw_figures
-from evopem.pipeline.identification import stages
 from evopem.pipeline.report import write_report
+from evopem.pipeline.stages import STAGES
 from evopem.report.provenance import AFTER, BEFORE, PHASE_STAGES
 from evopem.results.layout import FIGURES, DatasetFiles
 
@@ -24,7 +24,7 @@ def workflow(tmp_path):
     """A folder with the layout of the workflow's own."""
     folder = tmp_path / "checkout" / "workflow"
     (folder / "scripts").mkdir(parents=True)
-    shutil.copy(WORKFLOW / "scripts" / "write_report.py", folder / "scripts")
+    shutil.copy(WORKFLOW / "scripts" / "run_stage.py", folder / "scripts")
     (folder.parent / "Snakefile").write_text("")
     return folder
 
@@ -61,19 +61,19 @@ def test_the_commit_and_changes_to_it_are_named(workflow):
     assert commit_of(workflow) == f"{commit}, with changes that are not committed"
 
 
-def test_the_times_shown_are_those_of_the_stages(identified):
+def test_the_times_shown_are_those_of_the_stages():
     shown = {stage for stage, _ in (*BEFORE, *AFTER)}
-    assert shown <= set(stages(identified.files, identified.results.settings))
+    assert shown <= {stage.name for stage in STAGES}
     assert tuple(PHASE_STAGES) == (*PHASES, *AUTOMATIC_PHASES)
 
 
 def test_figures_and_times_are_read_from_the_folder_of_the_data_set(identified, tmp_path):
     files = DatasetFiles(str(shutil.copytree(identified.files.folder, tmp_path / "bench")))
     draw_figures(files)
-    benchmark = Path(files.benchmark("spectrum"))
+    benchmark = Path(files.benchmark("estimate_spectrum"))
     benchmark.parent.mkdir()
     benchmark.write_text("s\n98.76\n")
-    write_report(files, WORKFLOW / "templates")
+    write_report(files)
     page = Path(files.report).read_text(encoding="utf-8")
     assert "98.8" in page
     assert page.count("<svg") == len(FIGURES)

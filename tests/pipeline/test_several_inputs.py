@@ -12,9 +12,9 @@ from scipy.signal import lfilter
 
 from evopem.config.defaults import complete
 from evopem.errors import InputError
-from evopem.estimation.state_space.model_record import MultichannelModelRecord
+from evopem.estimation.multichannel_record import MultichannelModelRecord
 from evopem.files.json_form import load
-from evopem.pipeline.multichannel.stages import identify_channels
+from evopem.pipeline.identification import identify_dataset
 from evopem.results.fleet import DatasetSummary
 from evopem.results.layout import DatasetFiles
 from evopem.validation.multichannel import MultichannelValidation
@@ -44,7 +44,7 @@ def identified(path, monkeypatch, keys, samples=SAMPLES, with_report=True, table
     dataset |= {"search": {"evaluations": 50}} | keys
     settings = complete({"datasets": {"mixer": dataset}}, SCHEMA_PATH).datasets["mixer"]
     files = DatasetFiles.of_dataset("mixer")
-    identify_channels(files, settings, with_report)
+    identify_dataset(files, settings, with_report)
     return files
 
 
@@ -63,9 +63,9 @@ def test_the_model_is_the_truth(results):
     assert str(model.orders) == "ARMAX(2,[2 1],1,[1 3])"
     assert record.text == str(model.orders)
     assert (model.sampling_rate, record.Ts, model.input_names) == (10.0, 0.1, ("hot", "cold"))
-    errors = model.covariance.standard_errors(np.eye(len(model.parameters)))[:-1]
+    errors = model.parameter_standard_errors()
     truth = np.array([-1.5, 0.8, 1.0, 0.5, -0.7, -0.5])
-    assert np.abs((model.parameters[:-1] - truth) / errors).max() < 3.5
+    assert np.abs((model.parameters - truth) / errors).max() < 3.5
     assert model.noise_variance == pytest.approx(signals()[1] ** 2, rel=0.2)
     response = model.frequency_response([0.5, 3.0])
     assert np.allclose(record.plant.frequency_response([0.5, 3.0]), response)
@@ -159,16 +159,16 @@ def test_ranges_of_other_inputs_are_refused_when_the_names_are_known(tmp_path, m
 
 
 @pytest.mark.parametrize(
-    ("structure", "ranges", "orders"),
+    ("structure", "ranges", "na", "nf"),
     [
-        ("fir", {"joint": [2, 4]}, "FIR([2 1],[1 3])"),
-        ("ararx", {"joint": [1, 2]}, "ARARX(2,[2 1],1,[1 3])"),
-        ("ararmax", {"joint": [1, 2]}, "ARARMAX(2,[2 1],1,1,[1 3])"),
+        ("fir", {"joint": [2, 4]}, 0, (0, 0)),
+        ("ararx", {"joint": [1, 2]}, 2, (0, 0)),
+        ("ararmax", {"joint": [1, 2]}, 2, (0, 0)),
         # Poles of A could be in all F_i and D as well, where these are not limited.
-        ("general", {"na": 1, "nf": 1, "joint": 2}, "general(1,[2 1],1,1,[1 1],[1 3])"),
+        ("general", {"na": 1, "nf": 1, "joint": 2}, 1, (1, 1)),
     ],
 )
-def test_every_structure_takes_several_recordings(tmp_path, monkeypatch, structure, ranges, orders):
+def test_every_structure_takes_several_recordings(tmp_path, monkeypatch, structure, ranges, na, nf):
     """Each recording has a level of its own, and the orders of each input are the truth's."""
     monkeypatch.chdir(tmp_path)
     for part in range(4):
@@ -176,7 +176,9 @@ def test_every_structure_takes_several_recordings(tmp_path, monkeypatch, structu
     keys = {"file": "part_*.csv", "structure": structure, "orders": ranges}
     files = identified(tmp_path, monkeypatch, keys)
     record = load(MultichannelModelRecord, files.model)
-    assert str(record.polynomials.orders) == orders
+    orders = record.polynomials.orders
+    assert orders.structure == structure
+    assert (orders.na, orders.nb, orders.nf, orders.nk) == (na, (2, 1), nf, (1, 3))
     validation = load(MultichannelValidation, files.validation)
     assert validation.simulation_error_percent == pytest.approx(10.0, abs=2.0)
     assert "4 recordings" in Path(files.report).read_text(encoding="utf-8")
@@ -204,7 +206,7 @@ def test_polynomials_and_state_space_are_compared_by_one_criterion(tmp_path, mon
     decisions = json.loads((tmp_path / files.decisions).read_text())["decisions"]
     forms = next(each for each in decisions if each["subject"].startswith("form and weighting"))
     names = {each["name"] for each in forms["alternatives"]}
-    assert {"innovations_determinant", "output_error_noise", "arx", "armax", "oe", "bj"} <= names
+    assert {"ss_determinant", "ss_oe_noise", "arx", "armax", "oe", "bj"} <= names
 
 
 def test_a_record_that_is_too_short_is_refused_in_one_sentence(tmp_path, monkeypatch):
@@ -213,7 +215,7 @@ def test_a_record_that_is_too_short_is_refused_in_one_sentence(tmp_path, monkeyp
     assert str(caught.value).startswith("datasets.mixer.orders.joint: ")
 
 
-@pytest.mark.parametrize("keys", [{"structure": "armax"}, {"form": "output_error"}], ids=str)
+@pytest.mark.parametrize("keys", [{"structure": "armax"}, {"form": "ss_oe"}], ids=str)
 def test_the_absolute_objective_bears_outliers(tmp_path, monkeypatch, keys):
     table = signals()[0]
     hits = np.random.default_rng(1).random(SAMPLES) < 0.03
@@ -229,12 +231,15 @@ def test_the_absolute_objective_bears_outliers(tmp_path, monkeypatch, keys):
     assert "mean absolute ones" in Path(files.report).read_text(encoding="utf-8")
 
 
-def test_constraints_hold_from_the_file_to_the_report(tmp_path, monkeypatch):
-    keys = {
-        "structure": "armax",
-        "orders": {"joint": 2},
-        "constraints": {"static_gain": {"hot": 4.0}, "max_pole_radius": 0.85},
-    }
+CONSTRAINED = [
+    {"structure": "armax", "orders": {"joint": 2}},
+    {"structure": "state_space", "form": "ss", "orders": {"nx": 2}},
+]
+
+
+@pytest.mark.parametrize("structure", CONSTRAINED, ids=("armax", "ss"))
+def test_constraints_hold_from_the_file_to_the_report(tmp_path, monkeypatch, structure):
+    keys = structure | {"constraints": {"static_gain": {"hot": 4.0}, "max_pole_radius": 0.85}}
     files = identified(tmp_path, monkeypatch, keys)
     record = load(MultichannelModelRecord, files.model)
     gain = record.plant.frequency_response([0.0])[0, 0, 0].real
@@ -247,9 +252,10 @@ def test_constraints_hold_from_the_file_to_the_report(tmp_path, monkeypatch):
     assert "Standard errors are zero across active constraints" in report
 
 
-def test_constraints_that_contradict_the_record_are_refused(tmp_path, monkeypatch):
-    keys = {"structure": "armax", "orders": {"joint": 2}}
-    keys["constraints"] = {"frequency_band": [6.0, 8.0]}  # half the sampling rate is 5 Hz
+@pytest.mark.parametrize("structure", CONSTRAINED, ids=("armax", "ss"))
+def test_constraints_that_contradict_the_record_are_refused(tmp_path, monkeypatch, structure):
+    # Half the sampling rate is 5 Hz.
+    keys = structure | {"constraints": {"frequency_band": [6.0, 8.0]}}
     with pytest.raises(InputError) as refused:
         identified(tmp_path, monkeypatch, keys)
     assert "datasets.mixer.constraints.frequency_band" in str(refused.value)

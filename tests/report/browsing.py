@@ -9,7 +9,8 @@ import pytest
 from evopem.report import build_index
 from evopem.report.comparison_page import build_comparison
 from evopem.results.comparison import Comparison
-from evopem.results.fleet import IncompleteDataset, summarize
+from evopem.results.fleet import summarize
+from evopem.results.identity import IncompleteDataset
 
 TEMPLATES = Path(__file__).parents[2] / "workflow" / "templates"
 HOSTILE = """<script>document.title="harmed"</script>"'&"""
@@ -19,6 +20,14 @@ needs_chromium = pytest.mark.skipif(
     not (CHROMIUM and DRIVER),
     reason="Chromium is not installed (Debian packages chromium and chromium-driver)",
 )
+
+
+def renamed_channels(info, input_name, output_name):
+    """The same origin with other names of its channels."""
+    (u,), (y,) = info.inputs, info.outputs
+    return replace(
+        info, inputs=(replace(u, name=input_name),), outputs=(replace(y, name=output_name),)
+    )
 
 
 @pytest.fixture(scope="session")
@@ -60,8 +69,8 @@ def hostile(results, build, draw, tmp_path_factory):
     renamed = replace(
         results,
         settings=replace(results.settings, name=HOSTILE),
-        recording=replace(results.recording, output_name=HOSTILE, input_unit=HOSTILE),
-        recording_info=replace(results.recording_info, output_name=HOSTILE, input_name=HOSTILE),
+        recording=replace(results.recording, output_names=(HOSTILE,), input_units=(HOSTILE,)),
+        recording_info=renamed_channels(results.recording_info, HOSTILE, HOSTILE),
     )
     file = tmp_path_factory.mktemp("pages") / "hostile.html"
     file.write_text(build(renamed, draw(renamed)), encoding="utf-8")

@@ -202,7 +202,7 @@ def test_text_and_figures_stand_out_in_both_themes(browser, report, scheme):
             text: of('body', 'color'),
             caption: of('figcaption', 'color'),
             link: of('figcaption a', 'color'),
-            verdict: of('.failed .verdict', 'color'),
+            verdict: of('.checks .verdict', 'color'),
             passed: of('.verdict.passed', 'color'),
             good: of('.use.good h3', 'color'),
             contents: of('.contents a', 'color'),

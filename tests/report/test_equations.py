@@ -10,9 +10,9 @@ from evopem.models.polynomial import PolynomialModel
 from evopem.report import equations
 
 MODEL = PolynomialModel(
-    a=np.array([1.0, -1.5, 0.7]),
-    b=np.array([0.5, -0.25]),
-    c=np.array([1.0, 0.3]),
+    A=np.array([1.0, -1.5, 0.7]),
+    B=np.array([0.5, -0.25]),
+    C=np.array([1.0, 0.3]),
     nk=3,
     sampling_rate=100.0,
     noise_variance=0.01,
@@ -98,7 +98,15 @@ def test_plain_text_and_json_give_the_model_back():
         "sampling rate = 100 Hz",
     ]
     assert json.loads(equations.as_json(model)) == {
-        "orders": {"na": 1, "nb": 2, "nc": 1, "nd": 0, "nf": 0, "nk": 3, "structure": "armax"},
+        "orders": {
+            "na": 1,
+            "nb": [2],
+            "nc": 1,
+            "nd": 0,
+            "nf": [0],
+            "nk": [3],
+            "structure": "armax",
+        },
         "a": [1.0, -0.123456789012],
         "b": [0.5, -2e-7],
         "c": [1.0, 0.25],
@@ -109,11 +117,11 @@ def test_plain_text_and_json_give_the_model_back():
 
 def box_jenkins():
     return PolynomialModel(
-        a=np.ones(1),
-        b=np.array([0.5]),
-        c=np.array([1.0, 0.2]),
-        d=np.array([1.0, -0.7]),
-        f=np.array([1.0, -0.9]),
+        A=np.ones(1),
+        B=np.array([0.5]),
+        C=np.array([1.0, 0.2]),
+        D=np.array([1.0, -0.7]),
+        F=np.array([1.0, -0.9]),
         nk=1,
         level=0.25,
         noise_variance=0.01,

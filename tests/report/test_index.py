@@ -8,8 +8,9 @@ import pytest
 from test_pages import HOSTILE, TEMPLATES, Page
 
 from evopem.report import build_index
-from evopem.results.fleet import IncompleteDataset
+from evopem.report.numbers import to_its_error
 from evopem.results.followed_modes import group_of
+from evopem.results.identity import IncompleteDataset
 from evopem.validation.checks import Check
 
 
@@ -67,13 +68,27 @@ def test_each_row_has_the_numbers_of_its_data_set(summary):
 def test_each_row_has_its_modes_and_gain(summary):
     html = build_index({"bench": summary}, TEMPLATES)
     for mode, trusted in zip(summary.modes, summary.trusted, strict=True):
-        shown = f"{mode.frequency_hz:.3g}"
+        shown = to_its_error(mode.frequency_hz, mode.frequency_se_hz)
         assert (f"<strong>{shown}</strong>" in html) == trusted
         assert shown in html
     assert html.count("<svg") == 1
     assert html.count('class="mark"') == sum(summary.trusted)
     top = max(summary.gain_db)
     assert f"Gain from 0 to 50 Hz, from {top:.0f} down to" in html.replace("−", "-")
+
+
+def test_a_mode_has_the_digits_that_its_standard_error_leaves(summary):
+    """Three digits said 37.0 Hz of 36.9874 ± 0.0002 Hz, so that changes were not seen."""
+    mode = replace(summary.modes[0], frequency_hz=36.98741, frequency_se_hz=0.0002)
+    html = build_index({"bench": replace(summary, modes=(mode,), trusted=(True,))}, TEMPLATES)
+    assert "<strong>36.9874</strong>" in html
+
+
+def test_no_link_has_another_name_for_screen_readers_than_its_text(summary):
+    gone = IncompleteDataset("failed", "gone.csv: no file", "logs/recording.log")
+    html = build_index({"bench": summary, "gone": gone}, TEMPLATES)
+    assert re.findall(r"<a [^>]*aria-label", html) == []
+    assert "Log" in html
 
 
 @pytest.mark.parametrize(

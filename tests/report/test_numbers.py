@@ -17,7 +17,8 @@ THIN = numbers.THIN
         (1234.5, 25.0, "1234 ± 25"),
         (-0.5, 0.031, "−0.500 ± 0.031"),
         (5.36123, 0.0, "5.361 ± 0"),
-        (747.0, 247581777.0, "747 ± 2.5\u00a0·\u00a010⁸"),
+        (747.0, 247581777.0, "747 ± not known"),
+        (7.275, 3200826.0, "7.28 ± not known"),
         (5.36123, None, "5.361 ± not known"),
         (5.36123, math.nan, "5.361 ± not known"),
         (5.36123, math.inf, "5.361 ± not known"),
@@ -27,6 +28,22 @@ THIN = numbers.THIN
 )
 def test_values_with_errors(value, error, text):
     assert numbers.with_error(value, error) == text
+
+
+@pytest.mark.parametrize(
+    ("value", "error", "text"),
+    [
+        (36.98741, 0.0002, "36.9874"),
+        (154.23, 0.3, "154.2"),
+        (154.23, 40.0, "154"),
+        (0.0123456, 1e-9, "0.0123456"),
+        (5.36123, math.nan, "5.36"),
+        (-0.5, 0.031, "−0.50"),
+        (None, 0.1, "–"),
+    ],
+)
+def test_values_to_the_first_digit_of_their_errors(value, error, text):
+    assert numbers.to_its_error(value, error) == text
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from browsing import renamed_channels
 
+from evopem.figures.view import view_of
 from evopem.models.modes import Mode
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
@@ -19,6 +21,7 @@ from evopem.report.sentences import (
     about_spectrum,
     about_validation,
 )
+from evopem.report.sentences.about_verdict import verdict
 from evopem.signals.spectral.peaks import SpectralPeak
 from evopem.synthesis.truth import true_mode
 
@@ -78,7 +81,7 @@ def test_recording_with_names_units_and_a_validation_recording(results):
     changed = with_transforms(
         results, validation_source="file", discard=0, difference_input=1, resampled_from=200.0
     )
-    named = replace(results.recording_info, input_name="torque", output_name="tip")
+    named = renamed_channels(results.recording_info, "torque", "tip")
     (text,) = about_recording.recording(replace(changed, recording_info=named))
     assert "samples of torque (input) and tip (output)" in text
     assert f"resampled from 200{THIN}Hz to 100{THIN}Hz" in text
@@ -168,7 +171,7 @@ def test_phases_give_the_smallest_rss_beside_the_selection(results):
         f" {percent(selected.criteria.rss, 4)}; the smallest RSS, {percent(least['rss'], 4)}, is at"
         f" {least['nc']}. ARMAX"
     )
-    assert joint.startswith("Joint order na = nb = nc = k, searched from 6 to 8")
+    assert joint.startswith("Plant order na = nb = nc = k, searched from 6 to 8")
     assert nb.startswith("Number of B coefficients, nb, searched from 5 to 7")
     assert "BIC decides" in last
     only = replace(results.phases["nc"], candidates=(selected,), reason="It is the only candidate.")
@@ -177,12 +180,13 @@ def test_phases_give_the_smallest_rss_beside_the_selection(results):
 
 
 def test_stabilization_lists_the_modes_that_persist(results):
-    (text,) = about_orders.stabilization(results)
+    (text,) = about_orders.stabilization(view_of(results))
     # 37 Hz is within 1 % and 10 % at the orders 6, 7 and 8; the broad mode at 17 Hz is not.
     assert text.startswith(f"Over the orders 6 to 8, poles at 37{THIN}Hz are stable")
     assert "16." not in text
     two = replace(results.phases["joint"], candidates=results.phases["joint"].candidates[:2])
-    (text,) = about_orders.stabilization(replace(results, phases=results.phases | {"joint": two}))
+    fewer = replace(results, phases=results.phases | {"joint": two})
+    (text,) = about_orders.stabilization(view_of(fewer))
     assert text == "Over the orders 6 to 7, no pole is stable over 3 successive orders."
 
 
@@ -307,13 +311,12 @@ def test_simulation_says_where_it_starts(results):
     error = percent(validation.simulation_error_percent)
     assert f"Its error is {error} of the deviation of the measured output" in text
     assert "over 398 validation samples" in text
-    assert "the initial state that fits these samples best" in text
-    continued = percent(validation.continued_simulation_error_percent)
-    assert f"without their output has an error of {continued}" in text
-    independent = replace(validation, continued_simulation_error_percent=None, unscored_samples=8)
+    assert "runs on from the samples before them" in text
+    fitted = percent(validation.fitted_state_error_percent)
+    assert f"as in MATLAB's compare, the error is {fitted}." in text
+    independent = replace(validation, unscored_samples=8)
     (text,) = about_validation.simulation(replace(results, validation=independent))
-    assert "continues" not in text
-    assert "The first 8 samples have no complete past" in text
+    assert "The first 8 samples determine the states and are not scored" in text
 
 
 def test_simulation_in_recorded_units(results):
@@ -346,3 +349,12 @@ def test_the_results_beside_those_of_the_chapter(results):
         ("Model", str(orders), "ARMAX(7,6,7,3)"),
     ]
     assert not chapter.stands_in_for_the_chapter(results.settings)
+
+
+def test_a_band_without_upper_limit_is_no_number(results):
+    view = view_of(results)
+    view.__dict__["frequency_response"] = view.frequency_response.assign(gain_upper=math.inf)
+    [use] = [use for use in verdict(view).uses if use.name == "the frequency response"]
+    assert use.answer != "good"
+    assert "no upper limit" in use.reason
+    assert "±" not in use.reason

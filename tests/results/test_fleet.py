@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from identified import finish
 
 from evopem.config.structures import phases_of
 from evopem.errors import InputError
@@ -18,12 +19,12 @@ from evopem.pipeline.fleet import collect_fleet, collect_unfinished
 from evopem.pipeline.summary import summarize_dataset
 from evopem.results.fleet import (
     DatasetSummary,
-    IncompleteDataset,
     fleet_table,
     read_entry,
-    read_summaries,
     without_formulas,
 )
+from evopem.results.identity import IncompleteDataset
+from evopem.validation.checks import Check
 from evopem.results.layout import OVERVIEW, DatasetFiles
 
 TEMPLATES = Path(__file__).parents[2] / "workflow" / "templates"
@@ -43,8 +44,7 @@ def files(identified, summary, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     files = DatasetFiles.of_dataset("a")
     shutil.copytree(identified.files.folder, files.folder)
-    with job(files.log("summary"), [files.model], [files.summary]):
-        summarize_dataset(files, phases_of("armax"))
+    finish(files)
     return files
 
 
@@ -98,9 +98,12 @@ def test_complete_data_sets_have_a_row_for_each_mode(summary):
     assert own["damping_percent"].tolist() == [100 * mode.damping_ratio for mode in summary.modes]
     assert own["mode"].tolist() == list(range(1, len(summary.modes) + 1))
     assert own["na"].unique().tolist() == [summary.orders.na]
-    failed = own.filter(like="check_").eq(False).sum(axis=1)
-    assert own["failed_checks"].tolist() == failed.tolist()
-    assert own["failed_checks"].iloc[0] == summary.n_checks(passed=False) > 0
+    # The range of the delay, which the configuration gave, ends at the delay: no defect.
+    assert (own["check_orders_inside_their_search_ranges"] == False).all()  # noqa: E712
+    assert own["failed_checks"].tolist() == [0] * len(summary.modes)
+    bad = Check("Stable", False, "It is not.", "Do not simulate with it.")
+    worse = replace(summary, checks=(*summary.checks, bad))
+    assert fleet_table({"a": worse})["failed_checks"].unique().tolist() == [1]
     assert table["status"].unique().tolist() == ["complete"]
 
 
@@ -127,7 +130,7 @@ def test_text_is_no_formula_in_a_spreadsheet(summary, text):
 
 
 def test_complete_data_sets_are_listed(files, summary):
-    collect_fleet(["a"], TEMPLATES, "report.html", *OVERVIEW)
+    collect_fleet(DatasetFiles("results"), ("a",), "report.html", {})
     assert rows()["a"]["status"] == "complete"
     html = Path(OVERVIEW[0]).read_text()
     assert '<a href="a/report.html">a</a></th>' in html
@@ -136,10 +139,20 @@ def test_complete_data_sets_are_listed(files, summary):
     assert unfinished(files)["a"] == rows()["a"]
 
 
-def test_a_damaged_summary_ends_the_list_of_complete_data_sets(files):
-    Path(files.summary).write_text("{")
-    with pytest.raises(InputError, match=r"summary\.json: is not valid JSON"):
-        read_summaries([files])
+@pytest.mark.parametrize("another_failed", [False, True])
+def test_a_changed_result_is_listed_alike_whatever_became_of_others(files, another_failed):
+    simulation = Path(files.simulation)
+    simulation.write_text(simulation.read_text()[:300])
+    if another_failed:
+        listed = unfinished(files)
+    else:
+        collect_fleet(DatasetFiles("results"), ("a",), "report.html", {})
+        listed = rows()
+    assert listed["a"]["status"] == "failed"
+    assert listed["a"]["problem"] == (
+        f"{simulation}: was changed or damaged after it was written; delete it and run snakemake"
+        " again."
+    )
 
 
 def test_a_data_set_that_was_complete_and_fails_is_not_listed_as_complete(files):
@@ -194,19 +207,14 @@ def test_a_changed_summary_is_reported(files, how):
     )
 
 
-def test_a_cut_off_summary_without_a_checksum_is_reported(files):
-    path = Path(files.summary)
-    path.write_text(path.read_text()[:100])
-    shutil.rmtree(f"{files.folder}/checksums")
-    assert "is not valid JSON" in unfinished(files)["a"]["problem"]
-
-
 def test_a_summary_of_an_earlier_model_is_not_listed(files):
-    model = Path(files.model)
-    model.write_text(model.read_text().replace('"evopem": "', '"evopem": "x'))
+    """Also where the model is as its job wrote it."""
+    with job(files.log("model"), outputs=[files.model]):
+        model = Path(files.model)
+        model.write_text(model.read_text().replace('"evopem": "', '"evopem": "x'))
     row = unfinished(files)["a"]
-    assert row["status"] == "unfinished"
-    assert "model.json has changed" in row["problem"]
+    assert row["status"] == "failed"
+    assert "summary.json: was not made from the present model.json" in row["problem"]
 
 
 def test_what_cannot_be_read_at_all_is_a_problem_of_one_data_set(files):

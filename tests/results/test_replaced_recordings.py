@@ -29,7 +29,7 @@ def write_results(path, recording, info):
     Path(recording).parent.mkdir(parents=True, exist_ok=True)
     origin = {"path": path, "sha256": sha256_of_file(path), "bytes": Path(path).stat().st_size}
     Path(recording).write_bytes(b"samples")
-    Path(info).write_text(json.dumps({"file": origin, "further_files": []}))
+    Path(info).write_text(json.dumps({"files": [origin]}))
 
 
 @pytest.fixture

@@ -23,9 +23,14 @@ from recorded_files import (
 )
 from scipy.io import savemat
 
-from evopem.config.settings import ChannelSettings
 from evopem.signals.reading import read_recording
-from evopem.signals.recording_info import FileOrigin, RecordingInfo, describe_recorded_files
+from evopem.signals.recording_info import (
+    ChannelInfo,
+    FileOrigin,
+    RecordingInfo,
+    describe_file,
+    describe_recording,
+)
 
 MOTOR_BENCH = Path(__file__).parents[2].parent / "shared" / "data" / "motor_bench"
 
@@ -301,24 +306,23 @@ def test_description_of_the_source(tmp_path):
 
     path = write_every_format(tmp_path)["npz"]
     recording = read_recording(path, "u", 2, RATE, output_unit="m")
-    info = describe_recorded_files([path], recording, ChannelSettings(input="u", output=2))
+    origin = describe_file(path, recording.samples, ("u",), (2,))
+    info = describe_recording(recording, [origin])
     assert info == RecordingInfo(
         kind="file",
         samples=N,
         sampling_rate=RATE,
-        input_name="u",
-        output_name="y",
-        input_unit="",
-        output_unit="m",
-        input_saturated_percent=0.0,
-        output_saturated_percent=0.0,
-        file=FileOrigin(
-            path=str(path),
-            sha256=hashlib.sha256(path.read_bytes()).hexdigest(),
-            bytes=path.stat().st_size,
-            format="numpy_files",
-            input_channel="u",
-            output_channel=2,
-            samples=N,
+        inputs=(ChannelInfo("u", "", 0.0),),
+        outputs=(ChannelInfo("y", "m", 0.0),),
+        files=(
+            FileOrigin(
+                path=str(path),
+                sha256=hashlib.sha256(path.read_bytes()).hexdigest(),
+                bytes=path.stat().st_size,
+                format="numpy_files",
+                inputs=("u",),
+                outputs=(2,),
+                samples=N,
+            ),
         ),
     )

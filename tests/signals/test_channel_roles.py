@@ -8,11 +8,12 @@ from scipy.signal import lfilter
 
 from evopem.config.defaults import complete
 from evopem.config.schema import schema_file
-from evopem.config.settings import ChannelSettings
+from evopem.config.state_space_settings import ChannelLists
 from evopem.config.yaml_form import yaml_text
 from evopem.errors import InputError
 from evopem.files.json_form import load
-from evopem.pipeline.acquisition import read_recording
+from evopem.pipeline.acquisition import read_recording, read_validation_recording
+from evopem.results.layout import DatasetFiles
 from evopem.signals.causality import causality_test
 from evopem.signals.channel_roles import roles_of
 from evopem.signals.recording import load_recording
@@ -90,20 +91,19 @@ def test_a_file_without_a_time_is_read_as_ever(tmp_path):
 
 def test_the_channels_of_the_first_file_are_those_of_all(tmp_path):
     first, second = driven(1), driven(2)
-    files = [
+    files = tuple(
         str(write(tmp_path / name, "time,a,b", times(), *each))
         for name, each in (("1.csv", first), ("2.csv", second))
-    ]
-    npz, info = tmp_path / "r.npz", tmp_path / "r.json"
-    read_recording(files, ChannelSettings(), npz, info, told=True)
-    recording = load_recording(npz)
+    )
+    made, channels = DatasetFiles(str(tmp_path / "x")), ChannelLists((1,), (2,))
+    read_recording(made, files, channels, told=True)
+    recording = load_recording(made.recording)
     assert (recording.input_name, recording.sampling_rate) == ("a", pytest.approx(50.0))
     validation = str(write(tmp_path / "v.csv", "time,b,a", times(), second[1], second[0]))
-    read_recording(
-        [validation], ChannelSettings(), npz, tmp_path / "v.json", told=True, told_in=str(info)
-    )
-    assert load_recording(npz).input == pytest.approx(second[0])
-    assert load(RecordingInfo, info).roles == load(RecordingInfo, tmp_path / "v.json").roles
+    read_validation_recording(made, (validation,), channels, told=True)
+    assert load_recording(made.validation_recording).input == pytest.approx(second[0])
+    infos = made.recording_info, made.validation_recording_info
+    assert load(RecordingInfo, infos[0]).roles == load(RecordingInfo, infos[1]).roles
 
 
 @pytest.mark.parametrize("recipe", ["auto", "chapter"])

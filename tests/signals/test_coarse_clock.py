@@ -5,11 +5,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from evopem.config.settings import ChannelSettings
+from evopem.config.state_space_settings import ChannelLists
 from evopem.errors import InputError
 from evopem.files.json_form import load
 from evopem.pipeline.acquisition import read_recording
 from evopem.report.sentences.about_recording import uneven_stamps
+from evopem.results.layout import DatasetFiles
 from evopem.signals.coarse_clock import coarse_clock
 from evopem.signals.even_grid import even_grid
 from evopem.signals.recording import load_recording
@@ -107,10 +108,10 @@ def test_the_samples_are_used_as_they_are_and_the_report_says_so(tmp_path, state
     file = tmp_path / "log.csv"
     stamps = 1e-3 * stamped(3.0, 10.0, 0.0)
     np.savetxt(file, np.column_stack([stamps, u, y]), "%.17g", ",", header="time,u,y", comments="")
-    results = str(tmp_path / "recording.npz"), str(tmp_path / "recording.json")
-    channels = ChannelSettings("u", "y", **stated)
-    read_recording([str(file)], channels, *results)
-    recording, info = load_recording(results[0]), load(RecordingInfo, results[1])
+    made = DatasetFiles(str(tmp_path / "x"))
+    channels = ChannelLists(("u",), ("y",), **stated)
+    read_recording(made, (str(file),), channels)
+    recording, info = load_recording(made.recording), load(RecordingInfo, made.recording_info)
     np.testing.assert_array_equal(recording.output, y)
     assert recording.sampling_rate == pytest.approx(1000.0 / 3.0, rel=1e-6)
     assert info.time_told == (None if "time" in stated else "time")

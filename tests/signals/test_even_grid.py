@@ -3,18 +3,19 @@
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from evopem.config.settings import ChannelSettings
 from evopem.config.state_space_settings import ChannelLists
 from evopem.errors import InputError
 from evopem.files.json_form import load
 from evopem.pipeline.acquisition import read_recording
 from evopem.report.sentences.about_recording import uneven_stamps
+from evopem.results.layout import DatasetFiles
 from evopem.signals.even_grid import LONGEST_GAP, even_grid
-from evopem.signals.multichannel_reading import read_multichannel
+from evopem.signals.reading import read_measured
 from evopem.signals.recording import load_recording
 from evopem.signals.recording_info import RecordingInfo
 
@@ -57,7 +58,7 @@ def test_how_uneven_stamps_are():
 def test_dates():
     stamps = np.datetime64("2026-03-01", "ns") + (np.arange(90) * 20).astype("timedelta64[ms]")
     grid = grid_of(np.delete(stamps, 40))
-    assert (grid.samples, grid.step) == (90, 20e6)
+    assert (grid.samples, grid.step) == (90, pytest.approx(0.02, rel=1e-12))
 
 
 @pytest.mark.parametrize(
@@ -77,6 +78,36 @@ def test_what_is_too_uneven_is_refused(stamps, expected):
         grid_of(stamps)
 
 
+@pytest.mark.parametrize("first", [290, 310])
+def test_a_change_of_rate_is_no_jitter(first):
+    """Samples 10 ms apart, then 20 ms: no rate is right for both."""
+    stamps = np.concatenate([0.01 * np.arange(first), 0.01 * first + 0.02 * np.arange(300)])
+    with pytest.raises(InputError, match=r"the rate changes: the mean step is 0\.01 from .* 0\.02"):
+        grid_of(stamps)
+
+
+def test_a_drifting_clock_is_no_jitter():
+    steps = 0.01 * np.linspace(0.94, 1.06, 800)
+    with pytest.raises(InputError, match="the rate changes"):
+        grid_of(np.cumsum(steps))
+
+
+@pytest.mark.parametrize("spread", [0.05, 0.3])
+def test_jitter_is_no_change_of_rate(spread):
+    for seed in range(100):
+        steps = 0.01 * (1.0 + spread * np.random.default_rng(seed).uniform(-1, 1, 400))
+        grid_of(np.cumsum(steps))
+
+
+@pytest.mark.parametrize("spacing", ["20ms", "20001ms"])
+def test_messages_about_dates_name_seconds(spacing):
+    stamps = pd.date_range("2026-03-01", periods=60, freq=spacing).to_numpy().copy()
+    stamps[30] = stamps[20]
+    step = float(pd.Timedelta(spacing).total_seconds())
+    with pytest.raises(InputError, match=f"it is {9 * step:g} s before that of sample 30"):
+        grid_of(stamps)
+
+
 def written(folder: Path, stamps, name="time") -> Path:
     """A recording whose signals are linear between the samples that are lost."""
     u = np.interp(EVEN, EVEN[::20], np.random.default_rng(1).standard_normal(20))
@@ -89,13 +120,13 @@ def written(folder: Path, stamps, name="time") -> Path:
 
 def test_one_channel(tmp_path):
     file = written(tmp_path, EVEN)
-    channels = ChannelSettings("u", "y", time="time")
-    results = str(tmp_path / "recording.npz"), str(tmp_path / "recording.json")
+    channels = ChannelLists(("u",), ("y",), time="time")
+    made = DatasetFiles(str(tmp_path / "x"))
     with pytest.raises(InputError, match=r"sample 8: the step .* uneven_time: interpolate"):
-        read_recording([str(file)], channels, *results)
-    channels = ChannelSettings("u", "y", time="time", uneven_time="interpolate")
-    read_recording([str(file)], channels, *results)
-    recording, info = load_recording(results[0]), load(RecordingInfo, results[1])
+        read_recording(made, (str(file),), channels)
+    channels = ChannelLists(("u",), ("y",), time="time", uneven_time="interpolate")
+    read_recording(made, (str(file),), channels)
+    recording, info = load_recording(made.recording), load(RecordingInfo, made.recording_info)
     assert (recording.sampling_rate, recording.input.size) == (RATE, EVEN.size)
     np.testing.assert_allclose(recording.output, 2.0 * recording.input, atol=1e-7)
     assert info.uneven_times[0].in_gaps == len(LOST)
@@ -104,7 +135,7 @@ def test_one_channel(tmp_path):
 def test_several_channels(tmp_path):
     file = written(tmp_path, np.arange(EVEN.size) * 20.0, "time_ms")
     lists = ChannelLists(("u",), ("y", "w"), time="time_ms", uneven_time="interpolate")
-    recording, unevenness = read_multichannel(file, lists)
+    recording, unevenness = read_measured(file, lists)
     assert unevenness.in_gaps == len(LOST)
     assert (recording.sampling_rate, recording.outputs.shape) == (RATE, (EVEN.size, 2))
     np.testing.assert_allclose(recording.outputs @ [1.0, 2.0], 0.0, atol=1e-7)
@@ -116,10 +147,10 @@ def test_times_that_were_told_from_the_file_are_described_too(tmp_path):
     table = np.column_stack([EVEN + shifts, np.sin(EVEN), np.cos(EVEN)])
     file = tmp_path / "bench.csv"
     np.savetxt(file, table, delimiter=",", header="time,u,y", comments="", fmt="%.9g")
-    info = str(tmp_path / "recording.json")
-    channels = ChannelSettings("u", "y", uneven_time="interpolate")
-    read_recording([str(file)], channels, str(tmp_path / "recording.npz"), info)
-    (found,) = load(RecordingInfo, info).uneven_times
+    made = DatasetFiles(str(tmp_path / "x"))
+    channels = ChannelLists(("u",), ("y",), uneven_time="interpolate")
+    read_recording(made, (str(file),), channels)
+    (found,) = load(RecordingInfo, made.recording_info).uneven_times
     assert 0.0 < found.largest_shift < 0.05
 
 
@@ -127,10 +158,10 @@ def test_the_unit_of_whole_numbers_has_to_be_known_here_too(tmp_path):
     file = written(tmp_path, np.arange(EVEN.size) * 20.0)
     lists = ChannelLists(("u",), ("y", "w"), time="time", uneven_time="interpolate")
     with pytest.raises(InputError, match="set time_unit to one of"):
-        read_multichannel(file, lists)
+        read_measured(file, lists)
 
 
 def test_times_are_needed(tmp_path):
     lists = ChannelLists(("u",), ("y",), sampling_rate=RATE, uneven_time="interpolate")
     with pytest.raises(InputError, match='state time, such as "time", or remove uneven_time'):
-        read_multichannel(written(tmp_path, EVEN), lists)
+        read_measured(written(tmp_path, EVEN), lists)

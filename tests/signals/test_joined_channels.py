@@ -15,15 +15,16 @@ from evopem.config.settings import SplitSettings
 from evopem.config.state_space_settings import ChannelLists
 from evopem.errors import InputError
 from evopem.files.json_form import load
-from evopem.pipeline.multichannel.acquisition import read_channels
-from evopem.signals.joining import joined_multichannel
-from evopem.signals.multichannel import MultichannelRecording, load_multichannel
+from evopem.pipeline.acquisition import read_recording
+from evopem.results.layout import DatasetFiles
+from evopem.signals import joining
 from evopem.signals.multichannel_preparation import (
     divide_multichannel,
     load_multichannel_data,
     save_multichannel_data,
 )
-from evopem.signals.multichannel_reading import MultichannelInfo
+from evopem.signals.recording import Recording, concatenated, load_recording
+from evopem.signals.recording_info import RecordingInfo
 
 LENGTHS = (120, 80, 100)
 NAMES = ("a.csv", "b.csv", "c.csv")
@@ -42,33 +43,34 @@ def table(number, samples, outputs=3):
 def recording(number, samples):
     own = table(number, samples).to_numpy()
     names = ("f_1", "f_2"), ("acc_0", "acc_1", "acc_2")
-    return MultichannelRecording(own[:, :2], own[:, 2:], 50.0, *names, ("",) * 2, ("",) * 3)
+    return Recording(own[:, :2], own[:, 2:], 50.0, *names, ("",) * 2, ("",) * 3)
 
 
 def joined(lengths=LENGTHS):
     parts = [recording(number, samples) for number, samples in enumerate(lengths)]
-    return parts[0].with_records(parts), parts
+    return concatenated(parts), parts
 
 
 def read(folder, tables, channels=CHANNELS):
     for name, each in zip(NAMES, tables, strict=False):
         each.to_csv(folder / name, index=False)
     files = [str(folder / name) for name in NAMES[: len(tables)]]
-    read_channels(files, channels, None, "datasets.x", folder / "r.npz", folder / "r.json")
-    return load_multichannel(folder / "r.npz"), load(MultichannelInfo, folder / "r.json")
+    made = DatasetFiles(str(folder / "x"))
+    read_recording(made, tuple(files), channels)
+    return load_recording(made.recording), load(RecordingInfo, made.recording_info)
 
 
 def test_files_are_read_as_one_recording_with_the_origin_of_each(tmp_path):
     tables = [table(number, samples) for number, samples in enumerate(LENGTHS)]
     found, info = read(tmp_path, tables)
-    assert found.starts == (0, 120, 200)
-    for each, own in zip(found.records, tables, strict=True):
+    assert found.segment_starts == (0, 120, 200)
+    for each, own in zip(found.separated, tables, strict=True):
         np.testing.assert_array_equal(np.column_stack([each.inputs, each.outputs]), own)
     assert [(file.path, file.samples) for file in info.files] == [
         (str(tmp_path / name), samples) for name, samples in zip(NAMES, LENGTHS, strict=True)
     ]
     single = found.channel(2, 1)
-    assert [each.samples for each in single.stretches] == list(LENGTHS)
+    assert [each.samples for each in single.segments] == list(LENGTHS)
 
 
 @pytest.mark.parametrize(
@@ -99,7 +101,7 @@ def test_other_units_and_rates_are_refused(tmp_path):
     tables = [table(0, 120), table(1, 80)]
     first, second = recording(0, 120), replace(recording(1, 80), output_units=("", "g", ""))
     with pytest.raises(InputError, match=r'^b\.csv: the unit of its output acc_1 is "g" here and'):
-        joined_multichannel([first, second], NAMES[:2])
+        joining.joined([first, second], NAMES[:2])
     timed = [
         each.assign(time=np.arange(len(each)) / rate)
         for each, rate in zip(tables, (50, 40), strict=True)
@@ -114,9 +116,9 @@ def test_other_units_and_rates_are_refused(tmp_path):
 def test_the_last_recordings_validate_each_without_its_own_means():
     whole, parts = joined()
     data = divide_multichannel(whole, WHOLE, None, None, "datasets.x")
-    assert (data.estimation.starts, data.validation.starts) == ((0, 120), (0,))
+    assert (data.estimation.segment_starts, data.validation.segment_starts) == ((0, 120), (0,))
     assert data.transforms.validation_source == "recordings"
-    for found, own in zip((*data.estimation.records, data.validation), parts, strict=True):
+    for found, own in zip((*data.estimation.separated, data.validation), parts, strict=True):
         np.testing.assert_allclose(found.outputs, own.outputs - own.outputs.mean(axis=0))
         np.testing.assert_allclose(found.inputs, own.inputs - own.inputs.mean(axis=0))
     origins = (*data.transforms.estimation_records, *data.transforms.validation_records)
@@ -128,26 +130,26 @@ def test_each_recording_may_be_cut_and_loses_the_means_of_its_first_part():
     whole, parts = joined()
     split = SplitSettings(discard=10, estimation=0.5, by="samples")
     data = divide_multichannel(whole, split, None, None, "datasets.x")
-    assert data.estimation.starts == data.validation.starts == (0, 55, 90)
+    assert data.estimation.segment_starts == data.validation.segment_starts == (0, 55, 90)
     assert data.transforms.validation_source == "cut"
     second = parts[1].outputs
     means = second[10:45].mean(axis=0)
-    np.testing.assert_allclose(data.validation.records[1].outputs, second[45:] - means)
+    np.testing.assert_allclose(data.validation.separated[1].outputs, second[45:] - means)
     assert data.transforms.validation_records[1].first == 45
 
 
 def test_several_recordings_of_other_files_may_validate(tmp_path):
     whole, _ = joined()
-    others = recording(7, 60).with_records([recording(7, 60), recording(8, 50)])
+    others = concatenated([recording(7, 60), recording(8, 50)])
     split = SplitSettings(discard=0, estimation=1.0)
     data = divide_multichannel(whole, split, None, others, "datasets.x")
-    assert (data.estimation.samples, data.validation.starts) == (300, (0, 60))
+    assert (data.estimation.samples, data.validation.segment_starts) == (300, (0, 60))
     assert [each.recording for each in data.transforms.validation_records] == [3, 4]
-    np.testing.assert_allclose(data.validation.records[1].outputs.mean(axis=0), 0.0, atol=1e-12)
+    np.testing.assert_allclose(data.validation.separated[1].outputs.mean(axis=0), 0.0, atol=1e-12)
     save_multichannel_data(data, tmp_path / "data.npz", tmp_path / "transforms.json")
     again = load_multichannel_data(tmp_path / "data.npz", tmp_path / "transforms.json")
     assert again.transforms == data.transforms
-    assert again.estimation.starts == data.estimation.starts
+    assert again.estimation.segment_starts == data.estimation.segment_starts
 
 
 def test_recordings_are_resampled_and_decimated_each_by_itself():
@@ -155,13 +157,13 @@ def test_recordings_are_resampled_and_decimated_each_by_itself():
     data = divide_multichannel(whole, WHOLE, 25.0, None, "datasets.x")
     plan = MultichannelPlan((0, 40), 2, ())
     found = apply_multichannel_plan(data, plan)
-    assert [each.samples for each in found.estimation.records] == [150, 80]
+    assert [each.samples for each in found.estimation.separated] == [150, 80]
     # Other samples in the first recording change nothing in the second one.
-    other = whole.with_records([recording(9, 600), *parts[1:]])
+    other = concatenated([recording(9, 600), *parts[1:]])
     changed = apply_multichannel_plan(
         divide_multichannel(other, WHOLE, 25.0, None, "datasets.x"), plan
     )
-    one, two = found.estimation.records[1], changed.estimation.records[1]
+    one, two = found.estimation.separated[1], changed.estimation.separated[1]
     np.testing.assert_array_equal(one.outputs, two.outputs)
     assert found.transforms.estimation_records[1].first == 40
 
@@ -174,7 +176,7 @@ def test_each_recording_begins_where_its_channels_do():
         inputs=np.vstack([np.zeros((60, 2)), parts[1].inputs]),
         outputs=np.vstack([rest, parts[1].outputs]),
     )
-    both = parts[0].with_records([parts[0], late])
+    both = concatenated([parts[0], late])
     plan = decide_multichannel_preparation(both, False, rate_given=True)
     assert plan.starts == (0, 50)
     assert plan.decisions[0].choice == "0, 50"

@@ -5,12 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from evopem.config.settings import ChannelSettings, PreparationSettings, SplitSettings
+from evopem.config.settings import PreparationSettings, SplitSettings
 from evopem.config.settings import TransformSettings as T
+from evopem.config.state_space_settings import ChannelLists
 from evopem.errors import InputError
 from evopem.files.json_form import load
 from evopem.pipeline.acquisition import read_recording
-from evopem.signals.joined_preparation import prepare_recordings
+from evopem.results.layout import DatasetFiles
 from evopem.signals.joining import joined
 from evopem.signals.preparation import (
     invert_input,
@@ -55,12 +56,12 @@ def write(folder, each, name, heading="u,y"):
 def test_files_are_read_as_one_recording_with_the_origin_of_each(tmp_path):
     own = recordings()
     files = [write(tmp_path, each, name) for each, name in zip(own, NAMES, strict=True)]
-    npz, info = tmp_path / "recording.npz", tmp_path / "recording.json"
-    read_recording(files, ChannelSettings("u", "y", 50.0), npz, info)
-    read, described = load_recording(npz), load(RecordingInfo, info)
-    assert read.stretch_starts == (0, 120, 200)
-    assert read.stretch_recordings == (0, 1, 2)
-    for stretch, each in zip(read.stretches, own, strict=True):
+    made = DatasetFiles(str(tmp_path / "x"))
+    read_recording(made, tuple(files), ChannelLists(("u",), ("y",), 50.0))
+    read, described = load_recording(made.recording), load(RecordingInfo, made.recording_info)
+    assert read.segment_starts == (0, 120, 200)
+    assert read.segment_recordings == (0, 1, 2)
+    for stretch, each in zip(read.segments, own, strict=True):
         assert np.array_equal(stretch.output, each.output)
     assert [origin.path for origin in described.files] == files
     assert [origin.samples for origin in described.files] == [120, 80, 100]
@@ -76,12 +77,12 @@ def test_files_are_read_as_one_recording_with_the_origin_of_each(tmp_path):
             " rate, or correct sampling_rate or time.",
         ),
         (
-            {"output_name": "force"},
+            {"output_names": ("force",)},
             'b.csv: the output is "force" here and "output" in a.csv; name under output what all'
             " recordings of the data set have, or take this file out of it.",
         ),
         (
-            {"input_unit": "V"},
+            {"input_units": ("V",)},
             'b.csv: the unit of its input is "V" here and "" in a.csv; name under input_unit what'
             " all recordings of the data set have, or take this file out of it.",
         ),
@@ -98,28 +99,28 @@ def test_a_copy_under_another_name_is_refused(tmp_path):
     first, second, _ = recordings()
     with pytest.raises(InputError, match=r"c\.csv: its samples are those of a\.csv; give every"):
         joined([first, second, first], NAMES)
-    part = replace(second, input=second.input[10:60], output=second.output[10:60])
+    part = replace(second, inputs=second.input[10:60], outputs=second.output[10:60])
     with pytest.raises(InputError, match=r"c\.csv: its samples are samples 11 to 60 of b\.csv"):
         joined([first, second, part], NAMES)
 
 
 def test_the_last_recordings_validate_and_each_has_its_own_level():
     together = joined(recordings(), NAMES)
-    data = prepare_recordings(together, settings())
+    data = prepare(together, settings())
     assert data.transforms.validation_source == "recordings"
-    assert data.estimation.stretch_starts == (0, 120)
+    assert data.estimation.segment_starts == (0, 120)
     assert (data.estimation.samples, data.validation.samples) == (200, 100)
     assert not data.contiguous
-    for stretch in data.estimation.stretches:
+    for stretch in data.estimation.segments:
         assert stretch.input.mean() == pytest.approx(0.0, abs=1e-12)
 
 
 def test_each_recording_can_be_cut():
     own = recordings()
-    data = prepare_recordings(joined(own, NAMES), settings(by="samples", discard=10))
+    data = prepare(joined(own, NAMES), settings(by="samples", discard=10))
     alone = [prepare(each, settings(discard=10)) for each in own]
     for part in ("estimation", "validation"):
-        stretches = getattr(data, part).stretches
+        stretches = getattr(data, part).segments
         for stretch, other in zip(stretches, alone, strict=True):
             assert np.array_equal(stretch.input, getattr(other, part).input)
             assert np.array_equal(stretch.output, getattr(other, part).output)
@@ -128,13 +129,13 @@ def test_each_recording_can_be_cut():
 @pytest.mark.parametrize("by", ["recordings", "samples"])
 def test_every_stretch_leads_back_to_its_recording(by, tmp_path):
     own = recordings()
-    data = prepare_recordings(joined(own, NAMES), settings(T(1.3, 2, 1), by=by, discard=5))
+    data = prepare(joined(own, NAMES), settings(T(1.3, 2, 1), by=by, discard=5))
     save_prepared(data, tmp_path / "p.npz", tmp_path / "t.json")
     data = load_prepared(tmp_path / "p.npz", tmp_path / "t.json")
     for part in ("estimation", "validation"):
         origins = getattr(data.transforms, f"{part}_stretches")
         each_transforms = data.transforms.of_stretches(part)
-        stretches = getattr(data, part).stretches
+        stretches = getattr(data, part).segments
         for origin, transforms, stretch in zip(origins, each_transforms, stretches, strict=True):
             recorded = own[origin.recording]
             back = invert_output(transforms, stretch.output, part)
@@ -147,13 +148,13 @@ def test_every_stretch_leads_back_to_its_recording(by, tmp_path):
 
 def test_one_recording_is_prepared_as_ever():
     own = recordings()[0]
-    data, alone = prepare_recordings(own, settings()), prepare(own, settings())
+    data, alone = prepare(own, settings()), prepare(own, settings())
     assert data.transforms == alone.transforms
     assert data.transforms.estimation_stretches == ()
 
 
 def test_several_independent_recordings_validate():
     first, second, third = recordings()
-    data = prepare_recordings(first, settings(estimation=1.0), joined([second, third], NAMES[1:]))
+    data = prepare(first, settings(estimation=1.0), joined([second, third], NAMES[1:]))
     assert data.transforms.validation_source == "file"
-    assert [each.samples for each in data.validation.stretches] == [80, 100]
+    assert [each.samples for each in data.validation.segments] == [80, 100]

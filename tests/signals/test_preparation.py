@@ -38,8 +38,8 @@ def record(samples: int = 400, seed: int = 0, rate: float = 100.0) -> Recording:
         generator.standard_normal(samples) + 0.5,
         np.cumsum(generator.standard_normal(samples)) - 3.0,
         rate,
-        input_name="torque",
-        output_unit="m/s2",
+        input_names=("torque",),
+        output_units=("m/s2",),
     )
 
 
@@ -54,7 +54,7 @@ def record(samples: int = 400, seed: int = 0, rate: float = 100.0) -> Recording:
 )
 def test_every_transform_is_undone(box, d, du, discard, estimation, offset):
     noise = np.random.default_rng(0).standard_normal(400)
-    recording = replace(record(), output=offset + noise)
+    recording = replace(record(), outputs=offset + noise)
     transforms = {"box_cox": box, "difference": d, "difference_input": du}
     split = {"discard": discard, "estimation": estimation}
     prepared = prepare(recording, preparation(transforms, split))
@@ -131,7 +131,7 @@ def test_four_fifths_are_for_estimation_and_the_recording_stays_as_it_is():
 def stepped(*changes: int) -> Recording:
     """A recording whose input rises at some samples and rests between them."""
     levels = np.searchsorted(changes, np.arange(400), side="right").astype(float)
-    return replace(record(), input=levels)
+    return replace(record(), inputs=levels)
 
 
 @pytest.mark.parametrize(
@@ -160,14 +160,14 @@ def test_the_last_change_of_an_input_that_rests_is_held_out(changes, split, samp
 def test_an_input_that_rests_throughout_and_an_output_that_rests_are_refused():
     with pytest.raises(InputError, match=r"estimation .* so there is nothing to identify"):
         prepare(stepped(350), preparation())
-    recording = replace(stepped(50), output=np.append(record().output[:320], np.ones(80)))
+    recording = replace(stepped(50), outputs=np.append(record().output[:320], np.ones(80)))
     with pytest.raises(InputError, match=r"validation .* so there is nothing to identify"):
         prepare(recording, preparation())
 
 
 def test_box_cox_parameter_does_not_see_the_validation_samples():
     recording = record()
-    changed = replace(recording, output=recording.output.copy())
+    changed = replace(recording, outputs=recording.output.copy())
     changed.output[350:] = changed.output[350:][::-1]
     settings = preparation({"box_cox": "auto"}, {"discard": 20, "estimation": 300})
     first, second = (prepare(one, settings) for one in (recording, changed))
@@ -266,7 +266,7 @@ def test_transforms_that_do_not_fit_name_their_key(transforms, key, problem):
 
 
 def test_differences_that_leave_nothing_and_rates_that_differ():
-    line = replace(record(), output=np.arange(400.0))
+    line = replace(record(), outputs=np.arange(400.0))
     with pytest.raises(InputError, match="nothing to identify"):
         prepare(line, preparation({"difference": 1}))
     with pytest.raises(InputError, match="sampled at 50 Hz"):

@@ -8,23 +8,18 @@ import pytest
 
 from evopem.errors import InputError
 from evopem.files.npz import load_arrays
-from evopem.signals.recording import (
-    Recording,
-    check_recording,
-    load_recording,
-    saturated_share,
-    save_recording,
-)
+from evopem.signals.recording import Recording, load_recording, save_recording
+from evopem.signals.recording_checks import check_recording, saturated_share
 
 
 def record(samples: int = 20, **changes) -> Recording:
     generator = np.random.default_rng(0)
     fields = {
-        "input": generator.standard_normal(samples),
-        "output": generator.standard_normal(samples),
+        "inputs": generator.standard_normal(samples),
+        "outputs": generator.standard_normal(samples),
         "sampling_rate": 100.0 / 3.0,
-        "input_name": "Drehmoment µ",
-        "output_unit": "m/s²",
+        "input_names": ("Drehmoment µ",),
+        "output_units": ("m/s²",),
     }
     return Recording(**(fields | changes))
 
@@ -76,7 +71,7 @@ def test_missing_damaged_and_foreign_files_are_refused(tmp_path):
         path.write_bytes(whole[:length])
         with pytest.raises(InputError, match="not a readable array file"):
             load_recording(path)
-    np.savez(path, input=np.ones(3))
+    np.savez(path, inputs=np.ones(3))
     with pytest.raises(InputError, match="output"):
         load_recording(path)
     np.savez(path, allow_pickle=True, a=np.array([object()], dtype=object))
@@ -87,13 +82,12 @@ def test_missing_damaged_and_foreign_files_are_refused(tmp_path):
 @pytest.mark.parametrize(
     ("changes", "expected"),
     [
-        ({"input": np.ones((20, 2))}, "2 dimensions"),
-        ({"input": np.arange(19.0)}, "the input has 19 samples and the output 20"),
-        ({"output": np.full(20, 3.5)}, 'output "output": every sample is 3.5'),
-        ({"input": np.where(np.arange(20) == 4, np.inf, 1.0)}, "sample 5: the value is inf"),
+        ({"inputs": np.arange(19.0)}, "the input has 19 samples and the output 20"),
+        ({"outputs": np.full(20, 3.5)}, 'output "output": every sample is 3.5'),
+        ({"inputs": np.where(np.arange(20) == 4, np.inf, 1.0)}, "sample 5: the value is inf"),
         ({"sampling_rate": 0.0}, "sampling rate is 0.0 Hz"),
         ({"sampling_rate": float("nan")}, "sampling rate is nan Hz"),
-        ({"input": np.arange(3.0), "output": np.arange(3.0)}, "only 3 samples"),
+        ({"inputs": np.arange(3.0), "outputs": np.arange(3.0)}, "only 3 samples"),
     ],
 )
 def test_what_cannot_be_identified_is_refused(changes, expected):

@@ -63,7 +63,7 @@ def test_input_and_output_stay_together_and_are_not_changed():
     generator = np.random.default_rng(0)
     u, y = generator.standard_normal((2, 3001))
     kept = u.copy()
-    recording = Recording(u, y, 125.0, output_unit="m")
+    recording = Recording(u, y, 125.0, output_units=("m",))
     resampled = resample_recording(recording, 100.0, "resample")
     assert resampled.input.size == resampled.output.size == -(-3001 * 4 // 5)
     assert (resampled.sampling_rate, resampled.output_unit) == (100.0, "m")

@@ -12,13 +12,11 @@ from evopem.signals.shared_samples import check_independent, shared_start
 
 def recording(rows):
     return Recording(
-        input=rows[:, 0].copy(),
-        output=rows[:, 1].copy(),
+        inputs=rows[:, 0].copy(),
+        outputs=rows[:, 1].copy(),
         sampling_rate=100.0,
-        input_name="u",
-        output_name="y",
-        input_unit="",
-        output_unit="",
+        input_names=("u",),
+        output_names=("y",),
     )
 
 

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from evopem.config.settings import ChannelSettings
 from evopem.config.state_space_settings import ChannelLists
 from evopem.errors import InputError
 from evopem.files.json_form import load
 from evopem.pipeline.acquisition import read_recording
+from evopem.results.layout import DatasetFiles
 from evopem.signals.inspection import time_told
-from evopem.signals.multichannel_reading import read_multichannel, with_time_told
+from evopem.signals.reading import read_measured, with_time_told
 from evopem.signals.recording_info import RecordingInfo
 
 RATE = 200.0
@@ -31,11 +31,12 @@ STAMPS = np.arange(60) / RATE
 def test_a_channel_named_as_a_time_gives_the_rate(name, tmp_path):
     file = written(tmp_path, f"{name},u,acc_1,acc_2", STAMPS)
     assert time_told(file, ["u", "acc_1"]) == name
-    read_recording([str(file)], ChannelSettings("u", "acc_1"), tmp_path / "r.npz", tmp_path / "i")
-    info = load(RecordingInfo, tmp_path / "i")
+    made = DatasetFiles(str(tmp_path / "x"))
+    read_recording(made, (str(file),), ChannelLists(("u",), ("acc_1",)))
+    info = load(RecordingInfo, made.recording_info)
     assert (info.sampling_rate, info.time_told) == (RATE, name)
     several = with_time_told(file, ChannelLists(("u",), ("acc_*",)))
-    assert read_multichannel(file, several).recording.sampling_rate == RATE
+    assert read_measured(file, several).recording.sampling_rate == RATE
 
 
 @pytest.mark.parametrize(
@@ -50,7 +51,9 @@ def test_what_is_not_sure_is_refused_as_before(name, stamps, tmp_path):
     file = written(tmp_path, f"{name},u,y,w", stamps)
     assert time_told(file, ["u", "y"]) is None
     with pytest.raises(InputError, match="give sampling_rate in Hz"):
-        read_recording([str(file)], ChannelSettings("u", "y"), tmp_path / "r", tmp_path / "i")
+        read_recording(
+            DatasetFiles(str(tmp_path / "x")), (str(file),), ChannelLists(("u",), ("y",))
+        )
 
 
 def test_a_stated_rate_is_not_questioned(tmp_path):

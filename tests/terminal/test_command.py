@@ -52,12 +52,30 @@ def test_one_command_identifies_a_recording(folder):
     assert read_settings(folder / "results" / "data" / "config.yaml") == SETTINGS
     # Progress is on standard error alone, a line for each stage where there is no terminal.
     stages = [line for line in ended.stderr.splitlines() if line.startswith("[")]
-    assert len({line.partition("]")[0] for line in stages}) == 14
-    assert stages[-1].startswith("[14/14]")
+    assert len({line.partition("]")[0] for line in stages}) == 18
+    assert stages[-1].startswith("[18/18]")
+
+
+def test_a_second_run_that_is_stopped_leaves_no_mixture(folder, monkeypatch):
+    assert main(RUN) == 0
+    results = folder / "results" / "data"
+    assert evopem.read_results(results).name == "data"
+
+    def stopped(*_, **__):
+        (results / "model.json").write_text("{}")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("evopem.pipeline.identification.identify_dataset", stopped)
+    assert main(RUN) != 0
+    assert not (results / "validation.json").exists()
+    with pytest.raises(evopem.InputError, match="holds no results"):
+        evopem.read_results(results)
+    with pytest.raises(evopem.InputError, match=r"model\.json: is of an unfinished run"):
+        evopem.load(results / "model.json")
 
 
 def test_several_channels_have_modes_and_a_report(folder, capsys):
-    written = {"orders": {"nx": [3, 3]}, "form": "innovations", "search": {"evaluations": 1}}
+    written = {"orders": {"nx": [3, 3]}, "form": "ss", "search": {"evaluations": 1}}
     (folder / "small.yaml").write_text(yaml.safe_dump({"defaults": written}))
     table = np.loadtxt("data.csv", delimiter=",", skiprows=1)
     noise = np.random.default_rng(1).standard_normal(len(table)) * table[:, 2].std()
@@ -78,7 +96,7 @@ def test_several_channels_have_modes_and_a_report(folder, capsys):
 
 
 def test_several_recordings_are_one_data_set(folder, capsys):
-    written = {"orders": {"nx": [3, 3]}, "form": "innovations", "search": {"evaluations": 1}}
+    written = {"orders": {"nx": [3, 3]}, "form": "ss", "search": {"evaluations": 1}}
     (folder / "small.yaml").write_text(yaml.safe_dump({"defaults": written}))
     rows = (folder / "data.csv").read_text().splitlines()
     for name, first, last in (("one", 1, 250), ("two", 250, 450), ("three", 450, 601)):
@@ -109,6 +127,21 @@ def test_results_of_another_recording_are_not_overwritten(folder, capsys):
     assert run(folder, "other/data.csv", *RUN[1:]).returncode == 0
 
 
+def test_another_project_s_file_of_the_same_name_replaces_no_results(folder, monkeypatch, capsys):
+    """Of results elsewhere, a relative name does not tell the file."""
+    results = folder / "elsewhere" / "data"
+    results.mkdir(parents=True)
+    (results / "config.yaml").write_text(yaml_text(SETTINGS))
+    (results / "report.html").write_text("")
+    own = folder / "project"
+    own.mkdir()
+    (own / "small.yaml").write_text((folder / "small.yaml").read_text())
+    (own / "data.csv").write_text((folder / "data.csv").read_text() + "6.0,0.1,0.2\n")
+    monkeypatch.chdir(own)
+    assert main([*RUN, "--results", str(results.parent)]) == 1
+    assert "it holds the results of data.csv" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
@@ -117,9 +150,14 @@ def test_results_of_another_recording_are_not_overwritten(folder, capsys):
         ([*RUN[:5], "--rate", "-3"], "--rate: -3 is not above 0"),
         ([*RUN[:5], "--rate", "50", "--config", "no.yaml"], "no.yaml: there is no such file"),
         (["data.csv", "--input", "u", "--output", "u"], "--output: u is both input and output"),
+        ([*RUN, "--results", "x" * 300], "--results: cannot be the name of a folder"),
+        ([*RUN, "--results", "data.csv"], "data.csv: is no folder, and the results need"),
+        ([*RUN, "--results", "gone"], "gone: is no folder, and the results need"),
+        (["data.csv", "--input", "u", "--output", "none"], "--output: there is no output"),
     ],
 )
 def test_bad_input_is_said_in_one_sentence(folder, arguments, sentence):
+    (folder / "gone").symlink_to("nowhere")
     ended = run(folder, *arguments)
     assert ended.returncode == 1
     said = [line for line in ended.stderr.splitlines() if not line.startswith("[")]
@@ -141,6 +179,29 @@ def test_a_second_channel_behind_one_option_is_told_how_to_be_given(arguments, s
         main(["data.csv", "--input", "1", "--output", "2", *arguments])
     assert ended.value.code == 2
     assert said in capsys.readouterr().err
+
+
+def test_a_missing_input_says_how_there_may_be_none(capsys):
+    with pytest.raises(SystemExit):
+        main(["data.csv", "--output", "2"])
+    assert "--input none where only outputs were recorded" in capsys.readouterr().err
+
+
+def test_a_single_output_is_identified_without_an_input(folder):
+    written = {"orders": {"nx": [4, 4]}, "search": {"evaluations": 1}}
+    (folder / "small.yaml").write_text(yaml.safe_dump({"defaults": written}))
+    alone = ["--input", "none", "--output", "y", "--rate", "100", "--config", "small.yaml"]
+    assert main(["data.csv", *alone]) == 0
+    assert evopem.read_results("results/data").modes["frequency_hz"].size > 0
+
+
+def test_a_deleted_working_folder_is_said(folder, monkeypatch, capsys):
+    (folder / "here").mkdir()
+    monkeypatch.chdir(folder / "here")
+    (folder / "here").rmdir()
+    assert main(RUN) == 1
+    assert "the folder that this terminal is in no longer exists" in capsys.readouterr().err
+    monkeypatch.chdir(folder)
 
 
 def test_a_missing_extra_is_named(folder, monkeypatch, capsys):

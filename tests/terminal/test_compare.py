@@ -1,9 +1,9 @@
 """`evopem compare`: folders of results in, one page out."""
 
 import re
-import shutil
 
 import pytest
+from identified import finished_copy
 
 from evopem.terminal.command import main
 
@@ -12,9 +12,7 @@ from evopem.terminal.command import main
 def folders(identified, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for name in ("a", "b"):
-        shutil.copytree(identified.files.folder, tmp_path / "results" / name)
-        config = tmp_path / "results" / name / "config.yaml"
-        config.write_text(config.read_text().replace("bench:", f"{name}:"))
+        finished_copy(tmp_path / "results" / name, identified)
     (tmp_path / "results" / "a" / "report.html").touch()
     return tmp_path
 
@@ -46,3 +44,23 @@ def test_what_cannot_be_compared_is_said_in_a_sentence(folders, capsys, argument
     assert main(["compare", *arguments]) == 1
     assert capsys.readouterr().err.startswith(sentence)
     assert not (folders / "comparison.html").exists()
+
+
+@pytest.mark.parametrize("held", ["model.json", "text", "folder", "device"])
+def test_only_a_page_of_evopem_is_replaced(folders, held, capsys):
+    target = folders / "taken"
+    if held == "folder":
+        target.mkdir()
+    elif held == "device":
+        target.symlink_to("/dev/null")
+    else:
+        target.write_text("<!DOCTYPE html>" if held == "text" else '{"a": 1}')
+    before = target.read_text() if target.is_file() else None
+    assert main(["compare", "results/a", "results/b", "--page", "taken"]) == 1
+    assert "not replaced" in capsys.readouterr().err
+    assert target.is_symlink() or before is None or target.read_text() == before
+
+
+def test_a_page_is_replaced(folders):
+    for _ in range(2):
+        assert main(["compare", "results/a", "results/b"]) == 0

@@ -1,12 +1,19 @@
 """`evopem init`: what it writes for recordings of every kind, in a folder with other files."""
 
+import contextlib
+import os
+
+import hypothesis
 import numpy as np
 import pytest
 import scipy.io
 import yaml
+from hypothesis import example, given
+from hypothesis import strategies as st
 
 from evopem.config.defaults import complete
 from evopem.config.schema import schema_file
+from evopem.config.strict_yaml import check_yaml_files
 from evopem.errors import InputError
 from evopem.signals.reading import read_recording
 from evopem.terminal.new_configuration import configuration_text, write_configuration
@@ -112,3 +119,47 @@ def test_names_of_several_channels_make_lists(tmp_path):
     written = configuration_text(tmp_path)
     assert "input: [force_1, force_2]\n" in written
     assert "output: [acc_1, acc_2]\n" in written
+
+
+def test_a_file_whose_name_is_no_text_is_left_out_and_named(tmp_path):
+    """Written whole or not at all: half a file would stop the next attempt."""
+    for name in ("good.csv", os.fsdecode(b"r\xfcck.csv")):
+        (tmp_path / name).write_text("u,y\n" + "1,2\n3,5\n" * 20)
+    written = write_configuration(tmp_path).read_text(encoding="utf-8")
+    assert "good:" in written
+    assert "# r\\udcfcck.csv: its name is no UTF-8 text; rename it." in written
+
+
+ON_DISK = st.text(
+    st.characters(exclude_characters="/\0", exclude_categories=("Cs",)), min_size=1, max_size=40
+).filter(lambda name: name not in (".", "..") and len(name.encode()) < 200)
+COLUMNS = st.text(st.characters(exclude_categories=("Cs", "Cc")), min_size=1, max_size=12)
+
+
+@hypothesis.settings(max_examples=25, deadline=None)
+@given(names=st.lists(ON_DISK, min_size=1, max_size=4, unique=True), column=COLUMNS)
+@example(names=["1", "2024", "no", "CON", "1e5", "null", "0x1f", "~"], column="u*")
+@example(names=["run*", "a\nb", "a..b", "-rf", "{x}", "results", "logs", "a" * 80], column="none")
+@example(names=["x" * 60, "ab" * 30, "index.html", "é", "a: b", "# c", "'", '"'], column="yes")
+def test_what_it_writes_is_a_configuration_for_every_name(tmp_path_factory, names, column):
+    folder = tmp_path_factory.mktemp("named")
+    for name in names:
+        np.savez(folder / f"{name}.npz", **{"y": Y, "rate": 10.0, column.strip(":") or "u": U})
+    np.savez(folder / "good.npz", u=U, y=Y)
+    written = write_configuration(folder)
+    check_yaml_files([str(written)])
+    with contextlib.chdir(folder):
+        datasets = settings_of(written.read_text(encoding="utf-8"))
+    files = [file for each in datasets.values() for file in each.source.files]
+    assert len(files) == len(datasets)
+    assert set(files) <= {f"{name}.npz" for name in (*names, "good")}
+    assert "good.npz" in files
+
+
+def test_many_recordings_get_a_job_each(tmp_path):
+    for number in range(10):
+        np.savez(tmp_path / f"r{number}.npz", u=U, y=Y)
+    written = yaml.safe_load(configuration_text(tmp_path))
+    assert written["one_job_per"] == "recording"
+    (tmp_path / "r0.npz").unlink()
+    assert "one_job_per" not in yaml.safe_load(configuration_text(tmp_path))

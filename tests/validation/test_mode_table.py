@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from evopem.estimation.state_space.order_models import OrderModel
-from evopem.estimation.state_space.order_sweep import sweep_state_space_orders
+from evopem.estimation.state_space.estimate import estimates_of_orders
 from evopem.files.json_form import from_json, to_json
+from evopem.models.mode_shapes import assurance
+from evopem.models.order_models import OrderModel
 from evopem.models.state_space import StateSpaceModel
-from evopem.models.state_space_modes import assurance
+from evopem.signals.recording import Recording, without_input
 from evopem.synthesis.vibrating_structure import VibratingStructure
 from evopem.validation.mode_table import (
     ModeTable,
@@ -32,8 +33,9 @@ def ambient():
     """The table of a record of outputs alone with 20 % of sensor noise."""
     y = CLOSE.ambient_record(3000, RATE, 0.2, np.random.default_rng(3))
     orders = range(2, 13, 2)
-    scores = sweep_state_space_orders(None, y[:2200], orders, RATE, folds=False, width=3)
-    return scores, mode_table(scores, None, y, 2200)
+    recording = without_input(y, RATE)
+    estimates = list(estimates_of_orders(recording.between(0, 2200), orders, width=3))
+    return estimates, mode_table(estimates, recording, 2200)
 
 
 def test_exactly_the_true_modes_of_an_output_only_record_are_trusted(ambient):
@@ -58,17 +60,17 @@ def test_a_table_keeps_its_json_form(ambient):
 
 
 def test_without_held_out_samples_a_mode_is_not_judged(ambient):
-    scores, table = ambient
+    estimates, table = ambient
     y = np.zeros((2200, 3))
-    unjudged = mode_table(scores, None, y)
+    unjudged = mode_table(estimates, without_input(y, RATE))
     assert {each.origin for each in unjudged.modes} == {"not judged"}
     assert len(unjudged.modes) == len(table.modes)
 
 
 def test_smaller_orders_do_not_speak_against_a_mode_of_the_largest(ambient):
-    scores, _ = ambient
-    models = [OrderModel.of_estimate(each) for each in scores.estimates]
-    table = table_of_models(models, 12, None, np.zeros((2200, 3)))
+    estimates, _ = ambient
+    models = [OrderModel.of_estimate(each) for each in estimates]
+    table = table_of_models(models, 12, without_input(np.zeros((2200, 3)), RATE))
     own = [each for each in table.modes if each.order == 12]
     assert own
     assert {each.stable for each in own} == {None}
@@ -76,9 +78,9 @@ def test_smaller_orders_do_not_speak_against_a_mode_of_the_largest(ambient):
 
 def test_a_pair_whose_shapes_are_mixed_is_stated_as_their_plane(ambient):
     """Frequencies and damping ratios of the pair stay trusted, its shapes are not."""
-    scores, _ = ambient
+    estimates, _ = ambient
     y = CLOSE.ambient_record(800, RATE, 0.2, np.random.default_rng(4))
-    models = [OrderModel.of_estimate(each) for each in scores.estimates]
+    models = [OrderModel.of_estimate(each) for each in estimates]
 
     def changed(**of_pair):
         modes = [
@@ -86,7 +88,7 @@ def test_a_pair_whose_shapes_are_mixed_is_stated_as_their_plane(ambient):
             for mode in models[2].modes
         ]
         mixed = [replace(each, modes=tuple(modes)) if each.order == 6 else each for each in models]
-        return table_of_models(mixed, 6, None, y, 0)
+        return table_of_models(mixed, 6, without_input(y, RATE), 0)
 
     table = changed(equal_poles_p=0.3)
     assert [each.shape_trusted for each in table.modes if each.trusted] == [True, False, False]
@@ -136,8 +138,9 @@ def recorded(model, samples, seed):
 def test_the_input_and_the_noise_each_have_their_mode():
     u, y = recorded(two_modes(1.0, 1.0), 2500, 1)
     orders = range(2, 11, 2)
-    scores = sweep_state_space_orders(u[:1700], y[:1700], orders, RATE, folds=False, width=3)
-    table = mode_table(scores, u, y, 1700)
+    recording = Recording(u, y, RATE)
+    estimates = list(estimates_of_orders(recording.between(0, 1700), orders, width=3))
+    table = mode_table(estimates, recording, 1700)
     found = {round(each.mode.frequency_hz): each for each in table.modes if each.trusted}
     assert sorted(found) == [8, 20]
     assert found[8].origin == "input"

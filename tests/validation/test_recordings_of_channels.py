@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from evopem.models.state_space import StateSpaceModel
-from evopem.signals.multichannel import MultichannelRecording
+from evopem.signals.recording import Recording, concatenated
 from evopem.signals.spectral.multichannel_response import multichannel_response
 from evopem.validation.multichannel import validate_multichannel
 from evopem.validation.residual_tests import cross_correlation, residual_autocorrelation
@@ -31,14 +31,14 @@ def records():
     for number, samples in enumerate(LENGTHS):
         u, e = generator.standard_normal((samples, 1)), generator.standard_normal((samples, 2))
         y = MODEL.simulate(u, generator.standard_normal(2)) + 0.3 * e + 0.5 * number
-        found.append(MultichannelRecording(u, y, 10.0, ("u",), ("a", "b"), ("",), ("", "")))
+        found.append(Recording(u, y, 10.0, ("u",), ("a", "b"), ("",), ("", "")))
     return found
 
 
 @pytest.mark.parametrize("free_level", [False, True])
 def test_each_recording_is_simulated_and_predicted_as_if_it_were_alone(free_level):
     parts = records()
-    joined, tables = validate_multichannel(MODEL, parts[0].with_records(parts), free_level)
+    joined, tables = validate_multichannel(MODEL, concatenated(parts), free_level)
     assert tables.simulation["recording"].tolist() == np.repeat([1, 2, 3], LENGTHS).tolist()
     assert tables.simulation.groupby("recording")["time_s"].max().tolist() == [14.9, 8.9, 11.9]
     for number, each in enumerate(parts):
@@ -73,10 +73,10 @@ def test_correlations_have_no_product_of_samples_of_two_recordings():
 
 def test_the_measured_response_has_segments_within_the_recordings():
     parts = records()
-    whole = parts[0].with_records(parts)
+    whole = concatenated(parts)
     found = multichannel_response(whole, 64)
     # Recordings in another order have the same segments.
-    other = multichannel_response(whole.with_records(parts[::-1]), 64)
+    other = multichannel_response(concatenated(parts[::-1]), 64)
     np.testing.assert_allclose(found.response, other.response, rtol=1e-9)
     short = [replace(each, inputs=each.inputs[:30], outputs=each.outputs[:30]) for each in parts]
-    assert np.isfinite(multichannel_response(whole.with_records(short), 1024).response).all()
+    assert np.isfinite(multichannel_response(concatenated(short), 1024).response).all()

@@ -17,7 +17,7 @@ from evopem.estimation.order_selection import complete_estimate, estimate_candid
 from evopem.models.structures import armax_orders
 from evopem.signals.preparation import prepare
 from evopem.signals.recording import Recording
-from evopem.signals.recording_info import describe_synthetic_recording
+from evopem.signals.recording_info import describe_recording
 from evopem.signals.spectral.summary import SpectrumSummary
 from evopem.validation.checks import checks
 from evopem.validation.validate import validate
@@ -57,7 +57,7 @@ def judged(u, y, orders=(2, 2, 1, 1), objective="absolute"):
         phase: PhaseSelection(phase, orders, "Given.", (candidate,))
         for phase in ("delay", "joint", "nc", "nb")
     }
-    info = describe_synthetic_recording(record)
+    info = describe_recording(record)
     results = checks(model, validation, NO_PEAKS, phases, info)
     frequencies = [mode.frequency_hz for mode in model.modes]
     return frequencies, {check.name for check in results if check.passed is False}

@@ -7,7 +7,8 @@ import pytest
 
 from evopem.config.defaults import complete
 from evopem.files.job import job
-from evopem.pipeline.identification import stages
+from evopem.pipeline.identification import jobs
+from evopem.pipeline.stages import PREPARING
 from evopem.results.layout import DatasetFiles
 
 from .bad_recordings import BAD, GOOD, PAYLOAD_RAN, RATE, VALIDATION_FILES, text, write
@@ -17,12 +18,6 @@ SCHEMA = ROOT / "workflow" / "schemas" / "config.schema.yaml"
 DEFAULTS = TINY["defaults"] | {
     "transforms": {"box_cox": "none", "difference": 0},
     "split": {"discard": 0},
-}
-# The stages before any search, with the files that each one makes.
-BEFORE_SEARCH = {
-    "recording": ("recording", "recording_info"),
-    "validation_recording": ("validation_recording", "validation_recording_info"),
-    "preparation": ("prepared", "transforms"),
 }
 
 
@@ -46,12 +41,10 @@ def prepare_recording(name, keys, folder):
     config = {"defaults": DEFAULTS, "datasets": {name: keys}}
     dataset = complete(config, SCHEMA).datasets[name]
     files = DatasetFiles(str(folder / "results" / name))
-    listed = stages(files, dataset)
-    for stage, made in BEFORE_SEARCH.items():
-        if stage in listed:
-            outputs = [getattr(files, each) for each in made]
-            with job(files.log(stage), outputs=outputs):
-                listed[stage]()
+    for own in jobs(dataset, files):
+        if own.stage.name in PREPARING:
+            with job(files.log(own.name), outputs=own.stage.made_by(own.task)):
+                own.run()
     return files
 
 

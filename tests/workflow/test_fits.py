@@ -118,7 +118,7 @@ def test_other_constraints_repeat_the_model_and_not_the_search(run):
     planned = run.planned()
     run.configure(configuration())
     assert planned["complete_model"] == planned["write_report"] == 1
-    assert not {"prepare_signals", "estimate_candidates", "select_candidate"} & set(planned)
+    assert not {"prepare", "estimate_candidates", "select_candidate"} & set(planned)
 
 
 def test_a_contradiction_is_refused_before_any_job(folder):

@@ -37,7 +37,7 @@ def test_a_fleet_in_shards_of_batches_with_a_bad_recording_is_listed_and_later_c
     assert not (folder.results / "index.html").exists()
 
     run = folder.run("--cores", "2")
-    assert jobs_of_each_rule(run.stdout) == {"identify_batch": 1, "collect_fleet": 1}
+    assert jobs_of_each_rule(run.stdout) == {"identify_batch": 1, "list_datasets": 1}
     assert run.returncode != 0
     assert "Traceback" not in run.stdout
     assert "1 of the 2 recordings of this job failed (r2)" in run.stdout
@@ -54,7 +54,7 @@ def test_a_fleet_in_shards_of_batches_with_a_bad_recording_is_listed_and_later_c
 
     recordings.write_text(rows.replace("data/2.csv", "data/1.csv"))
     printed = folder.finish("--cores", "2")
-    assert jobs_of_each_rule(printed) == {"identify_batch": 1, "collect_fleet": 1}
+    assert jobs_of_each_rule(printed) == {"identify_batch": 1, "list_datasets": 1}
     assert {path: path.stat().st_mtime_ns for path in kept} == before
     assert {row["status"] for row in table(folder)} == {"complete"}
     frequencies = [row["frequency_hz"] for row in table(folder) if row["dataset"] == "r2"]
@@ -64,4 +64,4 @@ def test_a_fleet_in_shards_of_batches_with_a_bad_recording_is_listed_and_later_c
     ]
     assert folder.planned() == {}
     Path(folder.files_of("r3").modes).unlink()
-    assert folder.planned() == {"identify_batch": 1, "collect_fleet": 1}
+    assert folder.planned() == {"identify_batch": 1, "list_datasets": 1}

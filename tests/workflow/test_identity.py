@@ -16,7 +16,7 @@ ANALYSIS = {
     "orders": {"joint": [3, 4], "nc": [2, 3], "nb": [3, 3]},
 }
 RATE = {"sampling_rate": 100}
-FIRST_STAGES = ("--cores", "1", "--until", "prepare_signals")
+FIRST_STAGES = ("--cores", "1", "--until", "prepare")
 
 
 def samples(seed):
@@ -60,10 +60,10 @@ def older_file(folder, text):
 def test_a_recording_replaced_by_an_older_file_runs_again_once(prepared):
     shutil.move(older_file(prepared, samples(7)), prepared.path / "x.csv")
     plan = prepared.planned(*FIRST_STAGES)
-    assert plan == {"read_recording": 1, "prepare_signals": 1}
+    assert plan == {"read_recording": 1, "prepare": 1}
     shutil.move(older_file(prepared, samples(8)), prepared.path / "v.csv")
     printed = prepared.finish(*FIRST_STAGES)
-    assert jobs_of_each_rule(printed) == plan | {"read_validation_recording": 1}
+    assert jobs_of_each_rule(printed) == plan | {"read_validation": 1}
     assert prepared.planned(*FIRST_STAGES) == {}
 
 

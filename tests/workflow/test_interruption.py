@@ -53,7 +53,7 @@ def test_a_deleted_file_that_only_finished_jobs_have_read_is_made_again(copy):
     files = copy.files_of("truth")
     for path in (files.prepared, files.phase("delay")):
         Path(path).unlink()
-    assert {"prepare_signals", "select_candidate"} <= copy.planned().keys()
+    assert {"prepare", "select_candidate"} <= copy.planned().keys()
 
 
 def test_a_full_disk_is_reported_and_leaves_nothing_half_written(copy, finished):

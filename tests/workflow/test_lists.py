@@ -160,7 +160,7 @@ def test_a_killed_run_does_not_leave_outdated_results_listed_as_complete(copy_of
     run = psutil.Popen(
         folder.command("--cores", "1", "--until", "estimate_spectrum"), cwd=folder.path
     )
-    log = folder.results / "a" / "logs" / "spectrum.log"
+    log = folder.results / "a" / "logs" / "estimate_spectrum.log"
     assert kill_job(run, log, run) == -signal.SIGKILL
     run.wait()
     assert {status for status, *_ in table(folder).values()} == {"unfinished"}

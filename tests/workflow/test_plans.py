@@ -42,8 +42,8 @@ def test_a_validation_file_is_read_as_well(folder):
     )
     planned = folder.planned()
     assert planned["read_recording"] == 1
-    assert planned["read_validation_recording"] == 1
-    assert "synthesize_recording" not in planned
+    assert planned["read_validation"] == 1
+    assert "synthesize" not in planned
 
 
 def test_auto_waits_for_the_spectrum_and_a_range_does_not(folder):
@@ -78,6 +78,18 @@ def test_a_wrong_configuration_is_one_sentence_and_no_traceback(folder, text, sa
     (line,) = [line for line in run.stdout.splitlines() if said in line]
     assert line.startswith("config.yaml")
     assert not folder.results.exists()
+
+
+def test_a_folder_without_a_configuration_or_with_a_dangling_link_is_said(folder):
+    assert "write one by `evopem init`" in folder.run("--dry-run").stdout
+    folder.configure({"datasets": {"arm": ARM}})
+    folder.results.symlink_to("nowhere")
+    assert "results: is a link to a folder that does not exist" in folder.run("--dry-run").stdout
+    folder.results.unlink()
+    folder.configure({"datasets": {"arm": ARM}, "shard": f"1/{'9' * 5000}"})
+    run = folder.run("--dry-run")
+    assert "config.yaml, shard" in run.stdout
+    assert "Traceback" not in run.stdout
 
 
 def test_another_configuration_file_is_named_in_its_errors(folder):

@@ -11,7 +11,7 @@ import pytest
 from evopem.automatic.record import DecisionRecord
 from evopem.estimation.model_record import ModelRecord
 from evopem.files.json_form import load
-from evopem.models.structures import PolynomialOrders
+from evopem.models.structures import Orders
 
 from .conftest import Folder
 
@@ -80,7 +80,7 @@ def test_three_keys_find_the_system(identified):
     assert summary["simulation_error_percent"] < 12.0
     subjects = [each.subject for each in load(DecisionRecord, files.decisions).decisions]
     assert {"start", "clipping", "decimation", "objective", "folds", "delay"} <= set(subjects)
-    assert model.orders == PolynomialOrders(nb=2, nf=2, nk=1)
+    assert model.orders == Orders(nb=2, nf=2, nk=1)
     assert {f"orders of {name}" for name in ("fir", "arx", "armax", "oe", "bj")} <= set(subjects)
 
 
@@ -111,22 +111,22 @@ def test_nothing_is_left_to_do(again):
         (
             {"purpose": "prediction"},
             {"decide_preparation", "decide_delay", "search_structure", "estimate_spectrum"},
-            {"compare_structures", "act_on_checks", "estimate_chosen", "complete_model"},
+            {"choose", "revise", "estimate", "complete_model"},
         ),
         (
             {"delay": {"nk": 1}},
-            {"decide_preparation", "apply_preparation", "decide_folds", "estimate_spectrum"},
-            {"decide_delay", "search_structure", "compare_structures"},
+            {"decide_preparation", "prepare", "decide_folds", "estimate_spectrum"},
+            {"decide_delay", "search_structure", "choose"},
         ),
         (
             {"search": {"seed": 2}},
-            {"search_structure", "compare_structures", "act_on_checks"},
-            {"estimate_chosen", "complete_model"},
+            {"search_structure", "choose", "revise"},
+            {"estimate", "complete_model"},
         ),
         (
             {"split": {"discard": 10}},
             {"read_recording"},
-            {"decide_preparation", "apply_preparation", "search_structure"},
+            {"decide_preparation", "prepare", "search_structure"},
         ),
     ],
 )
@@ -143,7 +143,7 @@ def test_a_key_overrides_its_decision(again):
     files = again.files_of("pump")
     orders = load(ModelRecord, files.model).orders
     assert orders.structure == "arx"
-    assert orders.nk == 1
+    assert orders.single.nk == 1
     assert 2 <= orders.na <= 4
     delay = next(
         each for each in load(DecisionRecord, files.decisions).decisions if each.subject == "delay"

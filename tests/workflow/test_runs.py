@@ -42,13 +42,18 @@ def test_a_run_makes_every_promised_file(finished):
     record = load(ModelRecord, files.model)
     orders = record.orders
     assert len(record.a) == orders.na + 1
-    assert len(record.b) == orders.nb
+    assert len(record.b) == orders.single.nb
     assert len(record.c) == orders.nc + 1
     candidates = pd.read_csv(files.candidates)
     selected = candidates[candidates["selected"]].set_index("phase")
     assert list(selected.index) == list(PHASES)
     columns = ["na", "nb", "nc", "nk"]
-    assert selected.loc["nb", columns].tolist() == [orders.na, orders.nb, orders.nc, orders.nk]
+    assert selected.loc["nb", columns].tolist() == [
+        orders.na,
+        orders.single.nb,
+        orders.nc,
+        orders.single.nk,
+    ]
     assert record.window == ScoringWindow(4 + 3 - 1, 4 + 3 - 1 + 20)
     counts = candidates.groupby("phase").size()
     assert counts[["delay", "joint", "nc"]].tolist() == [3, 2, 2]
@@ -83,26 +88,26 @@ def test_changed_code_repeats_what_uses_it(copy, tmp_path):
     template = clone / "workflow" / "templates" / "report.html.j2"
     template.write_text(template.read_text() + "<!-- changed -->\n")
     planned = set(Folder(copy.path, clone / "Snakefile").planned())
-    assert {"validate_model", "summarize_dataset", "draw_figures", "write_report"} <= planned
-    untouched = {"prepare_signals", "estimate_spectrum", "estimate_candidates", "complete_model"}
+    assert {"validate", "summarize", "draw_figures", "write_report"} <= planned
+    untouched = {"prepare", "estimate_spectrum", "estimate_candidates", "complete_model"}
     assert not untouched & planned
 
 
 FROM_SPECTRUM = {
     "estimate_spectrum",
-    "validate_model",
-    "summarize_dataset",
+    "validate",
+    "summarize",
     "draw_figures",
     "write_report",
 }
 FROM_MODEL = {
     "complete_model",
-    "validate_model",
-    "summarize_dataset",
+    "validate",
+    "summarize",
     "draw_figures",
     "write_report",
 }
-FROM_SELECTION = {"select_candidate", "tabulate_candidates", *FROM_MODEL}
+FROM_SELECTION = {"select_candidate", "tabulate", *FROM_MODEL}
 FROM_CANDIDATES = {"estimate_candidates", *FROM_SELECTION}
 
 
@@ -115,12 +120,12 @@ FROM_CANDIDATES = {"estimate_candidates", *FROM_SELECTION}
         (
             "defaults.split.discard",
             30,
-            {"prepare_signals", *FROM_SPECTRUM, *FROM_CANDIDATES},
+            {"prepare", *FROM_SPECTRUM, *FROM_CANDIDATES},
         ),
         (
             "datasets.truth.seed",
             2,
-            {"synthesize_recording", "prepare_signals", *FROM_SPECTRUM, *FROM_CANDIDATES},
+            {"synthesize", "prepare", *FROM_SPECTRUM, *FROM_CANDIDATES},
         ),
     ],
 )
@@ -128,7 +133,7 @@ def test_a_changed_value_repeats_what_depends_on_it(copy, key, value, rules):
     copy.configure(changed(key, value))
     planned = copy.planned()
     # The complete configuration is an input of the figures.
-    assert set(planned) == rules | {"write_configuration", "draw_figures", "write_report"}
+    assert set(planned) == rules | {"write_settings", "draw_figures", "write_report"}
     if key == "defaults.orders.nb":  # of the last phase: the earlier ones stay
         assert planned["estimate_candidates"] == planned["select_candidate"] == 1
 
@@ -136,9 +141,9 @@ def test_a_changed_value_repeats_what_depends_on_it(copy, key, value, rules):
 def test_another_data_set_leaves_the_first_alone(copy):
     copy.configure(changed("datasets.other", {"synthesis": "armax", "samples": 800}))
     planned = copy.planned()
-    assert planned.pop("collect_fleet") == 1
+    assert planned.pop("list_datasets") == 1
     assert planned["estimate_candidates"] == 5
-    assert planned["synthesize_recording"] == 1
+    assert planned["synthesize"] == 1
 
 
 ELSEWHERE = {
@@ -164,7 +169,7 @@ def test_neither_one_job_nor_cores_nor_environment_change_results(finished, tmp_
     folder = Folder(tmp_path, environment=ELSEWHERE)
     folder.configure(TINY | {"one_job_per": "recording", "candidates_per_job": "auto"})
     printed = folder.finish("--cores", "3")
-    assert jobs_of_each_rule(printed) == {"identify_synthetic_armax": 1}
+    assert jobs_of_each_rule(printed) == {"identify": 1}
     staged, made = (
         {name: content for name, content in final_files(each).items() if not _of_jobs(name)}
         for each in (finished, folder)
@@ -176,7 +181,7 @@ def test_neither_one_job_nor_cores_nor_environment_change_results(finished, tmp_
     assert Path(folder.files_of("truth").report).stat().st_size > 50_000
     assert folder.planned("--cores", "1") == {}
     Path(folder.files_of("truth").phase("nc")).unlink()  # no other job of the run needs it
-    assert folder.planned() == {"identify_synthetic_armax": 1}
+    assert folder.planned() == {"identify": 1}
 
 
 def _of_jobs(name):
@@ -224,10 +229,10 @@ def test_a_recorded_file_in_a_folder_of_ones_own(recorded, folder):
         "output_unit": "m/s2",
     }
     folder.configure(TINY | {"datasets": {"bench-1.a": entry}})
-    folder.finish("--cores", "2", "--until", "prepare_signals", "--directory", ".")
+    folder.finish("--cores", "2", "--until", "prepare", "--directory", ".")
     files = folder.files_of("bench-1.a")
     info = load(RecordingInfo, files.recording_info)
-    assert info.file.path == "my data/bench 1.csv"
-    assert (info.kind, info.samples, info.output_unit) == ("file", 700, "m/s2")
+    assert info.files[0].path == "my data/bench 1.csv"
+    assert (info.kind, info.samples, info.outputs[0].unit) == ("file", 700, "m/s2")
     assert json.loads(Path(files.transforms).read_text())["sampling_rate"] == 50
     assert not Path(files.truth).exists()

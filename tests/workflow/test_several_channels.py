@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 from scipy.io import loadmat
 
-from evopem.estimation.state_space.model_record import MultichannelModelRecord
+from evopem.estimation.multichannel_record import MultichannelModelRecord
 from evopem.files.json_form import load
 from evopem.results.fleet import DatasetSummary
 from evopem.signals.multichannel_preparation import load_multichannel_data
@@ -38,7 +38,7 @@ DATASET = {
     "input_unit": "N",
     "output_unit": {"acc_1": "m/s2", "acc_2": "m/s2"},
     "structure": "state_space",
-    "form": "output_error",
+    "form": "ss_oe",
     "orders": {"nx": [3, 5]},
     "delay": {"nk": [1, 2]},
     "search": {"evaluations": 100},
@@ -74,7 +74,7 @@ ALONE = {
 }
 
 
-JOINED = ALONE | {"file": "run_*.csv", "input": ["force_*"], "form": "output_error"}
+JOINED = ALONE | {"file": "run_*.csv", "input": ["force_*"], "form": "ss_oe"}
 
 
 @pytest.fixture(scope="module")
@@ -132,8 +132,10 @@ def test_the_tables_hold_every_channel(run):
     simulation = pd.read_csv(files.simulation)
     record = load(MultichannelModelRecord, files.model)
     data = load_multichannel_data(files.prepared, files.transforms)
-    u, y = data.validation.inputs, data.validation.outputs
-    simulated = record.model.simulate(u, record.model.simulation_state(u, y))
+    before, after = data.estimation, data.validation
+    state = record.model.simulation_state(before.inputs, before.outputs)
+    inputs = np.concatenate([before.inputs, after.inputs])
+    simulated = record.model.simulate(inputs, state)[before.samples :]
     np.testing.assert_allclose(simulation["simulated_acc_3"], simulated[:, 2], rtol=1e-9)
     response = pd.read_csv(files.frequency_response)
     pairs = response.groupby(["output", "input"]).size()
@@ -183,11 +185,11 @@ def test_every_decision_is_a_file(run):
     decisions = json.loads(Path(files.decisions).read_text())["decisions"]
     subjects = [each["subject"] for each in decisions]
     assert subjects == [
-        *("start", "decimation", "folds", "delays", "level"),
+        *("start", "decimation", "folds", "delay", "level"),
         *("form and weighting for simulation", "order for simulation"),
         *("form and weighting for prediction", "order for prediction"),
     ]
-    assert json.loads(Path(files.decision("delays")).read_text())["delays"] == [1, 2]
+    assert json.loads(Path(files.decision("delay")).read_text())["delays"] == [1, 2]
 
 
 def test_the_report_shows_every_channel_and_shape(run):
@@ -195,7 +197,9 @@ def test_the_report_shows_every_channel_and_shape(run):
     page = Path(folder.files_of("frame").report).read_text(encoding="utf-8")
     for text in (
         "acc_3",
-        "from force_y",
+        "acc_3 ← force_y",
+        "acc_1, residuals",
+        "Step and impulse",
         "Moving shapes",
         "Modal assurance criterion",
         "<animate ",
@@ -206,7 +210,7 @@ def test_the_report_shows_every_channel_and_shape(run):
 
 def test_outputs_alone_are_predicted(at_once):
     alone = Path(at_once.files_of("alone").report).read_text(encoding="utf-8")
-    assert "Frequency responses" not in alone
+    assert "Response to the input" not in alone
     assert "predicted one step ahead" in alone
 
 

@@ -25,13 +25,13 @@ from evopem.config.environment import check_environment, job_environment
 from evopem.config.rule_digest import code_version
 from evopem.config.schema import schema_file
 from evopem.config.strict_yaml import check_yaml_files
-from evopem.config.structures import AUTOMATIC_PHASES, AUTOMATIC_STRUCTURES
 from evopem.errors import InputError
 from evopem.files.termination import interrupt_on_hangup
 from evopem.pipeline.planned_fits import check_planned_fits
-from evopem.pipeline.planning.wildcards import FILES as files
-from evopem.pipeline.planning.provider import Provider
-from evopem.results.layout import BATCH, BATCH_CHECKSUMS, FIGURES, OVERVIEW, PHASES
+from evopem.pipeline.provider import FILES as files
+from evopem.pipeline.provider import IDENTIFY, LIST, Provider, modules_of
+from evopem.pipeline.stages import module_of
+from evopem.results.layout import BATCH, BATCH_CHECKSUMS, OVERVIEW
 from evopem.results.layout import DatasetFiles, check_folders
 from evopem.results.made_from import forget_incomplete_batches
 from evopem.results.replaced_recordings import mark_replaced_recordings
@@ -45,6 +45,12 @@ CONFIG_FILES = (
     if workflow.modifier.skip_configfile
     else ["config.yaml", *workflow.overwrite_configfiles]
 )
+
+if CONFIG_FILES == ["config.yaml"] and not Path("config.yaml").exists():
+    sys.exit(
+        f"{Path.cwd()}: there is no config.yaml in this folder; write one by `evopem init`, or name"
+        " another folder with --directory."
+    )
 
 try:
     check_environment(os.environ)
@@ -85,16 +91,44 @@ TEMPLATE_FOLDER = schema_file().parents[1] / "templates"
 TEMPLATES = sorted(path for path in TEMPLATE_FOLDER.rglob("*") if path.is_file())
 
 
-def recorded_files(key):
-    """The recorded files of a data set: the user's own, which no module's prefix applies to."""
-    provide = provider.recorded_files(key)
+def recorded_files(rule):
+    """The recorded files of a job: the user's own, which no module's prefix applies to."""
 
     def existing(wildcards):
-        return {
-            name: list(map(local, paths)) for name, paths in provide(wildcards).items()
-        }
+        return list(map(local, rule.recorded(wildcards)))
 
     return existing
+
+
+def shown(path):
+    """A result as Snakemake's own report holds it, where it does."""
+    name = path.rpartition("/")[2]
+    if "/figures/" in path:
+        stem = name.removesuffix(".svg")
+        caption, group = f"figures/{stem}", "Figures"
+        labels = {"figure": stem.replace("_", " ")}
+    elif name in SHOWN:
+        caption, group = SHOWN[name]
+        labels = {"file": name}
+    else:
+        return path
+    return report(
+        path,
+        caption=f"../report/{caption}.rst",
+        category="{dataset}",
+        subcategory=group,
+        labels=labels,
+    )
+
+
+SHOWN = {
+    "report.html": ("report", "Report"),
+    "model.json": ("model", "Model"),
+    "validation.json": ("validation", "Model"),
+    "modes.csv": ("modes", "Tables"),
+    "candidates.csv": ("candidates", "Tables"),
+    "spectrum.csv": ("spectrum", "Tables"),
+}
 
 
 def estimation_cores(wildcards):
@@ -111,14 +145,42 @@ def estimation_cores(wildcards):
         return 1
 
 
-def code(script, *templates):
-    """A digest of a script and of all code behind it: a rule reruns when it changes.
+def code(modules, templates=(), script="run_stage"):
+    """A digest of a script, of modules and of all code behind them: a rule reruns when it changes.
 
     Of an installed package it is the version.
     """
     if not IN_CHECKOUT:
         return __version__
-    return code_version(SCRIPTS / f"{script}.py", templates)
+    return code_version(SCRIPTS / f"{script}.py", templates, modules=modules)
+
+
+def code_of(rule, templates=()):
+    """The digest of the code behind a job, which may depend on its data set."""
+    digests = {}
+
+    def digest(wildcards):
+        modules = tuple(rule.modules(wildcards))
+        if modules not in digests:
+            digests[modules] = code(modules, templates)
+        return digests[modules]
+
+    return digest
+
+
+def pages_of(rule):
+    """The templates that a stage's results depend on."""
+    return TEMPLATES if rule.startswith("write_report") else ()
+
+
+BATCH_CODE = (
+    code(
+        modules_of(provider.config.datasets.values(), with_report=False),
+        script="identify_batch",
+    )
+    if provider.config.batches
+    else ""
+)
 
 
 def schedule_when_jobs_end():
@@ -172,7 +234,7 @@ def left_of(jobs):
     jobs = list(jobs)
     if not provider.config.batches:
         return datasets_of(jobs)
-    return provider.batches.unfinished(batches_of(jobs), code("identify_batch"))
+    return provider.unfinished(batches_of(jobs), BATCH_CODE)
 
 
 def collect_unfinished():
@@ -195,7 +257,8 @@ def collect_unfinished():
 
 
 wildcard_constraints:
-    dataset=provider.one_of(frozenset(provider.config.datasets)),
-    phase="|".join(PHASES),
-    structure="|".join(AUTOMATIC_STRUCTURES),
+    dataset=provider.one_of(provider.config.datasets),
+    phase=provider.values("phase"),
+    structure=provider.values("structure"),
+    purpose=provider.values("purpose"),
     part=r"\d+",

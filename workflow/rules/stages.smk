@@ -22,26 +22,18 @@ onerror:
 
 if provider.config.batches:
 
-    include: "batch.smk"
+    include: "by_batch.smk"
 
 elif provider.config.run.one_job_per == "recording":
 
-    include: "recording.smk"
+    include: "by_recording.smk"
 
 else:
 
-    include: "acquisition.smk"
-    include: "preparation.smk"
-    include: "spectrum.smk"
-    include: "order_search.smk"
-    include: "automatic.smk"
-    include: "model.smk"
-    include: "validation.smk"
-    include: "report.smk"
-    include: "multichannel.smk"
+    include: "by_stage.smk"
 
 
-include: "fleet.smk"
+include: "lists.smk"
 
 
 # A benchmark beside the workflow: `snakemake fletcher_powell` runs it, a plain `snakemake` does not.

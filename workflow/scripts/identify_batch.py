@@ -1,24 +1,17 @@
 """Take the recordings of a batch through all stages, one after the other, in one process."""
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from evopem.config.settings import DatasetSettings
-from evopem.config.state_space_settings import MultichannelDataset
 from evopem.files.job import job
-from evopem.files.json_form import from_json
 from evopem.pipeline.batch import identify_batch
+from evopem.pipeline.identification import settings_of
 from evopem.results.layout import DatasetFiles
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
 
-results = next(up.parent for up in Path(snakemake.log[0]).parents if up.name == "logs")
-settings = snakemake.params.settings
-recordings = {
-    name: from_json(MultichannelDataset if "choices" in keys else DatasetSettings, keys)
-    for name, keys in settings.items()
-}
+results = DatasetFiles.of_log(snakemake.log[0]).folder
+recordings = {name: settings_of(keys) for name, keys in snakemake.params.settings.items()}
 finished = [DatasetFiles(f"{results}/{name}").checksums for name in recordings]
 # The output of the rule is the file of checksums that every job writes about what it has made.
 with job(snakemake.log[0], (), finished) as logger:

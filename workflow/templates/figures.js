@@ -5,6 +5,7 @@
   const COLOURS = ["ink", "muted", "grid", "model", "error", "truth", "fourth", "fifth"];
   const NEAR = "600px"; // a figure is drawn when it is that close to the screen
   const groups = new Map(); // plots with the same abscissa, by the name of their group
+  const parts = new Map(); // what a group shows of its abscissa; null for the whole
   const drawn = new Map(); // plots and observers of each figure
 
   const colours = () => {
@@ -18,10 +19,13 @@
     return `rgba(${r}, ${g}, ${b}, ${share})`;
   };
 
-  // Tables of the project have no quoted cells with commas or line breaks.
+  // A cell with commas or quotes stands in quotes, in which quotes are doubled.
+  const cells = (line) => [...line.matchAll(/("(?:[^"]|"")*"|[^,]*)(?:,|$)/g)]
+    .slice(0, line.endsWith(",") ? undefined : -1)
+    .map(([, cell]) => (cell.startsWith('"') ? cell.slice(1, -1).replaceAll('""', '"') : cell));
   const read = (address) => {
     const text = decodeURIComponent(address.slice(address.indexOf(",") + 1));
-    const [head, ...rows] = text.trim().split("\n").map((line) => line.split(","));
+    const [head, ...rows] = text.trimEnd().split("\n").map((line) => (line.includes('"') ? cells(line) : line.split(",")));
     return Object.fromEntries(head.map((name, at) => [name, rows.map((row) => row[at])]));
   };
   const toNumber = (cell) => (cell === undefined || cell === "" ? null : Number(cell));
@@ -31,22 +35,20 @@
   // One table [x, y, lower, upper] of a curve, by ascending x.
   const series = (own, panel, curve) => {
     const table = curve.source ? read(document.querySelector(`#${curve.source} a[download]`).href) : own;
-    const [column, value] = curve.where;
     let rows = table[panel.x].map((_, at) => at);
-    if (value === "not 0") rows = rows.filter((at) => Number(table[column][at]) !== 0);
-    else if (column) rows = rows.filter((at) => table[column][at] === value);
-    const positive = (number) => (panel.logarithmic && !(number > 0) ? null : number);
+    for (const [column, value] of curve.where ?? []) rows = rows.filter((at) => table[column][at] === value);
+    const positive = (number) => (panel.scale === "logarithmic" && !(number > 0) ? null : number);
     const take = (name) => rows.map((at) => {
       const number = toNumber(table[name][at]);
       if (number === null) return null;
-      return panel.wrapped ? wrapped(number) : positive(curve.factor * number);
+      return panel.scale === "phase" ? wrapped(number) : positive((curve.factor ?? 1) * number);
     });
     const x = rows.map((at) => toNumber(table[panel.x][at]));
     const y = take(curve.column);
     const inside = (at) => !panel.highest || x[at] <= panel.highest;
     const known = (at) => inside(at) && x[at] !== null && !Number.isNaN(x[at]) && table[curve.column][rows[at]] !== "";
     const order = x.map((_, at) => at).filter(known).sort((a, b) => x[a] - x[b]);
-    const sorted = [x, y, ...curve.band.map(take)]
+    const sorted = [x, y, ...(curve.band ?? []).map(take)]
       .map((values) => order.map((at) => values[at]));
     return apart(sorted);
   };
@@ -126,6 +128,7 @@
     panel.curves.forEach((curve) => {
       const colour = paint[curve.colour];
       const dots = curve.kind === "points";
+      const band = curve.band ?? [];
       const first = plotted.length;
       plotted.push({
         label: curve.label,
@@ -134,32 +137,32 @@
         width: dots ? 0 : curve.colour === "muted" ? 1 : 1.6,
         dash: curve.dashed ? [6, 4] : undefined,
         fill: curve.kind === "stems" ? colour : undefined,
-        paths: PATHS[curve.kind](),
-        points: { show: dots, size: panel.wrapped ? 3 : 7, width: 0, fill: colour, stroke: colour },
+        paths: PATHS[curve.kind ?? "line"](),
+        points: { show: dots || Boolean(curve.marker), size: panel.scale === "phase" ? 3 : dots ? 7 : 5, width: curve.marker?.startsWith("open") ? 1.5 : 0, fill: curve.marker?.startsWith("open") ? "transparent" : colour, stroke: colour },
       });
-      curve.band.forEach(() => plotted.push({ label: "", points: { show: false } }));
-      if (curve.band.length) {
+      band.forEach(() => plotted.push({ label: "", points: { show: false } }));
+      if (band.length) {
         bands.push({ series: [first + 2, first + 1], fill: fade(colour, 0.25) });
       }
-      owners.push([...Array(1 + curve.band.length).keys()].map((at) => first + at));
+      owners.push([...Array(1 + band.length).keys()].map((at) => first + at));
     });
 
     const marks = (plot) => {
       const { ctx, bbox } = plot;
       ctx.save();
-      ctx.strokeStyle = paint.model;
       ctx.setLineDash([2, 4]);
-      for (const mark of panel.marks) {
-        const x = Math.round(plot.valToPos(mark, "x", true));
+      for (const mark of panel.marks ?? []) {
+        ctx.strokeStyle = paint[mark.colour];
+        const x = Math.round(plot.valToPos(mark.value, "x", true));
         if (x < bbox.left || x > bbox.left + bbox.width) continue;
         ctx.beginPath();
         ctx.moveTo(x, bbox.top);
         ctx.lineTo(x, bbox.top + bbox.height);
         ctx.stroke();
       }
-      ctx.strokeStyle = paint.error;
-      for (const level of panel.levels) {
-        const y = Math.round(plot.valToPos(level, "y", true));
+      for (const level of panel.levels ?? []) {
+        ctx.strokeStyle = paint[level.colour];
+        const y = Math.round(plot.valToPos(level.value, "y", true));
         ctx.beginPath();
         ctx.moveTo(bbox.left, y);
         ctx.lineTo(bbox.left + bbox.width, y);
@@ -193,18 +196,18 @@
         out.textContent = at === null || at === undefined ? "" : show(nearest(plot.data[number], at));
       });
     };
-    const fixed = panel.limits.length === 2;
+    const fixed = panel.limits?.length === 2;
     const yAxis = axis(58);
-    if (panel.logarithmic) {
+    if (panel.scale === "logarithmic") {
       yAxis.filter = decades;
       yAxis.grid.filter = decades;
       yAxis.ticks.filter = decades;
     }
-    if (panel.wrapped) yAxis.splits = () => [-180, -90, 0, 90, 180];
-    const yScale = panel.logarithmic ? { distr: 3 } : {};
+    if (panel.scale === "phase") yAxis.splits = () => [-180, -90, 0, 90, 180];
+    const yScale = panel.scale === "logarithmic" ? { distr: 3 } : {};
     if (fixed) yScale.range = panel.limits;
     const options = {
-      width: Math.max(place.clientWidth, 200),
+      width: Math.max(place.clientWidth, 160),
       height: panel.height,
       padding: [8, 18, 0, 0],
       legend: { show: false },
@@ -219,12 +222,12 @@
     where.className = "where";
     const plot = new uPlot(options, data, room);
     const finite = data[0].filter((x) => x !== null);
-    plot.whole = [finite[0], finite.at(-1)];
+    plot.whole = panel.highest ? [0, panel.highest] : [finite[0], finite.at(-1)];
     plot.group = panel.linked;
     plot.root.querySelector(".u-over").title = `${name}: drag to zoom, double-click for the whole range`;
 
     panel.curves.forEach((curve, at) => {
-      const same = (number) => panel.curves[number].label === "";
+      const same = (number) => !panel.curves[number].label;
       if (same(at)) return;
       const numbers = [...owners[at]];
       for (let next = at + 1; next < owners.length && same(next); next += 1) numbers.push(...owners[next]);
@@ -251,6 +254,8 @@
   const follow = (plot, scale) => {
     if (scale !== "x" || following || !plot.group) return;
     const { min, max } = plot.scales.x;
+    const [low, high] = plot.whole;
+    parts.set(plot.group, min > low || max < high ? [min, max] : null);
     following = true;
     for (const other of groups.get(plot.group) ?? []) {
       if (other !== plot) other.setScale("x", { min, max });
@@ -283,6 +288,7 @@
     live.className = "live";
     live.setAttribute("role", "group");
     live.setAttribute("aria-label", `Figure: ${name}`);
+    if (Number(figure.dataset.columns) > 1) live.classList.add("grid");
     figure.prepend(live);
     figure.classList.add("is-live");
     const table = read(link.href);
@@ -294,9 +300,13 @@
       if (panel.linked) {
         if (!groups.has(panel.linked)) groups.set(panel.linked, new Set());
         const mates = groups.get(panel.linked);
-        const mate = mates.values().next().value;
         mates.add(plot);
-        if (mate) plot.setScale("x", { min: mate.scales.x.min, max: mate.scales.x.max });
+        // The whole range of a group is that of all its plots.
+        const wholes = [...mates].map((one) => one.whole);
+        const whole = [Math.min(...wholes.map(([low]) => low)), Math.max(...wholes.map(([, high]) => high))];
+        for (const one of mates) one.whole = whole;
+        const [min, max] = parts.get(panel.linked) ?? whole;
+        plot.setScale("x", { min, max });
       }
       return plot;
     });

@@ -15,36 +15,33 @@ if TYPE_CHECKING:
     from evopem.config.constraints import Constraints, FixedPole, InputConstraints, Prior
     from evopem.config.settings import ScoringWindow, SearchSettings
     from evopem.errors import InputError
+    from evopem.estimation.delays import estimate_delays
     from evopem.estimation.model_record import load_model as load
-    from evopem.estimation.multi_input.estimate import MultiInputEstimate, estimate_multi_input
     from evopem.estimation.polynomial_estimate import PolynomialEstimate
-    from evopem.estimation.state_space.delays import estimate_delays
-    from evopem.estimation.state_space.estimate import StateSpaceEstimate, estimate_state_space
-    from evopem.estimation.state_space.order_sweep import sweep_state_space_orders
+    from evopem.estimation.state_space.estimate import estimate_state_space, estimates_of_orders
+    from evopem.estimation.state_space.local_estimates import StateSpaceEstimate
     from evopem.estimation.state_space.settings import StateSpaceSettings
     from evopem.estimation.structured_estimate import estimate
-    from evopem.models.multi_input import MultiInputModel, MultiInputOrders
     from evopem.models.polynomial import PolynomialModel
     from evopem.models.state_space import StateSpaceModel
-    from evopem.models.structures import PolynomialOrders
+    from evopem.models.structures import Orders
     from evopem.notebook.identify import identify, read_results
-    from evopem.notebook.results import IdentificationResults
+    from evopem.notebook.results import Results
+    from evopem.signals.recording import Recording
     from evopem.validation.mode_table import ModeTable, mode_table
 
 __all__ = [
     "Constraints",
     "FixedPole",
-    "IdentificationResults",
     "InputConstraints",
     "InputError",
     "ModeTable",
-    "MultiInputEstimate",
-    "MultiInputModel",
-    "MultiInputOrders",
+    "Orders",
     "PolynomialEstimate",
     "PolynomialModel",
-    "PolynomialOrders",
     "Prior",
+    "Recording",
+    "Results",
     "ScoringWindow",
     "SearchSettings",
     "StateSpaceEstimate",
@@ -53,43 +50,43 @@ __all__ = [
     "__version__",
     "estimate",
     "estimate_delays",
-    "estimate_multi_input",
     "estimate_state_space",
+    "estimates_of_orders",
     "identify",
     "load",
     "mode_table",
     "read_results",
-    "sweep_state_space_orders",
 ]
 
 _HOMES = {
-    "IdentificationResults": "evopem.notebook.results",
+    "Results": "evopem.notebook.results",
     "Constraints": "evopem.config.constraints",
     "FixedPole": "evopem.config.constraints",
     "InputConstraints": "evopem.config.constraints",
     "InputError": "evopem.errors",
-    "MultiInputEstimate": "evopem.estimation.multi_input.estimate",
-    "MultiInputModel": "evopem.models.multi_input",
-    "MultiInputOrders": "evopem.models.multi_input",
     "PolynomialEstimate": "evopem.estimation.polynomial_estimate",
     "PolynomialModel": "evopem.models.polynomial",
-    "PolynomialOrders": "evopem.models.structures",
+    "Orders": "evopem.models.structures",
     "Prior": "evopem.config.constraints",
+    "Recording": "evopem.signals.recording",
     "ScoringWindow": "evopem.config.settings",
     "SearchSettings": "evopem.config.settings",
-    "StateSpaceEstimate": "evopem.estimation.state_space.estimate",
+    "StateSpaceEstimate": "evopem.estimation.state_space.local_estimates",
     "StateSpaceModel": "evopem.models.state_space",
     "StateSpaceSettings": "evopem.estimation.state_space.settings",
     "estimate": "evopem.estimation.structured_estimate",
     "identify": "evopem.notebook.identify",
     "read_results": "evopem.notebook.identify",
-    "estimate_delays": "evopem.estimation.state_space.delays",
-    "estimate_multi_input": "evopem.estimation.multi_input.estimate",
+    "estimate_delays": "evopem.estimation.delays",
     "estimate_state_space": "evopem.estimation.state_space.estimate",
     "mode_table": "evopem.validation.mode_table",
     "ModeTable": "evopem.validation.mode_table",
-    "sweep_state_space_orders": "evopem.estimation.state_space.order_sweep",
+    "estimates_of_orders": "evopem.estimation.state_space.estimate",
 }
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)
 
 
 def __getattr__(name: str) -> Any:

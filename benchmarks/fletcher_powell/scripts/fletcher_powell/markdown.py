@@ -32,7 +32,7 @@ def comparison_markdown(
     n = settings.dimension
     parts = [
         "# Searches on the Fletcher-Powell function",
-        f"Written by `{COMMAND}`. [fletcher_powell.md](../fletcher_powell.md) describes what is "
+        f"Written by `{COMMAND}`. [Settings](fletcher_powell_settings.md) describes what is "
         "compared, and how.",
         f"## n = {n}, {settings.evaluations} evaluations, gradients by finite differences",
         "P = log10 f at the end. Expected evaluations to success: all evaluations over the number "

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.automatic.decision import Alternative, Decision
-from evopem.signals.recording import MAX_DESIGNED_LEVELS, Recording
+from evopem.signals.recording import Recording
+from evopem.signals.recording_checks import MAX_DESIGNED_LEVELS
 
 Array = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ from evopem.estimation.pem.stretch_errors import StretchErrors
 from evopem.estimation.polynomial_estimate import covariance_of, roots_at_bound
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
-from evopem.signals.stretches import Stretch
+from evopem.signals.recording import Segment
 from evopem.validation.checks.excitation import EXCITATION_ADEQUATE
 from evopem.validation.checks.residuals import (
     INDEPENDENT_OF_INPUT,
@@ -64,7 +64,7 @@ class CandidateChecks:
 
 
 def check_model(
-    model: PolynomialModel, structure: str, stretches: Sequence[Stretch], settings: FitSettings
+    model: PolynomialModel, structure: str, stretches: Sequence[Segment], settings: FitSettings
 ) -> CandidateChecks:
     """Judge a model that is at or near an optimum of the stretches.
 
@@ -73,7 +73,7 @@ def check_model(
     model : PolynomialModel
     structure : str
         What the model is called: some structures claim nothing of the noise.
-    stretches : sequence of Stretch
+    stretches : sequence of Segment
     settings : FitSettings
 
     Raises
@@ -102,13 +102,13 @@ def check_model(
         failed.append(DISTINCT)
     if roots_at_bound(errors, model):
         failed.append(INSIDE_BOUND)
-    needed = orders.na + orders.nf + orders.nb
+    needed = orders.na + orders.single.nf + orders.single.nb
     longest = max(stretches, key=lambda each: each.samples)
     if excitation_order(longest.input, needed) < needed:
         failed.append(EXCITATION_ADEQUATE)
     later, shorter = (
         _is_insignificant(model, covariance, coefficient)
-        for coefficient in (0, model.orders.nb - 1)
+        for coefficient in (0, model.orders.single.nb - 1)
     )
     return CandidateChecks(tuple(failed), whiteness, correlation, later, shorter)
 
@@ -146,7 +146,7 @@ def _is_insignificant(
     model: PolynomialModel, covariance: ParameterCovariance | None, coefficient: int
 ) -> bool:
     """Whether a coefficient of B, but not the only one, may be 0."""
-    if covariance is None or model.orders.nb < 2:
+    if covariance is None or model.orders.single.nb < 2:
         return False
     gradient = np.zeros((1, covariance.factor.shape[0]))
     gradient[0, model.part("b").start + coefficient] = 1.0

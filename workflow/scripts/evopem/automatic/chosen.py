@@ -34,7 +34,7 @@ from evopem.estimation.search.problem import (
 from evopem.estimation.search.stretch_problem import StretchProblem
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomial_states import estimate_prediction_states
-from evopem.models.structures import PolynomialOrders
+from evopem.models.structures import Orders
 from evopem.signals.recording import Recording
 
 Array = NDArray[np.float64]
@@ -42,7 +42,7 @@ Array = NDArray[np.float64]
 STRUCTURES, CHOSEN = AUTOMATIC_PHASES
 
 
-def window_of(orders: PolynomialOrders) -> ScoringWindow:
+def window_of(orders: Orders) -> ScoringWindow:
     """The chosen model counts every residual whose past is measured."""
     return ScoringWindow(orders.first_residual, orders.first_residual)
 
@@ -107,8 +107,10 @@ def estimate_chosen(
     orders = _named_orders(chosen)
     searched, model = orders, chosen.model
     if remedied.plant_kept:
-        searched = PolynomialOrders(nb=orders.nb, nf=orders.nf, nk=orders.nk, structure="oe")
-        model = replace(model, c=np.ones(1), d=np.ones(1), structure="oe")
+        searched = Orders(
+            nb=orders.single.nb, nf=orders.single.nf, nk=orders.single.nk, structure="oe"
+        )
+        model = replace(model, C=np.ones(1), D=np.ones(1), structure="oe")
     errors = _errors_of(record, searched, search)
     known = _nearest_optimum(errors, model, search)
     result = _searched(errors, known, search, 1, log)
@@ -117,7 +119,7 @@ def estimate_chosen(
         result = _searched(errors, result, longer, 2, log)
     best = fit_at(errors, result.point, searched.structure).model
     if remedied.plant_kept:
-        best = replace(best, c=chosen.model.c, d=chosen.model.d, structure=orders.structure)
+        best = replace(best, C=chosen.model.C, D=chosen.model.D, structure=orders.structure)
     candidate = _described_by_search(record.in_its_units(best), orders, result, search, data)
     lower = known.value - result.value
     reason = f"{orders} was chosen among all structures, and searched globally: " + (
@@ -155,9 +157,7 @@ def estimate_choice(
     return _described_by_search(model, orders, known, search, data)
 
 
-def _errors_of(
-    record: PreparedRecord, orders: PolynomialOrders, search: SearchSettings
-) -> StretchErrors:
+def _errors_of(record: PreparedRecord, orders: Orders, search: SearchSettings) -> StretchErrors:
     return StretchErrors(
         *(record.stretches, orders, search.objective, search.max_root_radius),
         *(min(search.max_root_radius, NOISE_RADIUS), True),
@@ -187,7 +187,7 @@ def _searched(
 ) -> SearchResult:
     """A global search, combined with an earlier one; its draws are keyed by orders and number."""
     problem, o = StretchProblem(errors), errors.orders
-    key = (o.na, o.nb, o.nc, o.nd, o.nf, o.nk, number)
+    key = (o.na, o.single.nb, o.nc, o.nd, o.single.nf, o.single.nk, number)
     generator = np.random.default_rng(np.random.SeedSequence(search.seed, spawn_key=key))
     found = global_search(
         problem, search, generator, log, earlier.value, recombine=problem.recombine
@@ -197,7 +197,7 @@ def _searched(
 
 def _described_by_search(
     model: PolynomialModel,
-    orders: PolynomialOrders,
+    orders: Orders,
     result: SearchResult,
     search: SearchSettings,
     data: Recording,
@@ -207,7 +207,7 @@ def _described_by_search(
     radius, noise_radius = search.max_root_radius, min(search.max_root_radius, NOISE_RADIUS)
     if data.is_joined:
         joined = StretchErrors(
-            *(data.stretches, orders, search.objective, radius, noise_radius, True), window=window
+            *(data.segments, orders, search.objective, radius, noise_radius, True), window=window
         )
         at_states = replace(result, point=joined.completed_by_states(model))
         return Candidate.of(describe_joined(joined, at_states, data.sampling_rate), CHOSEN)
@@ -237,7 +237,7 @@ def _described(
     levels: tuple[float, ...] = (model.level,)
     if data.is_joined:
         errors = StretchErrors(
-            *(data.stretches, scored.orders, objective, 1.0, 1.0, True),
+            *(data.segments, scored.orders, objective, 1.0, 1.0, True),
             window=ScoringWindow(scored.orders.first_residual, start),
         )
         point, parts = errors.completed_by_states(model), errors.parts()
@@ -265,5 +265,5 @@ def _described(
     )
 
 
-def _named_orders(scored: ScoredCandidate) -> PolynomialOrders:
+def _named_orders(scored: ScoredCandidate) -> Orders:
     return replace(scored.orders, structure=scored.structure)

@@ -13,9 +13,9 @@ from evopem.automatic.folds import SHORTEST_BLOCK
 from evopem.automatic.simulation import simulated
 from evopem.automatic.stretches import folds_of
 from evopem.errors import InputError
-from evopem.models.structures import PolynomialOrders
+from evopem.models.structures import Orders
+from evopem.signals.recording import Segment, total_samples
 from evopem.signals.spectral.frequency_response import multitaper_frequency_response
-from evopem.signals.stretches import Stretch, total_samples
 
 Array = NDArray[np.float64]
 
@@ -34,7 +34,7 @@ PROBES, MOST_FACTORS = (2, 4, 6), 3
 MOST_DECIMATED = 20_000
 
 
-def decide_decimation(stretches: Sequence[Stretch]) -> tuple[int, Decision]:
+def decide_decimation(stretches: Sequence[Segment]) -> tuple[int, Decision]:
     """Decimation by the error of simulations on held-out samples, at the recorded rate."""
     criterion = "simulation error on held-out samples at the recorded rate, % of the output"
     edge = power_edge(stretches)
@@ -88,7 +88,7 @@ def best_factor(
     )
 
 
-def power_edge(stretches: Sequence[Stretch]) -> float:
+def power_edge(stretches: Sequence[Segment]) -> float:
     """Frequency below which nearly all power of the output lies, as a share of the rate.
 
     The lowest of ``BANDS`` bands is taken for a floor of white noise, and left out of all.
@@ -103,7 +103,7 @@ def power_edge(stretches: Sequence[Stretch]) -> float:
     return float(reached[0] / len(y)) if len(reached) else 0.5
 
 
-def coherence_edge(stretches: Sequence[Stretch]) -> float:
+def coherence_edge(stretches: Sequence[Segment]) -> float:
     """Upper end of the highest band where input and output are coherent, as a share of the rate.
 
     A band is coherent where more than half of its lines exceed what independent signals exceed in
@@ -126,10 +126,10 @@ def coherence_edge(stretches: Sequence[Stretch]) -> float:
     return 0.5 * max(coherent, default=0) / COHERENCE_BANDS
 
 
-def _decimated_error(stretches: Sequence[Stretch], factor: int) -> float:
+def _decimated_error(stretches: Sequence[Segment], factor: int) -> float:
     """Best error of a few output-error and ARX models at a lower rate; what is lost is added."""
     lower = [
-        Stretch(decimated(s.input, factor), decimated(s.output, factor), s.recording)
+        Segment(decimated(s.input, factor), decimated(s.output, factor), s.recording)
         for s in stretches
     ]
     lost = sum(float(np.sum((s.output - smoothed(s.output, factor)) ** 2)) for s in stretches)
@@ -137,7 +137,7 @@ def _decimated_error(stretches: Sequence[Stretch], factor: int) -> float:
     settings = FitSettings()
     best = np.inf
     for n in PROBES:
-        for orders in (PolynomialOrders(nb=n, nf=n, nk=0), PolynomialOrders(na=n, nb=n, nk=0)):
+        for orders in (Orders(nb=n, nf=n, nk=0), Orders(na=n, nb=n, nk=0)):
             squares, reference = 0.0, 0.0
             for fold in folds_of(lower, 2, 1, SHORTEST_BLOCK):
                 try:

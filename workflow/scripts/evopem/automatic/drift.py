@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.simulation import simulated
 from evopem.models.polynomial import PolynomialModel
-from evopem.signals.stretches import Stretch, total_samples
+from evopem.signals.recording import Segment, total_samples
 
 Array = NDArray[np.float64]
 
@@ -31,7 +31,7 @@ class _LeastSquares:
     model: PolynomialModel
 
 
-def decide_differences(stretches: Sequence[Stretch]) -> tuple[int, Decision]:
+def decide_differences(stretches: Sequence[Segment]) -> tuple[int, Decision]:
     """How often both channels are differenced.
 
     An ARX model of signals that were differenced d times is one of the signals themselves whose A
@@ -43,7 +43,7 @@ def decide_differences(stretches: Sequence[Stretch]) -> tuple[int, Decision]:
 
     Parameters
     ----------
-    stretches : sequence of Stretch
+    stretches : sequence of Segment
         Centred.
     """
     criterion = "BIC of ARX models on the same samples, not divided by their number"
@@ -85,14 +85,14 @@ def decide_differences(stretches: Sequence[Stretch]) -> tuple[int, Decision]:
     )
 
 
-def differenced(stretch: Stretch, times: int) -> Stretch:
+def differenced(stretch: Segment, times: int) -> Segment:
     """Both channels differenced, ``times`` samples shorter."""
     if times == 0:
         return stretch
-    return Stretch(np.diff(stretch.input, times), np.diff(stretch.output, times), stretch.recording)
+    return Segment(np.diff(stretch.input, times), np.diff(stretch.output, times), stretch.recording)
 
 
-def _likeliest(stretches: Sequence[Stretch], times: int) -> _LeastSquares | None:
+def _likeliest(stretches: Sequence[Segment], times: int) -> _LeastSquares | None:
     """The ARX model of the lowest BIC of signals that were differenced some times."""
     samples = total_samples(stretches)
     orders = [n for n in ORDERS if n * SAMPLES_PER_ORDER <= samples]
@@ -103,7 +103,7 @@ def _likeliest(stretches: Sequence[Stretch], times: int) -> _LeastSquares | None
 
 
 def _least_squares(
-    stretches: Sequence[Stretch], times: int, order: int, first: int
+    stretches: Sequence[Segment], times: int, order: int, first: int
 ) -> _LeastSquares | None:
     """ARX by least squares on residuals from sample ``first`` of the signals themselves on."""
     rows, targets = [], []
@@ -133,7 +133,7 @@ def _least_squares(
     return _LeastSquares(count * float(np.log(mean_square)) + len(point) * np.log(count), model)
 
 
-def _left_over(model: PolynomialModel, stretches: Sequence[Stretch]) -> float:
+def _left_over(model: PolynomialModel, stretches: Sequence[Segment]) -> float:
     """Share of the output's mean square that the simulation of a model leaves over."""
     with np.errstate(all="ignore"):
         errors = np.concatenate([simulated(model, s, True) - s.output for s in stretches])

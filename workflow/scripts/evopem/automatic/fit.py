@@ -12,8 +12,8 @@ from evopem.estimation.pem.stretch_errors import StretchErrors
 from evopem.estimation.search.staged_descent import Stage
 from evopem.estimation.search.stretch_problem import SWEEP_STAGES, StretchProblem
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.structures import PolynomialOrders
-from evopem.signals.stretches import Stretch
+from evopem.models.structures import Orders
+from evopem.signals.recording import Segment
 
 Array = NDArray[np.float64]
 
@@ -61,7 +61,7 @@ class Fit:
     objective: float
 
     @property
-    def orders(self) -> PolynomialOrders:
+    def orders(self) -> Orders:
         """Orders of the model."""
         return self.model.orders
 
@@ -99,8 +99,8 @@ def log_loss(errors: Array, objective: str) -> float:
 
 
 def fit(
-    stretches: Sequence[Stretch],
-    orders: PolynomialOrders,
+    stretches: Sequence[Segment],
+    orders: Orders,
     settings: FitSettings,
     models: Sequence[PolynomialModel] = (),
     own_starts: bool = True,
@@ -111,8 +111,8 @@ def fit(
 
     Parameters
     ----------
-    stretches : sequence of Stretch
-    orders : PolynomialOrders
+    stretches : sequence of Segment
+    orders : Orders
     settings : FitSettings
     models : sequence of PolynomialModel
         Of any orders; descents start from them, with further poles where these orders have more.
@@ -149,7 +149,7 @@ def fit_at(errors: StretchErrors, point: Array, structure: str) -> Fit:
     together = np.concatenate(residuals)
     levels = point[parts["level"]]
     model = PolynomialModel(
-        *(a, point[parts["b"]].copy(), c, d, f, errors.orders.nk),
+        *(a, point[parts["b"]].copy(), c, d, f, errors.orders.single.nk),
         level=float(levels[0]) if len(levels) else 0.0,
         noise_variance=float(together @ together) / max(len(together) - len(point), 1),
         structure=structure,

@@ -12,10 +12,10 @@ from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.fit import FOLD_STAGES, FitSettings, fit
 from evopem.automatic.repetition import Repetition, decide_repetition
 from evopem.automatic.response_parts import REASON, response_parts
-from evopem.automatic.simulation import prediction_errors, simulated
+from evopem.automatic.simulation import errors_simulated_on, prediction_errors
 from evopem.automatic.stretches import Fold, folds_of
 from evopem.models.polynomial import PolynomialModel
-from evopem.signals.stretches import Stretch, total_samples
+from evopem.signals.recording import Segment, total_samples
 
 Array = NDArray[np.float64]
 
@@ -60,15 +60,15 @@ class HeldOutScores:
     """Errors on held-out samples, relative to the output's deviation from its mean, in percent.
 
     Root mean square errors for the quadratic objective, mean absolute ones for the absolute; the
-    geometric mean over the designs of folds.  Sums are divided by the samples less the states that
-    were fitted to the held-out samples.
+    geometric mean over the designs of folds.  Simulations run on from the samples before
+    (:func:`.errors_simulated_on`); sums are divided by the samples less what was fitted to them.
 
     Attributes
     ----------
     simulation : float
         With the level of the training samples.
     free_level : float
-        With the level as a state, fitted to the held-out samples like the initial state.
+        With a level that is fitted to the held-out samples.
     prediction : float
         One step ahead.
     simulation_folds, free_level_folds : tuple of float
@@ -93,12 +93,12 @@ class HeldOutScores:
         return HeldOutScores(np.inf, np.inf, np.inf, (), ())
 
 
-def decide_folds(stretches: Sequence[Stretch]) -> FoldPlan:
+def decide_folds(stretches: Sequence[Segment]) -> FoldPlan:
     """Choose the designs of folds whose parts have common input spectra, and judge repetitions.
 
     Parameters
     ----------
-    stretches : sequence of Stretch
+    stretches : sequence of Segment
     """
     samples = total_samples(stretches)
     possible = [d for d in DESIGNS if samples >= d[0] * d[1] * SHORTEST_BLOCK] or [(2, 1)]
@@ -131,7 +131,7 @@ def decide_folds(stretches: Sequence[Stretch]) -> FoldPlan:
     )
 
 
-def _response_edges(stretches: Sequence[Stretch], count: int) -> list[int] | None:
+def _response_edges(stretches: Sequence[Segment], count: int) -> list[int] | None:
     """Ends of the parts of the response to a single blow; None for other records."""
     inputs, outputs = (
         np.concatenate([getattr(each, name) for each in stretches])[:, None]
@@ -141,7 +141,7 @@ def _response_edges(stretches: Sequence[Stretch], count: int) -> list[int] | Non
 
 
 def held_out_scores(
-    stretches: Sequence[Stretch],
+    stretches: Sequence[Segment],
     plan: FoldPlan,
     model: PolynomialModel,
     settings: FitSettings,
@@ -150,14 +150,14 @@ def held_out_scores(
 
     Parameters
     ----------
-    stretches : sequence of Stretch
+    stretches : sequence of Segment
     plan : FoldPlan
     model : PolynomialModel
         Fitted to all stretches; the descents start there.
     settings : FitSettings
     """
 
-    def refitted(training: Sequence[Stretch]) -> PolynomialModel:
+    def refitted(training: Sequence[Segment]) -> PolynomialModel:
         return fit(
             *(training, model.orders, settings, [model]), *(False, model.structure, FOLD_STAGES)
         ).model
@@ -166,16 +166,16 @@ def held_out_scores(
 
 
 def scores_of(
-    stretches: Sequence[Stretch],
+    stretches: Sequence[Segment],
     plan: FoldPlan,
-    estimate: Callable[[Sequence[Stretch]], PolynomialModel],
+    estimate: Callable[[Sequence[Segment]], PolynomialModel],
     absolute: bool,
 ) -> HeldOutScores:
     """Score what a method estimates from the training part of each fold on the rest.
 
     Parameters
     ----------
-    stretches : sequence of Stretch
+    stretches : sequence of Segment
     plan : FoldPlan
     estimate : callable
         From the training part to a model; it may raise ValueError or LinAlgError.
@@ -194,9 +194,8 @@ def scores_of(
                 found = estimate(fold.training)
             except (ValueError, np.linalg.LinAlgError):
                 return HeldOutScores.none()
-            of_design.append(
-                np.sum([_errors_on(found, each, absolute) for each in fold.held_out], axis=0)
-            )
+            parts = zip(fold.before, fold.held_out, strict=True)
+            of_design.append(np.sum([_errors_on(found, *part, absolute) for part in parts], axis=0))
         sums, counts = np.sum(of_design, axis=0)
         if not (counts > 0).all():
             return HeldOutScores.none()
@@ -221,21 +220,19 @@ def _logarithms(sums: Array, counts: Array, scale: float, absolute: bool) -> Arr
     return np.log(np.clip(np.nan_to_num(ratios, nan=LARGEST_ERROR), 1e-12, LARGEST_ERROR))
 
 
-def _errors_on(model: PolynomialModel, stretch: Stretch, absolute: bool) -> Array:
-    """Sums of squared or absolute errors of the three kinds, and samples less states, (2, 3)."""
+def _errors_on(model: PolynomialModel, before: Segment, stretch: Segment, absolute: bool) -> Array:
+    """Sums of squared or absolute errors of the three kinds, and samples less what was fitted."""
 
     def total(errors: Array) -> float:
         return float(np.sum(np.abs(errors)) if absolute else errors @ errors)
 
-    n, states = stretch.samples, model.state_dimension
+    n = stretch.samples
     sums, counts = np.zeros(3), np.zeros(3)
     for kind, free_level in enumerate((False, True)):
-        remaining = n - states - int(free_level)
-        if remaining > n // 4:
-            errors = simulated(model, stretch, free_level, absolute) - stretch.output
-            sums[kind], counts[kind] = total(errors), remaining
+        errors = errors_simulated_on(model, before, stretch, free_level, absolute)
+        sums[kind], counts[kind] = total(errors), len(errors) - int(free_level)
     errors = prediction_errors(model, stretch)
-    remaining = len(errors) - model.orders.nf - model.orders.noise_states
+    remaining = len(errors) - model.orders.single.nf - model.orders.noise_states
     if remaining > n // 4:
         sums[2], counts[2] = total(errors), remaining
     return np.array([sums, counts])
@@ -249,7 +246,7 @@ def _overlap(folds: Sequence[Fold]) -> float:
     )
 
 
-def _spectrum(stretches: Sequence[Stretch]) -> Array:
+def _spectrum(stretches: Sequence[Segment]) -> Array:
     """Power of the input in equally wide bands, summing to 1."""
     power = np.zeros(BANDS)
     mean = np.mean(np.concatenate([each.input for each in stretches])) if stretches else 0.0

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from evopem.automatic.decision import Decision
+from evopem.automatic.delays import decide_delays
 from evopem.automatic.folds import decide_folds
 from evopem.automatic.orders import (
     NESTED,
     Scorer,
     StructureSearch,
-    decide_delay,
     search_structure,
 )
 from evopem.automatic.preparation import (
@@ -32,8 +32,7 @@ from evopem.automatic.simulation import prediction_errors, simulated
 from evopem.automatic.structures import Choice, Purpose, compare_structures
 from evopem.blas_threads import one_blas_thread
 from evopem.models.polynomial import PolynomialModel
-from evopem.signals.recording import Recording
-from evopem.signals.stretches import Stretch
+from evopem.signals.recording import Recording, Segment
 
 Array = NDArray[np.float64]
 
@@ -103,7 +102,7 @@ class Identification:
         return validation_errors(self.choice, stretches)
 
 
-def validation_errors(choice: Choice, stretches: Sequence[Stretch]) -> Errors:
+def validation_errors(choice: Choice, stretches: Sequence[Segment]) -> Errors:
     """Simulation and one-step errors of a chosen model on prepared stretches, percent."""
     model, free = choice.candidate.model, choice.level == "state"
     measured = np.concatenate([each.output for each in stretches])
@@ -191,12 +190,12 @@ def identify_recordings(
         tell(plan.decisions)
         prepared = prepare(recordings, plan)
         folds = decide_folds(prepared.stretches)
-        delay, about_delay = decide_delay(prepared.stretches)
-        tell((folds.decision, folds.repetition.decision, about_delay))
+        delays = decide_delays(prepared.stretches, ("input",))
+        tell((folds.decision, folds.repetition.decision, delays.decision))
         scorer = Scorer(prepared.stretches, folds, prepared.settings)
         searches: dict[str, StructureSearch] = {}
         for structure in NESTED:
-            searches[structure] = search_structure(scorer, structure, delay, searches)
+            searches[structure] = search_structure(scorer, structure, delays.delays[0], searches)
             tell((searches[structure].decision,))
         comparison = compare_structures(scorer, tuple(searches.values()))
         tell(comparison.decisions)
@@ -211,7 +210,7 @@ def identify_recordings(
             *plan.decisions,
             folds.decision,
             folds.repetition.decision,
-            about_delay,
+            delays.decision,
             *(each.decision for each in searches.values()),
             *comparison.decisions,
         ),

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from evopem.config.settings import AutomaticSettings, Range
 from evopem.config.structures import ORDER_NAMES, STRUCTURES, varied_order
-from evopem.models.structures import PolynomialOrders
+from evopem.models.structures import Orders
 
 
 @dataclass(frozen=True)
@@ -40,17 +40,15 @@ class OrderLimits:
         own = cls.of_search(settings)
         return cls(settings.structure, own.nk, own.joint, own.nc, own.nd, own.nb)
 
-    def allow(self, structure: str, orders: PolynomialOrders) -> bool:
+    def allow(self, structure: str, orders: Orders) -> bool:
         """Whether orders of a structure may be chosen."""
         if self.structure not in (None, structure):
             return False
         return self._clamped(structure, orders) == orders
 
-    def within(
-        self, structure: str, path: Iterable[list[PolynomialOrders]]
-    ) -> Iterator[list[PolynomialOrders]]:
+    def within(self, structure: str, path: Iterable[list[Orders]]) -> Iterator[list[Orders]]:
         """A path of orders moved inside the limits, without repetitions."""
-        known: set[PolynomialOrders] = set()
+        known: set[Orders] = set()
         for step in path:
             moved = dict.fromkeys(self._clamped(structure, orders) for orders in step)
             own = [orders for orders in moved if orders not in known]
@@ -58,12 +56,12 @@ class OrderLimits:
             if own:
                 yield own
 
-    def _clamped(self, structure: str, orders: PolynomialOrders) -> PolynomialOrders:
-        given = {name: getattr(orders, name) for name in ORDER_NAMES}
+    def _clamped(self, structure: str, orders: Orders) -> Orders:
+        given = {name: getattr(orders.single, name) for name in ORDER_NAMES}
         for name, limit in self._by_order(structure).items():
             if limit is not None and name in STRUCTURES[structure]:
                 given[name] = min(max(given[name], limit[0]), limit[1])
-        return PolynomialOrders(**given)
+        return Orders(**given)
 
     def _by_order(self, structure: str) -> dict[str, Range | None]:
         own = {"nk": self.nk, "nc": self.nc, "nd": self.nd, "nb": self.nb}

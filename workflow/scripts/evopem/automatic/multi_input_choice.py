@@ -18,7 +18,6 @@ from evopem.config.state_space_settings import OrderRanges
 from evopem.errors import InputError
 from evopem.estimation.multi_input.constrained import check_input_constraints
 from evopem.estimation.multi_input.estimate import (
-    MultiInputEstimate,
     estimate_multi_input,
     multi_input_estimates,
     refitted_multi_input,
@@ -26,11 +25,12 @@ from evopem.estimation.multi_input.estimate import (
 from evopem.estimation.multi_input.order_limits import OrderLimits, joint_orders
 from evopem.estimation.multi_input.order_reduction import TriedOrders, reduced_orders
 from evopem.estimation.multi_input.search import SETTINGS
-from evopem.estimation.state_space.order_models import OrderModels
+from evopem.estimation.polynomial_estimate import PolynomialEstimate
 from evopem.estimation.state_space.settings import StateSpaceSettings
-from evopem.models.multi_input import MultiInputOrders
+from evopem.models.order_models import OrderModels
 from evopem.models.state_space import StateSpaceModel
-from evopem.signals.multichannel import MultichannelRecording
+from evopem.models.structures import Orders
+from evopem.signals.recording import Recording
 
 Log = Callable[[str], None]
 
@@ -45,29 +45,29 @@ class EstimatedStructure:
 
     Attributes
     ----------
-    estimate : MultiInputEstimate
+    estimate : PolynomialEstimate
     tried : tuple of TriedOrders
         Orders of each input that were tried after the joint order.
     at_upper_ends : tuple of str
         Orders that lie at the upper end of a range of the configuration.
     """
 
-    estimate: MultiInputEstimate
+    estimate: PolynomialEstimate
     tried: tuple[TriedOrders, ...]
     at_upper_ends: tuple[str, ...]
 
 
 def searched_joint_orders(
-    estimation: MultichannelRecording,
+    estimation: Recording,
     structure: str,
     delays: Sequence[int],
     ranges: OrderRanges,
-) -> dict[int, MultiInputOrders]:
+) -> dict[int, Orders]:
     """The orders that are tried, by the joint order k: all that the record can determine.
 
     Parameters
     ----------
-    estimation : MultichannelRecording
+    estimation : Recording
     structure : str
     delays : sequence of int
     ranges : OrderRanges
@@ -83,7 +83,7 @@ def searched_joint_orders(
     most = max(MOST_TAPS if without_poles else MOST_POLES, limits.largest)
     low, high = ranges.joint or (1, most)
     steps = 2 if without_poles and ranges == OrderRanges(nk=ranges.nk) else 1
-    found: dict[int, MultiInputOrders] = {}
+    found: dict[int, Orders] = {}
     for k in range(max(low, steps), high + 1, steps):
         orders = joint_orders(structure, k, delays, limits)
         if not _is_affordable(orders, estimation):
@@ -101,17 +101,17 @@ def searched_joint_orders(
     return found
 
 
-def _is_affordable(orders: MultiInputOrders, estimation: MultichannelRecording) -> bool:
+def _is_affordable(orders: Orders, estimation: Recording) -> bool:
     """Whether the smallest training part determines the coefficients."""
     # Each recording has initial states of its own.
-    states = (sum(orders.nf) + orders.noise_states) * (len(estimation.starts) - 1)
-    return VALUES_PER_PARAMETER * (orders.coefficients + states) <= fewest_fitted(estimation)
+    states = (sum(orders.nf) + orders.noise_states) * (len(estimation.segment_starts) - 1)
+    return VALUES_PER_PARAMETER * (orders.parameters + states) <= fewest_fitted(estimation)
 
 
 def search_structure(
-    estimation: MultichannelRecording,
+    estimation: Recording,
     variant: Variant,
-    orders: Mapping[int, MultiInputOrders],
+    orders: Mapping[int, Orders],
     settings: StateSpaceSettings,
     log: Log | None = None,
 ) -> tuple[VariantSearch, OrderModels]:
@@ -119,27 +119,27 @@ def search_structure(
 
     Parameters
     ----------
-    estimation : MultichannelRecording
+    estimation : Recording
         With one output.
     variant : Variant
         Whose form is a structure.
-    orders : mapping of int to MultiInputOrders
+    orders : mapping of int to Orders
         As of :func:`searched_joint_orders`.
     settings : StateSpaceSettings
     log : callable, optional
     """
     search = _search_settings(settings)
-    signals = estimation.input_records, estimation.output_records
+    signals = estimation.segment_inputs, estimation.segment_outputs
     estimates = multi_input_estimates(*signals, orders, search, log)
 
-    def plant_of(estimate: MultiInputEstimate) -> StateSpaceModel:
+    def plant_of(estimate: PolynomialEstimate) -> StateSpaceModel:
         return estimate.model.plant().state_space()
 
-    def refit_of(estimate: MultiInputEstimate) -> Refit:
+    def refit_of(estimate: PolynomialEstimate) -> Refit:
         return lambda training: refitted_multi_input(
             estimate.model,
-            training.input_records,
-            training.output_records,
+            training.segment_inputs,
+            training.segment_outputs,
             search,
         ).state_space()
 
@@ -149,7 +149,7 @@ def search_structure(
 
 
 def estimate_structure(
-    estimation: MultichannelRecording,
+    estimation: Recording,
     structure: str,
     order: int,
     delays: Sequence[int],
@@ -163,7 +163,7 @@ def estimate_structure(
 
     Parameters
     ----------
-    estimation : MultichannelRecording
+    estimation : Recording
         With one output.
     structure : str
     order : int
@@ -186,7 +186,7 @@ def estimate_structure(
         When the record is too short.
     """
     search = _search_settings(settings)
-    inputs, outputs = estimation.input_records, estimation.output_records
+    inputs, outputs = estimation.segment_inputs, estimation.segment_outputs
     limits = OrderLimits.of(ranges or OrderRanges(), estimation.input_names)
     joint = joint_orders(structure, order, delays, limits)
     reduced = reduced_orders(inputs, outputs, joint, search, limits, log)
@@ -205,9 +205,7 @@ def estimate_structure(
     return EstimatedStructure(estimate, reduced.tried, ends)
 
 
-def _allowed(
-    constraints: InputConstraints, orders: MultiInputOrders, estimation: MultichannelRecording
-) -> bool:
+def _allowed(constraints: InputConstraints, orders: Orders, estimation: Recording) -> bool:
     """Whether a model of some orders may meet constraints."""
     try:
         check_input_constraints(

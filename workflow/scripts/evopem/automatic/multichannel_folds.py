@@ -25,7 +25,7 @@ from evopem.estimation.state_space.held_out import (
 )
 from evopem.estimation.state_space.settings import Objective
 from evopem.models.state_space import StateSpaceModel
-from evopem.signals.multichannel import MultichannelRecording
+from evopem.signals.recording import Recording, concatenated
 
 Array = NDArray[np.float64]
 
@@ -45,7 +45,7 @@ class Fold(Protocol):
     """What a model is fitted to, and how it is scored on the rest."""
 
     @property
-    def training(self) -> MultichannelRecording:
+    def training(self) -> Recording:
         """Each stretch of consecutive samples as a recording of its own."""
 
     def errors(self, model: StateSpaceModel, objective: Objective) -> Array:
@@ -60,16 +60,16 @@ class Fold(Protocol):
 class PartOfRecording:
     """Consecutive samples of one recording, not its first ones, are held out."""
 
-    recording: MultichannelRecording
+    recording: Recording
     first: int
     stop: int
 
     @property
-    def training(self) -> MultichannelRecording:
+    def training(self) -> Recording:
         """What stands before and behind them, where it is long enough."""
         recording = self.recording
         ends = recording.between(0, self.first), recording.between(self.stop, recording.samples)
-        return recording.with_records([each for each in ends if each.samples >= SHORTEST_FOLD])
+        return concatenated([each for each in ends if each.samples >= SHORTEST_FOLD])
 
     def errors(self, model: StateSpaceModel, objective: Objective) -> Array:
         """Errors in percent, (3, ny)."""
@@ -88,15 +88,15 @@ class PartOfRecording:
 class WholeRecordings:
     """Whole recordings are held out."""
 
-    training: MultichannelRecording
-    held_out: MultichannelRecording
+    training: Recording
+    held_out: Recording
 
     def errors(self, model: StateSpaceModel, objective: Objective) -> Array:
         """Errors in percent, (3, ny): root mean square, or mean, over the recordings."""
         power = 1.0 if objective == "absolute" else 2.0
         centre = np.median if objective == "absolute" else np.mean
         total, spreads = np.zeros((3, model.outputs)), np.zeros(model.outputs)
-        for each in self.held_out.records:
+        for each in self.held_out.separated:
             around = centre(each.outputs, axis=0)
             spread = np.sum(np.abs(each.outputs - around) ** power, axis=0)
             total += _errors_alone(model, each, objective) ** power * spread
@@ -105,17 +105,17 @@ class WholeRecordings:
             return np.asarray((total / spreads) ** (1.0 / power))
 
 
-def folds_of(estimation: MultichannelRecording, count: int) -> list[Fold]:
+def folds_of(estimation: Recording, count: int) -> list[Fold]:
     """The folds of a design.
 
     Parameters
     ----------
-    estimation : MultichannelRecording
+    estimation : Recording
     count : int
         Number of parts of one recording, or of groups of several.
     """
     if estimation.is_joined:
-        return list(_folds_of_recordings(estimation.records, count))
+        return list(_folds_of_recordings(estimation.separated, count))
     edges = _response_edges(estimation, count)
     if edges is None:
         edges = np.linspace(0, estimation.samples, count + 1).round().astype(int).tolist()
@@ -123,12 +123,12 @@ def folds_of(estimation: MultichannelRecording, count: int) -> list[Fold]:
     return [PartOfRecording(estimation, *edge) for edge in list(pairwise(edges))[1:]]
 
 
-def describe_folds(estimation: MultichannelRecording) -> Decision:
+def describe_folds(estimation: Recording) -> Decision:
     """Which parts of an estimation part models are scored on, and why.
 
     Parameters
     ----------
-    estimation : MultichannelRecording
+    estimation : Recording
     """
     designs = designs_of(estimation)
     if estimation.is_joined:
@@ -141,27 +141,25 @@ def describe_folds(estimation: MultichannelRecording) -> Decision:
     return Decision("folds", chosen, (), "none", reason)
 
 
-def _response_edges(estimation: MultichannelRecording, count: int) -> list[int] | None:
+def _response_edges(estimation: Recording, count: int) -> list[int] | None:
     """Ends of the parts of the response to a single blow; None for other records."""
     return response_parts(estimation.inputs, estimation.outputs, count, SHORTEST_FOLD)
 
 
-def _folds_of_recordings(
-    records: Sequence[MultichannelRecording], count: int
-) -> Iterator[WholeRecordings]:
+def _folds_of_recordings(records: Sequence[Recording], count: int) -> Iterator[WholeRecordings]:
     """Recordings dealt out to the folds in turn; enough samples are left to fit."""
     samples = sum(each.samples for each in records)
     for fold in range(min(count, len(records))):
         held = records[fold::count]
         training = [each for place, each in enumerate(records) if place % count != fold]
         if sum(each.samples for each in training) >= LEAST_TRAINING * samples:
-            yield WholeRecordings(training[0].with_records(training), held[0].with_records(held))
+            yield WholeRecordings(concatenated(training), concatenated(held))
 
 
-def designs_of(estimation: MultichannelRecording) -> tuple[int, ...]:
+def designs_of(estimation: Recording) -> tuple[int, ...]:
     """The designs of folds that models of an estimation part are scored by."""
     if estimation.is_joined:
-        recordings = len(estimation.starts)
+        recordings = len(estimation.segment_starts)
         designs = tuple(dict.fromkeys(min(count, recordings) for count in DESIGNS))
         return designs[:1] if is_large(estimation) else designs
     if is_large(estimation) or estimation.samples < DESIGNS[-1] * SHORTEST_FOLD:
@@ -169,7 +167,7 @@ def designs_of(estimation: MultichannelRecording) -> tuple[int, ...]:
     return DESIGNS[-1:] if estimation.samples < FEW else DESIGNS
 
 
-def fewest_fitted(estimation: MultichannelRecording) -> int:
+def fewest_fitted(estimation: Recording) -> int:
     """Samples that the smallest training part of all folds has."""
     if estimation.is_joined:
         designs = [folds_of(estimation, count) for count in designs_of(estimation)]
@@ -178,23 +176,21 @@ def fewest_fitted(estimation: MultichannelRecording) -> int:
     return estimation.samples - -(-estimation.samples // fewest_folds)
 
 
-def is_large(estimation: MultichannelRecording) -> bool:
+def is_large(estimation: Recording) -> bool:
     """Whether a record has so many values that searches over orders are shortened."""
     return _values(estimation) > LARGE
 
 
-def is_long(estimation: MultichannelRecording) -> bool:
+def is_long(estimation: Recording) -> bool:
     """Whether a record has so many values that orders of noise models are tried in steps of two."""
     return _values(estimation) > LONG
 
 
-def _values(estimation: MultichannelRecording) -> int:
+def _values(estimation: Recording) -> int:
     return estimation.inputs.size + estimation.outputs.size
 
 
-def _errors_alone(
-    model: StateSpaceModel, record: MultichannelRecording, objective: Objective
-) -> Array:
+def _errors_alone(model: StateSpaceModel, record: Recording, objective: Objective) -> Array:
     """Errors in percent of a record by itself, (3, ny).
 
     Squares are divided by the values less the levels, or the states of a predictor, that were

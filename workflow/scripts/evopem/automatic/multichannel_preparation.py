@@ -24,15 +24,14 @@ from evopem.automatic.decimation import (
     smoothed,
 )
 from evopem.automatic.decision import Alternative, Decision, given_by_configuration
-from evopem.estimation.state_space.order_sweep import sweep_state_space_orders
+from evopem.estimation.state_space.held_out import two_fold_simulation_errors
 from evopem.estimation.state_space.settings import StateSpaceSettings
-from evopem.signals.multichannel import MultichannelRecording
 from evopem.signals.multichannel_preparation import (
     SHORTEST_RECORD,
     MultichannelData,
     centred,
 )
-from evopem.signals.stretches import Stretch
+from evopem.signals.recording import Recording, Segment, concatenated
 
 Array = NDArray[np.float64]
 
@@ -60,7 +59,7 @@ class MultichannelPlan:
 
 
 def decide_multichannel_preparation(
-    estimation: MultichannelRecording, start_given: bool, rate_given: bool
+    estimation: Recording, start_given: bool, rate_given: bool
 ) -> MultichannelPlan:
     """Decide where the estimation samples begin, and by which factor all are decimated.
 
@@ -68,12 +67,15 @@ def decide_multichannel_preparation(
 
     Parameters
     ----------
-    estimation : MultichannelRecording
+    estimation : Recording
     start_given, rate_given : bool
         Whether the configuration says so itself.
     """
     if start_given:
-        starts, about_start = (0,) * len(estimation.starts), given_by_configuration("start", "0")
+        starts, about_start = (
+            (0,) * len(estimation.segment_starts),
+            given_by_configuration("start", "0"),
+        )
     else:
         starts, about_start = _decide_starts(estimation)
     if rate_given:
@@ -100,17 +102,17 @@ def apply_multichannel_plan(data: MultichannelData, plan: MultichannelPlan) -> M
     return centred(estimation, _decimated(data.validation, plan.factor), transforms)
 
 
-def _from(recording: MultichannelRecording, starts: Sequence[int]) -> MultichannelRecording:
+def _from(recording: Recording, starts: Sequence[int]) -> Recording:
     """Each record from a sample of its own on."""
-    return recording.with_records(
+    return concatenated(
         [
             each.between(start, each.samples)
-            for each, start in zip(recording.records, starts, strict=True)
+            for each, start in zip(recording.separated, starts, strict=True)
         ]
     )
 
 
-def _decimated(recording: MultichannelRecording, factor: int) -> MultichannelRecording:
+def _decimated(recording: Recording, factor: int) -> Recording:
     """Every channel of each record through the same zero-phase filter."""
     if factor == 1:
         return recording
@@ -119,7 +121,7 @@ def _decimated(recording: MultichannelRecording, factor: int) -> MultichannelRec
         columns = [decimated(signal, factor) for signal in signals.T]
         return np.column_stack(columns) if columns else signals[::factor]
 
-    return recording.with_records(
+    return concatenated(
         [
             replace(
                 each,
@@ -127,14 +129,14 @@ def _decimated(recording: MultichannelRecording, factor: int) -> MultichannelRec
                 outputs=lower(each.outputs),
                 sampling_rate=each.sampling_rate / factor,
             )
-            for each in recording.records
+            for each in recording.separated
         ]
     )
 
 
-def _decide_starts(estimation: MultichannelRecording) -> tuple[tuple[int, ...], Decision]:
+def _decide_starts(estimation: Recording) -> tuple[tuple[int, ...], Decision]:
     """Leave out leading samples in which no channel has begun to change."""
-    starts = tuple(map(_first_change, estimation.records))
+    starts = tuple(map(_first_change, estimation.separated))
     sentence = (
         "Samples before the first change of any channel are left out."
         if any(starts)
@@ -146,7 +148,7 @@ def _decide_starts(estimation: MultichannelRecording) -> tuple[tuple[int, ...], 
     return starts, Decision("start", ", ".join(map(str, starts)), alternatives, criterion, sentence)
 
 
-def _first_change(record: MultichannelRecording) -> int:
+def _first_change(record: Recording) -> int:
     """Leading samples of a record without any change, less those that tell the level of the rest.
 
     So many samples are kept as one of several recordings has at least.
@@ -157,12 +159,12 @@ def _first_change(record: MultichannelRecording) -> int:
     return min(max(int(np.argmax(changed)) - KEPT_REST, 0), most)
 
 
-def _decide_decimation(estimation: MultichannelRecording) -> tuple[int, Decision]:
+def _decide_decimation(estimation: Recording) -> tuple[int, Decision]:
     """Decimation by the error of simulations on held-out samples, at the recorded rate."""
     longest = estimation.longest
-    edge = max(power_edge([Stretch(output, output)]) for output in _columns(longest.outputs))
+    edge = max(power_edge([Segment(output, output)]) for output in _columns(longest.outputs))
     largest = 1.0 / (OVERSAMPLED / 2.0 * max(edge, 1e-9))
-    shortest = min(each.samples for each in estimation.records)
+    shortest = min(each.samples for each in estimation.separated)
     factors = [
         f
         for f in FACTORS
@@ -181,7 +183,7 @@ def _decide_decimation(estimation: MultichannelRecording) -> tuple[int, Decision
             "Without an input the rate is kept: nothing tells modes from noise.", CRITERION
         )
     coherent = max(
-        coherence_edge([Stretch(input_, output)])
+        coherence_edge([Segment(input_, output)])
         for input_ in _columns(longest.inputs)
         for output in _columns(longest.outputs)
     )
@@ -207,19 +209,18 @@ def _columns(signals: Array) -> list[Array]:
     return [np.ascontiguousarray(column) for column in signals.T]
 
 
-def _simulation_error(estimation: MultichannelRecording, factor: int) -> float:
+def _simulation_error(estimation: Recording, factor: int) -> float:
     """Best two-fold error over a few orders at a lower rate; what the filter takes is added."""
     lower = _decimated(estimation, factor)
-    lost, total = np.sum([_lost_power(y, factor) for y in estimation.output_records], axis=0)
-    found = sweep_state_space_orders(
-        lower.input_records,
-        lower.output_records,
+    lost, total = np.sum([_lost_power(y, factor) for y in estimation.segment_outputs], axis=0)
+    errors = two_fold_simulation_errors(
+        lower,
         PROBES,
-        form="output_error",
+        structure="ss_oe",
         delays=0,
         settings=StateSpaceSettings(weighting="power"),
     )
-    best = float(np.min(found.simulation_error)) / 100.0
+    best = float(np.min(errors)) / 100.0
     return 100.0 * float(np.sqrt(best**2 + np.mean(lost / total)))
 
 

@@ -8,8 +8,8 @@ import numpy as np
 
 from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.fit import FitSettings, fit, log_loss
-from evopem.models.structures import PolynomialOrders
-from evopem.signals.stretches import Stretch, total_samples
+from evopem.models.structures import Orders
+from evopem.signals.recording import Segment, total_samples
 
 # Orders of the ARX models whose residuals decide between the objectives, as far as there are
 # SAMPLES_PER_ORDER samples for each, and how much likelier Laplace's distribution must be than the
@@ -18,7 +18,7 @@ OBJECTIVE_ORDERS, SAMPLES_PER_ORDER = (2, 4, 8, 12, 16), 25
 LEAST_EVIDENCE = 3.0
 
 
-def decide_objective(stretches: Sequence[Stretch]) -> tuple[str, Decision]:
+def decide_objective(stretches: Sequence[Segment]) -> tuple[str, Decision]:
     """The objective whose distribution of residuals is the likelier one.
 
     Least squares is the maximum-likelihood estimate for normal residuals, least absolute deviations
@@ -43,14 +43,14 @@ def decide_objective(stretches: Sequence[Stretch]) -> tuple[str, Decision]:
     return objective, Decision("objective", objective, alternatives, criterion, sentence)
 
 
-def _arx_likelihood(stretches: Sequence[Stretch], objective: str) -> float:
+def _arx_likelihood(stretches: Sequence[Segment], objective: str) -> float:
     """Lowest negative log-likelihood of a residual over ARX orders, with the penalty of BIC."""
     samples = total_samples(stretches)
     orders = [n for n in OBJECTIVE_ORDERS if n * SAMPLES_PER_ORDER <= samples] or [1]
     settings, lowest_value = FitSettings(objective), np.inf
     for n in orders:
         try:
-            found = fit(stretches, PolynomialOrders(na=n, nb=n + 1), settings)
+            found = fit(stretches, Orders(na=n, nb=n + 1), settings)
         except (ValueError, np.linalg.LinAlgError):
             continue
         residuals = np.concatenate(found.residuals)

@@ -1,4 +1,4 @@
-"""Delay and orders within one structure."""
+"""Orders within one structure."""
 
 from __future__ import annotations
 
@@ -13,15 +13,12 @@ from evopem.automatic.fit import Fit, FitSettings, fit, log_loss
 from evopem.automatic.folds import FoldPlan, HeldOutScores, held_out_scores
 from evopem.automatic.limits import OrderLimits
 from evopem.automatic.simulation import simulated
-from evopem.automatic.stretches import first_samples
+from evopem.automatic.stretches import MOST_SAMPLES, first_samples
 from evopem.config.structures import AUTOMATIC_STRUCTURES, ORDER_NAMES
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.structures import PolynomialOrders
-from evopem.signals.stretches import Stretch, total_samples
+from evopem.models.structures import Orders
+from evopem.signals.recording import Segment, total_samples
 
-# Orders of ARX models in the search for the delay, and the longest delay, in samples.
-DELAY_ORDERS = (1, 2, 3, 4, 6, 8)
-FIRST_DELAYS, LONGEST_DELAY = 10, 200
 # Orders tried one after the other, as long as one of the last PATIENCE has brought something.
 PATH = (1, 2, 3, 4, 5, 6, 8, 10, 12, 15, 20)
 LONG_PATH = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128)
@@ -36,8 +33,6 @@ MOST_WORK = 1_100_000
 # Candidates whose errors, one step ahead and of simulations, are both this much above the lowest of
 # all (a factor of 3 in the criterion's logarithm of squares) are not scored on folds.
 REACH = 2.0 * np.log(3.0)
-# Samples of a record on which orders and structures are compared.
-MOST_SAMPLES = 6000
 # Structures whose optima serve as starts of others.
 NESTED: Mapping[str, tuple[str, ...]] = AUTOMATIC_STRUCTURES
 
@@ -49,7 +44,7 @@ class Candidate:
     Attributes
     ----------
     structure : str
-    orders : PolynomialOrders
+    orders : Orders
     parameters : int
         Coefficients and levels.
     bic : float
@@ -63,7 +58,7 @@ class Candidate:
     """
 
     structure: str
-    orders: PolynomialOrders
+    orders: Orders
     parameters: int
     bic: float
     simulation_bic: float
@@ -73,7 +68,9 @@ class Candidate:
     @property
     def name(self) -> str:
         """Structure and orders in a few letters."""
-        named = [f"{n}={getattr(self.orders, n)}" for n in ("na", "nb", "nc", "nd", "nf", "nk")]
+        named = [
+            f"{n}={getattr(self.orders.single, n)}" for n in ("na", "nb", "nc", "nd", "nf", "nk")
+        ]
         shown = [text for text in named if not text.endswith("=0") or text.startswith("nk")]
         return f"{self.structure} {' '.join(shown)}"
 
@@ -87,59 +84,6 @@ class StructureSearch:
     decision: Decision
 
 
-def decide_delay(stretches: Sequence[Stretch]) -> tuple[int, Decision]:
-    """Delay by the BIC of ARX models; the range grows while the choice lies at its end.
-
-    Parameters
-    ----------
-    stretches : sequence of Stretch
-    """
-    stretches = first_samples(stretches, MOST_SAMPLES)
-    longest = min(LONGEST_DELAY, max(each.samples for each in stretches) // 8)
-    top = min(FIRST_DELAYS, longest)
-    while True:
-        first = top + max(DELAY_ORDERS)
-        criteria = np.array(
-            [
-                [_arx_bic(stretches, order, delay, first) for delay in range(top + 1)]
-                for order in DELAY_ORDERS
-            ]
-        )
-        row, delay = divmod(int(np.argmin(criteria)), top + 1)
-        if delay + DELAY_ORDERS[row] < top - 1 or top >= longest:
-            break
-        top = min(2 * top, longest)
-    alternatives = tuple(Alternative(str(k), float(criteria[:, k].min())) for k in range(top + 1))
-    sentence = (
-        f"ARX models of up to order {DELAY_ORDERS[-1]} have the smallest BIC with a delay of "
-        f"{delay}."
-    )
-    return delay, Decision("delay", str(delay), alternatives, "BIC of the best ARX model", sentence)
-
-
-def _arx_bic(stretches: Sequence[Stretch], order: int, delay: int, first: int) -> float:
-    rows, targets = [], []
-    recordings = sorted({each.recording for each in stretches})
-    for each in stretches:
-        u, y, n = each.input, each.output, each.samples
-        if n <= first:
-            continue
-        columns = [-y[first - i : n - i] for i in range(1, order + 1)]
-        columns += [u[first - delay - j : n - delay - j] for j in range(order)]
-        columns += [np.full(n - first, float(each.recording == r)) for r in recordings]
-        rows.append(np.column_stack(columns))
-        targets.append(y[first:])
-    if not rows:
-        return np.inf
-    regressors, target = np.concatenate(rows), np.concatenate(targets)
-    if len(target) <= regressors.shape[1]:
-        return np.inf
-    e = target - regressors @ np.linalg.lstsq(regressors, target, rcond=None)[0]
-    count = len(e)
-    mean_square = max(float(e @ e) / count, np.finfo(float).tiny)
-    return float(np.log(mean_square) + regressors.shape[1] * np.log(count) / count)
-
-
 class Scorer:
     """Fits and scores models of one record, each orders once.
 
@@ -148,7 +92,7 @@ class Scorer:
 
     Parameters
     ----------
-    stretches : sequence of Stretch
+    stretches : sequence of Segment
     plan : FoldPlan
     settings : FitSettings
     limits : OrderLimits
@@ -157,7 +101,7 @@ class Scorer:
 
     def __init__(
         self,
-        stretches: Sequence[Stretch],
+        stretches: Sequence[Segment],
         plan: FoldPlan,
         settings: FitSettings,
         limits: OrderLimits = OrderLimits(),  # noqa: B008 - frozen
@@ -167,7 +111,7 @@ class Scorer:
         self.stretches = first_samples(stretches, MOST_SAMPLES)
         self.samples = total_samples(self.stretches)
         self.window = min(4 * max(PATH), min(each.samples for each in self.stretches) // 4)
-        self._known: dict[tuple[str, PolynomialOrders], Candidate] = {}
+        self._known: dict[tuple[str, Orders], Candidate] = {}
         self._checked: dict[Candidate, CandidateChecks] = {}
 
     @property
@@ -189,7 +133,7 @@ class Scorer:
     def candidate(
         self,
         structure: str,
-        orders: PolynomialOrders,
+        orders: Orders,
         models: Sequence[PolynomialModel] = (),
         own_starts: bool = True,
     ) -> Candidate | None:
@@ -198,7 +142,7 @@ class Scorer:
         Parameters
         ----------
         structure : str
-        orders : PolynomialOrders
+        orders : Orders
         models : sequence of PolynomialModel
             Descents start from them, and with ``own_starts`` from estimates by linear algebra.
         own_starts : bool
@@ -207,7 +151,7 @@ class Scorer:
         if key not in self._known:
             if not self.limits.allow(structure, orders):
                 return None
-            if orders.parameters + orders.nf + orders.noise_states > self.most_parameters:
+            if orders.parameters + orders.single.nf + orders.noise_states > self.most_parameters:
                 return None
             try:
                 found = fit(self.stretches, orders, self.settings, models, own_starts, structure)
@@ -331,10 +275,10 @@ def _decision(structure: str, candidates: Sequence[Candidate]) -> Decision:
     return Decision(f"orders of {structure}", best.name, alternatives, "BIC", sentence)
 
 
-def _path(structure: str, delay: int) -> Iterator[list[PolynomialOrders]]:
+def _path(structure: str, delay: int) -> Iterator[list[Orders]]:
     """Orders from small to large; those of a step are alternatives of about the same size."""
-    o = PolynomialOrders
-    build: Callable[[int], list[PolynomialOrders]] = {
+    o = Orders
+    build: Callable[[int], list[Orders]] = {
         "fir": lambda n: [o(nb=n, nk=delay)],
         "arx": lambda n: [o(na=n, nb=n, nk=delay), o(na=n, nb=2 * n, nk=max(delay - 1, 0))],
         "armax": lambda n: [o(na=n, nb=n, nc=n, nk=delay)],
@@ -354,16 +298,16 @@ def _path(structure: str, delay: int) -> Iterator[list[PolynomialOrders]]:
 
 
 def _same_plant(
-    orders: PolynomialOrders, structure: str, smaller: Mapping[str, StructureSearch]
+    orders: Orders, structure: str, smaller: Mapping[str, StructureSearch]
 ) -> list[PolynomialModel]:
     """Models of nested structures with as many poles."""
-    poles = max(orders.na, orders.nf)
+    poles = max(orders.na, orders.single.nf)
     return [
         candidate.model
         for name in NESTED[structure]
         if name in smaller
         for candidate in smaller[name].candidates
-        if max(candidate.orders.na, candidate.orders.nf) == poles
+        if max(candidate.orders.na, candidate.orders.single.nf) == poles
     ]
 
 
@@ -400,17 +344,21 @@ def refine_orders(
     return [*tried, best]
 
 
-def _neighbours(o: PolynomialOrders) -> list[PolynomialOrders]:
-    changes: list[dict[str, int]] = [{"nb": o.nb + 1}, {"nb": o.nb + 3}, {"nk": o.nk + 1}]
-    if o.nb > 1:
-        changes += [{"nb": o.nb - 1}, {"nk": o.nk + 1, "nb": o.nb - 1}]
-    if o.nk > 0:
-        changes += [{"nk": o.nk - 1, "nb": o.nb + 1}, {"nk": o.nk - 1}]
+def _neighbours(o: Orders) -> list[Orders]:
+    changes: list[dict[str, int]] = [
+        {"nb": o.single.nb + 1},
+        {"nb": o.single.nb + 3},
+        {"nk": o.single.nk + 1},
+    ]
+    if o.single.nb > 1:
+        changes += [{"nb": o.single.nb - 1}, {"nk": o.single.nk + 1, "nb": o.single.nb - 1}]
+    if o.single.nk > 0:
+        changes += [{"nk": o.single.nk - 1, "nb": o.single.nb + 1}, {"nk": o.single.nk - 1}]
     for name in ("na", "nc", "nd", "nf"):
-        order = getattr(o, name)
+        order = getattr(o.single, name)
         if order:
             changes.append({name: order + 1})
             if order > 1:
                 changes.append({name: order - 1})
-    given = {name: getattr(o, name) for name in ORDER_NAMES}
-    return [PolynomialOrders(**(given | change)) for change in changes]
+    given = {name: getattr(o.single, name) for name in ORDER_NAMES}
+    return [Orders(**(given | change)) for change in changes]

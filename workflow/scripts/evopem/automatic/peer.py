@@ -12,7 +12,7 @@ from evopem.automatic.folds import FoldPlan, HeldOutScores, scores_of
 from evopem.estimation.search.starting_polynomials import subspace_denominator
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomials import reflect_into_disc
-from evopem.signals.stretches import Stretch
+from evopem.signals.recording import Segment
 
 Array = NDArray[np.float64]
 
@@ -25,7 +25,7 @@ CLEARLY = 0.1
 
 
 def against_peer(
-    stretches: Sequence[Stretch],
+    stretches: Sequence[Segment],
     plan: FoldPlan,
     objective: str,
     name: str,
@@ -36,7 +36,7 @@ def against_peer(
 
     Parameters
     ----------
-    stretches : sequence of Stretch
+    stretches : sequence of Segment
     plan : FoldPlan
     objective : {"absolute", "quadratic"}
     name : str
@@ -64,7 +64,7 @@ def against_peer(
     return Decision(SUBJECT, better, alternatives, criterion, sentence)
 
 
-def _order(stretches: Sequence[Stretch]) -> int:
+def _order(stretches: Sequence[Segment]) -> int:
     """The order with the smallest BIC of simulation errors."""
     samples = max(each.samples for each in stretches)
     orders = [n for n in ORDERS if n * SAMPLES_PER_ORDER <= samples] or [1]
@@ -77,7 +77,7 @@ def _order(stretches: Sequence[Stretch]) -> int:
     return orders[int(np.argmin(values))]
 
 
-def _subspace(stretches: Sequence[Stretch], order: int) -> tuple[PolynomialModel, float]:
+def _subspace(stretches: Sequence[Segment], order: int) -> tuple[PolynomialModel, float]:
     """An output-error model of the longest stretch, and the BIC of its simulation errors.
 
     Its denominator comes from MOESP (Verhaegen 1994), numerator, level and initial state from least

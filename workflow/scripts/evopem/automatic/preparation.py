@@ -20,8 +20,7 @@ from evopem.automatic.transforms import TransformPlan
 from evopem.errors import InputError
 from evopem.estimation.criteria import power_of_two_scale
 from evopem.models.polynomial import PolynomialModel
-from evopem.signals.recording import Recording
-from evopem.signals.stretches import Stretch
+from evopem.signals.recording import Recording, Segment
 
 Array = NDArray[np.float64]
 
@@ -105,13 +104,13 @@ class PreparedRecord:
 
     Attributes
     ----------
-    stretches : tuple of Stretch
+    stretches : tuple of Segment
     sampling_rate : float
         Hz, after decimation.
     plan : PreparationPlan
     """
 
-    stretches: tuple[Stretch, ...]
+    stretches: tuple[Segment, ...]
     sampling_rate: float
     plan: PreparationPlan
 
@@ -124,7 +123,7 @@ class PreparedRecord:
         """A model of the scaled stretches in the units of the recording, less the offsets."""
         return replace(
             model,
-            b=model.b * (self.plan.output_scale / self.plan.input_scale),
+            B=tuple(b * (self.plan.output_scale / self.plan.input_scale) for b in model.B),
             level=model.level * self.plan.output_scale,
             noise_variance=model.noise_variance * self.plan.output_scale**2,
             sampling_rate=self.sampling_rate,
@@ -161,7 +160,7 @@ def decide_preparation(
     _check_varying(_raw_stretches(recordings, plan))
     plan = _centred(recordings, plan)
 
-    def first_prepared(most: int) -> list[Stretch]:
+    def first_prepared(most: int) -> list[Segment]:
         """The first samples, by what is decided before."""
         return list(first_samples(prepare(recordings, plan).stretches, most))
 
@@ -199,7 +198,7 @@ def _check_one_rate(recordings: Sequence[Recording]) -> None:
         )
 
 
-def _check_varying(stretches: Sequence[Stretch]) -> None:
+def _check_varying(stretches: Sequence[Segment]) -> None:
     if not stretches:
         raise InputError(
             "recordings",
@@ -221,7 +220,7 @@ def _check_varying(stretches: Sequence[Stretch]) -> None:
 
 def stretches_as_recorded(
     recordings: Sequence[Recording], start: int | None
-) -> tuple[list[Stretch], list[int]]:
+) -> tuple[list[Segment], list[int]]:
     """The stretches of recordings before any decision on their rate, and where each begins.
 
     Parameters
@@ -276,7 +275,7 @@ def prepare(recordings: Sequence[Recording], plan: PreparationPlan) -> PreparedR
     )
 
 
-def prepare_validation(recording: Recording, plan: PreparationPlan) -> tuple[Stretch, ...]:
+def prepare_validation(recording: Recording, plan: PreparationPlan) -> tuple[Segment, ...]:
     """Apply a plan to another recording, whose first samples are kept.
 
     Parameters
@@ -293,27 +292,27 @@ def undifferenced(plan: PreparationPlan) -> PreparationPlan:
     return replace(plan, differences=0, input_offset=0.0, output_offset=0.0)
 
 
-def _scaled(stretch: Stretch, plan: PreparationPlan) -> Stretch:
-    lower = Stretch(
+def _scaled(stretch: Segment, plan: PreparationPlan) -> Segment:
+    lower = Segment(
         decimated(stretch.input, plan.factor),
         decimated(stretch.output, plan.factor),
         stretch.recording,
     )
     lower = differenced(lower, plan.differences)
-    return Stretch(
+    return Segment(
         (lower.input - plan.input_offset) / plan.input_scale,
         (lower.output - plan.output_offset) / plan.output_scale,
         stretch.recording,
     )
 
 
-def _raw_stretches(recordings: Sequence[Recording], plan: PreparationPlan) -> list[Stretch]:
+def _raw_stretches(recordings: Sequence[Recording], plan: PreparationPlan) -> list[Segment]:
     """Samples between breaks, in recorded units and at the recorded rate."""
     found = []
     for number, (recording, start) in enumerate(zip(recordings, plan.starts, strict=True)):
         for begin, end in kept_ranges(recording, start, plan):
             kept = slice(begin, end)
-            found.append(Stretch(recording.input[kept], recording.output[kept], number))
+            found.append(Segment(recording.input[kept], recording.output[kept], number))
     return found
 
 

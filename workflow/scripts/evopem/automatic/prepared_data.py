@@ -19,10 +19,8 @@ from evopem.automatic.preparation import (
 )
 from evopem.errors import InputError
 from evopem.files.npz import load_arrays, save_arrays
-from evopem.signals.joining import separated
 from evopem.signals.preparation import Part, PreparedData, StretchOrigin
-from evopem.signals.recording import Recording
-from evopem.signals.stretches import Stretch
+from evopem.signals.recording import Recording, Segment
 from evopem.signals.transforms import difference, invert_difference
 
 Array = NDArray[np.float64]
@@ -47,7 +45,7 @@ def prepared_data(divided: PreparedData, record: PreparedRecord, place: str) -> 
     """
     plan, before = record.plan, divided.transforms
     held_out = _held_out(divided.validation, plan, place)
-    begins = _begins(separated(divided.estimation), plan)
+    begins = _begins(divided.estimation.separated, plan)
     follows = (
         plan.factor == 1
         and plan.differences == 0
@@ -62,7 +60,7 @@ def prepared_data(divided: PreparedData, record: PreparedRecord, place: str) -> 
     estimation = _prepared(divided.estimation, record.stretches, plan, rate)
     validation = _prepared(divided.validation, held_out, plan, rate)
     whole = replace(undifferenced(plan), input_scale=1.0, output_scale=1.0)
-    levels = prepare(separated(divided.estimation), whole).stretches
+    levels = prepare(divided.estimation.separated, whole).stretches
     origins = _origins(divided, "estimation", record.stretches, begins, plan, levels)
     several = len(begins) > 1 or bool(before.estimation_stretches)
     levels_held_out = _held_out(divided.validation, whole, place)
@@ -97,10 +95,10 @@ def prepared_data(divided: PreparedData, record: PreparedRecord, place: str) -> 
     return PreparedData(estimation, validation, transforms)
 
 
-def _held_out(validation: Recording, plan: PreparationPlan, place: str) -> list[Stretch]:
+def _held_out(validation: Recording, plan: PreparationPlan, place: str) -> list[Segment]:
     """The validation samples of each stretch, prepared."""
-    found: list[Stretch] = []
-    for recording, number in zip(separated(validation), validation.stretch_recordings, strict=True):
+    found: list[Segment] = []
+    for recording, number in zip(validation.separated, validation.segment_recordings, strict=True):
         prepared = prepare_validation(recording, plan)
         if not prepared:
             raise InputError(
@@ -115,10 +113,10 @@ def _held_out(validation: Recording, plan: PreparationPlan, place: str) -> list[
 def _origins(
     divided: PreparedData,
     part: Part,
-    stretches: Sequence[Stretch],
+    stretches: Sequence[Segment],
     begins: Sequence[int],
     plan: PreparationPlan,
-    levels: Sequence[Stretch],
+    levels: Sequence[Segment],
 ) -> tuple[StretchOrigin, ...]:
     """Where prepared stretches come from: each begins some samples after one of the part's own.
 
@@ -126,7 +124,7 @@ def _origins(
     ``levels`` are the same stretches before the differences of the plan.
     """
     recording = divided.estimation if part == "estimation" else divided.validation
-    transforms, sources = divided.transforms.of_stretches(part), recording.stretches
+    transforms, sources = divided.transforms.of_stretches(part), recording.segments
     known = (
         divided.transforms.estimation_stretches
         if part == "estimation"
@@ -166,7 +164,7 @@ def _origins(
     return tuple(origins)
 
 
-def save_stretches(stretches: Sequence[Stretch], path: str | Path) -> None:
+def save_stretches(stretches: Sequence[Segment], path: str | Path) -> None:
     """Write stretches one after the other, with their lengths and recordings."""
     arrays = {
         "input": np.concatenate([each.input for each in stretches]),
@@ -177,7 +175,7 @@ def save_stretches(stretches: Sequence[Stretch], path: str | Path) -> None:
     save_arrays(path, arrays)
 
 
-def load_stretches(path: str | Path) -> tuple[Stretch, ...]:
+def load_stretches(path: str | Path) -> tuple[Segment, ...]:
     """Read what :func:`save_stretches` wrote.
 
     Raises
@@ -189,7 +187,7 @@ def load_stretches(path: str | Path) -> tuple[Stretch, ...]:
     ends = np.cumsum(stored["samples"])[:-1]
     parts = zip(np.split(stored["input"], ends), np.split(stored["output"], ends), strict=True)
     return tuple(
-        Stretch(u.copy(), y.copy(), int(number))
+        Segment(u.copy(), y.copy(), int(number))
         for (u, y), number in zip(parts, stored["recording"], strict=True)
     )
 
@@ -211,11 +209,11 @@ def _initial(signal: Array, initial: tuple[float, ...], begin: int) -> tuple[flo
 
 
 def _prepared(
-    before: Recording, stretches: Sequence[Stretch], plan: PreparationPlan, rate: float
+    before: Recording, stretches: Sequence[Segment], plan: PreparationPlan, rate: float
 ) -> Recording:
     """Stretches in recorded units, less their offsets."""
     in_units = [
-        replace(each, input=each.input * plan.input_scale, output=each.output * plan.output_scale)
+        replace(each, inputs=each.input * plan.input_scale, outputs=each.output * plan.output_scale)
         for each in stretches
     ]
-    return replace(before.with_stretches(in_units), sampling_rate=rate)
+    return replace(before.with_segments(in_units), sampling_rate=rate)

@@ -15,8 +15,8 @@ from evopem.automatic.remedy_orders import LENGTH, NOISE_ORDERS, REMEDIES, Order
 from evopem.automatic.simulation import simulated
 from evopem.automatic.structures import AS_GOOD, Choice, as_good
 from evopem.automatic.trials import DELAY, TOLERATED, Attempt, Budget, tried_in_turn
-from evopem.models.structures import PolynomialOrders
-from evopem.signals.stretches import Stretch, total_samples
+from evopem.models.structures import Orders
+from evopem.signals.recording import Segment, total_samples
 from evopem.validation.checks.check import SIGNIFICANCE
 from evopem.validation.checks.excitation import EXCITATION_ADEQUATE
 from evopem.validation.checks.residuals import INDEPENDENT_OF_INPUT, WHITE
@@ -188,7 +188,11 @@ def _trial(
 def _has_coloured_plant(scorer: Scorer, candidate: Candidate) -> bool:
     """Whether the residuals are coloured and the plant has poles of its own."""
     orders = candidate.orders
-    return orders.nf > 0 and orders.na == 0 and scorer.checks(candidate).whiteness < SIGNIFICANCE
+    return (
+        orders.single.nf > 0
+        and orders.na == 0
+        and scorer.checks(candidate).whiteness < SIGNIFICANCE
+    )
 
 
 def _with_another_noise_model(
@@ -212,7 +216,7 @@ def _with_another_noise_model(
     if candidate.structure == "oe":
         return candidate, False
     o = candidate.orders
-    orders = PolynomialOrders(nb=o.nb, nf=o.nf, nk=o.nk)
+    orders = Orders(nb=o.single.nb, nf=o.single.nf, nk=o.single.nk)
     alone = scorer.candidate("oe", orders, [candidate.model])
     if alone is None:
         return candidate, False
@@ -231,26 +235,26 @@ def _with_own_noise_model(
     """
     level = candidate.model.level
     errors = [
-        Stretch(
+        Segment(
             np.zeros(each.samples), each.output - simulated(candidate.model, each), each.recording
         )
         for each in scorer.stretches
     ]
     count = total_samples(errors)
     for n in NOISE_ORDERS:
-        orders = PolynomialOrders(na=n, nc=n)
+        orders = Orders(na=n, nc=n)
         if candidate.parameters + orders.parameters > scorer.most_parameters:
             break
         try:
             noise = fit(errors, orders, FitSettings(scorer.settings.objective, level=False))
         except (ValueError, np.linalg.LinAlgError):
             continue
-        parameters = candidate.orders.nb + candidate.orders.nf + orders.parameters + 1
+        parameters = candidate.orders.single.nb + candidate.orders.single.nf + orders.parameters + 1
         loss = log_loss(noise.residuals_from(), scorer.settings.objective)
         model = replace(
             candidate.model,
-            c=noise.model.c,
-            d=noise.model.a,
+            C=noise.model.C,
+            D=noise.model.A,
             level=level,
             noise_variance=noise.model.noise_variance,
             structure="bj",

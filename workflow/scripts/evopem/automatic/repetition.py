@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.automatic.decision import Alternative, Decision
-from evopem.signals.stretches import Stretch
+from evopem.signals.recording import Segment
 
 Array = NDArray[np.float64]
 
@@ -52,12 +52,12 @@ class Repetition:
     decision: Decision
 
 
-def decide_repetition(stretches: Sequence[Stretch]) -> Repetition:
+def decide_repetition(stretches: Sequence[Segment]) -> Repetition:
     """Judge the residuals of ARX models of the longest stretch.
 
     Parameters
     ----------
-    stretches : sequence of Stretch
+    stretches : sequence of Segment
     """
     stretch = max(stretches, key=lambda each: each.samples)
     lag = repetition_lag(stretch.input)
@@ -146,12 +146,12 @@ def repeated_correlation(residuals: Array, signal: Array, lag: int) -> float:
     return float(np.mean(found)) if found else 0.0
 
 
-def arx_residuals(stretch: Stretch) -> Array:
+def arx_residuals(stretch: Segment) -> Array:
     """Residuals of the ARX model of the lowest BIC, (M,), of the last M samples.
 
     Parameters
     ----------
-    stretch : Stretch
+    stretch : Segment
     """
     u, y, n = stretch.input, stretch.output, stretch.samples
     first = max(ORDERS)

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from evopem.automatic.fit import log_loss
 from evopem.automatic.simulation import prediction_errors
 from evopem.models.polynomial import PolynomialModel
-from evopem.signals.stretches import Stretch
+from evopem.signals.recording import Segment
 
 Array = NDArray[np.float64]
 
 
-def heaviness(model: PolynomialModel, stretches: Sequence[Stretch]) -> float:
+def heaviness(model: PolynomialModel, stretches: Sequence[Segment]) -> float:
     """How much likelier a residual is under Laplace's distribution than under a normal one.
 
     The mean logarithm of the ratio, each distribution at its likeliest scale.
@@ -24,7 +24,7 @@ def heaviness(model: PolynomialModel, stretches: Sequence[Stretch]) -> float:
     return 0.5 * (log_loss(e, "quadratic") - log_loss(e, "absolute"))
 
 
-def feedback_probability(model: PolynomialModel, stretches: Sequence[Stretch]) -> float:
+def feedback_probability(model: PolynomialModel, stretches: Sequence[Segment]) -> float:
     """Probability that the input depends so much on past residuals by chance.
 
     The input is regressed on its own past without and with past residuals (an F test; Granger
@@ -50,7 +50,7 @@ def feedback_probability(model: PolynomialModel, stretches: Sequence[Stretch]) -
     return float(f.sf(statistic, lags, freedom))
 
 
-def _residuals(model: PolynomialModel, stretches: Sequence[Stretch]) -> Array:
+def _residuals(model: PolynomialModel, stretches: Sequence[Segment]) -> Array:
     return np.concatenate([prediction_errors(model, each) for each in stretches])
 
 

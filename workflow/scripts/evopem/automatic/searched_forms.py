@@ -18,7 +18,7 @@ from evopem.config.state_space_settings import OrderRanges, is_polynomial
 from evopem.estimation.multi_input.order_limits import OrderLimits, joint_orders
 from evopem.estimation.state_space.settings import StateSpaceSettings
 from evopem.models.state_space import StateSpaceModel
-from evopem.signals.multichannel import MultichannelRecording
+from evopem.signals.recording import Recording
 
 Log = Callable[[str], None]
 
@@ -29,7 +29,7 @@ class SearchedForms:
 
     Attributes
     ----------
-    estimation : MultichannelRecording
+    estimation : Recording
     delays : tuple of int
     searches : tuple of VariantSearch
     start : callable
@@ -40,7 +40,7 @@ class SearchedForms:
     constraints : InputConstraints, optional
     """
 
-    estimation: MultichannelRecording
+    estimation: Recording
     delays: tuple[int, ...]
     searches: tuple[VariantSearch, ...]
     start: Callable[[Variant, int], StateSpaceModel]

@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
-from evopem.automatic.multichannel_folds import fewest_fitted, is_long
+from evopem.automatic.multichannel_folds import fewest_fitted
 from evopem.errors import InputError
-from evopem.signals.multichannel import MultichannelRecording
+from evopem.signals.recording import Recording
 
-# Largest orders tried of plant and noise model, and output values for each parameter of the largest
-# model.
-MOST_STATES, MOST_NOISE_STATES, VALUES_PER_PARAMETER = 40, 10, 5
+# Largest order tried, and output values for each parameter of the largest model.
+MOST_STATES, VALUES_PER_PARAMETER = 40, 5
 # Above this largest order they are tried in steps of two.
 SINGLE_STEPS = 10
 
 
-def searched_orders(
-    estimation: MultichannelRecording, limits: tuple[int, int] | None
-) -> tuple[int, ...]:
+def searched_orders(estimation: Recording, limits: tuple[int, int] | None) -> tuple[int, ...]:
     """The orders that are tried: all that the record can determine, in steps of two where many.
 
     Parameters
     ----------
-    estimation : MultichannelRecording
+    estimation : Recording
     limits : (lower, upper), optional
 
     Raises
@@ -33,7 +30,9 @@ def searched_orders(
     low, high = limits or (1, MOST_STATES)
     fitted = fewest_fitted(estimation)
     # Each recording has an initial state of its own.
-    affordable = fitted * ny // VALUES_PER_PARAMETER // (nu + 2 * ny + len(estimation.starts))
+    affordable = (
+        fitted * ny // VALUES_PER_PARAMETER // (nu + 2 * ny + len(estimation.segment_starts))
+    )
     affordable = min(affordable, samples // 12)
     if affordable < low:
         raise InputError(
@@ -46,13 +45,3 @@ def searched_orders(
     if limits is None and high > SINGLE_STEPS:
         return tuple(range(2, high + 1, 2))
     return tuple(range(low, high + 1))
-
-
-def noise_orders(estimation: MultichannelRecording) -> tuple[int, ...]:
-    """The orders that are tried for a noise model beside an output-error model."""
-    samples = estimation.samples
-    of_order = 1 + len(estimation.starts)
-    affordable = min(MOST_NOISE_STATES, samples // 12, samples // VALUES_PER_PARAMETER // of_order)
-    if is_long(estimation):
-        return tuple(range(2, max(affordable, 2) + 1, 2))
-    return tuple(range(1, max(affordable, 1) + 1))

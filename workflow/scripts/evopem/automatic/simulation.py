@@ -1,4 +1,4 @@
-"""Simulation and prediction of held-out stretches, from the initial state that fits them."""
+"""Simulation and prediction of stretches, from the initial state that fits what is known."""
 
 from __future__ import annotations
 
@@ -6,18 +6,64 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.polynomial_states import estimate_prediction_states
-from evopem.signals.stretches import Stretch
+from evopem.models.polynomial_states import (
+    estimate_prediction_states,
+    first_samples,
+    fitted_state,
+    simulate_from_first,
+)
+from evopem.signals.recording import Segment
 
 Array = NDArray[np.float64]
 
 
-# Iterations of reweighted least squares towards least absolute deviations.
-REWEIGHTINGS = 5
+def errors_simulated_on(
+    model: PolynomialModel,
+    before: Segment,
+    held_out: Segment,
+    free_level: bool = False,
+    robust: bool = False,
+) -> Array:
+    """Errors of a simulation of held-out samples whose outputs determine no state.
+
+    It runs on from the samples before, which determine its initial state; without any, the first
+    tenth of the held-out samples do, and are not scored.  A state that were fitted to what is
+    scored would draw slow waves through drifts with poles near the unit circle.
+
+    Parameters
+    ----------
+    model : PolynomialModel
+    before, held_out : Segment
+        Consecutive samples.
+    free_level : bool
+        Whether a constant is fitted to the scored errors.
+    robust : bool
+        As of :func:`simulated`.
+
+    Returns
+    -------
+    (M,) array
+        Simulated less measured output of the scored samples.
+    """
+    known = before.samples or first_samples(held_out.samples)
+    whole = Segment(
+        np.concatenate([before.inputs, held_out.inputs]),
+        np.concatenate([before.outputs, held_out.outputs]),
+        held_out.recording,
+    )
+    computed = simulate_from_first(model, whole.input, whole.output, known, free_level, robust)
+    with np.errstate(all="ignore"):
+        errors = (computed - whole.output)[known:]
+        if free_level:
+            errors = errors - (np.median(errors) if robust else np.mean(errors))
+    return np.asarray(errors)
 
 
 def simulated(
-    model: PolynomialModel, stretch: Stretch, free_level: bool = False, robust: bool = False
+    model: PolynomialModel,
+    stretch: Segment,
+    free_level: bool = False,
+    robust: bool = False,
 ) -> Array:
     """Simulation from the initial state that fits the stretch, (N,).
 
@@ -27,7 +73,7 @@ def simulated(
     Parameters
     ----------
     model : PolynomialModel
-    stretch : Stretch
+    stretch : Segment
     free_level : bool
         Whether the level belongs to the state and is fitted to the stretch as well.
     robust : bool
@@ -49,18 +95,12 @@ def simulated(
     if not (np.isfinite(columns).all() and np.isfinite(response).all()):
         return np.full(n, np.inf)
     if columns.shape[1]:
-        remainder = stretch.output - response
-        state = np.linalg.lstsq(columns, remainder, rcond=1e-10)[0]
-        for _ in range(REWEIGHTINGS if robust else 0):
-            size = np.abs(remainder - columns @ state)
-            weights = 1.0 / np.sqrt(np.maximum(size, 0.1 * np.mean(size) + 1e-300))
-            weighted = columns * weights[:, None]
-            state = np.linalg.lstsq(weighted, remainder * weights, rcond=1e-10)[0]
+        state = fitted_state(columns, stretch.output - response, robust)
         response = response + columns @ state
     return np.asarray(response)
 
 
-def prediction_errors(model: PolynomialModel, stretch: Stretch) -> Array:
+def prediction_errors(model: PolynomialModel, stretch: Segment) -> Array:
     """One-step prediction errors with fitted initial states, from the first residual on."""
     if stretch.samples <= model.orders.first_residual + 1:
         return np.empty(0)

@@ -86,7 +86,7 @@ def choose(searches: Sequence[VariantSearch], choices: StateSpaceChoices) -> Sta
     if not possible:
         raise ValueError("no model could be estimated")
     has_input = any(np.isfinite(each.simulation).any() for each in possible) or any(
-        each.variant.form == "output_error" for each in possible
+        each.variant.form == "ss_oe" for each in possible
     )
     if not has_input:
         model, decisions = _best_for("prediction", possible, "constant")

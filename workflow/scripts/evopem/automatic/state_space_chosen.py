@@ -7,24 +7,17 @@ from dataclasses import dataclass, replace
 
 from evopem.automatic.multi_input_choice import EstimatedStructure, estimate_structure
 from evopem.automatic.state_space_choice import ModelChoice
-from evopem.automatic.state_space_search import (
-    OUTPUT_ERROR_WEIGHTING,
-    descended,
-    estimate_box_jenkins,
-    noise_beside,
-    searched_form,
-    settings_of,
-)
 from evopem.config.constraints import InputConstraints
 from evopem.config.state_space_settings import OrderRanges, is_polynomial
-from evopem.estimation.multi_input.estimate import MultiInputEstimate
 from evopem.estimation.multi_input.order_reduction import TriedOrders
-from evopem.estimation.state_space.estimate import StateSpaceEstimate, estimate_state_space
-from evopem.estimation.state_space.noise_model import side_by_side
+from evopem.estimation.polynomial_estimate import PolynomialEstimate
+from evopem.estimation.state_space.estimate import estimate_state_space, with_drift
+from evopem.estimation.state_space.local_estimates import StateSpaceEstimate, descend_from
+from evopem.estimation.state_space.noise_model import with_noise_model
 from evopem.estimation.state_space.settings import StateSpaceSettings
-from evopem.models.multi_input import MultiInputModel
-from evopem.models.state_space import Form, StateSpaceModel
-from evopem.signals.multichannel import MultichannelRecording
+from evopem.models.polynomial import PolynomialModel
+from evopem.models.state_space import StateSpaceModel
+from evopem.signals.recording import Recording
 
 Log = Callable[[str], None]
 
@@ -35,21 +28,21 @@ class ChosenModel:
 
     Attributes
     ----------
-    estimate : StateSpaceEstimate or MultiInputEstimate
+    estimate : StateSpaceEstimate or PolynomialEstimate
         What was searched: the plant alone in output-error form.
     model : StateSpaceModel
         With the noise model beside an output-error plant; of a polynomial model its innovations
         form.
-    polynomials : MultiInputModel, optional
+    polynomials : PolynomialModel, optional
     tried : tuple of TriedOrders
         Orders of a polynomial model that were tried after the joint order.
     at_upper_ends : tuple of str
         Its orders at the upper end of a range of the configuration.
     """
 
-    estimate: StateSpaceEstimate | MultiInputEstimate
+    estimate: StateSpaceEstimate | PolynomialEstimate
     model: StateSpaceModel
-    polynomials: MultiInputModel | None = None
+    polynomials: PolynomialModel | None = None
     tried: tuple[TriedOrders, ...] = ()
     at_upper_ends: tuple[str, ...] = ()
 
@@ -68,7 +61,7 @@ class ChosenModel:
 def search_chosen(
     choice: ModelChoice,
     searched: StateSpaceModel,
-    estimation: MultichannelRecording,
+    estimation: Recording,
     delays: Sequence[int],
     settings: StateSpaceSettings,
     ranges: OrderRanges | None = None,
@@ -82,13 +75,12 @@ def search_chosen(
     choice : ModelChoice
     searched : StateSpaceModel
         Of the search over orders.
-    estimation : MultichannelRecording
+    estimation : Recording
     delays : sequence of int
     settings : StateSpaceSettings
     ranges : OrderRanges, optional
         Of the orders of a polynomial model.
     constraints : InputConstraints, optional
-        Of a polynomial model.
     log : callable, optional
 
     Raises
@@ -105,11 +97,15 @@ def search_chosen(
                 estimation, form, choice.order, delays, settings, ranges, constraints, log=log
             )
         )
-    if form == "box_jenkins":
-        return _search_box_jenkins(choice, searched, estimation, delays, settings, log)
-    own = settings_of(form, estimation, settings)
-    estimate = _searched(
-        estimation, choice.order, searched_form(form), delays, own, (searched,), log
+    estimate = estimate_state_space(
+        estimation,
+        choice.order,
+        structure=form,  # type: ignore[arg-type]
+        delays=tuple(delays),
+        settings=settings,
+        constraints=constraints,
+        starts=(searched,),
+        log=log,
     )
     return _completed(estimate, estimation, settings)
 
@@ -117,7 +113,7 @@ def search_chosen(
 def estimate_as_searched(
     choice: ModelChoice,
     searched: StateSpaceModel,
-    estimation: MultichannelRecording,
+    estimation: Recording,
     delays: Sequence[int],
     settings: StateSpaceSettings,
     ranges: OrderRanges | None = None,
@@ -135,62 +131,21 @@ def estimate_as_searched(
                 globally=False,
             )
         )
-    own = settings_of(form, estimation, settings)
-    estimate = descended(searched, estimation, delays, own)
+    if constraints is not None:
+        quick = replace(settings, evaluations=0)
+        return search_chosen(*(choice, searched, estimation, delays, quick, ranges, constraints))
+    own = with_drift(settings, form, estimation)  # type: ignore[arg-type]
+    estimate = descend_from(searched, estimation, delays=tuple(delays), settings=own)
     return _completed(estimate, estimation, settings)
-
-
-def _search_box_jenkins(
-    choice: ModelChoice,
-    searched: StateSpaceModel,
-    estimation: MultichannelRecording,
-    delays: Sequence[int],
-    settings: StateSpaceSettings,
-    log: Log | None,
-) -> ChosenModel:
-    """The better one of the optima next to the globally searched plant and next to the first."""
-    first = replace(settings, weighting=OUTPUT_ERROR_WEIGHTING)
-    plant = _searched(estimation, choice.order, "output_error", delays, first, (), log)
-    estimates = [
-        descended(searched, estimation, delays, settings),
-        estimate_box_jenkins(estimation, plant.model, delays, settings),
-    ]
-    best = min(estimates, key=lambda each: each.bic)
-    return ChosenModel(best, best.model)
-
-
-def _searched(
-    estimation: MultichannelRecording,
-    order: int,
-    form: Form,
-    delays: Sequence[int],
-    settings: StateSpaceSettings,
-    starts: Sequence[StateSpaceModel],
-    log: Log | None,
-) -> StateSpaceEstimate:
-    return estimate_state_space(
-        estimation.input_records,
-        estimation.output_records,
-        order,
-        estimation.sampling_rate,
-        form=form,
-        delays=tuple(delays),
-        settings=settings,
-        starts=starts,
-        input_names=estimation.input_names,
-        output_names=estimation.output_names,
-        log=log,
-    )
 
 
 def _completed(
     estimate: StateSpaceEstimate,
-    estimation: MultichannelRecording,
+    estimation: Recording,
     settings: StateSpaceSettings,
 ) -> ChosenModel:
     """A noise model stands beside an output-error plant whose residuals are not white."""
-    plant = estimate.model
-    if plant.form != "output_error":
-        return ChosenModel(estimate, plant)
-    noise = noise_beside(plant, estimation, settings)
-    return ChosenModel(estimate, plant if noise is None else side_by_side(plant, noise))
+    model = estimate.model
+    if model.structure == "ss_oe":
+        model = with_noise_model(model, estimation, settings)
+    return ChosenModel(estimate, model)

@@ -90,7 +90,7 @@ def _earlier_delays(model: StateSpaceModel, forms: SearchedForms) -> tuple[int, 
     residuals = np.concatenate(
         [
             model.residuals(u, y, model.prediction_state(u, y))
-            for u, y in zip(estimation.input_records, estimation.output_records, strict=True)
+            for u, y in zip(estimation.segment_inputs, estimation.segment_outputs, strict=True)
         ]
     )
     earlier = list(delays)

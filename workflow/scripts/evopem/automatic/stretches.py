@@ -7,37 +7,46 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from evopem.signals.stretches import Stretch, total_samples
+from evopem.signals.recording import Segment, total_samples
+
+# Samples of a record on which delays, orders and structures are compared.
+MOST_SAMPLES = 6000
 
 
 @dataclass(frozen=True, eq=False)
 class Fold:
-    """What a model is fitted to, and what it is scored on."""
+    """What a model is fitted to, and what it is scored on.
 
-    training: tuple[Stretch, ...]
-    held_out: tuple[Stretch, ...]
+    Attributes
+    ----------
+    training, held_out : tuple of Segment
+    before : tuple of Segment
+        Samples before each held-out segment, at most as many as it has; none at the beginning of a
+        stretch.
+    """
+
+    training: tuple[Segment, ...]
+    held_out: tuple[Segment, ...]
+    before: tuple[Segment, ...]
 
 
-def first_samples(stretches: Sequence[Stretch], most: int) -> tuple[Stretch, ...]:
+def first_samples(stretches: Sequence[Segment], most: int) -> tuple[Segment, ...]:
     """The first samples of each stretch, in proportion to its length, ``most`` together.
 
     Parameters
     ----------
-    stretches : sequence of Stretch
+    stretches : sequence of Segment
     most : int
     """
     total = total_samples(stretches)
     if total <= most:
         return tuple(stretches)
     kept = [max(each.samples * most // total, min(each.samples, 20)) for each in stretches]
-    return tuple(
-        Stretch(each.input[:n], each.output[:n], each.recording)
-        for each, n in zip(stretches, kept, strict=True)
-    )
+    return tuple(each.between(0, n) for each, n in zip(stretches, kept, strict=True))
 
 
 def folds_of(
-    stretches: Sequence[Stretch],
+    stretches: Sequence[Segment],
     count: int,
     blocks_per_fold: int,
     shortest: int,
@@ -51,7 +60,7 @@ def folds_of(
 
     Parameters
     ----------
-    stretches : sequence of Stretch
+    stretches : sequence of Segment
     count : int
         Number of folds, at least 2.
     blocks_per_fold : int
@@ -72,21 +81,23 @@ def folds_of(
 
 
 def _fold(
-    stretches: Sequence[Stretch], edges: Sequence[int], fold: int, count: int, shortest: int
+    stretches: Sequence[Segment], edges: Sequence[int], fold: int, count: int, shortest: int
 ) -> Fold:
     """One fold holds out the blocks whose number is its own modulo the count."""
-    training: list[Stretch] = []
-    held_out: list[Stretch] = []
+    training: list[Segment] = []
+    held_out: list[Segment] = []
+    before: list[Segment] = []
     first = 0
     for stretch in stretches:
         owner = np.searchsorted(edges, np.arange(first, first + stretch.samples), "right") - 1
         held = owner % count == fold
         cuts = np.flatnonzero(np.diff(held.astype(int))) + 1
         for begin, end in zip([0, *cuts], [*cuts, stretch.samples], strict=True):
-            part = Stretch(stretch.input[begin:end], stretch.output[begin:end], stretch.recording)
+            part = stretch.between(begin, end)
             if held[begin]:
                 held_out.append(part)
+                before.append(stretch.between(max(2 * begin - end, 0), begin))
             elif part.samples >= shortest:
                 training.append(part)
         first += stretch.samples
-    return Fold(tuple(training), tuple(held_out))
+    return Fold(tuple(training), tuple(held_out), tuple(before))

@@ -113,7 +113,7 @@ def compare_structures(scorer: Scorer, searches: Sequence[StructureSearch]) -> C
         *(simulation.scores, level == "state"),
     )
     prediction = min(candidates, key=lambda each: each.scores.prediction)
-    with_poles = [each for each in candidates if each.orders.na + each.orders.nf >= 2]
+    with_poles = [each for each in candidates if each.orders.na + each.orders.single.nf >= 2]
     modes = min(with_poles or candidates, key=lambda each: each.bic)
     return Comparison(
         (

@@ -19,8 +19,8 @@ from evopem.automatic.simulation import simulated
 from evopem.automatic.stretches import first_samples, folds_of
 from evopem.errors import InputError
 from evopem.estimation.criteria import power_of_two_scale
-from evopem.models.structures import PolynomialOrders
-from evopem.signals.stretches import Stretch, total_samples
+from evopem.models.structures import Orders
+from evopem.signals.recording import Segment, total_samples
 from evopem.signals.transforms import (
     box_cox,
     invert_box_cox,
@@ -29,14 +29,14 @@ from evopem.signals.transforms import (
 )
 
 Array = NDArray[np.float64]
-Fold = tuple[tuple[Stretch, ...], tuple[Stretch, ...]]
+Fold = tuple[tuple[Segment, ...], tuple[Segment, ...]]
 
 # Models whose simulations are scored.
 PROBES = (
-    PolynomialOrders(na=2, nb=3, nk=0),
-    PolynomialOrders(na=6, nb=7, nk=0),
-    PolynomialOrders(nb=2, nf=2, nk=0),
-    PolynomialOrders(nb=4, nf=4, nk=0),
+    Orders(na=2, nb=3, nk=0),
+    Orders(na=6, nb=7, nk=0),
+    Orders(nb=2, nf=2, nk=0),
+    Orders(nb=4, nf=4, nk=0),
 )
 # Halves and interleaved blocks, as (folds, blocks of each).
 DESIGNS = ((2, 1), (2, 3))
@@ -87,7 +87,7 @@ class TransformPlan:
 
 
 def decide_transforms(
-    stretches: Sequence[Stretch],
+    stretches: Sequence[Segment],
     begins: Sequence[int],
     box_cox: bool = False,
     trend: bool = False,
@@ -97,7 +97,7 @@ def decide_transforms(
 
     Parameters
     ----------
-    stretches : sequence of Stretch
+    stretches : sequence of Segment
         Samples between breaks, in recorded units.
     begins : sequence of int
         First sample of each in its recording.
@@ -127,11 +127,11 @@ def decide_transforms(
 
 
 def _decide_trend(
-    stretches: Sequence[Stretch], begins: Sequence[int], plain: Array
+    stretches: Sequence[Segment], begins: Sequence[int], plain: Array
 ) -> tuple[tuple[float, float], Decision]:
     """The slopes of input and output: lines through both, or a drift estimated with a model."""
     times = [
-        Stretch(t, t, each.recording)
+        Segment(t, t, each.recording)
         for each, begin in zip(stretches, begins, strict=True)
         for t in [begin + np.arange(each.samples, dtype=float)]
     ]
@@ -157,7 +157,7 @@ def _decide_trend(
     return kinds[name](stretches, times), Decision("trend", name, alternatives, CRITERION, sentence)
 
 
-def _lines(stretches: Sequence[Stretch], times: Sequence[Stretch]) -> tuple[float, float]:
+def _lines(stretches: Sequence[Segment], times: Sequence[Segment]) -> tuple[float, float]:
     """Slopes of the lines through input and output, with a level for each recording."""
     t = np.concatenate([each.output for each in times])
     columns = np.column_stack([t - t.mean(), *_levels(stretches)])
@@ -169,7 +169,7 @@ def _lines(stretches: Sequence[Stretch], times: Sequence[Stretch]) -> tuple[floa
     return float(found[0]), float(found[1])
 
 
-def _drift(stretches: Sequence[Stretch], times: Sequence[Stretch]) -> tuple[float, float]:
+def _drift(stretches: Sequence[Segment], times: Sequence[Segment]) -> tuple[float, float]:
     """Slope of the output's drift, estimated along with an ARX model."""
     n = DRIFT_ORDER
     rows, target = [], []
@@ -190,14 +190,14 @@ def _drift(stretches: Sequence[Stretch], times: Sequence[Stretch]) -> tuple[floa
     return 0.0, float(solution[-2]) / gain if abs(gain) > LEAST_DECAY else 0.0
 
 
-def _levels(stretches: Sequence[Stretch]) -> list[Array]:
+def _levels(stretches: Sequence[Segment]) -> list[Array]:
     owner = np.concatenate([np.full(each.samples, each.recording) for each in stretches])
     return [(owner == number).astype(float) for number in dict.fromkeys(owner.tolist())]
 
 
 def _errors_without_trend(
     folds: Sequence[tuple[Fold, Fold]],
-    slopes_of: Callable[[Sequence[Stretch], Sequence[Stretch]], tuple[float, float]],
+    slopes_of: Callable[[Sequence[Segment], Sequence[Segment]], tuple[float, float]],
 ) -> Array:
     """Errors where the slopes of the training samples are taken from the held-out ones, too."""
     flat: list[Fold] = []
@@ -214,20 +214,20 @@ def _errors_without_trend(
 
 
 def _without(
-    stretches: Sequence[Stretch], times: Sequence[Stretch], slopes: tuple[float, float]
-) -> tuple[Stretch, ...]:
+    stretches: Sequence[Segment], times: Sequence[Segment], slopes: tuple[float, float]
+) -> tuple[Segment, ...]:
     return tuple(
         replace(
             each,
-            input=each.input - slopes[0] * time.output,
-            output=each.output - slopes[1] * time.output,
+            inputs=each.input - slopes[0] * time.output,
+            outputs=each.output - slopes[1] * time.output,
         )
         for each, time in zip(stretches, times, strict=True)
     )
 
 
 def _decide_box_cox(
-    stretches: Sequence[Stretch], folds: Sequence[Fold], plain: Array
+    stretches: Sequence[Segment], folds: Sequence[Fold], plain: Array
 ) -> tuple[float | None, Decision]:
     probability = spread_test(stretches)
     correlation = f"p = {probability:.2g} of the correlation of their ranks"
@@ -264,20 +264,20 @@ def _decide_box_cox(
     )
 
 
-def spread_test(stretches: Sequence[Stretch]) -> float:
+def spread_test(stretches: Sequence[Segment]) -> float:
     """p-value of a rank correlation between the size of ARX residuals and the predicted output.
 
     NaN where there are too few samples.
 
     Parameters
     ----------
-    stretches : sequence of Stretch
+    stretches : sequence of Segment
     """
     from scipy.stats import spearmanr
 
     scaled = _scaled(stretches)
     try:
-        found = fit(scaled, PolynomialOrders(na=SPREAD_ORDER, nb=SPREAD_ORDER + 1), FitSettings())
+        found = fit(scaled, Orders(na=SPREAD_ORDER, nb=SPREAD_ORDER + 1), FitSettings())
     except (ValueError, np.linalg.LinAlgError):
         return float("nan")
     sizes, predicted = [], []
@@ -288,7 +288,7 @@ def spread_test(stretches: Sequence[Stretch]) -> float:
     return float(spearmanr(np.concatenate(sizes), np.concatenate(predicted)).pvalue)
 
 
-def _folds(stretches: Sequence[Stretch]) -> list[Fold]:
+def _folds(stretches: Sequence[Segment]) -> list[Fold]:
     samples = total_samples(stretches)
     return [
         (fold.training, fold.held_out)
@@ -298,7 +298,7 @@ def _folds(stretches: Sequence[Stretch]) -> list[Fold]:
     ]
 
 
-def _scaled(stretches: Sequence[Stretch]) -> list[Stretch]:
+def _scaled(stretches: Sequence[Segment]) -> list[Segment]:
     """Stretches less their common means, over powers of two of input and output."""
     u = np.concatenate([each.input for each in stretches])
     y = np.concatenate([each.output for each in stretches])
@@ -306,19 +306,19 @@ def _scaled(stretches: Sequence[Stretch]) -> list[Stretch]:
     return [
         replace(
             each,
-            input=(each.input - u.mean()) / scales[0],
-            output=(each.output - y.mean()) / scales[1],
+            inputs=(each.input - u.mean()) / scales[0],
+            outputs=(each.output - y.mean()) / scales[1],
         )
         for each in stretches
     ]
 
 
-Simulate = Callable[[PolynomialOrders, Sequence[Stretch], Sequence[Stretch]], list[Array]]
+Simulate = Callable[[Orders, Sequence[Segment], Sequence[Segment]], list[Array]]
 """Errors of a model of some orders on held-out stretches, in recorded units."""
 
 
 def _as_recorded(
-    orders: PolynomialOrders, training: Sequence[Stretch], held_out: Sequence[Stretch]
+    orders: Orders, training: Sequence[Segment], held_out: Sequence[Segment]
 ) -> list[Array]:
     model = fit(training, orders, FitSettings(), stages=FOLD_STAGES).model
     return [simulated(model, each, free_level=True) - each.output for each in held_out]
@@ -326,19 +326,19 @@ def _as_recorded(
 
 def _box_cox(parameter: float, shift: float) -> Simulate:
     def errors(
-        orders: PolynomialOrders, training: Sequence[Stretch], held_out: Sequence[Stretch]
+        orders: Orders, training: Sequence[Segment], held_out: Sequence[Segment]
     ) -> list[Array]:
-        def transformed(each: Stretch) -> Stretch:
-            return replace(each, output=box_cox(each.output, parameter, shift))
+        def transformed(each: Segment) -> Segment:
+            return replace(each, outputs=box_cox(each.output, parameter, shift))
 
         own = [transformed(each) for each in training]
         mean = float(np.mean(np.concatenate([each.output for each in own])))
-        own = [replace(each, output=each.output - mean) for each in own]
+        own = [replace(each, outputs=each.output - mean) for each in own]
         model = fit(own, orders, FitSettings(), stages=FOLD_STAGES).model
         found = []
         for each in held_out:
             target = transformed(each)
-            target = replace(target, output=target.output - mean)
+            target = replace(target, outputs=target.output - mean)
             computed = simulated(model, target, free_level=True) + mean
             found.append(invert_box_cox(computed, parameter, shift) - each.output)
         return found
@@ -349,7 +349,7 @@ def _box_cox(parameter: float, shift: float) -> Simulate:
 def _errors(
     folds: Sequence[Fold],
     simulate: Simulate,
-    measured: Sequence[Sequence[Stretch]] | None = None,
+    measured: Sequence[Sequence[Segment]] | None = None,
 ) -> Array:
     """Error of each probe in each fold, (probes, folds), as a share of the output's deviation.
 

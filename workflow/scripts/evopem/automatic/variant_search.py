@@ -16,16 +16,16 @@ from numpy.typing import NDArray
 from evopem.automatic.multichannel_folds import Fold, designs_of, folds_of
 from evopem.config.state_space_settings import ModelForm, OutputWeighting, variant_name
 from evopem.estimation.state_space.noise_model import RISES
-from evopem.estimation.state_space.order_models import OrderModel, OrderModels
 from evopem.estimation.state_space.settings import Objective
 from evopem.estimation.state_space.starting_models import USUAL_ORDER
+from evopem.models.order_models import OrderModel, OrderModels
 from evopem.models.state_space import StateSpaceModel
-from evopem.signals.multichannel import MultichannelRecording
+from evopem.signals.recording import Recording
 
 Array = NDArray[np.float64]
 Log = Callable[[str], None]
 
-Refit = Callable[[MultichannelRecording], StateSpaceModel]
+Refit = Callable[[Recording], StateSpaceModel]
 """The model that a descent ends at on parts of a record, from the one of the whole record."""
 
 # Folds of all designs from which on the worst one of a model is left out.
@@ -43,7 +43,7 @@ class Variant:
 
     @property
     def name(self) -> str:
-        """Such as ``innovations_determinant``."""
+        """Such as ``ss_determinant``."""
         return variant_name(self.form, self.weighting)
 
 
@@ -113,7 +113,7 @@ class VariantSearch:
 
 
 def searched_variant(
-    estimation: MultichannelRecording,
+    estimation: Recording,
     variant: Variant,
     estimates: Iterable[tuple[int, Estimate]],
     plant_of: Callable[[Estimate], StateSpaceModel],
@@ -125,7 +125,7 @@ def searched_variant(
 
     Parameters
     ----------
-    estimation : MultichannelRecording
+    estimation : Recording
     variant : Variant
     estimates : iterable of (int, ScoredEstimate)
         Of all samples, by ascending order; ends as soon as their BIC rises.
@@ -181,7 +181,7 @@ def until_bic_rises(estimates: Iterable[tuple[int, Estimate]]) -> dict[int, Esti
 
 
 def _scored(
-    estimation: MultichannelRecording,
+    estimation: Recording,
     variant: Variant,
     estimates: Mapping[int, Estimate],
     refit_of: Callable[[Estimate], Refit],

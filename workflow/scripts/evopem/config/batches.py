@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Literal
 
 from evopem.config.resources import recording_seconds
@@ -17,6 +18,22 @@ LEAST_BATCHES = 16
 """So many batches, or one for each recording, keep the cores busy to the end of a run."""
 
 
+MANY = 10
+"""From so many data sets on, one job takes a recording through all stages where nothing is said."""
+
+
+def with_jobs(run: RunSettings, datasets: int) -> RunSettings:
+    """Decide how a run is divided into jobs where it says ``auto``.
+
+    Each stage has a job of its own where there are few data sets, so that a change reruns only what
+    depends on it. Of many, each has one job: there are fewer of them, and each ends with a report.
+    """
+    if run.one_job_per != "auto":
+        return run
+    whole = datasets >= MANY or run.recordings_per_job is not None
+    return replace(run, one_job_per="recording" if whole else "stage")
+
+
 def check_batches(run: RunSettings, source: str) -> None:
     """Refuse several recordings a job where the other keys leave no such job.
 
@@ -27,7 +44,7 @@ def check_batches(run: RunSettings, source: str) -> None:
     """
     if run.recordings_per_job is None:
         return
-    if run.one_job_per != "recording":
+    if run.one_job_per == "stage":
         raise InputError(
             source,
             "a job of several recordings runs all stages of each",

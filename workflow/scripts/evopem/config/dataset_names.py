@@ -47,6 +47,11 @@ def check_names(names: Iterable[str], origin: Origin) -> None:
         folders[name.lower()] = name
 
 
+def is_valid(name: str) -> bool:
+    """Whether a text can be the name of a data set, beside no others."""
+    return not _problem(name, {})[0]
+
+
 def _problem(name: str, folders: dict[str, str]) -> tuple[str, str]:
     """What is wrong with a name and what to do; two empty texts where nothing is."""
     shown = name if len(name) <= 60 else f"{name[:57]}..."

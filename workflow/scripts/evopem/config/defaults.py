@@ -10,7 +10,7 @@ from typing import Any
 import yaml
 
 from evopem.config.automatic_keys import built_in_keys, check_automatic_keys, laid_over
-from evopem.config.batches import batches_of, check_batches
+from evopem.config.batches import batches_of, check_batches, with_jobs
 from evopem.config.conditions import order_of
 from evopem.config.configuration import Configuration
 from evopem.config.dataset_names import check_names
@@ -101,6 +101,7 @@ def _completed(config: Keys, origin: Origin, source: str) -> Configuration:
     given_run = {name: config[name] for name in names if name in config}
     run = from_json(RunSettings, given_run, source)
     check_batches(run, source)
+    run = with_jobs(run, len(datasets))
     batches = batches_of(datasets, run.recordings_per_job)
     if batches and run.shard:
         # Whole batches: the run that makes the lists has the same ones.

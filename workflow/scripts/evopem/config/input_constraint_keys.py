@@ -49,7 +49,7 @@ def check_focus(own: Keys, source: str, place: str) -> None:
     white = focus == "prediction" and form in ("oe", "fir")  # then both are the same
     if form in (None, "state_space") or white or is_fitted_for(form, focus):
         return
-    better = "output_error" if focus == "simulation" else "innovations"
+    better = "ss_oe" if focus == "simulation" else "ss"
     if is_polynomial(form):
         better = "oe"
     key = "form" if "form" in own else "structure"
@@ -74,13 +74,13 @@ def check_input_constraints(
     if constraints is None:
         return
     place = f"{place}.constraints"
-    if structure is None or not is_polynomial(structure):
+    form = written.get("form")
+    if (structure is None or not is_polynomial(structure)) and form in (None, "ss_bj"):
         raise InputError(
             source,
-            "a state-space model has no polynomials to constrain: its poles are those of all pairs"
-            " of inputs and outputs, and no coefficient is the gain of one",
-            "write a polynomial structure such as oe; search.max_root_radius limits the poles of"
-            " any model, and delay.nk: 1 leaves out a direct feedthrough",
+            "what constraints mean depends on the structure: of ss_bj it is not said whether poles"
+            " of the plant or of its noise model are meant",
+            "write form: ss_oe or ss, or a polynomial structure such as oe",
             place,
         )
     for key, reason in _REFUSED.items():

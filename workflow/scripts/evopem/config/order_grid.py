@@ -203,6 +203,12 @@ def grid_of_phase(phase: str, grid: OrderGrid) -> OrderGrid:
     return replace(own, delay=grid.delay) if phase == "delay" else own
 
 
+def grid_of_selection(phase: str, grid: OrderGrid) -> OrderGrid:
+    """The part of a grid that the selection of a phase uses: the delays, at its end."""
+    own = OrderGrid(structure=grid.structure, level=grid.level)
+    return replace(own, delay=grid.delay) if phase == DELAY_REFINED_IN else own
+
+
 def max_candidate_count(phase: str, grid: OrderGrid) -> int:
     """Count the candidates of a phase, at most: the number that the graph is planned for.
 

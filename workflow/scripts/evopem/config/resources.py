@@ -1,6 +1,6 @@
 """Memory and time that jobs ask for, from the size of a recording and of its largest model.
 
-The constants were measured (docs/planning.md). Every quantity grows with the number of the attempt.
+The constants were measured (docs/fleets.md). Every quantity grows with the number of the attempt.
 """
 
 from __future__ import annotations
@@ -55,8 +55,17 @@ def reading_time(settings: DatasetSettings | MultichannelDataset, attempt: int) 
     return int(attempt * (5 + 0.25e-6 * recording_bytes(settings)))
 
 
-def estimation_memory(settings: DatasetSettings, threads: int, attempt: int) -> int:
-    """MB of Snakemake and of the processes that estimate candidates."""
+def estimates_again(settings: DatasetSettings | MultichannelDataset) -> bool:
+    """Whether the completed model is estimated anew, for its focus or constraints."""
+    return isinstance(settings, DatasetSettings) and settings.fit.changes_model
+
+
+def estimation_memory(
+    settings: DatasetSettings | MultichannelDataset, threads: int, attempt: int
+) -> int:
+    """MB of Snakemake and of the processes that estimate candidates, or models of channels."""
+    if isinstance(settings, MultichannelDataset):
+        return int(attempt * (1200 + 200e-6 * recording_bytes(settings)))
     processes = threads + 1 if threads > 1 else 1
     samples = max_samples(settings)
     # The least squares of many parameters work in stretches: long records need no more for them.
@@ -80,29 +89,21 @@ def recording_seconds(settings: DatasetSettings | MultichannelDataset) -> float:
 
 
 def estimation_time(
-    settings: DatasetSettings,
+    settings: DatasetSettings | MultichannelDataset,
     phase: str | None,
     candidates_per_job: int | str,
     threads: int,
     attempt: int,
 ) -> int:
     """Minutes of a job that estimates the candidates of a phase, or of all phases for None."""
+    if isinstance(settings, MultichannelDataset):
+        return int(attempt * (60 + 60e-6 * recording_bytes(settings)))
     count = sum(
         max_candidates_per_part(each, settings.order_grid, candidates_per_job)
         for each in ([phase] if phase else phases_of(settings.order_grid.structure))
     )
     seconds = 2 + 2e-9 * settings.search.evaluations * _largest_fit(settings)
     return int(attempt * (MARGIN_MINUTES + 3 * count * seconds / threads / 60))
-
-
-def state_space_memory(settings: MultichannelDataset, attempt: int) -> int:
-    """MB of a job that estimates state-space models."""
-    return int(attempt * (1200 + 200e-6 * recording_bytes(settings)))
-
-
-def state_space_time(settings: MultichannelDataset, attempt: int) -> int:
-    """Minutes of a job that estimates state-space models of all orders."""
-    return int(attempt * (60 + 60e-6 * recording_bytes(settings)))
 
 
 def _largest_fit(settings: DatasetSettings) -> float:

@@ -16,7 +16,10 @@ _MODULE_AS_TEXT = re.compile(rf"[\"'}}]{_PACKAGE}\.")
 
 
 def code_version(
-    script: str | Path, others: Iterable[str | Path] = (), folders: Sequence[str | Path] = ()
+    script: str | Path,
+    others: Iterable[str | Path] = (),
+    folders: Sequence[str | Path] = (),
+    modules: Iterable[str | Path] = (),
 ) -> str:
     """Digest a script and every module of the project that it imports, directly or not.
 
@@ -30,6 +33,8 @@ def code_version(
         Further files it uses, such as templates.
     folders : sequence of path
         Folders other than the script's own that hold packages or modules it imports.
+    modules : iterable of path
+        Modules that it imports by names which it is given.
 
     Returns
     -------
@@ -38,7 +43,10 @@ def code_version(
     """
     script = Path(script).resolve()
     root = script.parent
-    files = {script, *_reached(script, (root, *(Path(folder).resolve() for folder in folders)))}
+    roots = (root, *(Path(folder).resolve() for folder in folders))
+    files: set[Path] = set()
+    for start in (script, *(Path(module).resolve() for module in modules)):
+        files |= {start, *_reached(start, roots)}
     files.update(Path(other).resolve() for other in others)
     digest = hashlib.sha256()
     for name, file in sorted((os.path.relpath(file, root), file) for file in files):
@@ -47,10 +55,10 @@ def code_version(
     return digest.hexdigest()[:16]
 
 
-def imported_modules(script: str | Path) -> list[str]:
-    """List the files a script reaches by its imports, relative to its own folder."""
+def imported_modules(script: str | Path, root: str | Path | None = None) -> list[str]:
+    """List the files a script reaches by its imports, relative to its own folder or another."""
     script = Path(script).resolve()
-    root = script.parent
+    root = script.parent if root is None else Path(root).resolve()
     return sorted(path.relative_to(root).as_posix() for path in _reached(script, (root,)))
 
 

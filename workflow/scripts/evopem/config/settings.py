@@ -402,7 +402,8 @@ class RunSettings:
     ----------
     candidates_per_job : int or "auto"
         With ``"auto"`` one job estimates all candidates of a phase, on all its cores.
-    one_job_per : {"stage", "recording"}
+    one_job_per : {"auto", "stage", "recording"}
+        With ``"auto"`` the recording for ten data sets and more, and where a job takes several.
     report : {"html", "none"}
     shard : str, optional
         Number of a shard and of all shards, such as ``3/40``.
@@ -413,7 +414,7 @@ class RunSettings:
     """
 
     candidates_per_job: int | Literal["auto"] = "auto"
-    one_job_per: Literal["stage", "recording"] = "stage"
+    one_job_per: Literal["auto", "stage", "recording"] = "auto"
     report: Literal["html", "none"] = "html"
     shard: str | None = None
     follow: str | None = None

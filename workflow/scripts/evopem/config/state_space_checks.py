@@ -55,6 +55,8 @@ def check_structure(written: Keys, defaults: Keys, source: str, place: str) -> N
     where = "" if "structure" in written else " (from defaults)"
     inputs = listed(written.get("input", 1))
     outputs = listed(written.get("output", 2))
+    if not outputs:
+        raise InputError(source, "there is no output", "name a channel", f"{place}.output")
     if structure is not None and is_polynomial(structure):
         if len(outputs) > 1 or any(map(is_pattern, outputs)):
             raise InputError(
@@ -223,7 +225,7 @@ def check_without_input(own: Keys, written: Keys, source: str, place: str) -> No
     for key in ("input_unit", "delay"):
         if key in written:
             raise InputError(source, "there is no input", "remove the key", f"{place}.{key}")
-    if own.get("form", "innovations") != "innovations":
+    if own.get("form", "ss") != "ss":
         raise InputError(
             source,
             f"form {own['form']} has a plant that inputs drive",

@@ -71,6 +71,7 @@ def is_state_space(written: Keys, defaults: Keys) -> bool:
     """Whether a data set has the keys of several channels, or structure state_space."""
     channels = [written.get(key) for key in CHANNEL_KEYS]
     lists = any(isinstance(each, list) or is_pattern(each) for each in channels)
+    lists = lists or NO_INPUT in channels
     return lists or written.get("structure", defaults.get("structure")) == STRUCTURE
 
 

@@ -7,11 +7,18 @@ from typing import Literal
 
 from evopem.config.constraints import InputConstraints
 from evopem.config.input_ranges import InputRanges
-from evopem.config.settings import Objective, Purpose, Range, SplitSettings, UnevenTime
+from evopem.config.settings import (
+    ChannelSettings,
+    Objective,
+    Purpose,
+    Range,
+    SplitSettings,
+    UnevenTime,
+)
 from evopem.config.structures import STRUCTURES
 
 Reference = int | str
-StateSpaceForm = Literal["innovations", "output_error", "output_error_drift", "box_jenkins"]
+StateSpaceForm = Literal["ss", "ss_oe", "ss_oe_drift", "ss_bj"]
 InputStructure = Literal["fir", "arx", "armax", "ararx", "ararmax", "oe", "bj", "general"]
 ModelForm = StateSpaceForm | InputStructure
 OutputWeighting = Literal["determinant", "noise", "power"]
@@ -62,6 +69,24 @@ class ChannelLists:
     header_lines: int | None = None
     decimal_mark: Literal[".", ","] | None = None
     uneven_time: UnevenTime = "refuse"
+
+
+def channel_lists(channels: ChannelSettings | ChannelLists) -> ChannelLists:
+    """The channels of a data set with one input and one output, or with one output alone."""
+    if isinstance(channels, ChannelLists):
+        return channels
+    return ChannelLists(
+        inputs=() if channels.input is None else (channels.input,),
+        outputs=(channels.output,),
+        sampling_rate=channels.sampling_rate,
+        time=channels.time,
+        time_unit=channels.time_unit,
+        input_units=UnitSettings(channels.input_unit),
+        output_units=UnitSettings(channels.output_unit),
+        header_lines=channels.header_lines,
+        decimal_mark=channels.decimal_mark,
+        uneven_time=channels.uneven_time,
+    )
 
 
 @dataclass(frozen=True)
@@ -130,9 +155,9 @@ class StateSpaceChoices:
         What the model is for; ``auto`` is simulation, or prediction without inputs.
     structure : str, optional
         ``state_space``, or the structure of a polynomial model with one output.
-    form : {"innovations", "output_error", "output_error_drift", "box_jenkins"}, optional
-        ``output_error_drift`` is output-error form with slow changes of the outputs estimated
-        along, ``box_jenkins`` the optimum of innovations form next to an output-error model with
+    form : {"ss", "ss_oe", "ss_oe_drift", "ss_bj"}, optional
+        ``ss_oe_drift`` is output-error form with slow changes of the outputs estimated
+        along, ``ss_bj`` the optimum of innovations form next to an output-error model with
         its noise model.  None, here and below, where the recording decides.
     weighting : {"determinant", "noise", "power"}, optional
     orders : OrderRanges
@@ -238,10 +263,10 @@ class MultichannelDataset:
 
 
 VARIANTS = (
-    ("innovations", "determinant"),
-    ("output_error", "noise"),
-    ("output_error_drift", "noise"),
-    ("box_jenkins", "determinant"),
+    ("ss", "determinant"),
+    ("ss_oe", "noise"),
+    ("ss_oe_drift", "noise"),
+    ("ss_bj", "determinant"),
 )
 """Forms of state-space models with their weightings of the outputs that are searched where nothing
 is given."""
@@ -252,7 +277,7 @@ OF_ABSOLUTE_ERRORS = "noise"
 ONE_OUTPUT = "determinant"
 """Weighting of polynomial models: of one output there is nothing to weigh."""
 
-OF_SIMULATION = ("output_error", "output_error_drift", "oe", "fir")
+OF_SIMULATION = ("ss_oe", "ss_oe_drift", "oe", "fir")
 """Forms and structures that are fitted to errors of simulation."""
 
 MULTI_INPUT_STRUCTURES = ("arx", "armax", "oe", "bj")
@@ -264,7 +289,7 @@ def is_polynomial(form: str) -> bool:
 
     Examples
     --------
-    >>> is_polynomial("oe"), is_polynomial("output_error")
+    >>> is_polynomial("oe"), is_polynomial("ss_oe")
     (True, False)
     """
     return form in STRUCTURES
@@ -275,8 +300,8 @@ def variant_name(form: str, weighting: str) -> str:
 
     Examples
     --------
-    >>> variant_name("innovations", "noise"), variant_name("armax", "determinant")
-    ('innovations_noise', 'armax')
+    >>> variant_name("ss", "noise"), variant_name("armax", "determinant")
+    ('ss_noise', 'armax')
     """
     return form if is_polynomial(form) else f"{form}_{weighting}"
 
@@ -288,27 +313,27 @@ def searched_variants(dataset: MultichannelDataset) -> tuple[tuple[str, str], ..
     --------
     >>> source = MultichannelSource(("a.csv",), ChannelLists((1,), (2, 3)))
     >>> searched_variants(MultichannelDataset("a", source))
-    (('innovations', 'determinant'), ('output_error', 'noise'), \
-('output_error_drift', 'noise'), ('box_jenkins', 'determinant'))
+    (('ss', 'determinant'), ('ss_oe', 'noise'), \
+('ss_oe_drift', 'noise'), ('ss_bj', 'determinant'))
     >>> choices = StateSpaceChoices(weighting="power")
     >>> searched_variants(MultichannelDataset("a", source, choices=choices))[0]
-    ('innovations', 'power')
+    ('ss', 'power')
     >>> choices = StateSpaceChoices(focus="simulation")
     >>> searched_variants(MultichannelDataset("a", source, choices=choices))
-    (('output_error', 'noise'), ('output_error_drift', 'noise'))
+    (('ss_oe', 'noise'), ('ss_oe_drift', 'noise'))
     >>> search = StateSpaceSearchSettings(objective="absolute")
     >>> searched_variants(MultichannelDataset("a", source, search=search))[0]
-    ('innovations', 'noise')
+    ('ss', 'noise')
     >>> source = MultichannelSource(("a.csv",), ChannelLists((1, 2), (3,)))
     >>> [form for form, _ in searched_variants(MultichannelDataset("a", source))]
-    ['innovations', 'output_error', 'output_error_drift', 'box_jenkins', 'arx', 'armax', 'oe', 'bj']
+    ['ss', 'ss_oe', 'ss_oe_drift', 'ss_bj', 'arx', 'armax', 'oe', 'bj']
     """
     choices, channels = dataset.choices, dataset.source.channels
     if choices.structure is not None and is_polynomial(choices.structure):
         return ((choices.structure, ONE_OUTPUT),)
     forms = [form for form, _ in VARIANTS if choices.form in (None, form)]
     if not channels.inputs:
-        forms = ["innovations"]
+        forms = ["ss"]
     built_in = dict(VARIANTS)
     if dataset.search.objective == "absolute":
         built_in = dict.fromkeys(built_in, OF_ABSOLUTE_ERRORS)
@@ -324,7 +349,7 @@ def is_fitted_for(form: str, focus: str | None) -> bool:
 
     Examples
     --------
-    >>> is_fitted_for("oe", "simulation"), is_fitted_for("output_error", "prediction")
+    >>> is_fitted_for("oe", "simulation"), is_fitted_for("ss_oe", "prediction")
     (True, False)
     """
     return focus is None or (form in OF_SIMULATION) == (focus == "simulation")

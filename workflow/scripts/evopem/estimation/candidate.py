@@ -13,7 +13,7 @@ from evopem.estimation.criteria import Criteria
 from evopem.estimation.search.problem import SearchDiagnostics, SearchResult
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomials import max_root_radius
-from evopem.models.structures import PolynomialOrders
+from evopem.models.structures import Orders
 
 if TYPE_CHECKING:
     from evopem.estimation.polynomial_estimate import PolynomialEstimate
@@ -29,7 +29,7 @@ class Candidate:
     ----------
     phase : str
         Phase of the order search.
-    orders : PolynomialOrders
+    orders : Orders
     model : PolynomialModel
         Without the covariance of its parameters.
     criteria : Criteria
@@ -51,7 +51,7 @@ class Candidate:
     """
 
     phase: str
-    orders: PolynomialOrders
+    orders: Orders
     model: PolynomialModel
     criteria: Criteria
     with_level: bool
@@ -107,7 +107,7 @@ class PhaseSelection:
     Attributes
     ----------
     phase : str
-    orders : PolynomialOrders
+    orders : Orders
         Of the selected candidate.
     reason : str
         Why it was selected, in a sentence.
@@ -115,7 +115,7 @@ class PhaseSelection:
     """
 
     phase: str
-    orders: PolynomialOrders
+    orders: Orders
     reason: str
     candidates: tuple[Candidate, ...]
 
@@ -137,7 +137,7 @@ class PhaseSelection:
             return self.candidates
         best: dict[int, Candidate] = {}
         for each in self.candidates:
-            order = getattr(each.orders, plant_order(structure))
+            order = getattr(each.orders.single, plant_order(structure))
             own = each.orders.structure == structure
             if own and (order not in best or each.criteria.bic < best[order].criteria.bic):
                 best[order] = each

@@ -14,14 +14,14 @@ from evopem.estimation.pem.constrained_polynomials import Linear, Sections, null
 from evopem.estimation.pem.pole_region import UNBOUNDED_RADIUS, Band, PoleRegion
 from evopem.estimation.pem.priors import Priors, PriorTerm
 from evopem.models.constraint_checks import coefficient_index
-from evopem.models.structures import PolynomialOrders
+from evopem.models.structures import Orders
 
 Array = NDArray[np.float64]
 
 
 def constrained_parameters(
     constraints: Constraints,
-    orders: PolynomialOrders,
+    orders: Orders,
     level: bool,
     sampling_rate: float,
     stability_radius: float,
@@ -34,7 +34,7 @@ def constrained_parameters(
     ----------
     constraints : Constraints
         Checked.
-    orders : PolynomialOrders
+    orders : Orders
     level : bool
     sampling_rate : float
         Hz.
@@ -56,7 +56,7 @@ def constrained_parameters(
     }
     noise = {name: _linear(np.ones(1), *_fixed(name, constraints, orders)) for name in "cd"}
     numerator, gain = numerator_of(constraints, orders, b_scale)
-    rest = int(level) + orders.nf + orders.noise_states
+    rest = int(level) + orders.single.nf + orders.noise_states
     offset, basis = np.zeros(rest), np.eye(rest)
     if level and level_value is not None:
         offset[0], basis = level_value, basis[:, 1:]
@@ -66,21 +66,21 @@ def constrained_parameters(
 
 
 def numerator_of(
-    constraints: Constraints, orders: PolynomialOrders, b_scale: float, f: str = "f"
+    constraints: Constraints, orders: Orders, b_scale: float, f: str = "f"
 ) -> tuple[Linear, GivenGain | None]:
     """The coefficients of a numerator, and the static gain that determines them.
 
     Parameters
     ----------
     constraints : Constraints
-    orders : PolynomialOrders
+    orders : Orders
     b_scale : float
         As of :func:`constrained_parameters`.
     f : str
         Name of the denominator.
     """
     free, values = _fixed("b", constraints, orders)
-    basis = np.eye(orders.nb)[:, free]
+    basis = np.eye(orders.single.nb)[:, free]
     gain = _gain(constraints, b_scale)
     given = None
     if gain is not None:
@@ -104,7 +104,7 @@ def equalities(constraints: Constraints) -> list[str]:
 def priors_of(
     constraints: Constraints,
     parameters: ConstrainedParameters,
-    orders: PolynomialOrders,
+    orders: Orders,
     sampling_rate: float,
     b_scale: float = 1.0,
 ) -> Priors:
@@ -132,14 +132,14 @@ def priors_of(
 def plant_polynomial(
     name: str,
     constraints: Constraints,
-    orders: PolynomialOrders,
+    orders: Orders,
     sampling_rate: float,
     stability_radius: float,
 ) -> Sections | Linear:
     """A or F, ``name``; parameters and errors as of :func:`constrained_parameters`."""
-    order = getattr(orders, f"n{name}")
+    order = getattr(orders.single, f"n{name}")
     factor = np.ones(1)
-    if order and name == ("f" if orders.nf else "a"):
+    if order and name == ("f" if orders.single.nf else "a"):
         for pole in constraints.fixed_poles:
             factor = np.convolve(factor, _monic(pole, sampling_rate))
     free, values = _fixed(name, constraints, orders)
@@ -148,14 +148,14 @@ def plant_polynomial(
     radius_name = "stability"
     if constraints.max_pole_radius is not None and constraints.max_pole_radius < radius:
         radius, radius_name = constraints.max_pole_radius, "max_pole_radius"
-    if constraints.of_free_poles and orders.nb:
-        region = _region(constraints, sampling_rate, radius, radius_name)
+    if constraints.of_free_poles and orders.single.nb:
+        region = pole_region(constraints, sampling_rate, radius, radius_name)
         return Sections(factor, order - len(factor) + 1, region)
     limit = None if radius == UNBOUNDED_RADIUS else radius
     return _linear(factor, free, values, limit, radius_name)
 
 
-def _region(
+def pole_region(
     constraints: Constraints, sampling_rate: float, radius: float, radius_name: str
 ) -> PoleRegion:
     damping = constraints.min_damping_ratio or 0.0
@@ -214,11 +214,9 @@ def _monic(pole: FixedPole, sampling_rate: float) -> Array:
     return np.array([1.0, -2.0 * r * np.cos(turn * np.sqrt(1.0 - damping**2)), r * r])
 
 
-def _fixed(
-    name: str, constraints: Constraints, orders: PolynomialOrders
-) -> tuple[NDArray[np.bool_], Array]:
+def _fixed(name: str, constraints: Constraints, orders: Orders) -> tuple[NDArray[np.bool_], Array]:
     """Which coefficients of a polynomial are free, and the values of the others."""
-    count = getattr(orders, f"n{name}")
+    count = getattr(orders.single, f"n{name}")
     free, values = np.ones(count, dtype=bool), np.zeros(count)
     for key, value in constraints.fixed_coefficients.items():
         found = coefficient_index(key, orders)

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.structures import PolynomialOrders
+from evopem.models.structures import Orders
 
 # BIC removes a coefficient about where its squared t ratio is below ln N.  Up to this many times
 # that value the smaller model is estimated, since the t ratio is approximate.
@@ -37,16 +37,16 @@ class DelayRefinement:
     ----------
     fit : Fit
         The chosen model.
-    tried : tuple of (PolynomialOrders, float)
+    tried : tuple of (Orders, float)
         Orders estimated on the way and their BIC, in this order.
     """
 
     fit: Fit
-    tried: tuple[tuple[PolynomialOrders, float], ...]
+    tried: tuple[tuple[Orders, float], ...]
 
 
 def refine_delay(
-    start: Fit, samples: int, shortest_delay: int, estimate: Callable[[PolynomialOrders], Fit]
+    start: Fit, samples: int, shortest_delay: int, estimate: Callable[[Orders], Fit]
 ) -> DelayRefinement:
     """Follow the smallest BIC from a model to its neighbours, as long as it falls.
 
@@ -63,7 +63,7 @@ def refine_delay(
         Estimates a model of given orders on the same scored samples.
     """
     best = start
-    tried: dict[PolynomialOrders, float] = {}
+    tried: dict[Orders, float] = {}
     while True:
         fits = []
         for orders in delay_alternatives(best.model, samples, shortest_delay):
@@ -76,9 +76,7 @@ def refine_delay(
         best = better
 
 
-def delay_alternatives(
-    model: PolynomialModel, samples: int, shortest_delay: int
-) -> list[PolynomialOrders]:
+def delay_alternatives(model: PolynomialModel, samples: int, shortest_delay: int) -> list[Orders]:
     """Orders to compare a model with: B without its first or its last lag, or with an earlier one.
 
     A lag is kept without comparison where its coefficient is clearly significant.
@@ -90,17 +88,17 @@ def delay_alternatives(
         N, the number of scored samples.
     shortest_delay : int
     """
-    orders, nb, nk = model.orders, model.orders.nb, model.orders.nk
+    orders, nb, nk = model.orders, model.orders.single.nb, model.orders.single.nk
     limit = math.sqrt(SCREENING * math.log(samples))
     # A t ratio that is not known (NaN) is no reason to keep a coefficient.
     keeps_first, keeps_last = (t > limit for t in t_ratios_of_ends(model))
     alternatives = []
     if nb > 1 and not keeps_first:
-        alternatives.append(replace(orders, nb=nb - 1, nk=nk + 1))
+        alternatives.append(replace(orders, nb=(nb - 1,), nk=(nk + 1,)))
     if nb > 1 and not keeps_last:
-        alternatives.append(replace(orders, nb=nb - 1))
+        alternatives.append(replace(orders, nb=(nb - 1,)))
     if nk > shortest_delay:
-        alternatives.append(replace(orders, nb=nb + 1, nk=nk - 1))
+        alternatives.append(replace(orders, nb=(nb + 1,), nk=(nk - 1,)))
     return alternatives
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import operator
-import warnings
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 
@@ -29,19 +28,17 @@ from evopem.estimation.search.likely_gain import Aim
 from evopem.estimation.search.problem import SearchResult, descended, pooled
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomials import max_root_radius as largest_radius
-from evopem.models.structures import PolynomialOrders, armax_orders
-from evopem.signals.recording import LARGEST
+from evopem.models.structures import Orders, armax_orders
+from evopem.signals.recording import real_signal
+from evopem.signals.recording_checks import LARGEST
 
 Array = NDArray[np.float64]
-
-# Mean of the output, in standard deviations, from which on it biases the poles noticeably.
-LEVEL_WARNING = 0.3
 
 
 def estimate(
     input: ArrayLike,  # noqa: A002
     output: ArrayLike,
-    orders: PolynomialOrders | tuple[int, int, int, int],
+    orders: Orders | tuple[int, int, int, int],
     sampling_rate: float = 1.0,
     *,
     settings: SearchSettings | None = None,
@@ -56,7 +53,7 @@ def estimate(
     ----------
     input, output : (N,) array_like
         The record; not modified.  Constant parts should have been removed.
-    orders : PolynomialOrders or (na, nb, nc, nk)
+    orders : Orders or (na, nb, nc, nk)
         ``nb`` is the number of coefficients of B, the first at lag ``nk``.
     sampling_rate : float
         Hz.
@@ -86,11 +83,6 @@ def estimate(
         When a signal is not real, finite or of moderate size, the record is too short for the
         orders, or a setting is outside its range.
 
-    Warns
-    -----
-    UserWarning
-        When the mean of the output is not small beside its standard deviation.
-
     Examples
     --------
     >>> import evopem
@@ -108,27 +100,24 @@ def estimate(
     >>> found.search.diagnostics.n_confirming >= 1
     True
     """
-    orders = (
-        orders if isinstance(orders, PolynomialOrders) else armax_orders(*_whole_numbers(orders))
-    )
+    orders = orders if isinstance(orders, Orders) else armax_orders(*_whole_numbers(orders))
     settings = settings or SearchSettings()
-    u, y = _real_signal(input, "input"), _real_signal(output, "output")
+    u, y = real_signal(input, "input"), real_signal(output, "output")
     if not (np.isfinite(sampling_rate) and sampling_rate > 0.0):
         raise ValueError(f"sampling_rate must be a positive number of Hz, not {sampling_rate}")
     window = window or default_window(orders, settings)
     _check(u, y, orders, settings, window)
-    _warn_of_level(y)
     # The bits of a result must not depend on how many threads the machine's BLAS would take.
     with one_blas_thread():
         errors = prediction_errors(u, y, orders, settings, window)
         problem, scales = _scaled_problem(errors, settings.initialization)
-        key = (orders.na, orders.nb, orders.nc, orders.nk)
+        key = (orders.na, orders.single.nb, orders.nc, orders.single.nk)
         result = continued_search(problem, scales, key, settings, earlier, log, aim=aim)
         del problem  # its tables are as large as those that follow
         return describe(errors, result, sampling_rate)
 
 
-def default_window(orders: PolynomialOrders, settings: SearchSettings) -> ScoringWindow:
+def default_window(orders: Orders, settings: SearchSettings) -> ScoringWindow:
     """The window of an estimate that is not compared with models of other orders.
 
     Examples
@@ -143,7 +132,7 @@ def default_window(orders: PolynomialOrders, settings: SearchSettings) -> Scorin
 def prediction_errors(
     input: Array,  # noqa: A002
     output: Array,
-    orders: PolynomialOrders,
+    orders: Orders,
     settings: SearchSettings,
     window: ScoringWindow,
 ) -> PredictionErrorProblem:
@@ -194,7 +183,7 @@ def describe(
         a,
         b,
         c,
-        nk=orders.nk,
+        nk=orders.single.nk,
         sampling_rate=sampling_rate,
         structure="armax",
         noise_variance=innovation_variance(scored, triangle.shape[1]),
@@ -227,16 +216,16 @@ def _identifiable(errors: PredictionErrorProblem, point: Array) -> tuple[Array, 
 
 def _residuals_and_triangle(errors: PredictionErrorProblem, point: Array) -> tuple[Array, Array]:
     residuals = errors.residuals(point)
-    bare = PolynomialModel(*_coefficients(point, errors.orders), nk=errors.orders.nk)
+    bare = PolynomialModel(*_coefficients(point, errors.orders), nk=errors.orders.single.nk)
     triangle = jacobian_triangle(
         bare, errors.input, errors.output, residuals, errors.recursion_start, errors.scoring_start
     )
     return residuals, triangle
 
 
-def _coefficients(point: Array, orders: PolynomialOrders) -> tuple[Array, Array, Array]:
+def _coefficients(point: Array, orders: Orders) -> tuple[Array, Array, Array]:
     """A, B and C of a point."""
-    a, b, c = np.split(point[: orders.parameters], [orders.na, orders.na + orders.nb])
+    a, b, c = np.split(point[: orders.parameters], [orders.na, orders.na + orders.single.nb])
     return np.concatenate([[1.0], a]), b.copy(), np.concatenate([[1.0], c])
 
 
@@ -259,7 +248,7 @@ def _scaled_problem(
         errors.max_root_radius,
     )
     scales = np.ones(errors.dimension)
-    scales[orders.na : orders.na + orders.nb] = output_scale / input_scale
+    scales[orders.na : orders.na + orders.single.nb] = output_scale / input_scale
     scales[orders.parameters :] = output_scale
     return ArmaxProblem(scaled, initialization), scales
 
@@ -276,27 +265,8 @@ def _whole_numbers(orders: Iterable[int]) -> list[int]:
     return [na, nb, nc, nk]
 
 
-def _real_signal(signal: ArrayLike, name: str) -> Array:
-    """A signal as an array of floats."""
-    array = np.asarray(signal)
-    if np.iscomplexobj(array):
-        raise ValueError(f"the {name} is complex; give its real part or another channel")
-    return np.ascontiguousarray(array, dtype=float)
-
-
-def _warn_of_level(output: Array) -> None:
-    """Warn of a constant part, which the model has no term for."""
-    mean, deviation = float(np.mean(output)), float(np.std(output))
-    if abs(mean) > LEVEL_WARNING * deviation:
-        warnings.warn(
-            f"the mean of the output is {mean:.3g}, with a standard deviation of {deviation:.3g}: "
-            "the model has no constant term, so subtract the means of input and output first",
-            stacklevel=3,
-        )
-
-
 def _check(
-    u: Array, y: Array, orders: PolynomialOrders, settings: SearchSettings, window: ScoringWindow
+    u: Array, y: Array, orders: Orders, settings: SearchSettings, window: ScoringWindow
 ) -> None:
     check_signals(u, y)
     for name, signal in (("input", u), ("output", y)):

@@ -14,7 +14,7 @@ from evopem.estimation.pem.k_step_errors import KStepErrors
 from evopem.estimation.pem.polynomial_objective import PolynomialErrors
 from evopem.estimation.search.problem import SearchResult
 from evopem.models.parameter_covariance import ParameterCovariance
-from evopem.models.structures import PolynomialOrders
+from evopem.models.structures import Orders
 
 Array = NDArray[np.float64]
 Log = Callable[[str], None]
@@ -36,14 +36,22 @@ class EstimationTask:
     optimum: SearchResult | None = None
 
     @property
-    def orders(self) -> PolynomialOrders:
+    def orders(self) -> Orders:
         """Orders of the model."""
         return self.errors.orders
 
     def generator(self, purpose: int) -> np.random.Generator:
         """Random draws of one purpose: 0 is the search without constraints."""
         o = self.orders
-        key: tuple[int, ...] = (o.na, o.nb, o.nc, o.nd, o.nf, o.nk, int(self.errors.level))
+        key: tuple[int, ...] = (
+            o.na,
+            o.single.nb,
+            o.nc,
+            o.nd,
+            o.single.nf,
+            o.single.nk,
+            int(self.errors.level),
+        )
         key = (*key, purpose) if purpose else key
         return np.random.default_rng(np.random.SeedSequence(self.settings.seed, spawn_key=key))
 

@@ -17,7 +17,7 @@ from evopem.estimation.prediction_estimate import prediction_estimate
 from evopem.estimation.search.problem import SearchResult
 from evopem.estimation.simulation_estimate import simulation_estimate
 from evopem.models.constraint_checks import Focus, check_fit
-from evopem.models.structures import PolynomialOrders, orders_of
+from evopem.models.structures import Orders, orders_of
 
 Array = NDArray[np.float64]
 Log = Callable[[str], None]
@@ -27,7 +27,7 @@ def estimate_focused(
     input: ArrayLike | None,  # noqa: A002 - the field's word
     output: ArrayLike,
     structure: str,
-    orders: PolynomialOrders | Mapping[str, int] | Sequence[int],
+    orders: Orders | Mapping[str, int] | Sequence[int],
     sampling_rate: float = 1.0,
     *,
     settings: SearchSettings | None = None,

@@ -24,15 +24,15 @@ from evopem.estimation.search.likely_gain import Aim
 from evopem.estimation.search.problem import SearchResult, descended, pooled
 from evopem.estimation.search.stretch_problem import StretchProblem
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.structures import PolynomialOrders
-from evopem.signals.stretches import Stretch
+from evopem.models.structures import Orders
+from evopem.signals.recording import Segment
 
 Array = NDArray[np.float64]
 
 
 def estimate_joined(
-    stretches: Sequence[Stretch],
-    orders: PolynomialOrders,
+    stretches: Sequence[Segment],
+    orders: Orders,
     sampling_rate: float,
     settings: SearchSettings,
     window: ScoringWindow,
@@ -48,8 +48,8 @@ def estimate_joined(
 
     Parameters
     ----------
-    stretches : sequence of Stretch
-    orders : PolynomialOrders
+    stretches : sequence of Segment
+    orders : Orders
     sampling_rate : float
         Hz.
     settings : SearchSettings
@@ -74,7 +74,7 @@ def estimate_joined(
     with one_blas_thread():
         errors = joined_errors(stretches, orders, settings, window, level)
         problem, scales = _scaled_problem(errors)
-        key = (o.na, o.nb, o.nc, o.nd, o.nf, o.nk, int(level))
+        key = (o.na, o.single.nb, o.nc, o.nd, o.single.nf, o.single.nk, int(level))
         found = continued_search(
             problem, scales, key, settings, earlier, log, problem.recombine, aim
         )
@@ -82,8 +82,8 @@ def estimate_joined(
 
 
 def joined_errors(
-    stretches: Sequence[Stretch],
-    orders: PolynomialOrders,
+    stretches: Sequence[Segment],
+    orders: Orders,
     settings: SearchSettings,
     window: ScoringWindow,
     level: bool,
@@ -110,7 +110,9 @@ def descend_from_model(
     """
     problem, scales = _scaled_problem(errors)
     input_scale, output_scale = _scales(errors)
-    scaled = replace(model, b=model.b * (input_scale / output_scale), covariance=None)
+    scaled = replace(
+        model, B=tuple(b * (input_scale / output_scale) for b in model.B), covariance=None
+    )
     starts = StretchProblem(problem.errors, [scaled], own_starts=False).starts()
     if len(starts) == 0:
         return describe_joined(errors, earlier, sampling_rate)
@@ -129,7 +131,7 @@ def describe_joined(
     counted, outputs = np.concatenate(of_stretches), errors.scored_outputs()
     levels = tuple(point[parts["level"]].tolist())
     model = PolynomialModel(
-        *(a, point[parts["b"]].copy(), c, d, f, errors.orders.nk, sampling_rate),
+        *(a, point[parts["b"]].copy(), c, d, f, errors.orders.single.nk, sampling_rate),
         level=levels[0] if levels else 0.0,
         noise_variance=innovation_variance(counted, errors.dimension),
         covariance=covariance_of(errors, point, counted, outputs, errors.residual_counts()),
@@ -163,7 +165,7 @@ def _scaled_problem(errors: StretchErrors) -> tuple[StretchProblem, Array]:
     input_scale, output_scale = _scales(errors)
     scaled = StretchErrors(
         [
-            Stretch(each.input / input_scale, each.output / output_scale, each.recording)
+            Segment(each.input / input_scale, each.output / output_scale, each.recording)
             for each in errors.stretches
         ],
         *(errors.orders, errors.objective, errors.plant_radius, errors.noise_radius, errors.level),

@@ -17,10 +17,11 @@ from evopem.errors import InputError
 from evopem.estimation.criteria import Criteria
 from evopem.estimation.search.problem import SearchDiagnostics
 from evopem.files.json_form import load
+from evopem.files.unfinished import check_result
 from evopem.models.modes import Mode
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.structures import PolynomialOrders
+from evopem.models.structures import Orders
 from evopem.signals.preparation import Transforms
 from evopem.version import __version__
 
@@ -92,7 +93,7 @@ class ModelRecord:
 
     Attributes
     ----------
-    orders : PolynomialOrders
+    orders : Orders
     a, b, c, d, f : array
         Coefficients, all but ``b`` with their leading 1, ``b`` from lag nk on.
     level : float
@@ -129,7 +130,7 @@ class ModelRecord:
         Where the model was fitted with a focus or constraints.
     """
 
-    orders: PolynomialOrders
+    orders: Orders
     a: Array
     b: Array
     c: Array
@@ -213,11 +214,11 @@ class ModelRecord:
     def model(self) -> PolynomialModel:
         """The model itself."""
         return PolynomialModel(
-            a=self.a,
-            b=self.b,
-            c=self.c,
-            d=self.d,
-            f=self.f,
+            A=self.a,
+            B=self.b,
+            C=self.c,
+            D=self.d,
+            F=self.f,
             nk=self.orders.nk,
             sampling_rate=self.sampling_rate,
             level=self.level,
@@ -235,7 +236,7 @@ def load_model(path: str | Path) -> PolynomialModel | StateSpaceModel:
     Raises
     ------
     InputError
-        When the file is missing or is not a model of evopem.
+        When the file is missing, is not a model of evopem, or is a result that was changed.
 
     Examples
     --------
@@ -258,8 +259,9 @@ def load_model(path: str | Path) -> PolynomialModel | StateSpaceModel:
     >>> bool(np.all(model.parameters == found.model.parameters))
     True
     """
-    from evopem.estimation.state_space.model_record import MultichannelModelRecord
+    from evopem.estimation.multichannel_record import MultichannelModelRecord
 
+    check_result(path, "summary.json")
     try:
         return load(ModelRecord, path).model
     except InputError as error:

@@ -109,7 +109,7 @@ def _lacks_of_delays(candidates: Sequence[Candidate], gains: Sequence[float]) ->
     """
     by_delay: dict[int, list[int]] = defaultdict(list)
     for row, each in enumerate(candidates):
-        by_delay[each.orders.nk].append(row)
+        by_delay[each.orders.single.nk].append(row)
     means = {
         nk: float(np.mean([candidates[row].criteria.bic for row in rows]))
         for nk, rows in by_delay.items()
@@ -119,7 +119,7 @@ def _lacks_of_delays(candidates: Sequence[Candidate], gains: Sequence[float]) ->
     lacks = {nk: means[nk] - means[leader] for nk in means}
     rivals = [nk for nk in means if nk != leader and lacks[nk] <= reach[nk]]
     may_win = {*rivals, leader} if rivals else set()
-    return [0.0 if each.orders.nk in may_win else np.inf for each in candidates]
+    return [0.0 if each.orders.single.nk in may_win else np.inf for each in candidates]
 
 
 def _reason(phase: str, lack: float, gain: float) -> str:

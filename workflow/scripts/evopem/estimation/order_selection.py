@@ -26,8 +26,9 @@ from evopem.estimation.search.certificate import is_certified
 from evopem.estimation.search.incremental_order import padded
 from evopem.estimation.search.likely_gain import Aim
 from evopem.estimation.search.problem import SearchResult, same_optimum
-from evopem.estimation.structured_estimate import descended_from, described, estimate
-from evopem.models.structures import PolynomialOrders
+from evopem.estimation.search_results import descended_from, described
+from evopem.estimation.structured_estimate import estimate
+from evopem.models.structures import Orders
 from evopem.signals.recording import Recording
 
 # Evaluations of a repeated search, as a multiple of the first one's.
@@ -36,7 +37,7 @@ REPEAT_FACTOR = 5
 
 def estimate_candidates(
     data: Recording,
-    orders: Sequence[PolynomialOrders],
+    orders: Sequence[Orders],
     phase: str,
     settings: SearchSettings,
     window: ScoringWindow,
@@ -49,7 +50,7 @@ def estimate_candidates(
     ----------
     data : Recording
         The prepared estimation samples.
-    orders : sequence of PolynomialOrders
+    orders : sequence of Orders
     phase : str
         Name of the phase, carried into the candidates.
     settings : SearchSettings
@@ -68,7 +69,7 @@ def estimate_candidates(
     candidates = []
     for position, order in enumerate(orders):
         scored = scored_samples(data, window)
-        estimated = order.parameters + order.nf + int(level)
+        estimated = order.parameters + order.single.nf + int(level)
         if scored <= estimated:
             raise InputError(
                 "orders",
@@ -90,7 +91,7 @@ def estimate_candidates(
 
 def scored_samples(data: Recording, window: ScoringWindow) -> int:
     """Residuals that count, over all stretches."""
-    return sum(max(each.samples - window.loss_start, 0) for each in data.stretches)
+    return sum(max(each.samples - window.loss_start, 0) for each in data.segments)
 
 
 def repeat_search(
@@ -122,7 +123,7 @@ def continue_search(
 
 def _search(
     data: Recording,
-    orders: PolynomialOrders,
+    orders: Orders,
     settings: SearchSettings,
     window: ScoringWindow,
     level: bool,
@@ -133,7 +134,7 @@ def _search(
     """The search for one model, in samples whose level has been subtracted."""
     if data.is_joined:
         return estimate_joined(
-            data.stretches,
+            data.segments,
             orders,
             data.sampling_rate,
             settings,
@@ -148,7 +149,7 @@ def _search(
         # moves the mean alone.
         warnings.filterwarnings("ignore", "the mean of the output")
         return estimate(
-            data.input if orders.nb else None,
+            data.input if orders.single.nb else None,
             data.output,
             orders,
             data.sampling_rate,
@@ -173,7 +174,7 @@ def reoptimize_from(
     orders, level = candidate.orders, candidate.with_level
     if data.is_joined:
         with one_blas_thread():
-            errors = joined_errors(data.stretches, orders, settings, window, level)
+            errors = joined_errors(data.segments, orders, settings, window, level)
             found = descend_from_model(nested.model, errors, data.sampling_rate, candidate.search)
         return Candidate.of(found, candidate.phase)
     point = padded(nested.search.point, nested.orders, orders, level)
@@ -200,7 +201,7 @@ def complete_estimate(
     orders, level = candidate.orders, candidate.with_level
     if fit is not None and fit.changes_model:
         return estimate_focused(
-            data.input if orders.nb else None,
+            data.input if orders.single.nb else None,
             data.output,
             orders.structure,
             orders,
@@ -277,9 +278,9 @@ def _with_refined_delay(
     log: Callable[[str], None] | None,
 ) -> PhaseSelection:
     """Compare the selected model with others of neighbouring lags of B."""
-    found: dict[PolynomialOrders, Candidate] = {}
+    found: dict[Orders, Candidate] = {}
 
-    def fit(orders: PolynomialOrders) -> Fit:
+    def fit(orders: Orders) -> Fit:
         level = selection.selected.with_level
         (candidate,) = estimate_candidates(
             data, [orders], selection.phase, settings, window, log, level
@@ -374,12 +375,12 @@ def _is_doubtful(candidate: Candidate, last: bool) -> bool:
     return not is_certified(found) if last else found.n_confirming == 0
 
 
-def _decides(orders: PolynomialOrders, selected: PolynomialOrders, phase: str) -> bool:
+def _decides(orders: Orders, selected: Orders, phase: str) -> bool:
     """Whether a selection rests on a candidate: for the delay, on all orders with that delay."""
     return orders.nk == selected.nk if phase == "delay" else orders == selected
 
 
-def select_delay(candidates: Sequence[Candidate]) -> tuple[PolynomialOrders, str]:
+def select_delay(candidates: Sequence[Candidate]) -> tuple[Orders, str]:
     """The delay with the smallest mean BIC over the orders (chapter section 5.3).
 
     The chapter looked for better criteria and for small deviations between the orders; the mean
@@ -387,7 +388,7 @@ def select_delay(candidates: Sequence[Candidate]) -> tuple[PolynomialOrders, str
     """
     by_delay: dict[int, list[Candidate]] = defaultdict(list)
     for candidate in candidates:
-        by_delay[candidate.orders.nk].append(candidate)
+        by_delay[candidate.orders.single.nk].append(candidate)
     means = {nk: float(np.mean([c.criteria.bic for c in group])) for nk, group in by_delay.items()}
     spreads = {nk: float(np.ptp([c.criteria.bic for c in group])) for nk, group in by_delay.items()}
     selected = min(sorted(means), key=lambda nk: means[nk])
@@ -402,7 +403,7 @@ def select_delay(candidates: Sequence[Candidate]) -> tuple[PolynomialOrders, str
     return best.orders, reason
 
 
-def select_order(candidates: Sequence[Candidate]) -> tuple[PolynomialOrders, str]:
+def select_order(candidates: Sequence[Candidate]) -> tuple[Orders, str]:
     """The candidate of smallest BIC (chapter section 5.4)."""
     ranked = sorted(candidates, key=_criterion)
     best = ranked[0]
@@ -415,6 +416,6 @@ def select_order(candidates: Sequence[Candidate]) -> tuple[PolynomialOrders, str
     return best.orders, reason + "."
 
 
-def _criterion(candidate: Candidate) -> tuple[float, PolynomialOrders]:
+def _criterion(candidate: Candidate) -> tuple[float, Orders]:
     """BIC, and the smaller model where it ties."""
     return candidate.criteria.bic, candidate.orders

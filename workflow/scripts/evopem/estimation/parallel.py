@@ -19,7 +19,7 @@ from evopem.config.settings import ScoringWindow, SearchSettings
 from evopem.errors import InputError
 from evopem.estimation.candidate import Candidate
 from evopem.estimation.order_selection import estimate_candidates
-from evopem.models.structures import PolynomialOrders
+from evopem.models.structures import Orders
 from evopem.signals.recording import Recording
 
 
@@ -35,7 +35,7 @@ class _Task(NamedTuple):
 
 def estimate_in_parallel(
     data: Recording,
-    orders: Sequence[PolynomialOrders],
+    orders: Sequence[Orders],
     phase: str,
     settings: SearchSettings,
     window: ScoringWindow,
@@ -101,7 +101,7 @@ def _end_with_parent() -> None:
         os._exit(1)
 
 
-def _estimate(order: PolynomialOrders) -> list[Candidate]:
+def _estimate(order: Orders) -> list[Candidate]:
     task = _tasks[0]
     log = logging.getLogger("evopem").info
     return estimate_candidates(

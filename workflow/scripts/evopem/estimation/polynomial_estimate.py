@@ -29,7 +29,7 @@ from evopem.estimation.search.problem import SearchResult, descended, pooled
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomials import max_root_radius
-from evopem.models.structures import PolynomialOrders, orders_of
+from evopem.models.structures import Orders, orders_of
 
 Array = NDArray[np.float64]
 
@@ -83,8 +83,12 @@ class PolynomialEstimate:
     constraints : ConstraintEffect, optional
         What the constraints of the estimate did.
     levels : tuple of float
-        Of each recording, where the record is several with a level; the model has the first one.
-        Residuals and states then are those of its stretches one after the other.
+        Of each recording, where the record is several with a level; the model has the first one,
+        with several inputs their mean.  Residuals and states then are those of its stretches one
+        after the other.
+    coloured_bic : float
+        With several inputs the BIC of the innovations of an autoregression of the errors, whose
+        coefficients are counted as parameters: it compares models with and without a noise model.
     """
 
     model: PolynomialModel
@@ -99,6 +103,27 @@ class PolynomialEstimate:
     focus_objective: float = float("nan")
     constraints: ConstraintEffect | None = None
     levels: tuple[float, ...] = ()
+    coloured_bic: float = float("nan")
+
+    @property
+    def objective(self) -> float:
+        """Of one-step errors, percent."""
+        return self.criteria.objective
+
+    @property
+    def fit_percent(self) -> float:
+        """One-step NRMSE fit."""
+        return self.criteria.fit_percent
+
+    @property
+    def bic(self) -> float:
+        """As of the criteria."""
+        return self.criteria.bic
+
+    @property
+    def plant_states(self) -> int:
+        """States of the plant in state space."""
+        return self.model.plant_states
 
     @property
     def with_level(self) -> bool:
@@ -111,7 +136,7 @@ def estimate_polynomial(
     input: ArrayLike | None,  # noqa: A002 - the field's word
     output: ArrayLike,
     structure: str,
-    orders: PolynomialOrders | Mapping[str, int] | Sequence[int],
+    orders: Orders | Mapping[str, int] | Sequence[int],
     sampling_rate: float = 1.0,
     *,
     settings: SearchSettings | None = None,
@@ -130,7 +155,7 @@ def estimate_polynomial(
     structure : str
         ``fir``, ``arx``, ``arma``, ``armax``, ``ararx``, ``ararmax``, ``oe``, ``bj`` or
         ``general``.
-    orders : PolynomialOrders, mapping or sequence
+    orders : Orders, mapping or sequence
         ``{"nb": 4, "nf": 4, "nk": 1}``, or MATLAB's tuple for the structure, here (4, 4, 1).
     sampling_rate : float
         Hz.
@@ -164,7 +189,7 @@ def estimate_polynomial(
     with one_blas_thread():
         errors = checked_errors(input, output, o, settings, window, level)
         problem, scales = scaled_problem(errors)
-        key = (o.na, o.nb, o.nc, o.nd, o.nf, o.nk, int(level))
+        key = (o.na, o.single.nb, o.nc, o.nd, o.single.nf, o.single.nk, int(level))
         found = continued_search(
             problem, scales, key, settings, earlier, log, problem.recombine, aim
         )
@@ -174,7 +199,7 @@ def estimate_polynomial(
 def checked_errors(
     input: ArrayLike | None,  # noqa: A002
     output: ArrayLike,
-    orders: PolynomialOrders,
+    orders: Orders,
     settings: SearchSettings,
     window: ScoringWindow | None,
     level: bool,
@@ -187,8 +212,10 @@ def checked_errors(
         When the record is too short for the orders, or a setting is outside its range.
     """
     y = np.ascontiguousarray(output, dtype=float)
-    if input is None and orders.nb:
-        raise ValueError(f"structure {orders.structure!r} with nb = {orders.nb} needs an input")
+    if input is None and orders.single.nb:
+        raise ValueError(
+            f"structure {orders.structure!r} with nb = {orders.single.nb} needs an input"
+        )
     u = np.zeros_like(y) if input is None else np.ascontiguousarray(input, dtype=float)
     window = window or ScoringWindow(orders.first_residual, orders.first_residual)
     _check(u, y, orders, settings, window)
@@ -198,7 +225,7 @@ def checked_errors(
 def polynomial_errors(
     input: Array,  # noqa: A002
     output: Array,
-    orders: PolynomialOrders,
+    orders: Orders,
     settings: SearchSettings,
     window: ScoringWindow,
     level: bool,
@@ -267,13 +294,13 @@ def parameter_scales(
 
 
 def _check(
-    u: Array, y: Array, orders: PolynomialOrders, settings: SearchSettings, window: ScoringWindow
+    u: Array, y: Array, orders: Orders, settings: SearchSettings, window: ScoringWindow
 ) -> None:
     """Refuse a record or settings that :func:`estimate_polynomial` cannot use."""
     check_signals(u, y)
     check_search_settings(settings)
     check_window(window, orders.first_residual, orders)
-    estimated = orders.parameters + orders.nf + orders.noise_states
+    estimated = orders.parameters + orders.single.nf + orders.noise_states
     counted = len(y) - window.loss_start
     if counted <= estimated:
         raise ValueError(
@@ -298,7 +325,7 @@ def describe(
         c,
         d,
         f,
-        errors.orders.nk,
+        errors.orders.single.nk,
         sampling_rate,
         level=float(point[parts["level"]].sum()),
         noise_variance=innovation_variance(counted, errors.dimension),

@@ -63,7 +63,7 @@ def prediction_estimate(task: EstimationTask, horizon: int) -> tuple[PolynomialE
     """The estimate for errors of k steps, and what its covariance follows from."""
     problem, scales = scaled_problem(task.errors)
     scaled = problem.errors
-    b_scale = float(scales[scaled.parts()["b"]][0]) if task.orders.nb else 1.0
+    b_scale = float(scales[scaled.parts()["b"]][0]) if task.orders.single.nb else 1.0
     k_errors = errors_ahead(scaled, horizon)
     # Before the search, because it refuses constraints that no model meets.
     parameters = constrained_parameters(

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from evopem.config.settings import OBJECTIVES, ScoringWindow, SearchSettings
 from evopem.estimation.search.armax_problem import INITIALIZATIONS
 from evopem.estimation.search.memetic import REFINE
-from evopem.models.structures import PolynomialOrders
+from evopem.models.structures import Orders
 
 Array = NDArray[np.float64]
 
@@ -47,7 +47,7 @@ def check_search_settings(settings: SearchSettings) -> None:
         )
 
 
-def check_window(window: ScoringWindow, first: int, orders: PolynomialOrders) -> None:
+def check_window(window: ScoringWindow, first: int, orders: Orders) -> None:
     """Refuse a window that begins before the first residual, or whose loss begins before it does.
 
     Raises

@@ -39,7 +39,7 @@ from evopem.estimation.search.problem import SearchDiagnostics, SearchResult
 from evopem.estimation.search.starting_polynomials import noise_model
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomials import roots
-from evopem.models.structures import PolynomialOrders
+from evopem.models.structures import Orders
 
 Array = NDArray[np.float64]
 
@@ -53,7 +53,7 @@ def simulation_estimate(task: EstimationTask) -> PolynomialEstimate:
     """The estimate for simulation errors: output error, then the noise model given the plant."""
     o, errors = task.orders, task.errors
     of_plant, of_noise = _divided_constraints(task.constraints, o)
-    plant_orders = PolynomialOrders(nb=o.nb, nf=o.na + o.nf, nk=o.nk)
+    plant_orders = Orders(nb=o.single.nb, nf=o.na + o.single.nf, nk=o.single.nk)
     plant_task = replace(
         task,
         errors=errors.of_orders(plant_orders),
@@ -90,7 +90,7 @@ def simulation_estimate(task: EstimationTask) -> PolynomialEstimate:
 
 
 def _divided_constraints(
-    constraints: Constraints, orders: PolynomialOrders
+    constraints: Constraints, orders: Orders
 ) -> tuple[Constraints, Constraints]:
     """Constraints of the output-error model ``B / F``, F being A F, and those of C and D."""
     of_noise = {k: v for k, v in constraints.fixed_coefficients.items() if k[0] in "cd"}
@@ -112,18 +112,18 @@ def _divided_constraints(
 
 
 def _divisions(
-    denominator: Array, orders: PolynomialOrders, constraints: Constraints, sampling_rate: float
+    denominator: Array, orders: Orders, constraints: Constraints, sampling_rate: float
 ) -> Iterator[tuple[Array, Array]]:
     """The ways to divide the plant's denominator into A and F with real coefficients."""
     one = np.ones(1)
-    if orders.nf == 0 or orders.na == 0:
+    if orders.single.nf == 0 or orders.na == 0:
         yield (denominator, one) if orders.na else (one, denominator)
         return
     poles = roots(denominator[1:])
     units = [np.array([z, z.conjugate()]) for z in poles if z.imag > 0.0]
     units += [np.array([z]) for z in poles if z.imag == 0.0]
     fixed = constrained_parameters(
-        constraints, PolynomialOrders(nb=1, nf=orders.na + orders.nf), False, sampling_rate, 1.0
+        constraints, Orders(nb=1, nf=orders.na + orders.single.nf), False, sampling_rate, 1.0
     ).polynomials["f"]
     known = roots(getattr(fixed, "factor", one)[1:])
     held = [
@@ -144,7 +144,7 @@ def _divisions(
         raise InputError(
             "structure",
             f"the poles of the plant that simulates best cannot be divided into na = {orders.na} "
-            f"and nf = {orders.nf} with real coefficients",
+            f"and nf = {orders.single.nf} with real coefficients",
             "use even na and nf, or a structure with one of the two",
         )
 
@@ -253,18 +253,18 @@ def _simulation_covariance(
     ]
     second = Fitted(
         jacobian[:, columns],
-        block_diag(*bases, np.eye(o.nf + o.noise_states)),
+        block_diag(*bases, np.eye(o.single.nf + o.noise_states)),
         priors.deviations(point)[1][:, columns],
     )
     to_second = _to_held(o, a, f, float(point[parts["level"]].sum()), fit.jacobian.shape[1])
     covariance = two_stage_covariance(
         fit, second, (c, np.convolve(a, d)), to_second, jacobian[:, held], deviation
     )
-    before_f, level = o.na + o.nb, int(errors.level)
-    of_f = before_f + np.arange(o.nf)
+    before_f, level = o.na + o.single.nb, int(errors.level)
+    of_f = before_f + np.arange(o.single.nf)
     of_c_and_d = len(held) + np.arange(o.nc + o.nd)
     order = np.r_[np.arange(before_f), of_c_and_d, of_f]
-    assert len(held) == before_f + o.nf + level
+    assert len(held) == before_f + o.single.nf + level
     return coefficient_covariance(
         ParameterCovariance(covariance.factor[order], covariance.null_space[order]),
         scales,
@@ -272,9 +272,9 @@ def _simulation_covariance(
     )
 
 
-def _to_held(orders: PolynomialOrders, a: Array, f: Array, level: float, size: int) -> Array:
+def _to_held(orders: Orders, a: Array, f: Array, level: float, size: int) -> Array:
     """Derivatives of [a, b, f, level] by the point [b, A F, level, state] of output error."""
-    na, nf, nb = orders.na, orders.nf, orders.nb
+    na, nf, nb = orders.na, orders.single.nf, orders.single.nb
     product = np.zeros((na + nf, na + nf))
     # d(A F) = F dA + A dF.
     for j in range(na):

@@ -2,35 +2,61 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from evopem.blas_threads import one_blas_thread
-from evopem.config.constraints import Constraints
+from evopem.config.constraints import Constraints, InputConstraints
 from evopem.config.settings import ScoringWindow, SearchSettings
 from evopem.estimation import estimate as armax
-from evopem.estimation import polynomial_estimate
 from evopem.estimation.focused_estimate import estimate_focused
-from evopem.estimation.joined_estimate import describe_joined, joined_errors
+from evopem.estimation.joined_estimate import estimate_joined
+from evopem.estimation.multi_input.estimate import estimate_multi_input
 from evopem.estimation.polynomial_estimate import (
     PolynomialEstimate,
     estimate_polynomial,
-    polynomial_errors,
 )
 from evopem.estimation.search.likely_gain import Aim
 from evopem.estimation.search.problem import SearchResult
-from evopem.models.structures import PolynomialOrders, orders_of
-from evopem.signals.recording import Recording
+from evopem.estimation.search_results import has_own_search
+from evopem.estimation.state_space.estimate import estimate_state_space
+from evopem.estimation.state_space.local_estimates import StateSpaceEstimate
+from evopem.estimation.state_space.settings import STRUCTURES, StateSpaceSettings
+from evopem.models.state_space import StateSpaceStructure
+from evopem.models.structures import Orders, orders_of
+from evopem.signals.recording import Recording, recording_of
 
 Array = NDArray[np.float64]
 
+# Mean of the output, in standard deviations, from which on it biases the poles noticeably.
+LEVEL_WARNING = 0.3
 
+
+@overload
+def estimate(  # type: ignore[overload-overlap]
+    input: ArrayLike | Recording | None,
+    output: ArrayLike | None = None,
+    orders: int | Mapping[str, Any] | None = None,
+    sampling_rate: float = 1.0,
+    *,
+    structure: StateSpaceStructure,
+    settings: SearchSettings | StateSpaceSettings | None = None,
+    level: bool = False,
+    focus: str | int = "prediction",
+    constraints: Constraints | InputConstraints | None = None,
+    log: Callable[[str], None] | None = None,
+) -> StateSpaceEstimate: ...
+
+
+@overload
 def estimate(
-    input: ArrayLike | None,  # noqa: A002 - the field's word
-    output: ArrayLike,
-    orders: PolynomialOrders | Mapping[str, int] | Sequence[int],
+    input: ArrayLike | Recording | None,
+    output: ArrayLike | None = None,
+    orders: Orders | Mapping[str, Any] | Sequence[Any] | None = None,
     sampling_rate: float = 1.0,
     *,
     structure: str = "armax",
@@ -38,35 +64,60 @@ def estimate(
     window: ScoringWindow | None = None,
     level: bool = False,
     focus: str | int = "prediction",
-    constraints: Constraints | None = None,
+    constraints: Constraints | InputConstraints | None = None,
     earlier: SearchResult | None = None,
     log: Callable[[str], None] | None = None,
     aim: Aim | None = None,
-) -> PolynomialEstimate:
+) -> PolynomialEstimate: ...
+
+
+def estimate(
+    input: ArrayLike | Recording | None,  # noqa: A002 - the field's word
+    output: ArrayLike | None = None,
+    orders: Any = None,
+    sampling_rate: float = 1.0,
+    *,
+    structure: str = "armax",
+    settings: SearchSettings | StateSpaceSettings | None = None,
+    window: ScoringWindow | None = None,
+    level: bool = False,
+    focus: str | int = "prediction",
+    constraints: Constraints | InputConstraints | None = None,
+    earlier: SearchResult | None = None,
+    log: Callable[[str], None] | None = None,
+    aim: Aim | None = None,
+) -> PolynomialEstimate | StateSpaceEstimate:
     """Find the model of a structure and orders with the smallest prediction errors, globally.
 
     Parameters
     ----------
-    input, output : (N,) array_like
-        The record; not modified.  ``input`` is None for ``structure="arma"``.
-    orders : PolynomialOrders, mapping or sequence
-        ``{"na": 2, "nb": 2, "nc": 2, "nk": 1}``, or MATLAB's tuple for the structure.
+    input, output : (N,), (N, m) and (N, l) array_like
+        The signals; not modified.  ``input`` is None without an input, or a :class:`Recording`,
+        which holds all signals, their rate, and segments that do not continue each other.
+    orders : Orders, mapping or sequence
+        ``{"na": 2, "nb": 2, "nc": 2, "nk": 1}``, or MATLAB's tuple for the structure; of nb, nf and
+        nk one number for all inputs, or a sequence with one for each.  For state space the number
+        of states, or ``{"n": 4, "nk": [1, 3]}`` with delays.
     sampling_rate : float
         Hz.
     structure : str
         A key of :data:`evopem.config.structures.STRUCTURES`: ``fir``, ``arx``, ``arma``,
-        ``armax``, ``ararx``, ``ararmax``, ``oe``, ``bj`` or ``general``.
-    settings : SearchSettings, optional
+        ``armax``, ``ararx``, ``ararmax``, ``oe``, ``bj`` or ``general``, of one output; or ``ss``,
+        ``ss_oe``, ``ss_oe_drift`` or ``ss_bj``.
+    settings : SearchSettings or StateSpaceSettings, optional
     window : ScoringWindow, optional
+        Of a polynomial model with at most one input.
     level : bool
-        Whether a constant is estimated along.
+        Whether a constant is estimated along, for each recording; with several inputs always.
     focus : {"prediction", "simulation"} or int
         The errors to be small: of one step, of simulation, or of predictions that many samples
         ahead.
-    constraints : Constraints, optional
-        What the model must meet, and priors.
+    constraints : Constraints or InputConstraints, optional
+        What the model must meet, and priors.  With several inputs, or several segments, those that
+        both know.
     earlier : SearchResult, optional
-        Result of an earlier search of the same problem, to be combined with this one.
+        Result of an earlier search of the same problem, to be combined with this one; as `aim` of a
+        polynomial model with at most one input.
     log : callable, optional
         Receives one line a generation.
     aim : Aim, optional
@@ -74,10 +125,7 @@ def estimate(
 
     Returns
     -------
-    PolynomialEstimate
-        For ``armax`` without a level, of :func:`evopem.estimation.estimate.estimate`, which is
-        faster; else of :func:`evopem.estimation.polynomial_estimate.estimate_polynomial`; with a
-        focus or constraints, of :func:`evopem.estimation.focused_estimate.estimate_focused`.
+    PolynomialEstimate or StateSpaceEstimate
 
     Raises
     ------
@@ -86,29 +134,216 @@ def estimate(
     ValueError
         When the record is too short for the orders, or a setting is outside its range.
 
+    Warns
+    -----
+    UserWarning
+        When the mean of the output is not small beside its standard deviation, and the model has no
+        level.
+
     Examples
     --------
     >>> import evopem
     >>> from evopem.synthesis.armax import armax
     >>> recording, truth = armax(seed=1, samples=1000)
     >>> found = evopem.estimate(
-    ...     recording.input,
-    ...     recording.output,
+    ...     recording,
     ...     orders=(7, 6, 7, 3),
-    ...     sampling_rate=100.0,
     ...     settings=evopem.SearchSettings(objective="quadratic", seed=1),
     ... )
     >>> [round(mode.frequency_hz) for mode in found.model.modes()]
     [5, 17, 37]
     """
-    if structure == "armax" and input is None:
+    if orders is None:
+        raise ValueError("orders are missing, such as orders=(2, 2, 2, 1)")
+    recording = recording_of(input, output, sampling_rate)
+    given = {"window": window, "earlier": earlier, "aim": aim}
+    expert = [name for name, each in given.items() if each is not None]
+    if structure in STRUCTURES:
+        _refuse(expert, "all samples of a state-space model count, with its initial states")
+        return _state_space(recording, orders, structure, settings, level, focus, constraints, log)
+    if len(recording.output_names) > 1:
+        raise ValueError(
+            f"a polynomial model has one output, and there are {len(recording.output_names)};"
+            " estimate one for each, or a state-space model (structure='ss') of all"
+        )
+    if isinstance(settings, StateSpaceSettings):
+        raise ValueError("StateSpaceSettings are of state-space models; give SearchSettings")
+    several = recording.is_joined
+    if len(recording.input_names) > 1 or (several and constraints is not None):
+        _refuse(expert, "models of several inputs are estimated with all initial states and levels")
+        return _several_inputs(recording, orders, structure, settings, focus, constraints, log)
+    if not level:
+        _warn_of_level(recording.output)
+    if several:
+        if focus != "prediction":
+            raise ValueError(_FOCUS)
+        return _joined(recording, orders, structure, settings, window, level, earlier, log, aim)
+    return _one_input(
+        recording, orders, structure, settings, window, level, focus, constraints, earlier, log, aim
+    )
+
+
+_FOCUS = (
+    "errors of several steps, or of simulation, beside a noise model are those of one recording and"
+    " one input: of several estimate a state-space model (structure='ss'), or structure='oe', whose"
+    " prediction is a simulation"
+)
+
+
+def _warn_of_level(output: Array) -> None:
+    """Warn of a constant part, which a model without a level has no term for."""
+    mean, deviation = float(np.mean(output)), float(np.std(output))
+    if abs(mean) > LEVEL_WARNING * deviation:
+        warnings.warn(
+            f"the mean of the output is {mean:.3g}, with a standard deviation of {deviation:.3g}: "
+            "the model has no constant term, so set level=True, or subtract the means of input and"
+            " output first",
+            stacklevel=3,
+        )
+
+
+def _refuse(expert: Sequence[str], why: str) -> None:
+    if expert:
+        raise ValueError(f"{' and '.join(expert)} cannot be given: {why}")
+
+
+def _state_space(
+    recording: Recording,
+    orders: Any,
+    structure: str,
+    settings: SearchSettings | StateSpaceSettings | None,
+    level: bool,
+    focus: str | int,
+    constraints: Constraints | InputConstraints | None,
+    log: Callable[[str], None] | None,
+) -> StateSpaceEstimate:
+    known = {"n": orders} if isinstance(orders, int) else dict(orders)
+    if isinstance(settings, SearchSettings):
+        names = ("objective", "seed", "max_root_radius")
+        settings = StateSpaceSettings(**{name: getattr(settings, name) for name in names})
+    return estimate_state_space(
+        recording,
+        known["n"],
+        structure=structure,  # type: ignore[arg-type]
+        delays=known.get("nk", 1),
+        level=level,
+        focus=focus,
+        constraints=constraints,
+        settings=settings,
+        log=log,
+    )
+
+
+def _several_inputs(
+    recording: Recording,
+    orders: Orders | Mapping[str, Any] | Sequence[Any],
+    structure: str,
+    settings: SearchSettings | None,
+    focus: str | int,
+    constraints: Constraints | InputConstraints | None,
+    log: Callable[[str], None] | None,
+) -> PolynomialEstimate:
+    """Of any number of inputs and recordings, each recording with a level of its own."""
+    if not recording.has_input:
+        raise ValueError(
+            "constraints of several recordings are those of the paths from inputs, and there is no"
+            " input; give one recording"
+        )
+    if focus == "simulation" and structure in ("oe", "fir"):
+        focus = "prediction"
+    if focus != "prediction":
+        raise ValueError(_FOCUS)
+    if isinstance(constraints, Constraints):
+        constraints = _of_inputs(constraints, recording.input_names)
+    return estimate_multi_input(
+        recording.segment_inputs,
+        recording.segment_outputs,
+        orders,
+        structure,
+        recording.sampling_rate,
+        settings=settings,
+        constraints=constraints,
+        input_names=recording.input_names,
+        output_name=recording.output_names[0],
+        log=log,
+    )
+
+
+def _of_inputs(constraints: Constraints, names: Sequence[str]) -> InputConstraints:
+    """Constraints of one input as those of any number.
+
+    Raises
+    ------
+    ValueError
+        When they hold what a model of several inputs or recordings cannot meet.
+    """
+    if constraints.stability == "free" or constraints.fixed_coefficients or constraints.priors:
+        raise ValueError(
+            "stability 'free', fixed_coefficients and priors are of one input and one recording:"
+            " coefficients have several owners there, and roots stay inside the unit circle"
+        )
+    gain, bounds = constraints.static_gain, constraints.static_gain_bounds
+    if len(names) > 1 and (gain is not None or bounds is not None):
+        raise ValueError("give InputConstraints: static gains of several inputs have their names")
+    return InputConstraints(
+        replace(constraints, static_gain=None, static_gain_bounds=None),
+        {} if gain is None else {names[0]: gain},
+        {} if bounds is None else {names[0]: bounds},
+    )
+
+
+def _joined(
+    recording: Recording,
+    orders: Orders | Mapping[str, Any] | Sequence[Any],
+    structure: str,
+    settings: SearchSettings | None,
+    window: ScoringWindow | None,
+    level: bool,
+    earlier: SearchResult | None,
+    log: Callable[[str], None] | None,
+    aim: Aim | None,
+) -> PolynomialEstimate:
+    """Of several segments with states of their own."""
+    known = orders_of(structure, orders)
+    window = window or ScoringWindow(known.first_residual, known.first_residual)
+    settings = settings or SearchSettings()
+    return estimate_joined(
+        recording.segments,
+        known,
+        recording.sampling_rate,
+        settings,
+        window,
+        level,
+        earlier,
+        log,
+        aim,
+    )
+
+
+def _one_input(
+    recording: Recording,
+    orders: Orders | Mapping[str, Any] | Sequence[Any],
+    structure: str,
+    settings: SearchSettings | None,
+    window: ScoringWindow | None,
+    level: bool,
+    focus: Any,
+    constraints: Any,
+    earlier: SearchResult | None,
+    log: Callable[[str], None] | None,
+    aim: Aim | None,
+) -> PolynomialEstimate:
+    """Of one segment with at most one input, by the fastest implementation."""
+    u = recording.input if recording.has_input else None
+    y, sampling_rate = recording.output, recording.sampling_rate
+    if structure == "armax" and u is None:
         raise ValueError("structure 'armax' needs an input; without one, use 'arma'")
     if focus != "prediction" or constraints is not None:
         if earlier is not None:
             raise ValueError("an earlier search is not continued with a focus or constraints")
         return estimate_focused(
-            input,
-            output,
+            u,
+            y,
             structure,
             orders,
             sampling_rate,
@@ -120,10 +355,10 @@ def estimate(
             log=log,
         )
     orders = orders_of(structure, orders)
-    if input is not None and has_own_search(orders, level):
+    if u is not None and has_own_search(orders, level):
         return armax.estimate(
-            input,
-            output,
+            u,
+            y,
             orders,
             sampling_rate,
             settings=settings,
@@ -133,8 +368,8 @@ def estimate(
             aim=aim,
         )
     return estimate_polynomial(
-        input,
-        output,
+        u,
+        y,
         structure,
         orders,
         sampling_rate,
@@ -145,47 +380,3 @@ def estimate(
         log=log,
         aim=aim,
     )
-
-
-def has_own_search(orders: PolynomialOrders, level: bool) -> bool:
-    """Whether models are estimated by the search for ARMAX models, with kernels of its own."""
-    return orders.structure == "armax" and orders.nb > 0 and not level
-
-
-def described(
-    result: SearchResult,
-    data: Recording,
-    orders: PolynomialOrders,
-    settings: SearchSettings,
-    window: ScoringWindow,
-    level: bool,
-) -> PolynomialEstimate:
-    """The full estimate at the end of a search, with residuals and covariance."""
-    if data.is_joined:
-        with one_blas_thread():
-            joined = joined_errors(data.stretches, orders, settings, window, level)
-            return describe_joined(joined, result, data.sampling_rate)
-    with one_blas_thread():
-        if has_own_search(orders, level):
-            errors = armax.prediction_errors(data.input, data.output, orders, settings, window)
-            return armax.describe(errors, result, data.sampling_rate)
-        general = polynomial_errors(data.input, data.output, orders, settings, window, level)
-        return polynomial_estimate.describe(general, result, data.sampling_rate)
-
-
-def descended_from(
-    point: Array,
-    earlier: SearchResult,
-    data: Recording,
-    orders: PolynomialOrders,
-    settings: SearchSettings,
-    window: ScoringWindow,
-    level: bool,
-) -> PolynomialEstimate:
-    """The estimate after one descent from a point, pooled with an earlier search."""
-    with one_blas_thread():
-        if has_own_search(orders, level):
-            errors = armax.prediction_errors(data.input, data.output, orders, settings, window)
-            return armax.descend_from(point, errors, data.sampling_rate, earlier)
-        general = polynomial_errors(data.input, data.output, orders, settings, window, level)
-        return polynomial_estimate.descend_from(point, general, data.sampling_rate, earlier)

@@ -1,322 +1,187 @@
-"""Figures over frequency: the output's spectrum and the frequency response."""
+"""Figures over frequency: spectra, gain, phase and coherence of every pair of channels."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pandas as pd
 
-from evopem.figures.style import (
-    ERROR,
-    INK,
-    LABEL_BOX,
-    MODEL,
-    MUTED,
-    TRUTH,
-    Grid,
-    decimate,
-    extremes,
-    figure_of,
-    logarithmic,
-    say_nothing_to_draw,
-    styled,
-    with_unit,
-)
-from evopem.signals.spectral.peaks import SpectralPeak
-from evopem.synthesis.truth import Truth
+from evopem.figures.chart import FREQUENCY, Chart, Curve, Mark, Panel, around, nothing, rows_of
+from evopem.figures.report_figure import MOST_PANELS, ReportFigure, columns_of, small
+from evopem.figures.style import extremes, with_unit
+from evopem.figures.view import Channel, View
+from evopem.signals.spectral.summary import SpectralPeak
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-
-SPECTRUM = Grid(height=3.3)
-FREQUENCY_RESPONSE = Grid(height=5.2, rows=3, sharex=True, height_ratios=(1.7, 1.1, 0.7))
-NYQUIST = Grid(height=4.6, width=5.6)
-RESIDUAL_SPECTRUM = Grid(height=2.9)
-
-# Spectra are smooth over the bandwidth of the multitaper estimate, so few bins suffice.
-BINS = 400
+PLANT, NOISE_FILTER = "model G", "noise filter H"
+# Bins of the gain on the first screen; twice as many points show all its extremes.
+GAIN_BINS = 300
 # Number of peaks that are labelled, the most prominent ones.
 MOST_LABELS = 8
-# Labels closer than this share of the band would overlap.
-LABEL_WIDTH = 0.1
-PLANT, NOISE_FILTER = "model G", "noise filter H"
 # A response at 0 Hz that exceeds all others by this factor is that of an integrator.
 UNBOUNDED = 1e6
+# Points of a Nyquist diagram; neighbours of the estimate from the data are almost the same.
+NYQUIST_POINTS, FEWEST_NYQUIST = 1200, 150
+MOST_NYQUIST = 12
+
+Pair = tuple[Channel, Channel | None]
 
 
-def _thinned(table: pd.DataFrame, *columns: str) -> pd.DataFrame:
-    """Reduce a table to the rows with the extremes of the columns."""
-    kept = np.unique(np.concatenate([extremes(table[column], BINS) for column in columns]))
-    return table.iloc[kept]
+def model_source(view: View) -> tuple[str, str]:
+    """The rows of the model in a table of frequency responses, and how it is labelled."""
+    return ("model", PLANT) if view.has_input else ("noise filter", NOISE_FILTER)
 
 
-def _draw_density(axes: Axes, shown: pd.DataFrame, label: str, width: float) -> None:
-    """Draw a spectral density with its 95 % band."""
-    frequencies = shown["frequency_hz"]
-    axes.fill_between(
-        frequencies,
-        shown["lower"],
-        shown["upper"],
-        color=MODEL,
-        alpha=0.22,
-        linewidth=0,
-        label="95 % band",
-    )
-    axes.plot(frequencies, shown["density"], color=INK, linewidth=width, label=label)
-
-
-def mark_truth(axes: Axes, truth: Truth | None) -> None:
-    """Draw vertical lines at the true natural frequencies, if there is a truth."""
-    for number, mode in enumerate(truth.modes if truth else ()):
-        axes.axvline(
-            mode.frequency_hz,
-            color=TRUTH,
-            linewidth=0.9,
-            linestyle=(0, (1.2, 1.6)),
-            zorder=1,
-            label="true modes" if number == 0 else None,
-        )
-
-
-@styled
-def draw_spectrum(
-    spectrum: pd.DataFrame,
-    peaks: Sequence[SpectralPeak],
-    unit: str = "",
-    truth: Truth | None = None,
-    axes: Axes | None = None,
-) -> Figure:
-    """Multitaper spectrum of the output with its 95 % band and peaks (chapter figure 4).
-
-    Parameters
-    ----------
-    spectrum : pandas.DataFrame
-        As in ``spectrum.csv``.
-    peaks : sequence of SpectralPeak
-    unit : str
-        Unit of the prepared output, "" when not stated.
-    truth : Truth, optional
-        Its modes are marked.
-    axes : matplotlib.axes.Axes, optional
-        Where it is drawn; on a new figure by default.
-    """
-    (axes,) = SPECTRUM.panels(axes)
-    shown = spectrum[(spectrum["frequency_hz"] > 0) & (spectrum["density"] > 0)]
-    shown = _thinned(shown, "density")
-    _draw_density(axes, shown, "estimate", 1.0)
-    logarithmic(axes)
-    axes.set_xlim(0, shown["frequency_hz"].max())
-    mark_truth(axes, truth)
-    if peaks:
-        axes.plot(
-            [peak.frequency_hz for peak in peaks],
-            [peak.density for peak in peaks],
-            linestyle="none",
-            marker="v",
-            markersize=6,
-            color=ERROR,
-            label="peaks",
-        )
-    _name_peaks(axes, peaks, float(shown["frequency_hz"].max()))
-    axes.margins(y=0.12)
-    axes.set_xlabel("Frequency (Hz)")
-    squared = f"({unit})²/Hz" if unit else "per Hz"
-    axes.set_ylabel(with_unit("Power spectral density", squared))
-    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, borderaxespad=0.1)
-    return figure_of(axes)
-
-
-def _name_peaks(axes: Axes, peaks: Sequence[SpectralPeak], highest: float) -> None:
-    """Label the most prominent peaks with their frequencies, neighbours on different levels."""
-    prominent = sorted(peaks, key=lambda peak: -peak.prominence_db)
-    left, level = -highest, 0
-    for peak in sorted(prominent[:MOST_LABELS], key=lambda peak: peak.frequency_hz):
-        frequency = peak.frequency_hz
-        level = (level + 1) % 3 if frequency - left < LABEL_WIDTH * highest else 0
-        left = frequency
-        axes.annotate(
-            f"{frequency:.4g} Hz",
-            (frequency, peak.density),
-            xytext=(0, 7 + 11 * level),
-            textcoords="offset points",
-            ha="center",
-            fontsize=8,
-            color=INK,
-            bbox=LABEL_BOX,
-        )
-
-
-@styled
-def draw_frequency_response(
-    response: pd.DataFrame,
-    spectrum: pd.DataFrame | None = None,
-    unit: str = "",
-    truth: Truth | None = None,
-    axes: Sequence[Axes] | None = None,
-) -> Figure:
-    """Gain and phase of G with its 95 % band, and the multitaper estimate (chapter figure 7).
-
-    Parameters
-    ----------
-    response : pandas.DataFrame
-        As in ``frequency_response.csv``.
-    spectrum : pandas.DataFrame, optional
-        As in ``spectrum.csv``, for the multitaper estimate and the coherence.
-    unit : str
-        Unit of the gain, "" when not stated.
-    truth : Truth, optional
-        Its modes are marked.
-    axes : sequence of three matplotlib.axes.Axes, optional
-        Where gain, phase and coherence are drawn; on a new figure by default.
-
-    Notes
-    -----
-    Of a model without input the response of the noise filter is drawn.
-    """
-    response, label = plant_or_noise_filter(response)
-    if label == NOISE_FILTER:
-        spectrum = None
-    gain, phase, coherence = FREQUENCY_RESPONSE.panels(axes)
-    estimate = None if spectrum is None else with_positive_frequency(spectrum)
-    for panel in (gain, phase):
-        mark_truth(panel, truth)
-    shown = draw_gain(gain, response, estimate, unit, label)
-    if estimate is not None:
-        _draw_phase_and_coherence(phase, coherence, estimate)
-    phase.plot(*unwrapped_gaps(shown["frequency_hz"], shown["phase_deg"]), color=MODEL)
-    phase.set_ylabel("Phase (°)")
-    phase.set_ylim(-190, 190)
-    phase.set_yticks([-180, -90, 0, 90, 180])
-    coherence.set_ylabel("Coherence")
-    coherence.set_ylim(0, 1.05)
-    coherence.set_xlabel("Frequency (Hz)")
-    coherence.set_xlim(0, float(shown["frequency_hz"].max()))
-    return figure_of(gain)
-
-
-def with_positive_frequency(table: pd.DataFrame) -> pd.DataFrame:
-    """The rows of a table above 0 Hz."""
-    return table[table["frequency_hz"] > 0]
-
-
-def plant_or_noise_filter(response: pd.DataFrame) -> tuple[pd.DataFrame, str]:
-    """The response of G and its label; of a model without input those of the noise filter H.
-
-    Parameters
-    ----------
-    response : pandas.DataFrame
-        As in ``frequency_response.csv``.
-    """
-    if response["gain"].notna().any():
-        return response, PLANT
-    columns = {f"noise_{name}": name for name in ("gain", "gain_lower", "gain_upper", "phase_deg")}
-    return response[["frequency_hz", *columns]].rename(columns=columns), NOISE_FILTER
-
-
-def draw_gain(
-    axes: Axes, response: pd.DataFrame, spectrum: pd.DataFrame | None, unit: str, label: str
-) -> pd.DataFrame:
-    """Draw a gain with its band over the multitaper estimate; return what was drawn of the gain."""
-    if spectrum is not None:
-        axes.plot(
-            *decimate(spectrum["frequency_hz"], spectrum["frequency_response_gain"], BINS),
-            color=MUTED,
-            linewidth=0.7,
-            label="multitaper",
-        )
-    shown = _thinned(with_positive_frequency(response), "gain")
-    if shown["gain_lower"].notna().any():
-        floor = 1e-3 * float(shown["gain"].min())
-        axes.fill_between(
-            shown["frequency_hz"],
-            shown["gain_lower"].clip(lower=floor),
-            shown["gain_upper"],
-            color=MODEL,
-            alpha=0.28,
-            linewidth=0,
-            label="95 % band",
-        )
-    axes.plot(shown["frequency_hz"], shown["gain"], color=MODEL, linewidth=1.5, label=label)
-    _gain_limits(axes, shown["gain"])
-    logarithmic(axes)
-    axes.set_ylabel(with_unit("Gain", unit))
-    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, borderaxespad=0.1)
-    return shown
-
-
-def _draw_phase_and_coherence(phase: Axes, coherence: Axes, spectrum: pd.DataFrame) -> None:
-    frequency = spectrum["frequency_hz"]
-    x, y = unwrapped_gaps(frequency, spectrum["frequency_response_phase_deg"])
-    phase.plot(x, y, color=MUTED, linewidth=0.7)
-    x, y = decimate(frequency, spectrum["coherence"], BINS)
-    coherence.fill_between(x, y, color=MUTED, alpha=0.35, linewidth=0)
-    coherence.plot(x, y, color=MUTED, linewidth=0.7)
-
-
-def _gain_limits(axes: Axes, gain: pd.Series) -> None:
-    """Scale the axis to the model rather than to the scatter of the multitaper estimate."""
-    positive = gain[gain > 0]
-    if len(positive):
-        axes.set_ylim(float(positive.min()) / 4, float(positive.max()) * 4)
-
-
-def unwrapped_gaps(frequency: pd.Series, degrees: pd.Series) -> tuple[np.ndarray, np.ndarray]:
-    """Wrap a phase to ±180° and break its line where it jumps from one end to the other."""
-    x = np.asarray(frequency, dtype=float)
-    wrapped = (np.asarray(degrees, dtype=float) + 180.0) % 360.0 - 180.0
-    jumps = np.flatnonzero(np.abs(np.diff(wrapped)) > 180.0) + 1
-    return np.insert(x, jumps, x[jumps - 1] if jumps.size else []), np.insert(
-        wrapped, jumps, np.nan
+def true_modes(view: View) -> tuple[Mark, ...]:
+    """Marks at the true natural frequencies, if there is a truth."""
+    found = view.truth.modes if view.truth else ()
+    return tuple(
+        Mark(mode.frequency_hz, "" if place else "true modes", "truth")
+        for place, mode in enumerate(found)
     )
 
 
-@styled
-def draw_nyquist(
-    response: pd.DataFrame, spectrum: pd.DataFrame, unit: str = "", axes: Axes | None = None
-) -> Figure:
-    """G in the complex plane over positive frequencies, with the multitaper estimate.
+def gain_panels(view: View, marks: Sequence[Mark], height: int) -> list[Panel]:
+    """The gain of every pair over the data, those of an input on one axis."""
+    kind, label = model_source(view)
+    table = view.frequency_response
+    own = table[table["source"] == kind]
+    panels = []
+    for output, source in view.pairs[:MOST_PANELS]:
+        where = view.where(output, source)
+        curves = [
+            Curve(
+                *(f"{label} with 95 % band", "gain", "model"),
+                band=("gain_lower", "gain_upper"),
+                where=(("source", kind), *where),
+            )
+        ]
+        if view.has_input:
+            measured = (("source", "measured"), *where)
+            curves.insert(0, Curve("from the data", "gain", "muted", where=measured))
+        panels.append(
+            Panel(
+                *(view.pair_title(output, source), "frequency_hz", FREQUENCY),
+                with_unit("Gain", view.gain_unit(output, source)),
+                tuple(curves),
+                scale="logarithmic",
+                limits=around(rows_of(own, where)["gain"]),
+                highest=view.sampling_rate / 2,
+                height=height,
+                marks=tuple(marks),
+                linked="frequency",
+            )
+        )
+    return panels
 
-    Parameters
-    ----------
-    response, spectrum : pandas.DataFrame
-        As in ``frequency_response.csv`` and ``spectrum.csv``.
-    unit : str
-        Unit of the gain, "" when not stated.
-    axes : matplotlib.axes.Axes, optional
-        Where it is drawn; on a new figure by default.
-    """
-    (axes,) = NYQUIST.panels(axes)
-    if response["gain"].isna().all():
-        say_nothing_to_draw(axes, "The model has no input.")
-        return figure_of(axes)
-    model = complex_plane(response["gain"], response["phase_deg"])
-    estimate = with_positive_frequency(spectrum)
-    points = complex_plane(
-        estimate["frequency_response_gain"], estimate["frequency_response_phase_deg"]
+
+def gain(view: View) -> Chart:
+    """Gain with its 95 % band over the estimate from the data, trusted modes marked."""
+    table = view.frequency_response
+    kept = table[table["source"].isin([model_source(view)[0], "measured"])]
+    kept = kept[kept["frequency_hz"] > 0].dropna(axis="columns", how="all")
+    columns = [each for each in kept if each not in ("phase_deg", "coherence")]
+    keys = [each for each in ("source", "output", "input") if each in columns]
+    thin = [
+        rows.iloc[extremes(rows["gain"], GAIN_BINS)]
+        for _, rows in kept[columns].groupby(keys, sort=False)
+    ]
+    marks = [
+        Mark(frequency, "" if place else "trusted modes")
+        for place, frequency in enumerate(view.trusted_frequencies)
+    ]
+    together = pd.concat(thin, ignore_index=True)
+    for name in ("gain_lower", "gain_upper"):
+        together[name] = together.get(name, np.nan)
+    height = 210 if len(view.pairs) == 1 else 150
+    panels = tuple(gain_panels(view, marks, height))
+    return Chart(together, panels, columns_of(view, len(panels)))
+
+
+def frequency_response(view: View) -> Chart:
+    """Gain, phase and coherence; of several pairs phases and coherences."""
+    kind, label = model_source(view)
+    single = len(view.pairs) == 1
+    height = 170 if single else 120
+    panels = gain_panels(view, true_modes(view), 230) if single else []
+    for output, source in view.pairs[:MOST_PANELS]:
+        where = view.where(output, source)
+        curves = [Curve(label, "phase_deg", "model", "points", where=(("source", kind), *where))]
+        if view.has_input:
+            measured = (("source", "measured"), *where)
+            curves.insert(0, Curve("from the data", "phase_deg", "muted", "points", where=measured))
+        panels.append(_panel(view, view.pair_title(output, source), "Phase (°)", curves, height))
+    if view.has_input and (single or len(panels) + len(view.outputs) <= MOST_PANELS):
+        for output in view.outputs:
+            where = (("source", "measured"), *view.where(output, view.inputs[0]))
+            curves = [Curve("coherence", "coherence", "muted", where=where)]
+            title = "" if single else f"{output.name}: coherence with all inputs"
+            panels.append(_panel(view, title, "Coherence", curves, 110))
+    table = view.frequency_response
+    return Chart(table[table["frequency_hz"] > 0], tuple(panels), columns_of(view, len(view.pairs)))
+
+
+def _panel(view: View, title: str, label: str, curves: Sequence[Curve], height: int) -> Panel:
+    phase = label.startswith("Phase")
+    return Panel(
+        *(title, "frequency_hz", FREQUENCY, label, tuple(curves)),
+        scale="phase" if phase else "linear",
+        limits=(-190, 190) if phase else (0, 1.05),
+        highest=view.sampling_rate / 2,
+        height=height,
+        linked="frequency",
     )
-    # Neighbouring points of the multitaper estimate are almost the same within its bandwidth.
-    step = max(1, len(points) // BINS)
-    axes.plot(*points[::step].T, ".", color=MUTED, markersize=2.5, label="multitaper")
-    axes.plot(*model.T, color=MODEL, linewidth=1.3, label="model G")
-    magnitudes = np.abs(model).max(axis=1)
+
+
+def nyquist(view: View) -> Chart:
+    """G of every pair in the complex plane over positive frequencies."""
+    if not view.has_input:
+        return nothing("The model has no input.")
+    table = view.frequency_response
+    table = table[(table["source"] != "noise filter") & (table["frequency_hz"] > 0)]
+    parts = complex_plane(table["gain"], table["phase_deg"])
+    columns = ["source", "output", "input", "frequency_hz"]
+    together = table[columns].assign(real=parts[:, 0], imag=parts[:, 1])
+    most = max(NYQUIST_POINTS // len(view.pairs), FEWEST_NYQUIST)
+    together = pd.concat(
+        [
+            rows.iloc[:: -(-len(rows) // most)]
+            for (source, *_), rows in together.groupby(columns[:3], sort=False)
+        ]
+    )
+    panels = []
+    for output, source in view.pairs[:MOST_NYQUIST]:
+        where = view.where(output, source)
+        model = rows_of(together, (("source", "model"), *where))
+        reach = _reach(model[["real", "imag"]].to_numpy())
+        unit = view.gain_unit(output, source)
+        panels.append(
+            Panel(
+                *(view.pair_title(output, source), "real", with_unit("Real part of G", unit)),
+                with_unit("Imaginary part of G", unit),
+                (
+                    Curve(
+                        *("from the data", "imag", "muted", "points"),
+                        where=(("source", "measured"), *where),
+                        marker=".",
+                    ),
+                    Curve(PLANT, "imag", "model", where=(("source", "model"), *where)),
+                ),
+                limits=(-reach, reach),
+                plane="complex",
+                height=330 if len(view.pairs) == 1 else 220,
+            )
+        )
+    return Chart(together, tuple(panels), columns_of(view, len(panels)))
+
+
+def _reach(points: np.ndarray) -> float:
+    magnitudes = np.abs(points).max(axis=1)
     # At 0 Hz the response of an integrator is infinite, or as large as rounding makes it.
     if not magnitudes[0] < UNBOUNDED * magnitudes[1:].max(initial=0.0):
         magnitudes = magnitudes[1:]
-    reach = 1.15 * float(magnitudes.max(initial=0.0)) or 1.0
-    axes.set_xlim(-reach, reach)
-    axes.set_ylim(-reach, reach)
-    axes.set_aspect("equal")
-    for line in (axes.axhline, axes.axvline):
-        line(0, color=INK, linewidth=0.6)
-    axes.plot(-1, 0, "+", color=ERROR, markersize=8, label="−1")
-    axes.set_xlabel(with_unit("Real part of G", unit))
-    axes.set_ylabel(with_unit("Imaginary part of G", unit))
-    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderaxespad=0.1)
-    return figure_of(axes)
+    finite = magnitudes[np.isfinite(magnitudes)]
+    return 1.15 * float(finite.max(initial=0.0)) or 1.0
 
 
 def complex_plane(gain: pd.Series, phase_deg: pd.Series) -> np.ndarray:
@@ -326,37 +191,101 @@ def complex_plane(gain: pd.Series, phase_deg: pd.Series) -> np.ndarray:
     return np.column_stack([size * np.cos(angle), size * np.sin(angle)])
 
 
-@styled
-def draw_residual_spectrum(table: pd.DataFrame, unit: str = "", axes: Axes | None = None) -> Figure:
-    """Spectrum of the residuals with its 95 % band, and the level of white noise.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        ``frequency_hz``, ``density``, ``lower``, ``upper`` and ``white_level``.
-    unit : str
-        Unit of the prepared output, "" when not stated.
-    axes : matplotlib.axes.Axes, optional
-        Where it is drawn; on a new figure by default.
-    """
-    (axes,) = RESIDUAL_SPECTRUM.panels(axes)
-    if table.empty:
-        say_nothing_to_draw(axes, "There are too few residuals for a spectrum.")
-        return figure_of(axes)
-    shown = _thinned(with_positive_frequency(table), "density")
-    _draw_density(axes, shown, "residuals", 0.9)
-    axes.plot(
-        shown["frequency_hz"],
-        shown["white_level"],
-        color=ERROR,
-        linewidth=1.0,
-        linestyle=(0, (4, 2)),
-        label="white noise of the same variance",
+def spectrum(view: View) -> Chart:
+    """Spectra of the prepared outputs with their peaks."""
+    table = _with_peaks(view.spectrum, view.peaks)
+    return _densities(
+        view,
+        table[table["frequency_hz"] > 0],
+        Curve("estimate with 95 % band", "density", "ink", band=("lower", "upper")),
+        Curve("peaks", "peak", "error", "points", marker="v", names="peak_name"),
     )
-    logarithmic(axes)
-    axes.set_xlim(0, shown["frequency_hz"].max())
-    axes.set_xlabel("Frequency (Hz)")
-    squared = f"({unit})²/Hz" if unit else "per Hz"
-    axes.set_ylabel(with_unit("Power spectral density", squared))
-    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderaxespad=0.1)
-    return figure_of(axes)
+
+
+def _with_peaks(table: pd.DataFrame, peaks: Mapping[str, Sequence[SpectralPeak]]) -> pd.DataFrame:
+    """The table with a column of the peaks' densities, and of the names of the prominent ones."""
+    table = table.assign(peak=np.nan, peak_name="")
+    for output, found in peaks.items():
+        prominent = sorted(found, key=lambda peak: -peak.prominence_db)[:MOST_LABELS]
+        for peak in found:
+            near = (table["output"] == output) & np.isclose(
+                table["frequency_hz"], peak.frequency_hz, rtol=1e-9
+            )
+            table.loc[near, "peak"] = peak.density
+            if peak in prominent:
+                table.loc[near, "peak_name"] = f"{peak.frequency_hz:.4g} Hz"
+    return table
+
+
+def residual_spectrum(view: View) -> Chart:
+    """Spectra of the one-step errors on the validation samples, and the level of white noise."""
+    table = view.residual_spectrum
+    if table.empty:
+        return nothing("There are too few residuals for a spectrum.")
+    return _densities(
+        view,
+        table[table["frequency_hz"] > 0],
+        Curve("residuals with 95 % band", "density", "ink", band=("lower", "upper")),
+        Curve("white noise of the same variance", "white_level", "error", dashed=True),
+    )
+
+
+def _densities(view: View, table: pd.DataFrame, *curves: Curve) -> Chart:
+    from dataclasses import replace
+
+    outputs = view.outputs[:MOST_PANELS]
+    panels = tuple(
+        Panel(
+            *("" if len(view.outputs) == 1 else output.name, "frequency_hz", FREQUENCY),
+            view.density_label(output),
+            tuple(replace(each, where=view.where(output)) for each in curves),
+            scale="logarithmic",
+            highest=view.sampling_rate / 2,
+            height=small(outputs, 230),
+            marks=true_modes(view) if curves[-1].column == "peak" else (),
+            linked="frequency",
+        )
+        for output in outputs
+    )
+    count = len(panels)
+    return Chart(table, panels, 1 if count == 1 else 2 if count <= 4 else 3)
+
+
+FIGURES = (
+    ReportFigure(
+        *("gain", "summary", "Gain over the data"),
+        "Gain with 95 % band, and the estimate from the data; dotted: trusted modes.",
+        ("frequency_response.csv", "spectrum.csv"),
+        gain,
+        without_input=(
+            "Gain of the noise filter",
+            "Gain of the noise filter with 95 % band; dotted: trusted modes.",
+        ),
+    ),
+    ReportFigure(
+        *("frequency_response", "response", "Frequency response"),
+        "Model G with 95 % band; the estimate from the data with its coherence.",
+        ("frequency_response.csv", "spectrum.csv"),
+        frequency_response,
+        without_input=("", "Noise filter H with 95 % band."),
+    ),
+    ReportFigure(
+        *("nyquist", "response", "Nyquist diagram"),
+        "G in the complex plane over positive frequencies, and the estimate from the data.",
+        ("frequency_response.csv", "spectrum.csv"),
+        nyquist,
+        lambda view: view.has_input and len(view.pairs) <= MOST_NYQUIST,
+    ),
+    ReportFigure(
+        *("residual_spectrum", "residual_tests", "Spectrum of the residuals"),
+        "One-step errors on the validation samples; flat if they are white.",
+        ("simulation.csv",),
+        residual_spectrum,
+    ),
+    ReportFigure(
+        *("spectrum", "recording", "Spectrum of the output"),
+        "Multitaper estimate with 95 % band and peaks.",
+        ("spectrum.csv",),
+        spectrum,
+    ),
+)

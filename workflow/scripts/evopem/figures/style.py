@@ -23,7 +23,6 @@ from evopem.errors import InputError
 from evopem.files.atomic import write_text
 
 if TYPE_CHECKING:
-    import pandas as pd
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -39,6 +38,15 @@ FIFTH = "#9a7b00"
 FAMILY = (MODEL, ERROR, TRUTH, FOURTH, FIFTH, MUTED)
 FAMILY_MARKERS = ("o", "s", "^", "D", "v", "P")
 FAMILY_LINES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (1.2, 1.2)), "-.", (0, (7, 2)), ":")
+COLOURS = {
+    "ink": INK,
+    "muted": MUTED,
+    "model": MODEL,
+    "error": ERROR,
+    "truth": TRUTH,
+    "fourth": FOURTH,
+    "fifth": FIFTH,
+}
 
 # Background of a label that lies on lines.
 LABEL_BOX = {"facecolor": PAPER, "edgecolor": "none", "pad": 0.8}
@@ -179,8 +187,15 @@ def svg_text(figure: Figure) -> str:
     """Render a figure as SVG text; equal data give equal bytes.
 
     Path coordinates are cut to two decimals of a point, far below what is visible. The file is
-    then small and does not depend on the last bits of the arithmetic.
+    then small and does not depend on the last bits of the arithmetic. The layout is computed once
+    and its places are rounded: matplotlib names clipping paths after all their digits, the last of
+    which differ from run to run.
     """
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")
+    for axes in figure.axes:
+        left, bottom, width, height = (round(float(x), 5) for x in axes.get_position().bounds)
+        axes.set_position((left, bottom, width, height))
     stream = io.StringIO()
     figure.savefig(
         stream, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None}
@@ -285,19 +300,6 @@ def logarithmic(axes: Axes) -> None:
     axes.yaxis.set_major_locator(LogLocator(base=10, subs=subs, numticks=9))
     axes.yaxis.set_major_formatter(FuncFormatter(power_of_ten))
     axes.yaxis.set_minor_formatter(NullFormatter())
-
-
-def logarithmic_if_wide(axes: Axes, values: pd.Series) -> None:
-    """Make the vertical axis logarithmic where values span decades.
-
-    One bad candidate would otherwise flatten the others. Small values of one decade are labelled
-    one by one rather than with a common factor above the axis.
-    """
-    finite = values[np.isfinite(values)]
-    if len(finite) and finite.min() > 0 and finite.max() > 8 * finite.min():
-        logarithmic(axes)
-    elif len(finite) and 0 < finite.max() < 1e-3:
-        axes.yaxis.set_major_formatter(power_of_ten)
 
 
 def say_nothing_to_draw(axes: Axes, sentence: str) -> None:

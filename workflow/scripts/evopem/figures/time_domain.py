@@ -1,202 +1,282 @@
-"""Figures over time: the recording before and after the transforms, and the simulation."""
+"""Figures over time: the recording, the simulation, and responses to a step and an impulse."""
 
 from __future__ import annotations
 
-import textwrap
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
 
-from evopem.figures.signal_labels import (
-    prepared_input_name,
-    prepared_output_name,
-    prepared_output_unit,
-)
-from evopem.figures.style import (
-    ERROR,
-    INK,
-    MODEL,
-    MUTED,
-    decimate,
-    new_figure,
-    styled,
-    with_unit,
-)
+from evopem.figures.chart import TIME, VALIDATION_TIME, Chart, Curve, Mark, Panel, Role, nothing
+from evopem.figures.report_figure import MOST_PANELS, ReportFigure, columns_of, small
+from evopem.figures.style import with_unit
+from evopem.figures.view import Channel, View
+from evopem.models.modes import Mode
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from evopem.signals.preparation import PreparedData
-    from evopem.signals.recording import Recording
+# So many periods of the lowest mode are shown, between the two limits in samples.
+PERIODS = 12
+FEWEST_SAMPLES, MOST_SAMPLES = 60, 400
+# Outputs whose validation samples are all drawn, and channels of the recording.
+MOST_OUTPUTS, MOST_CHANNELS = 4, 8
+# Share of its largest value below which an impulse response has settled, and samples at least.
+REMAINDER, FEWEST_OF_RESPONSE = 0.01, 50
+# Column and title of the responses to an input; without an input, of that to the innovations.
+OF_PLANT = (("step", "Step response"), ("impulse", "Impulse response (one sample of 1)"))
+OF_NOISE = (("noise_impulse", "Impulse response of the noise filter (one sample of 1)"),)
 
 
-LineStyle = str | tuple[int, tuple[float, ...]]
-DASHED: LineStyle = (0, (4, 2))
+def shown_samples(modes: Sequence[Mode], sampling_rate: float) -> int | None:
+    """Samples over which the simulation is shown; None for all, where nothing oscillates."""
+    if not modes:
+        return None
+    lowest = max(min(mode.frequency_hz for mode in modes), sampling_rate / MOST_SAMPLES)
+    return min(max(round(PERIODS * sampling_rate / lowest), FEWEST_SAMPLES), MOST_SAMPLES)
 
 
-@styled
-def draw_record(recording: Recording, prepared: PreparedData) -> Figure:
-    """Input and output before and after the transforms (chapter figure 3)."""
-    transforms = prepared.transforms
-    figure = new_figure(4.4)
-    rows = 2 if recording.has_input else 1
-    axes = figure.subplots(rows, 2, sharex="col", squeeze=False)
-    time = np.arange(recording.output.size) / recording.sampling_rate
-    before = (
-        (recording.input, with_unit(recording.input_name, recording.input_unit)),
-        (recording.output, with_unit(recording.output_name, recording.output_unit)),
-    )
-    for row, (values, label) in enumerate(before[-rows:]):
-        x, y = decimate(time, values)
-        axes[row, 0].plot(x, y, color=INK, linewidth=0.6)
-        axes[row, 0].set_ylabel(folded(label))
-    axes[0, 0].set_title("As recorded")
-    axes[-1, 0].set_xlabel("Time (s)")
-    estimation, validation = prepared.estimation, prepared.validation
-    unit = prepared_output_unit(transforms, estimation.output_unit)
-    after = (
-        (
-            estimation.input,
-            validation.input,
-            with_unit(
-                prepared_input_name(transforms, estimation.input_name), estimation.input_unit
+def worst_first(view: View) -> list[Channel]:
+    """The outputs by decreasing error of the simulation, without an input of the prediction."""
+    errors = {
+        id(output): found.simulation if view.has_input else found.prediction
+        for output, found in zip(view.outputs, view.errors, strict=True)
+    }
+    severity = {key: e if np.isfinite(e) else np.inf for key, e in errors.items()}
+    return sorted(view.outputs, key=lambda each: -severity[id(each)])
+
+
+def measured_and_simulated(view: View) -> Chart:
+    """First validation samples of every output, the worst one first."""
+    computed = "simulated" if view.has_input else "predicted"
+    outputs = worst_first(view)[:MOST_PANELS]
+    columns = [f"{kind}_{o.name}" for o in outputs for kind in ("output", computed)]
+    table = _first_samples(view, columns)
+    panels = tuple(
+        Panel(
+            "" if view.is_single else output.name,
+            *("time_s", VALIDATION_TIME, output.label if view.is_single else output.prepared_unit),
+            (
+                Curve("measured", f"output_{output.name}", "ink"),
+                Curve(computed, f"{computed}_{output.name}", "error", dashed=True),
             ),
+            height=210 if len(outputs) == 1 else 150,
+            linked="" if len(outputs) == 1 else "first",
+        )
+        for output in outputs
+    )
+    return Chart(table, panels, 1 if len(panels) == 1 else 2 if len(panels) <= 6 else 3)
+
+
+def _first_samples(view: View, columns: list[str]) -> pd.DataFrame:
+    """The first scored samples; of several held-out recordings as many of each, with gaps."""
+    table = view.simulation
+    kept = shown_samples(view.modes, view.sampling_rate)
+    scored = table[table[columns].notna().all(axis="columns")]
+    if "recording" not in table:
+        return scored[["time_s", *columns]].iloc[:kept]
+    recordings = [each for _, each in scored.groupby("recording")]
+    own = max((kept or len(scored)) // max(len(recordings), 1), 1)
+    gap = scored.iloc[:1] * np.nan
+    parts = [part for each in recordings for part in (each.iloc[:own], gap)][:-1]
+    together = pd.concat(parts, ignore_index=True)
+    time = np.arange(len(together)) / view.sampling_rate
+    return together.assign(time_s=time)[["time_s", *columns]]
+
+
+def simulation(view: View) -> Chart:
+    """Measured, simulated and predicted samples, and the errors."""
+    outputs = worst_first(view)[:MOST_OUTPUTS]
+    table = _with_errors(view, outputs)
+    kept = shown_samples(view.modes, view.sampling_rate)
+    until = float(table["time_s"].iloc[: kept or len(table)].max()) if len(table) else 0.0
+    panels: list[Panel] = []
+    for output in outputs:
+        name = output.name
+        signals: tuple[Curve, ...] = (
+            Curve("measured", f"output_{name}", "ink"),
+            Curve("predicted one step ahead", f"predicted_{name}", "model"),
+            Curve("simulated", f"simulated_{name}", "error", dashed=True),
+        )
+        errors: tuple[Curve, ...] = (
+            Curve("of simulation", f"simulation_error_{name}", "error", dashed=True),
+            Curve("of one-step prediction", f"prediction_error_{name}", "model"),
+        )
+        if not view.has_input:
+            signals, errors = signals[:2], errors[1:]
+        for title, y_label, curves in (
+            ("" if view.is_single else name, output.label, signals),
+            ("Errors", "", errors),
+        ):
+            panels.append(
+                Panel(
+                    *(title, "time_s", VALIDATION_TIME, y_label, curves),
+                    height=240 if curves is signals else 200,
+                    linked="validation",
+                    shown=until,
+                )
+            )
+    return Chart(table, tuple(panels), 1 if len(outputs) == 1 else 2)
+
+
+def _with_errors(view: View, outputs: Sequence[Channel]) -> pd.DataFrame:
+    table, columns = view.simulation, ["time_s"]
+    for output in outputs:
+        for kind in ("predicted", "simulated")[: 1 + view.has_input]:
+            error = {"predicted": "prediction_error", "simulated": "simulation_error"}[kind]
+            values = table[f"output_{output.name}"] - table[f"{kind}_{output.name}"]
+            table = table.assign(**{f"{error}_{output.name}": values})
+            columns += [f"{kind}_{output.name}", f"{error}_{output.name}"]
+        columns.append(f"output_{output.name}")
+    return table[columns]
+
+
+def simulation_as_recorded(view: View) -> Chart:
+    """The same in the units of the recording."""
+    if view.recorded_simulation is None:
+        return nothing("The transforms leave the units of the recording.")
+    curves: tuple[Curve, ...] = (
+        Curve("measured", "recorded_output", "ink"),
+        Curve("predicted one step ahead", "recorded_predicted", "model", dashed=True),
+        Curve("simulated", "recorded_simulated", "error", dashed=True),
+    )
+    label = view.outputs[0].recorded_label
+    shown = curves if view.has_input else curves[:2]
+    panel = Panel("", "time_s", VALIDATION_TIME, label, shown, height=240, linked="validation")
+    return Chart(view.recorded_simulation, (panel,))
+
+
+def record(view: View) -> Chart:
+    """Every channel as recorded and as used."""
+    table = view.signals
+    used: tuple[tuple[str, Role], ...] = (("estimation", "ink"), ("validation", "model"))
+    stages: list[tuple[str, tuple[tuple[str, Role], ...], str]] = [("As used", used, "used")]
+    if (table["stage"] == "recorded").any():
+        stages.insert(0, ("As recorded", (("recorded", "ink"),), "recorded"))
+    channels = [
+        *(("input", each) for each in view.inputs),
+        *(("output", each) for each in view.outputs),
+    ]
+    shown = [
+        *channels[: MOST_CHANNELS // 2],
+        *channels[MOST_CHANNELS // 2 :][-MOST_CHANNELS // 2 :],
+    ]
+    start = float(table.loc[table["stage"] == "validation", "time_s"].min())
+    panels = tuple(
+        Panel(
+            title if place == 0 else "",
+            *("time_s", TIME, channel.label if linked == "used" else channel.recorded_label),
+            tuple(
+                Curve(
+                    *(stage, f"{kind}_{channel.name}", colour),
+                    where=(("stage", stage),),
+                )
+                for stage, colour in parts
+            ),
+            height=150,
+            marks=(Mark(start, "", "error"),) if linked == "used" and start == start else (),
+            linked=linked,
+        )
+        for place, (kind, channel) in enumerate(shown)
+        for title, parts, linked in stages
+    )
+    return Chart(table, panels, len(stages))
+
+
+def responses_of(view: View) -> tuple[tuple[str, str], ...]:
+    """Column and title of each response that a model has."""
+    return OF_PLANT if view.has_input else OF_NOISE
+
+
+def step_and_impulse(view: View) -> Chart:
+    """Responses to a unit step and to one sample of 1, of every pair."""
+    if view.time_response.empty:
+        return nothing("The model has no input.")
+    responses = responses_of(view)
+    table = settling_part(view)
+    panels = tuple(
+        Panel(
+            " ".join(filter(None, (title if len(view.pairs) == 1 else "", name)))
+            if len(view.pairs) == 1
+            else f"{name}: {column}",
+            *("time_s", TIME, with_unit("Response", view.gain_unit(output, source))),
+            (
+                Curve(
+                    *("response", column, "model"),
+                    band=(f"{column}_lower", f"{column}_upper"),
+                    where=view.where(output, source),
+                ),
+            ),
+            height=small(view.pairs, 190),
+            linked="response",
+        )
+        for column, title in responses
+        for output, source in view.pairs
+        for name in (view.pair_title(output, source),)
+    )[:MOST_PANELS]
+    count = len(view.pairs)
+    return Chart(table, panels, 1 if count == 1 else columns_of(view, count))
+
+
+def settling_part(view: View) -> pd.DataFrame:
+    """The responses and their 95 % intervals until every impulse response stays small."""
+    table = view.time_response
+    names = [name for name, _ in responses_of(view)]
+    pairs = [name for name in ("output", "input") if name in table]
+    settled = 0
+    for _, rows in table.groupby(pairs, sort=False):
+        size = np.abs(rows[names[-1]].to_numpy())
+        settled = max(settled, int(np.flatnonzero(size > REMAINDER * size.max()).max(initial=0)))
+    kept = max(round(1.2 * settled), FEWEST_OF_RESPONSE)
+    columns = [f"{name}{end}" for name in names for end in ("", "_lower", "_upper")]
+    first = table.groupby(pairs, sort=False).head(kept)
+    return first[[*pairs, "time_s", *columns]].reset_index(drop=True)
+
+
+FIGURES = (
+    ReportFigure(
+        *("measured_and_simulated", "summary", "Measured and simulated"),
+        "Validation samples from the first on, less the level of the estimation samples. The"
+        " simulation uses the input alone.",
+        ("simulation.csv",),
+        measured_and_simulated,
+        without_input=(
+            "Measured and predicted",
+            "Validation samples from the first on, less the level of the estimation samples. The"
+            " prediction knows the output before.",
         ),
-        (
-            estimation.output,
-            validation.output,
-            with_unit(prepared_output_name(transforms, estimation.output_name), unit),
+    ),
+    ReportFigure(
+        *("step_and_impulse", "response", "Step and impulse"),
+        "Responses to a unit step and to one sample of 1, with 95 % bands where they are known.",
+        ("time_response.csv",),
+        step_and_impulse,
+        lambda view: not view.time_response.empty,
+        without_input=(
+            "Impulse response",
+            "Response of the noise filter to one sample of 1, with 95 % band.",
         ),
-    )
-    for row, (estimated, held_out, label) in enumerate(after[-rows:]):
-        _estimation_and_validation(axes[row, 1], estimated, held_out, estimation.sampling_rate)
-        axes[row, 1].set_ylabel(folded(label))
-    axes[0, 1].set_title("As used")
-    axes[-1, 1].set_xlabel(
-        "Time (s)" if prepared.contiguous else "Time (s); the validation recording follows"
-    )
-    axes[0, 1].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.1)
-    return figure
-
-
-def _estimation_and_validation(
-    axes: Axes, estimation: np.ndarray, validation: np.ndarray, sampling_rate: float
-) -> None:
-    time = np.arange(estimation.size + validation.size) / sampling_rate
-    x, y = decimate(time[: estimation.size], estimation)
-    axes.plot(x, y, color=INK, linewidth=0.6, label="estimation")
-    x, y = decimate(time[estimation.size :], validation)
-    axes.plot(x, y, color=MODEL, linewidth=0.6, label="validation")
-    if validation.size:
-        axes.axvline(time[estimation.size], color=ERROR, linewidth=0.8, linestyle=(0, (3, 2)))
-
-
-def folded(label: str, width: int = 26) -> str:
-    """Break a long label into lines."""
-    return "\n".join(textwrap.wrap(label, width, break_on_hyphens=False)[:3]) or label
-
-
-@styled
-def draw_simulation(simulation: pd.DataFrame, sampling_rate: float, label: str) -> Figure:
-    """One second of validation data, measured and simulated, and the errors (chapter figure 8).
-
-    The second starts at the first scored sample. At least 60 samples are shown.
-
-    Parameters
-    ----------
-    simulation : pandas.DataFrame
-        As in ``simulation.csv``.
-    sampling_rate : float
-        Hz.
-    label : str
-        Name of the prepared output with its unit.
-    """
-    figure = new_figure(5.4)
-    second, error, whole = figure.subplots(3, 1, height_ratios=(1.35, 1.0, 1.0))
-    # A model without input has no simulation.
-    simulated = bool(simulation["simulated"].notna().any())
-    scored = simulation[simulation["predicted"].notna()]
-    if simulated:
-        scored = scored[scored["simulated"].notna()]
-    shown = scored.iloc[: max(round(sampling_rate) + 1, 60)]
-    _lines(
-        second,
-        shown,
-        ("output", INK, "-", "measured"),
-        ("simulated", ERROR, DASHED, "simulated")
-        if simulated
-        else ("predicted", MODEL, DASHED, "predicted one step ahead"),
-    )
-    span = shown["time_s"].iloc[-1] - shown["time_s"].iloc[0] if len(shown) else 0.0
-    second.set_title(f"The first {span:.3g} s of validation data")
-    second.set_ylabel(folded(label))
-    legend_above(second)
-    second.tick_params(labelbottom=False)
-    error.sharex(second)
-    _lines(
-        error,
-        shown,
-        *([("simulation_error", ERROR, DASHED, "of simulation")] if simulated else []),
-        ("prediction_error", MODEL, "-", "of one-step prediction"),
-    )
-    error.set_title("Errors in that time")
-    error.set_ylabel("Error")
-    error.set_xlabel("Time from the first validation sample (s)")
-    legend_above(error)
-    _lines(
-        whole,
+    ),
+    ReportFigure(
+        *("simulation", "errors", "Simulation"),
+        "Validation samples, simulated and predicted, and the errors. The drawing shows the first"
+        " of them.",
+        ("simulation.csv",),
         simulation,
-        ("output", MUTED, "-", "measured"),
-        ("simulation_error", ERROR, "-", "error of simulation")
-        if simulated
-        else ("prediction_error", ERROR, "-", "error of one-step prediction"),
-        width=0.6,
-    )
-    whole.set_title("All validation data")
-    whole.set_xlabel("Time from the first validation sample (s)")
-    whole.set_ylabel(folded(label))
-    legend_above(whole)
-    return figure
-
-
-def _lines(
-    axes: Axes, table: pd.DataFrame, *lines: tuple[str, str, LineStyle, str], width: float = 1.2
-) -> None:
-    """Draw columns over time, each given as column, colour, line style and label."""
-    for column, colour, style, label in lines:
-        x, y = decimate(table["time_s"], table[column])
-        axes.plot(x, y, color=colour, linestyle=style, linewidth=width, label=label)
-
-
-@styled
-def draw_simulation_as_recorded(simulation: pd.DataFrame, label: str) -> Figure:
-    """Validation data in the units of the recording: measured, predicted and simulated.
-
-    Parameters
-    ----------
-    simulation : pandas.DataFrame
-        As in ``simulation.csv``.
-    label : str
-        Name of the recorded output with its unit.
-    """
-    figure = new_figure(2.9)
-    axes = figure.subplots()
-    _lines(
-        axes,
-        simulation,
-        ("recorded_output", INK, "-", "measured"),
-        ("recorded_predicted", MODEL, DASHED, "predicted one step ahead"),
-        ("recorded_simulated", ERROR, DASHED, "simulated"),
-    )
-    axes.set_xlabel("Time from the first validation sample (s)")
-    axes.set_ylabel(folded(label))
-    axes.margins(x=0.01)
-    legend_above(axes)
-    return figure
-
-
-def legend_above(axes: Axes) -> None:
-    """Put the legend above the panel, where it hides no data."""
-    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, borderaxespad=0.1)
+        without_input=(
+            "Prediction",
+            "Validation samples, predicted one step ahead, and the errors.",
+        ),
+    ),
+    ReportFigure(
+        *("simulation_as_recorded", "errors", "In recorded units"),
+        "Validation samples with all transforms inverted.",
+        ("simulation.csv",),
+        simulation_as_recorded,
+        lambda view: view.recorded_simulation is not None,
+    ),
+    ReportFigure(
+        *("record", "recording", "Signals"),
+        "Input and output as recorded and as used.",
+        ("recording.npz", "prepared.npz"),
+        record,
+        without_input=("", "Output as recorded and as used."),
+    ),
+)

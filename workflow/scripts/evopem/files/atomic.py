@@ -42,9 +42,12 @@ def atomic_write(path: str | Path) -> Iterator[Path]:
     Raises
     ------
     InputError
-        When the file system refuses: the disk is full, or there is no write permission.
+        When the file system refuses: the disk is full, or there is no write permission; or when
+        something else than a file has this path.
     """
     path = Path(path)
+    if path.exists() and not path.is_file():
+        raise InputError(str(path), "is no regular file and is not replaced", "give another path")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=path.parent, prefix=TEMPORARY) as folder:
@@ -78,6 +81,35 @@ def write_text(path: str | Path, text: str) -> None:
     """Write a text as UTF-8."""
     with atomic_write(path) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="\n")
+
+
+GENERATOR = '<meta name="generator" content="evopem">'
+"""Mark of a page that evopem wrote, in its head."""
+
+
+def write_page(path: str | Path, text: str) -> None:
+    """Write a page to a path that a user gave; of what is there, only another page is replaced.
+
+    Parameters
+    ----------
+    path : path
+    text : str
+        With :data:`GENERATOR` among its first characters.
+
+    Raises
+    ------
+    InputError
+        When the path holds anything else.
+    """
+    target = Path(path)
+    if target.is_file() and target.stat().st_size > 0:
+        with target.open("rb") as file:
+            begins = file.read(2000)
+        if GENERATOR.encode() not in begins:
+            raise InputError(
+                str(path), "is no page of evopem and is not replaced", "give another path"
+            )
+    write_text(path, text)
 
 
 def write_json(path: str | Path, content: Mapping[str, Any] | Sequence[Any]) -> None:

@@ -75,6 +75,41 @@ def delete_results(folder: str | Path, only: Collection[str] | None = None) -> N
         _remove_lines(file, folder, paths)
 
 
+def check_replaceable(files: Iterable[str | Path], folder: str | Path) -> None:
+    """Refuse to replace files of a folder unless they are there as a job has written them.
+
+    Parameters
+    ----------
+    files : iterable of path
+        Files to write, in `folder` or its subfolders.
+    folder : path
+
+    Raises
+    ------
+    InputError
+        Naming a file that is no regular one, has no checksum, or was changed.
+    """
+    folder = Path(folder)
+    known = _checksums_in(folder)
+    for file in map(Path, files):
+        path = file.relative_to(folder).as_posix()
+        in_place = file.is_symlink() or file.exists()
+        # The files of checksums have none of their own.
+        if not in_place or (path.startswith(f"{FOLDER}/") and file.is_file()):
+            continue
+        if not file.is_file() or path not in known or not _is_right(file, known[path]):
+            raise InputError(
+                str(file),
+                "is not as evopem wrote it, and would be replaced",
+                "choose another folder, or move the file away",
+            )
+
+
+def checksummed(folder: str | Path) -> dict[Path, str]:
+    """The checksums of all results of a folder, by their paths."""
+    return {Path(folder) / path: value for path, value in _checksums_in(Path(folder)).items()}
+
+
 def verify_checksums(files: Iterable[str | Path], root: str | Path) -> None:
     """Verify files against the checksums that their jobs wrote.
 

@@ -35,10 +35,10 @@ def to_json(value: object) -> Any:
 
     Examples
     --------
-    >>> from evopem.models.modes import Mode
-    >>> to_json(Mode(5.36, 0.009, 0.9 + 0.3j))
-    {'frequency_hz': 5.36, 'damping_ratio': 0.009, 'pole': [0.9, 0.3],
-     'frequency_se_hz': None, 'damping_se': None}
+    >>> from evopem.models.mode_shapes import Neighbour
+    >>> to_json({"pole": 0.9 + 0.3j, "neighbour": Neighbour(partner=1)})
+    {'pole': [0.9, 0.3], 'neighbour': {'shape_assurance': None, 'partner': 1,
+     'equal_poles_p': None, 'plane_assurance': None}}
     """
     return _converter().unstructure(value)
 
@@ -62,10 +62,10 @@ def from_json(kind: type[T], content: object, source: str = "the content") -> T:
 
     Examples
     --------
-    >>> from evopem.models.structures import PolynomialOrders
-    >>> from_json(PolynomialOrders, {"na": 2, "nb": 1, "nc": 2, "nk": 3})
-    PolynomialOrders(na=2, nb=1, nc=2, nd=0, nf=0, nk=3, structure='armax')
-    >>> from_json(PolynomialOrders, {"na": 2.5, "nb": 1, "nc": 2, "nk": 3}, "model.json")
+    >>> from evopem.models.structures import Orders
+    >>> from_json(Orders, {"na": 2, "nb": [1], "nc": 2, "nk": [3]})
+    Orders(na=2, nb=(1,), nc=2, nd=0, nf=(0,), nk=(3,), structure='armax')
+    >>> from_json(Orders, {"na": 2.5, "nb": [1], "nc": 2, "nk": [3]}, "model.json")
     Traceback (most recent call last):
     ...
     evopem.errors.InputError: model.json, na: 2.5 is not a whole number; delete the file ...
@@ -94,11 +94,11 @@ def load(kind: type[T], path: str | Path) -> T:
     Examples
     --------
     >>> from tempfile import TemporaryDirectory
-    >>> from evopem.models.structures import PolynomialOrders, armax_orders
+    >>> from evopem.models.structures import Orders, armax_orders
     >>> with TemporaryDirectory() as folder:
     ...     save(armax_orders(2, 1, 2, 3), f"{folder}/orders.json")
-    ...     load(PolynomialOrders, f"{folder}/orders.json")
-    PolynomialOrders(na=2, nb=1, nc=2, nd=0, nf=0, nk=3, structure='armax')
+    ...     load(Orders, f"{folder}/orders.json")
+    Orders(na=2, nb=(1,), nc=2, nd=0, nf=(0,), nk=(3,), structure='armax')
     """
     try:
         content = json.loads(Path(path).read_text(encoding="utf-8"))

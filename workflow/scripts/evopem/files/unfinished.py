@@ -12,6 +12,7 @@ from pathlib import Path
 
 from evopem.errors import InputError
 from evopem.files.atomic import files_below
+from evopem.files.checksums import verify_checksums
 from evopem.files.json_form import load, save
 
 _ENDING = ".unfinished.json"
@@ -68,18 +69,51 @@ def delete_record(record: UnfinishedJob, logs: str | Path) -> None:
     _file(record.job, logs).unlink(missing_ok=True)
 
 
-def unfinished_jobs(logs: str | Path) -> list[UnfinishedJob]:
+def unfinished_jobs(logs: str | Path, summary: str = "") -> list[UnfinishedJob]:
     """The unfinished jobs of which an output is missing, the newest record first.
 
     A record that cannot be read is left out.
+
+    Parameters
+    ----------
+    logs : path
+    summary : str
+        The result that is made last, relative to the folder beside `logs`. Where it exists, jobs
+        that ended before it was made, and do not make it, are left out: an earlier configuration
+        had them.
     """
     logs = Path(logs)
+    last = logs.parent / summary
+    since = last.stat().st_mtime_ns if summary and last.is_file() else 0
     records = [
         record
         for record in _read(logs)
         if not all((logs.parent / output).exists() for output in record.outputs)
+        and (summary in record.outputs or _written(record, logs) >= since)
     ]
     return sorted(records, key=lambda record: _written(record, logs), reverse=True)
+
+
+def check_result(path: str | Path, summary: str) -> None:
+    """Refuse a result that was changed after its job wrote it, or whose job has not ended.
+
+    A file that no job wrote passes.
+
+    Parameters
+    ----------
+    path : path
+    summary : str
+        As of :func:`unfinished_jobs`.
+
+    Raises
+    ------
+    InputError
+    """
+    path = Path(path)
+    verify_checksums([path], path.parent)
+    for job in unfinished_jobs(path.parent / "logs", summary):
+        if path.name in job.outputs:
+            raise InputError(str(path), f"is of an unfinished run ({job.sentence})", "run it again")
 
 
 def unfinished_record(job: str, logs: str | Path) -> UnfinishedJob | None:

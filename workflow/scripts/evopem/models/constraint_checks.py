@@ -7,13 +7,13 @@ from collections.abc import Iterator
 
 from evopem.config.constraints import Constraints, FixedPole, Prior
 from evopem.errors import InputError
-from evopem.models.structures import PolynomialOrders
+from evopem.models.structures import Orders
 
 Focus = str | int
 
 
 def check_fit(
-    focus: Focus, constraints: Constraints | None, orders: PolynomialOrders, sampling_rate: float
+    focus: Focus, constraints: Constraints | None, orders: Orders, sampling_rate: float
 ) -> int | None:
     """Refuse a focus and constraints that contradict each other or the orders.
 
@@ -37,9 +37,7 @@ def check_fit(
     return horizon
 
 
-def check_constraints(
-    constraints: Constraints, orders: PolynomialOrders, sampling_rate: float
-) -> None:
+def check_constraints(constraints: Constraints, orders: Orders, sampling_rate: float) -> None:
     """Refuse constraints that no model of these orders meets, or whose meaning is not clear.
 
     Raises
@@ -54,25 +52,25 @@ def check_constraints(
     for number, pole in enumerate(constraints.fixed_poles):
         _check_fixed_pole(pole, f"fixed_poles[{number}]", constraints, orders, sampling_rate)
     if sum(2 if pole.real is None else 1 for pole in constraints.fixed_poles) > (
-        orders.nf or orders.na
+        orders.single.nf or orders.na
     ):
-        name = "nf" if orders.nf else "na"
+        name = "nf" if orders.single.nf else "na"
         raise _refused(
             "fixed_poles",
-            f"there are more of them than {name} = {orders.nf or orders.na}",
+            f"there are more of them than {name} = {orders.single.nf or orders.na}",
             f"raise {name}, or fix fewer poles",
         )
     for number, prior in enumerate(constraints.priors):
         _check_prior(prior, f"priors[{number}]", constraints, orders, sampling_rate)
 
 
-def _horizon(focus: Focus, orders: PolynomialOrders) -> int | None:
+def _horizon(focus: Focus, orders: Orders) -> int | None:
     whole = isinstance(focus, int) and not isinstance(focus, bool) and focus >= 1
     if not whole and focus not in ("prediction", "simulation"):
         raise ValueError(
             f'focus must be "prediction", "simulation" or a number of samples, not {focus!r}'
         )
-    if focus == "simulation" and orders.nb == 0:
+    if focus == "simulation" and orders.single.nb == 0:
         raise InputError(
             "focus",
             "a model without input has nothing to simulate",
@@ -86,7 +84,7 @@ def _horizon(focus: Focus, orders: PolynomialOrders) -> int | None:
     return int(focus) if whole else 1
 
 
-def _check_simulation(constraints: Constraints, orders: PolynomialOrders) -> None:
+def _check_simulation(constraints: Constraints, orders: Orders) -> None:
     """Refuse what a fit for simulation, in two stages, cannot meet."""
     if constraints.stability == "free":
         raise _refused(
@@ -94,7 +92,7 @@ def _check_simulation(constraints: Constraints, orders: PolynomialOrders) -> Non
             "simulation errors need a stable plant",
             "fit for prediction, or fix the pole that is not stable",
         )
-    if not (orders.na and orders.nf):
+    if not (orders.na and orders.single.nf):
         return
     named = [f"fixed_coefficients.{name}" for name in constraints.fixed_coefficients]
     quantities = [prior.quantity for prior in constraints.priors]
@@ -110,13 +108,13 @@ def _check_simulation(constraints: Constraints, orders: PolynomialOrders) -> Non
             )
 
 
-def coefficient_index(name: str, orders: PolynomialOrders) -> tuple[str, int] | None:
+def coefficient_index(name: str, orders: Orders) -> tuple[str, int] | None:
     """Polynomial and index, from 0, of a coefficient such as ``a1`` or ``b0``; None for none."""
     letter, digits = name[:1], name[1:]
     if letter not in "abcdf" or letter == "" or not digits.isdecimal():
         return None
     index = int(digits) - (letter != "b")
-    count = getattr(orders, f"n{letter}")
+    count = getattr(orders.single, f"n{letter}")
     return (letter, index) if 0 <= index < count else None
 
 
@@ -124,14 +122,14 @@ def _refused(key: str, problem: str, remedy: str) -> InputError:
     return InputError("constraints", problem, remedy, key)
 
 
-def _check_words(constraints: Constraints, orders: PolynomialOrders) -> None:
+def _check_words(constraints: Constraints, orders: Orders) -> None:
     if constraints.stability not in ("required", "free"):
         raise _refused("stability", f"is {constraints.stability!r}", 'use "required" or "free"')
     if constraints.real_poles not in ("any", "positive", "none"):
         raise _refused(
             "real_poles", f"is {constraints.real_poles!r}", 'use "any", "positive" or "none"'
         )
-    plant = orders.nb > 0 and (orders.na > 0 or orders.nf > 0)
+    plant = orders.single.nb > 0 and (orders.na > 0 or orders.single.nf > 0)
     for key, given in _of_plant(constraints):
         if given and not plant:
             raise _refused(
@@ -173,7 +171,7 @@ def _numbers(constraints: Constraints) -> Iterator[tuple[str, float]]:
         yield f"fixed_coefficients.{name}", value
 
 
-def _check_poles(constraints: Constraints, orders: PolynomialOrders, sampling_rate: float) -> None:
+def _check_poles(constraints: Constraints, orders: Orders, sampling_rate: float) -> None:
     radius, damping = constraints.max_pole_radius, constraints.min_damping_ratio
     if radius is not None and radius <= 0.0:
         raise _refused("max_pole_radius", f"{radius} is not positive", "give a radius above 0")
@@ -199,10 +197,10 @@ def _check_poles(constraints: Constraints, orders: PolynomialOrders, sampling_ra
                 f"{lower} to {upper} Hz lies above half the sampling rate, {nyquist} Hz",
                 "give frequencies in Hz",
             )
-    odd = (orders.nf or orders.na) - sum(
+    odd = (orders.single.nf or orders.na) - sum(
         2 if pole.real is None else 1 for pole in constraints.fixed_poles
     )
-    if constraints.real_poles == "none" and (odd % 2 or (orders.nf and orders.na % 2)):
+    if constraints.real_poles == "none" and (odd % 2 or (orders.single.nf and orders.na % 2)):
         raise _refused(
             "real_poles",
             "a plant with an odd number of free poles has a real one",
@@ -219,7 +217,7 @@ def _check_poles(constraints: Constraints, orders: PolynomialOrders, sampling_ra
                 )
 
 
-def _check_gain(constraints: Constraints, orders: PolynomialOrders) -> None:
+def _check_gain(constraints: Constraints, orders: Orders) -> None:
     bounds = constraints.static_gain_bounds
     given = [
         key
@@ -230,7 +228,7 @@ def _check_gain(constraints: Constraints, orders: PolynomialOrders) -> None:
         return
     if len(given) == 2:
         raise _refused("static_gain_bounds", "the static gain is given already", "leave out one")
-    if orders.nb == 0:
+    if orders.single.nb == 0:
         raise _refused(given[0], "a model without input has no static gain", "leave it out")
     if bounds is not None:
         lower, upper = bounds
@@ -244,11 +242,11 @@ def _check_gain(constraints: Constraints, orders: PolynomialOrders) -> None:
         raise _refused(
             given[0], "a plant with a fixed pole at 1 has no static gain", "leave it out"
         )
-    if all(f"b{index}" in constraints.fixed_coefficients for index in range(orders.nb)):
+    if all(f"b{index}" in constraints.fixed_coefficients for index in range(orders.single.nb)):
         raise _refused(given[0], "all coefficients of B are fixed", "leave one of them free")
 
 
-def _check_coefficients(constraints: Constraints, orders: PolynomialOrders) -> None:
+def _check_coefficients(constraints: Constraints, orders: Orders) -> None:
     for name, value in constraints.fixed_coefficients.items():
         found = coefficient_index(name, orders)
         if found is None:
@@ -261,7 +259,7 @@ def _check_coefficients(constraints: Constraints, orders: PolynomialOrders) -> N
         held = letter in "af" and constraints.fixed_poles
         if letter == "b" or held or (letter == "a" and constraints.stability == "free"):
             continue
-        order = getattr(orders, f"n{letter}")
+        order = getattr(orders.single, f"n{letter}")
         # A sum of products of roots, each within the unit circle.
         if abs(value) >= math.comb(order, index + 1):
             raise _refused(
@@ -276,7 +274,7 @@ def _check_fixed_pole(
     pole: FixedPole,
     key: str,
     constraints: Constraints,
-    orders: PolynomialOrders,
+    orders: Orders,
     sampling_rate: float,
 ) -> None:
     pair = pole.frequency_hz is not None and pole.damping_ratio is not None
@@ -292,7 +290,7 @@ def _check_fixed_pole(
         radius = _radius_of_real_pole(pole.real, key, constraints)
     else:
         radius = _radius_of_pair(pole, key, sampling_rate)
-    if orders.nf and radius > 1.0:
+    if orders.single.nf and radius > 1.0:
         raise _refused(
             key,
             "a pole of F outside the unit circle makes the predictor unstable",
@@ -350,7 +348,7 @@ def _check_prior(
     prior: Prior,
     key: str,
     constraints: Constraints,
-    orders: PolynomialOrders,
+    orders: Orders,
     sampling_rate: float,
 ) -> None:
     if not (prior.standard_deviation > 0.0 and math.isfinite(prior.standard_deviation)):
@@ -358,14 +356,14 @@ def _check_prior(
     if not math.isfinite(prior.mean):
         raise _refused(key, "its mean is not a finite number", "give a number")
     if prior.quantity == "static_gain":
-        if orders.nb == 0:
+        if orders.single.nb == 0:
             raise _refused(key, "a model without input has no static gain", "leave it out")
         if constraints.static_gain is not None:
             raise _refused(key, "the static gain is given already", "leave out one of the two")
         if any(pole.real == 1.0 for pole in constraints.fixed_poles):
             raise _refused(key, "a plant with a fixed pole at 1 has no static gain", "leave it out")
     elif prior.quantity in ("frequency", "damping"):
-        if max(orders.na, orders.nf) < 2 or orders.nb == 0:
+        if max(orders.na, orders.single.nf) < 2 or orders.single.nb == 0:
             raise _refused(key, f"a model of orders {orders} has no mode", "leave it out")
         if prior.quantity == "damping" and prior.mode_hz is None:
             raise _refused(key, "it does not say which mode", "give mode_hz, in Hz")

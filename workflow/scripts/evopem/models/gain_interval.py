@@ -79,7 +79,7 @@ def response_interval(
         for letter in (above, *below):
             coefficients = model.delayed_b if letter == "b" else getattr(model, letter)
             part = model.part(letter)
-            first = model.nk if letter == "b" else 1
+            first = model.delay if letter == "b" else 1
             lags = np.arange(first, first + part.stop - part.start)
             sign = 1.0 if letter == above else -1.0
             value = np.polynomial.polynomial.polyval(delay, coefficients)
@@ -90,5 +90,5 @@ def response_interval(
         errors[~np.isfinite(errors)] = np.nan
         phase_errors[~np.isfinite(phase_errors)] = np.nan
         spread = np.exp(NORMAL_95 * errors)
-        gain = np.abs(response(frequencies))
+        gain = np.abs(response(frequencies)[..., 0, 0])
         return gain / spread, gain * spread, phase_errors

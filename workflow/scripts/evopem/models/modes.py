@@ -1,26 +1,39 @@
-"""Natural frequencies and damping ratios of a discrete-time denominator, with standard errors."""
+"""Oscillating modes: natural frequencies, damping ratios, shapes, and their uncertainty.
+
+Of a polynomial by its roots, of a state-space model by its eigenvalues and eigenvectors.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from evopem.models.mode_shapes import (
+    Neighbour,
+    mean_phase,
+    neighbours_among,
+    phase_collinearity,
+)
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomials import root_gradient, roots
 
 Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+# Product of the left and right eigenvectors of unit length below which an eigenvalue is defective.
+DEFECTIVE = 1e-13
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Mode:
-    """One oscillating mode.
+    """One oscillating mode of a model with one output or several, l, and m inputs.
 
     Attributes
     ----------
     frequency_hz : float
-        Undamped natural frequency ``|s| / 2 pi``.
+        Undamped natural frequency ``|s| / 2 pi``, ``s = ln(z) fs``.
     damping_ratio : float
         ``-Re(s) / |s|``.
     pole : complex
@@ -28,6 +41,29 @@ class Mode:
     frequency_se_hz, damping_se : float
         Standard errors.  Infinite when the data do not determine the mode, NaN when the
         covariance is not known.
+    shape : (l,) complex array
+        ``C v``, v the eigenvector of A, scaled so that its largest entry is 1.
+    shape_se_real, shape_se_imag : (l,) arrays
+        Standard errors of the shape; 0 for the entry that is 1 by definition.
+    input_participation : (m,) complex array
+        How each input drives the mode whose shape is scaled like this: ``w' B``, w the left
+        eigenvector with ``w' v = 1``.  Empty for the mode of a polynomial.
+    noise_participation : (l,) complex array
+        The same of the innovations, ``w' K``.
+    output_shares : (l,) array
+        Share of the mode in the sum, over all modes and real poles, of the energies of their own
+        impulse responses: from the inputs, or from the innovations for a model without input.
+    shape_assurance : float
+        Modal assurance criterion that the shape is expected to have with the true one; 1 less the
+        variance of its part perpendicular to the shape.  NaN when the covariance is not known.
+    partner : int or None
+        The mode, counted from 0 in the model, whose pole the data tell from this one least.
+    equal_poles_p : float
+        p-value of the hypothesis that both poles are equal (Wald's test).  Shapes of equal poles
+        may be any mixture of each other.
+    plane_assurance : float
+        What ``shape_assurance`` is of the shape and the nearest one in the plane of both modes'
+        true shapes, which a mixture of the two does not change.
     """
 
     frequency_hz: float
@@ -35,6 +71,55 @@ class Mode:
     pole: complex
     frequency_se_hz: float = float("nan")
     damping_se: float = float("nan")
+    shape: Complex = field(default_factory=lambda: np.ones(1, dtype=complex))
+    shape_se_real: Array = field(default_factory=lambda: np.zeros(1))
+    shape_se_imag: Array = field(default_factory=lambda: np.zeros(1))
+    input_participation: Complex = field(default_factory=lambda: np.empty(0, dtype=complex))
+    noise_participation: Complex = field(default_factory=lambda: np.empty(0, dtype=complex))
+    output_shares: Array = field(default_factory=lambda: np.ones(1))
+    shape_assurance: float = float("nan")
+    partner: int | None = None
+    equal_poles_p: float = float("nan")
+    plane_assurance: float = float("nan")
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Mode) and all(
+            mine == theirs if name == "partner" else np.array_equal(mine, theirs, equal_nan=True)
+            for (name, mine), theirs in zip(vars(self).items(), vars(other).values(), strict=True)
+        )
+
+    def __hash__(self) -> int:
+        return hash((self.frequency_hz, self.damping_ratio, self.pole))
+
+    @property
+    def phase_collinearity(self) -> float:
+        """1 for a shape whose entries move in phase or in opposite phase, 0 for a circling one."""
+        return phase_collinearity(self.shape)
+
+    @property
+    def mean_phase_deg(self) -> float:
+        """Angle of the line through the origin that fits the shape best, -90 to 90."""
+        return mean_phase(self.shape)[0]
+
+    @property
+    def phase_deviation_deg(self) -> float:
+        """Mean angle between the entries and that line, weighed by their magnitudes."""
+        return mean_phase(self.shape)[1]
+
+
+def frequency_and_damping(pole: complex, sampling_rate: float) -> tuple[float, float]:
+    """Natural frequency in Hz and damping ratio of a pole in the z plane."""
+    s = np.log(pole) * sampling_rate
+    return float(abs(s) / (2.0 * np.pi)), float(-s.real / abs(s))
+
+
+def _slopes(pole: complex, d_pole: NDArray, sampling_rate: float) -> Array:
+    """Derivatives of frequency in Hz and damping ratio, (2, p), from those of the pole, (p,)."""
+    s = np.log(pole) * sampling_rate
+    ds = sampling_rate * d_pole / pole
+    d_modulus = (np.conj(s) * ds).real / abs(s)
+    d_damping = -ds.real / abs(s) + s.real * d_modulus / abs(s) ** 2
+    return np.vstack([d_modulus / (2.0 * np.pi), d_damping])
 
 
 def modes_of(
@@ -61,18 +146,14 @@ def modes_of(
     for z in roots(coefficients):
         if z.imag <= 0.0:
             continue
-        frequency, damping = _frequency_and_damping(z, sampling_rate)
         frequency_se = damping_se = float("nan")
         if covariance is not None:
-            jacobian = _mode_jacobian(coefficients, z, sampling_rate)
-            frequency_se, damping_se = (float(s) for s in covariance.standard_errors(jacobian))
-        modes.append(Mode(frequency, damping, complex(z), frequency_se, damping_se))
+            slopes = _root_slopes(coefficients, z, sampling_rate)
+            frequency_se, damping_se = map(float, covariance.standard_errors(slopes))
+        modes.append(
+            Mode(*frequency_and_damping(z, sampling_rate), complex(z), frequency_se, damping_se)
+        )
     return sorted(modes, key=lambda mode: mode.frequency_hz)
-
-
-def _frequency_and_damping(z: complex, sampling_rate: float) -> tuple[float, float]:
-    s = np.log(z) * sampling_rate
-    return float(abs(s) / (2.0 * np.pi)), float(-s.real / abs(s))
 
 
 def pole_mode(coefficients: Array, pole: complex, sampling_rate: float) -> tuple[Array, Array]:
@@ -89,16 +170,180 @@ def pole_mode(coefficients: Array, pole: complex, sampling_rate: float) -> tuple
     """
     if pole == 0.0:
         return np.array([sampling_rate, 1.0]), np.zeros((2, len(coefficients)))
-    values = np.array(_frequency_and_damping(pole, sampling_rate))
-    slopes = _mode_jacobian(coefficients, pole, sampling_rate)
+    values = np.array(frequency_and_damping(pole, sampling_rate))
+    slopes = _root_slopes(coefficients, pole, sampling_rate)
     return values, np.where(np.isfinite(slopes), slopes, 0.0)
 
 
-def _mode_jacobian(coefficients: Array, z: complex, sampling_rate: float) -> Array:
-    """Derivatives of (frequency in Hz, damping ratio) with respect to ``a_1 ... a_na``, (2, na)."""
-    s = np.log(z) * sampling_rate
-    ds = sampling_rate / z * root_gradient(np.concatenate([[1.0], coefficients]), z)[1:]
-    modulus = abs(s)
-    d_modulus = (np.conj(s) * ds).real / modulus
-    d_damping = -ds.real / modulus + s.real * d_modulus / modulus**2
-    return np.vstack([d_modulus / (2.0 * np.pi), d_damping])
+def _root_slopes(coefficients: Array, pole: complex, sampling_rate: float) -> Array:
+    """Derivatives of frequency and damping of a root by the coefficients, (2, na)."""
+    gradient = root_gradient(np.concatenate([[1.0], coefficients]), pole)[1:]
+    return _slopes(pole, gradient, sampling_rate)
+
+
+def state_space_modes(
+    A: Array,
+    B: Array,
+    C: Array,
+    K: Array,
+    levels: int,
+    sampling_rate: float,
+    covariance: ParameterCovariance | None = None,
+) -> list[Mode]:
+    """Modes of ``x+ = A x + B u + K e, y = C x + ...``, by frequency.
+
+    Parameters
+    ----------
+    A : (n, n) array
+    B : (n, m) array
+    C : (l, n) array
+    K : (n, l) array
+    levels : int
+        Entries that follow ``[A, B, C, D, K]`` in the covariance.
+    sampling_rate : float
+        Hz.
+    covariance : ParameterCovariance, optional
+        Of ``[A, B, C, D, K, level]``, row by row; propagated to first order.
+    """
+    poles, right, left = _eigenvectors(A)
+    adjoint: Complex = left.conj().T.astype(complex)
+    shapes: Complex = (C @ right).astype(complex)
+    energies = _energies(poles, shapes, (adjoint @ (B if B.shape[1] else K)).astype(complex))
+    total = energies.sum(axis=1)
+    oscillating = np.flatnonzero(poles.imag > 0.0)
+    oscillating = oscillating[np.argsort(np.abs(np.log(poles[oscillating])), kind="stable")]
+    errors = [_Errors.unknown(len(C))] * len(oscillating)
+    neighbours = [Neighbour()] * len(oscillating)
+    if covariance is not None:
+        derivatives = [
+            _derivatives(poles, right, left, int(k), C, levels, len(covariance))
+            for k in oscillating
+        ]
+        errors = [
+            _Errors.of(poles[k], shapes[:, k], *each, covariance, sampling_rate)
+            for k, each in zip(oscillating, derivatives, strict=True)
+        ]
+        known = [place for place, error in enumerate(errors) if error.known]
+        neighbours = neighbours_among(
+            poles[oscillating], shapes[:, oscillating], derivatives, known, covariance
+        )
+    modes = []
+    for k, error, neighbour in zip(map(int, oscillating), errors, neighbours, strict=True):
+        scale = _scale(shapes[:, k])
+        # Both of a conjugate pair belong to the mode.
+        share = np.divide(2.0 * energies[:, k], total, out=np.zeros(len(C)), where=total > 0.0)
+        frequency, damping = frequency_and_damping(poles[k], sampling_rate)
+        modes.append(
+            Mode(
+                frequency_hz=frequency,
+                damping_ratio=damping,
+                pole=complex(poles[k]),
+                frequency_se_hz=error.frequency_hz,
+                damping_se=error.damping,
+                shape=shapes[:, k] / scale,
+                shape_se_real=error.shape_real,
+                shape_se_imag=error.shape_imag,
+                input_participation=scale * (adjoint[k] @ B),
+                noise_participation=scale * (adjoint[k] @ K),
+                output_shares=share,
+                shape_assurance=neighbour.shape_assurance,
+                partner=neighbour.partner,
+                equal_poles_p=neighbour.equal_poles_p,
+                plane_assurance=neighbour.plane_assurance,
+            )
+        )
+    return modes
+
+
+def _scale(shape: Complex) -> complex:
+    """The largest entry of a shape; 1 for a shape of zeros."""
+    largest = complex(shape[np.argmax(np.abs(shape))])
+    return largest if largest != 0.0 else 1.0 + 0.0j
+
+
+def _eigenvectors(A: Array) -> tuple[Complex, Complex, Complex]:
+    """Eigenvalues, right and left eigenvectors with ``left[:, k]^H right[:, k] = 1``.
+
+    Left vectors of defective eigenvalues, such as repeated ones at zero, are zero: these have no
+    part of their own.
+    """
+    from scipy.linalg import eig
+
+    poles, left, right = eig(A, left=True, right=True)
+    products = np.sum(left.conj() * right, axis=0)
+    defective = np.abs(products) < DEFECTIVE
+    scales = np.where(defective, np.inf, products.conj())
+    return poles, right.astype(complex), left / scales
+
+
+def _energies(poles: Complex, shapes: Complex, drives: Complex) -> Array:
+    """Energy of each pole's own impulse response at each output, (l, n); 0 where unbounded."""
+    decay = 1.0 - np.abs(poles) ** 2
+    finite = decay > 0.0
+    driven = np.sum(np.abs(drives) ** 2, axis=1)
+    per_pole = np.where(finite, driven / np.where(finite, decay, 1.0), 0.0)
+    energies: Array = np.abs(shapes) ** 2 * per_pole
+    return energies
+
+
+@dataclass(frozen=True, eq=False)
+class _Errors:
+    """Standard errors of frequency in Hz, of damping ratio, and of a shape scaled to one, (l,)."""
+
+    frequency_hz: float
+    damping: float
+    shape_real: Array
+    shape_imag: Array
+
+    @classmethod
+    def unknown(cls, outputs: int) -> _Errors:
+        """NaN throughout."""
+        unknown = np.full(outputs, np.nan)
+        return cls(float("nan"), float("nan"), unknown, unknown)
+
+    @classmethod
+    def of(
+        cls,
+        pole: complex,
+        shape: Complex,
+        d_pole: Complex,
+        d_shape: Complex,
+        covariance: ParameterCovariance,
+        sampling_rate: float,
+    ) -> _Errors:
+        """From the derivatives of a pole, (p,), and of its shape, (l, p)."""
+        outputs, largest, scale = len(shape), int(np.argmax(np.abs(shape))), _scale(shape)
+        d_scaled = (d_shape - np.outer(shape / scale, d_shape[largest])) / scale
+        # The largest entry is 1 by definition, whatever the data determine.
+        d_scaled[largest] = 0.0
+        slopes = _slopes(pole, d_pole, sampling_rate)
+        errors = covariance.standard_errors(np.vstack([slopes, d_scaled.real, d_scaled.imag]))
+        return cls(
+            float(errors[0]), float(errors[1]), errors[2 : 2 + outputs], errors[2 + outputs :]
+        )
+
+    @property
+    def known(self) -> bool:
+        """Whether the data determine all of them."""
+        numbers = [self.frequency_hz, self.damping, *self.shape_real, *self.shape_imag]
+        return bool(np.isfinite(numbers).all())
+
+
+def _derivatives(
+    poles: Complex, right: Complex, left: Complex, k: int, C: Array, levels: int, entries: int
+) -> tuple[Complex, Complex]:
+    """Derivatives of a pole, (entries,), and of its shape ``C v``, (l, entries)."""
+    n, outputs = len(poles), len(C)
+    inputs = (entries - levels - n * n - 2 * n * outputs) // (n + outputs)
+    # d pole = w' dA v; d v = sum over the other poles of v_j (w_j' dA v) / (pole - pole_j).
+    d_pole = np.zeros(entries, dtype=complex)
+    d_pole[: n * n] = np.outer(left[:, k].conj(), right[:, k]).ravel()
+    others = np.arange(n) != k
+    gaps = poles[k] - poles[others]
+    spread = (C @ right[:, others] / gaps) @ left[:, others].conj().T
+    d_shape = np.zeros((outputs, entries), dtype=complex)
+    d_shape[:, : n * n] = np.einsum("ij,k->ijk", spread, right[:, k]).reshape(outputs, n * n)
+    first = n * n + n * inputs
+    for row in range(outputs):
+        d_shape[row, first + row * n : first + (row + 1) * n] += right[:, k]
+    return d_pole, d_shape

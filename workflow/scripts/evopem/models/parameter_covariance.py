@@ -32,6 +32,8 @@ class ParameterCovariance:
     null_space : (n, k) array
         Basis of the unidentifiable directions, the null space of the information matrix;
         k = 0 where the data determine every parameter.
+
+    A Jacobian may have fewer columns: its functions do not depend on the last parameters.
     """
 
     factor: Array
@@ -94,7 +96,8 @@ class ParameterCovariance:
         jacobian : (m, n) array_like
             Gradients of m functions.
         """
-        terms = np.asarray(jacobian, dtype=float)[:, :, None] * self.null_space
+        gradients = np.asarray(jacobian, dtype=float)
+        terms = gradients[:, :, None] * self.null_space[: gradients.shape[1]]
         magnitude = np.abs(terms).sum(axis=1)
         return np.all(np.abs(terms.sum(axis=1)) <= CANCELLATION * magnitude, axis=1)
 
@@ -112,7 +115,8 @@ class ParameterCovariance:
         gradients = np.asarray(jacobian, dtype=float)
         defined = np.isfinite(gradients).all(axis=1)
         errors = np.full(len(gradients), np.nan)
-        errors[defined] = np.linalg.norm(gradients[defined] @ self.factor, axis=1)
+        factor = self.factor[: gradients.shape[1]]
+        errors[defined] = np.linalg.norm(gradients[defined] @ factor, axis=1)
         errors[defined] = np.where(self.identifiable(gradients[defined]), errors[defined], np.inf)
         return errors
 
@@ -129,7 +133,8 @@ class ParameterCovariance:
         """
         gradients = np.asarray(jacobian, dtype=float)
         defined = np.isfinite(gradients).all(axis=1)
-        half = np.where(defined[:, None], gradients, 0.0) @ self.factor
+        factor = self.factor[: gradients.shape[1]]
+        half = np.where(defined[:, None], gradients, 0.0) @ factor
         covariance: Array = half @ half.T
         infinite = defined & ~self.identifiable(np.where(defined[:, None], gradients, 0.0))
         unknown = infinite | ~defined

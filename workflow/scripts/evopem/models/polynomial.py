@@ -1,8 +1,11 @@
-"""The general polynomial model ``A y = (B/F) u q^-nk + (C/D) e + level`` as plain data."""
+"""The polynomial model ``A y = sum_i (B_i/F_i) u_i q^-nk_i + (C/D) e + level`` as plain data."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import reduce
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,7 +13,10 @@ from numpy.typing import ArrayLike, NDArray
 from evopem.models.modes import Mode, modes_of
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomials import powers_of_z, roots
-from evopem.models.structures import PolynomialOrders
+from evopem.models.structures import Orders
+
+if TYPE_CHECKING:
+    from evopem.models.state_space import StateSpaceModel
 
 Array = NDArray[np.float64]
 
@@ -19,18 +25,21 @@ Array = NDArray[np.float64]
 LONG_HORIZON = 64
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, init=False)
 class PolynomialModel:
-    """A single-input single-output polynomial model (Ljung 1999, section 4.2).
+    """A polynomial model with any number of inputs and one output (Ljung 1999, section 4.2).
 
     Attributes
     ----------
-    a, c, d, f : (n + 1,) arrays
-        Coefficients of A, C, D and F, leading 1 included.
-    b : (nb,) array
-        Coefficients of B, the first at lag ``nk``; empty for a model without input.
-    nk : int
-        Delay in samples.
+    A, C, D : (n + 1,) arrays
+        Coefficients, leading 1 included.
+    B : tuple of (nb_i,) arrays
+        One for each input, the first coefficient at lag nk_i.  An array stands for one input, an
+        empty one for none.
+    F : tuple of (nf_i + 1,) arrays
+        One for each input, leading 1 included; an array for all inputs, by default 1.
+    nk : tuple of int
+        Delays in samples; a number for all inputs.
     sampling_rate : float
         Hz.
     level : float
@@ -38,10 +47,12 @@ class PolynomialModel:
     noise_variance : float
         Variance of the innovations, in the square of the output's unit.
     covariance : ParameterCovariance, optional
-        Covariance of ``[a_1.., b_0.., c_1.., d_1.., f_1..]``.
+        Covariance of :attr:`parameters`, followed by the level where it was estimated.
     structure : str
         A key of :data:`evopem.config.structures.STRUCTURES`; by default the smallest one that has
         the model's orders.
+    input_names : tuple of str
+    output_name : str
 
     Examples
     --------
@@ -50,9 +61,9 @@ class PolynomialModel:
     >>> import numpy as np
     >>> from evopem import PolynomialModel
     >>> model = PolynomialModel(
-    ...     a=np.array([1.0, -1.2, 0.8]),
-    ...     b=np.array([0.5, 0.1]),
-    ...     c=np.array([1.0, 0.4]),
+    ...     A=np.array([1.0, -1.2, 0.8]),
+    ...     B=np.array([0.5, 0.1]),
+    ...     C=np.array([1.0, 0.4]),
     ...     nk=2,
     ...     sampling_rate=50.0,
     ... )
@@ -62,37 +73,141 @@ class PolynomialModel:
     array([0.6+0.663j, 0.6-0.663j])
     >>> model.zeros(), model.noise_zeros()
     (array([-0.2+0.j]), array([-0.4+0.j]))
+
+    An output-error model with two inputs:
+
+    >>> one = np.ones(1)
+    >>> model = PolynomialModel(one, ([2.0], [1.0]), F=([1.0, -0.5], one), nk=(1, 0))
+    >>> model.simulate([[1.0, 0.0], [0.0, 0.0], [0.0, 3.0]])
+    array([0., 2., 4.])
+    >>> model.frequency_response([0.0]).real
+    array([[[4., 1.]]])
     """
 
-    a: Array
-    b: Array
-    c: Array
-    d: Array = field(default_factory=lambda: np.ones(1))
-    f: Array = field(default_factory=lambda: np.ones(1))
-    nk: int = 0
-    sampling_rate: float = 1.0
-    level: float = 0.0
-    noise_variance: float = float("nan")
-    covariance: ParameterCovariance | None = None
-    structure: str = ""
+    A: Array
+    B: tuple[Array, ...]
+    C: Array
+    D: Array
+    F: tuple[Array, ...]
+    nk: tuple[int, ...]
+    sampling_rate: float
+    level: float
+    noise_variance: float
+    covariance: ParameterCovariance | None
+    structure: str
+    input_names: tuple[str, ...]
+    output_name: str
+
+    def __init__(
+        self,
+        A: ArrayLike,
+        B: Array | Sequence[ArrayLike],
+        C: ArrayLike = (1.0,),
+        D: ArrayLike = (1.0,),
+        F: Array | Sequence[ArrayLike] = (1.0,),
+        nk: int | Sequence[int] = 0,
+        sampling_rate: float = 1.0,
+        level: float = 0.0,
+        noise_variance: float = float("nan"),
+        covariance: ParameterCovariance | None = None,
+        structure: str = "",
+        input_names: Sequence[str] = (),
+        output_name: str = "",
+    ) -> None:
+        of_inputs = _arrays(B) or ()
+        monic = _arrays(F)
+        delays = tuple(nk) if isinstance(nk, Sequence) else (int(nk),) * len(of_inputs)
+        values = {
+            "A": np.asarray(A, dtype=float),
+            "B": of_inputs,
+            "C": np.asarray(C, dtype=float),
+            "D": np.asarray(D, dtype=float),
+            "F": monic * len(of_inputs) if len(monic) == 1 else monic[: len(of_inputs)],
+            "nk": delays[: len(of_inputs)],
+            "sampling_rate": sampling_rate,
+            "level": level,
+            "noise_variance": noise_variance,
+            "covariance": covariance,
+            "structure": structure,
+            "input_names": tuple(input_names),
+            "output_name": output_name,
+        }
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+        if len({len(self.B), len(self.F), len(self.nk)}) > 1:
+            raise ValueError("B, F and nk need one entry for each input")
 
     @property
-    def orders(self) -> PolynomialOrders:
+    def orders(self) -> Orders:
         """Orders na, nb, nc, nd, nf and nk."""
-        return PolynomialOrders(
-            na=len(self.a) - 1,
-            nb=len(self.b),
-            nc=len(self.c) - 1,
-            nd=len(self.d) - 1,
-            nf=len(self.f) - 1,
+        return Orders(
+            self.structure,
+            na=len(self.A) - 1,
+            nb=tuple(map(len, self.B)),
+            nc=len(self.C) - 1,
+            nd=len(self.D) - 1,
+            nf=tuple(len(f) - 1 for f in self.F),
             nk=self.nk,
-            structure=self.structure,
         )
 
     @property
+    def inputs(self) -> int:
+        """Number of inputs."""
+        return len(self.B)
+
+    @property
+    def has_input(self) -> bool:
+        """Whether the model has an input."""
+        return len(self.B) > 0
+
+    @property
+    def a(self) -> Array:
+        """A; with :attr:`b` to :attr:`f` the polynomials of a model with at most one input."""
+        return self.A
+
+    @property
+    def b(self) -> Array:
+        """B of the one input, (nb,); empty without an input."""
+        return self._single(self.B, np.empty(0))
+
+    @property
+    def c(self) -> Array:
+        """C."""
+        return self.C
+
+    @property
+    def d(self) -> Array:
+        """D."""
+        return self.D
+
+    @property
+    def f(self) -> Array:
+        """F of the one input, (nf + 1,); 1 without an input."""
+        return self._single(self.F, np.ones(1))
+
+    @property
+    def delay(self) -> int:
+        """Delay of the one input in samples; 0 without an input."""
+        return self.orders.single.nk
+
+    def _single(self, of_inputs: tuple[Array, ...], without: Array) -> Array:
+        if len(of_inputs) > 1:
+            raise ValueError(f"the model has {len(of_inputs)} inputs, not one")
+        return of_inputs[0] if of_inputs else without
+
+    @property
     def parameters(self) -> Array:
-        """Parameter vector ``[a_1.., b_0.., c_1.., d_1.., f_1..]``, (n,)."""
-        return np.concatenate([self.a[1:], self.b, self.c[1:], self.d[1:], self.f[1:]])
+        """Coefficients ``[a_1.., b_1 ... b_m, c_1.., d_1.., f_1 ... f_m]``, (n,)."""
+        f = [each[1:] for each in self.F]
+        return np.concatenate([self.A[1:], *self.B, self.C[1:], self.D[1:], *f])
+
+    def with_parameters(self, parameters: Array, **changes: Any) -> PolynomialModel:
+        """The model with other coefficients, and other attributes."""
+        return model_of(self.orders, parameters, **(self._beside() | changes))
+
+    def _beside(self) -> dict[str, Any]:
+        names = ("sampling_rate", "level", "noise_variance", "covariance")
+        return {name: getattr(self, name) for name in (*names, "input_names", "output_name")}
 
     def parameter_standard_errors(self) -> Array | None:
         """Standard errors of :attr:`parameters`, (n,); None where the covariance is not known.
@@ -101,71 +216,66 @@ class PolynomialModel:
         """
         if self.covariance is None:
             return None
-        return self.covariance.standard_errors(np.eye(len(self.parameters)))
+        return self.covariance.standard_errors(np.eye(self.orders.parameters))
 
-    def part(self, letter: str) -> slice:
+    def part(self, letter: str, place: int = 0) -> slice:
         """Where the coefficients of one of a, b, c, d, f stand in :attr:`parameters`."""
-        o = self.orders
-        first = dict(zip("abcdf", np.cumsum([0, o.na, o.nb, o.nc, o.nd]).tolist(), strict=True))
-        return slice(first[letter], first[letter] + getattr(o, f"n{letter}"))
-
-    @property
-    def has_input(self) -> bool:
-        """Whether the model has an input."""
-        return len(self.b) > 0
+        return self.orders.part(letter, place)
 
     @property
     def delayed_b(self) -> Array:
-        """B with its nk leading zeros, (nk + nb,); one zero for a model without input."""
-        return np.concatenate([np.zeros(self.nk), self.b]) if len(self.b) else np.zeros(1)
+        """B of the one input with its leading zeros, (nk + nb,); one zero without an input."""
+        return np.concatenate([np.zeros(self.delay), self.b]) if self.has_input else np.zeros(1)
 
     @property
     def plant_denominator(self) -> Array:
-        """``A F``, the denominator of the plant G = B / (A F)."""
-        return np.convolve(self.a, self.f)
+        """``A F_1 ... F_m``, the common denominator of the plant G_i = B_i / (A F_i)."""
+        return reduce(np.convolve, self.F, self.A)
 
     @property
     def noise_denominator(self) -> Array:
         """``A D``, the denominator of the noise filter H = C / (A D)."""
-        return np.convolve(self.a, self.d)
+        return np.convolve(self.A, self.D)
 
     @property
     def output_level(self) -> float:
         """Mean of the output without input and noise, ``level / A(1)``."""
-        return self.level / float(np.sum(self.a)) if self.level else 0.0
+        return self.level / float(np.sum(self.A)) if self.level else 0.0
 
     def poles(self) -> NDArray[np.complex128]:
-        """Poles of the plant: roots of A and of F in the z plane, (na + nf,)."""
-        return np.concatenate([roots(self.a[1:]), roots(self.f[1:])])
+        """Poles of the plant: roots of A and of all F_i in the z plane."""
+        return np.concatenate([roots(self.A[1:]), *(roots(f[1:]) for f in self.F)])
 
-    def zeros(self) -> NDArray[np.complex128]:
-        """Finite zeros of the plant in the z plane, delay aside."""
-        b = np.trim_zeros(self.b, "f")
+    def zeros(self, place: int = 0) -> NDArray[np.complex128]:
+        """Finite zeros from an input in the z plane, delay aside."""
+        b = np.trim_zeros(self.B[place], "f") if self.has_input else np.empty(0)
         return roots(b[1:] / b[0]) if len(b) else np.empty(0, dtype=complex)
 
     def noise_poles(self) -> NDArray[np.complex128]:
         """Poles of the noise filter: roots of A and of D in the z plane, (na + nd,)."""
-        return np.concatenate([roots(self.a[1:]), roots(self.d[1:])])
+        return np.concatenate([roots(self.A[1:]), roots(self.D[1:])])
 
     def noise_zeros(self) -> NDArray[np.complex128]:
         """Zeros of the noise filter: roots of C in the z plane, (nc,)."""
-        return roots(self.c[1:])
+        return roots(self.C[1:])
 
     def residuals(
         self,
-        input: ArrayLike,  # noqa: A002 - the field's word
+        inputs: ArrayLike,
         output: ArrayLike,
         plant_state: ArrayLike | None = None,
         noise_state: ArrayLike | None = None,
         start: int | None = None,
     ) -> Array:
-        """One-step prediction errors ``e = (D/C) (A y - (B/F) u - level)``, (N,).
+        """One-step prediction errors ``e = (D/C) (A y - sum (B_i/F_i) u_i - level)``, (N,).
 
         Parameters
         ----------
-        input, output : (N,) arrays
-        plant_state : (nf,) array, optional
-            What the past adds to the first nf equations of ``F x = -B u``.  Nothing by default.
+        inputs : (N,) or (N, m) array_like
+        output : (N,) array_like
+        plant_state : (nf_1 + ... + nf_m,) array, optional
+            What the past adds to the first nf_i equations of ``F_i x_i = -B_i u_i``.  Nothing by
+            default.
         noise_state : (max(nc, nd),) array, optional
             What the past adds to the first equations of ``C e = D v``.  Nothing by default.
         start : int, optional
@@ -175,27 +285,32 @@ class PolynomialModel:
         --------
         >>> import numpy as np
         >>> from evopem import PolynomialModel
-        >>> model = PolynomialModel(np.array([1, -0.5]), np.array([2.0]), np.array([1.0]), nk=1)
+        >>> model = PolynomialModel(np.array([1, -0.5]), np.array([2.0]), nk=1)
         >>> model.residuals([1, 0, 0], [0, 2, 1.5])  # e(t) = y(t) - 0.5 y(t-1) - 2 u(t-1)
         array([nan, 0. , 0.5])
         """
         from scipy.signal import lfilter
 
-        u, y = _signals(input, output)
+        u, y = self._columns(inputs), np.asarray(output, dtype=float)
+        if y.ndim != 1 or len(u) != len(y):
+            raise ValueError(f"inputs and output do not match: {np.shape(inputs)} and {y.shape}")
         first = self.orders.first_residual if start is None else start
         if len(y) <= first:
             raise ValueError(f"the model needs more than {first} samples, not {len(y)}")
-        from_input = -lfilter(self.delayed_b, [1.0], u)[first:]
-        x = lfilter([1.0], self.f, _with_impulses(from_input, plant_state))
-        v = lfilter(self.a, [1.0], y)[first:] + x - self.level
-        by_d = _with_impulses(lfilter(self.d, [1.0], v), noise_state)
+        ends = np.cumsum([len(f) - 1 for f in self.F])[:-1]
+        states = [None] * self.inputs if plant_state is None else np.split(plant_state, ends)
+        v = lfilter(self.A, [1.0], y)[first:] - self.level
+        for i, (b, f, nk) in enumerate(zip(self.B, self.F, self.nk, strict=True)):
+            from_input = -lfilter(_delayed(b, nk), [1.0], u[:, i])[first:]
+            v = v + lfilter([1.0], f, _with_impulses(from_input, states[i]))
+        by_d = _with_impulses(lfilter(self.D, [1.0], v), noise_state)
         e = np.full(len(y), np.nan)
-        e[first:] = lfilter([1.0], self.c, by_d)
+        e[first:] = lfilter([1.0], self.C, by_d)
         return e
 
     def predict(
         self,
-        input: ArrayLike,  # noqa: A002
+        inputs: ArrayLike,
         output: ArrayLike,
         horizon: int = 1,
         plant_state: ArrayLike | None = None,
@@ -206,18 +321,11 @@ class PolynomialModel:
         ``y_t`` less the innovations of the last ``horizon`` samples through the noise filter
         (Ljung 1999, eq. 3.29).  NaN where the past is not known; states as in :meth:`residuals`.
 
-        Parameters
-        ----------
-        input, output : (N,) arrays
-        horizon : int
-            Samples, at least 1.
-        plant_state, noise_state : arrays, optional
-
         Examples
         --------
         >>> import numpy as np
         >>> from evopem import PolynomialModel
-        >>> model = PolynomialModel(np.array([1, -0.5]), np.array([2.0]), np.array([1.0]), nk=1)
+        >>> model = PolynomialModel(np.array([1, -0.5]), np.array([2.0]), nk=1)
         >>> model.predict([1, 0, 0], [0, 2, 1.5])  # 0.5 y(t-1) + 2 u(t-1)
         array([nan, 2., 1.])
         """
@@ -225,12 +333,10 @@ class PolynomialModel:
 
         if horizon < 1:
             raise ValueError(f"horizon must be at least 1 sample, not {horizon}")
-        _, y = _signals(input, output)
-        e = self.residuals(input, output, plant_state, noise_state)
+        y = np.asarray(output, dtype=float)
+        e = self.residuals(inputs, output, plant_state, noise_state)
         first = int(np.isnan(e).sum())
-        impulse = np.zeros(horizon)
-        impulse[0] = 1.0
-        response = lfilter(self.c, self.noise_denominator, impulse)
+        response = self.noise_impulse_response(horizon)
         predicted = np.full(len(y), np.nan)
         # Of long responses the product of spectra is faster than the sum.
         unknown = (
@@ -241,14 +347,15 @@ class PolynomialModel:
         predicted[first:] = y[first:] - unknown
         return predicted
 
-    def simulate(self, input: ArrayLike, initial: ArrayLike | None = None) -> Array:  # noqa: A002
-        """Noise-free response to an input, (N,), that never sees a measured output.
+    def simulate(self, inputs: ArrayLike, initial: ArrayLike | None = None) -> Array:
+        """Noise-free response to inputs, (N,), that never sees a measured output.
 
         Parameters
         ----------
-        input : (N,) array
+        inputs : (N,) or (N, m) array_like
         initial : (state_dimension,) array, optional
-            State before the first sample, in the transposed direct form of B / (A F), as
+            State before the first sample, in the transposed direct form of the plant with its
+            common denominator, as
             :func:`evopem.models.polynomial_states.estimate_simulation_state` returns it.  Rest by
             default.
 
@@ -256,74 +363,87 @@ class PolynomialModel:
         --------
         >>> import numpy as np
         >>> from evopem import PolynomialModel
-        >>> model = PolynomialModel(np.array([1, -0.5]), np.array([2.0]), np.array([1.0]), nk=1)
+        >>> model = PolynomialModel(np.array([1, -0.5]), np.array([2.0]), nk=1)
         >>> model.simulate([1, 0, 0, 0])
         array([0. , 2. , 1. , 0.5])
         """
         from scipy.signal import lfilter
 
-        u = np.asarray(input, dtype=float)
-        state = np.zeros(self.state_dimension)
+        u = self._columns(inputs)
+        simulated = np.zeros(len(u))
+        for i, (b, f, nk) in enumerate(zip(self.B, self.F, self.nk, strict=True)):
+            simulated += lfilter(_delayed(b, nk), np.convolve(self.A, f), u[:, i])
         if initial is not None:
             state = np.asarray(initial, dtype=float)
-        simulated: Array = lfilter(self.delayed_b, self.plant_denominator, u, zi=state)[0]
+            length = max(self.state_dimension, len(self.plant_denominator) - 1)
+            above = np.zeros(length + 1)
+            state = np.concatenate([state, np.zeros(length - len(state))])
+            simulated += lfilter(above, self.plant_denominator, np.zeros(len(u)), zi=state)[0]
         return simulated + self.output_level
 
     @property
     def state_dimension(self) -> int:
-        """Length of the state of the plant: ``max(na + nf, nk + nb - 1)``."""
-        return max(len(self.plant_denominator), len(self.delayed_b)) - 1
+        """Length of the state of the plant with its common denominator."""
+        common = len(self.plant_denominator)
+        lengths = [
+            nk + len(b) + common - len(self.A) - len(f) + 1
+            for b, f, nk in zip(self.B, self.F, self.nk, strict=True)
+        ]
+        return max(common, *lengths, 1) - 1
 
     def frequency_response(self, frequencies: ArrayLike) -> NDArray[np.complex128]:
-        """``G = B / (A F)`` at frequencies in Hz; complex, of the same shape.
+        """``G_i = B_i q^-nk_i / (A F_i)`` at frequencies in Hz, (..., 1, m).
 
         Examples
         --------
         >>> import numpy as np
         >>> from evopem import PolynomialModel
-        >>> model = PolynomialModel(np.array([1, -0.5]), np.array([2.0]), np.array([1.0]), nk=1)
-        >>> model.frequency_response([0.0, 0.5]).real.round(3)  # 2 / 0.5 and -2 / 1.5
+        >>> model = PolynomialModel(np.array([1, -0.5]), np.array([2.0]), nk=1)
+        >>> model.frequency_response([0.0, 0.5])[:, 0, 0].real.round(3)  # 2 / 0.5 and -2 / 1.5
         array([ 4.   , -1.333])
         """
-        return self._ratio(self.delayed_b, self.plant_denominator, frequencies)
+        z = self._backward_shift(frequencies)
+        columns = [
+            _ratio(_delayed(b, nk), np.convolve(self.A, f), z)
+            for b, f, nk in zip(self.B, self.F, self.nk, strict=True)
+        ]
+        if not columns:
+            return np.empty((*z.shape, 1, 0), dtype=complex)
+        return np.stack(columns, axis=-1)[..., None, :]
 
     def noise_response(self, frequencies: ArrayLike) -> NDArray[np.complex128]:
-        """``H = C / (A D)`` at frequencies in Hz; complex, of the same shape.
+        """``H = C / (A D)`` at frequencies in Hz, (..., 1, 1).
 
         Examples
         --------
         >>> import numpy as np
         >>> from evopem import PolynomialModel
-        >>> model = PolynomialModel(np.array([1, -0.5]), np.array([2.0]), np.array([1.0]), nk=1)
-        >>> model.noise_response([0.0, 0.5]).real.round(3)  # 1 / 0.5 and 1 / 1.5
+        >>> model = PolynomialModel(np.array([1, -0.5]), np.array([2.0]), nk=1)
+        >>> model.noise_response([0.0, 0.5])[:, 0, 0].real.round(3)  # 1 / 0.5 and 1 / 1.5
         array([2.   , 0.667])
         """
-        return self._ratio(self.c, self.noise_denominator, frequencies)
+        z = self._backward_shift(frequencies)
+        return _ratio(self.C, self.noise_denominator, z)[..., None, None]
 
-    def impulse_response(self, samples: int) -> Array:
-        """Response of the plant to a unit impulse at sample 0, (samples,)."""
-        from scipy.signal import lfilter
+    def impulse_response(self, samples: int, place: int = 0) -> Array:
+        """Response of the plant to a unit impulse of an input at sample 0, (samples,)."""
+        if not self.has_input:
+            return np.zeros(samples)
+        below = np.convolve(self.A, self.F[place])
+        return _impulse_response(_delayed(self.B[place], self.nk[place]), below, samples)
 
-        impulse = np.zeros(samples)
-        impulse[:1] = 1.0
-        response: Array = lfilter(self.delayed_b, self.plant_denominator, impulse)
-        return response
-
-    def step_response(self, samples: int) -> Array:
-        """Response of the plant to a unit step at sample 0, (samples,)."""
-        return np.cumsum(self.impulse_response(samples))
+    def step_response(self, samples: int, place: int = 0) -> Array:
+        """Response of the plant to a unit step of an input at sample 0, (samples,)."""
+        return np.cumsum(self.impulse_response(samples, place))
 
     def noise_impulse_response(self, samples: int) -> Array:
         """Response of the noise filter to a unit impulse at sample 0, (samples,)."""
-        from scipy.signal import lfilter
-
-        impulse = np.zeros(samples)
-        impulse[:1] = 1.0
-        response: Array = lfilter(self.c, self.noise_denominator, impulse)
-        return response
+        return _impulse_response(self.C, self.noise_denominator, samples)
 
     def modes(self) -> list[Mode]:
         """Natural frequencies and damping ratios of the plant's oscillating poles, by frequency.
+
+        Those of a model with several inputs have participations of the inputs.
 
         With standard errors where the model knows its covariance.
 
@@ -332,33 +452,43 @@ class PolynomialModel:
         >>> import numpy as np
         >>> from evopem import PolynomialModel
         >>> one = np.ones(1)
-        >>> model = PolynomialModel(
-        ...     a=one, b=one, c=one, f=np.array([1, -1.2, 0.8]), nk=1, sampling_rate=50.0
-        ... )
+        >>> model = PolynomialModel(one, one, F=np.array([1, -1.2, 0.8]), nk=1, sampling_rate=50.0)
         >>> (mode,) = model.modes()
         >>> round(mode.frequency_hz, 2), round(mode.damping_ratio, 3)
         (6.71, 0.132)
         """
+        if self.inputs > 1:
+            return self.plant().state_space().modes()
         return _by_frequency([*self.modes_of_polynomial("a"), *self.modes_of_polynomial("f")])
 
     def noise_modes(self) -> list[Mode]:
         """Natural frequencies and damping ratios of the noise filter's oscillating poles."""
         return _by_frequency([*self.modes_of_polynomial("a"), *self.modes_of_polynomial("d")])
 
-    def modes_of_polynomial(self, letter: str) -> list[Mode]:
+    def modes_of_polynomial(self, letter: str, place: int = 0) -> list[Mode]:
         """Modes of one of the polynomials a, d and f, by frequency."""
-        known = self.covariance
-        covariance = None if known is None else known.part(self.part(letter))
-        return modes_of(getattr(self, letter)[1:], self.sampling_rate, covariance)
+        part = self.part(letter, place)
+        covariance = None if self.covariance is None else self.covariance.part(part)
+        return modes_of(self.parameters[part], self.sampling_rate, covariance)
 
-    def _ratio(
-        self, numerator: Array, denominator: Array, frequencies: ArrayLike
-    ) -> NDArray[np.complex128]:
-        z = np.exp(-2j * np.pi * np.asarray(frequencies, dtype=float) / self.sampling_rate)
-        polyval = np.polynomial.polynomial.polyval
-        # At a pole on the unit circle the response is infinite.
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.asarray(polyval(z, numerator) / polyval(z, denominator), dtype=complex)
+    def plant(self) -> PolynomialModel:
+        """The model without noise poles of its own: those of D, or C where there is no A."""
+        from evopem.models.polynomial_conversions import plant_of
+
+        return plant_of(self)
+
+    def state_space(self) -> StateSpaceModel:
+        """The same model in innovations form, with the covariance of its entries."""
+        from evopem.models.polynomial_conversions import innovations_form
+
+        return innovations_form(self)
+
+    @property
+    def plant_states(self) -> int:
+        """States of :meth:`state_space` that belong to the plant; those of the noise follow."""
+        from evopem.models.polynomial_conversions import block_sizes
+
+        return sum(block_sizes(self.orders)[:-1])
 
     def to_control(self):  # type: ignore[no-untyped-def]
         """``G`` as a discrete-time ``control.TransferFunction``; needs python-control.
@@ -367,10 +497,11 @@ class PolynomialModel:
         """
         import control
 
-        return control.TransferFunction(*self.transfer_function, 1.0 / self.sampling_rate)
+        above, below = zip(*self.transfer_functions, strict=True)
+        return control.TransferFunction([list(above)], [list(below)], 1.0 / self.sampling_rate)
 
     def to_scipy(self):  # type: ignore[no-untyped-def]
-        """``G`` as a discrete-time ``scipy.signal.TransferFunction``.
+        """``G`` in discrete time: a ``TransferFunction`` of SciPy, a ``StateSpace`` of many inputs.
 
         Of a model without input, the noise filter ``H``.  SciPy takes leading coefficients of B
         below 1e-14 for zero, and warns of it.
@@ -379,7 +510,7 @@ class PolynomialModel:
         --------
         >>> import numpy as np
         >>> from evopem import PolynomialModel
-        >>> model = PolynomialModel(np.array([1, -0.5]), np.array([2.0]), np.array([1.0]), nk=2)
+        >>> model = PolynomialModel(np.array([1, -0.5]), np.array([2.0]), nk=2)
         >>> model.to_scipy()  # G = 2 q^-2 / (1 - 0.5 q^-1) = 2 / (z^2 - 0.5 z)
         TransferFunctionDiscrete(
         array([2.]),
@@ -389,25 +520,94 @@ class PolynomialModel:
         """
         from scipy.signal import TransferFunction
 
-        return TransferFunction(*self.transfer_function, dt=1.0 / self.sampling_rate)
+        if self.inputs > 1:
+            return self.state_space().to_scipy()
+        return TransferFunction(*self.transfer_functions[0], dt=1.0 / self.sampling_rate)
+
+    def matlab_arguments(self) -> dict[str, ArrayLike]:
+        """Arguments of MATLAB's ``idpoly(A,B,C,D,F,NoiseVariance,Ts)``, and a level.
+
+        B and F of several inputs are cell arrays, and empty without an input, as ``idpoly`` takes
+        them for a time series.  ``Level``, which ``idpoly`` does not have, stands beside them.
+        """
+        from evopem.models.polynomial_conversions import idpoly_arguments
+
+        return idpoly_arguments(self)
 
     @property
-    def transfer_function(self) -> tuple[Array, Array]:
-        """Numerator and denominator of G, or of H without an input, in descending powers of z."""
-        if self.has_input:
-            return powers_of_z(self.delayed_b, self.plant_denominator)
-        return powers_of_z(self.c, self.noise_denominator)
+    def transfer_functions(self) -> list[tuple[Array, Array]]:
+        """Numerator and denominator of each G_i, or of H without input, in powers of z."""
+        if not self.has_input:
+            return [powers_of_z(self.C, self.noise_denominator)]
+        return [
+            powers_of_z(_delayed(b, nk), np.convolve(self.A, f))
+            for b, f, nk in zip(self.B, self.F, self.nk, strict=True)
+        ]
+
+    def _columns(self, inputs: ArrayLike) -> Array:
+        """The inputs as columns, (N, m)."""
+        u = np.asarray(inputs, dtype=float)
+        if u.ndim == 1:
+            u = u[:, None]
+        if self.has_input and u.shape[1] != self.inputs:
+            raise ValueError(f"the model has {self.inputs} inputs, not {u.shape[1]}")
+        return u
+
+    def _backward_shift(self, frequencies: ArrayLike) -> NDArray[np.complex128]:
+        angles = np.asarray(frequencies, dtype=float) / self.sampling_rate
+        return np.asarray(np.exp(-2j * np.pi * angles), dtype=complex)
+
+
+def model_of(orders: Orders, parameters: Array, **attributes: Any) -> PolynomialModel:
+    """The model of orders and coefficients, with attributes as its constructor takes them."""
+
+    def monic(letter: str, place: int = 0) -> Array:
+        return np.concatenate([[1.0], parameters[orders.part(letter, place)]])
+
+    places = range(orders.inputs)
+    return PolynomialModel(
+        A=monic("a"),
+        B=tuple(np.array(parameters[orders.part("b", i)]) for i in places),
+        C=monic("c"),
+        D=monic("d"),
+        F=tuple(monic("f", i) for i in places),
+        nk=orders.nk,
+        structure=orders.structure,
+        **attributes,
+    )
 
 
 def _by_frequency(modes: list[Mode]) -> list[Mode]:
     return sorted(modes, key=lambda mode: mode.frequency_hz)
 
 
-def _signals(input: ArrayLike, output: ArrayLike) -> tuple[Array, Array]:  # noqa: A002
-    u, y = np.asarray(input, dtype=float), np.asarray(output, dtype=float)
-    if u.ndim != 1 or u.shape != y.shape:
-        raise ValueError(f"input and output must be of one length, not {u.shape} and {y.shape}")
-    return u, y
+def _arrays(given: Array | Sequence[ArrayLike]) -> tuple[Array, ...]:
+    """One array for each input; numbers are the array of one input, nothing is no input."""
+    if len(given) == 0:
+        return ()
+    if np.ndim(given[0]) == 0:
+        return (np.asarray(given, dtype=float),)
+    return tuple(np.asarray(each, dtype=float) for each in given)
+
+
+def _delayed(b: Array, nk: int) -> Array:
+    return np.concatenate([np.zeros(nk), b])
+
+
+def _ratio(above: Array, below: Array, z: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    polyval = np.polynomial.polynomial.polyval
+    # At a pole on the unit circle the response is infinite.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(polyval(z, above) / polyval(z, below), dtype=complex)
+
+
+def _impulse_response(above: Array, below: Array, samples: int) -> Array:
+    from scipy.signal import lfilter
+
+    impulse = np.zeros(samples)
+    impulse[:1] = 1.0
+    response: Array = lfilter(above, below, impulse)
+    return response
 
 
 def _with_impulses(signal: Array, impulses: ArrayLike | None) -> Array:

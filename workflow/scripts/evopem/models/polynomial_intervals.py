@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,23 +50,8 @@ def response_standard_errors(
         # Of a coefficient without a finite standard error, a step of its own size.
         size = deviation if 0.0 < deviation < np.inf else max(abs(point[index]), 1.0)
         step[index] = STEP * size
-        up, down = (response(_with_parameters(model, point + sign * step)) for sign in (1, -1))
+        up, down = (response(model.with_parameters(point + sign * step)) for sign in (1, -1))
         slopes.append((up - down) / (2.0 * step[index]))
     jacobian = np.array(slopes)
     errors = model.covariance.standard_errors(jacobian.reshape(len(point), -1).T)
     return errors.reshape(jacobian.shape[1:])
-
-
-def _with_parameters(model: PolynomialModel, parameters: Array) -> PolynomialModel:
-    """The model with other coefficients."""
-    o = model.orders
-    a, b, c, d, f = np.split(parameters, np.cumsum([o.na, o.nb, o.nc, o.nd]))
-    one = np.ones(1)
-    return replace(
-        model,
-        a=np.concatenate([one, a]),
-        b=b,
-        c=np.concatenate([one, c]),
-        d=np.concatenate([one, d]),
-        f=np.concatenate([one, f]),
-    )

@@ -11,6 +11,21 @@ from evopem.models.polynomial import PolynomialModel
 
 Array = NDArray[np.float64]
 
+FIRST_SHARE = 0.1
+"""Share of a recording without a past that determines the state of its simulation."""
+
+# Singular values below the first share of the largest one are left out, and more of them where the
+# errors are larger than the fit says by this factor: a filter with clustered poles amplifies
+# rounding.
+RANKS, ROUNDING = (1e-10, 1e-7, 1e-4), 1.01
+# Iterations of reweighted least squares towards least absolute deviations.
+REWEIGHTINGS = 5
+
+
+def first_samples(samples: int) -> int:
+    """How many of the samples of a recording without a past determine its state."""
+    return max(round(FIRST_SHARE * samples), 1)
+
 
 def estimate_simulation_state(
     model: PolynomialModel,
@@ -59,6 +74,88 @@ def simulate_with_fitted_level(
     return np.asarray(response + columns @ _fitted(columns, remainder))
 
 
+def simulate_from_first(
+    model: PolynomialModel,
+    input: Array,  # noqa: A002
+    output: Array,
+    known: int,
+    free_level: bool = False,
+    robust: bool = False,
+) -> Array:
+    """Simulation, (N,), from the initial state that the first outputs make most probable.
+
+    Of normal states with the second moments of a simulation from rest, in noise of the size that
+    the least-squares state leaves over the first outputs: a state that they hardly determine, as of
+    poles that zeros nearly cancel, stays small instead of growing over the samples behind them.
+
+    Parameters
+    ----------
+    model : PolynomialModel
+    input, output : (N,) arrays
+    known : int
+        Samples whose outputs count, at least 1.
+    free_level : bool
+        Whether a constant is fitted to the first outputs as well.
+    robust : bool
+        Whether the state has the least absolute instead of the least squared errors.
+    """
+    from scipy.signal import lfilter
+
+    a, b, n = model.plant_denominator, model.delayed_b, len(output)
+    with np.errstate(all="ignore"):
+        rest = lfilter(b, a, input)
+        response = rest + lfilter([model.level], model.A, np.ones(n))
+    count = min(model.state_dimension, n - 1)
+    states = _delayed(a, [1.0], count, n)
+    columns = np.column_stack([states, np.ones((n, int(free_level)))])
+    if not (np.isfinite(columns).all() and np.isfinite(response).all()):
+        return np.full(n, np.inf)
+    if columns.shape[1] == 0:
+        return np.asarray(response)
+    target, fitted = (output - response)[:known], columns[:known]
+    left = target - fitted @ _fitted(fitted, target)
+    freedom = known - columns.shape[1]
+    variance = float(left @ left) / freedom if freedom >= count else float(np.mean(target**2))
+    prior = np.zeros((count, columns.shape[1]))
+    if count and variance > 1e-20 * float(np.mean(target**2)):
+        moments, directions = np.linalg.eigh(_driven_moments(a, b, input, rest, count))
+        size = np.sqrt(np.maximum(moments, 1e-12 * max(moments[-1], 1e-300)))
+        prior[:, :count] = np.sqrt(variance) * (directions / size).T
+    return np.asarray(response + columns @ fitted_state(fitted, target, robust, prior))
+
+
+def fitted_state(
+    columns: Array, target: Array, robust: bool = False, prior: Array | None = None
+) -> Array:
+    """Least squares, or by reweighting nearly least absolute errors, (K,).
+
+    Parameters
+    ----------
+    columns, target : (N, K) and (N,) arrays
+    robust : bool
+    prior : (M, K) array, optional
+        Further rows, of target 0, that are not reweighted.
+    """
+    further = np.zeros((0, columns.shape[1])) if prior is None else prior
+    weights = np.ones(len(target))
+    for _ in range(REWEIGHTINGS + 1 if robust else 1):
+        rows = np.vstack([columns * weights[:, None], further])
+        found = _fitted(rows, np.concatenate([target * weights, np.zeros(len(further))]))
+        size = np.abs(target - columns @ found)
+        weights = 1.0 / np.sqrt(np.maximum(size, 0.1 * np.mean(size) + 1e-300))
+    return found
+
+
+def _driven_moments(a: Array, b: Array, input: Array, rest: Array, count: int) -> Array:  # noqa: A002
+    """Second moments of what the past adds to the next ``count`` equations, (count, count)."""
+    a, b = (np.pad(each, (0, max(count + 1 - len(each), 0))) for each in (a, b))
+    states = np.zeros((len(rest), count + 1))
+    for k in range(count - 1, -1, -1):
+        states[1:, k] = b[k + 1] * input[:-1] - a[k + 1] * rest[:-1] + states[:-1, k + 1]
+    states = states[:, :count]
+    return np.asarray(states.T @ states / len(rest))
+
+
 def estimate_prediction_states(
     model: PolynomialModel,
     input: Array,  # noqa: A002
@@ -67,7 +164,7 @@ def estimate_prediction_states(
     """Plant state (nf,) and noise state (max(nc, nd),) with the smallest prediction errors.
 
     Least squares over the whole stretch, for :meth:`PolynomialModel.residuals` and
-    :meth:`PolynomialModel.predict`.
+    :meth:`PolynomialModel.predict`; never worse than states at rest.
 
     Parameters
     ----------
@@ -77,10 +174,21 @@ def estimate_prediction_states(
     """
     orders = model.orders
     residuals = model.residuals(input, output)[orders.first_residual :]
-    through_plant = _delayed(np.convolve(model.c, model.f), model.d, orders.nf, len(residuals))
+    through_plant = _delayed(np.convolve(model.c, model.f), model.d, sum(orders.nf), len(residuals))
     through_noise = _delayed(model.c, [1.0], orders.noise_states, len(residuals))
-    states = _fitted(np.column_stack([through_plant, through_noise]), -residuals)
-    return states[: orders.nf], states[orders.nf :]
+    columns, plant = np.column_stack([through_plant, through_noise]), sum(orders.nf)
+    rest = np.zeros(columns.shape[1])
+    best, lowest = rest, float(residuals @ residuals)
+    for rcond in RANKS:
+        states = _fitted(columns, -residuals, rcond)
+        expected = residuals + columns @ states
+        found = model.residuals(input, output, states[:plant], states[plant:])
+        reached = float(np.sum(found[orders.first_residual :] ** 2))
+        if reached < lowest:
+            best, lowest = states, reached
+        if reached <= ROUNDING * float(expected @ expected):
+            break
+    return best[:plant], best[plant:]
 
 
 def estimate_level(
@@ -104,7 +212,7 @@ def estimate_level(
     residuals = replace(model, level=0.0).residuals(input, output)[orders.first_residual :]
     columns = [
         lfilter(model.d, model.c, -np.ones(len(residuals)))[:, None],
-        _delayed(np.convolve(model.c, model.f), model.d, orders.nf, len(residuals)),
+        _delayed(np.convolve(model.c, model.f), model.d, sum(orders.nf), len(residuals)),
         _delayed(model.c, [1.0], orders.noise_states, len(residuals)),
     ]
     return float(_fitted(np.column_stack(columns), -residuals)[0])
@@ -123,7 +231,7 @@ def _delayed(denominator: Array, numerator: Array | list[float], count: int, sam
     return columns
 
 
-def _fitted(columns: Array, target: Array) -> Array:
+def _fitted(columns: Array, target: Array, rcond: float = RANKS[0]) -> Array:
     if columns.shape[1] == 0:
         return np.empty(0)
-    return np.asarray(np.linalg.lstsq(columns, target, rcond=1e-10)[0], dtype=float)
+    return np.asarray(np.linalg.lstsq(columns, target, rcond=rcond)[0], dtype=float)

@@ -71,7 +71,7 @@ def _response_columns(
         names = ("gain", "gain_lower", "gain_upper", "phase_deg", "phase_se_deg")
         return {name: np.full(len(frequencies), np.nan) for name in names}
     of = model.frequency_response if which == "plant" else model.noise_response
-    response = of(frequencies)
+    response = of(frequencies)[..., 0, 0]
     lower, upper, phase_error = response_interval(model, frequencies, which)
     return {
         "gain": np.abs(response),

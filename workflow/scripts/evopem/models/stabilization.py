@@ -6,13 +6,12 @@ fit noise do not.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from statistics import median
-from typing import Literal
+from typing import Literal, Protocol
 
-from evopem.models.modes import Mode
 from evopem.models.polynomial import PolynomialModel
 
 # A pole is stable from one order to the next when its natural frequency changes by less than 1 %
@@ -63,10 +62,29 @@ def stabilization(models: Iterable[tuple[int, PolynomialModel, float]]) -> list[
     for order, model, bic in models:
         if order not in best or bic < best[order][0]:
             best[order] = (bic, model)
+    return stabilization_of_modes({order: model.modes() for order, (_, model) in best.items()})
+
+
+class ModeOfOrder(Protocol):
+    """What is compared of a mode."""
+
+    @property
+    def frequency_hz(self) -> float:
+        """Natural frequency in Hz."""
+
+    @property
+    def damping_ratio(self) -> float:
+        """Damping ratio."""
+
+
+def stabilization_of_modes(
+    modes_of: Mapping[int, Sequence[ModeOfOrder]],
+) -> list[StabilizationPole]:
+    """The same of modes by the order of their model."""
     poles: list[StabilizationPole] = []
-    below: list[Mode] = []
-    for order in sorted(best):
-        modes = best[order][1].modes()
+    below: Sequence[ModeOfOrder] = []
+    for order in sorted(modes_of):
+        modes = modes_of[order]
         poles += [
             StabilizationPole(order, mode.frequency_hz, mode.damping_ratio, _status(mode, below))
             for mode in modes
@@ -96,7 +114,7 @@ def persistent_frequencies(poles: Sequence[StabilizationPole]) -> list[float]:
     ]
 
 
-def _status(mode: Mode, below: Sequence[Mode]) -> Status:
+def _status(mode: ModeOfOrder, below: Sequence[ModeOfOrder]) -> Status:
     width = FREQUENCY_TOLERANCE * mode.frequency_hz
     near = [other for other in below if abs(other.frequency_hz - mode.frequency_hz) <= width]
     if not near:

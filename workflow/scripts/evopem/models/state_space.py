@@ -8,11 +8,13 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from evopem.models.modes import Mode, state_space_modes
 from evopem.models.parameter_covariance import ParameterCovariance
-from evopem.models.state_space_modes import ShapedMode, shaped_modes
 
 Array = NDArray[np.float64]
-Form = Literal["innovations", "output_error"]
+StateSpaceStructure = Literal["ss", "ss_oe", "ss_oe_drift", "ss_bj"]
+PlainStructure = Literal["ss", "ss_oe"]
+"""Innovations form with K, and output-error form without."""
 
 # Singular values of the response to an initial state below this share of the largest one say
 # nothing about the state.
@@ -43,7 +45,7 @@ class StateSpaceModel:
     covariance : ParameterCovariance, optional
         Of all entries of ``[A, B, C, D, K, level]``, row by row.  It has the rank of what the
         data determine; what does not depend on the choice of states has its correct variance.
-    form : {"innovations", "output_error"}
+    structure : {"ss", "ss_oe"}
     input_names, output_names : tuple of str
         Empty where the channels have no names.
     """
@@ -58,7 +60,7 @@ class StateSpaceModel:
     noise_covariance: Array
     input_delays: tuple[int, ...] = ()
     covariance: ParameterCovariance | None = None
-    form: Form = "innovations"
+    structure: PlainStructure = "ss"
     input_names: tuple[str, ...] = ()
     output_names: tuple[str, ...] = ()
 
@@ -300,9 +302,9 @@ class StateSpaceModel:
         """Responses to unit steps at sample 0, (samples, ny, nu)."""
         return np.cumsum(self.impulse_response(samples), axis=0)
 
-    def modes(self) -> list[ShapedMode]:
+    def modes(self) -> list[Mode]:
         """Oscillating modes with complex shapes and standard errors, by frequency."""
-        return shaped_modes(
+        return state_space_modes(
             self.A, self.B, self.C, self.K, self.level.size, self.sampling_rate, self.covariance
         )
 
@@ -345,7 +347,7 @@ class StateSpaceModel:
         m = self.without_delays()
         return StateSpace(m.A, m.B, m.C, m.D, dt=1.0 / self.sampling_rate)
 
-    def idss_arguments(self) -> dict[str, Array]:
+    def matlab_arguments(self) -> dict[str, ArrayLike]:
         """Arguments of MATLAB's ``idss(A,B,C,D,K,'Ts',Ts,'NoiseVariance',L,'InputDelay',d)``.
 
         ``Level``, which ``idss`` does not have, stands beside them.

@@ -9,15 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.models.gain_interval import NORMAL_95
+from evopem.models.modes import Mode
 from evopem.models.state_space import StateSpaceModel
-from evopem.models.state_space_modes import ShapedMode
 
 Array = NDArray[np.float64]
 Column = list[float] | list[str] | list[int] | Array
 
 
 def shaped_modes_table(
-    modes: Sequence[ShapedMode], input_names: Sequence[str], output_names: Sequence[str]
+    modes: Sequence[Mode], input_names: Sequence[str], output_names: Sequence[str]
 ) -> dict[str, Column]:
     """One row for each mode and output: what holds of the mode stands in each of its rows."""
     rows = [

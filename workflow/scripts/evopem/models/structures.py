@@ -1,58 +1,118 @@
-"""Orders of the general polynomial model ``A y = (B/F) u q^-nk + (C/D) e``, and its structures."""
+"""Orders of the polynomial model ``A y = sum_i (B_i/F_i) u_i q^-nk_i + (C/D) e + level``."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from numbers import Integral
-from typing import Any
+from typing import Any, NamedTuple
 
 from evopem.config.structures import ORDER_NAMES, STRUCTURES, structure_name
 
+PER_INPUT = ("nb", "nf", "nk")
+"""Orders that each input has its own of."""
 
-@dataclass(frozen=True, order=True)
-class PolynomialOrders:
-    """Orders of a general polynomial model, named as by Ljung (1999).
+Numbers = int | Sequence[int]
 
-    ``na``, ``nc``, ``nd`` and ``nf`` are the degrees of A, C, D and F; ``nb`` is the number of
-    coefficients of B, the first of which stands at lag ``nk``.  A model without input has
-    ``nb = 0``.
 
-    ``structure`` is a key of :data:`evopem.config.structures.STRUCTURES`, by default the smallest
-    one that has these orders.  It has no part in comparisons: an output-error model is also a
-    Box-Jenkins model.
+class SingleOrders(NamedTuple):
+    """Orders of a model with one input, as plain numbers; nb, nf and nk are 0 without an input."""
+
+    na: int
+    nb: int
+    nc: int
+    nd: int
+    nf: int
+    nk: int
+
+
+@dataclass(frozen=True, order=True, init=False, kw_only=True)
+class Orders:
+    """Orders of a polynomial model with any number of inputs, named as by Ljung (1999).
+
+    Attributes
+    ----------
+    na, nc, nd : int
+        Degrees of A, C and D.
+    nb, nf, nk : tuple of int
+        One entry for each input: coefficients of B_i, the first of which stands at lag nk_i, and
+        the degree of F_i.  A number stands for one input; ``nb = 0`` for none.
+    structure : str
+        A key of :data:`evopem.config.structures.STRUCTURES`, by default the smallest one that has
+        these orders.  It has no part in comparisons: an output-error model is also a Box-Jenkins
+        model.
 
     Examples
     --------
-    >>> print(PolynomialOrders(na=7, nb=6, nc=7, nk=3))
+    >>> print(Orders(na=7, nb=6, nc=7, nk=3))
     ARMAX(7,6,7,3)
-    >>> print(PolynomialOrders(nb=4, nf=4, nk=1))
-    OE(4,4,1)
-    >>> print(PolynomialOrders(nb=4, nf=4, nk=1, structure="bj"))
+    >>> print(Orders("bj", nb=4, nf=4, nk=1))
     BJ(4,0,0,4,1)
+    >>> print(Orders(na=2, nb=(2, 1), nc=2, nk=(1, 3)))
+    ARMAX(2,[2 1],2,[1 3])
     """
 
     na: int = 0
-    nb: int = 0
+    nb: tuple[int, ...] = ()
     nc: int = 0
     nd: int = 0
-    nf: int = 0
-    nk: int = 0
+    nf: tuple[int, ...] = ()
+    nk: tuple[int, ...] = ()
     structure: str = field(default="", compare=False)
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "structure", self.structure or self._smallest_structure())
-        if min(self.na, self.nb, self.nc, self.nd, self.nf, self.nk) < 0:
+    def __init__(
+        self,
+        structure: str = "",
+        *,
+        na: int = 0,
+        nb: Numbers = (),
+        nc: int = 0,
+        nd: int = 0,
+        nf: Numbers = 0,
+        nk: Numbers = 0,
+    ) -> None:
+        counts = () if nb == 0 else _entries(nb, 1)
+        of_inputs = {name: _entries(each, len(counts)) for name, each in (("nf", nf), ("nk", nk))}
+        if not counts and (_has_order(nf) or _has_order(nk)):
+            raise ValueError("without an input, nb = 0, nf and nk must be 0")
+        if not counts:
+            of_inputs = dict.fromkeys(of_inputs, ())
+        values = {"na": na, "nb": counts, "nc": nc, "nd": nd} | of_inputs
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+        object.__setattr__(self, "structure", structure or self._smallest_structure())
+        if len({len(self.nb), len(self.nf), len(self.nk)}) > 1:
+            raise ValueError(f"{self}: nb, nf and nk need one entry for each input")
+        if min(self.na, self.nc, self.nd, *self.nb, *self.nf, *self.nk) < 0:
             raise ValueError(f"{self} has a negative order")
-        if self.nb == 0 and (self.nf or self.nk):
-            raise ValueError(f"{self} has nb = 0: without an input nf and nk must be 0")
+        if self.nb and min(self.nb) < 1:
+            raise ValueError(f"{self}: nb must be at least 1 for each input")
         if self.parameters == 0:
             raise ValueError(f"{self} has no parameter")
 
     @property
+    def inputs(self) -> int:
+        """Number of inputs."""
+        return len(self.nb)
+
+    @property
+    def single(self) -> SingleOrders:
+        """The orders as numbers, of a model with at most one input.
+
+        Raises
+        ------
+        ValueError
+            When there are several inputs.
+        """
+        if len(self.nb) > 1:
+            raise ValueError(f"{self} has {len(self.nb)} inputs, not one")
+        nb, nf, nk = (sum(each) for each in (self.nb, self.nf, self.nk))
+        return SingleOrders(self.na, nb, self.nc, self.nd, nf, nk)
+
+    @property
     def parameters(self) -> int:
-        """Number of coefficients, na + nb + nc + nd + nf."""
-        return self.na + self.nb + self.nc + self.nd + self.nf
+        """Number of coefficients of all polynomials."""
+        return self.na + sum(self.nb) + self.nc + self.nd + sum(self.nf)
 
     @property
     def noise_states(self) -> int:
@@ -62,68 +122,127 @@ class PolynomialOrders:
     @property
     def first_residual(self) -> int:
         """Index of the first residual whose past inputs and outputs are measured."""
-        return max(self.na, self.nk + self.nb - 1, 0)
+        return max(self.na, *(nk + nb - 1 for nk, nb in zip(self.nk, self.nb, strict=True)), 0)
 
-    def contains(self, other: PolynomialOrders) -> bool:
+    @property
+    def plant(self) -> int:
+        """The largest degree of A and F_i; without poles the largest number of B's coefficients."""
+        return max((self.na, *self.nf)) or max(self.nb)
+
+    def part(self, letter: str, place: int = 0) -> slice:
+        """Where the coefficients of a, c, d, or of b or f of an input, stand in the parameters.
+
+        They are ``[a, b_1 ... b_m, c, d, f_1 ... f_m]``; a part of an input that is not there is
+        empty.
+        """
+        lengths = [self.na, *self.nb, self.nc, self.nd, *self.nf]
+        m = self.inputs
+        at = {"a": 0, "b": 1 + place, "c": 1 + m, "d": 2 + m, "f": 3 + m + place}[letter]
+        first = sum(lengths[:at])
+        exists = letter in "acd" or place < m
+        return slice(first, first + (lengths[at] if exists else 0))
+
+    def contains(self, other: Orders) -> bool:
         """Whether every model of other orders is one of these, with zeros added."""
+        pairs = zip(self.nb, self.nf, self.nk, other.nb, other.nf, other.nk, strict=False)
         return (
-            all(getattr(other, name) <= getattr(self, name) for name in ("na", "nc", "nd", "nf"))
-            and (other.nb == 0 or other.nk >= self.nk)
-            and (other.nb == 0 or other.nk + other.nb <= self.nk + self.nb)
+            all(getattr(other, name) <= getattr(self, name) for name in ("na", "nc", "nd"))
+            and other.inputs in (0, self.inputs)
+            and all(f <= nf and k >= nk and k + b <= nk + nb for nb, nf, nk, b, f, k in pairs)
         )
 
     def _smallest_structure(self) -> str:
         return next(
             name
             for name, names in STRUCTURES.items()
-            if all(getattr(self, order) == 0 for order in ORDER_NAMES if order not in names)
+            if not any(
+                any(getattr(self, order)) if order in PER_INPUT else getattr(self, order)
+                for order in ORDER_NAMES
+                if order not in names
+            )
         )
 
     def __str__(self) -> str:
-        orders = ",".join(str(getattr(self, name)) for name in STRUCTURES[self.structure])
-        return f"{structure_name(self.structure)}({orders})"
+        texts = []
+        for name in STRUCTURES[self.structure]:
+            value = getattr(self, name)
+            if name in PER_INPUT:
+                value = sum(value) if len(value) < 2 else f"[{' '.join(map(str, value))}]"
+            texts.append(str(value))
+        return f"{structure_name(self.structure)}({','.join(texts)})"
 
 
-def armax_orders(na: int, nb: int, nc: int, nk: int) -> PolynomialOrders:
-    """Orders of an ARMAX model, as MATLAB's ``armax`` has them."""
-    return PolynomialOrders(na=na, nb=nb, nc=nc, nk=nk, structure="armax")
+def _entries(numbers: Numbers, count: int) -> tuple[int, ...]:
+    return tuple(numbers) if isinstance(numbers, Sequence) else (numbers,) * count
+
+
+def _has_order(numbers: Numbers) -> bool:
+    return any(numbers) if isinstance(numbers, Sequence) else numbers != 0
+
+
+def armax_orders(na: int, nb: int, nc: int, nk: int) -> Orders:
+    """Orders of an ARMAX model with one input, as MATLAB's ``armax`` has them."""
+    return Orders("armax", na=na, nb=nb, nc=nc, nk=nk)
 
 
 def orders_of(
-    structure: str, orders: PolynomialOrders | Mapping[str, int] | Sequence[int]
-) -> PolynomialOrders:
+    structure: str, orders: Orders | Mapping[str, Any] | Sequence[Any], inputs: int = 1
+) -> Orders:
     """Orders of a structure from a mapping of names, or from MATLAB's tuple for that structure.
 
     Parameters
     ----------
     structure : str
         A key of :data:`STRUCTURES`.
-    orders : PolynomialOrders, mapping or sequence of int
-        A mapping may leave out orders that are 0.
+    orders : Orders, mapping or sequence
+        Of nb, nf and nk one number for all inputs, or a sequence with one for each.  A mapping may
+        leave out orders that are 0.
+    inputs : int
 
     Raises
     ------
     ValueError
-        When the structure is not known, or does not have an order that is given.
+        When the structure is not known, does not have an order that is given, or a sequence is not
+        as long as there are inputs.
 
     Examples
     --------
     >>> orders_of("oe", (4, 3, 1)) == orders_of("oe", {"nb": 4, "nf": 3, "nk": 1})
     True
-    >>> orders_of("bj", {"nb": 2, "nf": 2, "nd": 1}).structure
-    'bj'
+    >>> print(orders_of("oe", {"nb": 2, "nf": [2, 1], "nk": 1}, inputs=2))
+    OE([2 2],[2 1],[1 1])
     """
     if structure not in STRUCTURES:
         raise ValueError(f"structure must be one of {', '.join(STRUCTURES)}, not {structure!r}")
-    if isinstance(orders, PolynomialOrders):
-        orders = {name: getattr(orders, name) for name in ORDER_NAMES if getattr(orders, name)}
-    given = named_orders(structure, orders)
-    for name, order in given.items():
-        if isinstance(order, bool) or not isinstance(order, Integral):
-            raise ValueError(f"order {name} must be a whole number, not {order!r}")
-    return PolynomialOrders(
-        **{name: int(order) for name, order in given.items()}, structure=structure
-    )
+    if inputs > 1 and "nb" not in STRUCTURES[structure]:
+        known = ", ".join(name for name in STRUCTURES if "nb" in STRUCTURES[name])
+        raise ValueError(f"with inputs, structure must be one of {known}, not {structure!r}")
+    if isinstance(orders, Orders):
+        if orders.structure == structure:
+            return orders
+        inputs = orders.inputs or inputs
+        orders = {name: each for name in ORDER_NAMES if (each := getattr(orders, name))}
+        orders = {
+            name: each
+            for name, each in orders.items()
+            if name in STRUCTURES[structure] or name not in PER_INPUT or any(each)
+        }
+    given: dict[str, Any] = {}
+    for name, value in named_orders(structure, orders).items():
+        several = isinstance(value, Sequence) and not isinstance(value, str)
+        numbers = tuple(value) if several else (value,)
+        if any(isinstance(each, bool) or not isinstance(each, Integral) for each in numbers):
+            raise ValueError(f"order {name} must be a whole number, not {value!r}")
+        if several and name not in PER_INPUT:
+            raise ValueError(f"order {name} is one number for all inputs, not {value!r}")
+        if several and len(numbers) != inputs:
+            raise ValueError(f"{inputs} inputs need {inputs} orders {name}, not {value!r}")
+        numbers = tuple(map(int, numbers))
+        if name in PER_INPUT:
+            given[name] = numbers if several else numbers * inputs
+        else:
+            given[name] = numbers[0]
+    return Orders(structure, **given)
 
 
 def named_orders(structure: str, orders: Mapping[str, Any] | Sequence[Any]) -> dict[str, Any]:

@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from evopem.figures.comparison import (
-    MODES,
-    RESPONSES,
-    SIMULATIONS,
-    draw_compared_modes,
-    draw_compared_responses,
-    draw_compared_simulations,
-)
-from evopem.files.atomic import write_text
+from evopem.figures.chart import Chart
+from evopem.figures.comparison import compared_modes, compared_responses, compared_simulations
+from evopem.figures.draw import draw, grid_of
+from evopem.files.atomic import write_page
 from evopem.notebook.drawing import pyplot_panels
 from evopem.pipeline.packages import FOR_FIGURES, FOR_REPORT, check_packages
 from evopem.report.comparison_text import comparison_text
@@ -25,8 +20,6 @@ from evopem.results.comparison import Comparison
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-    from evopem.figures.style import Grid
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -59,15 +52,15 @@ class ModelComparison:
 
     def plot_frequency_responses(self, axes: Sequence[Axes] | None = None) -> list[Axes]:
         """Gain and phase of every model, on two axes."""
-        return self._on(RESPONSES, axes, draw_compared_responses)
+        return self._on(compared_responses(self.comparison), axes)
 
     def plot_simulations(self, axes: Axes | None = None) -> Axes:
         """First validation samples, measured and simulated by every model."""
-        return self._on(SIMULATIONS, axes, _on_one(draw_compared_simulations))[0]
+        return self._on(compared_simulations(self.comparison), axes)[0]
 
     def plot_modes(self, axes: Axes | None = None) -> Axes:
         """Damping over frequency with 95 % intervals; open where a mode is not to be trusted."""
-        return self._on(MODES, axes, _on_one(draw_compared_modes))[0]
+        return self._on(compared_modes(self.comparison), axes)[0]
 
     def report(self, file: str | Path) -> Path:
         """Write the comparison as one HTML page that loads no other file.
@@ -81,20 +74,11 @@ class ModelComparison:
         from evopem.report.comparison_page import build_comparison
         from evopem.report.templates import template_folder
 
-        write_text(file, build_comparison(self.comparison, template_folder()))
+        write_page(file, build_comparison(self.comparison, template_folder()))
         return Path(file)
 
-    def _on(self, grid: Grid, axes: Any, draw: Callable[..., object]) -> list[Axes]:
+    def _on(self, chart: Chart, axes: Any) -> list[Axes]:
         check_packages(FOR_FIGURES, "plot", "the figures")
-        own = pyplot_panels(grid, axes)
-        draw(self.comparison, axes=own)
+        own = pyplot_panels(grid_of(chart), axes)
+        draw(chart, own)
         return own
-
-
-def _on_one(draw: Callable[..., object]) -> Callable[..., object]:
-    """A drawing on one panel, called with a list of one."""
-
-    def on_list(comparison: Comparison, axes: list[Axes]) -> None:
-        draw(comparison, axes=axes[0])
-
-    return on_list

@@ -25,6 +25,10 @@ def pyplot_panels(grid: Grid, axes: Any = None) -> list[Axes]:
         return grid.panels(axes)
     from matplotlib import pyplot, rc_context
 
+    # The backend starts with the first figure and sets parameters of its own, such as that figures
+    # are shown: a context around its start would take these back.
+    if getattr(pyplot, "_backend_mod", None) is None:
+        pyplot.close(pyplot.figure())
     with rc_context(PARAMETERS | _PAPER):
         size = (grid.width, grid.height)
         return grid.on(pyplot.figure(figsize=size, layout="constrained"))

@@ -12,34 +12,37 @@ from evopem.config.dataset_names import RESULTS_FOLDER
 from evopem.config.defaults import complete
 from evopem.config.environment import check_environment
 from evopem.config.schema import schema_file
-from evopem.config.settings import DatasetSettings
-from evopem.config.yaml_form import read_settings
+from evopem.config.state_space_keys import NO_INPUT
+from evopem.config.yaml_form import one_or_list
 from evopem.errors import InputError
-from evopem.notebook.signals import DATA, GivenSignals, alike, given_recordings
+from evopem.notebook.signals import DATA, GivenSignals, Wanted, alike, given_recordings
 from evopem.pipeline.packages import FOR_RESULTS, check_packages
+from evopem.results.identity import check_results
 from evopem.results.layout import DatasetFiles
 
 if TYPE_CHECKING:
-    from evopem.notebook.results import IdentificationResults
+    from evopem.notebook.results import Results
+    from evopem.pipeline.stages import Dataset
 
 VALIDATION = "validation"
 """What the files of the validation recordings are called, as an error calls them."""
 
-_OWN_KEYS = ("file", "validation_file", "input", "output", "time", "sampling_rate", "synthesis")
+_OWN_KEYS = ("file", "validation_file", "sampling_rate", "synthesis")
 
 
 def identify(
     data: Any,
-    output: Any,
+    output: Any = None,
     sampling_rate: float | None = None,
     *,
     input: Any = None,  # noqa: A002 - the field's word
     time: Any = None,
+    time_unit: str | None = None,
     validation: Any = None,
     name: str = "data",
     show_progress: bool = True,
     **keys: Any,
-) -> IdentificationResults:
+) -> Results:
     """Identify a system from signals in memory: one call, the automatic recipe, all results.
 
     Preparation, delay, structure and orders are decided from the estimation samples, the first
@@ -48,15 +51,18 @@ def identify(
 
     Parameters
     ----------
-    data : pandas.DataFrame, pandas.Series or array_like, shape (N,)
-        A table whose columns ``input`` and ``output`` name; or the samples of the input. None
+    data : pandas.DataFrame, pandas.Series or array_like, shape (N,) or (N, m)
+        A table whose columns ``input`` and ``output`` name; or the samples of the inputs. None
         where there is no input. Several recordings of one system are a list of these.
-    output : column label, or pandas.Series or array_like, shape (N,)
-        Of several recordings in arrays, a list as well.
+    output : column label or list of them; or pandas.Series, DataFrame or array_like
+        The outputs: labels of a table, or samples of shape (N,) or (N, l). Of several recordings
+        in arrays, a list as well.
     sampling_rate : float, optional
         Hz. Left out, it is that of `time`, or of an index of dates, durations or seconds.
-    input, time : column label, optional
+    input, time : column label, or list of them for several inputs, optional
         Of a table alone.
+    time_unit : str, optional
+        Unit of the times, where it is not told: s, ms, us, ns, min, h or d.
     validation : pandas.DataFrame, or pair of arrays (input, output), optional
         An independent recording of the same channels for validation, or a list of tables or a
         pair of lists for several. All samples of `data` then serve estimation.
@@ -71,7 +77,7 @@ def identify(
 
     Returns
     -------
-    IdentificationResults
+    Results
         Its files lie in a temporary folder for as long as the object exists.
 
     Raises
@@ -95,13 +101,14 @@ def identify(
     """
     check_packages(FOR_RESULTS, "identify", "the tables of the results")
     check_environment(os.environ)
-    recorded = given_recordings(data, output, input, time, sampling_rate)
-    held_out = _validation_signals(validation, recorded[0], output, input, time, sampling_rate)
+    wanted = Wanted(output, input, time, sampling_rate, time_unit)
+    recorded = given_recordings(data, wanted)
+    held_out = _validation_signals(validation, recorded[0], wanted)
     settings = _settings(name, recorded, held_out, keys)
     from evopem.blas_threads import one_blas_thread
     from evopem.notebook.progress import progress
-    from evopem.notebook.results import IdentificationResults
-    from evopem.pipeline.identification import identify_recording
+    from evopem.notebook.results import Results
+    from evopem.pipeline.identification import identify_dataset
 
     folder = TemporaryDirectory(prefix="evopem-", ignore_cleanup_errors=True)
     root = Path(folder.name)
@@ -112,14 +119,14 @@ def identify(
     files = DatasetFiles(str(root / RESULTS_FOLDER / name))
     with one_blas_thread(), progress(show_progress) as announce:
         try:
-            identify_recording(files, settings, False, announce=announce, folder=root)
+            identify_dataset(files, settings, False, announce=announce, folder=root)
         except InputError as error:
             raise _of_signals(error, root) from None
-    return IdentificationResults.of(files, settings, folder)
+    return Results.of(files, settings, folder)
 
 
-def read_results(folder: str | Path) -> IdentificationResults:
-    """Open the results that the workflow, the command or :meth:`IdentificationResults.save` wrote.
+def read_results(folder: str | Path) -> Results:
+    """Open the results that the workflow, the command or :meth:`Results.save` wrote.
 
     Parameters
     ----------
@@ -129,25 +136,26 @@ def read_results(folder: str | Path) -> IdentificationResults:
     Raises
     ------
     InputError
-        When a file is missing or damaged.
+        When the results are unfinished, or a file is missing, changed or damaged.
     """
     check_packages(FOR_RESULTS, "read_results", "the tables of the results")
-    from evopem.notebook.results import IdentificationResults
+    from evopem.notebook.results import Results
+    from evopem.pipeline.identification import read_any_settings
 
     files = DatasetFiles(str(folder))
-    return IdentificationResults.of(files, read_settings(files.config))
+    if not Path(files.config).is_file():
+        raise InputError(
+            str(folder), "holds no results of a data set", "give a folder such as results/arm"
+        )
+    check_results(files)
+    return Results.of(files, read_any_settings(files.config))
 
 
 def _validation_signals(
-    given: Any,
-    first: GivenSignals,
-    output: Any,
-    input: Any,  # noqa: A002
-    time: Any,
-    sampling_rate: float | None,
+    given: Any, first: GivenSignals, wanted: Wanted
 ) -> tuple[GivenSignals, ...]:
     """The signals of the validation recordings, under the names of the others."""
-    source = "validation"
+    source = VALIDATION
     if given is None:
         return ()
     tables = [given] if hasattr(given, "columns") else given
@@ -155,11 +163,12 @@ def _validation_signals(
         raise InputError(
             source, "it is neither a table nor a pair of signals", "give (input, output)"
         )
-    if all(hasattr(each, "columns") for each in tables):
-        found = given_recordings(given, output, input, time, sampling_rate, source)
+    if all(hasattr(each, "columns") for each in tables) and not hasattr(wanted.output, "iloc"):
+        found = given_recordings(given, wanted, source)
     elif len(tables) == 2:
         inputs, outputs = tables
-        found = given_recordings(inputs, outputs, None, None, sampling_rate, source)
+        own = Wanted(outputs, sampling_rate=wanted.sampling_rate, time_unit=wanted.time_unit)
+        found = given_recordings(inputs, own, source)
     else:
         raise InputError(source, f"it has {len(tables)} signals", "give (input, output)")
     return tuple(alike(each, first, source) for each in found)
@@ -170,7 +179,7 @@ def _settings(
     recorded: Sequence[GivenSignals],
     held_out: Sequence[GivenSignals],
     keys: Mapping[str, Any],
-) -> DatasetSettings:
+) -> Dataset:
     """The settings that a data set of these keys has in a configuration."""
     signals = recorded[0]
     if signals.sampling_rate is None:
@@ -179,29 +188,33 @@ def _settings(
         if key in keys:
             raise InputError(key, "it is no key of the analysis", "leave it out")
     own: dict[str, Any] = {
-        "recipe": "auto",
         "file": _files(DATA, recorded),
-        "output": signals.output_name,
+        "output": one_or_list(signals.output_names),
         "sampling_rate": float(signals.sampling_rate),
     }
-    if signals.input is not None:
-        own["input"] = signals.input_name
+    if signals.input_names:
+        own["input"] = one_or_list(signals.input_names)
+    elif len(signals.output_names) > 1:
+        own["input"] = NO_INPUT
+    if len(signals.input_names) <= 1 and len(signals.output_names) == 1:
+        own["recipe"] = "auto"
     if held_out:
         own["validation_file"] = _files(VALIDATION, held_out)
     try:
-        content = {"datasets": {name: own | dict(keys)}}
+        content = {"datasets": {name: own | _as_lists(keys)}}
         completed = complete(content, schema_file(), "identify")
     except InputError as error:
         key = error.place.removeprefix(f"datasets.{name}").lstrip(".")
         place = "name" if key == "datasets" else key or "identify"
         raise InputError(place, error.problem, error.remedy) from None
-    if name not in completed.single_channel:
-        raise InputError(
-            "structure",
-            "a state-space model is not identified in one call",
-            "run the workflow, or use estimate_state_space",
-        )
-    return completed.single_channel[name]
+    return completed.datasets[name]
+
+
+def _as_lists(value: Any) -> Any:
+    """Keys of a configuration with lists where Python has tuples."""
+    if isinstance(value, Mapping):
+        return {key: _as_lists(each) for key, each in value.items()}
+    return [_as_lists(each) for each in value] if isinstance(value, list | tuple) else value
 
 
 def _files(what: str, recordings: Sequence[GivenSignals]) -> list[str]:

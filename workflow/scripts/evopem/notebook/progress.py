@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 
 from evopem.pipeline.identification import Announce
-from evopem.pipeline.progress import ProgressLine, stage_title
+from evopem.pipeline.progress import ProgressLine
 
 
 @contextmanager
@@ -55,7 +55,7 @@ def _tqdm() -> Iterator[Announce]:
 
     def announce(stage: str, number: int, stages: int) -> None:
         bar.total = stages
-        bar.set_description_str(stage_title(stage), refresh=False)
+        bar.set_description_str(stage, refresh=False)
         bar.n = number - 1
         bar.refresh()
 
@@ -75,7 +75,7 @@ def _rich() -> Iterator[Announce]:
         task = shown.add_task("", total=None)
 
         def announce(stage: str, number: int, stages: int) -> None:
-            shown.update(task, description=stage_title(stage), total=stages, completed=number - 1)
+            shown.update(task, description=stage, total=stages, completed=number - 1)
 
         yield announce
 
@@ -91,7 +91,7 @@ def _display() -> Iterator[Announce]:
     handle = shown(text(""), raw=True, display_id=True)
 
     def announce(stage: str, number: int, stages: int) -> None:
-        handle.update(text(f"{number}/{stages} {stage_title(stage)}"), raw=True)
+        handle.update(text(f"{number}/{stages} {stage}"), raw=True)
 
     try:
         yield announce

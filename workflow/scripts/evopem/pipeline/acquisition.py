@@ -1,4 +1,4 @@
-"""Acquisition: a recorded file or a simulated recording, in one fixed form."""
+"""Acquisition: recorded files, in one fixed form."""
 
 from __future__ import annotations
 
@@ -6,69 +6,86 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from evopem.config.settings import ChannelSettings
+from evopem.config.state_space_settings import ChannelLists, Geometry
 from evopem.files.json_form import load, save
-from evopem.signals.channel_roles import roles_of
-from evopem.signals.inspection import may_tell_time, time_told
+from evopem.results.layout import DatasetFiles
+from evopem.signals.channel_roles import ChannelRoles, roles_of
 from evopem.signals.joining import joined
-from evopem.signals.readers.channels import Reference
-from evopem.signals.reading import read_measured
-from evopem.signals.recording import save_recording
-from evopem.signals.recording_info import RecordingInfo, describe_recorded_files
+from evopem.signals.reading import read_measured, with_time_told
+from evopem.signals.recording import Recording, save_recording
+from evopem.signals.recording_info import (
+    RecordingInfo,
+    check_measured_places,
+    describe_file,
+    describe_recording,
+)
 
 
 def read_recording(
-    recorded: Sequence[str],
-    channels: ChannelSettings,
-    recording_file: str,
-    info_file: str,
-    folder: str | Path = "",
+    files: DatasetFiles,
+    recorded: tuple[str, ...],
+    channels: ChannelLists,
     told: bool = False,
-    told_in: str = "",
+    geometry: Geometry | None = None,
+    folder: str | Path = "",
 ) -> None:
     """Read the input and output channels of a recorded file, or of several that are one data set.
 
     Parameters
     ----------
-    recorded : sequence of str
+    files : DatasetFiles
+    recorded : tuple of str
         The recorded files, as the settings name them.
-    channels : ChannelSettings
-    recording_file, info_file : str
-        Where samples and origin are written.
-    folder : path
-        What relative paths are relative to; the working directory by default.
+    channels : ChannelLists
     told : bool
         Whether input, output and time are told from the first file, where it has a time.
-    told_in : str
-        The origin of another recording of the data set, whose channels these are; empty for none.
+    geometry : Geometry, optional
+        Its channels must be outputs.
+    folder : path
+        What relative paths are relative to; the working directory by default.
 
     Raises
     ------
     InputError
         When a file cannot be read, or the recordings are not of the same channels and rate.
     """
-    roles = None
-    if told and told_in:
-        roles = load(RecordingInfo, told_in).roles
-    elif told:
-        roles = roles_of(Path(folder) / recorded[0])
+    roles = roles_of(Path(folder) / recorded[0]) if told else None
+    recording, info = _read(recorded, channels, roles, folder)
+    check_measured_places(geometry, recording.output_names, f"datasets.{files.name}.geometry")
+    save_recording(recording, files.recording)
+    save(info, files.recording_info)
+
+
+def read_validation_recording(
+    files: DatasetFiles,
+    recorded: tuple[str, ...],
+    channels: ChannelLists,
+    told: bool = False,
+    folder: str | Path = "",
+) -> None:
+    """Read the recordings for validation, whose channels are those of the other recordings."""
+    roles = load(RecordingInfo, files.recording_info).roles if told else None
+    recording, info = _read(recorded, channels, roles, folder)
+    save_recording(recording, files.validation_recording)
+    save(info, files.validation_recording_info)
+
+
+def _read(
+    recorded: Sequence[str], channels: ChannelLists, roles: ChannelRoles | None, folder: str | Path
+) -> tuple[Recording, RecordingInfo]:
     if roles is not None:
-        channels = replace(channels, input=roles.input, output=roles.output, time=roles.time)
+        channels = replace(
+            channels, inputs=(roles.input,), outputs=(roles.output,), time=roles.time
+        )
     paths = [Path(folder) / file for file in recorded]
-    times = [_time_told(path, channels) for path in paths]
-    read = [channels if time is None else replace(channels, time=time) for time in times]
-    measured = [read_measured(*each) for each in zip(paths, read, strict=True)]
+    timed = [with_time_told(path, channels) for path in paths]
+    measured = [read_measured(*each) for each in zip(paths, timed, strict=True)]
     recordings = [each.recording for each in measured]
     recording = joined(recordings, recorded) if len(recordings) > 1 else recordings[0]
-    save_recording(recording, recording_file)
-    info = describe_recorded_files(recorded, recording, channels, folder, roles)
+    origins = [
+        describe_file(name, each.samples, channels.inputs, channels.outputs, folder)
+        for name, each in zip(recorded, recordings, strict=True)
+    ]
+    time_told = timed[0].time if channels.time is None else None
     uneven = tuple(each.unevenness for each in measured if each.unevenness is not None)
-    save(replace(info, time_told=times[0], uneven_times=uneven), info_file)
-
-
-def _time_told(file: Path, channels: ChannelSettings) -> Reference | None:
-    """The channel of time stamps where neither rate nor time nor the form of a table is stated."""
-    if not may_tell_time(channels):
-        return None
-    signals = [channels.output] if channels.input is None else [channels.input, channels.output]
-    return time_told(file, signals)
+    return recording, describe_recording(recording, origins, roles, time_told, uneven)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from typing import cast
 
@@ -11,6 +11,7 @@ import numpy as np
 from evopem.automatic.chosen import estimate_choice, window_of
 from evopem.automatic.chosen import estimate_chosen as search_chosen
 from evopem.automatic.decision import Alternative, Decision
+from evopem.automatic.delays import DelayChoice
 from evopem.automatic.folds import FoldPlan
 from evopem.automatic.orders import StructureSearch
 from evopem.automatic.peer import SUBJECT
@@ -24,11 +25,10 @@ from evopem.estimation.model_record import ModelRecord
 from evopem.estimation.order_selection import complete_estimate
 from evopem.files.json_form import load, save
 from evopem.pipeline.automatic_preparation import load_record
-from evopem.pipeline.automatic_search import DelayDecision
 from evopem.results.layout import DatasetFiles
 from evopem.signals.preparation import load_prepared
+from evopem.signals.recording import total_samples
 from evopem.signals.recording_info import RecordingInfo
-from evopem.signals.stretches import total_samples
 from evopem.validation.responses import held_out_samples, responses_of
 from evopem.validation.scores import error_percent
 
@@ -78,7 +78,7 @@ def complete_other_model(files: DatasetFiles, purpose: Purpose, search: SearchSe
     save(other, files.other_errors(purpose))
 
 
-def collect_decisions(files: DatasetFiles, structures: Sequence[str], other: str) -> None:
+def collect_decisions(files: DatasetFiles, structures: tuple[str, ...], other: str) -> None:
     """Put all decisions of a data set into one file, in their order."""
     plan = load(PreparationPlan, files.decision("preparation"))
     folds = load(FoldPlan, files.decision("folds"))
@@ -89,7 +89,7 @@ def collect_decisions(files: DatasetFiles, structures: Sequence[str], other: str
         *plan.decisions,
         folds.decision,
         folds.repetition.decision,
-        load(DelayDecision, files.decision("delay")).decision,
+        load(DelayChoice, files.decision("delay")).decision,
         *(load(StructureSearch, files.search(each)).decision for each in structures),
         *comparison.decisions,
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -22,9 +21,8 @@ from evopem.config.settings import PreparationSettings
 from evopem.errors import InputError
 from evopem.files.json_form import load, save
 from evopem.results.layout import DatasetFiles
-from evopem.signals.joined_preparation import prepare_recordings
-from evopem.signals.joining import separated
 from evopem.signals.preparation import PreparedData, load_prepared, save_prepared
+from evopem.signals.preparation import prepare as divide
 from evopem.signals.recording import Recording, load_recording
 from evopem.signals.shared_samples import check_independent
 
@@ -35,8 +33,8 @@ def decide_preparation(
     files: DatasetFiles,
     settings: PreparationSettings,
     given: GivenPreparation,
-    has_validation_recording: bool,
-    recorded: Sequence[str] = (),
+    is_validated: bool,
+    recorded: tuple[str, ...] = (),
 ) -> None:
     """Decide how the recording is prepared, without a look at the validation samples.
 
@@ -45,7 +43,7 @@ def decide_preparation(
     files : DatasetFiles
     settings : PreparationSettings
     given : GivenPreparation
-    has_validation_recording : bool
+    is_validated : bool
     recorded : sequence of str
         The recorded files, those for validation last, for errors to name.
 
@@ -54,15 +52,15 @@ def decide_preparation(
     InputError
         When the recording cannot be divided, or nothing can be identified from it.
     """
-    divided = _divided(files, settings, has_validation_recording, recorded=recorded)
+    divided = _divided(files, settings, is_validated, recorded=recorded)
     try:
         with one_blas_thread():
             transforms = _decide_transforms(divided, given)
             if transforms.changes_samples:
-                divided = _divided(files, settings, has_validation_recording, transforms)
+                divided = _divided(files, settings, is_validated, transforms)
             if transforms.has_trend:
                 given = replace(given, differences=0)  # a slope is no random walk
-            plan = decide(separated(divided.estimation), given)
+            plan = decide(divided.estimation.separated, given)
     except InputError as error:
         place = f"datasets.{files.name}"
         raise InputError(f"{place} ({error.source})", error.problem, error.remedy) from None
@@ -77,9 +75,9 @@ def _decide_transforms(divided: PreparedData, given: GivenPreparation) -> Transf
     A trend of one recording says nothing of others.
     """
     recordings = [
-        replace(each, input=each.input + own.input_mean, output=each.output + own.output_mean)
+        each.with_signals(each.input + own.input_mean, each.output + own.output_mean)
         for each, own in zip(
-            separated(divided.estimation),
+            divided.estimation.separated,
             divided.transforms.of_stretches("estimation"),
             strict=True,
         )
@@ -95,7 +93,7 @@ def _decide_transforms(divided: PreparedData, given: GivenPreparation) -> Transf
 
 
 def apply_preparation(
-    files: DatasetFiles, settings: PreparationSettings, has_validation_recording: bool
+    files: DatasetFiles, settings: PreparationSettings, is_validated: bool
 ) -> None:
     """Prepare both parts of the recording as it was decided.
 
@@ -105,9 +103,9 @@ def apply_preparation(
         When too few validation samples are left.
     """
     plan = load(PreparationPlan, files.decision("preparation"))
-    divided = _divided(files, settings, has_validation_recording, plan.transforms)
+    divided = _divided(files, settings, is_validated, plan.transforms)
     with one_blas_thread():
-        record = prepare(separated(divided.estimation), plan)
+        record = prepare(divided.estimation.separated, plan)
         prepared = prepared_data(divided, record, f"datasets.{files.name}")
     save_prepared(prepared, files.prepared, files.transforms)
     save_stretches(record.stretches, files.stretches)
@@ -123,14 +121,14 @@ def load_record(files: DatasetFiles) -> PreparedRecord:
 def _divided(
     files: DatasetFiles,
     settings: PreparationSettings,
-    has_validation_recording: bool,
+    is_validated: bool,
     plan: TransformPlan = NO_TRANSFORMS,
-    recorded: Sequence[str] = (),
+    recorded: tuple[str, ...] = (),
 ) -> PreparedData:
     """Both parts of the recording, with the transforms of the configuration and of a plan."""
     place = f"datasets.{files.name}"
     recording = load_recording(files.recording)
-    validation = load_recording(files.validation_recording) if has_validation_recording else None
+    validation = load_recording(files.validation_recording) if is_validated else None
     if validation is not None:
         check_independent(recording, validation, f"{place}.validation_file")
     transforms = settings.transforms
@@ -138,7 +136,7 @@ def _divided(
         transforms = replace(transforms, box_cox=plan.box_cox)
     settings = replace(settings, transforms=transforms)
     if not plan.has_trend:
-        return prepare_recordings(recording, settings, validation, place, recorded)
+        return divide(recording, settings, validation, place, recorded)
     return _without_trend(recording, settings, plan, place)
 
 
@@ -150,14 +148,12 @@ def _without_trend(
     slopes = plan.input_trend * rate, plan.output_trend * rate  # per second
     times = np.arange(recording.samples) / recording.sampling_rate
     # Where they are divided may depend on where the input rests, which a slope hides.
-    own = prepare_recordings(recording, settings, None, place).transforms.estimation_samples
+    own = divide(recording, settings, None, place).transforms.estimation_samples
     settings = replace(settings, split=replace(settings.split, estimation=own))
-    level = replace(
-        recording,
-        input=recording.input - slopes[0] * times,
-        output=recording.output - slopes[1] * times,
+    level = recording.with_signals(
+        recording.input - slopes[0] * times, recording.output - slopes[1] * times
     )
-    divided = prepare_recordings(level, settings, None, place)
+    divided = divide(level, settings, None, place)
     before = divided.transforms
     start = before.discard / before.sampling_rate
     transforms = replace(

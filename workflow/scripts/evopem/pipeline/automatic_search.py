@@ -2,35 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-
 from evopem.automatic.chosen import select_structure
-from evopem.automatic.decision import Decision, given_by_configuration
+from evopem.automatic.delays import DelayChoice, decide_delays
 from evopem.automatic.folds import FoldPlan
 from evopem.automatic.folds import decide_folds as decide_common_folds
 from evopem.automatic.limits import OrderLimits
 from evopem.automatic.orders import NESTED, Scorer, StructureSearch
-from evopem.automatic.orders import decide_delay as decide_common_delay
 from evopem.automatic.orders import search_structure as search
 from evopem.automatic.remedies import act_on_checks as act
 from evopem.automatic.structures import Comparison, Purpose
 from evopem.automatic.structures import compare_structures as compare
 from evopem.blas_threads import one_blas_thread
+from evopem.config.input_ranges import InputRanges
 from evopem.config.settings import AutomaticSettings, Range
 from evopem.errors import InputError
 from evopem.files.json_form import load, save
 from evopem.pipeline.automatic_preparation import load_record
 from evopem.results.layout import DatasetFiles
 from evopem.signals.preparation import load_prepared
-
-
-@dataclass(frozen=True)
-class DelayDecision:
-    """The delay from which structures are searched, in samples, and why."""
-
-    delay: int
-    decision: Decision
 
 
 def decide_folds(files: DatasetFiles) -> None:
@@ -41,28 +30,21 @@ def decide_folds(files: DatasetFiles) -> None:
 
 def decide_delay(files: DatasetFiles, limits: Range | None) -> None:
     """Decide the delay, within the limits of the configuration."""
-    if limits is not None and limits[0] == limits[1]:
-        about = given_by_configuration("delay", str(limits[0]))
-        save(DelayDecision(limits[0], about), files.decision("delay"))
-        return
-    with one_blas_thread():
-        delay, decision = decide_common_delay(load_record(files).stretches)
-    if limits is not None:
-        delay = min(max(delay, limits[0]), limits[1])
-    save(DelayDecision(delay, decision), files.decision("delay"))
+    stretches = load_record(files).stretches
+    save(decide_delays(stretches, ("input",), InputRanges(limits)), files.decision("delay"))
 
 
 def search_structure(files: DatasetFiles, structure: str, settings: AutomaticSettings) -> None:
     """Search the orders of one structure, from the optima of those nested in it."""
     smaller = {each: load(StructureSearch, files.search(each)) for each in NESTED[structure]}
-    delay = load(DelayDecision, files.decision("delay")).delay
+    delay = load(DelayChoice, files.decision("delay")).delays[0]
     with one_blas_thread():
         scorer = _scorer(files, OrderLimits.of_search(settings))
         save(search(scorer, structure, delay, smaller), files.search(structure))
 
 
 def compare_structures(
-    files: DatasetFiles, structures: Sequence[str], settings: AutomaticSettings
+    files: DatasetFiles, structures: tuple[str, ...], settings: AutomaticSettings
 ) -> None:
     """Choose a model for each purpose among the candidates of all structures.
 

@@ -11,27 +11,24 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-from evopem.config.settings import DatasetSettings
-from evopem.config.state_space_settings import MultichannelDataset
 from evopem.errors import InputError
 from evopem.files.archive import pack
 from evopem.files.atomic import TEMPORARY, files_below, write_text
 from evopem.files.checksums import delete_results
 from evopem.files.job import job
 from evopem.files.unfinished import unfinished_record
-from evopem.pipeline.identification import identify_recording
-from evopem.pipeline.multichannel.stages import identify_channels
+from evopem.pipeline.identification import identify_dataset
+from evopem.pipeline.stages import Dataset
 from evopem.results.layout import IDENTIFICATION, DatasetFiles
 from evopem.results.made_from import MADE_FROM, is_finished, made_from
 
 Log = Callable[[str], None]
-_Settings = DatasetSettings | MultichannelDataset
 _SHOWN = 5
 
 
 def identify_batch(
     folder: str | Path,
-    recordings: Mapping[str, _Settings],
+    recordings: Mapping[str, Dataset],
     code: str,
     log: Log,
     cores: int = 1,
@@ -79,7 +76,7 @@ def identify_batch(
         _explain(failed, len(recordings), folder)
 
 
-def _identify(files: DatasetFiles, settings: _Settings, code: str, cores: int) -> None:
+def _identify(files: DatasetFiles, settings: Dataset, code: str, cores: int) -> None:
     """Take one recording through all stages, and pack what is not looked at every day."""
     with job(files.log(IDENTIFICATION), (), files.batch_results, ends_with_parent=False) as logger:
         delete_results(files.folder)  # nothing of an earlier run is left if this one fails
@@ -89,10 +86,7 @@ def _identify(files: DatasetFiles, settings: _Settings, code: str, cores: int) -
         own = DatasetFiles(str(work / files.name))
         try:
             write_text(f"{own.folder}/{MADE_FROM}", made_from(settings, code).text)
-            if isinstance(settings, MultichannelDataset):
-                identify_channels(own, settings, with_report=False, log=logger.info)
-            else:
-                identify_recording(own, settings, with_report=False, log=logger.info, cores=cores)
+            identify_dataset(own, settings, with_report=False, log=logger.info, cores=cores)
             _keep(own, files)
         finally:
             shutil.rmtree(work, ignore_errors=True)

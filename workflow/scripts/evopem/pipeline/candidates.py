@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from evopem.config.structures import ORDER_NAMES
 from evopem.estimation.candidate import Candidate, PhaseSelection
 from evopem.files.atomic import write_table
@@ -11,7 +9,7 @@ from evopem.files.json_form import load
 from evopem.results.layout import DatasetFiles
 
 
-def tabulate_candidates(files: DatasetFiles, phases: Sequence[str]) -> None:
+def tabulate_candidates(files: DatasetFiles, phases: tuple[str, ...]) -> None:
     """Write one row for each candidate of each phase."""
     selections = [load(PhaseSelection, files.phase(phase)) for phase in phases]
     rows = [
@@ -27,7 +25,7 @@ def _row(candidate: Candidate, selected: bool) -> dict[str, str | float]:
     return {
         "phase": candidate.phase,
         "model": str(orders),
-        **{name: getattr(orders, name) for name in ORDER_NAMES},
+        **{name: getattr(orders.single, name) for name in ORDER_NAMES},
         "rss": criteria.rss,
         "bic": criteria.bic,
         "objective": criteria.objective,

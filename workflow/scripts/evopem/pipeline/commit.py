@@ -23,7 +23,7 @@ def commit_of(workflow: Path) -> str:
         ).stdout.strip()
 
     try:
-        git("ls-files", "--error-unmatch", "scripts/write_report.py")
+        git("ls-files", "--error-unmatch", "scripts/run_stage.py")
         commit = git("rev-parse", "HEAD")
         changed = git("status", "--porcelain", "--untracked-files=no", "--", ".", "../Snakefile")
     except (OSError, subprocess.SubprocessError):

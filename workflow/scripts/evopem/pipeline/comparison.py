@@ -9,11 +9,12 @@ from urllib.parse import quote
 
 from evopem.config.yaml_form import read_settings
 from evopem.errors import InputError
-from evopem.files.atomic import write_text
+from evopem.files.atomic import write_page
 from evopem.report.comparison_page import build_comparison
 from evopem.report.templates import template_folder
 from evopem.results.comparison import Comparison
 from evopem.results.dataset import read_dataset_results
+from evopem.results.identity import check_results
 from evopem.results.layout import DatasetFiles
 
 
@@ -41,7 +42,7 @@ def compare_datasets(folders: Sequence[str], page: str) -> Comparison:
         for label, files in zip(comparison.labels, found, strict=True)
         if Path(files.report).is_file()
     }
-    write_text(page, build_comparison(comparison, template_folder(), reports))
+    write_page(page, build_comparison(comparison, template_folder(), reports))
     return comparison
 
 
@@ -53,4 +54,5 @@ def _files(folder: str) -> DatasetFiles:
             "holds no results of a data set",
             "give folders such as results/arm, as the workflow or `evopem FILE` makes them",
         )
+    check_results(files)
     return files

@@ -16,7 +16,7 @@ from evopem.config.settings import DatasetSettings, FitSettings, OrderGrid, Reco
 from evopem.config.structures import phases_of
 from evopem.errors import InputError
 from evopem.models.constraint_checks import check_fit as check
-from evopem.models.structures import PolynomialOrders, orders_of
+from evopem.models.structures import Orders, orders_of
 
 
 def known_rate(settings: DatasetSettings) -> float | None:
@@ -59,7 +59,7 @@ def check_fit(
 
 
 @contextmanager
-def naming_key(orders: PolynomialOrders, source: str, place: str) -> Iterator[None]:
+def naming_key(orders: Orders, source: str, place: str) -> Iterator[None]:
     """Give an error of the estimation, which names its argument, the key and the orders."""
     try:
         yield
@@ -71,7 +71,7 @@ def naming_key(orders: PolynomialOrders, source: str, place: str) -> Iterator[No
         raise InputError(source, problem, error.remedy, place + key) from None
 
 
-def selectable_orders(grid: OrderGrid) -> Iterator[PolynomialOrders]:
+def selectable_orders(grid: OrderGrid) -> Iterator[Orders]:
     """The orders that a search may select: all joint orders, and the ends of the other ranges.
 
     The comparison with neighbouring lags of B at its end may select another nb.

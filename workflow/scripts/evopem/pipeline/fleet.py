@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
+from typing import Any
 
-from evopem.config.conditions import Positions
+from evopem.config.conditions import Positions, positions
 from evopem.files.atomic import write_parquet, write_table, write_text
 from evopem.report.index_page import build_index
+from evopem.report.templates import template_folder
 from evopem.results.fleet import (
     DatasetSummary,
     Entry,
-    IncompleteDataset,
     fleet_table,
     read_entry,
-    read_summaries,
     recorded_modes,
     without_formulas,
 )
@@ -26,39 +26,29 @@ from evopem.results.layout import OVERVIEW, DatasetFiles
 
 
 def collect_fleet(
-    names: Iterable[str],
-    templates: Path,
-    page: str,
-    index_file: str,
-    csv_file: str,
-    parquet_file: str,
-    modes_file: str,
-    order: Positions | None = None,
+    files: DatasetFiles, names: tuple[str, ...], page: str, order: dict[str, Any]
 ) -> None:
-    """List data sets whose results are complete, and follow their modes.
+    """List data sets, and follow the modes of those whose results are whole.
 
     Parameters
     ----------
-    names : iterable of str
-        Names of the data sets; their folders lie beside `index_file`.
-    templates : Path
-        Folder of ``index.html.j2``.
+    files : DatasetFiles
+        The folder of all results.
+    names : tuple of str
+        Names of the data sets.
     page : str
         The file in the folder of a data set that its row links to.
-    index_file, csv_file, parquet_file, modes_file : path
-        The lists to write.
-    order : Positions, optional
-        What the recordings are ordered by; by default their order in ``names``.
+    order : dict
+        JSON form of what the recordings are ordered by; empty for their order in ``names``.
 
     Raises
     ------
     InputError
-        When a summary is missing or damaged, or a list cannot be written.
+        When a list cannot be written.
     """
-    folder = Path(index_file).parent
-    entries = read_summaries(DatasetFiles(str(folder / name)) for name in names)
-    files = (index_file, csv_file, parquet_file, modes_file)
-    for write in _lists(entries, templates, page, files, order).values():
+    entries = {name: read_entry(DatasetFiles(f"{files.folder}/{name}")) for name in names}
+    lists = [f"{files.folder}/{Path(each).name}" for each in OVERVIEW]
+    for write in _lists(entries, template_folder(), page, lists, positions(order)).values():
         write()
 
 
@@ -88,7 +78,7 @@ def collect_unfinished(
         What the recordings are ordered by.
     """
     entries = {
-        name: _entry(DatasetFiles.of_dataset(name), files, name in pending)
+        name: read_entry(DatasetFiles.of_dataset(name), files, name in pending)
         for name, files in required.items()
     }
     for path, write in _lists(entries, templates, page, OVERVIEW, order).items():
@@ -100,19 +90,11 @@ def collect_unfinished(
                 Path(path).unlink(missing_ok=True)
 
 
-def _entry(files: DatasetFiles, required: Collection[str], pending: bool) -> Entry:
-    """The entry of a data set; an error of reading it becomes its problem."""
-    try:
-        return read_entry(files, required, pending)
-    except Exception as error:
-        return IncompleteDataset("failed", f"{files.folder}: cannot be read ({error}).")
-
-
 def _lists(
     entries: Mapping[str, Entry],
     templates: Path,
     page: str,
-    files: tuple[str, ...],
+    files: Sequence[str],
     order: Positions | None,
 ) -> dict[str, Callable[[], None]]:
     """What writes each list, by its path."""

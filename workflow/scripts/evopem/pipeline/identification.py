@@ -1,141 +1,104 @@
-"""Identification: every stage of one data set, in their order, in one process.
-
-Snakemake schedules the same stages as separate jobs, or this whole sequence as one job.
-"""
+"""Identification: every stage of one data set in one process, without Snakemake."""
 
 from __future__ import annotations
 
-from functools import partial
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-from evopem.automatic.preparation import GivenPreparation
-from evopem.config.order_grid import (
-    given_preparation,
-    phase_of_orders_of,
-    phases_of_dataset,
-    sample_requirements,
-    scoring_window,
-)
-from evopem.config.settings import AutomaticSettings, DatasetSettings, RecordedSource
-from evopem.config.structures import searched_structures
-from evopem.config.yaml_form import read_settings
-from evopem.pipeline.acquisition import read_recording
-from evopem.pipeline.automatic_model import (
-    collect_decisions,
-    complete_other_model,
-    estimate_chosen,
-)
-from evopem.pipeline.automatic_preparation import apply_preparation, decide_preparation
-from evopem.pipeline.automatic_search import (
-    act_on_checks,
-    compare_structures,
-    decide_delay,
-    decide_folds,
-    search_structure,
-)
-from evopem.pipeline.candidates import tabulate_candidates
-from evopem.pipeline.configuration import write_configuration
-from evopem.pipeline.model import complete_model
-from evopem.pipeline.order_search import Log, estimate_candidates, select_candidate
-from evopem.pipeline.preparation import prepare_signals
-from evopem.pipeline.progress import Announce, Stage, run_stages
-from evopem.pipeline.spectrum import estimate_spectrum
-from evopem.pipeline.summary import summarize_dataset
-from evopem.pipeline.synthesis import synthesize_recording
-from evopem.pipeline.validation import validate_model
+from evopem.config.settings import DatasetSettings
+from evopem.config.state_space_keys import state_space_settings
+from evopem.config.state_space_settings import MultichannelDataset
+from evopem.config.strict_yaml import Keys
+from evopem.config.yaml_form import read_dataset
+from evopem.config.yaml_form import settings_of as single_channel_settings
+from evopem.errors import InputError
+from evopem.files.json_form import from_json, to_json
+from evopem.pipeline.call import Log, call
+from evopem.pipeline.stages import Dataset, Stage, Task, stages_of
 from evopem.results.layout import DatasetFiles
 
+Announce = Callable[[str, int, int], None]
 
-def stages(
+
+@dataclass(frozen=True)
+class StageJob:
+    """A stage with the values of its wildcards: one call of its function."""
+
+    stage: Stage
+    task: Task
+
+    @property
+    def name(self) -> str:
+        """Name of the stage, and the values behind it."""
+        return "/".join([self.stage.name, *self.task.values.values()])
+
+    def run(self, log: Log | None = None, cores: int = 1, folder: str | Path = "") -> None:
+        """Call the function of the stage."""
+        arguments = to_json(self.stage.arguments(self.task))
+        stage, task = self.stage, self.task
+        call(stage.function, task.files, arguments, task.values, log, cores, folder)
+
+
+def jobs(settings: Dataset, files: DatasetFiles, with_report: bool = True) -> list[StageJob]:
+    """Every job of a data set, each behind those whose results it reads."""
+    whole = Task(settings, files)
+    waiting = [
+        StageJob(stage, task)
+        for stage in stages_of(settings, with_report)
+        for task in stage.tasks(whole)
+    ]
+    return list(_in_order(waiting))
+
+
+def _in_order(waiting: list[StageJob]) -> Iterator[StageJob]:
+    missing = {path for job in waiting for path in job.stage.made_by(job.task)}
+    while waiting:
+        ready = next(job for job in waiting if missing.isdisjoint(job.stage.read_by(job.task)))
+        waiting.remove(ready)
+        missing.difference_update(ready.stage.made_by(ready.task))
+        yield ready
+
+
+def read_any_settings(path: str | Path) -> Dataset:
+    """Read the settings of a data set with any number of channels from its ``config.yaml``.
+
+    Raises
+    ------
+    InputError
+        When the file is missing or holds something else.
+    """
+
+    def settings(name: str, keys: Keys) -> Dataset:
+        if isinstance(keys.get("output"), list):
+            return state_space_settings(name, keys)
+        return single_channel_settings(name, keys)
+
+    return read_dataset(path, settings)
+
+
+def settings_of(content: dict[str, Any]) -> Dataset:
+    """The settings of a data set from their JSON form."""
+    if "choices" in content:
+        return from_json(MultichannelDataset, content)
+    return from_json(DatasetSettings, content)
+
+
+def identify(
     files: DatasetFiles,
-    settings: DatasetSettings,
+    settings: dict[str, Any],
+    with_report: bool,
     log: Log | None = None,
     cores: int = 1,
-    folder: str | Path = "",
-) -> dict[str, Stage]:
-    """List the stages of a data set by their names, in their order, ready to be called.
-
-    Parameters are those of :func:`identify_recording`.
-    """
-    automatic = settings.automatic
-    window = None if automatic else scoring_window(settings)
-    phases = phases_of_dataset(settings)
-    return {
-        "configuration": partial(write_configuration, files, settings),
-        **_acquisition(files, settings, folder),
-        **(
-            _automatic_stages(files, settings, automatic, log)
-            if automatic
-            else _stages_of_the_chapter(files, settings, log, cores)
-        ),
-        "model": partial(complete_model, files, settings.search, window, phases, settings.fit),
-        "candidates": partial(tabulate_candidates, files, phases),
-        "validation": partial(validate_model, files, phase_of_orders_of(settings)),
-        "summary": partial(summarize_dataset, files, phases),
-        "figures": partial(_draw_figures, files),
-        "report": partial(_write_report, files),
-    }
+) -> None:
+    """Run all stages of a data set, as the job of a rule; settings are in their JSON form."""
+    identify_dataset(files, settings_of(settings), with_report, log, cores)
 
 
-def _stages_of_the_chapter(
-    files: DatasetFiles, settings: DatasetSettings, log: Log | None, cores: int
-) -> dict[str, Stage]:
-    """From the recording to the selection of the last phase."""
-    listed: dict[str, Stage] = {
-        "preparation": partial(
-            prepare_signals,
-            files,
-            settings.preparation,
-            sample_requirements(settings),
-            _is_validated(settings),
-            (settings.fit, settings.order_grid) if settings.fit.changes_model else None,
-            settings.source.all_files,
-        ),
-        "spectrum": partial(estimate_spectrum, files, settings.spectrum),
-    }
-    for phase in phases_of_dataset(settings):
-        listed[phase] = partial(_search_phase, files, phase, settings, log, cores)
-    return listed
-
-
-def _automatic_stages(
-    files: DatasetFiles, settings: DatasetSettings, automatic: AutomaticSettings, log: Log | None
-) -> dict[str, Stage]:
-    """From the recording to the chosen model, one stage for each decision."""
-    given = GivenPreparation(**given_preparation(settings.preparation, automatic))  # type: ignore[arg-type]
-    preparation, validated = settings.preparation, _is_validated(settings)
-    searched = searched_structures(automatic.structure)
-    other = automatic.other_purpose
-    wanted = (automatic.structure,) if automatic.structure else searched
-    listed: dict[str, Stage] = {
-        "plan": partial(
-            decide_preparation, files, preparation, given, validated, settings.source.all_files
-        ),
-        "preparation": partial(apply_preparation, files, preparation, validated),
-        "spectrum": partial(estimate_spectrum, files, settings.spectrum),
-        "folds": partial(decide_folds, files),
-        "delay": partial(decide_delay, files, automatic.nk),
-    }
-    for structure in searched:
-        listed[structure] = partial(search_structure, files, structure, automatic)
-    return listed | {
-        "structures": partial(compare_structures, files, wanted, automatic),
-        "remedies": partial(act_on_checks, files, automatic),
-        "chosen": partial(estimate_chosen, files, settings.search, log),
-        "other_model": partial(complete_other_model, files, other, settings.search),
-        "decisions": partial(collect_decisions, files, searched, other),
-    }
-
-
-def _is_validated(settings: DatasetSettings) -> bool:
-    """Whether there is an independent recording for validation."""
-    source = settings.source
-    return isinstance(source, RecordedSource) and bool(source.validation_files)
-
-
-def identify_recording(
+def identify_dataset(
     files: DatasetFiles,
-    settings: DatasetSettings,
+    settings: Dataset,
     with_report: bool,
     log: Log | None = None,
     cores: int = 1,
@@ -147,23 +110,31 @@ def identify_recording(
     Parameters
     ----------
     files : DatasetFiles
-    settings : DatasetSettings
+    settings : DatasetSettings or MultichannelDataset
     with_report : bool
         Whether figures and report are made.
     log : callable, optional
         Receives progress in words.
     cores : int
     announce : callable, optional
-        Receives each stage before it begins: its name, its number from 1, and how many there are.
+        Receives each job before it begins: what it does, its number from 1, and how many there are.
     folder : path
         What relative paths of recorded files are relative to; the working directory by default.
     """
-    listed = {
-        name: stage
-        for name, stage in stages(files, settings, log, cores, folder).items()
-        if with_report or name not in ("figures", "report")
-    }
-    run_stages(listed, announce)
+    listed = jobs(settings, files, with_report)
+    for number, job in enumerate(listed, start=1):
+        if announce is not None:
+            announce(job.stage.words(job.task), number, len(listed))
+        job.run(log, cores, folder)
+    remove_parts(listed)
+
+
+def remove_parts(listed: list[StageJob]) -> None:
+    """Delete the parts of results that the results of other stages hold as a whole."""
+    for job in listed:
+        if job.stage.is_part:
+            for path in job.stage.made_by(job.task):
+                Path(path).unlink()
 
 
 def run_stage(name: str, folder: str | Path, log: Log | None = print) -> None:
@@ -172,62 +143,31 @@ def run_stage(name: str, folder: str | Path, log: Log | None = print) -> None:
     Parameters
     ----------
     name : str
-        A name that :func:`stages` lists, such as ``"validation"``.
+        That of a rule, such as ``"validate"``, with values of its wildcards behind slashes where
+        only these are wanted: ``"search_structure/oe"``.
     folder : path
         The data set's folder of results, with its ``config.yaml``.
     log : callable, optional
         Receives progress.
+
+    Raises
+    ------
+    InputError
+        When the data set has no such stage.
     """
     files = DatasetFiles(str(folder))
-    stages(files, read_settings(files.config), log)[name]()
-
-
-def _acquisition(
-    files: DatasetFiles, settings: DatasetSettings, folder: str | Path
-) -> dict[str, Stage]:
-    source = settings.source
-    if not isinstance(source, RecordedSource):
-        transforms = settings.preparation.transforms
-        return {"recording": partial(synthesize_recording, files, source, transforms)}
-    reading: dict[str, Stage] = {
-        "recording": partial(
-            read_recording,
-            *(source.files, source.channels, files.recording, files.recording_info, folder),
-            source.channels_from_file,
-        )
-    }
-    if source.validation_files:
-        reading["validation_recording"] = partial(
-            read_recording,
-            source.validation_files,
-            source.channels,
-            files.validation_recording,
-            files.validation_recording_info,
-            folder,
-            source.channels_from_file,
-            files.recording_info,
-        )
-    return reading
-
-
-def _search_phase(
-    files: DatasetFiles, phase: str, settings: DatasetSettings, log: Log | None, cores: int
-) -> None:
-    window, search, grid = scoring_window(settings), settings.search, settings.order_grid
-    estimate_candidates(files, phase, 1, 1, grid, search, window, log, cores)
-    select_candidate(files, phase, 1, grid, search, window, log)
-    Path(files.part(phase, 1)).unlink()  # the file of the phase holds all of it
-
-
-# Drawing is imported where it is used: a fleet without reports spares the time of matplotlib.
-def _draw_figures(files: DatasetFiles) -> None:
-    from evopem.pipeline.figures import draw_figures
-
-    draw_figures(files)
-
-
-def _write_report(files: DatasetFiles) -> None:
-    from evopem.pipeline.report import write_report
-    from evopem.report.templates import template_folder
-
-    write_report(files, template_folder())
+    listed = jobs(read_any_settings(files.config), files)
+    wanted = [job for job in listed if name in (job.name, job.stage.name)]
+    if not wanted:
+        names = ", ".join(dict.fromkeys(job.stage.name for job in listed))
+        problem = f"{name!r} is no stage of {files.name}"
+        raise InputError("run_stage", problem, f"give one of {names}")
+    read = {path for job in wanted for path in job.stage.read_by(job.task)}
+    parts = [
+        job
+        for job in listed
+        if job.stage.is_part and job not in wanted and read & set(job.stage.made_by(job.task))
+    ]
+    for job in parts + wanted:
+        job.run(log)
+    remove_parts(parts)

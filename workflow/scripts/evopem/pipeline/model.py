@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import cast
 
@@ -29,7 +28,7 @@ def complete_model(
     files: DatasetFiles,
     search: SearchSettings,
     window: ScoringWindow | None,
-    phases: Sequence[str],
+    phases: tuple[str, ...],
     fit: FitSettings,
 ) -> None:
     """Complete the selected candidate, and write it for evopem, MATLAB and spreadsheets.
@@ -58,7 +57,7 @@ def complete_model(
         estimate = replace(estimate, at_stability_bound=selected.at_stability_bound)
     else:
         estimate = complete_estimate(selected, prepared.estimation, search, window, fit)
-    if level == "constant" and len(set(prepared.estimation.stretch_recordings)) > 1:
+    if level == "constant" and len(set(prepared.estimation.segment_recordings)) > 1:
         level = "state"  # each recording has a level of its own, and so have others
     save(ModelRecord.of(estimate, search, prepared.transforms, level, fit), files.model)
     save_model_mat(estimate.model, files.model_mat)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, replace
+from dataclasses import replace
 
 from evopem.config.order_grid import (
     DELAY_REFINED_IN,
@@ -49,7 +49,9 @@ def estimate_candidates(
         if needs_resonances(phase, grid)
         else None
     )
-    orders = candidate_orders(phase, grid, asdict(before.orders) if before else None, resonances)
+    orders = candidate_orders(
+        phase, grid, before.orders.single._asdict() if before else None, resonances
+    )
     own = [orders_of(grid.structure, each) for each in orders[part - 1 :: parts]]
     data = load_prepared(files.prepared, files.transforms).estimation
     search = first_pass(search) if search.prune else search

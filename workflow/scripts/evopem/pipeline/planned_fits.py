@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from evopem.config.constraints import Constraints
 from evopem.config.settings import DatasetSettings
-from evopem.models.structures import PolynomialOrders
+from evopem.models.structures import Orders
 from evopem.pipeline.constraint_plan import check_fit, known_rate, naming_key, selectable_orders
 
 
@@ -36,7 +36,7 @@ def check_planned_fits(datasets: Mapping[str, DatasetSettings], source: str) -> 
 
 
 def _check_region(
-    settings: DatasetSettings, constraints: Constraints, orders: PolynomialOrders, rate: float
+    settings: DatasetSettings, constraints: Constraints, orders: Orders, rate: float
 ) -> None:
     """Refuse constraints that leave no pole, or no polynomial with what is fixed."""
     # Imports numpy, which only a configuration with constraints needs before its first job.

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from evopem.config.order_grid import check_samples
 from evopem.config.settings import (
     FitSettings,
@@ -14,8 +12,7 @@ from evopem.config.settings import (
 from evopem.errors import InputError
 from evopem.pipeline.constraint_plan import check_fit
 from evopem.results.layout import DatasetFiles
-from evopem.signals.joined_preparation import prepare_recordings
-from evopem.signals.preparation import PreparedData, save_prepared
+from evopem.signals.preparation import PreparedData, prepare, save_prepared
 from evopem.signals.recording import load_recording
 from evopem.signals.shared_samples import check_independent
 
@@ -24,9 +21,9 @@ def prepare_signals(
     files: DatasetFiles,
     settings: PreparationSettings,
     requirements: SampleRequirements,
-    has_validation_recording: bool,
+    is_validated: bool,
     fit: tuple[FitSettings, OrderGrid] | None = None,
-    recorded: Sequence[str] = (),
+    recorded: tuple[str, ...] = (),
 ) -> None:
     """Make both signals stationary, and divide them for estimation and validation.
 
@@ -35,7 +32,7 @@ def prepare_signals(
     files : DatasetFiles
     settings : PreparationSettings
     requirements : SampleRequirements
-    has_validation_recording : bool
+    is_validated : bool
     fit : (FitSettings, OrderGrid), optional
         Whose constraints are checked with the sampling rate.
     recorded : sequence of str
@@ -50,10 +47,10 @@ def prepare_signals(
     """
     place = f"datasets.{files.name}"
     recording = load_recording(files.recording)
-    validation = load_recording(files.validation_recording) if has_validation_recording else None
+    validation = load_recording(files.validation_recording) if is_validated else None
     if validation is not None:
         check_independent(recording, validation, f"{place}.validation_file")
-    prepared = prepare_recordings(recording, settings, validation, place, recorded)
+    prepared = prepare(recording, settings, validation, place, recorded)
     _check_samples(requirements, prepared, place)
     if fit is not None:
         check_fit(*fit, prepared.estimation.sampling_rate, place, "")
@@ -68,11 +65,11 @@ def _check_samples(requirements: SampleRequirements, prepared: PreparedData, pla
     InputError
     """
     estimation, validation = prepared.estimation, prepared.validation
-    lost = (len(estimation.stretches) - 1) * (requirements.loss_start + requirements.settling)
-    longest = max(each.samples for each in validation.stretches)
+    lost = (len(estimation.segments) - 1) * (requirements.loss_start + requirements.settling)
+    longest = max(each.samples for each in validation.segments)
     check_samples(requirements, estimation.samples - lost, longest, place)
     least = requirements.loss_start + requirements.settling
-    for each in estimation.stretches if estimation.is_joined else ():
+    for each in estimation.segments if estimation.is_joined else ():
         if each.samples <= least:
             raise InputError(
                 f"{place}.file",

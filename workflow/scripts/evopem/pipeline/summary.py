@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from evopem.estimation.candidate import PhaseSelection
 from evopem.estimation.model_record import ModelRecord
 from evopem.files.json_form import load, save
@@ -14,7 +12,7 @@ from evopem.signals.spectral.summary import SpectrumSummary
 from evopem.validation.validation import Validation
 
 
-def summarize_dataset(files: DatasetFiles, phases: Sequence[str]) -> None:
+def summarize_dataset(files: DatasetFiles, phases: tuple[str, ...]) -> None:
     """Check the model of one data set, and write the summary."""
     summary = summarize(
         load(ModelRecord, files.model),

@@ -6,7 +6,7 @@ from evopem.config.settings import SyntheticSource, TransformSettings
 from evopem.files.json_form import save
 from evopem.results.layout import DatasetFiles
 from evopem.signals.recording import save_recording
-from evopem.signals.recording_info import describe_synthetic_recording
+from evopem.signals.recording_info import describe_recording
 from evopem.synthesis import synthesize
 
 
@@ -16,5 +16,5 @@ def synthesize_recording(
     """Simulate a recording of a known system, non-stationary as the transforms undo it."""
     recording, truth = synthesize(source, transforms)
     save_recording(recording, files.recording)
-    save(describe_synthetic_recording(recording), files.recording_info)
+    save(describe_recording(recording), files.recording_info)
     save(truth, files.truth)

@@ -34,9 +34,9 @@ def compare_with_chapter(results: DatasetResults) -> list[tuple[str, str, str]]:
     peaks = [number(peak.frequency_hz, 3) for peak in results.spectrum_summary.peaks]
     return [
         ("Spectral peaks (Hz)", ", ".join(peaks) or "none", SPECTRAL_PEAKS),
-        ("Delay nk", str(selected["delay"].nk), str(ORDERS.nk)),
+        ("Delay nk", str(selected["delay"].single.nk), str(ORDERS.single.nk)),
         ("Joint order", str(selected["joint"].na), str(JOINT_ORDER)),
         ("Order of C, nc", str(selected["nc"].nc), str(ORDER_OF_C)),
-        ("Coefficients of B, nb", str(selected["nb"].nb), str(COEFFICIENTS_OF_B)),
+        ("Coefficients of B, nb", str(selected["nb"].single.nb), str(COEFFICIENTS_OF_B)),
         ("Model", str(results.model.orders), str(ORDERS)),
     ]

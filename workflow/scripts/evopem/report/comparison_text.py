@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from evopem.report.numbers import MISSING, fixed, percent, with_error
 from evopem.results.comparison import Comparison, MatchedMode
+from evopem.validation.checks import failed_checks
 
 SAME = "All models were validated on the same samples."
 DIFFERENT = (
@@ -29,7 +30,7 @@ def comparison_text(comparison: Comparison) -> str:
                 str(results.model.orders),
                 percent(validation.simulation_error_percent),
                 percent(validation.prediction_error_percent),
-                str(sum(check.passed is False for check in results.checks)),
+                str(len(failed_checks(results.checks))),
             )
         )
     modes = [

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 from urllib.parse import quote
 
-from evopem.figures.figure_data import thin_table
+import numpy as np
+import pandas as pd
 
-if TYPE_CHECKING:
-    import pandas as pd
+from evopem.figures.style import extremes
 
-# Keeps the report below 5 MB, however long the recording.
-MOST_ROWS = 5000
+# Keep the report below 3 MB, however long the recording and however many its channels.
+MOST_ROWS, MOST_CELLS = 5000, 40_000
 
 
 @dataclass(frozen=True)
@@ -38,7 +37,9 @@ class Download:
     rows_of: int
 
 
-def csv_download(table: pd.DataFrame, dataset: str, figure: str) -> Download:
+def csv_download(
+    table: pd.DataFrame, dataset: str, figure: str, most_cells: int = MOST_CELLS
+) -> Download:
     """Put a figure's table into a link, thinned where it is longer than :data:`MOST_ROWS`.
 
     Parameters
@@ -46,10 +47,49 @@ def csv_download(table: pd.DataFrame, dataset: str, figure: str) -> Download:
     table : pandas.DataFrame
     dataset, figure : str
         For the name of the file; characters that a file system may refuse become underscores.
+    most_cells : int
     """
-    kept = thin_table(table, MOST_ROWS)
+    kept = thin_table(table, min(MOST_ROWS, most_cells // max(table.shape[1], 1)))
     text = kept.to_csv(index=False, float_format="%.6g", lineterminator="\n")
     name = re.sub(r"[^\w.-]+", "_", f"{dataset}-{figure}.csv")
     # Without escapes for commas and digits this is shorter than base64.
     address = "data:text/csv;charset=utf-8," + quote(text, safe=",.+-()/")
     return Download(name, address, len(kept), len(table))
+
+
+def thin_table(table: pd.DataFrame, rows: int) -> pd.DataFrame:
+    """Leave out rows of a long table and keep the extremes of every column.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        Columns of words divide it into series, which are thinned one by one. The first numeric
+        column is the abscissa of the others.
+    rows : int
+        Largest number of rows, about.
+    """
+    if len(table) <= rows:
+        return table
+    words = [
+        name
+        for name in table.columns[:4]
+        if not pd.api.types.is_numeric_dtype(table[name])
+        and table[name].nunique() < len(table) ** 0.5
+    ]
+    series = [table]
+    if words:
+        series = [part for _, part in table.groupby(words, sort=False, dropna=False)]
+    return pd.concat([_thin(part, max(rows * len(part) // len(table), 8)) for part in series])
+
+
+def _thin(part: pd.DataFrame, rows: int) -> pd.DataFrame:
+    if len(part) <= rows:
+        return part
+    numbers = part.select_dtypes("number").iloc[:, 1:]
+    drawn = [name for name in numbers if numbers[name].notna().any()]
+    bins = max(rows // (2 * max(len(drawn), 1)), 1)
+    # `extremes` keeps a series of at most 4 × bins points whole; here it must not.
+    kept = [extremes(part[name], max(min(bins, len(part) // 4 - 1), 1)) for name in drawn]
+    return (
+        part.iloc[np.unique(np.concatenate(kept))] if kept else part.iloc[:: len(part) // rows + 1]
+    )

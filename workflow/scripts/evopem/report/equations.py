@@ -58,13 +58,13 @@ def orders_note(model: PolynomialModel) -> Markup:
     """What the orders are, by their symbols."""
     o = model.orders
     degrees = [name for name in ("na", "nc", "nd", "nf") if name in STRUCTURES[o.structure]]
-    listed = enumeration([f"{_order(name)} = {getattr(o, name)}" for name in degrees])
+    listed = enumeration([f"{_order(name)} = {getattr(o.single, name)}" for name in degrees])
     verb = "are degrees" if len(degrees) > 1 else "is a degree"
     parts = [f"{listed} {verb}"] if degrees else []
     if model.has_input:
         parts.append(
-            f"{_order('nb')} = {o.nb} is the <em>number</em> of <i>B</i> coefficients, the first at"
-            f" lag {_order('nk')} = {o.nk}"
+            f"{_order('nb')} = {o.single.nb} is the <em>number</em> of <i>B</i> coefficients,"
+            f" the first at lag {_order('nk')} = {o.single.nk}"
         )
     return Markup("; ".join(parts) + ".")
 
@@ -80,7 +80,7 @@ def difference_equation(model: PolynomialModel) -> Markup:
     """
     own_plant, own_noise = len(model.f) > 1, len(model.d) > 1
     output = [(-value, _at("y", lag)) for lag, value in enumerate(model.a) if lag]
-    from_input = [(value, _at("u", lag)) for lag, value in enumerate(model.b, start=model.nk)]
+    from_input = [(value, _at("u", lag)) for lag, value in enumerate(model.b, start=model.delay)]
     past_noise = [(value, _at("e", lag)) for lag, value in enumerate(model.c) if lag]
     now = Markup(' <span class="term">+ {}</span> ').format(_at("e", 0))
     shown = _joined([*output, *([] if own_plant else from_input)])
@@ -195,7 +195,7 @@ def _polynomials(model: PolynomialModel) -> tuple[tuple[str, Sequence[float], in
     """Letter, coefficients and first lag of each polynomial of the structure."""
     names = STRUCTURES[model.orders.structure]
     return tuple(
-        (letter.upper(), getattr(model, letter).tolist(), model.nk if letter == "b" else 0)
+        (letter.upper(), getattr(model, letter).tolist(), model.delay if letter == "b" else 0)
         for letter in "abcdf"
         if f"n{letter}" in names
     )

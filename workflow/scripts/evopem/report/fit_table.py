@@ -11,7 +11,7 @@ from evopem.estimation.model_record import FitRecord
 from evopem.report.numbers import number, percent, plural
 
 if TYPE_CHECKING:
-    from evopem.estimation.state_space.model_record import ConstrainedFit
+    from evopem.estimation.multichannel_record import ConstrainedFit
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from pathlib import Path
 from urllib.parse import quote
 
 from evopem.report.followed_chart import followed_charts, movements
-from evopem.report.numbers import number
+from evopem.report.numbers import number, to_its_error
 from evopem.report.templates import environment
 from evopem.results.fleet import DatasetSummary, Entry
 from evopem.results.followed_modes import FollowedMode, group_of
@@ -22,9 +22,10 @@ DEEPEST = 80.0
 
 @dataclass(frozen=True)
 class ListedMode:
-    """A mode of a row."""
+    """A mode of a row; its text has the digits that its standard error leaves."""
 
     frequency_hz: float
+    text: str
     trusted: bool
 
 
@@ -154,7 +155,9 @@ def _row(name: str, entry: Entry, page: str) -> IndexRow:
         href = f"{folder}/{quote(entry.log)}" if entry.log else ""
         return IndexRow(name, group, href, problem=entry.problem)
     modes = tuple(
-        ListedMode(mode.frequency_hz, trusted)
+        ListedMode(
+            mode.frequency_hz, to_its_error(mode.frequency_hz, mode.frequency_se_hz), trusted
+        )
         for mode, trusted in zip(entry.modes, entry.trusted, strict=True)
     )
     return IndexRow(
@@ -165,10 +168,10 @@ def _row(name: str, entry: Entry, page: str) -> IndexRow:
         prediction_error_percent=entry.prediction_error_percent,
         simulation_error_percent=entry.simulation_error_percent,
         passed=entry.n_checks(passed=True),
-        failed=entry.n_checks(passed=False),
+        failed=len(entry.failed),
         not_judged=entry.n_checks(passed=None),
         concerns=tuple(check.name for check in entry.checks if check.passed is not True),
-        failed_checks=tuple(check.name for check in entry.checks if check.passed is False),
+        failed_checks=tuple(check.name for check in entry.failed),
         modes=modes,
         sparkline=_sparkline(entry.gain_db, modes, entry.sampling_rate / 2),
     )

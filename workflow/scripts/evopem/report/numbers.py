@@ -14,7 +14,7 @@ THIN = "\u202f"
 FIRM = "\u00a0"
 MISSING = "–"
 NOT_KNOWN = "not known"
-# Where an error is larger than this and its value, no digit of either matters.
+# Where an error is larger than this and its value, the data do not determine the value.
 LONGEST_ERROR = 1000.0
 
 
@@ -78,16 +78,30 @@ def standard_error(error: float | None) -> str:
 
 
 def with_error(value: float | None, error: float | None) -> str:
-    """A value and its standard error, both to the second digit of the error."""
+    """A value and its standard error, both to the second digit of the error.
+
+    An error that is far larger than the value says that the data do not determine it.
+    """
     if not is_number(value):
         return MISSING
     if not is_number(error) or error <= 0:
         return f"{number(value)} ± {standard_error(error)}"
     decimals = max(0, 1 - math.floor(math.log10(error)))
-    boundless = error > max(abs(value), LONGEST_ERROR)
-    if decimals > 9 or boundless:
-        return f"{number(value, 3 if boundless else 6)} ± {number(error, 2)}"
+    if error > max(abs(value), LONGEST_ERROR):
+        return f"{number(value, 3)} ± {NOT_KNOWN}"
+    if decimals > 9:
+        return f"{number(value, 6)} ± {number(error, 2)}"
     return f"{fixed(value, decimals)} ± {fixed(error, decimals)}"
+
+
+def to_its_error(value: float | None, error: float | None, most: int = 6) -> str:
+    """A value alone, to the first digit of its standard error and at most so many digits."""
+    if not is_number(value) or not is_number(error) or error <= 0 or value == 0:
+        return number(value, 3)
+    digits = 1 + math.floor(math.log10(abs(value))) - math.floor(math.log10(error))
+    decimals = math.floor(math.log10(abs(value)))
+    kept = min(max(digits, 1), most)
+    return fixed(value, max(0, kept - 1 - decimals)) if -4 < decimals < 6 else number(value, kept)
 
 
 def root(value: complex, decimals: int = 4) -> str:

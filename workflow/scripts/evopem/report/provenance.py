@@ -6,9 +6,10 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 
+from evopem.figures.view import PolynomialView, View
 from evopem.report.numbers import count
-from evopem.results.dataset import DatasetResults
-from evopem.signals.multichannel_reading import FileFacts
+from evopem.report.sentences.about_recording import uneven_stamps
+from evopem.results.multichannel import MultichannelResults
 from evopem.signals.recording_info import FileOrigin, RecordingInfo
 
 # They draw and write the page; the libraries behind the numbers are listed in the model.
@@ -24,11 +25,19 @@ PHASE_STAGES = {
     "chosen": "Search of the chosen model",
 }
 # The folder of times of a phase, where it has another name.
-TIMES = {"structures": "decisions"}
+TIMES = {"structures": "search_structure", "chosen": "estimate"}
 # All stages where they ran as one job.
 ONE_JOB = "identification"
-BEFORE = (("recording", "Reading"), ("preparation", "Preparation"), ("spectrum", "Spectrum"))
-AFTER = (("model", "Model and covariance"), ("validation", "Validation"), ("figures", "Figures"))
+BEFORE = (
+    ("read_recording", "Reading"),
+    ("prepare", "Preparation"),
+    ("estimate_spectrum", "Spectrum"),
+)
+AFTER = (
+    ("complete_model", "Model and covariance"),
+    ("validate", "Validation"),
+    ("draw_figures", "Figures"),
+)
 
 
 @dataclass(frozen=True)
@@ -41,15 +50,18 @@ class Stage:
     evaluations: int | None = None
 
 
-def stages(results: DatasetResults, wall_clock: Mapping[str, float]) -> list[Stage]:
+def stages(view: View, wall_clock: Mapping[str, float]) -> list[Stage]:
     """Time of every stage in its order, from the start to the end of its jobs.
 
     Parameters
     ----------
-    results : DatasetResults
+    view : View
     wall_clock : mapping of str to float
         Seconds by stage, as :func:`.wall_clock.read_wall_clock` returns them.
     """
+    if not isinstance(view, PolynomialView):
+        return [Stage(name.replace("_", " "), seconds) for name, seconds in wall_clock.items()]
+    results = view.results
     rows = [Stage(name, wall_clock.get(stage)) for stage, name in BEFORE]
     for phase, selection in results.phases.items():
         tried = [candidate.diagnostics for candidate in selection.candidates]
@@ -69,29 +81,47 @@ def command(commit: str) -> str:
     return run if digest == "unknown" else f"git -C PATH checkout {digest}\n{run}"
 
 
-def terms(results: DatasetResults, commit: str) -> list[tuple[str, str]]:
+def terms(view: View, commit: str) -> list[tuple[str, str]]:
     """Origin, seeds, evaluations and versions, as terms and values."""
-    model = results.model
-    rows = _origin(results.recording_info, "")
-    if results.validation_recording_info is not None:
-        rows += _origin(results.validation_recording_info, " for validation")
-    rows.append(("Seed of the search", str(model.search.settings.seed)))
-    if results.truth is not None:
-        rows.append(("Seed of the synthesis", str(results.truth.seed)))
-    rows.append(("Objective evaluations", count(int(results.candidates["evaluations"].sum()))))
+    model = view.results.model
+    rows = _of_polynomial(view) if isinstance(view, PolynomialView) else _of_channels(view.results)
     rows.append(("Commit of the workflow", commit))
     rows.append(("Versions behind the numbers", listed({"evopem": model.evopem} | model.versions)))
     rows.append(("Versions behind this page", listed(installed(REPORT_LIBRARIES))))
     return rows
 
 
+def _of_polynomial(view: PolynomialView) -> list[tuple[str, str]]:
+    results = view.results
+    rows = _origin(results.recording_info, "")
+    if results.validation_recording_info is not None:
+        rows += _origin(results.validation_recording_info, " for validation")
+    rows.append(("Seed of the search", str(results.model.search.settings.seed)))
+    if results.truth is not None:
+        rows.append(("Seed of the synthesis", str(results.truth.seed)))
+    rows.append(("Objective evaluations", count(int(results.candidates["evaluations"].sum()))))
+    return rows
+
+
+def _of_channels(results: MultichannelResults) -> list[tuple[str, str]]:
+    model, time = results.model, results.recording_info.time_told
+    return [
+        *(row for file in results.files for row in file_rows(file)),
+        *([("Sampling rate", f"of the time stamps “{time}”, told by name")] if time else []),
+        *(("Time stamps", each) for each in uneven_stamps(results.recording_info.uneven_times)),
+        ("Objective of the search", model.settings.objective),
+        ("Seed of the search", str(model.settings.seed)),
+        ("Objective evaluations of the last search", count(model.search.evaluations)),
+    ]
+
+
 def _origin(recording: RecordingInfo, suffix: str) -> list[tuple[str, str]]:
-    if recording.file is None:
+    if not recording.files:
         return [(f"Recording{suffix}", "simulated, see the configuration")]
     return [row for file in recording.files for row in _file_rows(file, suffix)]
 
 
-def file_rows(file: FileOrigin | FileFacts) -> list[tuple[str, str]]:
+def file_rows(file: FileOrigin) -> list[tuple[str, str]]:
     """What is known of a recorded file, whatever its channels."""
     return [
         ("File", file.path),
@@ -104,8 +134,8 @@ def file_rows(file: FileOrigin | FileFacts) -> list[tuple[str, str]]:
 def _file_rows(file: FileOrigin, suffix: str) -> list[tuple[str, str]]:
     rows = [
         *file_rows(file),
-        *([("Input channel", str(file.input_channel))] if file.input_channel is not None else []),
-        ("Output channel", str(file.output_channel)),
+        *(("Input channel", str(each)) for each in file.inputs),
+        *(("Output channel", str(each)) for each in file.outputs),
     ]
     return [(f"{term}{suffix}", value) for term, value in rows]
 

@@ -11,7 +11,7 @@ from evopem.report.numbers import count, is_number, percent, plural, with_error
 from evopem.report.sentences.about_verdict import verdict
 from evopem.results.dataset import DatasetResults
 from evopem.results.fleet import DatasetSummary
-from evopem.validation.checks import Check
+from evopem.validation.checks import Check, failed_checks
 
 _WIDTH = 96
 
@@ -52,7 +52,7 @@ def state_space_text(summary: DatasetSummary, name: str, page: str = "") -> str:
     page : str
         The file to open next; empty for none.
     """
-    failed = summary.n_checks(passed=False)
+    failed = len(summary.failed)
     errors = [f"one step ahead {percent(summary.prediction_error_percent)}"]
     if is_number(summary.simulation_error_percent):
         errors.append(f"simulation {percent(summary.simulation_error_percent)}")
@@ -104,10 +104,9 @@ def _modes_of(modes: Sequence[Mode], trusted: Sequence[bool]) -> list[str]:
 def _failed(checks: Sequence[Check]) -> list[str]:
     """Each failed check with the first sentence of what was found."""
     lines = []
-    for check in checks:
-        if check.passed is False:
-            found = re.split(r"(?<=\.) |; ", check.statement, maxsplit=1)[0].rstrip(".")
-            lines += _wrapped(f"{check.name}: {found}.", "  failed  ")
+    for check in failed_checks(checks):
+        found = re.split(r"(?<=\.) |; ", check.statement, maxsplit=1)[0].rstrip(".")
+        lines += _wrapped(f"{check.name}: {found}.", "  failed  ")
     return lines
 
 

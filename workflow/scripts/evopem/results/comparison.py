@@ -14,6 +14,7 @@ from evopem.errors import InputError
 from evopem.models.mode_matching import match_modes
 from evopem.models.modes import Mode
 from evopem.results.dataset import DatasetResults
+from evopem.validation.checks import failed_checks
 
 MOST = 6
 """More models than colours that can be told apart are not compared."""
@@ -143,7 +144,7 @@ class Comparison:
                     "simulation_error_percent": validation.simulation_error_percent,
                     "prediction_error_percent": validation.prediction_error_percent,
                     "bic": each.model.criteria.bic,
-                    "failed_checks": sum(check.passed is False for check in checks),
+                    "failed_checks": len(failed_checks(checks)),
                     "trusted_modes": len(each.trusted_modes),
                 }
             )

@@ -6,20 +6,20 @@ import re
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from evopem.config.structures import ORDER_NAMES
 from evopem.errors import InputError
-from evopem.files.checksums import sha256_of_file, verify_checksums
+from evopem.files.checksums import sha256_of_file
 from evopem.files.json_form import load
-from evopem.files.unfinished import unfinished_jobs
 from evopem.models.modes import Mode
-from evopem.models.structures import PolynomialOrders
+from evopem.models.structures import Orders
 from evopem.results.followed_modes import RecordedMode
+from evopem.results.identity import IncompleteDataset, incompleteness
 from evopem.results.layout import DatasetFiles
-from evopem.validation.checks import Check, checks
+from evopem.validation.checks import Check, checks, failed_checks
 from evopem.validation.mode_trust import doubts
 
 if TYPE_CHECKING:
@@ -51,11 +51,12 @@ class DatasetSummary:
     sampling_rate : float
         Hz, after all transforms.
     estimation_samples, validation_samples : int
-    orders : PolynomialOrders, optional
+    orders : Orders, optional
         None for a model of several channels.
     bic : float
     prediction_error_percent, simulation_error_percent : float
-    continued_simulation_error_percent : float, optional
+    fitted_state_error_percent : float
+        Of a simulation from the state that fits the validation samples best.
     checks : tuple of Check
     modes : tuple of Mode
     trusted : tuple of bool
@@ -77,11 +78,11 @@ class DatasetSummary:
     sampling_rate: float
     estimation_samples: int
     validation_samples: int
-    orders: PolynomialOrders | None
+    orders: Orders | None
     bic: float
     prediction_error_percent: float
     simulation_error_percent: float
-    continued_simulation_error_percent: float | None
+    fitted_state_error_percent: float
     checks: tuple[Check, ...]
     modes: tuple[Mode, ...]
     trusted: tuple[bool, ...]
@@ -95,28 +96,14 @@ class DatasetSummary:
         """The model in a few words."""
         return self.multichannel_model or str(self.orders)
 
+    @property
+    def failed(self) -> list[Check]:
+        """The checks that headlines count as failed."""
+        return failed_checks(self.checks)
+
     def n_checks(self, passed: bool | None) -> int:
-        """Number of checks with an outcome: passed, failed (False) or not judged (None)."""
+        """Number of checks with an outcome: passed, failed whatever their grade, not judged."""
         return sum(check.passed is passed for check in self.checks)
-
-
-@dataclass(frozen=True)
-class IncompleteDataset:
-    """A data set whose results are not complete.
-
-    Attributes
-    ----------
-    status : {"failed", "unfinished"}
-        ``unfinished`` where the run ended before its jobs, or a job of it could not start.
-    problem : str
-        What is wrong, in a sentence.
-    log : str
-        The log that says more, relative to the data set's folder; empty where there is none.
-    """
-
-    status: Literal["failed", "unfinished"]
-    problem: str
-    log: str = ""
 
 
 Entry = DatasetSummary | IncompleteDataset
@@ -153,7 +140,7 @@ def summarize(
         bic=model.criteria.bic,
         prediction_error_percent=validation.prediction_error_percent,
         simulation_error_percent=validation.simulation_error_percent,
-        continued_simulation_error_percent=validation.continued_simulation_error_percent,
+        fitted_state_error_percent=validation.fitted_state_error_percent,
         checks=tuple(checks(model, validation, spectrum, phases, recording)),
         modes=tuple(model.modes),
         trusted=tuple(_trusted(model, validation)),
@@ -200,45 +187,22 @@ def recorded_modes(summary: DatasetSummary) -> list[RecordedMode]:
     ]
 
 
-def read_summaries(datasets: Iterable[DatasetFiles]) -> dict[str, DatasetSummary]:
-    """Read the summaries of data sets whose results are complete, by name.
-
-    Raises
-    ------
-    InputError
-        When a summary is missing or damaged.
-    """
-    return {files.name: load(DatasetSummary, files.summary) for files in datasets}
-
-
-def read_entry(files: DatasetFiles, required: Collection[str], pending: bool = False) -> Entry:
-    """Read the summary of a data set, or find out why its results are not complete.
-
-    Results are complete if no job is left, every required file exists, and the summary is as its
-    job wrote it and was made from the present model, validation and recording.
+def read_entry(files: DatasetFiles, required: Collection[str] = (), pending: bool = False) -> Entry:
+    """Read the summary of a data set, or find out why its results are not whole.
 
     Parameters
     ----------
     files : DatasetFiles
-    required : collection of path
-    pending : bool
-        Whether the run has ended with jobs of this data set left.
+    required, pending
+        As of :func:`evopem.results.identity.incompleteness`.
     """
-    missing = next((file for file in [*required, files.summary] if not Path(file).exists()), None)
-    if pending or missing:
-        return _reason(files, missing)
     try:
-        verify_checksums([files.summary], files.folder)
-        summary = load(DatasetSummary, files.summary)
+        fault = incompleteness(files, required, pending)
+        return load(DatasetSummary, files.summary) if fault is None else fault
     except InputError as error:
         return IncompleteDataset("failed", str(error))
-    for name, checksum in summary.made_from.items():
-        if sha256_of_file(Path(files.folder) / name) != checksum:
-            return IncompleteDataset(
-                "unfinished",
-                f"{files.summary}: {name} has changed since it was written; run snakemake again.",
-            )
-    return summary
+    except Exception as error:
+        return IncompleteDataset("failed", f"{files.folder}: cannot be read ({error}).")
 
 
 def fleet_table(entries: Mapping[str, Entry]) -> pd.DataFrame:
@@ -291,7 +255,7 @@ def check_column(name: str) -> str:
 _ERRORS = (
     "prediction_error_percent",
     "simulation_error_percent",
-    "continued_simulation_error_percent",
+    "fitted_state_error_percent",
 )
 _MODE = ("frequency_hz", "frequency_se_hz", "damping_percent", "damping_se_percent")
 _COLUMN_TYPES = (
@@ -318,10 +282,10 @@ def _rows(name: str, entry: Entry) -> list[dict[str, object]]:
         "estimation_samples": entry.estimation_samples,
         "validation_samples": entry.validation_samples,
         "model": entry.model,
-        **{name: getattr(entry.orders, name, None) for name in ORDER_NAMES},
+        **(entry.orders.single._asdict() if entry.orders else dict.fromkeys(ORDER_NAMES)),
         "bic": entry.bic,
         **{error: getattr(entry, error) for error in _ERRORS},
-        "failed_checks": entry.n_checks(passed=False),
+        "failed_checks": len(entry.failed),
         **{check_column(check.name): check.passed for check in entry.checks},
     }
     modes = [
@@ -335,14 +299,3 @@ def _rows(name: str, entry: Entry) -> list[dict[str, object]]:
         for number, mode in enumerate(entry.modes, start=1)
     ]
     return [own | mode for mode in modes or [{}]]
-
-
-def _reason(files: DatasetFiles, missing: str | None) -> IncompleteDataset:
-    """Why the results of a data set are not complete."""
-    jobs = unfinished_jobs(Path(files.logs))
-    if jobs:
-        log = Path(files.log(jobs[0].job))
-        shown = log.relative_to(files.folder).as_posix() if log.is_file() else ""
-        return IncompleteDataset("failed", jobs[0].sentence, shown)
-    what = f"{missing} has not been made" if missing else "not all of its jobs have run"
-    return IncompleteDataset("unfinished", f"{what}; run snakemake again.")

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.models.state_space_modes import assurance
+from evopem.models.mode_shapes import assurance
 from evopem.validation.level_changes import FEWEST, Levels, find_levels
 
 if TYPE_CHECKING:

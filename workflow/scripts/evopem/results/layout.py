@@ -313,38 +313,6 @@ class DatasetFiles:
             self.summary,
         ]
 
-    def state_space_results(self, variants: Iterable[str]) -> list[str]:
-        """The results of a data set with several channels, without its report.
-
-        Parameters
-        ----------
-        variants : iterable of str
-            Names of the forms with their weightings that are searched.
-        """
-        names = tuple(variants)
-        return [
-            self.config,
-            self.recording,
-            self.recording_info,
-            self.prepared,
-            self.transforms,
-            *map(self.decision, ("preparation", "delays", "comparison", "remedies")),
-            *map(self.search, names),
-            *map(self.models_of_orders, names),
-            self.decisions,
-            self.candidates,
-            self.model,
-            self.model_mat,
-            self.modes,
-            self.modes_json,
-            self.frequency_response,
-            self.validation,
-            self.residual_autocorrelation,
-            self.cross_correlation,
-            self.simulation,
-            self.summary,
-        ]
-
     @property
     def pages(self) -> list[str]:
         """The report and its figures."""
@@ -360,6 +328,10 @@ def check_folders(names: Iterable[str]) -> None:
         Naming the file.
     """
     for folder in (FOLDER, *(DatasetFiles.of_dataset(name).folder for name in names)):
+        if Path(folder).is_symlink() and not Path(folder).exists():
+            raise InputError(
+                folder, "is a link to a folder that does not exist", "make the folder, or the link anew"
+            )
         if Path(folder).exists() and not Path(folder).is_dir():
             raise InputError(
                 folder, "is a file, and the results need a folder of this name", "move the file"

@@ -16,18 +16,18 @@ from evopem.automatic.state_space_choice import StateSpaceChoice
 from evopem.automatic.state_space_remedies import RemedyRecord
 from evopem.automatic.variant_search import VariantSearch
 from evopem.config.state_space_settings import MultichannelDataset
-from evopem.estimation.state_space.model_record import MultichannelModelRecord
+from evopem.estimation.multichannel_record import MultichannelModelRecord
 from evopem.files.checksums import sha256_of_file
 from evopem.files.json_form import load
 from evopem.models.modes import Mode
-from evopem.models.state_space_modes import ShapedMode
+from evopem.models.modes import Mode
 from evopem.models.state_space_tables import gain_intervals
 from evopem.results.dataset import read_table
 from evopem.results.fleet import GAIN_BANDS, DatasetSummary
 from evopem.results.layout import DatasetFiles
-from evopem.signals.multichannel import MultichannelRecording
+from evopem.signals.recording import Recording
 from evopem.signals.multichannel_preparation import MultichannelData, load_multichannel_data
-from evopem.signals.multichannel_reading import FileFacts, MultichannelInfo
+from evopem.signals.recording_info import FileOrigin, RecordingInfo
 from evopem.signals.spectral.multichannel_response import multichannel_response
 from evopem.validation.checks import Check
 from evopem.validation.checks.state_space import state_space_checks
@@ -67,14 +67,14 @@ class MultichannelResults:
     settings : MultichannelDataset
     config_text : str
         The complete configuration.
-    recording_info : MultichannelInfo
-    validation_recording_info : MultichannelInfo, optional
+    recording_info : RecordingInfo
+    validation_recording_info : RecordingInfo, optional
         Of files for validation.
     prepared : MultichannelData
     model : MultichannelModelRecord
     modes : ModesRecord
-    frequency_response, simulation : pandas.DataFrame
-        As in ``frequency_response.csv`` and ``simulation.csv``.
+    frequency_response, simulation, residual_autocorrelation, cross_correlation : pandas.DataFrame
+        As in ``frequency_response.csv`` and the other files of these names.
     validation : MultichannelValidation
     searches : tuple of VariantSearch
     choice : StateSpaceChoice
@@ -83,13 +83,15 @@ class MultichannelResults:
 
     settings: MultichannelDataset
     config_text: str
-    recording_info: MultichannelInfo
-    validation_recording_info: MultichannelInfo | None
+    recording_info: RecordingInfo
+    validation_recording_info: RecordingInfo | None
     prepared: MultichannelData
     model: MultichannelModelRecord
     modes: ModesRecord
     frequency_response: pd.DataFrame
     simulation: pd.DataFrame
+    residual_autocorrelation: pd.DataFrame
+    cross_correlation: pd.DataFrame
     validation: MultichannelValidation
     searches: tuple[VariantSearch, ...]
     choice: StateSpaceChoice
@@ -101,7 +103,7 @@ class MultichannelResults:
         return self.settings.name
 
     @property
-    def files(self) -> tuple[FileFacts, ...]:
+    def files(self) -> tuple[FileOrigin, ...]:
         """All recorded files, those for validation last."""
         validation = self.validation_recording_info
         return self.recording_info.files + (validation.files if validation else ())
@@ -119,7 +121,7 @@ class MultichannelResults:
         return next(each.tried for each in self.searches if each.variant == self.choice.model.variant)
 
     @property
-    def trusted_modes(self) -> list[ShapedMode]:
+    def trusted_modes(self) -> list[Mode]:
         """The modes that give no reason to doubt them."""
         return list(self.modes.table.trusted)
 
@@ -144,8 +146,8 @@ def read_multichannel_results(
     return MultichannelResults(
         settings=settings,
         config_text=Path(files.config).read_text(encoding="utf-8"),
-        recording_info=load(MultichannelInfo, files.recording_info),
-        validation_recording_info=load(MultichannelInfo, files.validation_recording_info)
+        recording_info=load(RecordingInfo, files.recording_info),
+        validation_recording_info=load(RecordingInfo, files.validation_recording_info)
         if settings.source.validation_files
         else None,
         prepared=load_multichannel_data(files.prepared, files.transforms),
@@ -153,6 +155,8 @@ def read_multichannel_results(
         modes=load(ModesRecord, files.modes_json),
         frequency_response=read_table(files.frequency_response),
         simulation=read_table(files.simulation),
+        residual_autocorrelation=read_table(files.residual_autocorrelation),
+        cross_correlation=read_table(files.cross_correlation),
         validation=load(MultichannelValidation, files.validation),
         searches=tuple(load(VariantSearch, files.search(name)) for name in variants),
         choice=replace(
@@ -167,13 +171,13 @@ def summarize_multichannel(files: DatasetFiles) -> DatasetSummary:
     """Summarize one data set with several channels."""
     record = load(MultichannelModelRecord, files.model)
     validation = load(MultichannelValidation, files.validation)
-    info = load(MultichannelInfo, files.recording_info)
+    info = load(RecordingInfo, files.recording_info)
     modes = load(ModesRecord, files.modes_json)
     choice = load(RemedyRecord, files.decision("remedies")).choice
     tried = load(VariantSearch, files.search(choice.variant.name)).tried
     return DatasetSummary(
-        file=info.file.path,
-        sha256=info.file.sha256,
+        file=info.files[0].path,
+        sha256=info.files[0].sha256,
         sampling_rate=record.sampling_rate,
         estimation_samples=record.transforms.estimation_samples,
         validation_samples=record.transforms.validation_samples,
@@ -182,18 +186,9 @@ def summarize_multichannel(files: DatasetFiles) -> DatasetSummary:
         bic=record.bic,
         prediction_error_percent=validation.prediction_error_percent,
         simulation_error_percent=validation.simulation_error_percent,
-        continued_simulation_error_percent=None,
+        fitted_state_error_percent=validation.fitted_state_error_percent,
         checks=tuple(state_space_checks(record, validation, choice.order, tried, info)),
-        modes=tuple(
-            Mode(
-                mode.frequency_hz,
-                mode.damping_ratio,
-                mode.pole,
-                mode.frequency_se_hz,
-                mode.damping_se,
-            )
-            for mode in modes.modes
-        ),
+        modes=modes.modes,
         trusted=modes.trusted,
         shapes=tuple(tuple(map(complex, mode.shape)) for mode in modes.modes),
         gain_db=_gain_outline(record),
@@ -205,7 +200,7 @@ def summarize_multichannel(files: DatasetFiles) -> DatasetSummary:
 
 
 def frequency_response_rows(
-    record: MultichannelModelRecord, estimation: MultichannelRecording
+    record: MultichannelModelRecord, estimation: Recording
 ) -> dict[str, list[Any]]:
     """Gains and phases of every pair of output and input, the model's and the measured ones.
 
@@ -214,7 +209,7 @@ def frequency_response_rows(
     Parameters
     ----------
     record : MultichannelModelRecord
-    estimation : MultichannelRecording
+    estimation : Recording
         Samples behind the measured response.
     """
     names = (

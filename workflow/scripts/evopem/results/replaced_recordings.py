@@ -79,7 +79,7 @@ def _origin(path: str, info: str) -> Mapping[str, object]:
     """What is known of a file that was read; empty where it was not, or ``info`` is damaged."""
     try:
         content = json.loads(Path(info).read_text(encoding="utf-8"))
-        origins = map(dict, [content["file"], *content["further_files"]])
+        origins = map(dict, content["files"])
         return next((each for each in origins if each.get("path") == str(Path(path))), {})
     except (OSError, ValueError, KeyError, TypeError):
         return {}

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from evopem.errors import InputError
 from evopem.signals.coarse_clock import CoarseClock
-from evopem.signals.timestamps import clock_of_uneven, elapsed, refuse_same_times
+from evopem.signals.timestamps import clock_of_uneven, elapsed, refuse_same_times, unit_of
 
 LONGEST_GAP = 20
 """Steps between two stamps that are interpolated at most."""
@@ -18,6 +18,11 @@ MOST_IN_GAPS = 0.1
 """Largest share of the samples that may lie in gaps."""
 GAP = 1.5
 """Two stamps farther apart than so many usual steps have a gap between them."""
+BLOCKS, SHORTEST_BLOCK = 8, 25
+"""Parts of the stamps whose mean steps are compared, and their smallest number of steps."""
+LARGEST_CHANGE, SIGNIFICANT = 0.03, 6.0
+"""Mean steps that differ by more than this share, and this many standard errors, are of two
+rates."""
 CLOSEST = 1e-6
 """Two stamps closer than this share of the usual step are the same time."""
 
@@ -111,7 +116,8 @@ def even_grid(stamps: NDArray[Values], source: str, name: str) -> EvenGrid:
     Raises
     ------
     InputError
-        When the stamps do not increase, or too many samples are missing, together or in one place.
+        When the stamps do not increase, their rate changes, or too many samples are missing,
+        together or in one place.
     """
     times = elapsed(stamps, source, name)
     steps = np.diff(times)
@@ -122,7 +128,8 @@ def even_grid(stamps: NDArray[Values], source: str, name: str) -> EvenGrid:
         even = np.arange(times.size, dtype=np.float64)
         return EvenGrid(clock.step, times.size, _of_clock(clock, times), even)
     if steps.min() <= CLOSEST * usual:
-        refuse_same_times(times, CLOSEST * usual, source, place)
+        refuse_same_times(times, CLOSEST * usual, source, place, unit_of(stamps))
+    _refuse_other_rate(steps, usual, source, place, unit_of(stamps))
     # The median of a few irregular steps is not exact enough to divide the whole time by.
     total = max(int(np.round(steps / usual).sum()), 1)
     step = float(times[-1]) / total
@@ -142,3 +149,33 @@ def even_grid(stamps: NDArray[Values], source: str, name: str) -> EvenGrid:
         )
     shift = float(np.abs(on_grid - np.round(on_grid)).max())
     return EvenGrid(step, total + 1, Unevenness(missing, longest, shift), on_grid)
+
+
+def _refuse_other_rate(
+    steps: NDArray[np.float64], usual: float, source: str, place: str, unit: str
+) -> None:
+    """Refuse stamps whose mean step changes in the course of the recording.
+
+    The steps that are missing in a gap are counted.  What jitter does to the mean step of a block
+    follows from its steps.
+    """
+    blocks = min(BLOCKS, steps.size // SHORTEST_BLOCK)
+    if blocks < 2:
+        return
+    edges = np.linspace(0, steps.size, blocks + 1).astype(int)
+    medians = [float(np.median(each)) for each in np.split(steps, edges[1:-1])]
+    counts = np.maximum(np.round(steps / np.repeat(medians, np.diff(edges))), 1.0)
+    mean = np.add.reduceat(steps, edges[:-1]) / np.add.reduceat(counts, edges[:-1])
+    off = steps - counts * np.repeat(mean, np.diff(edges))
+    error = float(off.std()) * float(np.sqrt(2.0 / np.diff(edges).min()))
+    low, high = int(np.argmin(mean)), int(np.argmax(mean))
+    change = float(mean[high] - mean[low])
+    if change > LARGEST_CHANGE * usual and change > SIGNIFICANT * error:
+        first, last = sorted((low, high))
+        raise InputError(
+            source,
+            f"the rate changes: the mean step is {mean[first]:.4g}{unit} from this sample on and"
+            f" {mean[last]:.4g}{unit} from sample {edges[last] + 1} on",
+            "give the parts of one rate as data sets of their own, or resample the recording",
+            f"{place}, sample {edges[first] + 1}",
+        )

@@ -94,7 +94,9 @@ def inspect_file(path: str | Path) -> FileContents:
     time: TimeColumn | None = None
     unread = ""
     for number, name in enumerate(names, start=1):
-        reference = name if name and names.count(name) == 1 else number
+        # A name with a * would be taken for a pattern, and "none" for no input.
+        plain = name.isprintable() and "*" not in name and name not in ("", "none")
+        reference = name if plain and names.count(name) == 1 else number
         try:
             (channel,) = read_channels(path, [number])
         except InputError as error:

@@ -3,26 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
-from typing import Protocol, TypeVar
 
 from evopem.errors import InputError
-from evopem.signals.multichannel import MultichannelRecording
-from evopem.signals.recording import Recording
+from evopem.signals.recording import Recording, concatenated
 from evopem.signals.shared_samples import check_independent
 
 # Rates from the time stamps of equal clocks differ by no more than this share.
 RATE_TOLERANCE = 1e-4
-Kind = TypeVar("Kind", Recording, MultichannelRecording)
 _TWICE = "give every recording of the data set once"
-
-
-class Sampled(Protocol):
-    """A recording of any number of channels."""
-
-    @property
-    def sampling_rate(self) -> float:
-        """In Hz."""
 
 
 def joined(recordings: Sequence[Recording], sources: Sequence[str]) -> Recording:
@@ -31,7 +19,7 @@ def joined(recordings: Sequence[Recording], sources: Sequence[str]) -> Recording
     Parameters
     ----------
     recordings : sequence of Recording
-        Each of one stretch.
+        Each of one segment.
     sources : sequence of str
         Their files, for an error to name.
 
@@ -42,25 +30,10 @@ def joined(recordings: Sequence[Recording], sources: Sequence[str]) -> Recording
     """
     _check_alike(recordings, sources)
     _check_independent(recordings, sources)
-    stretches = [
-        replace(each.stretches[0], recording=number) for number, each in enumerate(recordings)
-    ]
-    return recordings[0].with_stretches(stretches)
+    return concatenated(recordings)
 
 
-def joined_multichannel(
-    recordings: Sequence[MultichannelRecording], sources: Sequence[str]
-) -> MultichannelRecording:
-    """The same of recordings of several channels.
-
-    Parameters and errors as of :func:`joined`.
-    """
-    _check_alike(recordings, sources)
-    _check_independent([each.channel(0) for each in recordings], sources)
-    return recordings[0].with_records(recordings)
-
-
-def _check_alike(recordings: Sequence[Kind], sources: Sequence[str]) -> None:
+def _check_alike(recordings: Sequence[Recording], sources: Sequence[str]) -> None:
     for other, source in zip(recordings[1:], sources[1:], strict=True):
         check_alike(recordings[0], other, sources[0], source)
 
@@ -71,7 +44,7 @@ def _check_independent(recordings: Sequence[Recording], sources: Sequence[str]) 
             check_independent(earlier, other, source, earlier_source, _TWICE)
 
 
-def check_alike(first: Kind, other: Kind, first_source: str, source: str) -> None:
+def check_alike(first: Recording, other: Recording, first_source: str, source: str) -> None:
     """Refuse a recording of other channels, units or rate than the first one of a data set.
 
     Raises
@@ -97,29 +70,22 @@ def check_alike(first: Kind, other: Kind, first_source: str, source: str) -> Non
         )
 
 
-def _in_common(recording: Recording | MultichannelRecording) -> dict[tuple[str, str], str]:
+def _in_common(recording: Recording) -> dict[tuple[str, str], str]:
     """What recordings of one data set share, by what it is and the key that says it."""
-    if isinstance(recording, Recording):
-        return {
-            ("input", "input"): recording.input_name,
-            ("output", "output"): recording.output_name,
-            ("unit of its input", "input_unit"): recording.input_unit,
-            ("unit of its output", "output_unit"): recording.output_unit,
-        }
     common: dict[tuple[str, str], str] = {}
     for role, names, units in (
         ("input", recording.input_names, recording.input_units),
         ("output", recording.output_names, recording.output_units),
     ):
-        common[f"list of its {role}s", role] = ", ".join(names)
-        common |= {
-            (f"unit of its {role} {name}", f"{role}_unit"): unit
-            for name, unit in zip(names, units, strict=True)
-        }
+        what = role if len(names) <= 1 else f"list of its {role}s"
+        common[what, role] = ", ".join(names)
+        for name, unit in zip(names, units, strict=True):
+            called = role if len(names) == 1 else f"{role} {name}"
+            common[f"unit of its {called}", f"{role}_unit"] = unit
     return common
 
 
-def check_same_rate(recording: Sampled, validation: Sampled, source: str) -> None:
+def check_same_rate(recording: Recording, validation: Recording, source: str) -> None:
     """Refuse a validation recording of another rate than the estimation recording's."""
     if recording.sampling_rate != validation.sampling_rate:
         raise InputError(
@@ -128,8 +94,3 @@ def check_same_rate(recording: Sampled, validation: Sampled, source: str) -> Non
             f" {recording.sampling_rate:g} Hz",
             "validate on a recording of the same rate",
         )
-
-
-def separated(recording: Recording) -> list[Recording]:
-    """Each stretch of a recording as a recording by itself."""
-    return [recording.with_stretches([replace(each, recording=0)]) for each in recording.stretches]

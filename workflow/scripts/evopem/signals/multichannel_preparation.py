@@ -7,23 +7,21 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
-import numpy as np
-
 from evopem.config.settings import SplitSettings
 from evopem.errors import InputError
 from evopem.files.json_form import load, save
 from evopem.files.npz import load_arrays, save_arrays
-from evopem.signals.joined_preparation import Range, divided_ranges
 from evopem.signals.joining import check_same_rate
-from evopem.signals.multichannel import (
-    MultichannelRecording,
-    check_multichannel,
-    multichannel_arrays,
-    multichannel_from_arrays,
-    multichannel_names,
+from evopem.signals.recording import (
+    Recording,
+    concatenated,
+    recording_arrays,
+    recording_from_arrays,
+    recording_names,
 )
+from evopem.signals.recording_checks import check_recording
 from evopem.signals.resampling import resample_recording
-from evopem.signals.sections import estimation_range, prepared_samples
+from evopem.signals.sections import Range, divided_ranges, prepared_samples
 from evopem.signals.shared_samples import check_independent
 
 Source = Literal["cut", "file", "recordings"]
@@ -102,16 +100,23 @@ class MultichannelTransforms:
 class MultichannelData:
     """Samples for estimation and for validation, without means, and what was done to them."""
 
-    estimation: MultichannelRecording
-    validation: MultichannelRecording
+    estimation: Recording
+    validation: Recording
     transforms: MultichannelTransforms
+
+    @property
+    def before_validation(self) -> Recording | None:
+        """The samples that the validation samples continue; None where they are of others."""
+        joints = len(self.estimation.segment_starts), len(self.validation.segment_starts)
+        cut = self.transforms.validation_source == "cut" and joints[0] == joints[1]
+        return self.estimation if cut else None
 
 
 def divide_multichannel(
-    recording: MultichannelRecording,
+    recording: Recording,
     split: SplitSettings,
     resample: float | None,
-    validation: MultichannelRecording | None,
+    validation: Recording | None,
     place: str,
     recorded: Sequence[str] = (),
 ) -> MultichannelData:
@@ -122,11 +127,11 @@ def divide_multichannel(
 
     Parameters
     ----------
-    recording : MultichannelRecording
+    recording : Recording
     split : SplitSettings
     resample : float, optional
         New sampling rate in Hz.
-    validation : MultichannelRecording, optional
+    validation : Recording, optional
         Independent recordings to validate on.
     place : str
         Configuration key of the data set, for errors to name.
@@ -142,20 +147,21 @@ def divide_multichannel(
     recorded_rate = recording.sampling_rate
     if validation is not None:
         _check_alike(recording, validation, f"{place}.validation_file")
-    others = () if validation is None else validation.records
-    records = [*recording.records, *others]
+    others = () if validation is None else validation.separated
+    records = [*recording.separated, *others]
     if resample is not None:
-        records = [_resampled(each, resample, f"{place}.resample") for each in records]
-    own = len(recording.records)
-    estimation, held_out, source = _ranges(records, own, split, place)
+        records = [resample_recording(each, resample, f"{place}.resample") for each in records]
+    own = len(recording.separated)
+    ranges = divided_ranges(records, own, split, 0, f"{place}.split")
+    estimation, held_out = ranges.estimation, ranges.validation
     fitted, scored = _cut(records, estimation), _cut(records, held_out)
-    for name, part, ranges in (
+    for name, part, used in (
         ("estimation", fitted, estimation),
         ("validation", scored, held_out),
     ):
-        for record, (number, *_) in zip(part.records, ranges, strict=True):
+        for record, (number, *_) in zip(part.separated, used, strict=True):
             called = prepared_samples(f"{place}.{name}", recorded, number)
-            check_multichannel(record, called, measured=False)
+            check_recording(record, called)
             if name == "estimation" and own > 1:
                 _check_length(record, called)
     several = own > 1 or len(others) > 1
@@ -172,7 +178,7 @@ def divide_multichannel(
             discard=estimation[0][1],
             estimation_samples=0,
             validation_samples=0,
-            validation_source=source,
+            validation_source="cut" if ranges.source == "gap" else ranges.source,
             estimation_records=_origins(recording, estimation) if several else (),
             validation_records=_origins(recording, held_out) if several else (),
         ),
@@ -180,8 +186,8 @@ def divide_multichannel(
 
 
 def centred(
-    estimation: MultichannelRecording,
-    validation: MultichannelRecording,
+    estimation: Recording,
+    validation: Recording,
     before: MultichannelTransforms,
 ) -> MultichannelData:
     """Take the means from both parts, and add them to those that were taken before.
@@ -190,12 +196,12 @@ def centred(
 
     Parameters
     ----------
-    estimation, validation : MultichannelRecording
+    estimation, validation : Recording
     before : MultichannelTransforms
     """
-    means = [_means(each) for each in estimation.records]
+    means = [_means(each) for each in estimation.separated]
     one = before.validation_source == "cut" or not before.estimation_records
-    held_out = means if one else [_means(each) for each in validation.records]
+    held_out = means if one else [_means(each) for each in validation.separated]
     parts = [_less(estimation, means), _less(validation, held_out)]
     return MultichannelData(
         parts[0],
@@ -217,8 +223,8 @@ def save_multichannel_data(data: MultichannelData, arrays: str | Path, transform
     """Write the samples to one ``.npz`` and the transforms to a JSON file."""
     save_arrays(
         arrays,
-        multichannel_arrays(data.estimation, "estimation_")
-        | multichannel_arrays(data.validation, "validation_"),
+        recording_arrays(data.estimation, "estimation_")
+        | recording_arrays(data.validation, "validation_"),
     )
     save(data.transforms, transforms)
 
@@ -231,18 +237,16 @@ def load_multichannel_data(arrays: str | Path, transforms: str | Path) -> Multic
     InputError
         When either file is missing or damaged.
     """
-    names = multichannel_names("estimation_") + multichannel_names("validation_")
+    names = recording_names("estimation_") + recording_names("validation_")
     stored = load_arrays(arrays, names)
     return MultichannelData(
-        estimation=multichannel_from_arrays(stored, "estimation_"),
-        validation=multichannel_from_arrays(stored, "validation_"),
+        estimation=recording_from_arrays(stored, "estimation_"),
+        validation=recording_from_arrays(stored, "validation_"),
         transforms=load(MultichannelTransforms, transforms),
     )
 
 
-def _check_alike(
-    recording: MultichannelRecording, validation: MultichannelRecording, place: str
-) -> None:
+def _check_alike(recording: Recording, validation: Recording, place: str) -> None:
     """Refuse a validation recording of another rate, of other channels, or of the same samples."""
     check_same_rate(recording, validation, place)
     for role in ("input", "output"):
@@ -256,30 +260,11 @@ def _check_alike(
     check_independent(recording.channel(0), validation.channel(0), place)
 
 
-def _ranges(
-    records: Sequence[MultichannelRecording], own: int, split: SplitSettings, place: str
-) -> tuple[list[Range], list[Range], Source]:
-    """The samples for estimation and for validation, and where the latter come from."""
-    lengths = [each.samples for each in records]
-    others = len(records) - own
-    if own == 1 and others <= 1:
-        first, stop = estimation_range(lengths[0], split, others == 0, f"{place}.split")
-        if others:
-            return [(0, first, stop)], [(1, 0, lengths[1])], "file"
-        return [(0, first, stop)], [(0, stop, lengths[0])], "cut"
-    estimation, held_out, source = divided_ranges(lengths, own, split, 0, f"{place}.")
-    return estimation, held_out, "cut" if source == "gap" else source
+def _cut(records: Sequence[Recording], ranges: Sequence[Range]) -> Recording:
+    return concatenated([records[number].between(first, stop) for number, first, stop in ranges])
 
 
-def _cut(
-    records: Sequence[MultichannelRecording], ranges: Sequence[Range]
-) -> MultichannelRecording:
-    return records[0].with_records(
-        [records[number].between(first, stop) for number, first, stop in ranges]
-    )
-
-
-def _check_length(record: MultichannelRecording, called: str) -> None:
+def _check_length(record: Recording, called: str) -> None:
     if record.samples < SHORTEST_RECORD:
         raise InputError(
             called,
@@ -289,7 +274,7 @@ def _check_length(record: MultichannelRecording, called: str) -> None:
         )
 
 
-def _origins(recording: MultichannelRecording, ranges: Sequence[Range]) -> tuple[RecordOrigin, ...]:
+def _origins(recording: Recording, ranges: Sequence[Range]) -> tuple[RecordOrigin, ...]:
     none = (0.0,) * len(recording.input_names), (0.0,) * len(recording.output_names)
     return tuple(RecordOrigin(number, first, stop - first, *none) for number, first, stop in ranges)
 
@@ -298,22 +283,22 @@ _Means = tuple[tuple[float, ...], tuple[float, ...]]
 """Of the inputs and of the outputs."""
 
 
-def _means(record: MultichannelRecording) -> _Means:
+def _means(record: Recording) -> _Means:
     return tuple(record.inputs.mean(axis=0).tolist()), tuple(record.outputs.mean(axis=0).tolist())
 
 
-def _less(recording: MultichannelRecording, means: Sequence[_Means]) -> MultichannelRecording:
+def _less(recording: Recording, means: Sequence[_Means]) -> Recording:
     """Each record without its means."""
-    return recording.with_records(
+    return concatenated(
         [
             replace(each, inputs=each.inputs - own[0], outputs=each.outputs - own[1])
-            for each, own in zip(recording.records, means, strict=True)
+            for each, own in zip(recording.separated, means, strict=True)
         ]
     )
 
 
 def _with_means(
-    origins: Sequence[RecordOrigin], recording: MultichannelRecording, means: Sequence[_Means]
+    origins: Sequence[RecordOrigin], recording: Recording, means: Sequence[_Means]
 ) -> tuple[RecordOrigin, ...]:
     return tuple(
         replace(
@@ -322,24 +307,9 @@ def _with_means(
             input_means=_sums(origin.input_means, own[0]),
             output_means=_sums(origin.output_means, own[1]),
         )
-        for origin, record, own in zip(origins, recording.records, means, strict=False)
+        for origin, record, own in zip(origins, recording.separated, means, strict=False)
     )
 
 
 def _sums(means: Sequence[float], further: Sequence[float]) -> tuple[float, ...]:
     return tuple(one + other for one, other in zip(means, further, strict=True))
-
-
-def _resampled(recording: MultichannelRecording, rate: float, place: str) -> MultichannelRecording:
-    """Every channel at a lower rate, through the same filter."""
-    pairs = [resample_recording(each, rate, place) for each in recording.pairs()]
-    outputs, nu = recording.outputs.shape[1], recording.inputs.shape[1]
-    inputs = {each.input_name: each.input for each in pairs if each.has_input}
-    return replace(
-        recording,
-        inputs=np.column_stack([inputs[name] for name in recording.input_names])
-        if nu
-        else np.empty((pairs[0].samples, 0)),
-        outputs=np.column_stack([each.output for each in pairs[:outputs]]),
-        sampling_rate=pairs[0].sampling_rate,
-    )

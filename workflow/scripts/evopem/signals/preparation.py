@@ -10,7 +10,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.config.settings import PreparationSettings, SplitSettings
+from evopem.config.settings import PreparationSettings
 from evopem.errors import check_choice
 from evopem.files.json_form import load, save
 from evopem.files.npz import load_arrays, save_arrays
@@ -18,17 +18,16 @@ from evopem.signals.joining import check_same_rate
 from evopem.signals.output_level import output_level
 from evopem.signals.recording import (
     Recording,
-    check_recording,
     recording_arrays,
     recording_from_arrays,
     recording_names,
 )
+from evopem.signals.recording_checks import check_recording
 from evopem.signals.resampling import resample_recording
 from evopem.signals.sections import (
-    before_last_change,
+    Range,
     check_differences,
-    discarded,
-    estimation_range,
+    divided_ranges,
     prepared_samples,
     section,
     transform_outputs,
@@ -184,6 +183,14 @@ class PreparedData:
         return self.transforms.validation_source == "cut"
 
 
+@dataclass(frozen=True, eq=False)
+class _Section:
+    """Prepared samples of one recording with their origin."""
+
+    recording: Recording
+    origin: StretchOrigin
+
+
 def prepare(
     recording: Recording,
     settings: PreparationSettings,
@@ -191,7 +198,7 @@ def prepare(
     place: str = "",
     recorded: Sequence[str] = (),
 ) -> PreparedData:
-    """Make a recording stationary and divide it for estimation and validation.
+    """Make one or several recordings stationary, and divide them for estimation and validation.
 
     In this order: resample; Box-Cox transform of the output; differences of the output and
     of the input, the other signal losing its first samples so that both stay aligned;
@@ -199,102 +206,112 @@ def prepare(
     validation recording passes through the same transforms with the same parameters. An
     automatic Box-Cox parameter is found from the estimation samples alone.
 
+    Several recordings are resampled and differenced each by itself, ``discard`` applies to each,
+    and each is freed of its own mean and level. Without a validation recording the last recordings
+    validate, or, with ``split.by`` of ``samples``, the last samples of each.
+
     Parameters
     ----------
     recording : Recording
-        The measured signals; not modified.
+        The measured signals, with one segment for each recording; not modified.
     settings : PreparationSettings
         With a validation recording, ``split.estimation`` of 1.0 takes all samples.
     validation_recording : Recording, optional
-        An independent recording to validate on, instead of the end of this one.
+        One or several independent recordings to validate on.
     place : str, optional
         Configuration key of the data set, such as ``datasets.arm``, for errors to name.
     recorded : sequence of str
-        The recorded file, and the one for validation, for errors to name.
-
-    Returns
-    -------
-    PreparedData
+        Files of the recordings, those for validation last, for errors to name.
 
     Raises
     ------
     InputError
         When a setting is not of its kind, the split goes beyond the end, a transform
-        cannot be applied or leaves nothing that varies, or the two recordings were
+        cannot be applied or leaves nothing that varies, or the recordings were
         sampled at different rates.
     """
     key = f"{place}." if place else ""
-    resampled_from = None
-    records = [recording]
+    own = recording.separated
+    others = () if validation_recording is None else validation_recording.separated
     if validation_recording is not None:
         check_same_rate(recording, validation_recording, f"{key}validation_file")
-        records.append(validation_recording)
+    records = [*own, *others]
     if settings.resample is not None:
         records = [resample_recording(one, settings.resample, f"{key}resample") for one in records]
-        if records[0].sampling_rate != recording.sampling_rate:
-            resampled_from = recording.sampling_rate
-
     transforms = settings.transforms
     check_differences(transforms, f"{key}transforms")
-    differences, differences_input = transforms.difference, transforms.difference_input
-    lost = max(differences, differences_input)
-    (start, stop), held_out_range = _ranges(records, settings.split, lost, f"{key}split")
-
+    counts = (transforms.difference, transforms.difference_input)
+    ranges = divided_ranges(records, len(own), settings.split, max(counts), f"{key}split")
     records, parameter, shift = transform_outputs(
-        records, transforms.box_cox, [(0, start, stop)], f"{key}transforms.box_cox"
+        records, transforms.box_cox, ranges.estimation, f"{key}transforms.box_cox"
     )
-    counts = (differences, differences_input)
-    estimation, estimation_initial = section(records[0], start, stop, counts)
-    validation, validation_initial = section(records[-1], *held_out_range, counts)
-
-    input_mean, output_mean = float(estimation.input.mean()), output_level(estimation)
-    centred = [
-        replace(part, input=part.input - input_mean, output=part.output - output_mean)
-        for part in (estimation, validation)
-    ]
-    check_recording(centred[0], prepared_samples(f"{key}estimation", recorded, 0))
-    held_out = len(records) - 1
-    check_recording(
-        centred[1], prepared_samples(f"{key}validation", recorded, held_out), constant_input=True
-    )
+    alone = len(own) == 1 and len(others) <= 1
+    levels: dict[int, tuple[float, float]] = {}
+    parts: dict[Part, list[_Section]] = {}
+    for part in get_args(Part):
+        parts[part] = [_section(records, each, counts, levels, alone) for each in ranges.of(part)]
+        for each in parts[part]:
+            called = prepared_samples(f"{key}{part}", recorded, each.origin.recording)
+            check_recording(each.recording, called, alone and part == "validation")
+    estimation, validation = (_joined(parts[part], alone) for part in get_args(Part))
+    origins, held_out = (tuple(each.origin for each in parts[part]) for part in get_args(Part))
+    first = origins[0]
     return PreparedData(
-        estimation=centred[0],
-        validation=centred[1],
-        transforms=Transforms(
-            sampling_rate=records[0].sampling_rate,
-            resampled_from=resampled_from,
+        estimation,
+        validation,
+        Transforms(
+            sampling_rate=estimation.sampling_rate,
+            resampled_from=recording.sampling_rate
+            if estimation.sampling_rate != recording.sampling_rate
+            else None,
             box_cox=parameter,
             shift=shift,
-            difference=differences,
-            difference_initial=estimation_initial[1],
-            difference_input=differences_input,
-            difference_input_initial=estimation_initial[0],
-            input_mean=input_mean,
-            output_mean=output_mean,
-            discard=start - lost,
-            validation_difference_initial=validation_initial[1],
-            validation_difference_input_initial=validation_initial[0],
-            estimation_samples=centred[0].samples,
-            validation_samples=centred[1].samples,
-            validation_source="cut" if validation_recording is None else "file",
+            difference=counts[0],
+            difference_initial=first.difference_initial,
+            difference_input=counts[1],
+            difference_input_initial=first.difference_input_initial,
+            input_mean=first.input_mean,
+            output_mean=first.output_mean,
+            discard=first.first - max(counts),
+            validation_difference_initial=held_out[0].difference_initial,
+            validation_difference_input_initial=held_out[0].difference_input_initial,
+            estimation_samples=estimation.samples,
+            validation_samples=validation.samples,
+            validation_source=ranges.source,
+            estimation_stretches=() if alone else origins,
+            validation_stretches=() if alone else held_out,
         ),
     )
 
 
-def _ranges(
-    records: Sequence[Recording], split: SplitSettings, lost: int, key: str
-) -> tuple[tuple[int, int], tuple[int, int]]:
-    """First sample and the one after the last, of the estimation and of the validation samples.
+def _section(
+    records: Sequence[Recording],
+    samples: Range,
+    counts: tuple[int, int],
+    levels: dict[int, tuple[float, float]],
+    alone: bool,
+) -> _Section:
+    """Samples less the mean and level of their recording, or of the estimation samples.
 
-    The latter are the rest of the one recording, or those of the second.  ``lost`` is the number of
-    samples at the beginning that differences take away.
+    Those are the mean and level of the first samples of it that are asked for.
     """
-    own = len(records) == 1
-    start, stop = estimation_range(records[0].samples - lost, split, own, key)
-    if own and split.estimation == SplitSettings().estimation:
-        stop = before_last_change(records[0].input[lost:], start, stop)
-    begin = stop + lost if own else lost + discarded(records[1].samples - lost, split, key)
-    return (start + lost, stop + lost), (begin, records[-1].samples)
+    number, start, stop = samples
+    cut, (input_initial, initial) = section(records[number], start, stop, counts)
+    known = 0 if alone else number
+    if known not in levels:
+        levels[known] = (float(cut.input.mean()), output_level(cut))
+    mean, level = levels[known]
+    origin = StretchOrigin(number, start, cut.samples, mean, level, initial, input_initial)
+    return _Section(cut.with_signals(cut.input - mean, cut.output - level), origin)
+
+
+def _joined(sections: Sequence[_Section], alone: bool) -> Recording:
+    if alone:
+        return sections[0].recording
+    segments = [
+        replace(each.recording.segments[0], recording=each.origin.recording) for each in sections
+    ]
+    return sections[0].recording.with_segments(segments)
 
 
 def invert_output(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal, NamedTuple
@@ -11,21 +11,26 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.config.settings import ChannelSettings, UnevenTime
-from evopem.config.state_space_settings import ChannelLists
+from evopem.config.settings import UnevenTime
+from evopem.config.state_space_settings import ChannelLists, UnitSettings
 from evopem.errors import InputError
+from evopem.signals.channel_patterns import expanded
 from evopem.signals.even_grid import Unevenness
+from evopem.signals.inspection import may_tell_time, time_told
 from evopem.signals.measured_files import read_channels
-from evopem.signals.readers.channels import Channel, Reference
-from evopem.signals.recording import Recording, check_measured, check_recording, without_input
+from evopem.signals.readers.channels import Channel, Reference, listing
+from evopem.signals.recording import Recording
+from evopem.signals.recording_checks import check_measured, check_recording
 from evopem.signals.sampling import sampled
 from evopem.signals.timestamps import is_time
+
+Array = NDArray[np.float64]
 
 
 def read_recording(
     path: str | Path,
-    input: Reference | None,  # noqa: A002
-    output: Reference,
+    input: Reference | Sequence[Reference] | None,  # noqa: A002
+    output: Reference | Sequence[Reference],
     sampling_rate: float | None = None,
     time: Reference | None = None,
     input_unit: str = "",
@@ -35,15 +40,15 @@ def read_recording(
     decimal_mark: Literal[".", ","] | None = None,
     uneven_time: UnevenTime = "refuse",
 ) -> Recording:
-    """Read an input and an output channel of a measured file.
+    """Read input and output channels of a measured file.
 
     Parameters
     ----------
     path : str or Path
         A file of one of `FORMATS`; the extension decides.
-    input, output : int or str
-        The channels: a number counted from 1, or a column, variable or channel name.  Without an
-        input, None.
+    input, output : int or str, or sequence of them
+        The channels: a number counted from 1, or a column, variable or channel name, in which a
+        ``*`` stands for all that match.  Without an input, None.
     sampling_rate : float, optional
         Hz. Left out, it is taken from `time`, else from the file where its format states one.
     time : int or str, optional
@@ -82,19 +87,23 @@ def read_recording(
     >>> recording.sampling_rate, recording.output
     (100.0, array([0., 1., 2., 3., 4., 0., 1., 2., 3., 4.]))
     """
-    settings = ChannelSettings(
-        input=input,
-        output=output,
+    lists = ChannelLists(
+        inputs=() if input is None else _listed(input),
+        outputs=_listed(output),
         sampling_rate=sampling_rate,
         time=time,
         time_unit=time_unit,
-        input_unit=input_unit,
-        output_unit=output_unit,
+        input_units=UnitSettings(input_unit),
+        output_units=UnitSettings(output_unit),
         header_lines=header_lines,
         decimal_mark=decimal_mark,
         uneven_time=uneven_time,
     )
-    return read_measured(path, settings).recording
+    return read_measured(path, lists).recording
+
+
+def _listed(references: Reference | Sequence[Reference]) -> tuple[Reference, ...]:
+    return (references,) if isinstance(references, int | str) else tuple(references)
 
 
 class MeasuredRecording(NamedTuple):
@@ -104,41 +113,58 @@ class MeasuredRecording(NamedTuple):
     unevenness: Unevenness | None
 
 
-def read_measured(path: str | Path, channels: ChannelSettings) -> MeasuredRecording:
+def read_measured(path: str | Path, channels: ChannelLists) -> MeasuredRecording:
     """The same by the settings of a data set.
 
     Parameters
     ----------
     path : str or Path
-    channels : ChannelSettings
+    channels : ChannelLists
 
     Raises
     ------
     InputError
-        As :func:`read_recording`.
+        As :func:`read_recording`, and when units do not fit the channels.
     """
     source = str(Path(path))
-    _check_stated(channels, source)
-    given = {"input": channels.input, "output": channels.output}
-    roles = {role: each for role, each in given.items() if each is not None}
+    _check_rate(channels.sampling_rate, source)
+    inputs, outputs = expanded(path, channels)
+    roles = {_role("input", inputs, number): each for number, each in enumerate(inputs, 1)}
+    roles |= {_role("output", outputs, number): each for number, each in enumerate(outputs, 1)}
+    _refuse_same_reference(roles, source)
     columns = read_columns(path, roles, channels)
-    found, rate = columns.channels, columns.sampling_rate
-    output = found["output"]
-    recording = without_input(
-        output.values, rate, output.name or "output", channels.output_unit or output.unit
+    found = list(columns.channels.values())
+    parts = found[: len(inputs)], found[len(inputs) :]
+    names = _names(found, list(roles))
+    of_parts = names[: len(inputs)], names[len(inputs) :]
+    no_samples = np.empty((found[0].values.size, 0))
+    recording = Recording(
+        np.column_stack([no_samples, *(each.values for each in parts[0])]),
+        np.column_stack([each.values for each in parts[1]]),
+        columns.sampling_rate,
+        *of_parts,
+        _units(channels.input_units, parts[0], of_parts[0], source, "input_unit"),
+        _units(channels.output_units, parts[1], of_parts[1], source, "output_unit"),
     )
-    if "input" in found:
-        recording = replace(
-            recording,
-            input=found["input"].values,
-            input_name=found["input"].name or "input",
-            input_unit=channels.input_unit or found["input"].unit,
-        )
     check_recording(recording, source)
     check_measured(recording, source)
     for place, signal in recording.signals.items():
-        refuse_time(signal, rate, source, place)
+        _refuse_time(signal, columns.sampling_rate, source, place)
     return MeasuredRecording(recording, columns.unevenness)
+
+
+def with_time_told(path: str | Path, channels: ChannelLists) -> ChannelLists:
+    """Add the channel of time stamps that the file tells, where neither it nor a rate is stated.
+
+    Raises
+    ------
+    InputError
+        As :func:`.time_told`, and where a pattern matches nothing.
+    """
+    if not may_tell_time(channels):
+        return channels
+    inputs, outputs = expanded(path, channels)
+    return replace(channels, time=time_told(path, [*inputs, *outputs]))
 
 
 class Columns(NamedTuple):
@@ -159,9 +185,7 @@ class Columns(NamedTuple):
     unevenness: Unevenness | None
 
 
-def read_columns(
-    path: str | Path, roles: Mapping[str, Reference], stated: ChannelSettings | ChannelLists
-) -> Columns:
+def read_columns(path: str | Path, roles: Mapping[str, Reference], stated: ChannelLists) -> Columns:
     """Read any number of channels that were sampled together, with their sampling rate.
 
     Parameters
@@ -169,7 +193,7 @@ def read_columns(
     path : str or Path
     roles : mapping of str to int or str
         Channels by what an error calls them, such as ``output 2``.
-    stated : ChannelSettings or ChannelLists
+    stated : ChannelLists
         Of these the rate, the time stamps and the form of a text table.
 
     Raises
@@ -201,13 +225,8 @@ def read_columns(
     return Columns(on_grid, rate, unevenness)
 
 
-def refuse_time(values: NDArray[np.float64], rate: float, source: str, place: str) -> None:
-    """Refuse a signal that is a time.
-
-    Raises
-    ------
-    InputError
-    """
+def _refuse_time(values: Array, rate: float, source: str, place: str) -> None:
+    """Refuse a signal that is a time."""
     if is_time(values, rate):
         raise InputError(
             source,
@@ -217,22 +236,24 @@ def refuse_time(values: NDArray[np.float64], rate: float, source: str, place: st
         )
 
 
-def _check_stated(channels: ChannelSettings, source: str) -> None:
-    """Refuse a rate that is none, and one channel as input and output."""
-    rate = channels.sampling_rate
+def _check_rate(rate: float | None, source: str) -> None:
     if rate is not None and not (np.isfinite(rate) and rate > 0):
         raise InputError(
             source, f"{rate} Hz is not a sampling rate", "give a positive number of Hz"
         )
-    if channels.input == channels.output:
-        raise InputError(
-            source,
-            f"channel {channels.input!r} is named as the input and as the output",
-            "choose two different channels",
-        )
 
 
-def _signal(channel: Channel, role: str, source: str) -> NDArray[np.float64]:
+def _refuse_same_reference(roles: Mapping[str, Reference], source: str) -> None:
+    for (first, reference), (second, other) in itertools.combinations(roles.items(), 2):
+        if reference == other:
+            raise InputError(
+                source,
+                f"channel {reference!r} is named as the {first} and as the {second}",
+                "choose two different channels",
+            )
+
+
+def _signal(channel: Channel, role: str, source: str) -> Array:
     """The samples of an input or output channel as real numbers."""
     if channel.values.dtype.kind not in "fiub":
         kinds = {"c": "complex numbers", "M": "dates"}
@@ -271,3 +292,40 @@ def _refuse_other_start(channels: list[Channel], rate: float, source: str) -> No
             f"the output begins {starts[1] - starts[0]:g} s after the input",
             "choose two channels that were sampled together",
         )
+
+
+def _role(kind: str, references: Sequence[Reference], number: int) -> str:
+    """What an error calls a channel: its role, with a number where there are several."""
+    return kind if len(references) == 1 else f"{kind} {number}"
+
+
+def _names(given: Sequence[Channel], roles: Sequence[str]) -> tuple[str, ...]:
+    """A name of its own for each channel; one without a name is called by its role."""
+    names: list[str] = []
+    for channel, role in zip(given, roles, strict=True):
+        chosen = channel.name.strip() or role
+        names.append(f"{chosen} ({role})" if chosen in names else chosen)
+    return tuple(names)
+
+
+def _units(
+    given: UnitSettings, channels: Sequence[Channel], names: Sequence[str], source: str, key: str
+) -> tuple[str, ...]:
+    """The unit of each channel: the stated one, else the file's own."""
+    if given.in_order and len(given.in_order) != len(channels):
+        raise InputError(
+            source,
+            f"there are {len(given.in_order)} units and {len(channels)} channels",
+            "give one unit for each, one for all, or a mapping by their names",
+            key,
+        )
+    unknown = next((name for name in given.by_name if name not in names), None)
+    if unknown is not None:
+        raise InputError(
+            source, f'there is no channel "{unknown}"', f"choose one of {listing(names)}", key
+        )
+    stated = given.in_order or (given.all,) * len(channels)
+    return tuple(
+        given.by_name.get(name) or unit or channel.unit
+        for name, unit, channel in zip(names, stated, channels, strict=True)
+    )

@@ -1,285 +1,344 @@
-"""One recording: an input and an output sampled together at a constant rate."""
+"""A recording: inputs and outputs sampled together at a constant rate, in segments."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from evopem.errors import InputError
 from evopem.files.npz import load_arrays, save_arrays
-from evopem.signals.stretches import Stretch
 
-LARGEST = 1e60
-"""A signal's largest magnitude must be below this and above its inverse: the squares of residuals
-that are ten digits smaller, and the gain between two such signals, then stay finite."""
+Array = NDArray[np.float64]
 
 MINIMUM_SAMPLES = 8
 """A shorter recording is refused, whatever the model."""
 
-MAX_DESIGNED_LEVELS = 16
-"""A signal of at most this many levels, such as a random telegraph, was made of levels."""
 
-MIN_SATURATED_RUN = 3
-"""This many equal samples in sequence at a signal's limit count as saturated."""
+class _Channels:
+    """What recordings and segments have in common: columns of inputs and of outputs."""
 
-LARGEST_STUCK_SHARE = 0.9
-"""A measured output with more than this share of its samples at one value, or at its two limits,
-is refused. A smaller share is stated in the report."""
-
-OVERFLOW_CODES = (9.9e37, 9.91e37, float(np.finfo(np.float32).max), 9.969209968386869e36)
-"""Numbers for overflow and "not a number" in SCPI (1999, 7.2.1), the largest number of single
-precision, and the value that netCDF fills in."""
-
-
-@dataclass(frozen=True)
-class Recording:
-    """An input and an output sampled together at a constant rate.
-
-    Several recordings of one system stand one after the other.  Nothing is predicted, filtered or
-    differenced across the joint of two stretches.
-
-    Attributes
-    ----------
-    input, output : ndarray of float64, shape (N,)
-        The two signals, in their units.  Without an input, ``input`` is zero and has no name.
-    sampling_rate : float
-        Samples a second (Hz).
-    input_name, output_name : str
-        What the channels are called.
-    input_unit, output_unit : str
-        Their units; an empty string means "not stated".
-    stretch_starts : tuple of int
-        First sample of each stretch of consecutive samples, from 0.
-    stretch_recordings : tuple of int
-        Number of the recording that each stretch is from; those of one share their level.
-    """
-
-    input: NDArray[np.float64]
-    output: NDArray[np.float64]
-    sampling_rate: float
-    input_name: str = "input"
-    output_name: str = "output"
-    input_unit: str = ""
-    output_unit: str = ""
-    stretch_starts: tuple[int, ...] = (0,)
-    stretch_recordings: tuple[int, ...] = (0,)
+    inputs: Array
+    outputs: Array
 
     @property
     def samples(self) -> int:
-        """Number of samples N of each signal."""
-        return int(self.output.size)
+        """Number of samples N of each channel."""
+        return len(self.outputs)
 
     @property
     def has_input(self) -> bool:
         """Whether there is an input."""
-        return bool(self.input_name)
+        return self.inputs.shape[1] > 0
+
+    @property
+    def input(self) -> Array:
+        """The only input, (N,); zeros without an input.
+
+        Raises
+        ------
+        ValueError
+            When there are several.
+        """
+        return _single(self.inputs) if self.has_input else np.zeros(self.samples)
+
+    @property
+    def output(self) -> Array:
+        """The only output, (N,).
+
+        Raises
+        ------
+        ValueError
+            When there are several.
+        """
+        return _single(self.outputs)
+
+
+@dataclass(frozen=True, eq=False)
+class Segment(_Channels):
+    """Consecutive samples of one recording.
+
+    Attributes
+    ----------
+    inputs : (N, m) array
+        One-dimensional arrays become a single column; m = 0 without an input.
+    outputs : (N, l) array
+    recording : int
+        Number of the recording, from 0.  Segments of one recording share their level; each segment
+        has its own initial state.
+    """
+
+    inputs: Array
+    outputs: Array
+    recording: int = 0
+
+    def __post_init__(self) -> None:
+        for role in ("inputs", "outputs"):
+            object.__setattr__(self, role, columns(getattr(self, role)))
+
+    def between(self, first: int, stop: int) -> Segment:
+        """The samples from one to before another, counted from 0."""
+        return Segment(self.inputs[first:stop], self.outputs[first:stop], self.recording)
+
+
+def total_samples(segments: Sequence[Segment]) -> int:
+    """Samples of all segments together."""
+    return sum(each.samples for each in segments)
+
+
+@dataclass(frozen=True, eq=False)
+class Recording(_Channels):
+    """Inputs and outputs sampled together at a constant rate.
+
+    Several recordings of one system stand one after the other.  Nothing is predicted, filtered or
+    differenced across the joint of two segments.
+
+    Attributes
+    ----------
+    inputs : (N, m) array
+        In their units; m = 0 without an input.  One-dimensional arrays become a single column.
+    outputs : (N, l) array
+    sampling_rate : float
+        Samples a second (Hz).
+    input_names, output_names : tuple of str
+        What the channels are called, each name once; left out, "input" or "input 1", "input 2" …
+    input_units, output_units : tuple of str
+        An empty string means "not stated".
+    segment_starts : tuple of int
+        First sample of each segment of consecutive samples, from 0.
+    segment_recordings : tuple of int
+        Number of the recording that each segment is from; those of one share their level.
+
+    Raises
+    ------
+    ValueError
+        When names or units are not one for each channel.
+    """
+
+    inputs: Array
+    outputs: Array
+    sampling_rate: float
+    input_names: tuple[str, ...] = ()
+    output_names: tuple[str, ...] = ()
+    input_units: tuple[str, ...] = ()
+    output_units: tuple[str, ...] = ()
+    segment_starts: tuple[int, ...] = (0,)
+    segment_recordings: tuple[int, ...] = (0,)
+
+    def __post_init__(self) -> None:
+        for role in ("input", "output"):
+            values = columns(getattr(self, f"{role}s"))
+            count = values.shape[1]
+            numbered = (role,) if count == 1 else tuple(f"{role} {n + 1}" for n in range(count))
+            names = getattr(self, f"{role}_names") or numbered
+            units = getattr(self, f"{role}_units") or ("",) * count
+            if not len(names) == len(units) == count:
+                raise ValueError(f"{count} {role}s, {len(names)} names and {len(units)} units")
+            object.__setattr__(self, f"{role}s", values)
+            object.__setattr__(self, f"{role}_names", names)
+            object.__setattr__(self, f"{role}_units", units)
+
+    @property
+    def input_name(self) -> str:
+        """Name of the only input; empty without an input."""
+        return _only(self.input_names)
+
+    @property
+    def output_name(self) -> str:
+        """Name of the only output."""
+        return _only(self.output_names)
+
+    @property
+    def input_unit(self) -> str:
+        """Unit of the only input."""
+        return _only(self.input_units)
+
+    @property
+    def output_unit(self) -> str:
+        """Unit of the only output."""
+        return _only(self.output_units)
 
     @property
     def is_joined(self) -> bool:
-        """Whether there is more than one stretch of consecutive samples."""
-        return len(self.stretch_starts) > 1
+        """Whether there is more than one segment of consecutive samples."""
+        return len(self.segment_starts) > 1
 
     @property
-    def stretches(self) -> tuple[Stretch, ...]:
-        """The stretches of consecutive samples."""
-        ends = (*self.stretch_starts[1:], self.samples)
+    def bounds(self) -> tuple[int, ...]:
+        """First sample of each segment, and N."""
+        return (*self.segment_starts, self.samples)
+
+    @property
+    def segments(self) -> tuple[Segment, ...]:
+        """The segments of consecutive samples."""
         return tuple(
-            Stretch(self.input[begin:end], self.output[begin:end], recording)
-            for begin, end, recording in zip(
-                self.stretch_starts, ends, self.stretch_recordings, strict=True
+            Segment(self.inputs[first:stop], self.outputs[first:stop], number)
+            for (first, stop), number in zip(
+                pairwise(self.bounds), self.segment_recordings, strict=True
             )
         )
 
-    def with_stretches(self, stretches: Sequence[Stretch]) -> Recording:
-        """The same channels with other samples: these stretches, one after the other."""
-        lengths = [each.samples for each in stretches]
-        return replace(
-            self,
-            input=np.concatenate([each.input for each in stretches]),
-            output=np.concatenate([each.output for each in stretches]),
-            stretch_starts=tuple(np.cumsum([0, *lengths[:-1]]).tolist()),
-            stretch_recordings=tuple(each.recording for each in stretches),
-        )
+    @property
+    def segment_inputs(self) -> list[Array]:
+        """Inputs of each segment, (N, m) arrays."""
+        return [each.inputs for each in self.segments]
+
+    @property
+    def segment_outputs(self) -> list[Array]:
+        """Outputs of each segment, (N, l) arrays."""
+        return [each.outputs for each in self.segments]
+
+    @property
+    def separated(self) -> tuple[Recording, ...]:
+        """Each segment as a recording by itself."""
+        return tuple(self.between(first, stop) for first, stop in pairwise(self.bounds))
 
     @property
     def longest(self) -> Recording:
-        """The longest stretch alone."""
-        longest = max(self.stretches, key=lambda each: each.samples)
-        return self.with_stretches([replace(longest, recording=0)])
+        """The longest segment alone."""
+        return max(self.separated, key=lambda each: each.samples)
+
+    def with_segments(self, segments: Sequence[Segment]) -> Recording:
+        """The same channels with other samples: these segments, one after the other."""
+        lengths = [each.samples for each in segments]
+        return replace(
+            self,
+            inputs=np.concatenate([each.inputs for each in segments]),
+            outputs=np.concatenate([each.outputs for each in segments]),
+            segment_starts=tuple(np.cumsum([0, *lengths[:-1]]).tolist()),
+            segment_recordings=tuple(each.recording for each in segments),
+        )
+
+    def with_signals(self, input: Array, output: Array) -> Recording:  # noqa: A002
+        """The same single channels with other samples; without an input it stays without."""
+        inputs = input if self.has_input else np.empty((len(output), 0))
+        return replace(self, inputs=inputs, outputs=output)
+
+    def between(self, first: int, stop: int) -> Recording:
+        """The samples from one to before another, counted from 0, as one segment."""
+        return replace(
+            self,
+            inputs=self.inputs[first:stop],
+            outputs=self.outputs[first:stop],
+            segment_starts=(0,),
+            segment_recordings=(0,),
+        )
+
+    def first_samples(self, most: int) -> Recording:
+        """The first samples of each segment, in proportion to its length, ``most`` together."""
+        if self.samples <= most:
+            return self
+        return self.with_segments(
+            [
+                each.between(0, max(each.samples * most // self.samples, MINIMUM_SAMPLES))
+                for each in self.segments
+            ]
+        )
+
+    def channel(self, output: int, input: int | None = None) -> Recording:  # noqa: A002
+        """One output, alone or with one input."""
+        inputs = [] if input is None else [input]
+        return replace(
+            self,
+            inputs=self.inputs[:, inputs],
+            outputs=self.outputs[:, [output]],
+            input_names=tuple(self.input_names[n] for n in inputs),
+            output_names=(self.output_names[output],),
+            input_units=tuple(self.input_units[n] for n in inputs),
+            output_units=(self.output_units[output],),
+        )
 
     @property
-    def signals(self) -> dict[str, NDArray[np.float64]]:
-        """The signals there are, by what an error calls them."""
-        output = {f'output "{self.output_name}"': self.output}
-        return {f'input "{self.input_name}"': self.input} | output if self.has_input else output
+    def signals(self) -> dict[str, Array]:
+        """Every channel, (N,), by what an error calls it."""
+        return {
+            f'{role} "{name}"': values
+            for role, names, channels in (
+                ("input", self.input_names, self.inputs),
+                ("output", self.output_names, self.outputs),
+            )
+            for name, values in zip(names, channels.T, strict=True)
+        }
 
 
-def without_input(
-    output: NDArray[np.float64], sampling_rate: float, name: str = "output", unit: str = ""
+def recording_of(
+    input: ArrayLike | Recording | None,  # noqa: A002
+    output: ArrayLike | None,
+    sampling_rate: float,
 ) -> Recording:
-    """A recording of an output alone."""
-    return Recording(
-        input=np.zeros_like(output),
-        output=output,
-        sampling_rate=sampling_rate,
-        input_name="",
-        output_name=name,
-        output_unit=unit,
+    """Signals as a user gives them, as one recording; one is returned as it is.
+
+    Raises
+    ------
+    ValueError
+        When a signal is missing, complex, or of another length.
+    """
+    if isinstance(input, Recording):
+        if output is not None:
+            raise ValueError("a Recording holds its outputs; give nothing as output")
+        return input
+    if output is None:
+        raise ValueError("the output is missing")
+    y = real_signal(output, "output")
+    u = np.empty((len(y), 0)) if input is None else real_signal(input, "input")
+    if len(u) != len(y):
+        raise ValueError(f"input and output must be of one length, not {len(u)} and {len(y)}")
+    return Recording(u, y, sampling_rate)
+
+
+def real_signal(signal: ArrayLike, name: str) -> Array:
+    """A signal as floats.
+
+    Raises
+    ------
+    ValueError
+        When it is complex.
+    """
+    array = np.asarray(signal)
+    if np.iscomplexobj(array):
+        raise ValueError(f"the {name} is complex; give its real part or another channel")
+    return np.ascontiguousarray(array, dtype=float)
+
+
+def columns(values: Array) -> Array:
+    """Samples as an (N, channels) array of float64; a one-dimensional array is one column."""
+    found = np.asarray(values, dtype=np.float64)
+    return found[:, None] if found.ndim == 1 else found
+
+
+def _single(values: Array) -> Array:
+    if values.shape[1] != 1:
+        raise ValueError(f"{values.shape[1]} channels where one is needed")
+    return np.ascontiguousarray(values[:, 0])
+
+
+def _only(texts: tuple[str, ...]) -> str:
+    if len(texts) > 1:
+        raise ValueError(f"{len(texts)} channels where one is needed")
+    return texts[0] if texts else ""
+
+
+def concatenated(recordings: Sequence[Recording]) -> Recording:
+    """Recordings of the same channels as one, each with a number of its own."""
+    return recordings[0].with_segments(
+        [
+            replace(segment, recording=number)
+            for number, each in enumerate(recordings)
+            for segment in each.segments
+        ]
     )
 
 
-def check_recording(
-    recording: Recording, source: str = "recording", constant_input: bool = False
-) -> None:
-    """Refuse a recording from which no model can be identified.
-
-    Parameters
-    ----------
-    recording : Recording
-        The recording to check.
-    source : str
-        The file or configuration key that an error names.
-    constant_input : bool
-        Whether the input may rest: after a step or a blow a model can still be validated by its
-        free response.
-
-    Raises
-    ------
-    InputError
-        When a signal is not one-dimensional, the lengths differ, there are fewer than
-        `MINIMUM_SAMPLES` samples, a sample is not finite (the first one is named, counted
-        from 1), a signal never changes, or is too large or too small to be squared, or the
-        sampling rate is not a positive number.
-    """
-    signals = recording.signals
-    for channel, values in signals.items():
-        if values.ndim != 1:
-            raise InputError(
-                source,
-                f"the signal has {values.ndim} dimensions where one is needed",
-                "choose a single channel",
-                channel,
-            )
-    if recording.input.size != recording.output.size:
-        raise InputError(
-            source,
-            f"the input has {recording.input.size} samples and the output {recording.output.size}",
-            "choose two channels that were sampled together",
-        )
-    if recording.samples < MINIMUM_SAMPLES:
-        raise InputError(
-            source,
-            f"there are only {recording.samples} samples",
-            f"give a longer recording, of at least {MINIMUM_SAMPLES} samples",
-        )
-    for channel, values in signals.items():
-        _check_signal(values, source, channel, constant_input and values is recording.input)
-    if not (np.isfinite(recording.sampling_rate) and recording.sampling_rate > 0):
-        raise InputError(
-            source,
-            f"the sampling rate is {recording.sampling_rate} Hz",
-            "give a positive number of samples a second",
-        )
-
-
-def _check_signal(
-    values: NDArray[np.float64], source: str, channel: str, may_be_constant: bool = False
-) -> None:
-    """Refuse samples that are not finite, never change, or cannot be squared."""
-    finite = np.isfinite(values)
-    if not finite.all():
-        first = int(np.argmin(finite))
-        raise InputError(
-            source,
-            f"the value is {values[first]}, not a finite number",
-            "repair the recording or cut that part away",
-            f"{channel}, sample {first + 1}",
-        )
-    if np.ptp(values) == 0.0:
-        if may_be_constant:
-            return
-        raise InputError(
-            source,
-            f"every sample is {values[0]:g}, so there is nothing to identify",
-            "choose a channel that varies",
-            channel,
-        )
-    if not LARGEST**-1 < np.max(np.abs(values)) < LARGEST:
-        raise InputError(
-            source,
-            f"the largest magnitude is {np.max(np.abs(values)):g}, with which the squares of"
-            " small residuals leave the range of numbers",
-            "record in another unit or scale the channel",
-            channel,
-        )
-
-
-def check_measured(recording: Recording, source: str) -> None:
-    """Refuse a measured recording with overflow codes or a stuck output.
-
-    An input may have two levels only. An output that hardly ever changes is refused.
-
-    Parameters
-    ----------
-    recording : Recording
-        A recording that `check_recording` accepts.
-    source : str
-        The file that an error names.
-
-    Raises
-    ------
-    InputError
-        When a sample is one of `OVERFLOW_CODES`, or more than `LARGEST_STUCK_SHARE` of the output
-        lies at one value or at its two limits.
-    """
-    for place, signal in recording.signals.items():
-        found = np.isin(np.abs(signal), OVERFLOW_CODES)
-        if found.any():
-            first = int(np.argmax(found))
-            raise InputError(
-                source,
-                f"the value is {signal[first]:g}, which instruments write for an overflow or a"
-                " missing value",
-                "repair the recording or cut that part away",
-                f"{place}, sample {first + 1}",
-            )
-    output = recording.output
-    values, counts = np.unique(output, return_counts=True)
-    at_limits = np.count_nonzero((output == values[0]) | (output == values[-1])) / output.size
-    usual = int(np.argmax(counts))
-    for share, where in (
-        (counts[usual] / output.size, f"are the same value, {values[usual]:g}"),
-        (at_limits, f"lie at its smallest or largest value, {values[0]:g} or {values[-1]:g}"),
-    ):
-        if share > LARGEST_STUCK_SHARE:
-            raise InputError(
-                source,
-                f"{100 * share:.1f} % of its samples {where}, so the channel was saturated, cut off"
-                " or hardly ever changed",
-                "record again within the range of the instrument, or cut that part away",
-                f'output "{recording.output_name}"',
-            )
-
-
-def saturated_share(signal: NDArray[np.float64]) -> float:
-    """Share of samples in runs of `MIN_SATURATED_RUN` or more at the smallest or largest value.
-
-    0 for a signal of at most `MAX_DESIGNED_LEVELS` levels, and for one that is held for as long at
-    most of its other values, such as random steps.
-    """
-    if np.unique(signal).size <= MAX_DESIGNED_LEVELS:
-        return 0.0
-    at_limit = (signal == signal.min()) | (signal == signal.max())
-    starts = np.flatnonzero(np.diff(signal) != 0.0) + 1
-    lengths = np.diff(np.concatenate(([0], starts, [signal.size])))
-    stays = np.repeat(lengths >= MIN_SATURATED_RUN, lengths)
-    if not at_limit.all() and stays[~at_limit].mean() > 0.5:
-        return 0.0
-    return float(np.mean(at_limit & stays))
+def without_input(
+    outputs: Array, sampling_rate: float, name: str = "", unit: str = ""
+) -> Recording:
+    """A recording of outputs alone, (N,) or (N, l); name and unit are those of a single one."""
+    names, units = ((name,) if name else ()), ((unit,) if unit else ())
+    empty = np.empty((len(outputs), 0))
+    return Recording(empty, outputs, sampling_rate, (), names, (), units)
 
 
 def save_recording(recording: Recording, path: str | Path) -> None:
@@ -298,37 +357,29 @@ def load_recording(path: str | Path) -> Recording:
     return recording_from_arrays(load_arrays(path, recording_names()))
 
 
-_FIELDS = (
-    "input",
-    "output",
-    "sampling_rate",
-    "input_name",
-    "output_name",
-    "input_unit",
-    "output_unit",
-    "stretch_starts",
-    "stretch_recordings",
-)
+_NUMBERS = ("inputs", "outputs", "sampling_rate")
+_TEXTS = ("input_names", "output_names", "input_units", "output_units")
+_SEGMENTS = ("segment_starts", "segment_recordings")
 
 
 def recording_arrays(recording: Recording, prefix: str = "") -> dict[str, NDArray]:
     """The fields of a recording as arrays, each under its name after `prefix`."""
-    return {prefix + field: np.asarray(getattr(recording, field)) for field in _FIELDS}
+    numbers = {prefix + name: np.asarray(getattr(recording, name)) for name in _NUMBERS + _SEGMENTS}
+    return numbers | {prefix + name: np.array(getattr(recording, name), str) for name in _TEXTS}
 
 
 def recording_names(prefix: str = "") -> tuple[str, ...]:
     """The names of the arrays of `recording_arrays` with this prefix."""
-    return tuple(prefix + field for field in _FIELDS)
+    return tuple(prefix + name for name in (*_NUMBERS, *_SEGMENTS, *_TEXTS))
 
 
 def recording_from_arrays(arrays: dict[str, NDArray], prefix: str = "") -> Recording:
     """The recording whose fields `recording_arrays` gave as arrays."""
-    values = {field: arrays[prefix + field] for field in _FIELDS}
     return Recording(
-        input=values["input"],
-        output=values["output"],
-        sampling_rate=float(values["sampling_rate"]),
-        **{name: str(values[name]) for name in _FIELDS[3:7]},
-        stretch_starts=tuple(values["stretch_starts"].tolist()),
-        stretch_recordings=tuple(values["stretch_recordings"].tolist()),
+        inputs=arrays[f"{prefix}inputs"],
+        outputs=arrays[f"{prefix}outputs"],
+        sampling_rate=float(arrays[f"{prefix}sampling_rate"]),
+        segment_starts=tuple(arrays[f"{prefix}segment_starts"].tolist()),
+        segment_recordings=tuple(arrays[f"{prefix}segment_recordings"].tolist()),
+        **{name: tuple(map(str, arrays[prefix + name])) for name in _TEXTS},
     )

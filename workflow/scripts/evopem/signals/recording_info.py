@@ -2,16 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from evopem.config.settings import ChannelSettings
+from evopem.config.state_space_settings import Geometry
+from evopem.errors import InputError
 from evopem.signals.channel_roles import ChannelRoles
 from evopem.signals.even_grid import Unevenness
 from evopem.signals.measured_files import format_of, local_path, sha256
-from evopem.signals.recording import Recording, saturated_share
+from evopem.signals.readers.channels import Reference, listing
+from evopem.signals.recording import Recording
+from evopem.signals.recording_checks import saturated_share
+
+
+@dataclass(frozen=True)
+class ChannelInfo:
+    """What is known of a channel.
+
+    Attributes
+    ----------
+    name, unit : str
+    saturated_percent : float
+        Percentage of samples that rest at the channel's smallest or largest value.
+    """
+
+    name: str
+    unit: str
+    saturated_percent: float
 
 
 @dataclass(frozen=True)
@@ -24,8 +43,8 @@ class FileOrigin:
     bytes : int
         Size of the file.
     format : str
-    input_channel, output_channel : int or str
-        The channels as they were asked for; None for no input.
+    inputs, outputs : tuple of int or str
+        The channels as they were asked for.
     samples : int
     """
 
@@ -33,8 +52,8 @@ class FileOrigin:
     sha256: str
     bytes: int
     format: str
-    input_channel: int | str | None
-    output_channel: int | str
+    inputs: tuple[Reference, ...]
+    outputs: tuple[Reference, ...]
     samples: int
 
 
@@ -48,13 +67,9 @@ class RecordingInfo:
     samples : int
     sampling_rate : float
         Hz.
-    input_name, output_name, input_unit, output_unit : str
-    input_saturated_percent, output_saturated_percent : float
-        Percentage of samples that rest at the channel's smallest or largest value.
-    file : FileOrigin, optional
-        The first file; None for a synthetic recording.
-    further_files : tuple of FileOrigin
-        The others, where several recordings are one data set.
+    inputs, outputs : tuple of ChannelInfo
+    files : tuple of FileOrigin
+        One for each recording, in their order; none for a synthetic recording.
     roles : ChannelRoles, optional
         Where input, output and time were told from the first file.
     time_told : int or str, optional
@@ -67,77 +82,95 @@ class RecordingInfo:
     kind: Literal["file", "synthesis"]
     samples: int
     sampling_rate: float
-    input_name: str
-    output_name: str
-    input_unit: str
-    output_unit: str
-    input_saturated_percent: float
-    output_saturated_percent: float
-    file: FileOrigin | None = None
-    further_files: tuple[FileOrigin, ...] = ()
+    inputs: tuple[ChannelInfo, ...]
+    outputs: tuple[ChannelInfo, ...]
+    files: tuple[FileOrigin, ...] = ()
     roles: ChannelRoles | None = None
-    time_told: int | str | None = None
+    time_told: Reference | None = None
     uneven_times: tuple[Unevenness, ...] = ()
 
-    @property
-    def files(self) -> tuple[FileOrigin, ...]:
-        """All files, in the order of the recordings; none for a synthetic recording."""
-        return (self.file, *self.further_files) if self.file else ()
 
-
-def describe_synthetic_recording(recording: Recording) -> RecordingInfo:
-    """Properties of a simulated recording."""
-    return _info(recording, "synthesis", [])
-
-
-def describe_recorded_files(
-    names: Sequence[str | Path],
+def describe_recording(
     recording: Recording,
-    channels: ChannelSettings,
-    folder: str | Path = "",
+    files: Sequence[FileOrigin] = (),
     roles: ChannelRoles | None = None,
+    time_told: Reference | None = None,
+    uneven_times: tuple[Unevenness, ...] = (),
 ) -> RecordingInfo:
-    """Origin and properties of a recording that was read from files, one for each stretch.
+    """Properties of a recording, simulated where it has no files."""
+
+    def described(role: str) -> tuple[ChannelInfo, ...]:
+        channels = zip(
+            getattr(recording, f"{role}_names"),
+            getattr(recording, f"{role}_units"),
+            getattr(recording, f"{role}s").T,
+            strict=True,
+        )
+        return tuple(
+            ChannelInfo(name, unit, 100.0 * saturated_share(signal))
+            for name, unit, signal in channels
+        )
+
+    return RecordingInfo(
+        "file" if files else "synthesis",
+        recording.samples,
+        recording.sampling_rate,
+        described("input"),
+        described("output"),
+        tuple(files),
+        roles,
+        time_told,
+        uneven_times,
+    )
+
+
+def describe_file(
+    name: str | Path,
+    samples: int,
+    inputs: tuple[Reference, ...],
+    outputs: tuple[Reference, ...],
+    folder: str | Path = "",
+) -> FileOrigin:
+    """Origin of a recording that was read from a file.
 
     Parameters
     ----------
-    names : sequence of path
-        What the settings call the files.
-    recording : Recording
-    channels : ChannelSettings
+    name : path
+        What the settings call the file.
+    samples : int
+    inputs, outputs : tuple of int or str
+        The channels as they were asked for.
     folder : path
-        What relative names are relative to; the working directory by default.
-    roles : ChannelRoles, optional
-        Where the channels were told from the first file.
+        What a relative name is relative to; the working directory by default.
     """
-    origins = [
-        FileOrigin(
-            path=str(path),
-            sha256=sha256(Path(folder) / path),
-            bytes=local_path(Path(folder) / path).stat().st_size,
-            format=format_of(path),
-            input_channel=channels.input,
-            output_channel=channels.output,
-            samples=stretch.samples,
-        )
-        for path, stretch in zip(map(Path, names), recording.stretches, strict=True)
-    ]
-    return replace(_info(recording, "file", origins), roles=roles)
-
-
-def _info(
-    recording: Recording, kind: Literal["file", "synthesis"], origins: Sequence[FileOrigin]
-) -> RecordingInfo:
-    return RecordingInfo(
-        kind=kind,
-        samples=recording.samples,
-        sampling_rate=recording.sampling_rate,
-        input_name=recording.input_name,
-        output_name=recording.output_name,
-        input_unit=recording.input_unit,
-        output_unit=recording.output_unit,
-        input_saturated_percent=100.0 * saturated_share(recording.input),
-        output_saturated_percent=100.0 * saturated_share(recording.output),
-        file=origins[0] if origins else None,
-        further_files=tuple(origins[1:]),
+    path = Path(folder) / name
+    size = local_path(path).stat().st_size
+    return FileOrigin(
+        str(Path(name)), sha256(path), size, format_of(path), inputs, outputs, samples
     )
+
+
+def check_measured_places(geometry: Geometry | None, names: Iterable[str], place: str) -> None:
+    """Refuse a geometry with a channel that is no output.
+
+    Parameters
+    ----------
+    geometry : Geometry, optional
+    names : iterable of str
+        The outputs.
+    place : str
+        Configuration key of the geometry, for an error to name.
+
+    Raises
+    ------
+    InputError
+    """
+    outputs = list(names)
+    for channel in geometry.channels if geometry else ():
+        if channel not in outputs:
+            raise InputError(
+                place,
+                f'there is no output "{channel}"',
+                f"choose one of {listing(outputs)}",
+                f"channels.{channel}",
+            )

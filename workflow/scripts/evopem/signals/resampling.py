@@ -20,10 +20,10 @@ LARGEST_FACTOR = 10_000
 
 
 def resample_recording(recording: Recording, sampling_rate: float, source: str) -> Recording:
-    """Bring both signals of a recording to a lower sampling rate.
+    """Bring all channels of a recording to a lower sampling rate.
 
-    Both pass the same filter (see `resample_signal`), so their relation, delay included,
-    is unchanged below the pass band's edge. An equal rate returns the recording as it is.
+    They pass the same filter (see `resample_signal`), so their relations, delay included,
+    are unchanged below the pass band's edge. An equal rate returns the recording as it is.
 
     Parameters
     ----------
@@ -63,8 +63,8 @@ def resample_recording(recording: Recording, sampling_rate: float, source: str) 
         )
     return replace(
         recording,
-        input=resample_signal(recording.input, ratio),
-        output=resample_signal(recording.output, ratio),
+        inputs=resample_signal(recording.inputs, ratio),
+        outputs=resample_signal(recording.outputs, ratio),
         sampling_rate=float(sampling_rate),
     )
 
@@ -80,16 +80,20 @@ def resample_signal(signal: NDArray[np.float64], ratio: Fraction) -> NDArray[np.
 
     Parameters
     ----------
-    signal : ndarray, shape (N,)
+    signal : ndarray, shape (N,) or (N, channels)
     ratio : Fraction
         New rate over old rate, below 1.
 
     Returns
     -------
-    ndarray, shape (ceil(N * ratio),)
+    ndarray, shape (ceil(N * ratio),) or (ceil(N * ratio), channels)
     """
     from scipy.signal import resample_poly
 
+    if signal.ndim == 2:
+        resampled = [resample_signal(np.ascontiguousarray(each), ratio) for each in signal.T]
+        samples = -(-len(signal) * ratio.numerator // ratio.denominator)
+        return np.column_stack([np.empty((samples, 0)), *resampled])
     coefficients = anti_alias_filter(ratio)
     return resample_poly(
         signal,

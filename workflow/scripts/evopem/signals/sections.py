@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,24 @@ from evopem.config.settings import SplitSettings, TransformSettings
 from evopem.errors import InputError
 from evopem.signals.recording import Recording
 from evopem.signals.transforms import box_cox, difference, likeliest_box_cox, positive_shift
+
+Range = tuple[int, int, int]
+"""A recording, its first sample and the one after its last."""
+
+Source = Literal["cut", "gap", "file", "recordings"]
+
+
+@dataclass(frozen=True)
+class Ranges:
+    """The samples for estimation and for validation, and where the latter come from."""
+
+    estimation: list[Range]
+    validation: list[Range]
+    source: Source
+
+    def of(self, part: str) -> list[Range]:
+        """Those of estimation or validation."""
+        return self.estimation if part == "estimation" else self.validation
 
 
 def prepared_samples(place: str, recorded: Sequence[str], number: int) -> str:
@@ -72,6 +91,65 @@ def estimation_range(
             "ask for fewer samples or name a validation_file",
         )
     return first, first + samples
+
+
+def held_out_recordings(samples: Sequence[int], share: float) -> int:
+    """How many of the last recordings hold about a share of all samples; at least one.
+
+    Examples
+    --------
+    >>> held_out_recordings([100, 100, 100, 100, 100], 0.2)
+    1
+    >>> held_out_recordings([500, 50, 60], 0.2)
+    2
+    """
+    held = np.cumsum(samples[:0:-1])
+    return int(np.argmin(np.abs(held - share * sum(samples)))) + 1
+
+
+def divided_ranges(
+    records: Sequence[Recording], own: int, split: SplitSettings, lost: int, key: str
+) -> Ranges:
+    """The samples of recordings for estimation and for validation.
+
+    Parameters
+    ----------
+    records : sequence of Recording
+        Those of other files for validation stand last.
+    own : int
+        Number of recordings of the data set itself.
+    split : SplitSettings
+    lost : int
+        First samples of each recording that its differences cost.
+    key : str
+        Configuration key of the division, for errors to name.
+    """
+    lengths = [each.samples for each in records]
+    every = range(len(lengths))
+
+    def whole(number: int) -> Range:
+        samples = lengths[number]
+        return number, lost + discarded(samples - lost, split, key), samples
+
+    def cut(number: int, cuts: bool = True) -> Range:
+        start, stop = estimation_range(lengths[number] - lost, split, cuts, key)
+        return number, start + lost, stop + lost
+
+    if own == len(lengths) == 1:
+        _, start, stop = cut(0)
+        if split.estimation == SplitSettings().estimation and records[0].inputs.shape[1] == 1:
+            stop = lost + before_last_change(records[0].input[lost:], start - lost, stop - lost)
+        return Ranges([(0, start, stop)], [(0, stop, lengths[0])], "cut")
+    if own < len(lengths):
+        estimation = [cut(0, False)] if len(lengths) == 2 else [whole(n) for n in every[:own]]
+        return Ranges(estimation, [whole(n) for n in every[own:]], "file")
+    if split.by == "recordings":
+        kept = own - held_out_recordings(lengths, 1.0 - split.estimation)
+        return Ranges(
+            [whole(n) for n in every[:kept]], [whole(n) for n in every[kept:]], "recordings"
+        )
+    estimation = [cut(n) for n in every]
+    return Ranges(estimation, [(n, stop, lengths[n]) for n, _, stop in estimation], "gap")
 
 
 def before_last_change(signal: NDArray[np.float64], first: int, stop: int) -> int:
@@ -155,7 +233,7 @@ def transform_outputs(
             source, f"{setting!r} is not a Box-Cox parameter", 'give a number, "auto" or "none"'
         )
     transformed = [
-        replace(record, output=box_cox(record.output, parameter, shift, source))
+        replace(record, outputs=box_cox(record.output, parameter, shift, source))
         for record in records
     ]
     return transformed, parameter, shift
@@ -172,4 +250,4 @@ def section(
     output_count, input_count = counts
     u, u_initial = difference(record.input[start - input_count : stop], input_count)
     y, y_initial = difference(record.output[start - output_count : stop], output_count)
-    return replace(record, input=u, output=y), (u_initial, y_initial)
+    return record.with_signals(u, y), (u_initial, y_initial)

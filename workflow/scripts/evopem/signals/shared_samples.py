@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.errors import InputError
-from evopem.signals.recording import Recording
-from evopem.signals.stretches import Stretch
+from evopem.signals.recording import Recording, Segment
 
 
 def check_independent(
@@ -37,13 +36,13 @@ def check_independent(
     InputError
         When all samples of the shorter recording follow each other in the longer one.
     """
-    for one, two in itertools.product(estimation.stretches, validation.stretches):
+    for one, two in itertools.product(estimation.segments, validation.segments):
         problem = _shared(one, two, other)
         if problem:
             raise InputError(source, problem, remedy)
 
 
-def _shared(estimation: Stretch, validation: Stretch, other: str) -> str:
+def _shared(estimation: Segment, validation: Segment, other: str) -> str:
     """What two stretches have in common, in words; empty where nothing."""
     start = shared_start(_signals(estimation), _signals(validation))
     if start is None:
@@ -76,5 +75,5 @@ def shared_start(one: NDArray[np.float64], other: NDArray[np.float64]) -> int | 
     return place // width
 
 
-def _signals(recording: Stretch) -> NDArray[np.float64]:
-    return np.column_stack([recording.input, recording.output])
+def _signals(recording: Segment) -> NDArray[np.float64]:
+    return np.column_stack([recording.inputs, recording.outputs])

@@ -116,11 +116,12 @@ def sampling_rate_of(
     ticks = _ticks(stamps, source, place)
     tolerance = RATE_TOLERANCE
     if step is None:
-        clock = clock_of_uneven(_from_first(ticks))
-        step = clock.step if clock else _uniform_step(_from_first(ticks), source, place)
+        times = _from_first(ticks, stamps)
+        clock = clock_of_uneven(times)
+        step = clock.step if clock else _uniform_step(times, source, place, unit_of(stamps))
         tolerance = max(tolerance, clock.relative_error) if clock else tolerance
     if stamps.dtype.kind in "Mm":
-        scale = TIME_UNITS["ns"]
+        scale = TIME_UNITS["s"]
     elif time_unit is not None:
         scale = TIME_UNITS[time_unit]
     else:
@@ -142,7 +143,7 @@ def sampling_rate_of(
 
 
 def elapsed(stamps: NDArray, source: str, name: str) -> NDArray[np.float64]:
-    """Time since the first stamp, in the unit of the stamps; of dates in nanoseconds.
+    """Time since the first stamp, in the unit of the stamps; of dates in seconds.
 
     Parameters
     ----------
@@ -156,7 +157,12 @@ def elapsed(stamps: NDArray, source: str, name: str) -> NDArray[np.float64]:
     InputError
         When the stamps are too few or not finite.
     """
-    return _from_first(_ticks(stamps, source, _place(name)))
+    return _from_first(_ticks(stamps, source, _place(name)), stamps)
+
+
+def unit_of(stamps: NDArray) -> str:
+    """What follows a number of :func:`elapsed` in a message: the unit, where it is known."""
+    return " s" if stamps.dtype.kind in "Mm" else ""
 
 
 def seconds_of(unit: str) -> float | None:
@@ -185,9 +191,10 @@ def _place(name: str) -> str:
     return f'time "{name}"' if name else "time"
 
 
-def _from_first(ticks: NDArray) -> NDArray[np.float64]:
+def _from_first(ticks: NDArray, stamps: NDArray) -> NDArray[np.float64]:
     """From the first stamp on, so that dates in nanoseconds keep all their digits as floats."""
-    return (ticks - ticks[0]).astype(np.float64)
+    elapsed = (ticks - ticks[0]).astype(np.float64)
+    return elapsed * TIME_UNITS["ns"] if stamps.dtype.kind in "Mm" else elapsed
 
 
 def _ticks(stamps: NDArray, source: str, place: str) -> NDArray:
@@ -225,7 +232,7 @@ def clock_of_uneven(times: NDArray[np.float64]) -> CoarseClock | None:
 
 
 def refuse_same_times(
-    times: NDArray[np.float64], closest: float, source: str, place: str
+    times: NDArray[np.float64], closest: float, source: str, place: str, unit: str = ""
 ) -> NoReturn:
     """Refuse times that do not increase, and name the first two samples and how many there are.
 
@@ -235,6 +242,8 @@ def refuse_same_times(
     closest : float
         Two times closer than this are the same.
     source, place : str
+    unit : str
+        What follows a number of times.
 
     Raises
     ------
@@ -246,7 +255,9 @@ def refuse_same_times(
     back = -float(steps[first - 1])
     problem = "the time does not increase: it is "
     problem += (
-        f"{back:g} before that of sample {first}" if back > closest else f"that of sample {first}"
+        f"{back:g}{unit} before that of sample {first}"
+        if back > closest
+        else f"that of sample {first}"
     )
     if found.size > 1:
         problem += f", and there are {found.size - 1} more such samples"
@@ -259,11 +270,11 @@ def refuse_same_times(
     )
 
 
-def _uniform_step(times: NDArray[np.float64], source: str, place: str) -> float:
+def _uniform_step(times: NDArray[np.float64], source: str, place: str, unit: str) -> float:
     """The mean step of uniform times that begin at 0."""
     steps = np.diff(times)
     if steps.min() <= 0.0:
-        refuse_same_times(times, 0.0, source, place)
+        refuse_same_times(times, 0.0, source, place, unit)
     usual = float(np.median(steps))
     uneven = np.abs(steps - usual) > STEP_TOLERANCE * usual
     if uneven.any():
@@ -272,14 +283,15 @@ def _uniform_step(times: NDArray[np.float64], source: str, place: str) -> float:
             source,
             place,
             first + 1,
-            f"the step to this sample is {steps[first]:g} where the usual one is {usual:g}",
+            f"the step to this sample is {steps[first]:g}{unit} where the usual one is"
+            f" {usual:g}{unit}",
         )
     step = float(times[-1] / steps.size)
     off = np.abs(times - step * np.arange(times.size))
     allowed = max(0.5 * step, GRID_TOLERANCE * float(times[-1]))
     if off.max() > allowed:
         first = int(np.argmax(off > allowed))
-        _refuse(source, place, first, f"the time is {off[first]:g} off an even grid")
+        _refuse(source, place, first, f"the time is {off[first]:g}{unit} off an even grid")
     return step
 
 

@@ -45,9 +45,9 @@ def true_model(sampling_rate: float = 100.0) -> PolynomialModel:
     upper = [true_mode(frequency, damping, sampling_rate).pole for frequency, damping in MODES]
     poles = np.concatenate([upper, np.conj(upper), [REAL_POLE]])
     return PolynomialModel(
-        a=np.real(np.poly(poles)),
-        b=INPUT_GAIN * np.real(np.poly(INPUT_ZEROS)),
-        c=np.real(np.poly(NOISE_ZEROS)),
+        A=np.real(np.poly(poles)),
+        B=INPUT_GAIN * np.real(np.poly(INPUT_ZEROS)),
+        C=np.real(np.poly(NOISE_ZEROS)),
         nk=DELAY,
         sampling_rate=sampling_rate,
     )
@@ -97,16 +97,16 @@ def armax(
     output = clean + _filtered(model, deviation * generator.standard_normal(total))
     output = undo_stationarity(output[WARM_UP:], box_cox, difference)
     recording = Recording(
-        input=u[WARM_UP:],
-        output=output,
+        inputs=u[WARM_UP:],
+        outputs=output,
         sampling_rate=sampling_rate,
-        input_name="input",
-        output_name="output",
+        input_names=("input",),
+        output_names=("output",),
     )
     truth = Truth(
         kind="armax",
         seed=seed,
-        delay_samples=model.orders.nk,
+        delay_samples=model.orders.single.nk,
         modes=tuple(model.modes()),
         noise={"ratio": noise, "innovation_variance": deviation**2},
         box_cox=box_cox,

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.models.modes import Mode
-from evopem.models.structures import PolynomialOrders
+from evopem.models.structures import Orders
 
 Array = NDArray[np.float64]
 
@@ -31,7 +31,7 @@ class Truth:
         Parameter of the Box-Cox transform that the output was made for.
     difference : int
         Number of differences that the output was made for.
-    orders : PolynomialOrders, optional
+    orders : Orders, optional
         Of the ARMAX model; None where the system is no ARMAX model.
     a, b, c : array, optional
         Its coefficients.
@@ -44,7 +44,7 @@ class Truth:
     noise: dict[str, float]
     box_cox: float | None
     difference: int
-    orders: PolynomialOrders | None = None
+    orders: Orders | None = None
     a: Array | None = None
     b: Array | None = None
     c: Array | None = None

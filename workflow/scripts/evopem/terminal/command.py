@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,17 +16,13 @@ import yaml
 from evopem.config.dataset_names import RESULTS_FOLDER
 from evopem.config.defaults import complete
 from evopem.config.environment import check_environment, job_environment
-from evopem.config.order_grid import phases_of_dataset
 from evopem.config.schema import schema_file
 from evopem.config.settings import DatasetSettings, SyntheticSource
-from evopem.config.state_space_settings import (
-    MultichannelDataset,
-    searched_variants,
-    variant_name,
-)
+from evopem.config.state_space_settings import MultichannelDataset
 from evopem.config.strict_yaml import check_yaml_files
 from evopem.config.yaml_form import one_or_list, read_dataset
 from evopem.errors import InputError
+from evopem.files.checksums import delete_results, sha256_of_file
 from evopem.files.job import job
 from evopem.pipeline.packages import FOR_REPORT, check_packages
 from evopem.pipeline.progress import ProgressLine
@@ -81,6 +77,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         with suppress(AttributeError):
             stream.reconfigure(errors="replace")  # type: ignore[union-attr]
     try:
+        _check_working_directory()
         if given[:1] == ["init"]:
             return _init(given[1:])
         if given[:1] == ["compare"]:
@@ -97,12 +94,31 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 1
 
 
+def _check_working_directory() -> None:
+    """Refuse to work in a folder that has been deleted.
+
+    Raises
+    ------
+    InputError
+    """
+    try:
+        Path.cwd()
+    except OSError:
+        problem = "the folder that this terminal is in no longer exists"
+        raise InputError("evopem", problem, "change to another one") from None
+
+
 def _parsed(given: Sequence[str]) -> argparse.Namespace:
     """Parse the arguments; a second channel behind one option is told how to be given."""
     parser = _parser()
     arguments, left = parser.parse_known_args(given)
     if left:
         parser.error(_about_unrecognized(given, left))
+    if not arguments.input:
+        parser.error(
+            "--input is missing: name the input, or write --input none where only outputs were"
+            " recorded"
+        )
     return arguments
 
 
@@ -135,7 +151,8 @@ def _parser() -> argparse.ArgumentParser:
     several: dict[str, Any] = {"required": True, "action": "append", "type": _channel}
     parser.add_argument(
         "--input",
-        **several,
+        action="append",
+        type=_channel,
         metavar="CHANNEL",
         help="the input: number from 1, or name of a column, variable or channel; repeated, or a "
         "pattern such as 'force_*', for several inputs; none for outputs alone",
@@ -236,19 +253,12 @@ def _identify(arguments: argparse.Namespace) -> int:
     settings = _settings(arguments)
     files = DatasetFiles(str(Path(arguments.results) / settings.name))
     _check_folder(files, settings)
-    from evopem.pipeline.identification import identify_recording
-    from evopem.pipeline.multichannel.stages import identify_channels
+    from evopem.pipeline.identification import identify_dataset
+    from evopem.pipeline.stages import results_of
     from evopem.terminal.results_text import dataset_text, show
 
     progress = ProgressLine(sys.stderr)
-    if isinstance(settings, DatasetSettings):
-        phases = [files.phase(each) for each in phases_of_dataset(settings)]
-        outputs = [*files.results, *files.pages, files.recording, files.prepared, *phases]
-        identify = partial(identify_recording, files, settings, cores=_cores())
-    else:
-        variants = [variant_name(*each) for each in searched_variants(settings)]
-        outputs = [*files.state_space_results(variants), files.report]
-        identify = partial(identify_channels, files, settings)
+    outputs = results_of(settings, files, with_report=True)
     try:
         with job(files.log("identification"), (), outputs, ends_with_parent=False) as logger:
 
@@ -256,8 +266,9 @@ def _identify(arguments: argparse.Namespace) -> int:
                 logger.info(words)
                 progress.tell(words)
 
+            delete_results(files.folder)  # nothing of an earlier run is left if this one ends early
             with _options_for_keys():
-                identify(with_report=True, log=log, announce=progress.announce)
+                identify_dataset(files, settings, True, log, _cores(), progress.announce)
     finally:
         progress.close()
     show(dataset_text(files, files.report))
@@ -310,8 +321,16 @@ def _check_folder(files: DatasetFiles, settings: DatasetSettings | MultichannelD
     InputError
     """
     folder = Path(files.folder)
-    if folder.exists() and not folder.is_dir():
-        raise InputError(str(folder), "is a file, and the results need this folder", "move it")
+    for each in (folder, *folder.parents):
+        try:
+            is_other = each.is_symlink() or each.exists()
+            is_other = is_other and not each.is_dir()
+        except OSError as error:
+            problem = f"cannot be the name of a folder ({error.strerror})"
+            raise InputError("--results", problem, "give a shorter one") from None
+        if is_other:
+            problem = "is no folder, and the results need a folder of this name"
+            raise InputError(str(each), problem, "move it, or choose another with --results")
     # A run that did not end left nothing that is worth keeping.
     if not (Path(files.config).exists() and Path(files.report).exists()):
         return
@@ -319,12 +338,25 @@ def _check_folder(files: DatasetFiles, settings: DatasetSettings | MultichannelD
     held = [held] if isinstance(held, str) else list(held)
     own = settings.source
     given = [] if isinstance(own, SyntheticSource) else own.files
-    if list(map(_absolute, held)) != list(map(_absolute, given)):
+    # In the working directory, the same name is the same file, whatever it holds now. Elsewhere
+    # another project may have made the results, from another file of that name.
+    here = folder.absolute().is_relative_to(Path.cwd()) or all(map(os.path.isabs, held))
+    same_names = list(map(_absolute, held)) == list(map(_absolute, given))
+    if not (same_names and here) and _digests_read(files) != [*map(sha256_of_file, given)]:
         raise InputError(
             str(folder),
             f"it holds the results of {', '.join(held)}",
             "choose another folder with --results",
         )
+
+
+def _digests_read(files: DatasetFiles) -> list[str]:
+    """SHA-256 of the recorded files behind results; empty where they cannot be told."""
+    try:
+        content = json.loads(Path(files.recording_info).read_text(encoding="utf-8"))
+        return [each["sha256"] for each in content["files"]]
+    except (OSError, ValueError, KeyError, TypeError):
+        return []
 
 
 def _absolute(file: str) -> Path:

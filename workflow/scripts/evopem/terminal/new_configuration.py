@@ -8,7 +8,11 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from evopem.config.dataset_names import MAX_LENGTH, RESERVED_NAMES, RESULTS_FOLDER
+import yaml
+
+from evopem.config.batches import MANY
+from evopem.config.dataset_names import MAX_LENGTH, RESERVED_NAMES, RESULTS_FOLDER, is_valid
+from evopem.config.defaults import complete
 from evopem.config.schema import schema_file
 from evopem.errors import InputError
 from evopem.signals.channel_roles import INPUT_NAMES, OUTPUT_NAMES, named
@@ -27,7 +31,10 @@ _HEAD = """\
 # where PATH is the checkout of evopem. What no key says is decided from the recording. Keys of the
 # analysis (such as structure, resample, split) decide it instead, for one data set or, under
 # `defaults:`, for all.
-datasets:
+"""
+_MANY = """\
+# One job takes each recording from its file to its report; `stage` has one for each stage.
+one_job_per: recording
 """
 
 
@@ -77,15 +84,24 @@ def configuration_text(folder: Path) -> str:
     names = _Names()
     for path in recorded_files(folder):
         shown = path.relative_to(folder).as_posix()
+        if not shown.isprintable():
+            unread.append(f"# {_comment(shown)}: its name is no UTF-8 text; rename it.")
+            continue
         try:
             contents = inspect_file(path)
         except InputError as error:
             unread.append(f"# {_comment(f'{shown}: {error.problem}; {error.remedy}.')}")
             continue
-        if len(contents.signals) < 2 or {"{", "}"} & set(shown):
+        if len(contents.signals) < 2 or set("{}*") & set(shown):
             unread.append(f"# {_comment(_unusable(shown, contents))}")
             continue
-        entries.append(_entry(names.of(path), shown, contents))
+        entry = _entry(names.of(path), shown, contents)
+        try:
+            complete(yaml.safe_load(f"datasets:\n{entry}"), schema_file())
+        except InputError as error:
+            unread.append(f"# {_comment(f'{shown}: {error.problem}; {error.remedy}.')}")
+            continue
+        entries.append(entry)
     if not entries:
         seen = f" ({len(unread)} of a known extension hold none)" if unread else ""
         raise InputError(
@@ -93,9 +109,11 @@ def configuration_text(folder: Path) -> str:
             f"there is no recording of two signals in this folder{seen}",
             f"give a folder with files of {' '.join(FORMATS)}",
         )
+    count = len(entries)
     if unread:
         entries.append("\n".join(["# Left out:", *unread]) + "\n")
-    return _HEAD.format(schema=schema_file()) + "\n".join(entries)
+    many = _MANY if count >= MANY else ""
+    return _HEAD.format(schema=schema_file()) + many + "datasets:\n" + "\n".join(entries)
 
 
 def recorded_files(folder: Path) -> list[Path]:
@@ -133,14 +151,15 @@ class _Names:
 
 def dataset_name(path: Path) -> str:
     """The name of a data set after its file."""
-    name = re.sub(r"[^A-Za-z0-9_.-]+", "_", path.stem).lstrip("_.-").rstrip(".")
-    return name[: MAX_LENGTH - 10] or "recording"
+    name = re.sub(r"[^A-Za-z0-9_.-]+", "_", path.stem).lstrip("_.-")
+    name = re.sub(r"\.{2,}", ".", name)[: MAX_LENGTH - 20].rstrip(".") or "recording"
+    return name if is_valid(name) else f"recording_{name[:40]}"
 
 
 def _entry(name: str, file: str, contents: FileContents) -> str:
     sources, targets, sure = _channels(contents.signals)
     others = [each for each in contents.signals if each not in (*sources, *targets)]
-    lines = [f"  {name}:", f"    file: {_scalar(file)}"]
+    lines = [f"  {_scalar(name)}:", f"    file: {_scalar(file)}"]
     guess = "" if sure else "  # a guess by the order of the channels"
     lines.append(f"    input: {_one_or_list(sources)}{_unit(sources[0])}{guess}")
     lines.append(f"    output: {_one_or_list(targets)}{_unit(targets[0])}{guess}")
@@ -190,7 +209,7 @@ def _unusable(shown: str, contents: FileContents) -> str:
     if len(contents.signals) < 2:
         number = len(contents.signals)
         return f"{shown}: {number} of its channels can be an input or an output; two are needed."
-    return f"{shown}: braces have a meaning of their own in a workflow; rename the file."
+    return f"{shown}: braces and * have a meaning of their own in a workflow; rename the file."
 
 
 def _unit(signal: SignalColumn) -> str:
@@ -202,7 +221,7 @@ def _scalar(reference: int | str) -> str:
     if isinstance(reference, int):
         return str(reference)
     plain = re.fullmatch(r"[A-Za-z_][A-Za-z0-9_./-]*", reference)
-    reserved = {"y", "n", "yes", "no", "on", "off", "true", "false", "null"}
+    reserved = {"y", "n", "yes", "no", "on", "off", "true", "false", "null", "none"}
     if plain and reference.lower() not in reserved:
         return reference
     return json.dumps(reference, ensure_ascii=False)
@@ -210,4 +229,5 @@ def _scalar(reference: int | str) -> str:
 
 def _comment(text: str) -> str:
     """A text on one line, without what a terminal or YAML would obey."""
+    text = text.encode("utf-8", "backslashreplace").decode()
     return re.sub(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]+", " ", text)

@@ -11,7 +11,8 @@ from evopem.files.json_form import load
 from evopem.report.numbers import number, plural
 from evopem.report.results_text import results_text, state_space_text
 from evopem.results.dataset import read_dataset_results
-from evopem.results.fleet import DatasetSummary, Entry, IncompleteDataset
+from evopem.results.fleet import DatasetSummary, Entry
+from evopem.results.identity import IncompleteDataset
 from evopem.results.layout import DatasetFiles
 
 _SHOWN_WHOLE = 3
@@ -76,5 +77,5 @@ def _line(name: str, entry: Entry) -> str:
     if isinstance(entry, IncompleteDataset):
         return f"{name}: {entry.status}. {entry.problem}"
     modes = ", ".join(f"{number(mode.frequency_hz)} Hz" for mode in entry.modes) or "no modes"
-    failed = entry.n_checks(passed=False)
+    failed = len(entry.failed)
     return f"{name}: {plural(failed, 'failed check') if failed else 'no failed check'}; {modes}"

@@ -238,7 +238,7 @@ def modal_response(model: PolynomialModel, pole: complex, input: ArrayLike) -> A
     # r / (1 - p w) + its conjugate.
     numerator = 2.0 * np.array([residue.real, -(residue * np.conj(pole)).real])
     denominator = _factor(pole)
-    delayed = np.concatenate([np.zeros(model.nk), numerator])
+    delayed = np.concatenate([np.zeros(model.delay), numerator])
     response: Array = lfilter(delayed, denominator, np.asarray(input, dtype=float))
     return response
 

@@ -2,7 +2,7 @@
 
 For each mode: which orders have it, whether the input reaches it, whether the predictor needs it
 beside the noise, and how well it is known.  A mode is a group of poles of several orders that
-agree (:mod:`evopem.models.mode_clusters`); its numbers are those of the model of the chosen order
+agree (:mod:`evopem.models.mode_matching`); its numbers are those of the model of the chosen order
 or, where that one lacks it, of the model of lowest BIC that has it.
 """
 
@@ -14,13 +14,13 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from evopem.estimation.state_space.order_models import OrderModel
-from evopem.estimation.state_space.prepared import paired_records
-from evopem.models.mode_clusters import cluster_modes
+from evopem.models.mode_matching import cluster_modes
+from evopem.models.modes import Mode
+from evopem.models.order_models import OrderModel
 from evopem.models.state_space import StateSpaceModel
-from evopem.models.state_space_modes import ShapedMode
+from evopem.signals.recording import Recording
 from evopem.validation.held_out_tests import (
     HeldOutContribution,
     HeldOutTest,
@@ -30,7 +30,7 @@ from evopem.validation.mode_evidence import NO_TEST, SIGNIFICANCE, STABLE_SHARE,
 from evopem.validation.mode_trust import doubts, plane_is_known, shape_doubt
 
 if TYPE_CHECKING:
-    from evopem.estimation.state_space.order_sweep import OrderScores
+    from evopem.estimation.state_space.local_estimates import StateSpaceEstimate
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -69,7 +69,7 @@ class JudgedMode:
 
     Attributes
     ----------
-    mode : ShapedMode
+    mode : Mode
     order : int
         Order of the model that it is taken from.
     orders : tuple of int
@@ -96,7 +96,7 @@ class JudgedMode:
         this one a plane that is known.
     """
 
-    mode: ShapedMode
+    mode: Mode
     order: int
     orders: tuple[int, ...]
     recurrence: float
@@ -151,29 +151,26 @@ class ModeTable:
     poles: tuple[PoleOfOrder, ...]
 
     @property
-    def trusted(self) -> tuple[ShapedMode, ...]:
+    def trusted(self) -> tuple[Mode, ...]:
         """The modes that nothing speaks against."""
         return tuple(each.mode for each in self.modes if each.trusted)
 
 
 def mode_table(
-    scores: OrderScores,
-    inputs: ArrayLike | Sequence[ArrayLike] | None,
-    outputs: ArrayLike | Sequence[ArrayLike],
+    estimates: Sequence[StateSpaceEstimate],
+    recording: Recording,
     first: int | None = None,
 ) -> ModeTable:
     """Collect the modes of models of several orders, each with its evidence.
 
     Parameters
     ----------
-    scores : OrderScores
+    estimates : sequence of StateSpaceEstimate
         Models of consecutive orders, at least three above the number that the record needs.
-    inputs : (N, nu) array_like, or a list of them, optional
-        One record or several; None for output-only models.
-    outputs : (N, ny) array_like, or a list of them
-        Signals that end with the held-out samples; they may begin with the estimation samples.
+    recording : Recording
+        Ends with the held-out samples; may begin with the estimation samples.
     first : int, optional
-        First held-out sample of each record; by default there are none, and the tests are not
+        First held-out sample of each segment; by default there are none, and the tests are not
         possible.
 
     Raises
@@ -181,16 +178,15 @@ def mode_table(
     ValueError
         When the signals have other channels than the models.
     """
-    models = [OrderModel.of_estimate(each) for each in scores.estimates]
+    models = [OrderModel.of_estimate(each) for each in estimates]
     chosen = min(models, key=lambda each: each.bic).order
-    return table_of_models(models, chosen, inputs, outputs, first)
+    return table_of_models(models, chosen, recording, first)
 
 
 def table_of_models(
     models: Sequence[OrderModel],
     chosen: int,
-    inputs: ArrayLike | Sequence[ArrayLike] | None,
-    outputs: ArrayLike | Sequence[ArrayLike],
+    recording: Recording,
     first: int | None = None,
 ) -> ModeTable:
     """The table of models of several orders, of which one was chosen.
@@ -201,7 +197,7 @@ def table_of_models(
         By order.
     chosen : int
         The order whose modes are all listed.
-    inputs, outputs, first
+    recording, first
         As of :func:`mode_table`.
 
     Raises
@@ -209,7 +205,7 @@ def table_of_models(
     ValueError
         As there.
     """
-    u, y = paired_records(inputs, outputs)
+    u, y = recording.segment_inputs, recording.segment_outputs
     first = max(map(len, y)) if first is None else first
     by_order = {each.order: each for each in models}
     orders = tuple(by_order)
@@ -269,7 +265,7 @@ def _with_pairs(
 
 def held_out_mode_tests(
     model: StateSpaceModel,
-    modes: Sequence[ShapedMode],
+    modes: Sequence[Mode],
     inputs: Sequence[Array],
     outputs: Sequence[Array],
     first: int,
@@ -283,7 +279,7 @@ def held_out_mode_tests(
     ----------
     model : StateSpaceModel
         Stable, with a stable predictor.
-    modes : sequence of ShapedMode
+    modes : sequence of Mode
         Those of the model.
     inputs, outputs : sequences of (N, nu) and (N, ny) arrays
         One record or several, that each begin with a state of their own.
@@ -300,7 +296,7 @@ def held_out_mode_tests(
         of_input, of_noise = NO_TEST, NO_TEST
         if records and model.inputs:
             of_input = joint_contribution_test([each.of_input(index) for each in records])
-        if records and model.form == "innovations":
+        if records and model.structure == "ss":
             of_noise = joint_contribution_test([each.of_noise(index) for each in records])
         tests.append((of_input, of_noise))
     return tests
@@ -326,7 +322,7 @@ class _ModalParts:
     def of(
         cls,
         model: StateSpaceModel,
-        modes: Sequence[ShapedMode],
+        modes: Sequence[Mode],
         inputs: Array,
         outputs: Array,
         first: int,
@@ -366,7 +362,7 @@ class _ModalParts:
 
 
 def _judged(
-    mode: ShapedMode,
+    mode: Mode,
     own: int,
     orders: tuple[int, ...],
     tests: tuple[HeldOutTest, HeldOutTest],
@@ -384,9 +380,7 @@ def _judged(
         input_test=of_input,
         reached=of_input.significant(SIGNIFICANCE) if model.inputs else False,
         noise_test=of_noise,
-        needed_by_noise=(
-            of_noise.significant(SIGNIFICANCE) if model.form == "innovations" else False
-        ),
+        needed_by_noise=(of_noise.significant(SIGNIFICANCE) if model.structure == "ss" else False),
     )
     return replace(
         judged,
@@ -401,7 +395,7 @@ def _recurrence(own: int, orders: Sequence[int], all_orders: Sequence[int]) -> f
     return float(np.mean([order in orders for order in larger])) if larger else math.nan
 
 
-def _response(mode: ShapedMode, drives: Array, participation: Complex) -> Array:
+def _response(mode: Mode, drives: Array, participation: Complex) -> Array:
     """What a pair of poles adds to the outputs, (N, ny), driven one sample before; from rest."""
     from scipy.signal import lfilter
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Protocol
 
-from evopem.models.state_space_modes import ShapedMode
+from evopem.models.modes import Mode
 
 # Damping ratio above which a pair of poles is hardly a resonance.
 STRONG_DAMPING = 0.5
@@ -103,14 +103,14 @@ def doubts(evidence: Evidence, sampling_rate: float) -> list[str]:
     return found
 
 
-def shape_doubt(mode: ShapedMode) -> str:
+def shape_doubt(mode: Mode) -> str:
     """Reason to doubt a mode's shape though not its frequency and damping; empty for none.
 
     Shapes of poles that the data do not tell apart may be any mixture of each other.
 
     Parameters
     ----------
-    mode : ShapedMode
+    mode : Mode
     """
     if len(mode.shape) < 2 or not math.isfinite(mode.shape_assurance):
         return ""
@@ -121,14 +121,14 @@ def shape_doubt(mode: ShapedMode) -> str:
     return ""
 
 
-def plane_is_known(mode: ShapedMode, partner: ShapedMode) -> bool:
+def plane_is_known(mode: Mode, partner: Mode) -> bool:
     """Whether two shapes that may be mixed lie in one plane that the data determine.
 
     The statement is empty below three outputs, which have one plane alone.
 
     Parameters
     ----------
-    mode, partner : ShapedMode
+    mode, partner : Mode
         Of one model.
     """
     mixed = len(mode.shape) > 2 and mode.equal_poles_p > POLES_APART

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from evopem.models.state_space_modes import ShapedMode, assurance
+from evopem.models.mode_shapes import assurance
+from evopem.models.modes import Mode
 from evopem.models.state_space_tables import Column, shaped_modes_table
 from evopem.validation.mode_table import ModeTable
 
@@ -39,7 +40,7 @@ class ModesRecord:
         return cls(input_names, output_names, table, matrix)
 
     @property
-    def modes(self) -> tuple[ShapedMode, ...]:
+    def modes(self) -> tuple[Mode, ...]:
         """The modes, trusted or not."""
         return tuple(each.mode for each in self.table.modes)
 

@@ -15,8 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc
 
+from evopem.estimation.state_space.held_out import (
+    simulated_from_fitted_state,
+    simulated_on,
+)
 from evopem.models.state_space import StateSpaceModel
-from evopem.signals.multichannel import MultichannelRecording
+from evopem.signals.recording import Recording
 from evopem.validation.residual_tests import (
     apart,
     cross_correlation,
@@ -43,8 +47,10 @@ class OutputValidation:
     ----------
     name, unit : str
     prediction_error_percent, simulation_error_percent : float
-        ``100 ||y - yhat|| / ||y - mean(y)||`` of the validation samples, one step ahead and from
-        the inputs alone, each from the initial state that fits; no simulation without an input.
+        ``100 ||y - yhat|| / ||y - mean(y)||`` of the validation samples, one step ahead from the
+        initial state that fits, and from the inputs alone; no simulation without an input.
+    fitted_state_error_percent : float
+        Of a simulation from the initial state that fits.
     fit_percent : float
         100 minus the error of the simulation, without an input of the prediction, as MATLAB's
         ``compare`` has it.
@@ -62,6 +68,7 @@ class OutputValidation:
     unit: str
     prediction_error_percent: float
     simulation_error_percent: float
+    fitted_state_error_percent: float
     fit_percent: float
     horizon_errors_percent: tuple[float, ...]
     ljung_box_p: float
@@ -111,8 +118,9 @@ class MultichannelValidation:
     ----------
     samples : int
         Validation samples.
-    prediction_error_percent, simulation_error_percent : float
-        Means over the outputs.
+    prediction_error_percent, simulation_error_percent, fitted_state_error_percent : float
+        Means over the outputs; of the simulation that sees no validation output, and of one from
+        the initial state that fits them best.
     horizons : tuple of int
         Samples ahead of the predictions.
     outputs : tuple of OutputValidation
@@ -126,6 +134,7 @@ class MultichannelValidation:
     samples: int
     prediction_error_percent: float
     simulation_error_percent: float
+    fitted_state_error_percent: float
     horizons: tuple[int, ...]
     outputs: tuple[OutputValidation, ...]
     pairs: tuple[PairCorrelation, ...]
@@ -154,9 +163,10 @@ class MultichannelTables:
 
 def validate_multichannel(
     model: StateSpaceModel,
-    validation: MultichannelRecording,
+    validation: Recording,
     free_level: bool = False,
     fitted: int = 0,
+    before: Recording | None = None,
 ) -> tuple[MultichannelValidation, MultichannelTables]:
     """Score a model on validation samples, and test its residuals there.
 
@@ -165,20 +175,27 @@ def validate_multichannel(
     Parameters
     ----------
     model : StateSpaceModel
-    validation : MultichannelRecording
+    validation : Recording
         Less the means of the estimation samples, each of several recordings less its own.
     free_level : bool
-        Whether the simulation fits its level to the validation samples, as it fits the initial
-        state; to each of several recordings its own.
+        Whether a constant level of the simulation is fitted to the validation samples; to each of
+        several recordings its own.
     fitted : int
         Parameters of each output that were fitted to these samples: the joint test of the
         residuals' autocorrelations has as many degrees of freedom less.
+    before : Recording, optional
+        Samples that the validation samples continue, of each recording: they determine the state of
+        its simulation.  Without them the first tenth of a recording does, and is not scored.
     """
     u, y, bounds = validation.inputs, validation.outputs, validation.bounds
     horizons = tuple(k for k in HORIZONS if k < validation.longest.samples // 4)
     with np.errstate(all="ignore"):
-        parts = [_responses(model, each, horizons, free_level) for each in validation.records]
-    residuals, simulated, *ahead = map(np.concatenate, zip(*parts, strict=True))
+        pasts = before.separated if before else [None] * len(validation.separated)
+        parts = [
+            _responses(model, past, each, horizons, free_level)
+            for past, each in zip(pasts, validation.separated, strict=True)
+        ]
+    residuals, simulated, compared, *ahead = map(np.concatenate, zip(*parts, strict=True))
     tests = [residual_autocorrelation(e, CORRELATION_LAGS, bounds) for e in residuals.T]
     outputs = tuple(
         _output(
@@ -186,6 +203,7 @@ def validate_multichannel(
             place,
             residuals[:, place],
             simulated[:, place],
+            compared[:, place],
             [each[:, place] for each in ahead],
             tests[place],
             model.order,
@@ -204,13 +222,14 @@ def validate_multichannel(
         samples=len(y),
         prediction_error_percent=float(np.mean([o.prediction_error_percent for o in outputs])),
         simulation_error_percent=float(np.mean([o.simulation_error_percent for o in outputs])),
+        fitted_state_error_percent=float(np.mean([o.fitted_state_error_percent for o in outputs])),
         horizons=horizons,
         outputs=outputs,
         pairs=tuple(_pair(*names, table) for names, table in crossed.items()),
         correlation_lags=min(CORRELATION_LAGS, len(y) - 1),
         recordings=tuple(
             _errors_of(record, *part[:2])
-            for record, part in zip(validation.records, parts, strict=True)
+            for record, part in zip(validation.separated, parts, strict=True)
         ),
     )
     tables = MultichannelTables(
@@ -222,23 +241,26 @@ def validate_multichannel(
 
 def _responses(
     model: StateSpaceModel,
-    record: MultichannelRecording,
+    before: Recording | None,
+    record: Recording,
     horizons: tuple[int, ...],
     free_level: bool,
 ) -> list[Array]:
-    """Residuals, simulation and predictions at the horizons of a record, from its own states."""
+    """Residuals, two simulations, and predictions at the horizons of a record.
+
+    The second simulation, and the predictions, begin with the states that fit the record.
+    """
     u, y = record.inputs, record.outputs
     state = model.prediction_state(u, y)
-    simulated = np.full(y.shape, np.nan)
+    simulated = compared = np.full(y.shape, np.nan)
     if record.has_input:
-        simulated = _simulated(model, record, free_level)
+        simulated = simulated_on(model, before, record, free_level)
+        compared = simulated_from_fitted_state(model, record, free_level)
     ahead = [model.predict(u, y, k, state) for k in horizons]
-    return [model.residuals(u, y, state), simulated, *ahead]
+    return [model.residuals(u, y, state), simulated, compared, *ahead]
 
 
-def _errors_of(
-    record: MultichannelRecording, residuals: Array, simulated: Array
-) -> RecordingErrors:
+def _errors_of(record: Recording, residuals: Array, simulated: Array) -> RecordingErrors:
     columns = range(record.outputs.shape[1])
     measured, predicted = record.outputs, record.outputs - residuals
     return RecordingErrors(
@@ -248,34 +270,29 @@ def _errors_of(
     )
 
 
-def _simulated(model: StateSpaceModel, record: MultichannelRecording, free_level: bool) -> Array:
-    """Response to the inputs of a record from the state that fits its outputs best."""
-    u, y = record.inputs, record.outputs
-    if free_level:
-        model, state = model.levelled(u, y)
-        return model.simulate(u, state)
-    return model.simulate(u, model.simulation_state(u, y))
-
-
 def mean_errors(
-    model: StateSpaceModel, validation: MultichannelRecording, free_level: bool
+    model: StateSpaceModel,
+    validation: Recording,
+    free_level: bool,
+    before: Recording | None = None,
 ) -> tuple[float, float]:
     """Errors one step ahead and of the simulation in percent, means over the outputs.
 
     Parameters
     ----------
-    model, validation, free_level
+    model, validation, free_level, before
         As of :func:`validate_multichannel`.
     """
-    found, _ = validate_multichannel(model, validation, free_level)
+    found, _ = validate_multichannel(model, validation, free_level, before=before)
     return found.prediction_error_percent, found.simulation_error_percent
 
 
 def _output(
-    validation: MultichannelRecording,
+    validation: Recording,
     place: int,
     residuals: Array,
     simulated: Array,
+    compared: Array,
     ahead: list[Array],
     autocorrelations: pd.DataFrame,
     order: int,
@@ -291,6 +308,7 @@ def _output(
         unit=validation.output_units[place],
         prediction_error_percent=prediction,
         simulation_error_percent=simulation,
+        fitted_state_error_percent=_finite_error(measured, compared),
         fit_percent=100.0 - (simulation if validation.has_input else prediction),
         horizon_errors_percent=tuple(_finite_error(measured, each) for each in ahead),
         ljung_box_p=p_value,
@@ -301,7 +319,11 @@ def _output(
 
 
 def _finite_error(measured: Array, computed: Array) -> float:
-    return error_percent(measured, computed) if np.isfinite(computed).all() else math.nan
+    """Error of the samples that are not missing; NaN where one is infinite, or there are none."""
+    scored = ~np.isnan(computed)
+    if not scored.any() or np.isinf(computed).any():
+        return math.nan
+    return error_percent(measured[scored], computed[scored])
 
 
 def _ljung_box(
@@ -344,13 +366,11 @@ def _correlation_tables(
     return pd.concat(own), pd.concat(pairs)
 
 
-def _simulation_table(
-    validation: MultichannelRecording, residuals: Array, simulated: Array
-) -> pd.DataFrame:
+def _simulation_table(validation: Recording, residuals: Array, simulated: Array) -> pd.DataFrame:
     """Measured, predicted and simulated samples."""
     import pandas as pd
 
-    samples = [np.arange(each.samples) for each in validation.records]
+    samples = [np.arange(each.samples) for each in validation.separated]
     columns = {"time_s": np.concatenate(samples) / validation.sampling_rate}
     if validation.is_joined:
         numbers = np.arange(len(samples)) + 1

@@ -115,6 +115,6 @@ def _noise_density(
     half = spectrum.halfbandwidth_hz * np.linspace(-1.0, 1.0, NOISE_GRID)
     nyquist = spectrum.frequencies[-1]
     around = np.clip(spectrum.frequencies[index][:, None] + half, 0.0, nyquist)
-    gain = np.abs(model.noise_response(around.ravel())) ** 2
+    gain = np.abs(model.noise_response(around.ravel())[:, 0, 0]) ** 2
     density = model.noise_variance / nyquist * gain.reshape(around.shape).mean(axis=1)
     return np.asarray(density, np.float64)

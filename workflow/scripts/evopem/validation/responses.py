@@ -14,10 +14,12 @@ from evopem.models.polynomial_states import (
     estimate_level,
     estimate_prediction_states,
     estimate_simulation_state,
+    first_samples,
+    simulate_from_first,
     simulate_with_fitted_level,
 )
 from evopem.signals.preparation import PreparedData
-from evopem.signals.stretches import Stretch
+from evopem.signals.recording import Segment
 from evopem.validation.recorded_units import RecordedSeries
 
 States = tuple[NDArray[np.float64], NDArray[np.float64]]
@@ -28,6 +30,7 @@ States = tuple[NDArray[np.float64], NDArray[np.float64]]
 class Responses:
     """Validation samples with the two computed responses; ``nan`` where there is none.
 
+    ``simulated`` runs on from what came before, ``fitted`` from the state that fits these samples.
     ``scored`` tells which samples count: not those that initial states determine.
     """
 
@@ -35,7 +38,7 @@ class Responses:
     output: NDArray[np.float64]
     predicted: NDArray[np.float64]
     simulated: NDArray[np.float64]
-    continued: NDArray[np.float64] | None
+    fitted: NDArray[np.float64]
     scored: NDArray[np.bool_]
 
 
@@ -57,7 +60,7 @@ class HeldOutSamples:
 def unscored_samples(model: PolynomialModel) -> int:
     """Samples at the start of a record whose residuals its states determine."""
     orders = model.orders
-    return orders.first_residual + max(orders.nf, orders.noise_states)
+    return orders.first_residual + max(orders.single.nf, orders.noise_states)
 
 
 def held_out_samples(
@@ -80,10 +83,10 @@ def held_out_samples(
             ),
         )
     own_level = free_level and bool(prepared.transforms.validation_stretches)
-    return tuple(_held_out(model, each, own_level) for each in validation.stretches)
+    return tuple(_held_out(model, each, own_level) for each in validation.segments)
 
 
-def _held_out(model: PolynomialModel, stretch: Stretch, own_level: bool) -> HeldOutSamples:
+def _held_out(model: PolynomialModel, stretch: Segment, own_level: bool) -> HeldOutSamples:
     u, y = stretch.input, stretch.output
     if own_level:
         model = replace(model, level=estimate_level(model, u, y))
@@ -99,33 +102,51 @@ def responses_of(
 ) -> Responses:
     """Predict and simulate the validation samples.
 
-    The prediction of samples that follow the estimation samples directly knows all the past.  With
-    a free level the simulation fits its level to the validation samples, too.
+    The prediction of samples that follow the estimation samples directly knows all the past, and
+    their simulation runs on from the estimation samples, which determine its state.  In other
+    recordings the first samples determine the state, and are not scored.  With a free level a
+    constant is fitted to the scored samples.
     """
-    estimation, validation = prepared.estimation, prepared.validation
-    continued = None
-    if prepared.contiguous and model.has_input:
-        state = estimate_simulation_state(model, estimation.input, estimation.output)
-        continued = model.simulate(held_out[0].input, state)[-validation.samples :]
+    validation = prepared.validation
     predicted = [
         each.model.predict(each.input, each.output, 1, *each.states)[-each.samples :]
         for each in held_out
     ]
-    simulated = [_simulated(model, each, free_level) for each in validation.stretches]
-    unscored = 0 if prepared.contiguous else unscored_samples(model)
+    fitted = [_fitted(model, each, free_level) for each in validation.segments]
+    unscored = [
+        0 if prepared.contiguous else max(unscored_samples(model), first_samples(s.samples))
+        for s in held_out
+    ]
+    simulated = [
+        _simulated(model, *each, free_level) for each in zip(held_out, unscored, strict=True)
+    ]
     return Responses(
         input=validation.input,
         output=validation.output,
         predicted=np.concatenate(predicted),
         simulated=np.concatenate(simulated),
-        continued=continued,
-        scored=np.concatenate([np.arange(each.samples) >= unscored for each in held_out]),
+        fitted=np.concatenate(fitted),
+        scored=np.concatenate(
+            [np.arange(s.samples) >= first for s, first in zip(held_out, unscored, strict=True)]
+        ),
     )
 
 
 def _simulated(
-    model: PolynomialModel, validation: Stretch, free_level: bool
+    model: PolynomialModel, held_out: HeldOutSamples, unscored: int, free_level: bool
 ) -> NDArray[np.float64]:
+    """Response to the validation input from the state that the samples before make probable."""
+    u, y, samples = held_out.input, held_out.output, held_out.samples
+    if not model.has_input:
+        return np.full(samples, np.nan)
+    known = max(len(y) - samples + unscored, 1)
+    found = simulate_from_first(model, u, y, known, free_level)
+    if free_level:
+        found = found + np.mean((y - found)[known:])
+    return found[-samples:]
+
+
+def _fitted(model: PolynomialModel, validation: Segment, free_level: bool) -> NDArray[np.float64]:
     """Response to the validation input from the state that fits the validation output best."""
     if not model.has_input:
         return np.full(len(validation.output), np.nan)

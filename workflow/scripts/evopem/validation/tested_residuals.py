@@ -63,7 +63,7 @@ def tested_residuals(
     inputs = u if model.has_input else np.zeros_like(y)
 
     def jacobian() -> Iterable[Array]:
-        if model.orders.nd + model.orders.nf == 0 and model.level == 0.0:
+        if model.orders.nd + model.orders.single.nf == 0 and model.level == 0.0:
             # In blocks, which long records need.
             return jacobian_blocks(model, u, y, np.nan_to_num(residuals), first, start)
         level = model.level != 0.0
@@ -79,7 +79,7 @@ def _of_stretches(
 ) -> TestedResiduals:
     orders = model.orders
     errors = StretchErrors(
-        *(estimation.stretches, orders, objective, 1.0, 1.0, model.level != 0.0),
+        *(estimation.segments, orders, objective, 1.0, 1.0, model.level != 0.0),
         window=ScoringWindow(orders.first_residual, max(start, orders.first_residual)),
     )
     point = errors.completed_by_states(replace(model, covariance=None))

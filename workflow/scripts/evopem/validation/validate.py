@@ -87,8 +87,7 @@ def validate(
     lags : int
         Largest lag of the residual autocorrelation; cut to the number of residuals less one.
     free_level : bool
-        Whether the simulation fits its level to the validation samples, as it fits the initial
-        state.
+        Whether a constant level of the simulation is fitted to the validation samples.
 
     Returns
     -------
@@ -106,17 +105,17 @@ def validate(
     samples are several stretches, each has its own states, and the tests of the input and of modes
     use the longest.
 
-    The simulation of the validation samples starts from the initial state that fits them best, as
-    MATLAB's ``compare`` has it: a few numbers, and nothing else, come from the output it is
-    compared with.  When the validation samples continue the estimation samples
-    (``prepared.contiguous``), a stricter simulation goes with it: it starts with the estimation
-    samples, to which alone its state is fitted, and runs on without seeing one validation output
-    (``continued_simulation_error_percent``).
+    The simulation of the validation samples sees none of their output, but for a level where one is
+    fitted.  When they continue the estimation samples (``prepared.contiguous``) it runs on from
+    these, which determine its state; else the first tenth of a recording does, and is not scored.
+    A second simulation starts from the initial state that fits the validation samples best, as
+    MATLAB's ``compare`` has it (``fitted_state_error_percent``): poles near the unit circle that
+    zeros nearly cancel let such a state draw slow waves through drifts.
 
     The predictor runs through both parts of a continuous record, so that it knows all the measured
     past.  An independent recording has no past on record: there the predictor starts with the
-    recording, its states are fitted to it, and the first max(na, nb + nk − 1) samples and the
-    max(nc, nd, nf) after them are not scored.
+    recording, its states are fitted to it, and its first tenth is not scored, or at least the first
+    max(na, nb + nk − 1) samples and the max(nc, nd, nf) after them.
 
     Of a model without input there is no simulation, and no test concerns the input.
     """
@@ -148,11 +147,7 @@ def validate(
         simulation_error_percent=error_percent(measured, responses.simulated[scored]),
         prediction_fit_percent=fit_percent(measured, responses.predicted[scored]),
         simulation_fit_percent=fit_percent(measured, responses.simulated[scored]),
-        continued_simulation_error_percent=(
-            None
-            if responses.continued is None
-            else error_percent(measured, responses.continued[scored])
-        ),
+        fitted_state_error_percent=error_percent(measured, responses.fitted[scored]),
         samples=measured.size,
         unscored_samples=int(np.sum(~scored)),
         residual_samples=tested.residuals.size,
@@ -182,7 +177,7 @@ def _excitation(model: PolynomialModel, estimation: Recording) -> Excitation:
     if not model.has_input:
         return Excitation(excitation_order(np.zeros_like(estimation.output), 0), 0)
     orders = model.orders
-    needed = orders.na + orders.nf + orders.nb
+    needed = orders.na + orders.single.nf + orders.single.nb
     return Excitation(excitation_order(estimation.input, needed), needed)
 
 

@@ -74,10 +74,10 @@ class Validation:
     prediction_error_percent, prediction_fit_percent : float
         One step ahead.
     simulation_error_percent, simulation_fit_percent : float
-        From the initial state that fits the validation samples best; NaN without an input.
-    continued_simulation_error_percent : float, optional
-        Of a simulation that starts with the estimation samples and runs on; None where the
-        validation samples do not continue the estimation samples.
+        Of a simulation that runs on from the estimation samples, or in another recording from the
+        state that its first samples determine; NaN without an input.
+    fitted_state_error_percent : float
+        Of a simulation from the initial state that fits the validation samples best.
     samples, unscored_samples : int
         Validation samples that are scored, and those before them that are not.
     residual_samples : int
@@ -110,7 +110,7 @@ class Validation:
     simulation_error_percent: float
     prediction_fit_percent: float
     simulation_fit_percent: float
-    continued_simulation_error_percent: float | None
+    fitted_state_error_percent: float
     samples: int
     unscored_samples: int
     residual_samples: int

@@ -29,9 +29,8 @@ from evopem.estimation.pem.constrained_parameters import ConstrainedParameters, 
 from evopem.estimation.pem.constrained_polynomials import EXCESS, KIND, SHARE, Linear, Sections
 from evopem.estimation.search.problem import SearchResult, count_confirming, count_distinct
 from evopem.models.constraint_checks import check_constraints
-from evopem.models.multi_input import MultiInputOrders
 from evopem.models.polynomials import max_root_radius, reflect_into_disc
-from evopem.models.structures import PolynomialOrders
+from evopem.models.structures import Orders
 
 Array = NDArray[np.float64]
 
@@ -62,7 +61,7 @@ class ConstrainedOptimum:
 
 def check_input_constraints(
     constraints: InputConstraints,
-    orders: MultiInputOrders,
+    orders: Orders,
     names: Sequence[str],
     sampling_rate: float,
 ) -> None:
@@ -93,12 +92,10 @@ def check_input_constraints(
         check_constraints(constraints.of_input(name), of_path(orders, place), sampling_rate)
 
 
-def of_path(orders: MultiInputOrders, place: int) -> PolynomialOrders:
+def of_path(orders: Orders, place: int) -> Orders:
     """The orders of the path from one input."""
     o = orders
-    return PolynomialOrders(
-        na=o.na, nb=o.nb[place], nc=o.nc, nd=o.nd, nf=o.nf[place], nk=o.nk[place]
-    )
+    return Orders(na=o.na, nb=o.nb[place], nc=o.nc, nd=o.nd, nf=o.nf[place], nk=o.nk[place])
 
 
 def constrained_inputs(
@@ -124,7 +121,7 @@ def constrained_inputs(
         polynomials[name] = Linear(np.zeros(order), np.eye(order))
     for k, (own, orders) in enumerate(paths):
         polynomials[f"f{k}"] = plant_polynomial("f", own, orders, sampling_rate, radius)
-    rest = errors.dimension - o.coefficients
+    rest = errors.dimension - o.parameters
     polynomials["rest"] = Linear(np.zeros(rest), np.eye(rest))
     return ConstrainedParameters(polynomials, gains)
 

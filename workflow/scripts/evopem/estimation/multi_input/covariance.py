@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from evopem.estimation.multi_input.errors import MultiInputErrors
 from evopem.estimation.pem.covariance import density_at_zero
-from evopem.estimation.state_space.noise_colour import coloured_autocovariances
+from evopem.estimation.vector_autoregression import coloured_autocovariances
 from evopem.models.parameter_covariance import ParameterCovariance
 
 Array = NDArray[np.float64]
@@ -84,10 +84,10 @@ def _mapping(errors: MultiInputErrors) -> Array:
     """Derivatives of coefficients and level, in their units, by a point; level of all records."""
     o, record = errors.orders, errors.record
     mapping = np.zeros((errors.parameters, errors.dimension))
-    coefficients = np.arange(o.coefficients)
+    coefficients = np.arange(o.parameters)
     mapping[coefficients, coefficients] = errors.units[:-1]
-    own = (errors.dimension - o.coefficients) // len(record.outputs)
-    places = o.coefficients + own * np.arange(len(record.outputs))
+    own = (errors.dimension - o.parameters) // len(record.outputs)
+    places = o.parameters + own * np.arange(len(record.outputs))
     mapping[-1, places] = record.output_scale * np.diff(record.bounds) / record.samples
     mapping[-1, o.part("a")] = record.offset
     return mapping

@@ -20,8 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.estimation.absolute_descent import Places, Weighing, linear_coefficients
-from evopem.models.multi_input import MultiInputModel, MultiInputOrders
+from evopem.models.polynomial import PolynomialModel, model_of
 from evopem.models.polynomials import max_root_radius, reflect_into_disc
+from evopem.models.structures import Orders
 
 Array = NDArray[np.float64]
 
@@ -88,7 +89,7 @@ class MultiInputErrors:
     ----------
     record : MultiInputRecord
         Whose residuals begin no earlier than those of the orders.
-    orders : MultiInputOrders
+    orders : Orders
     radius : float
         Largest radius of roots of A, C, D and F_i.
     objective : {"quadratic", "absolute"}
@@ -100,7 +101,7 @@ class MultiInputErrors:
     def __init__(
         self,
         record: MultiInputRecord,
-        orders: MultiInputOrders,
+        orders: Orders,
         radius: float,
         objective: str = "quadratic",
     ) -> None:
@@ -113,14 +114,14 @@ class MultiInputErrors:
     @property
     def dimension(self) -> int:
         """Length of a point."""
-        return self.orders.coefficients + self._own * len(self.record.outputs)
+        return self.orders.parameters + self._own * len(self.record.outputs)
 
     @property
     def parameters(self) -> int:
         """Coefficients and level: what the model has, without states."""
-        return self.orders.coefficients + 1
+        return self.orders.parameters + 1
 
-    def of_orders(self, orders: MultiInputOrders) -> MultiInputErrors:
+    def of_orders(self, orders: Orders) -> MultiInputErrors:
         """The problem of other orders on the same samples."""
         return MultiInputErrors(self.record, orders, self.radius, self.objective)
 
@@ -128,7 +129,7 @@ class MultiInputErrors:
     def linear(self) -> NDArray[np.bool_]:
         """Entries of a point that the residuals are linear in: B_i, levels and states."""
         linear = np.zeros(self.dimension, dtype=bool)
-        linear[self.orders.coefficients :] = True
+        linear[self.orders.parameters :] = True
         for i in range(self.orders.inputs):
             linear[self.orders.part("b", i)] = True
         return linear
@@ -241,28 +242,21 @@ class MultiInputErrors:
         along = linear_coefficients(left[:, kept], target[:, None])[:, 0]
         return np.asarray(right[kept].T @ (along / singular[kept]))
 
-    def model(self, point: Array, sampling_rate: float, noise_variance: float) -> MultiInputModel:
+    def model(self, point: Array, sampling_rate: float, noise_variance: float) -> PolynomialModel:
         """The model of a point in the units of the records; its level is their mean."""
         o, record = self.orders, self.record
         weights = np.diff(record.bounds) / record.samples
-        levels = point[o.coefficients :].reshape(-1, self._own)[:, 0]
+        levels = point[o.parameters :].reshape(-1, self._own)[:, 0]
         a = point[o.part("a")]
-        scaled = np.append(point[: o.coefficients], float(weights @ levels))
-        # Only the lengths of these polynomials count.
-        blank = MultiInputModel(
-            o.structure,
-            A=np.ones(1 + o.na),
-            B=tuple(np.ones(nb) for nb in o.nb),
-            C=np.ones(1 + o.nc),
-            D=np.ones(1 + o.nd),
-            F=tuple(np.ones(1 + nf) for nf in o.nf),
-            nk=o.nk,
+        scaled = np.append(point[: o.parameters], float(weights @ levels))
+        parameters = scaled * self.units
+        return model_of(
+            o,
+            parameters[:-1],
             sampling_rate=sampling_rate,
+            level=float(parameters[-1]) + record.offset * (1.0 + float(np.sum(a))),
             noise_variance=noise_variance * record.output_scale**2,
         )
-        parameters = scaled * self.units
-        parameters[-1] += record.offset * (1.0 + float(np.sum(a)))
-        return blank.with_parameters(parameters)
 
     @property
     def units(self) -> Array:
@@ -273,7 +267,7 @@ class MultiInputErrors:
         units[-1] = self.record.output_scale
         return units
 
-    def point_of(self, model: MultiInputModel) -> Array:
+    def point_of(self, model: PolynomialModel) -> Array:
         """The feasible point next to a model of any orders, cut off or filled up with zeros."""
         o, other = self.orders, model.orders
         point, parameters = np.zeros(self.dimension), model.parameters
@@ -292,10 +286,20 @@ class MultiInputErrors:
 
     def _own_parts(self, place: int) -> tuple[int, list[slice], slice]:
         """Where a record's level, states of the inputs and noise state stand in a point."""
-        at = self.orders.coefficients + place * self._own
+        at = self.orders.parameters + place * self._own
         edges = at + 1 + np.cumsum([0, *self.orders.nf, self.orders.noise_states])
         parts = [slice(first, stop) for first, stop in pairwise(edges.tolist())]
         return at, parts[:-1], parts[-1]
+
+    def own_parts(self, point: Array) -> tuple[tuple[float, ...], Array, Array]:
+        """Level of each record, and the states of all plants and noise filters, in their units."""
+        scale, parts = self.record.output_scale, range(len(self.record.outputs))
+        own = [self._own_parts(place) for place in parts]
+        a = float(np.sum(point[self.orders.part("a")]))
+        levels = tuple(scale * point[at] + self.record.offset * (1.0 + a) for at, _, _ in own)
+        plants = [point[part] for _, of_inputs, _ in own for part in of_inputs]
+        noises = [point[of_noise] for _, _, of_noise in own]
+        return levels, scale * np.concatenate(plants), scale * np.concatenate(noises)
 
     def _signals(self, point: Array, place: int) -> tuple[list[Array], Array, Array]:
         """x_i, v and e of a record, from its first residual on."""

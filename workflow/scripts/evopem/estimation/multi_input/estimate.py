@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from evopem.blas_threads import one_blas_thread
 from evopem.config.constraints import InputConstraints
-from evopem.config.settings import SearchSettings
-from evopem.estimation.criteria import lies_at_bound
+from evopem.config.settings import ScoringWindow, SearchSettings
+from evopem.estimation.criteria import Criteria, lies_at_bound
 from evopem.estimation.multi_input.constrained import (
     check_input_constraints,
     constrained_inputs,
@@ -32,10 +32,11 @@ from evopem.estimation.multi_input.search import (
     searched,
     without_generations,
 )
-from evopem.estimation.polynomial_estimate import ConstraintEffect
+from evopem.estimation.polynomial_estimate import ConstraintEffect, PolynomialEstimate
 from evopem.estimation.search.problem import SearchResult
-from evopem.estimation.state_space.noise_colour import autoregression_of, limited
-from evopem.models.multi_input import MultiInputModel, MultiInputOrders, multi_input_orders
+from evopem.estimation.vector_autoregression import autoregression_of, limited
+from evopem.models.polynomial import PolynomialModel
+from evopem.models.structures import Orders, orders_of
 
 Array = NDArray[np.float64]
 Log = Callable[[str], None]
@@ -44,54 +45,10 @@ Log = Callable[[str], None]
 CONSTRAINED = 1
 
 
-@dataclass(frozen=True, eq=False)
-class MultiInputEstimate:
-    """An estimated model, its criteria, and the search that found it.
-
-    Attributes
-    ----------
-    model : MultiInputModel
-        With the covariance of its coefficients and level.
-    objective : float
-        ``100 sum e^2 / sum y^2`` in percent, y less its mean; of the absolute objective
-        ``100 sum |e| / sum |y|``.
-    fit_percent : (1,) array
-        ``100 (1 - ||e|| / ||y - mean(y)||)``.
-    bic : float
-        ``ln(||e||^2 / N) + n ln(N) / N``, the level among the n parameters; of the absolute
-        objective ``2 ln(sum |e| / N)`` takes the place of the first term.
-    coloured_bic : float
-        The same of the innovations of an autoregression of the errors, whose coefficients are
-        counted as parameters: it compares models with and without a noise model.
-    residuals : tuple of (N,) arrays
-        One for each record; NaN before the first.
-    at_stability_bound : bool
-        Whether a root of A, C, D or F_i lies at the largest radius allowed.
-    search : SearchResult
-    constraints : ConstraintEffect, optional
-        What the constraints took; None without any.
-    """
-
-    model: MultiInputModel
-    objective: float
-    fit_percent: Array
-    bic: float
-    coloured_bic: float
-    residuals: tuple[Array, ...] = field(repr=False)
-    at_stability_bound: bool
-    search: SearchResult = field(repr=False)
-    constraints: ConstraintEffect | None = None
-
-    @property
-    def plant_states(self) -> int:
-        """States of the plant in state space."""
-        return self.model.plant_states
-
-
 def estimate_multi_input(
     inputs: ArrayLike | Sequence[ArrayLike],
     output: ArrayLike | Sequence[ArrayLike],
-    orders: MultiInputOrders | Mapping[str, Any] | Sequence[Any],
+    orders: Orders | Mapping[str, Any] | Sequence[Any],
     structure: str = "armax",
     sampling_rate: float = 1.0,
     *,
@@ -100,7 +57,7 @@ def estimate_multi_input(
     input_names: Sequence[str] = (),
     output_name: str = "",
     log: Log | None = None,
-) -> MultiInputEstimate:
+) -> PolynomialEstimate:
     """Find the model of some orders with the smallest sum of squared, or absolute, one-step errors.
 
     Parameters
@@ -108,7 +65,7 @@ def estimate_multi_input(
     inputs : (N, nu) array_like, or a list of them
         One record or several; not modified.
     output : (N,) or (N, 1) array_like, or a list of them
-    orders : MultiInputOrders, mapping or sequence
+    orders : Orders, mapping or sequence
         Of nb, nf and nk one number for all inputs, or a list with one for each.
     structure : str
         ``fir``, ``arx``, ``armax``, ``ararx``, ``ararmax``, ``oe``, ``bj`` or ``general``.
@@ -144,7 +101,7 @@ def estimate_multi_input(
     """
     settings = settings or SETTINGS
     us, ys = records_of(inputs, output)
-    wanted = multi_input_orders(structure, orders, us[0].shape[1])
+    wanted = orders_of(structure, orders, us[0].shape[1])
     names = tuple(input_names) or tuple(str(k + 1) for k in range(wanted.inputs))
     if constraints is not None:
         check_input_constraints(constraints, wanted, names, sampling_rate)
@@ -170,10 +127,10 @@ def estimate_multi_input(
 def multi_input_estimates(
     inputs: ArrayLike | Sequence[ArrayLike],
     output: ArrayLike | Sequence[ArrayLike],
-    orders: Mapping[int, MultiInputOrders],
+    orders: Mapping[int, Orders],
     settings: SearchSettings | None = None,
     log: Log | None = None,
-) -> Iterator[tuple[int, MultiInputEstimate]]:
+) -> Iterator[tuple[int, PolynomialEstimate]]:
     """Estimates of ascending orders, each from linear estimates and from smaller models.
 
     All are scored on the same samples.  The sampling rate is 1 Hz.
@@ -182,7 +139,7 @@ def multi_input_estimates(
     ----------
     inputs, output
         As of :func:`estimate_multi_input`.
-    orders : mapping of int to MultiInputOrders
+    orders : mapping of int to Orders
         Ascending, by the joint order that they follow.
     settings : SearchSettings, optional
     log : callable, optional
@@ -191,7 +148,7 @@ def multi_input_estimates(
     us, ys = records_of(inputs, output)
     largest = orders[max(orders)]
     record = record_for(us, ys, largest)
-    smaller: list[MultiInputModel] = []
+    smaller: list[PolynomialModel] = []
     for order, wanted in orders.items():
         errors = MultiInputErrors(record, wanted, settings.max_root_radius, settings.objective)
         with one_blas_thread():
@@ -206,11 +163,11 @@ def multi_input_estimates(
 
 
 def refitted_multi_input(
-    model: MultiInputModel,
+    model: PolynomialModel,
     inputs: Sequence[ArrayLike],
     outputs: Sequence[ArrayLike],
     settings: SearchSettings,
-) -> MultiInputModel:
+) -> PolynomialModel:
     """The optimum of other records that a descent from a model ends at.
 
     Of the settings the objective and the largest radius of roots are used.
@@ -238,7 +195,7 @@ def _described(
     result: SearchResult,
     sampling_rate: float,
     tangent: Array | None = None,
-) -> MultiInputEstimate:
+) -> PolynomialEstimate:
     """The model at a search's best point, with criteria, residuals and covariance."""
     record = errors.record
     residuals = errors.residuals(result.point)
@@ -250,17 +207,27 @@ def _described(
     )
     value, samples = errors.percent(residuals), record.samples
     own = residuals[:, None] * record.output_scale
-    if errors.objective == "absolute":
-        own = limited(own)
-    whitened = autoregression_of(own, record.bounds)
-    parts = np.split(residuals * record.output_scale, record.bounds[1:-1])
-    return MultiInputEstimate(
+    whitened = autoregression_of(
+        limited(own) if errors.objective == "absolute" else own, record.bounds
+    )
+    missing = np.full(record.start, np.nan)
+    parts = np.split(own[:, 0], record.bounds[1:-1])
+    levels, plant, noise = errors.own_parts(result.point)
+    return PolynomialEstimate(
         model=model,
-        objective=value,
-        fit_percent=np.array([100.0 - 10.0 * np.sqrt(100.0 * square / samples)]),
-        bic=errors.bic(value),
-        coloured_bic=float(whitened.bic + errors.parameters * np.log(samples) / samples),
-        residuals=tuple(np.concatenate([np.full(record.start, np.nan), part]) for part in parts),
+        criteria=Criteria(
+            value,
+            100.0 - 10.0 * float(np.sqrt(100.0 * square / samples)),
+            100.0 * square / samples,
+            errors.bic(value),
+        ),
+        residuals=np.concatenate([part for each in parts for part in (missing, each)]),
+        plant_state=plant,
+        noise_state=noise,
+        window=ScoringWindow(record.start, record.start),
         at_stability_bound=lies_at_bound(errors.largest_radius(result.point), errors.radius),
         search=result,
+        focus_objective=value,
+        levels=levels,
+        coloured_bic=float(whitened.bic + errors.parameters * np.log(samples) / samples),
     )

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 from evopem.config.settings import Range
 from evopem.config.state_space_settings import OrderRanges
 from evopem.config.structures import STRUCTURES
-from evopem.models.multi_input import PER_INPUT, MultiInputOrders
+from evopem.models.structures import PER_INPUT, Orders
 
 SHARED = ("na", "nc", "nd")
 """Orders that all inputs have in common."""
@@ -61,10 +62,10 @@ class OrderLimits:
             ),
         )
 
-    def drawn_in(self, orders: MultiInputOrders) -> MultiInputOrders:
+    def drawn_in(self, orders: Orders) -> Orders:
         """The nearest orders that are allowed, of those that the structure has; delays stay."""
         names = STRUCTURES[orders.structure]
-        changed: dict[str, int | tuple[int, ...]] = {
+        changed: dict[str, Any] = {
             name: _nearest(getattr(orders, name), getattr(self, name))
             for name in SHARED
             if name in names
@@ -73,16 +74,16 @@ class OrderLimits:
             if name in names:
                 pairs = zip(getattr(orders, name), getattr(self, name), strict=True)
                 changed[name] = tuple(_nearest(*pair) for pair in pairs)
-        return replace(orders, **changed)  # type: ignore[arg-type]
+        return replace(orders, **changed)
 
-    def allow(self, orders: MultiInputOrders) -> bool:
+    def allow(self, orders: Orders) -> bool:
         """Whether all orders and delays are allowed."""
         return all(
             limits is None or limits[0] <= order <= limits[1]
             for *_, order, limits in self._each(orders)
         )
 
-    def at_upper_ends(self, orders: MultiInputOrders, inputs: Sequence[str]) -> tuple[str, ...]:
+    def at_upper_ends(self, orders: Orders, inputs: Sequence[str]) -> tuple[str, ...]:
         """The orders that lie at the upper end of a range of several, such as "nb of hot"."""
         return tuple(
             name if place is None else f"{name} of {inputs[place]}"
@@ -96,9 +97,7 @@ class OrderLimits:
         ends = [self.na, self.nc, self.nd, *self.nb, *self.nf]
         return max((limits[1] for limits in ends if limits), default=0)
 
-    def _each(
-        self, orders: MultiInputOrders
-    ) -> Iterator[tuple[str, int | None, int, Range | None]]:
+    def _each(self, orders: Orders) -> Iterator[tuple[str, int | None, int, Range | None]]:
         """Name, place of the input, order and limits of all orders that the structure has."""
         for name in STRUCTURES[orders.structure]:
             value, limits = getattr(orders, name), getattr(self, name)
@@ -111,7 +110,7 @@ class OrderLimits:
 
 def joint_orders(
     structure: str, order: int, delays: Sequence[int], limits: OrderLimits | None = None
-) -> MultiInputOrders:
+) -> Orders:
     """Orders of a structure that one number k determines.
 
     na = nb = nc = k; of structures with F_i, nb = nf = k.  Where D stands beside C or A, their
@@ -138,7 +137,7 @@ def joint_orders(
     names, nu = STRUCTURES[structure], len(delays)
     noise = min(order, MOST_NOISE) if "nd" in names else order
     shared = SHARED_POLES if structure == "general" else order
-    orders = MultiInputOrders(
+    orders = Orders(
         structure,
         nb=(order,) * nu,
         nf=(order if "nf" in names else 0,) * nu,

@@ -16,7 +16,7 @@ from evopem.estimation.multi_input.order_limits import OrderLimits
 from evopem.estimation.multi_input.problem import TOLERANCE, adapted_point
 from evopem.estimation.multi_input.records import record_for, records_of
 from evopem.estimation.multi_input.search import FINAL_WIDTH, SETTINGS, descents, in_scaled_units
-from evopem.models.multi_input import MultiInputOrders
+from evopem.models.structures import Orders
 
 Log = Callable[[str], None]
 
@@ -30,12 +30,12 @@ class TriedOrders:
 
     Attributes
     ----------
-    orders : MultiInputOrders
+    orders : Orders
     bic, bic_before : float
         Theirs, and that of the orders which they would replace.
     """
 
-    orders: MultiInputOrders
+    orders: Orders
     bic: float
     bic_before: float
 
@@ -49,14 +49,14 @@ class TriedOrders:
 class ReducedOrders:
     """The orders of lowest BIC, and all that were tried on the way."""
 
-    orders: MultiInputOrders
+    orders: Orders
     tried: tuple[TriedOrders, ...]
 
 
 def reduced_orders(
     inputs: ArrayLike | Sequence[ArrayLike],
     output: ArrayLike | Sequence[ArrayLike],
-    orders: MultiInputOrders,
+    orders: Orders,
     settings: SearchSettings | None = None,
     limits: OrderLimits | None = None,
     log: Log | None = None,
@@ -71,7 +71,7 @@ def reduced_orders(
     ----------
     inputs, output
         As of :func:`.estimate_multi_input`.
-    orders : MultiInputOrders
+    orders : Orders
     settings : SearchSettings, optional
     limits : OrderLimits, optional
         Orders beyond them are not tried.
@@ -107,7 +107,7 @@ def reduced_orders(
     return ReducedOrders(orders, tuple(tried))
 
 
-def _smaller(orders: MultiInputOrders) -> Iterator[MultiInputOrders]:
+def _smaller(orders: Orders) -> Iterator[Orders]:
     """Orders with one coefficient less, or with one pole and one zero less."""
     names = STRUCTURES[orders.structure]
     noise = [name for name in ("nc", "nd") if getattr(orders, name) > 0]

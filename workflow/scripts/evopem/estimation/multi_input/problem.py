@@ -29,7 +29,7 @@ from evopem.estimation.search.starting_polynomials import (
     random_denominators,
     steiglitz_mcbride,
 )
-from evopem.models.multi_input import MultiInputModel
+from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomials import reflect_into_disc, roots
 
 Array = NDArray[np.float64]
@@ -162,7 +162,7 @@ class MultiInputProblem:
 
 def starting_points(
     errors: MultiInputErrors,
-    smaller: Sequence[MultiInputModel] = (),
+    smaller: Sequence[PolynomialModel] = (),
     generator: np.random.Generator | None = None,
 ) -> list[Array]:
     """Points from estimates by linear algebra, and from models of smaller orders.
@@ -170,7 +170,7 @@ def starting_points(
     Parameters
     ----------
     errors : MultiInputErrors
-    smaller : sequence of MultiInputModel
+    smaller : sequence of PolynomialModel
     generator : numpy.random.Generator, optional
         Of the poles that are added to the smaller models.
     """
@@ -184,7 +184,7 @@ def starting_points(
     return points
 
 
-def adapted_point(errors: MultiInputErrors, model: MultiInputModel) -> Array:
+def adapted_point(errors: MultiInputErrors, model: PolynomialModel) -> Array:
     """The best point next to a model of neighbouring orders.
 
     A polynomial that is shorter by one loses its last coefficient, or one of its real roots.
@@ -336,7 +336,7 @@ def _with_noise(errors: MultiInputErrors, white: Array) -> list[Array]:
 
 
 def _with_further_poles(
-    errors: MultiInputErrors, model: MultiInputModel, generator: np.random.Generator
+    errors: MultiInputErrors, model: PolynomialModel, generator: np.random.Generator
 ) -> list[Array]:
     """The best of a model with random further poles, where these orders have more of them."""
     o, other = errors.orders, model.orders

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from evopem.estimation.multi_input.errors import MultiInputRecord, multi_input_record
-from evopem.models.multi_input import MultiInputOrders
+from evopem.models.structures import Orders
 
 Array = NDArray[np.float64]
 
@@ -39,9 +39,7 @@ def records_of(
     return us, ys
 
 
-def record_for(
-    us: Sequence[Array], ys: Sequence[Array], orders: MultiInputOrders
-) -> MultiInputRecord:
+def record_for(us: Sequence[Array], ys: Sequence[Array], orders: Orders) -> MultiInputRecord:
     """The scaled record, whose residuals begin with the first one of the orders.
 
     Raises
@@ -53,7 +51,7 @@ def record_for(
     states = 1 + sum(orders.nf) + orders.noise_states
     long = [(u, y) for u, y in zip(us, ys, strict=True) if len(y) > start + states]
     available = sum(len(y) - start for _, y in long)
-    needed = orders.coefficients + states * len(long)
+    needed = orders.parameters + states * len(long)
     if available <= needed:
         raise ValueError(
             f"{orders} needs more than {needed} residuals for its parameters and initial states;"

@@ -22,7 +22,7 @@ from evopem.estimation.multi_input.problem import (
 )
 from evopem.estimation.search.global_search import global_search
 from evopem.estimation.search.problem import SearchDiagnostics, SearchResult
-from evopem.models.multi_input import MultiInputModel
+from evopem.models.polynomial import PolynomialModel
 
 Array = NDArray[np.float64]
 Log = Callable[[str], None]
@@ -48,7 +48,7 @@ def generator_of(
 
 def descents(
     errors: MultiInputErrors,
-    smaller: Sequence[MultiInputModel],
+    smaller: Sequence[PolynomialModel],
     settings: SearchSettings,
     width: int,
 ) -> list[Optimum]:
@@ -86,6 +86,6 @@ def without_generations(optima: Sequence[Optimum]) -> SearchResult:
     return SearchResult(optima[0].point, value, diagnostics)
 
 
-def in_scaled_units(errors: MultiInputErrors, point: Array) -> MultiInputModel:
+def in_scaled_units(errors: MultiInputErrors, point: Array) -> PolynomialModel:
     """The model of a point, for the starts of other orders."""
     return errors.model(point, 1.0, 1.0)

@@ -70,7 +70,7 @@ def jacobian_blocks(
     residuals[:recursion_start] = 0.0
     columns = (
         [(output, i, 1.0) for i in range(1, o.na + 1)]
-        + [(input, o.nk + j, -1.0) for j in range(o.nb)]
+        + [(input, o.single.nk + j, -1.0) for j in range(o.single.nb)]
         + [(residuals, k, -1.0) for k in range(1, o.nc + 1)]
         + [(impulse, k, 1.0) for k in range(o.nc)]
     )

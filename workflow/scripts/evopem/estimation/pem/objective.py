@@ -19,7 +19,7 @@ from evopem.estimation.pem import kernels
 from evopem.estimation.pem.kernels.bfgs import State
 from evopem.estimation.pem.losses import mean_residuals, slopes_of, total_loss
 from evopem.estimation.pem.root_repair import repaired
-from evopem.models.structures import PolynomialOrders
+from evopem.models.structures import Orders
 
 Array = NDArray[np.float64]
 
@@ -38,7 +38,7 @@ class PredictionErrorProblem:
     ----------
     input, output : (N,) arrays
         The record; not modified.
-    orders : PolynomialOrders
+    orders : Orders
     objective : {"absolute", "quadratic"}
         ``absolute``: ``100 sum|e| / sum|y|`` (chapter eq. 20-21, as ``100 - fit``);
         ``quadratic``: ``100 sum e**2 / sum y**2`` (eq. 22).
@@ -55,7 +55,7 @@ class PredictionErrorProblem:
         self,
         input: Array,  # noqa: A002 - the field's word
         output: Array,
-        orders: PolynomialOrders,
+        orders: Orders,
         objective: str,
         recursion_start: int,
         scoring_start: int,
@@ -89,9 +89,9 @@ class PredictionErrorProblem:
             y=y,
             u=u,
             na=self.orders.na,
-            nb=self.orders.nb,
+            nb=self.orders.single.nb,
             nc=self.orders.nc,
-            nk=self.orders.nk,
+            nk=self.orders.single.nk,
             rows_c=max(self.orders.nc, kernels.MIN_NC),
             residual_start=self.recursion_start,
             loss_start=self.scoring_start,
@@ -108,7 +108,7 @@ class PredictionErrorProblem:
     def _lag_sums(self) -> kernels.LagSums:
         return kernels.lag_sums_for(self._record)
 
-    def of_orders(self, orders: PolynomialOrders) -> PredictionErrorProblem:
+    def of_orders(self, orders: Orders) -> PredictionErrorProblem:
         """The same problem for other orders that have residuals from ``recursion_start`` on."""
         return self._with(orders, self.max_root_radius)
 
@@ -116,7 +116,7 @@ class PredictionErrorProblem:
         """The same problem with another allowed radius of the roots."""
         return self._with(self.orders, radius)
 
-    def _with(self, orders: PolynomialOrders, max_root_radius: float) -> PredictionErrorProblem:
+    def _with(self, orders: Orders, max_root_radius: float) -> PredictionErrorProblem:
         return PredictionErrorProblem(
             self.input,
             self.output,
@@ -141,8 +141,8 @@ class PredictionErrorProblem:
         o = self.orders
         return {
             "a": slice(0, o.na),
-            "b": slice(o.na, o.na + o.nb),
-            "c": slice(o.na + o.nb, o.parameters),
+            "b": slice(o.na, o.na + o.single.nb),
+            "c": slice(o.na + o.single.nb, o.parameters),
             "noise": slice(o.parameters, self.dimension),
         }
 

@@ -17,7 +17,7 @@ from evopem.estimation.pem.kernels import polynomial as kernels
 from evopem.estimation.pem.losses import mean_residuals, slopes_of, total_loss
 from evopem.estimation.pem.objective import DENSITY_BANDWIDTH, STATE_WEIGHT
 from evopem.estimation.pem.root_repair import repaired
-from evopem.models.structures import PolynomialOrders
+from evopem.models.structures import Orders
 
 Array = NDArray[np.float64]
 
@@ -33,7 +33,7 @@ class PolynomialErrors:
     ----------
     input, output : (N,) arrays
         The record; not modified.
-    orders : PolynomialOrders
+    orders : Orders
     objective : {"absolute", "quadratic"}
         ``absolute``: ``100 sum|e| / sum|y|``; ``quadratic``: ``100 sum e**2 / sum y**2``.
     residual_start : int
@@ -50,7 +50,7 @@ class PolynomialErrors:
         self,
         input: Array,  # noqa: A002 - the field's word
         output: Array,
-        orders: PolynomialOrders,
+        orders: Orders,
         objective: str,
         residual_start: int,
         loss_start: int,
@@ -66,7 +66,12 @@ class PolynomialErrors:
         self.level = level
         o = orders
         self._record = kernels.polynomial_record(
-            output, input, (o.na, o.nb, o.nc, o.nd, o.nf, o.nk), level, residual_start, loss_start
+            output,
+            input,
+            (o.na, o.single.nb, o.nc, o.nd, o.single.nf, o.single.nk),
+            level,
+            residual_start,
+            loss_start,
         )
         self._workspace = kernels.polynomial_workspace(self._record)
         absolute = objective == "absolute"
@@ -84,7 +89,7 @@ class PolynomialErrors:
             noise_radius=noise_radius,
         )
 
-    def of_orders(self, orders: PolynomialOrders) -> PolynomialErrors:
+    def of_orders(self, orders: Orders) -> PolynomialErrors:
         """The same problem for other orders that have residuals from ``residual_start`` on."""
         return self._with(orders=orders)
 
@@ -98,7 +103,7 @@ class PolynomialErrors:
 
     def _with(
         self,
-        orders: PolynomialOrders | None = None,
+        orders: Orders | None = None,
         loss_start: int | None = None,
         radius: float | None = None,
     ) -> PolynomialErrors:
@@ -133,7 +138,7 @@ class PolynomialErrors:
     @property
     def dimension(self) -> int:
         """Length of a point: coefficients, level, plant state and noise state."""
-        return self.parameters + self.orders.nf + self.orders.noise_states
+        return self.parameters + self.orders.single.nf + self.orders.noise_states
 
     @property
     def parameters(self) -> int:
@@ -143,8 +148,8 @@ class PolynomialErrors:
     def parts(self) -> dict[str, slice]:
         """Where the parts of a point stand: a, b, c, d, f, level, plant and noise."""
         o = self.orders
-        lengths = {"a": o.na, "b": o.nb, "c": o.nc, "d": o.nd, "f": o.nf}
-        lengths |= {"level": int(self.level), "plant": o.nf, "noise": o.noise_states}
+        lengths = {"a": o.na, "b": o.single.nb, "c": o.nc, "d": o.nd, "f": o.single.nf}
+        lengths |= {"level": int(self.level), "plant": o.single.nf, "noise": o.noise_states}
         return consecutive(lengths)
 
     def values(self, points: Array) -> Array:

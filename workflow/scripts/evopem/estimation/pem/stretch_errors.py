@@ -16,8 +16,8 @@ from evopem.estimation.pem.losses import mean_residuals, total_loss
 from evopem.estimation.pem.polynomial_objective import PolynomialErrors, consecutive
 from evopem.estimation.pem.root_repair import repaired
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.structures import PolynomialOrders
-from evopem.signals.stretches import Stretch
+from evopem.models.structures import Orders
+from evopem.signals.recording import Segment
 
 Array = NDArray[np.float64]
 
@@ -30,9 +30,9 @@ class StretchErrors:
 
     Parameters
     ----------
-    stretches : sequence of Stretch
+    stretches : sequence of Segment
         Those too short for the orders are left out.
-    orders : PolynomialOrders
+    orders : Orders
     objective : {"absolute", "quadratic"}
     plant_radius, noise_radius : float
         Largest allowed radius of the roots of A and F, and of those of C and D.
@@ -52,8 +52,8 @@ class StretchErrors:
 
     def __init__(
         self,
-        stretches: Sequence[Stretch],
-        orders: PolynomialOrders,
+        stretches: Sequence[Segment],
+        orders: Orders,
         objective: str,
         plant_radius: float,
         noise_radius: float,
@@ -62,7 +62,7 @@ class StretchErrors:
     ) -> None:
         self.window = window or ScoringWindow(orders.first_residual, orders.first_residual)
         first = self.window.loss_start
-        needed = first + orders.nf + orders.noise_states
+        needed = first + orders.single.nf + orders.noise_states
         self.stretches = tuple(each for each in stretches if each.samples > needed)
         if not self.stretches:
             raise ValueError(f"no stretch has the {needed + 1} samples that {orders} needs")
@@ -114,14 +114,14 @@ class StretchErrors:
     def dimension(self) -> int:
         """Length of a point."""
         o = self.orders
-        return self.parameters + len(self.stretches) * (o.nf + o.noise_states)
+        return self.parameters + len(self.stretches) * (o.single.nf + o.noise_states)
 
     def parts(self) -> dict[str, slice]:
         """Where the parts of a point stand: a, b, c, d, f, level, plant and noise."""
         o, count = self.orders, len(self.stretches)
-        lengths = {"a": o.na, "b": o.nb, "c": o.nc, "d": o.nd, "f": o.nf}
+        lengths = {"a": o.na, "b": o.single.nb, "c": o.nc, "d": o.nd, "f": o.single.nf}
         lengths["level"] = len(self.recordings) if self.level else 0
-        lengths |= {"plant": count * o.nf, "noise": count * o.noise_states}
+        lengths |= {"plant": count * o.single.nf, "noise": count * o.noise_states}
         return consecutive(lengths)
 
     def _points_of_stretches(self) -> list[NDArray[np.intp]]:
@@ -136,7 +136,7 @@ class StretchErrors:
                     [
                         np.arange(o.parameters),
                         level if self.level else [],
-                        np.arange(plant + number * o.nf, plant + (number + 1) * o.nf),
+                        np.arange(plant + number * o.single.nf, plant + (number + 1) * o.single.nf),
                         np.arange(
                             noise + number * o.noise_states, noise + (number + 1) * o.noise_states
                         ),

@@ -32,7 +32,7 @@ from evopem.estimation.search.staged_descent import (
     promised_values,
     staged_descent,
 )
-from evopem.models.structures import PolynomialOrders
+from evopem.models.structures import Orders
 
 Array = NDArray[np.float64]
 
@@ -100,7 +100,7 @@ class ArmaxProblem:
         """
         orders = self.errors.orders
         points = np.zeros((count, self.errors.dimension))
-        regression = orders.na + orders.nb
+        regression = orders.na + orders.single.nb
         points[:, :regression] = self._regression
         points[1:, regression : orders.parameters] = generator.standard_normal(
             (count - 1, orders.nc)
@@ -147,7 +147,7 @@ class ArmaxProblem:
         promised = self._promise(points, value, COMMON_DAMPING)
         return np.where(promised > 0.0, promised, np.inf)
 
-    def of_orders(self, orders: PolynomialOrders) -> ArmaxProblem:
+    def of_orders(self, orders: Orders) -> ArmaxProblem:
         """The problem of other orders."""
         problem = ArmaxProblem(self.errors.of_orders(orders))
         problem._scale = self._scale
@@ -173,22 +173,24 @@ class ArmaxProblem:
     def _with_moved_section(self, point: Array, generator: np.random.Generator) -> Array:
         """Points, (M, n), with each of the sections of A in turn moved to random places."""
         o = self.errors.orders
-        a, b, c = np.split(point[: o.parameters], [o.na, o.na + o.nb])
+        a, b, c = np.split(point[: o.parameters], [o.na, o.na + o.single.nb])
         found = sections_of(a)
         moved = []
         for row, section in enumerate(found.quadratic):
             roots = section_roots(section)
             rest = Sections(np.delete(found.quadratic, row, axis=0), found.single)
             of_a = np.concatenate([[1.0], product_of(rest)])
-            of_b = without_nearest_section(b[1:] / b[0], roots) if o.nb > 2 and b[0] else None
+            of_b = (
+                without_nearest_section(b[1:] / b[0], roots) if o.single.nb > 2 and b[0] else None
+            )
             of_c = without_nearest_section(c, roots)
             for factor in random_sections(PLACES, generator):
                 neighbour = point.copy()
                 neighbour[: o.na] = np.convolve(of_a, factor)[1:]
                 if of_b is not None:
-                    neighbour[o.na : o.na + o.nb] = b[0] * np.convolve(of_b, factor)
+                    neighbour[o.na : o.na + o.single.nb] = b[0] * np.convolve(of_b, factor)
                 if of_c is not None:
-                    neighbour[o.na + o.nb : o.parameters] = np.convolve(of_c, factor)[1:]
+                    neighbour[o.na + o.single.nb : o.parameters] = np.convolve(of_c, factor)[1:]
                 moved.append(neighbour)
         return np.array(moved).reshape(len(moved), len(point))
 

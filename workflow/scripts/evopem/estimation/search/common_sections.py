@@ -19,7 +19,7 @@ from evopem.estimation.search.section_hopping import (
     section_roots,
     without_nearest_section,
 )
-from evopem.models.structures import PolynomialOrders
+from evopem.models.structures import Orders
 
 Array = NDArray[np.float64]
 
@@ -35,7 +35,7 @@ REAL_SHARE, FARTHEST_REAL, NEAREST_REAL = 0.2, 0.9, 0.003
 class PartedErrors(Protocol):
     """Prediction errors whose points have parts."""
 
-    orders: PolynomialOrders
+    orders: Orders
 
     @property
     def dimension(self) -> int:
@@ -45,7 +45,7 @@ class PartedErrors(Protocol):
         """Where the polynomials "a", "b", "c", "d" and "f" and the states stand in a point."""
 
 
-def growth(orders: PolynomialOrders) -> list[tuple[PolynomialOrders, str]]:
+def growth(orders: Orders) -> list[tuple[Orders, str]]:
     """Orders in steps of one common section up to some orders, with what shares the section.
 
     The first are the smallest, and share nothing; orders too small for smaller ones are alone.
@@ -56,7 +56,7 @@ def growth(orders: PolynomialOrders) -> list[tuple[PolynomialOrders, str]]:
     >>> [(str(each), shared) for each, shared in growth(armax_orders(4, 4, 4, 1))]
     [('ARMAX(2,2,2,1)', ''), ('ARMAX(4,4,4,1)', 'abc')]
     """
-    steps: list[tuple[PolynomialOrders, str]] = []
+    steps: list[tuple[Orders, str]] = []
     while True:
         before = len(steps)
         for shared in SHARING:
@@ -68,10 +68,10 @@ def growth(orders: PolynomialOrders) -> list[tuple[PolynomialOrders, str]]:
             return [(orders, ""), *reversed(steps)]
 
 
-def with_fewer_sections(orders: PolynomialOrders, shared: str) -> PolynomialOrders | None:
+def with_fewer_sections(orders: Orders, shared: str) -> Orders | None:
     """Orders with a section less, or None where a polynomial would have no roots."""
-    sharing = shared if orders.nb else shared.replace("b", "")
-    lower = {f"n{name}": getattr(orders, f"n{name}") - 2 for name in sharing}
+    sharing = shared if orders.single.nb else shared.replace("b", "")
+    lower = {f"n{name}": getattr(orders.single, f"n{name}") - 2 for name in sharing}
     if len(lower) < 2 or min(lower.values()) < 1:
         return None
     return replace(orders, **lower)
@@ -145,9 +145,9 @@ def without_common_section(
     return np.array(points).reshape(len(points), smaller.dimension)
 
 
-def _states_of_stretch(name: str, orders: PolynomialOrders) -> int:
+def _states_of_stretch(name: str, orders: Orders) -> int:
     """How many states of the plant or of the noise a stretch has."""
-    return orders.nf if name == "plant" else orders.noise_states
+    return orders.single.nf if name == "plant" else orders.noise_states
 
 
 def _without_nearest(name: str, coefficients: Array, section: Array) -> Array | None:

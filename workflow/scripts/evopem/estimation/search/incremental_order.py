@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.estimation.pem.objective import PredictionErrorProblem
-from evopem.models.structures import PolynomialOrders, armax_orders
+from evopem.models.structures import Orders, armax_orders
 
 Array = NDArray[np.float64]
 
@@ -21,11 +21,13 @@ Array = NDArray[np.float64]
 FARTHEST, NEAREST = 0.4, 0.003
 
 
-def smaller_orders(orders: PolynomialOrders) -> list[PolynomialOrders]:
+def smaller_orders(orders: Orders) -> list[Orders]:
     """The orders that lead to ``orders`` in steps of a pair of roots, smallest first."""
-    pairs = (min(orders.na, orders.nb, orders.nc) - 1) // 2
+    pairs = (min(orders.na, orders.single.nb, orders.nc) - 1) // 2
     return [
-        armax_orders(orders.na - 2 * k, orders.nb - 2 * k, orders.nc - 2 * k, orders.nk)
+        armax_orders(
+            orders.na - 2 * k, orders.single.nb - 2 * k, orders.nc - 2 * k, orders.single.nk
+        )
         for k in range(pairs, 0, -1)
     ]
 
@@ -58,13 +60,13 @@ def with_factor(
     """
     o, start = errors.orders, errors.recursion_start
     a = np.concatenate([[1.0], point[: o.na]])
-    b = point[o.na : o.na + o.nb]
-    c = np.concatenate([[1.0], point[o.na + o.nb : o.parameters]])
+    b = point[o.na : o.na + o.single.nb]
+    c = np.concatenate([[1.0], point[o.na + o.single.nb : o.parameters]])
     state = point[o.parameters :]
     # The larger model's equation error reaches back to where the smaller one's did not count.
     before = [
         a @ errors.output[t - o.na : t + 1][::-1]
-        - b @ errors.input[t - o.nk - o.nb + 1 : t - o.nk + 1][::-1]
+        - b @ errors.input[t - o.single.nk - o.single.nb + 1 : t - o.single.nk + 1][::-1]
         for t in (start - 1, start - 2)
     ]
     points = np.empty((len(roots), len(point) + 8))
@@ -84,26 +86,24 @@ def with_factor(
     return points
 
 
-def padded(
-    point: Array, smaller: PolynomialOrders, larger: PolynomialOrders, level: bool = False
-) -> Array:
+def padded(point: Array, smaller: Orders, larger: Orders, level: bool = False) -> Array:
     """A point as one of larger orders that contain its own: zeros added, equal residuals.
 
     Parameters
     ----------
     point : (n,) array
         Coefficients of A, B, C, D and F, the level where there is one, plant and noise state.
-    smaller, larger : PolynomialOrders
+    smaller, larger : Orders
         ``larger.contains(smaller)``, with recursions that start at the same sample.
     level : bool
         Whether the points have a level.
     """
 
-    def lengths(o: PolynomialOrders) -> list[int]:
-        return [o.na, o.nb, o.nc, o.nd, o.nf, int(level), o.nf, o.noise_states]
+    def lengths(o: Orders) -> list[int]:
+        return [o.na, o.single.nb, o.nc, o.nd, o.single.nf, int(level), o.single.nf, o.noise_states]
 
     parts = np.split(point, np.cumsum(lengths(smaller))[:-1])
-    earlier = smaller.nk - larger.nk if smaller.nb else 0
+    earlier = smaller.single.nk - larger.single.nk if smaller.single.nb else 0
     before = [0, earlier, 0, 0, 0, 0, 0, 0]
     return np.concatenate(
         [

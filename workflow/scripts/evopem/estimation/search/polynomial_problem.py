@@ -45,7 +45,7 @@ from evopem.estimation.search.starting_polynomials import (
     subspace_denominator,
 )
 from evopem.models.polynomials import reflect_into_disc
-from evopem.models.structures import PolynomialOrders
+from evopem.models.structures import Orders
 
 Array = NDArray[np.float64]
 
@@ -222,7 +222,7 @@ class PolynomialProblem:
         promised = promised_values(self.errors, points, value, self._largest_value, COMMON_DAMPING)
         return np.where(promised > 0.0, promised, np.inf)
 
-    def of_orders(self, orders: PolynomialOrders) -> Self:
+    def of_orders(self, orders: Orders) -> Self:
         """The problem of other orders."""
         problem = type(self)(self._errors_of(orders))
         problem._largest_value = self._largest_value
@@ -272,17 +272,19 @@ class PolynomialProblem:
     def _denominators(self) -> Iterator[Array]:
         """Denominators of the plant by linear algebra, (max(na, nf),) each."""
         errors, o = self.errors, self.errors.orders
-        u, y, order = errors.input, errors.output, max(o.na, o.nf)
-        yield arx_denominator(u, y, order, o.nb, o.nk)
-        if order == 0 or o.nb == 0:
+        u, y, order = errors.input, errors.output, max(o.na, o.single.nf)
+        yield arx_denominator(u, y, order, o.single.nb, o.single.nk)
+        if order == 0 or o.single.nb == 0:
             return
         # A constant part of the signals is no part of the dynamics that these methods look for.
         u, y = u - np.mean(u), y - np.mean(y)
-        yield arx_denominator(u, y, order, o.nb, o.nk)
+        yield arx_denominator(u, y, order, o.single.nb, o.single.nk)
         for multiple in (2, 4):
             if (longer := multiple * order) <= len(y) // 10:
-                yield reduced_arx_denominator(u, y, order, longer, o.nk)
-        iterates = list(steiglitz_mcbride(u, y, order, o.nb, o.nk, errors.plant_radius))
+                yield reduced_arx_denominator(u, y, order, longer, o.single.nk)
+        iterates = list(
+            steiglitz_mcbride(u, y, order, o.single.nb, o.single.nk, errors.plant_radius)
+        )
         yield from iterates[-1:]
         yield subspace_denominator(u, y, order)
 
@@ -312,9 +314,9 @@ class PolynomialProblem:
     def _armax_optimum(self) -> tuple[Array, int]:
         """The optimum of the ARMAX model with the plant's poles, as a point of these orders."""
         o = self.errors.orders
-        if o.nf == 0:
+        if o.single.nf == 0:
             return np.empty((0, self.errors.dimension)), 0
-        orders = PolynomialOrders(na=o.nf, nb=o.nb, nc=max(o.nc, o.nf), nk=o.nk)
+        orders = Orders(na=o.single.nf, nb=o.single.nb, nc=max(o.nc, o.single.nf), nk=o.single.nk)
         problem = type(self)(self._errors_of(orders))
         starts, used = problem._from_denominators(next(problem._denominators()))
         descents = problem.descend(starts)
@@ -324,7 +326,7 @@ class PolynomialProblem:
         # The noise model C/A, as far as it fits.
         c = self._parts["c"]
         point[c] = best[problem._parts["c"]][: c.stop - c.start]
-        point[self._parts["d"]][: o.nf] = best[problem._parts["a"]][: o.nd]
+        point[self._parts["d"]][: o.single.nf] = best[problem._parts["a"]][: o.nd]
         same_noise, more = self.completed(point[None, :])
         own_noise, yet_more = self._from_denominators(best[problem._parts["a"]])
         points = np.concatenate([same_noise, own_noise])
@@ -334,16 +336,16 @@ class PolynomialProblem:
         """The optimum of orders smaller by a pair of poles, with the best of some random pairs."""
         nothing = np.empty((0, self.errors.dimension))
         o = self.errors.orders
-        name, order = ("f", o.nf) if o.nf else ("a", o.na)
-        if order <= 2 or o.nb == 0:
+        name, order = ("f", o.single.nf) if o.single.nf else ("a", o.na)
+        if order <= 2 or o.single.nb == 0:
             return nothing, 0
-        orders = replace(o, nb=max(o.nb - 2, 1))
-        orders = replace(orders, nf=order - 2) if name == "f" else replace(orders, na=order - 2)
+        orders = replace(o, nb=(max(o.single.nb - 2, 1),))
+        orders = replace(orders, nf=(order - 2,)) if name == "f" else replace(orders, na=order - 2)
         smaller = type(self)(self._errors_of(orders))
         starts, used = smaller._estimates
         descents = smaller.descend(starts)
         best = descents.points[np.argmin(descents.values)]
-        generator = np.random.default_rng([o.na, o.nb, o.nc, o.nd, o.nf, o.nk])
+        generator = np.random.default_rng([o.na, o.single.nb, o.nc, o.nd, o.single.nf, o.single.nk])
         points = np.zeros((PAIRS, self.errors.dimension))
         for part in "acdf":
             into = self._parts[part]
@@ -357,7 +359,7 @@ class PolynomialProblem:
         chosen = points[np.argsort(values, kind="stable")[:DESCENDED]]
         return chosen, used + descents.evaluations + more + PAIRS
 
-    def _errors_of(self, orders: PolynomialOrders) -> PolynomialErrors:
+    def _errors_of(self, orders: Orders) -> PolynomialErrors:
         """The problem of other orders, whose residuals may have to start later."""
         errors = self.errors
         return PolynomialErrors(

@@ -26,7 +26,7 @@ from evopem.estimation.search.common_sections import (
 from evopem.estimation.search.problem import converged_values, same_optimum
 from evopem.estimation.search.section_gains import ScoredErrors, gains, grid
 from evopem.estimation.search.section_hopping import HoppingProblem, Hops
-from evopem.models.structures import PolynomialOrders
+from evopem.models.structures import Orders
 
 Array = NDArray[np.float64]
 
@@ -57,7 +57,7 @@ class ExchangeProblem(HoppingProblem, Protocol):
 
     errors: ExchangeErrors
 
-    def of_orders(self, orders: PolynomialOrders) -> ExchangeProblem:
+    def of_orders(self, orders: Orders) -> ExchangeProblem:
         """The problem of the same record in other orders."""
 
     def promised(self, points: Array, value: float) -> Array:
@@ -111,7 +111,7 @@ class SectionExchange:
         found = _Found(self.problem, generator, by_gains=False)
         return self._exchanged([Optimum(value, point)], found, max_evaluations)
 
-    def _of(self, orders: PolynomialOrders) -> ExchangeProblem:
+    def _of(self, orders: Orders) -> ExchangeProblem:
         """The problem of some orders on the way."""
         if orders == self.problem.errors.orders:
             return self.problem

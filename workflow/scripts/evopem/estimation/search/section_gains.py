@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.estimation.pem.kernels.filtering import filter_rows
-from evopem.models.structures import PolynomialOrders
+from evopem.models.structures import Orders
 
 Array = NDArray[np.float64]
 
@@ -38,7 +38,7 @@ class StretchScores(Protocol):
 
     input: Array
     samples: int
-    orders: PolynomialOrders
+    orders: Orders
 
     def parts(self) -> dict[str, slice]:
         """Where the polynomials "a", "b", "c", "d" and "f" and the states stand in a point."""
@@ -146,7 +146,7 @@ def _slopes_and_signals(errors: StretchScores, point: Array, shared: str) -> lis
     signals = [slopes]
     if "c" in shared:
         signals.append(_filtered(residuals, np.ones(1), c))
-    if "b" in shared and errors.orders.nb:
+    if "b" in shared and errors.orders.single.nb:
         signals.append(_filtered(errors.input, d, np.convolve(c, f)))
     return signals
 

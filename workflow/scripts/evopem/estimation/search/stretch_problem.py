@@ -13,7 +13,7 @@ from evopem.estimation.search.polynomial_problem import DESCENDED, PAIRS, Polyno
 from evopem.estimation.search.staged_descent import Stage, staged_descent
 from evopem.estimation.search.starting_polynomials import random_denominators
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.structures import PolynomialOrders
+from evopem.models.structures import Orders
 
 Array = NDArray[np.float64]
 
@@ -66,9 +66,9 @@ class StretchProblem(PolynomialProblem):
         same = model.orders == o
         plant = model.plant_denominator[1:]
         noise = model.noise_denominator[1:]
-        if same or (o.na and o.nf):
+        if same or (o.na and o.single.nf):
             kinds = [{"a": model.a[1:], "f": model.f[1:], "c": model.c[1:], "d": model.d[1:]}]
-        elif o.nf:
+        elif o.single.nf:
             kinds = [{"f": plant, "c": model.c[1:], "d": noise}, {"f": plant}]
         else:
             by_f = np.convolve(model.c, model.f)[1:]
@@ -84,11 +84,11 @@ class StretchProblem(PolynomialProblem):
     def _with_further_poles(self, model: PolynomialModel) -> Array:
         """The best of a model with random further poles, where these orders have more of them."""
         o = self.errors.orders
-        name = "f" if o.nf else "a"
-        more = max(o.nf, o.na) - (len(model.plant_denominator) - 1)
-        if more <= 0 or o.nb == 0 or (o.na and o.nf):
+        name = "f" if o.single.nf else "a"
+        more = max(o.single.nf, o.na) - (len(model.plant_denominator) - 1)
+        if more <= 0 or o.single.nb == 0 or (o.na and o.single.nf):
             return np.empty((0, self.errors.dimension))
-        generator = np.random.default_rng([o.na, o.nb, o.nc, o.nd, o.nf, o.nk])
+        generator = np.random.default_rng([o.na, o.single.nb, o.nc, o.nd, o.single.nf, o.single.nk])
         points = np.repeat(self._adapted(model)[:1], PAIRS, axis=0)
         drawn = random_denominators(PAIRS, more, generator)
         for point, further in zip(points, drawn, strict=True):
@@ -104,7 +104,7 @@ class StretchProblem(PolynomialProblem):
         except (np.linalg.LinAlgError, ValueError):
             return
 
-    def _errors_of(self, orders: PolynomialOrders) -> StretchErrors:  # type: ignore[override]
+    def _errors_of(self, orders: Orders) -> StretchErrors:  # type: ignore[override]
         """The problem of other orders."""
         e = self.errors
         return StretchErrors(

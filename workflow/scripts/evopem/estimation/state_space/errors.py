@@ -22,27 +22,32 @@ from numpy.typing import NDArray
 from scipy.linalg import qr
 from scipy.linalg.blas import dgemm
 
-from evopem.estimation.state_space.scaled_record import StateSpaceRecord
-from evopem.estimation.state_space.section_signals import SectionSignals
+from evopem.estimation.state_space.scaled_recording import ScaledRecording
 from evopem.estimation.state_space.sections import (
     Layout,
     Sections,
     input_matrix,
+    inside,
     largest_radius,
+    moved,
+    normalised,
     sections_of,
     state_matrix,
 )
-from evopem.estimation.state_space.state_derivatives import StateDerivatives
+from evopem.estimation.state_space.settings import Weighting
+from evopem.estimation.state_space.state_derivatives import SectionSignals, StateDerivatives
+from evopem.models.state_space import PlainStructure
 
 Array = NDArray[np.float64]
 
-WEIGHTINGS = ("determinant", "noise", "power")
 # Singular values of the regressors, their columns scaled to unit length, below this share of the
 # largest one are rounding.
 REGRESSOR_RANK = 1e-9
 # Added to the variances of the errors, relative to the power of the outputs: errors of less than a
 # ten-millionth of an output carry no information, and a determinant would seek them out.
 ROUNDING = 1e-14
+# A pole moved to the radius stops just inside it.
+EDGE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +59,7 @@ class Projection:
     sections : Sections
     states : (N, n) array
     regressors : (N, q) array
-        States, inputs with feedthrough, a constant for each record, and the drift.
+        States, inputs with feedthrough, a constant for each level, and the drift.
     basis : (N, rank) array
         Orthonormal basis of the regressors.
     linear : (q, ny) array
@@ -82,7 +87,7 @@ class NormalEquations:
 
 
 class StateSpaceErrors:
-    """Criterion, normal equations and feasibility of models of one order on a record.
+    """Criterion, normal equations and feasibility of models of one order on a recording.
 
     The criterion is the logarithm of the determinant of the errors' covariance
     (``determinant``: maximum likelihood for white errors), the sum of the logarithms of their
@@ -91,10 +96,10 @@ class StateSpaceErrors:
 
     Parameters
     ----------
-    record : StateSpaceRecord
+    data : ScaledRecording
     order : int
         Number of states.
-    form : {"innovations", "output_error"}
+    structure : {"ss", "ss_oe"}
     weighting : {"determinant", "noise", "power"}
     radius : float
         Largest allowed radius of the eigenvalues of A and of ``A - K C``.
@@ -102,27 +107,21 @@ class StateSpaceErrors:
 
     def __init__(
         self,
-        record: StateSpaceRecord,
+        data: ScaledRecording,
         order: int,
-        form: str,
-        weighting: str = "determinant",
+        structure: PlainStructure,
+        weighting: Weighting = "determinant",
         radius: float = 0.9999,
     ) -> None:
-        self.record, self.order, self.form = record, order, form
+        self.data, self.order, self.structure = data, order, structure
         self.weighting, self.radius = weighting, radius
-        self.innovations = form == "innovations"
-        driving = [record.inputs, record.outputs] if self.innovations else [record.inputs]
+        self.innovations = structure == "ss"
+        driving = [data.inputs, data.outputs] if self.innovations else [data.inputs]
         signals = np.column_stack(driving)
         self.driving = signals.shape[1]
-        self.layout = Layout(order, self.driving + record.records)
-        self.signals = SectionSignals(self.layout, signals, record.bounds)
-        self.direct = [record.inputs[:, record.feedthrough]]
-        if record.levels:
-            constants = np.zeros((record.samples, record.records))
-            for k in range(record.records):
-                constants[record.bounds[k] : record.bounds[k + 1], k] = 1.0
-            self.direct.append(constants)
-        self.direct.append(record.drift)
+        self.layout = Layout(order, self.driving + data.segments)
+        self.signals = SectionSignals(self.layout, signals, data.bounds)
+        self.direct = [data.inputs[:, data.feedthrough], data.constants, data.drift]
 
     @property
     def dimension(self) -> int:
@@ -137,17 +136,17 @@ class StateSpaceErrors:
     @property
     def parameters(self) -> int:
         """Independent parameters: coefficients, level and drift, without initial states."""
-        ny, n = self.record.outputs.shape[1], self.order
-        nu = self.record.inputs.shape[1]
-        count = n * (nu + ny) + ny * int(self.record.feedthrough.sum())
+        ny, n = self.data.outputs.shape[1], self.order
+        nu = self.data.inputs.shape[1]
+        count = n * (nu + ny) + ny * int(self.data.feedthrough.sum())
         count += n * ny if self.innovations else 0
-        return count + ny * (int(self.record.levels) + self.record.drift.shape[1])
+        return count + ny * (int(self.data.levels > 0) + self.data.drift.shape[1])
 
     @property
     def cost(self) -> float:
         """Multiplications of one set of normal equations."""
         signals = 2 * self.layout.sections * self.layout.drives + 2 * self.order
-        return float(self.record.samples) * signals**2
+        return float(self.data.samples) * signals**2
 
     @property
     def logarithmic(self) -> bool:
@@ -156,16 +155,16 @@ class StateSpaceErrors:
 
     def of_order(self, order: int) -> StateSpaceErrors:
         """The same problem for another order."""
-        return StateSpaceErrors(self.record, order, self.form, self.weighting, self.radius)
+        return StateSpaceErrors(self.data, order, self.structure, self.weighting, self.radius)
 
     def with_outputs(self, outputs: Array) -> StateSpaceErrors:
         """The same problem for other scaled outputs, (N, ny)."""
-        record = replace(self.record, outputs=outputs)
-        return StateSpaceErrors(record, self.order, self.form, self.weighting, self.radius)
+        data = replace(self.data, outputs=outputs)
+        return StateSpaceErrors(data, self.order, self.structure, self.weighting, self.radius)
 
-    def of_form(self, form: str) -> StateSpaceErrors:
+    def of_structure(self, structure: PlainStructure) -> StateSpaceErrors:
         """The same problem for another form."""
-        return StateSpaceErrors(self.record, self.order, form, self.weighting, self.radius)
+        return StateSpaceErrors(self.data, self.order, structure, self.weighting, self.radius)
 
     def projection(self, point: Array) -> Projection:
         """Errors with the best C, D and constants."""
@@ -177,7 +176,7 @@ class StateSpaceErrors:
         left, singular, right = np.linalg.svd(triangle)
         kept = singular > REGRESSOR_RANK * singular[0]
         basis = q @ left[:, kept]
-        y = self.record.outputs
+        y = self.data.outputs
         along = basis.T @ y
         linear = (right[kept].T / singular[kept]) @ along / sizes[:, None]
         errors = y - basis @ along
@@ -194,7 +193,7 @@ class StateSpaceErrors:
     def with_linear(self, point: Array, linear: Array) -> Projection:
         """Errors with given C, D and constants, (q, ny) as those of a projection; no basis."""
         sections, states, regressors = self._regression(point)
-        errors = self.record.outputs - regressors @ linear
+        errors = self.data.outputs - regressors @ linear
         basis = np.empty((len(errors), 0))
         covariance = errors.T @ errors / len(errors)
         return Projection(sections, states, regressors, basis, linear, errors, covariance)
@@ -223,41 +222,41 @@ class StateSpaceErrors:
         ``power`` the arithmetic mean.  For one output each is ``100 sum e**2 / sum y**2``, y less
         its mean where a constant is estimated.
         """
-        mean = criterion / self.record.outputs.shape[1]
+        mean = criterion / self.data.outputs.shape[1]
         return 100.0 * (mean if self.weighting == "power" else float(np.exp(mean)))
 
     def value(self, point: Array) -> float:
         """Criterion of a point; infinite where it is not feasible."""
         if not np.isfinite(point).all() or largest_radius(self.layout, point) > self.radius:
             return float("inf")
-        found = self.projection(point)
-        return self.criterion(found.covariance) if self.stable(found) else float("inf")
+        projection = self.projection(point)
+        return self.criterion(projection.covariance) if self.stable(projection) else float("inf")
 
-    def stable(self, found: Projection) -> bool:
+    def stable(self, projection: Projection) -> bool:
         """Whether the eigenvalues of A lie within the radius; those of A - K C do."""
         if not self.innovations:
             return True
-        if not np.isfinite(found.linear).all():
+        if not np.isfinite(projection.linear).all():
             return False
-        radii = np.abs(np.linalg.eigvals(self.state_matrix(found)))
+        radii = np.abs(np.linalg.eigvals(self.state_matrix(projection)))
         return bool(radii.max() <= self.radius)
 
-    def state_matrix(self, found: Projection) -> Array:
+    def state_matrix(self, projection: Projection) -> Array:
         """A, (n, n), in the states of the point."""
-        A = state_matrix(found.sections, self.layout)
+        A = state_matrix(projection.sections, self.layout)
         if not self.innovations:
             return A
-        return A + self.gain(found) @ found.linear[: self.order].T
+        return A + self.gain(projection) @ projection.linear[: self.order].T
 
-    def gain(self, found: Projection) -> Array:
+    def gain(self, projection: Projection) -> Array:
         """K, (n, ny), in the states of the point and for scaled outputs."""
         if not self.innovations:
-            return np.zeros((self.order, self.record.outputs.shape[1]))
-        return self.drive_matrix(found)[:, self.record.inputs.shape[1] : self.driving]
+            return np.zeros((self.order, self.data.outputs.shape[1]))
+        return self.drive_matrix(projection)[:, self.data.inputs.shape[1] : self.driving]
 
-    def drive_matrix(self, found: Projection) -> Array:
+    def drive_matrix(self, projection: Projection) -> Array:
         """Columns by which the drives enter the states, (n, drives)."""
-        return input_matrix(found.sections, self.layout)
+        return input_matrix(projection.sections, self.layout)
 
     def weights(self, covariance: Array) -> Array:
         """Derivative of the criterion by the covariance: weights of the outputs, (ny, ny)."""
@@ -269,18 +268,27 @@ class StateSpaceErrors:
             return np.diag(1.0 / np.diag(covariance + floor))
         return np.eye(len(covariance))
 
-    def normal_equations(self, found: Projection) -> NormalEquations:
+    def begun(self, start: Array) -> Array:
+        """A start whose poles lie within the radius, in its normal form."""
+        return normalised(self.layout, inside(self.layout, start, self.radius * (1.0 - EDGE)))
+
+    def moved(self, point: Array, step: Array) -> Array:
+        """A point after a step, its poles within the radius."""
+        after = moved(self.layout, point, step)
+        return inside(self.layout, after, self.radius * (1.0 - EDGE))
+
+    def normal_equations(self, projection: Projection) -> NormalEquations:
         """Gradient and Gauss-Newton Hessian of the criterion, s of each section held."""
-        signals = self.signals.derivatives(found.sections, found.states)
-        along = found.basis.T @ signals
+        signals = self.signals.derivatives(projection.sections, projection.states)
+        along = projection.basis.T @ signals
         # Less their part in the space of the regressors, without another array of this size.
-        signals = dgemm(-1.0, along.T, found.basis.T, 1.0, signals.T, overwrite_c=True).T
-        c = found.linear[: self.order].T
-        weights = self.weights(found.covariance)
-        per_sample = 2.0 / self.record.samples
+        signals = dgemm(-1.0, along.T, projection.basis.T, 1.0, signals.T, overwrite_c=True).T
+        c = projection.linear[: self.order].T
+        weights = self.weights(projection.covariance)
+        per_sample = 2.0 / self.data.samples
         hessian = per_sample * self.derivatives.contracted(
-            found.sections, signals.T @ signals, c.T @ weights @ c
+            projection.sections, signals.T @ signals, c.T @ weights @ c
         )
-        against = signals.T @ (found.errors @ (weights @ c))
-        gradient = self.derivatives.summed(found.sections, -against)
+        against = signals.T @ (projection.errors @ (weights @ c))
+        gradient = self.derivatives.summed(projection.sections, -against)
         return NormalEquations(per_sample * gradient, hessian)

@@ -1,133 +1,120 @@
-"""Estimate state-space models with several inputs and outputs."""
+"""Estimate state-space models of one order or of several."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from evopem.blas_threads import one_blas_thread
-from evopem.estimation.criteria import lies_at_bound
-from evopem.estimation.search.problem import SearchDiagnostics, SearchResult
-from evopem.estimation.state_space.errors import StateSpaceErrors
-from evopem.estimation.state_space.likelihood import log_loss
-from evopem.estimation.state_space.noise_colour import autoregression_of
-from evopem.estimation.state_space.point_model import initial_states, model_of
-from evopem.estimation.state_space.prepared import PreparedRecords, prepared_records, problem_of
-from evopem.estimation.state_space.problem import (
-    POLISH_STEPS,
-    POLISH_TOLERANCE,
-    STEPS,
-    TOLERANCE,
-    StateSpaceProblem,
+from evopem.config.constraints import Constraints, InputConstraints
+from evopem.errors import InputError
+from evopem.estimation.state_space.entry_estimate import Demands, check_demands, meeting
+from evopem.estimation.state_space.local_estimates import (
+    StateSpaceEstimate,
+    descend_from,
+    described,
+    plain_estimates,
+    point_of_model,
+    state_space_errors,
 )
-from evopem.estimation.state_space.search import generator_of, problem_for, searched
-from evopem.estimation.state_space.sections import largest_radius
-from evopem.estimation.state_space.settings import StateSpaceSettings
-from evopem.estimation.state_space.starting_points import from_matrices
-from evopem.models.state_space import Form, StateSpaceModel
+from evopem.estimation.state_space.noise_model import (
+    PLANT_WEIGHTING,
+    WIDTH,
+    estimate_beside,
+    with_noise_model,
+)
+from evopem.estimation.state_space.problem import STEPS
+from evopem.estimation.state_space.search import FINAL_WIDTH, searched
+from evopem.estimation.state_space.settings import STRUCTURES, StateSpaceSettings
+from evopem.models.state_space import PlainStructure, StateSpaceModel, StateSpaceStructure
+from evopem.signals.recording import Recording
 
 Array = NDArray[np.float64]
+Log = Callable[[str], None]
+
+# Periods of the drift of structure ss_oe_drift in the longest segment, the shortest one.
+DRIFT_PERIODS = 5
 
 
-@dataclass(frozen=True, eq=False)
-class StateSpaceEstimate:
-    """An estimated model, its criteria, and the search that found it.
+def plain_structure(structure: StateSpaceStructure) -> PlainStructure:
+    """The structure of the models: with K, or without.
 
-    Attributes
-    ----------
-    model : StateSpaceModel
-        With the covariance of its entries.
-    objective : float
-        Percent of the power of the outputs, y less its mean where a level is estimated: geometric
-        mean over principal directions (``determinant``) or outputs (``noise``), arithmetic mean
-        (``power``).  Of the absolute objective percent of the mean absolute outputs: geometric
-        mean over outputs, or for ``power`` their sum.
-    fit_percent : (ny,) array
-        ``100 (1 - ||e|| / ||y - mean(y)||)`` of each output.
-    bic : float
-        ``ln det(cov e) + p ln(N) / N`` with p independent parameters; outputs in their units.  Of
-        the absolute objective twice the sum of the logarithms of mean absolute errors takes the
-        place of the determinant.
-    coloured_bic : float
-        The same of the innovations of a vector autoregression of the errors, whose coefficients
-        are counted as parameters: it compares models with and without a noise model.
-    residuals : tuple of (N, ny) arrays
-        One for each record; NaN at first samples whose delayed inputs are not known.
-    initial_states : (records, n) array
-        State of the model at the first residual of each record.
-    record_levels : (records, ny) array
-        Level of each record; the model has their mean, weighed by samples.
-    at_stability_bound : bool
-        Whether an eigenvalue of A or of ``A - K C`` lies at the largest radius allowed.
-    search : SearchResult
+    Examples
+    --------
+    >>> plain_structure("ss_bj"), plain_structure("ss_oe_drift")
+    ('ss', 'ss_oe')
     """
+    if structure not in STRUCTURES:
+        raise ValueError(f"structure must be one of {STRUCTURES}, not {structure!r}")
+    return "ss" if structure in ("ss", "ss_bj") else "ss_oe"
 
-    model: StateSpaceModel
-    objective: float
-    fit_percent: Array
-    bic: float
-    coloured_bic: float
-    residuals: tuple[Array, ...] = field(repr=False)
-    initial_states: Array = field(repr=False)
-    record_levels: Array = field(repr=False)
-    at_stability_bound: bool
-    search: SearchResult = field(repr=False)
 
-    @property
-    def plant_states(self) -> int:
-        """Number of states: a noise model beside the plant is no part of an estimate."""
-        return self.model.order
+def with_drift(
+    settings: StateSpaceSettings, structure: StateSpaceStructure, recording: Recording
+) -> StateSpaceSettings:
+    """The settings of a structure: where it has a drift, its shortest period.
+
+    Slower changes of the outputs are those that scores on held-out samples do not count either,
+    which fit a level of its own to each held-out part.
+    """
+    if structure != "ss_oe_drift" or settings.drift_period is not None:
+        return settings
+    return replace(settings, drift_period=recording.longest.samples / DRIFT_PERIODS)
 
 
 def estimate_state_space(
-    inputs: ArrayLike | Sequence[ArrayLike] | None,
-    outputs: ArrayLike | Sequence[ArrayLike],
+    recording: Recording,
     order: int,
-    sampling_rate: float = 1.0,
     *,
-    form: Form = "innovations",
+    structure: StateSpaceStructure = "ss",
     delays: int | Sequence[int] = 1,
     level: bool = True,
+    focus: str | int = "prediction",
+    constraints: Constraints | InputConstraints | None = None,
     settings: StateSpaceSettings | None = None,
     starts: Sequence[StateSpaceModel] = (),
-    input_names: Sequence[str] = (),
-    output_names: Sequence[str] = (),
-    log: Callable[[str], None] | None = None,
+    log: Log | None = None,
 ) -> StateSpaceEstimate:
-    """Find the state-space model of an order with the smallest prediction errors.
+    """The state-space model of an order with the smallest prediction errors.
 
     Parameters
     ----------
-    inputs : (N, nu) array_like, or a list of them
-        One record or several; not modified.  None without inputs: output-only identification.
-    outputs : (N, ny) array_like, or a list of them
+    recording : Recording
+        Without an input: output-only identification.
     order : int
         Number of states n.
-    sampling_rate : float
-        Hz.
-    form : {"innovations", "output_error"}
-        With a noise model K, or with K = 0: errors of the simulation.
+    structure : {"ss", "ss_oe", "ss_oe_drift", "ss_bj"}
+        ``ss``: innovations form, with K.  ``ss_oe``: output error, K = 0.  ``ss_oe_drift``: the
+        same beside slow changes of the level, which the model does not have to explain.
+        ``ss_bj``: the optimum of innovations form next to an output-error plant of this order with
+        a noise model of its own; the lower one of those next to the plant and to ``starts``.
     delays : int or sequence of int
         nk of all inputs or of each: 0 for an input with a column of D, 1 for one without, k > 1
         for one that acts k samples later.
     level : bool
-        Whether a constant output is estimated, for each record.
+        Whether a constant output is estimated, for each recording.
+    focus : {"prediction", "simulation"} or int
+        The errors to be small: of one step, of simulation, or of predictions that many samples
+        ahead.  Those of ``ss_oe`` and ``ss_oe_drift`` are all the same.
+    constraints : Constraints or InputConstraints, optional
+        What poles and static gain must meet.
     settings : StateSpaceSettings, optional
-        The draws come from ``SeedSequence(seed, spawn_key=(order, form, level, *delays))``.
+        The draws come from ``SeedSequence(seed, spawn_key=(order, structure, level, *delays))``.
     starts : sequence of StateSpaceModel
-        Models of this order, form and delays that are among the points to descend from, such as
-        those of a search over orders.  A very large problem has no others then.
-    input_names, output_names : sequences of str, optional
+        Models of this order, structure and delays that are among the points to descend from, such
+        as those of a search over orders.  A very large problem has no others then.
     log : callable, optional
         Receives one line for each step of the search.
 
     Raises
     ------
+    InputError
+        When focus, constraints and structure contradict each other.
     ValueError
-        When the record is too short for the order, or a setting is outside its range.
+        When the recording is too short for the order, or a setting is outside its range.
 
     Examples
     --------
@@ -136,154 +123,132 @@ def estimate_state_space(
     >>> truth = StateSpaceModel(
     ...     A=np.array([[0.9, 0.3], [-0.3, 0.9]]), B=np.array([[1.0], [0.5]]), C=np.eye(2),
     ...     D=np.zeros((2, 1)), K=np.zeros((2, 2)), sampling_rate=10.0, level=np.zeros(2),
-    ...     noise_covariance=np.eye(2), form="output_error",
+    ...     noise_covariance=np.eye(2), structure="ss_oe",
     ... )
     >>> y = truth.simulate(u) + 0.1 * generator.standard_normal((500, 2))
-    >>> found = estimate_state_space(u, y, 2, 10.0, form="output_error")
-    >>> (mode,) = found.model.modes()
+    >>> estimated = estimate_state_space(Recording(u, y, 10.0), 2, structure="ss_oe")
+    >>> (mode,) = estimated.model.modes()
     >>> round(mode.frequency_hz, 2), round(mode.damping_ratio, 2)
     (0.52, 0.16)
     """
-    settings = settings or StateSpaceSettings()
+    settings = with_drift(settings or StateSpaceSettings(), structure, recording)
+    horizon = _horizon(focus, structure, constraints)
+    if structure == "ss_bj":
+        free = _beside(recording, order, delays, level, horizon, settings, starts, log)
+    else:
+        with one_blas_thread():
+            plain = plain_structure(structure)
+            errors = state_space_errors(recording, order, plain, delays, level, settings)
+            demands = Demands(horizon or 1, constraints)
+            check_demands(demands, errors)
+            points = [point_of_model(each, errors) for each in starts]
+            free = described(*searched(errors, points, settings, log))
+    if constraints is None and horizon in (1, None):
+        return replace(free, focus=focus)
     with one_blas_thread():
-        prepared = prepared_records(inputs, outputs, delays, level, settings.drift_period)
-        errors = problem_of(prepared, order, form, settings)
-        generator = generator_of(settings, order, form, prepared)
-        points = [_point_of(each, errors) for each in starts]
-        problem, found = searched(errors, points, generator, settings, log)
-        return described(
-            problem, found, prepared, sampling_rate, tuple(input_names), tuple(output_names)
-        )
+        own = free.model.order, free.model.structure
+        errors = state_space_errors(recording, *own, delays, level, settings)
+        found = meeting(free, errors, Demands(horizon or 1, constraints), settings)
+    return replace(found, focus=focus)
 
 
-def descend_from(
-    model: StateSpaceModel,
-    inputs: ArrayLike | Sequence[ArrayLike] | None,
-    outputs: ArrayLike | Sequence[ArrayLike],
-    sampling_rate: float = 1.0,
-    *,
-    delays: int | Sequence[int] = 1,
-    settings: StateSpaceSettings | None = None,
-    input_names: Sequence[str] = (),
-    output_names: Sequence[str] = (),
-) -> StateSpaceEstimate:
-    """The optimum of a model's form that a descent from it ends at.
-
-    Parameters
-    ----------
-    model : StateSpaceModel
-        In the units of the records, with the same delays.
-    inputs, outputs, delays, settings, input_names, output_names
-        As of :func:`estimate_state_space`; a level is estimated.
-    sampling_rate : float
-        Hz.
-
-    Raises
-    ------
-    ValueError
-        When the records are too short, or the descent finds no stable model.
-    """
-    settings = settings or StateSpaceSettings()
-    with one_blas_thread():
-        prepared = prepared_records(inputs, outputs, delays, True, settings.drift_period)
-        problem, found = _descended_from(model, prepared, settings, POLISH_STEPS, POLISH_TOLERANCE)
-        names = tuple(input_names), tuple(output_names)
-        return described(problem, found, prepared, sampling_rate, *names)
-
-
-def refitted(
-    model: StateSpaceModel,
-    inputs: ArrayLike | Sequence[ArrayLike] | None,
-    outputs: ArrayLike | Sequence[ArrayLike],
-    *,
-    delays: int | Sequence[int] = 1,
-    settings: StateSpaceSettings | None = None,
-    steps: int = STEPS,
-) -> StateSpaceModel:
-    """The same optimum of other records: as :func:`descend_from`, the model alone.
-
-    Parameters
-    ----------
-    model, inputs, outputs, delays, settings
-        As there.
-    steps : int
-        As of :func:`.estimates_of_orders`.
-
-    Raises
-    ------
-    ValueError
-        As there.
-    """
-    settings = settings or StateSpaceSettings()
-    with one_blas_thread():
-        prepared = prepared_records(inputs, outputs, delays, True, settings.drift_period)
-        problem, found = _descended_from(model, prepared, settings, steps, TOLERANCE)
-        projection = problem.projection(found.point)
-        return model_of(problem.errors, projection, model.sampling_rate, prepared.shifts, (), ())
-
-
-def _descended_from(
-    model: StateSpaceModel,
-    prepared: PreparedRecords,
+def _beside(
+    recording: Recording,
+    order: int,
+    delays: int | Sequence[int],
+    level: bool,
+    horizon: int | None,
     settings: StateSpaceSettings,
-    steps: int,
-    tolerance: float,
-) -> tuple[StateSpaceProblem, SearchResult]:
-    errors = problem_of(prepared, model.order, model.form, settings)
-    problem = problem_for(errors, settings)
-    start = problem.completed(_point_of(model, errors))
-    found = problem.descents(start[None, :], steps, tolerance)
-    value = float(found.values[0])
-    if not np.isfinite(value):
-        raise ValueError("the descent found no stable model")
-    diagnostics = SearchDiagnostics.of_descents(value, found.evaluations, 1)
-    return problem, SearchResult(found.points[0], value, diagnostics)
-
-
-def _point_of(model: StateSpaceModel, errors: StateSpaceErrors) -> Array:
-    """The point of a problem that a model of its order, form and delays is."""
-    drives = (model.B - model.K @ model.D) * errors.record.input_scales
-    if errors.innovations:
-        drives = np.column_stack([drives, model.K * errors.record.output_scales])
-    return from_matrices(errors, model.predictor, drives)
-
-
-def described(
-    problem: StateSpaceProblem,
-    result: SearchResult,
-    prepared: PreparedRecords,
-    sampling_rate: float,
-    input_names: tuple[str, ...],
-    output_names: tuple[str, ...],
+    starts: Sequence[StateSpaceModel],
+    log: Log | None,
 ) -> StateSpaceEstimate:
-    """The model at a search's best point, with criteria, residuals and covariance."""
-    errors, found = problem.errors, problem.projection(result.point)
-    model = model_of(errors, found, sampling_rate, prepared.shifts, input_names, output_names)
-    model = replace(model, covariance=problem.covariance(found))
-    record = errors.record
-    y = record.outputs * record.output_scales
-    e = found.errors * record.output_scales
-    spread = np.linalg.norm(y - y.mean(axis=0), axis=0)
-    fit = 100.0 * (1.0 - np.linalg.norm(e, axis=0) / np.where(spread > 0.0, spread, np.nan))
-    penalty = errors.parameters * np.log(record.samples) / record.samples
-    whitened = autoregression_of(problem.limited(e), record.bounds)
-    lost = max(prepared.shifts, default=0)
-    residuals = []
-    for first, stop in zip(record.bounds[:-1], record.bounds[1:], strict=True):
-        unknown = np.full((lost, e.shape[1]), np.nan)
-        residuals.append(np.vstack([unknown, e[first:stop]]))
-    states, levels = initial_states(errors, found, model)
-    coordinates = problem.coordinates(result.point)
-    radius = max(largest_radius(errors.layout, coordinates), float(np.abs(model.poles()).max()))
-    return StateSpaceEstimate(
-        model=model,
-        objective=result.value,
-        fit_percent=fit,
-        bic=log_loss(e, problem.objective) + float(penalty),
-        coloured_bic=float(whitened.bic + penalty),
-        residuals=tuple(residuals),
-        initial_states=states,
-        record_levels=levels,
-        at_stability_bound=lies_at_bound(radius, errors.radius),
-        search=result,
+    """Structure ``ss_bj``; for simulation, without a horizon, the plant beside its noise model."""
+    first = settings if horizon is None else replace(settings, weighting=PLANT_WEIGHTING)
+    plant = estimate_state_space(
+        recording,
+        order,
+        structure="ss_oe",
+        delays=delays,
+        level=level,
+        settings=first,
+        log=log,
     )
+    if horizon is None:
+        model = with_noise_model(plant.model, recording, settings)
+        return replace(plant, model=model, focus_objective=plant.objective)
+    optima = [descend_from(s, recording, delays=delays, settings=settings) for s in starts]
+    optima.append(estimate_beside(plant.model, recording, delays, settings))
+    return replace(min(optima, key=lambda estimate: estimate.bic), order=order)
+
+
+def _horizon(
+    focus: str | int,
+    structure: StateSpaceStructure,
+    constraints: Constraints | InputConstraints | None,
+) -> int | None:
+    """Samples ahead; None for simulation where that differs from prediction."""
+    whole = isinstance(focus, int) and not isinstance(focus, bool) and focus >= 1
+    if not whole and focus not in ("prediction", "simulation"):
+        raise ValueError(
+            f'focus must be "prediction", "simulation" or a number of samples, not {focus!r}'
+        )
+    if plain_structure(structure) == "ss_oe":
+        return 1
+    if structure == "ss" and focus == "simulation":
+        raise InputError(
+            "focus",
+            "errors of simulation do not depend on the gain K of structure ss",
+            "write structure ss_oe, or ss_bj for a noise model beside it",
+        )
+    if structure == "ss_bj" and constraints is not None:
+        raise InputError(
+            "constraints",
+            "structure ss_bj has poles of the plant and of its noise model in one matrix, and it"
+            " is not said which of them are meant",
+            "write structure ss_oe or ss",
+        )
+    return int(focus) if whole else None if focus == "simulation" else 1
+
+
+def estimates_of_orders(
+    recording: Recording,
+    orders: Sequence[int],
+    *,
+    structure: StateSpaceStructure = "ss",
+    delays: int | Sequence[int] = 1,
+    level: bool = True,
+    settings: StateSpaceSettings | None = None,
+    width: int = FINAL_WIDTH,
+    steps: int = STEPS,
+    log: Log | None = None,
+) -> Iterator[StateSpaceEstimate]:
+    """Cheap estimates of several orders, each from estimates and from its neighbours.
+
+    One after the other as they are needed.  Parameters as of :func:`estimate_state_space`.
+
+    Parameters
+    ----------
+    orders : sequence of int
+        Ascending, one after the other or every other one.
+    width : int
+        Estimates of each order that are descended from.
+    steps : int
+        Of each descent at most: too small orders, which do not describe the recording, converge
+        slowly, and nothing depends on their last digits.
+    """
+    settings = with_drift(settings or StateSpaceSettings(), structure, recording)
+    if structure != "ss_bj":
+        plain = plain_structure(structure)
+        yield from plain_estimates(
+            *(recording, orders, plain, settings, delays, level, width, steps, log)
+        )
+        return
+    first = replace(settings, weighting=PLANT_WEIGHTING)
+    for plant in plain_estimates(
+        *(recording, orders, "ss_oe", first, delays, level, min(width, WIDTH), steps, log)
+    ):
+        try:
+            estimate = estimate_beside(plant.model, recording, delays, settings)
+        except ValueError:
+            continue
+        yield replace(estimate, order=plant.order)

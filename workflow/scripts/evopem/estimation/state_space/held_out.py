@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.estimation.state_space.settings import Objective
-from evopem.models.state_space import StateSpaceModel
+from evopem.blas_threads import one_blas_thread
+from evopem.estimation.state_space.local_estimates import span_of, state_space_errors
+from evopem.estimation.state_space.point_model import model_of
+from evopem.estimation.state_space.search import FINAL_WIDTH, swept
+from evopem.estimation.state_space.settings import Objective, StateSpaceSettings
+from evopem.models.polynomial_states import first_samples
+from evopem.models.state_space import PlainStructure, StateSpaceModel
+from evopem.signals.recording import Recording
 
 Array = NDArray[np.float64]
-
-# Share of a record whose samples determine the state that its simulation begins with.
-FIRST_SHARE = 0.1
 
 
 def simulation_errors(
@@ -79,7 +84,7 @@ def continued_errors(
 def errors_from_first_samples(
     model: StateSpaceModel, inputs: Array, outputs: Array, objective: Objective = "quadratic"
 ) -> tuple[Array, Array]:
-    """Errors of a simulation of a record by itself, whose first samples alone determine a state.
+    """Errors of a simulation of a segment by itself, whose first samples alone determine a state.
 
     For the reason of :func:`continued_errors` the others determine none.  The first ones are not
     scored.
@@ -93,7 +98,7 @@ def errors_from_first_samples(
         with one that fits.
     """
     infinite = np.full(model.outputs, np.inf)
-    first = max(round(FIRST_SHARE * len(outputs)), 1)
+    first = first_samples(len(outputs))
     with np.errstate(all="ignore"):
         if np.abs(model.poles()).max() >= 1.0 + 1e-9:
             return infinite, infinite
@@ -111,6 +116,37 @@ def _of_all(samples: int, first: int, objective: Objective) -> float:
     """The factor from errors of all samples but the first to errors of all."""
     share = samples / (samples - first)
     return share if objective == "absolute" else float(np.sqrt(share))
+
+
+def simulated_on(
+    model: StateSpaceModel, before: Recording | None, record: Recording, free_level: bool
+) -> Array:
+    """Response to the inputs from a state that the outputs of scored samples do not determine.
+
+    Those that determine it are NaN.
+    """
+    u, y = record.inputs, record.outputs
+    if before is None:
+        known = first_samples(len(y))
+        found = model.simulate(u, model.driven_state(u, y, known))
+        found[:known] = np.nan
+    else:
+        state = model.simulation_state(before.inputs, before.outputs)
+        found = model.simulate(np.concatenate([before.inputs, u]), state)[before.samples :]
+    if free_level:
+        found = found + np.nanmean(y - found, axis=0)
+    return found
+
+
+def simulated_from_fitted_state(
+    model: StateSpaceModel, record: Recording, free_level: bool
+) -> Array:
+    """Response to the inputs of a record from the state that fits its outputs best."""
+    u, y = record.inputs, record.outputs
+    if free_level:
+        model, state = model.levelled(u, y)
+        return model.simulate(u, state)
+    return model.simulate(u, model.simulation_state(u, y))
 
 
 def prediction_errors(
@@ -134,3 +170,50 @@ def _relative(errors: Array, outputs: Array, objective: Objective = "quadratic")
         size = np.linalg.norm(errors, axis=0)
     relative = 100.0 * size / np.where(spread > 0.0, spread, np.nan)
     return np.where(np.isfinite(relative), relative, np.inf)
+
+
+def two_fold_simulation_errors(
+    recording: Recording,
+    orders: Sequence[int],
+    *,
+    structure: PlainStructure = "ss",
+    delays: int | Sequence[int] = 1,
+    settings: StateSpaceSettings | None = None,
+    width: int = FINAL_WIDTH,
+) -> Array:
+    """Errors of models of each half on the other half, percent, (orders,).
+
+    ``100 ||y - yhat|| / ||y - mean(y)||``, mean over outputs, of simulations from the initial state
+    that fits; halves of the segments, where there are several.  Infinite where there is no model.
+    Parameters as of :func:`.estimates_of_orders`.
+    """
+    settings = settings or StateSpaceSettings()
+    span = span_of(orders)
+    squares = np.zeros((len(span), recording.outputs.shape[1]))
+    reference = np.zeros(recording.outputs.shape[1])
+    seen = np.zeros(len(span), dtype=int)
+    halves = _halves(recording)
+    for fold, (train, test) in enumerate((halves, halves[::-1])):
+        powers = [np.sum((e.outputs - e.outputs.mean(axis=0)) ** 2, axis=0) for e in test.segments]
+        reference += np.sum(powers, axis=0)
+        with one_blas_thread():
+            errors = state_space_errors(train, span[-1], structure, delays, settings=settings)
+            for problem, result in swept(errors, span, settings, width, None, 1 + fold):
+                model = model_of(problem.errors, problem.projection(result.point))
+                at = span.index(model.order)
+                seen[at] += 1
+                for segment, power in zip(test.segments, powers, strict=True):
+                    left = simulation_errors(model, segment.inputs, segment.outputs)
+                    squares[at] += (left / 100.0) ** 2 * power
+    relative = 100.0 * np.sqrt(squares / reference).mean(axis=1)
+    return np.where(seen == 2, relative, np.inf)
+
+
+def _halves(recording: Recording) -> tuple[Recording, Recording]:
+    segments = recording.segments
+    if len(segments) > 1:
+        middle = len(segments) // 2
+        parts = segments[:middle], segments[middle:]
+        return recording.with_segments(parts[0]), recording.with_segments(parts[1])
+    middle = recording.samples // 2
+    return recording.between(0, middle), recording.between(middle, recording.samples)

@@ -1,7 +1,7 @@
 """Compiled recursions of sections ``p+ = sigma p + back r + z, r+ = coupling p + sigma r``.
 
 z is the signal that drives a section.  Each recursion writes what is needed of p and r, without
-arrays in between: those of a long record do not fit into a processor's cache.
+arrays in between: those of a long recording do not fit into a processor's cache.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ DECAYED = 1e-150
 
 @njit
 def _respond(out, first, stop, sigma, coupling, back, driven_by, pulses, signals):
-    """The responses p and r of one record, in the first ``2 len(sigma)`` columns of ``out``."""
+    """The responses p and r of one segment, in the first ``2 len(sigma)`` columns of ``out``."""
     count = len(sigma)
     out[first, :count] = pulses
     out[first, count : 2 * count] = 0.0
@@ -51,11 +51,11 @@ def section_responses(sigma, coupling, back, driven_by, pulses, signals, bounds)
         One entry for each section and signal that drives it.
     driven_by : (S,) integer array
         Column of ``signals`` that is z.
-    pulses : (records, S) array
-        p at the first sample of each record; r is zero there.
+    pulses : (segments, S) array
+        p at the first sample of each segment; r is zero there.
     signals : (N, Z) array
-    bounds : (records + 1,) integer array
-        First sample of each record, and N.
+    bounds : (segments + 1,) integer array
+        First sample of each segment, and N.
 
     Returns
     -------
@@ -63,9 +63,9 @@ def section_responses(sigma, coupling, back, driven_by, pulses, signals, bounds)
         p in the first S columns, r in the others.
     """
     out = np.empty((len(signals), 2 * len(sigma)))
-    for record in range(len(bounds) - 1):
-        first, stop = bounds[record], bounds[record + 1]
-        _respond(out, first, stop, sigma, coupling, back, driven_by, pulses[record], signals)
+    for segment in range(len(bounds) - 1):
+        first, stop = bounds[segment], bounds[segment + 1]
+        _respond(out, first, stop, sigma, coupling, back, driven_by, pulses[segment], signals)
     return out
 
 
@@ -77,11 +77,11 @@ def section_states(sigma, coupling, back, ratio, pulses, drives, bounds, order):
     ----------
     sigma, coupling, back, ratio : (S,) arrays
         Of the pairs of poles, then of the single one of an odd order.
-    pulses : (records, 2 S) array
-        What drives the first states, then the second ones, before the first sample of each record.
+    pulses : (segments, 2 S) array
+        What drives the first states, then the second ones, before the first sample of each segment.
     drives : (N, 2 S) array
         What drives them at each sample.
-    bounds : (records + 1,) integer array
+    bounds : (segments + 1,) integer array
     order : int
 
     Returns
@@ -92,10 +92,10 @@ def section_states(sigma, coupling, back, ratio, pulses, drives, bounds, order):
     count, pairs = len(sigma), order // 2
     out = np.empty((len(drives), order))
     p, r = np.empty((2, count)), np.empty((2, count))
-    for record in range(len(bounds) - 1):
-        p[0], p[1] = pulses[record, :count], pulses[record, count:]
+    for segment in range(len(bounds) - 1):
+        p[0], p[1] = pulses[segment, :count], pulses[segment, count:]
         r[:] = 0.0
-        for t in range(bounds[record], bounds[record + 1]):
+        for t in range(bounds[segment], bounds[segment + 1]):
             now = out[t]
             for m in range(pairs):
                 now[2 * m] = p[0, m] + r[1, m]
@@ -133,9 +133,9 @@ def derivative_signals(
     own_sigma, own_coupling, own_back = sigma[of_state], coupling[of_state], back[of_state]
     out = np.empty((len(signals), extra + 4 * pairs + order % 2))
     p, r = np.empty(order), np.empty(order)
-    for record in range(len(bounds) - 1):
-        first, stop = bounds[record], bounds[record + 1]
-        _respond(out, first, stop, sigma, coupling, back, driven_by, pulses[record], signals)
+    for segment in range(len(bounds) - 1):
+        first, stop = bounds[segment], bounds[segment + 1]
+        _respond(out, first, stop, sigma, coupling, back, driven_by, pulses[segment], signals)
         p[:] = 0.0
         r[:] = 0.0
         for t in range(first, stop):
@@ -150,3 +150,83 @@ def derivative_signals(
                 now[extra + 4 * pairs] = p[order - 1]
             _advance(p, r, own_sigma, own_coupling, own_back, states[t])
     return out
+
+
+@cached_njit
+def entry_derivatives(A, B, K, C, D, R, initial, kinds, rows, columns, u, y, regressors, bounds):
+    """One-step errors of ``x+ = A x + B u + K e, y = C x + D u + R r + e`` and their derivatives.
+
+    Parameters
+    ----------
+    A, B, K, C, D, R : arrays
+    initial : (n, segments) array
+    kinds, rows, columns : (p,) integer arrays
+        Entries: of A (0), B (1), K (2), the initial states (3), C (4), D (5), R (6).
+    u, y, regressors : (N, m), (N, l) and (N, q) arrays
+    bounds : (segments + 1,) integer array
+
+    Returns
+    -------
+    (N, l) and (N, l, p) arrays
+    """
+    n, outputs, count = len(A), len(C), len(kinds)
+    errors = np.empty(y.shape)
+    derivatives = np.zeros((len(y), outputs, count))
+    x, after = np.empty(n), np.empty(n)
+    dx, de, dafter = np.empty((count, n)), np.empty(outputs), np.empty(n)
+    for segment in range(len(bounds) - 1):
+        x[:] = initial[:, segment]
+        dx[:] = 0.0
+        for p in range(count):
+            if kinds[p] == 3 and columns[p] == segment:
+                dx[p, rows[p]] = 1.0
+        for t in range(bounds[segment], bounds[segment + 1]):
+            e = errors[t]
+            for i in range(outputs):
+                total = y[t, i]
+                for j in range(n):
+                    total -= C[i, j] * x[j]
+                for j in range(u.shape[1]):
+                    total -= D[i, j] * u[t, j]
+                for j in range(regressors.shape[1]):
+                    total -= R[i, j] * regressors[t, j]
+                e[i] = total
+            for p in range(count):
+                kind, row, column = kinds[p], rows[p], columns[p]
+                for i in range(outputs):
+                    total = 0.0
+                    for j in range(n):
+                        total -= C[i, j] * dx[p, j]
+                    de[i] = total
+                if kind == 4:
+                    de[row] -= x[column]
+                elif kind == 5:
+                    de[row] -= u[t, column]
+                elif kind == 6:
+                    de[row] -= regressors[t, column]
+                for i in range(n):
+                    total = 0.0
+                    for j in range(n):
+                        total += A[i, j] * dx[p, j]
+                    for j in range(outputs):
+                        total += K[i, j] * de[j]
+                    dafter[i] = total
+                if kind == 0:
+                    dafter[row] += x[column]
+                elif kind == 1:
+                    dafter[row] += u[t, column]
+                elif kind == 2:
+                    dafter[row] += e[column]
+                derivatives[t, :, p] = de
+                dx[p] = dafter
+            for i in range(n):
+                total = 0.0
+                for j in range(n):
+                    total += A[i, j] * x[j]
+                for j in range(u.shape[1]):
+                    total += B[i, j] * u[t, j]
+                for j in range(outputs):
+                    total += K[i, j] * e[j]
+                after[i] = total
+            x[:] = after
+    return errors, derivatives

@@ -5,7 +5,8 @@ in innovations form without input, and both stand in one model of innovations fo
 
     A = [[A_plant, 0], [0, A_noise]],  C = [C_plant, C_noise],  K = [0; K_noise],
 
-the state-space counterpart of a Box-Jenkins model (Ljung 1999, section 4.3).
+the state-space counterpart of a Box-Jenkins model (Ljung 1999, section 4.3).  Structure ``ss_bj``
+is the optimum of innovations form next to that one.
 """
 
 from __future__ import annotations
@@ -16,25 +17,44 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.estimation.state_space.likelihood import log_loss
-from evopem.estimation.state_space.order_sweep import estimates_of_orders
-from evopem.estimation.state_space.settings import StateSpaceSettings
+from evopem.estimation.state_space.local_estimates import (
+    StateSpaceEstimate,
+    descend_from,
+    plain_estimates,
+)
+from evopem.estimation.state_space.settings import StateSpaceSettings, Weighting
+from evopem.estimation.vector_autoregression import log_loss
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.state_space import StateSpaceModel
+from evopem.signals.recording import Recording, Segment
 
 Array = NDArray[np.float64]
 
 # A search of orders ends after so many of higher BIC; estimates of each order that are descended
 # from.
 RISES, WIDTH = 2, 3
+# Largest order, and output values for each parameter.
+MOST_STATES, VALUES_PER_PARAMETER = 10, 5
+# Values of all channels from which on orders are tried in steps of two.
+LONG = 40_000
+# Weighting of the plants that structure ss_bj begins with.
+PLANT_WEIGHTING: Weighting = "noise"
+
+
+def noise_orders(recording: Recording) -> tuple[int, ...]:
+    """The orders that are tried for the noise model of a recording."""
+    samples, of_order = recording.samples, 1 + len(recording.segment_starts)
+    affordable = min(MOST_STATES, samples // 12, samples // VALUES_PER_PARAMETER // of_order)
+    if recording.inputs.size + recording.outputs.size > LONG:
+        return tuple(range(2, max(affordable, 2) + 1, 2))
+    return tuple(range(1, max(affordable, 1) + 1))
 
 
 def noise_model(
     plant: StateSpaceModel,
-    inputs: Sequence[Array],
-    outputs: Sequence[Array],
-    orders: Sequence[int],
+    recording: Recording,
     settings: StateSpaceSettings,
+    orders: Sequence[int] | None = None,
 ) -> StateSpaceModel | None:
     """The noise model of lowest BIC for the residuals of a plant; None where they are white.
 
@@ -42,23 +62,27 @@ def noise_model(
     ----------
     plant : StateSpaceModel
         Of output-error form.
-    inputs, outputs : sequences of (N, nu) and (N, ny) arrays
-        The records that it was estimated from.
-    orders : sequence of int
-        Of the noise model, ascending in steps of one or two.
+    recording : Recording
+        That it was estimated from.
     settings : StateSpaceSettings
+    orders : sequence of int, optional
+        Of the noise model, ascending in steps of one or two; those of :func:`noise_orders`.
     """
     lost = max(plant.input_delays, default=0)
-    residuals = [
-        (y - plant.simulate(u, plant.simulation_state(u, y)))[lost:]
-        for u, y in zip(inputs, outputs, strict=True)
-    ]
-    residuals = [each - each.mean(axis=0) for each in residuals]
+    residuals = []
+    for segment in recording.segments:
+        u, y = segment.inputs, segment.outputs
+        left = (y - plant.simulate(u, plant.simulation_state(u, y)))[lost:]
+        residuals.append(left - left.mean(axis=0))
     joined = np.vstack(residuals)
+    alone = replace(
+        recording, inputs=recording.inputs[:, :0], input_names=(), input_units=()
+    ).with_segments([Segment(e[:, :0], e, number) for number, e in enumerate(residuals)])
     lowest, best = log_loss(joined, settings.objective), None
     rises = 0
     white = replace(settings, weighting="determinant")
-    for estimate in estimates_of_orders(None, residuals, orders, settings=white, width=WIDTH):
+    orders = noise_orders(recording) if orders is None else orders
+    for estimate in plain_estimates(alone, orders, "ss", white, width=WIDTH):
         rises += 1
         if estimate.bic < lowest:
             lowest, best, rises = estimate.bic, estimate.model, 0
@@ -86,12 +110,41 @@ def side_by_side(plant: StateSpaceModel, noise: StateSpaceModel) -> StateSpaceMo
         C=np.hstack([plant.C, noise.C]),
         K=np.vstack([np.zeros((n, ny)), noise.K]),
         noise_covariance=noise.noise_covariance,
-        form="innovations",
+        structure="ss",
         covariance=None,
     )
     if plant.covariance is None or noise.covariance is None:
         return model
     return replace(model, covariance=_covariance(model, plant, noise))
+
+
+def with_noise_model(
+    plant: StateSpaceModel, recording: Recording, settings: StateSpaceSettings
+) -> StateSpaceModel:
+    """An output-error plant with its noise model; alone where its residuals are white.
+
+    Parameters as of :func:`noise_model`.
+    """
+    noise = noise_model(plant, recording, settings)
+    return plant if noise is None else side_by_side(plant, noise)
+
+
+def estimate_beside(
+    plant: StateSpaceModel,
+    recording: Recording,
+    delays: int | Sequence[int],
+    settings: StateSpaceSettings,
+) -> StateSpaceEstimate:
+    """The optimum of innovations form next to an output-error plant with its noise model.
+
+    Raises
+    ------
+    ValueError
+        When the recording is too short, or the descent ends at no stable model.
+    """
+    start = with_noise_model(plant, recording, settings)
+    start = replace(start, structure="ss", covariance=None)
+    return descend_from(start, recording, delays=delays, settings=settings)
 
 
 def plant_of(model: StateSpaceModel, states: int) -> StateSpaceModel:
@@ -112,7 +165,7 @@ def plant_of(model: StateSpaceModel, states: int) -> StateSpaceModel:
         B=model.B[:n],
         C=model.C[:, :n],
         K=np.zeros((n, ny)),
-        form="output_error",
+        structure="ss_oe",
         covariance=covariance,
     )
 

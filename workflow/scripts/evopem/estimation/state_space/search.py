@@ -1,9 +1,9 @@
-"""The search for the optimum of one order, and of all orders: estimates, descents, generations."""
+"""The search for the optimum of one order, and of ascending orders, each from its neighbours."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,16 +13,157 @@ from evopem.estimation.damped_descent import Optimum
 from evopem.estimation.search.certificate import AGREEING
 from evopem.estimation.search.memetic import memetic_search
 from evopem.estimation.search.problem import SearchDiagnostics, SearchResult
-from evopem.estimation.state_space.absolute_problem import AbsoluteStateSpaceProblem
+from evopem.estimation.state_space.absolute import AbsoluteStateSpaceProblem
 from evopem.estimation.state_space.errors import StateSpaceErrors
-from evopem.estimation.state_space.order_ladder import converted, descended, extensions, rungs
-from evopem.estimation.state_space.prepared import FORMS, PreparedRecords
-from evopem.estimation.state_space.problem import STEPS, StateSpaceProblem
-from evopem.estimation.state_space.settings import StateSpaceSettings
+from evopem.estimation.state_space.problem import (
+    STEPS,
+    TOLERANCE,
+    StateSpaceProblem,
+    continued,
+    descended,
+    lowest,
+    raced,
+    rough_tolerance,
+)
+from evopem.estimation.state_space.settings import PLAIN_STRUCTURES, StateSpaceSettings
 from evopem.estimation.state_space.starting_models import USUAL_ORDER, StartingModels
+from evopem.estimation.state_space.starting_points import (
+    extended,
+    from_matrices,
+    from_poles,
+    random_poles,
+)
 
 Array = NDArray[np.float64]
 Log = Callable[[str], None]
+
+
+# Pairs of poles tried at a step from smaller orders to larger ones, and those descended from.
+PAIRS, DESCENDED = 32, 3
+# Random starts of an order that nothing else leads to.
+RANDOM_STARTS = 20
+
+
+def converted(errors: StateSpaceErrors, other: StateSpaceErrors, point: Array) -> Array:
+    """The point of a problem of the other form as one of this form.
+
+    An innovations model loses its K, an output-error model gets K = 0.
+    """
+    projection = other.projection(point)
+    inputs = errors.data.inputs.shape[1]
+    A, C = other.state_matrix(projection), projection.linear[: other.order].T
+    B = other.drive_matrix(projection)[:, :inputs]
+    if errors.innovations:
+        return from_matrices(errors, A, np.column_stack([B, np.zeros((len(A), len(C)))]))
+    D = np.zeros((len(C), inputs))
+    direct = errors.data.feedthrough
+    D[:, direct] = projection.linear[other.order : other.order + int(direct.sum())].T
+    return from_matrices(errors, A, B + other.gain(projection) @ D)
+
+
+def extensions(
+    larger: StateSpaceErrors,
+    smaller: StateSpaceErrors,
+    point: Array,
+    generator: np.random.Generator,
+    tried: int = PAIRS,
+    kept: int = DESCENDED,
+) -> list[Array]:
+    """The best of some points that add random poles to the optimum of a smaller order."""
+    remainder = smaller.projection(point).errors
+    added = larger.order - smaller.order
+    points = [
+        extended(larger, smaller, point, remainder, random_poles(added, generator))
+        for _ in range(tried)
+    ]
+    # Added poles may leave A unstable where the descent does not.
+    return lowest(larger, points, kept)
+
+
+def reductions(larger: StateSpaceErrors, point: Array) -> list[Array]:
+    """The point of an order without one of its pairs of poles, for each of them."""
+    rows, single = larger.layout.pair_rows(point), larger.layout.single_row(point)
+    return [
+        np.concatenate([np.delete(rows, pair, axis=0).ravel(), single]) for pair in range(len(rows))
+    ]
+
+
+@dataclass(frozen=True)
+class Rung:
+    """A problem of one order and its optima, the lowest first."""
+
+    problem: StateSpaceErrors
+    optima: list[Optimum]
+
+    def lowered(self, above: Rung, steps: int) -> Rung:
+        """With the optimum that begins with that of two states more."""
+        if above.problem.order != self.problem.order + 2 or not above.optima:
+            return self
+        starts = reductions(above.problem, above.optima[0].point)
+        reached = descended(self.problem, starts, 1, steps, rough_tolerance(self.problem))
+        if reached and (not self.optima or reached[0].value < self.optima[0].value):
+            reached = [continued(self.problem, reached[0], steps, TOLERANCE)]
+        optima = sorted([*reached, *self.optima], key=lambda optimum: optimum.value)
+        return Rung(self.problem, optima)
+
+
+def rungs(
+    errors: StateSpaceErrors,
+    models: StartingModels,
+    generator: np.random.Generator,
+    width: int,
+    orders: range,
+    steps: int = STEPS,
+    log: Log | None = None,
+) -> Iterator[Rung]:
+    """Optima of several orders, each from estimates and from the optima of its neighbours.
+
+    Parameters
+    ----------
+    errors : StateSpaceErrors
+        Of any order.
+    models : StartingModels
+    generator : numpy.random.Generator
+    width : int
+        Estimates of each order that are descended from.
+    orders : range
+        Ascending, in steps of one or two.
+    steps : int
+        Of each descent at most.
+    log : callable, optional
+        Receives one line as each order begins.
+
+    Yields
+    ------
+    The problem of each order, and its optima; an order after the one that has two states more,
+    whose optimum is a start for it as well.
+    """
+    reached: list[Rung] = []
+    yielded = 0
+    for order in orders:
+        if log is not None:
+            log(f"{errors.structure}: order {order} of at most {orders[-1]}")
+        problem = errors.of_order(order)
+        starts = lowest(problem, list(models.points(problem)), width)
+        for below in [rung for rung in reached if rung.optima][-2:]:
+            starts += extensions(
+                *(problem, below.problem, below.optima[0].point, generator),
+                tried=8 * width,
+                kept=max(width // 2, 1),
+            )
+        optima = raced(problem, starts, steps)
+        for _ in range(RANDOM_STARTS):
+            if optima:
+                break
+            start = from_poles(problem, random_poles(order, generator))
+            optima = descended(problem, [start], 1, steps)
+        reached.append(Rung(problem, optima))
+        while reached[yielded].problem.order <= order - 2:
+            reached[yielded] = reached[yielded].lowered(reached[-1], steps)
+            yield reached[yielded]
+            yielded += 1
+    yield from reached[yielded:]
+
 
 # Multiplications of one evaluation from which on a search only descends from estimates, and those
 # that a whole search may take.
@@ -39,10 +180,17 @@ AGREEING_BEFORE_CHECK = AGREEING - 1
 
 
 def generator_of(
-    settings: StateSpaceSettings, order: int, form: str, prepared: PreparedRecords, fold: int = 0
+    settings: StateSpaceSettings, errors: StateSpaceErrors, order: int, fold: int = 0
 ) -> np.random.Generator:
-    """The source of all draws for an order and a form of some records."""
-    key = (order, FORMS.index(form), int(prepared.level), *prepared.delays, fold)
+    """The source of all draws for an order of a problem."""
+    data = errors.data
+    key = (
+        order,
+        PLAIN_STRUCTURES.index(errors.structure),
+        int(data.levels > 0),
+        *data.delays,
+        fold,
+    )
     return np.random.default_rng(np.random.SeedSequence(settings.seed, spawn_key=key))
 
 
@@ -58,7 +206,6 @@ def _evaluations(problem: StateSpaceProblem, settings: StateSpaceSettings) -> in
 def searched(
     errors: StateSpaceErrors,
     starts: list[Array],
-    generator: np.random.Generator,
     settings: StateSpaceSettings,
     log: Log | None,
 ) -> tuple[StateSpaceProblem, SearchResult]:
@@ -69,11 +216,10 @@ def searched(
     errors : StateSpaceErrors
     starts : list of (n,) arrays
         Coordinates that are descended from as well.
-    generator : numpy.random.Generator
     settings : StateSpaceSettings
     log : callable, optional
     """
-    problem = problem_for(errors, settings)
+    problem, generator = problem_for(errors, settings), generator_of(settings, errors, errors.order)
     budget = _evaluations(problem, settings)
     if starts and errors.cost > HEAVY and budget == 0:
         return problem, _polished(problem, starts, 0)
@@ -91,7 +237,7 @@ def searched(
         points += [optimum.point for optimum in optima]
         spent += sum(optimum.evaluations for optimum in optima)
         if log is not None:
-            log(f"starts of {each.form} form: {len(optima)} optima, {spent} evaluations")
+            log(f"starts of {each.structure} form: {len(optima)} optima, {spent} evaluations")
     if problem.objective == "absolute":
         points += starts  # what was an optimum of this objective is none of the quadratic one
     if budget == 0 and points:
@@ -121,15 +267,13 @@ def _optima_from_estimates(
 ) -> list[Optimum]:
     """Optima from estimates of the order itself, and from the optimum of two states fewer."""
     if problem.cost > HEAVY:
-        ((_, optima),) = rungs(
-            problem, models, generator, 1, range(problem.order, problem.order + 1)
-        )
-        return optima
+        itself = range(problem.order, problem.order + 1)
+        return next(rungs(problem, models, generator, 1, itself)).optima
     starts = list(models.points(problem))
     smaller = range(1 + (problem.order + 1) % 2, problem.order, 2)
-    for below, optima in rungs(problem, models, generator, WIDTH, smaller, log=log):
-        if optima and below.order == problem.order - 2:
-            starts += extensions(problem, below, optima[0].point, generator)
+    for below in rungs(problem, models, generator, WIDTH, smaller, log=log):
+        if below.optima and below.problem.order == problem.order - 2:
+            starts += extensions(problem, below.problem, below.optima[0].point, generator)
     return descended(problem, starts, FINAL_WIDTH)
 
 
@@ -146,15 +290,14 @@ def _polished(problem: StateSpaceProblem, starts: list[Array], spent: int) -> Se
 
 def _other_form(errors: StateSpaceErrors) -> tuple[StateSpaceErrors, ...]:
     """The problem of the other form, whose optima are starts, where it is not too large."""
-    if errors.record.inputs.shape[1] == 0:
+    if errors.data.inputs.shape[1] == 0:
         return ()
-    other = errors.of_form("output_error" if errors.innovations else "innovations")
+    other = errors.of_structure("ss_oe" if errors.innovations else "ss")
     return () if other.cost > HEAVY else (other,)
 
 
 def swept(
     errors: StateSpaceErrors,
-    prepared: PreparedRecords,
     orders: range,
     settings: StateSpaceSettings,
     width: int,
@@ -166,16 +309,17 @@ def swept(
     plain = without_outliers(problem_for(errors, settings))
     usual = min(orders[-1], USUAL_ORDER)
     models = StartingModels(plain, orders[-1], errors.of_order(usual).cost <= HEAVY)
-    generator = generator_of(settings, usual, errors.form, prepared, 1 + fold)
-    for each, optima in rungs(plain, models, generator, width, orders, steps, log):
-        if not optima:
+    generator = generator_of(settings, errors, usual, 1 + fold)
+    for rung in rungs(plain, models, generator, width, orders, steps, log):
+        if not rung.optima:
             continue
-        problem = problem_for(errors.of_order(each.order), settings)
-        point, value, used = problem.lowest_of(optima)
-        spent = sum(optimum.evaluations for optimum in optima) + used
+        order = rung.problem.order
+        problem = problem_for(errors.of_order(order), settings)
+        point, value, used = problem.lowest_of(rung.optima)
+        spent = sum(optimum.evaluations for optimum in rung.optima) + used
         if log is not None:
-            log(f"order {each.order}: {value:.9g} %, {spent} evaluations")
-        diagnostics = SearchDiagnostics.of_descents(value, spent, len(optima))
+            log(f"order {order}: {value:.9g} %, {spent} evaluations")
+        diagnostics = SearchDiagnostics.of_descents(value, spent, len(rung.optima))
         yield problem, SearchResult(point, value, diagnostics)
 
 
@@ -192,8 +336,8 @@ def without_outliers(problem: StateSpaceProblem) -> StateSpaceErrors:
     optima = descended(errors, list(models.points(errors)), WIDTH)
     if not optima:
         return errors
-    found = problem.projection(problem.lowest_of(optima)[0]).errors
-    return errors.with_outputs(errors.record.outputs - (found - problem.limited(found)))
+    left = problem.projection(problem.lowest_of(optima)[0]).errors
+    return errors.with_outputs(errors.data.outputs - (left - problem.limited(left)))
 
 
 def problem_for(errors: StateSpaceErrors, settings: StateSpaceSettings) -> StateSpaceProblem:

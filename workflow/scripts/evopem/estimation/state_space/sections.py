@@ -40,7 +40,7 @@ class Layout:
     order : int
     drives : int
         Signals that drive the states: inputs, for innovations form outputs, and a pulse for the
-        initial state of each record.
+        initial state of each segment.
     """
 
     order: int

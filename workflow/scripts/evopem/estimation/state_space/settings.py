@@ -1,12 +1,16 @@
-"""Settings of the search for one state-space model."""
+"""Settings of the search for state-space models."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
+
+from evopem.models.state_space import PlainStructure, StateSpaceStructure
 
 Weighting = Literal["determinant", "noise", "power"]
 Objective = Literal["quadratic", "absolute"]
+STRUCTURES, PLAIN_STRUCTURES = get_args(StateSpaceStructure), get_args(PlainStructure)
+WEIGHTINGS, OBJECTIVES = get_args(Weighting), get_args(Objective)
 
 
 @dataclass(frozen=True)
@@ -32,6 +36,11 @@ class StateSpaceSettings:
     drift_period : float, optional
         Shortest period, in samples, of slow changes of the outputs that are estimated along with
         the level, and that the model does not have to explain.
+
+    Raises
+    ------
+    ValueError
+        When a setting is outside its range.
     """
 
     weighting: Weighting = "determinant"
@@ -40,3 +49,13 @@ class StateSpaceSettings:
     objective: Objective = "quadratic"
     evaluations: int | None = None
     drift_period: float | None = None
+
+    def __post_init__(self) -> None:
+        for name, values in (("weighting", WEIGHTINGS), ("objective", OBJECTIVES)):
+            value = getattr(self, name)
+            if value not in values:
+                raise ValueError(f"{name} must be one of {values}, not {value!r}")
+        if not 0.0 < self.max_root_radius < 1.0:
+            raise ValueError(
+                f"max_root_radius must lie between 0 and 1, not {self.max_root_radius}"
+            )

@@ -57,13 +57,13 @@ def from_poles(errors: StateSpaceErrors, poles: Complex) -> Array:
     """
     layout = errors.layout
     point = inside(layout, poles_only(layout, poles), errors.radius * (1.0 - 1e-6))
-    alpha, beta = _residues(errors, point, errors.record.outputs)
+    alpha, beta = _residues(errors, point, errors.data.outputs)
     return with_inputs(errors, point, alpha, beta, range(layout.sections))
 
 
 def _residues(errors: StateSpaceErrors, point: Array, outputs: Array) -> tuple[Array, Array]:
     """Coefficients of the responses p and r, (sections, drives, ny) each."""
-    layout, record = errors.layout, errors.record
+    layout, data = errors.layout, errors.data
     sections = sections_of(layout, point)
     responses = errors.signals.responses(sections)
     direct = [part for part in errors.direct if part.shape[1]]
@@ -75,7 +75,7 @@ def _residues(errors: StateSpaceErrors, point: Array, outputs: Array) -> tuple[A
     gram[np.diag_indices_from(gram)] += RESIDUE_RIDGE
     solution = np.linalg.solve(gram, x.T @ outputs) / sizes[:, None]
     count = layout.sections * layout.drives
-    shape = (layout.sections, layout.drives, record.outputs.shape[1])
+    shape = (layout.sections, layout.drives, data.outputs.shape[1])
     return solution[:count].reshape(shape), solution[count : 2 * count].reshape(shape)
 
 
@@ -112,7 +112,7 @@ def _drive_sizes(errors: StateSpaceErrors) -> Array:
 
     A pulse has the energy of one sample, a scaled signal that of all.
     """
-    sizes = np.full(errors.layout.drives, np.sqrt(errors.record.samples))
+    sizes = np.full(errors.layout.drives, np.sqrt(errors.data.samples))
     sizes[errors.driving :] = 1.0
     return sizes
 
@@ -126,7 +126,7 @@ def _leading(residues: NDArray, weight: Array) -> NDArray:
 
 def from_matrices(errors: StateSpaceErrors, A: Array, B: Array) -> Array:
     """Point of a predictor's A, (n, n), and the columns of its signals, (n, driving); at rest."""
-    pulses = np.zeros((errors.order, errors.record.records))
+    pulses = np.zeros((errors.order, errors.data.segments))
     point = point_of(errors.layout, A, np.column_stack([B, pulses]))
     point = inside(errors.layout, point, errors.radius * (1.0 - 1e-6))
     return with_initial_states(errors, normalised(errors.layout, point))
@@ -145,13 +145,13 @@ def with_initial_states(errors: StateSpaceErrors, point: Array) -> Array:
     second[:, pulses] = 0.0
     if layout.single:
         single[1:][pulses] = 0.0
-    found = errors.projection(point)
-    c = found.linear[: errors.order]
+    projection = errors.projection(point)
+    c = projection.linear[: errors.order]
     count = layout.sections * drives
-    ratio = found.sections.ratio
-    responses = errors.signals.responses(found.sections)
-    for k in range(errors.record.records):
-        rows_of = slice(errors.record.bounds[k], errors.record.bounds[k + 1])
+    ratio = projection.sections.ratio
+    responses = errors.signals.responses(projection.sections)
+    for k in range(errors.data.segments):
+        rows_of = slice(errors.data.bounds[k], errors.data.bounds[k + 1])
         # Free responses of the states: a pulse into the first and into the second of a pair.
         p = responses[rows_of, :count].reshape(-1, layout.sections, drives)
         r = responses[rows_of, count:].reshape(-1, layout.sections, drives)
@@ -166,7 +166,7 @@ def with_initial_states(errors: StateSpaceErrors, point: Array) -> Array:
             columns += [into_first.ravel(), into_second.ravel()]
         if layout.single:
             columns.append(np.outer(p[:length, -1], c[-1]).ravel())
-        target = found.errors[rows_of][:length].ravel()
+        target = projection.errors[rows_of][:length].ravel()
         state = np.linalg.lstsq(np.column_stack(columns), target, rcond=1e-6)[0]
         pairs = layout.pairs
         first[:, errors.driving + k] = state[0 : 2 * pairs : 2]

@@ -94,7 +94,7 @@ def _reduced(tried: TriedOrders) -> Row:
     return {
         "step": "orders of each input",
         "form": tried.orders.structure,
-        "order": tried.orders.joint,
+        "order": tried.orders.plant,
         "model": str(tried.orders),
         "bic": tried.bic,
         "selected": tried.taken,

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from evopem.automatic.state_space_choice import choose
 from evopem.automatic.variant_search import Variant, VariantSearch
 from evopem.config.state_space_settings import StateSpaceChoices
@@ -12,7 +10,7 @@ from evopem.results.layout import DatasetFiles
 
 
 def choose_state_space(
-    files: DatasetFiles, variants: Sequence[Variant], choices: StateSpaceChoices
+    files: DatasetFiles, variants: tuple[Variant, ...], choices: StateSpaceChoices
 ) -> None:
     """Choose form, weighting and order by the errors on held-out samples."""
     searches = [load(VariantSearch, files.search(variant.name)) for variant in variants]

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
-from evopem.automatic.input_delays import DelayChoice
+from evopem.automatic.delays import DelayChoice
 from evopem.automatic.record import OtherModel
 from evopem.automatic.searched_forms import SearchedForms
 from evopem.automatic.state_space_choice import ModelChoice, StateSpaceChoice
@@ -17,11 +17,11 @@ from evopem.blas_threads import one_blas_thread
 from evopem.config.constraints import InputConstraints
 from evopem.config.state_space_settings import OrderRanges, StateSpaceSearchSettings
 from evopem.estimation.multi_input.order_limits import OrderLimits, joint_orders
-from evopem.estimation.state_space.model_record import MultichannelModelRecord
-from evopem.estimation.state_space.order_models import OrderModels
+from evopem.estimation.multichannel_record import MultichannelModelRecord
 from evopem.files.atomic import write_table
 from evopem.files.json_form import load, save
-from evopem.models.matlab import save_multi_input_mat, save_state_space_mat
+from evopem.models.matlab import save_model_mat
+from evopem.models.order_models import OrderModels
 from evopem.models.state_space import StateSpaceModel
 from evopem.pipeline.multichannel.candidates import candidates_table
 from evopem.pipeline.multichannel.prepared import errors_name_dataset, load_prepared_channels
@@ -36,7 +36,7 @@ Log = Callable[[str], None]
 
 def estimate_chosen_state_space(
     files: DatasetFiles,
-    variants: Sequence[Variant],
+    variants: tuple[Variant, ...],
     ranges: OrderRanges,
     search: StateSpaceSearchSettings,
     constraints: InputConstraints | None = None,
@@ -59,10 +59,7 @@ def estimate_chosen_state_space(
     save(record, files.model)
     save(remedied.record, files.decision("remedies"))
     write_table(files.candidates, _candidates(forms, choice, remedied))
-    if record.polynomials is None:
-        save_state_space_mat(record.model, files.model_mat)
-    else:
-        save_multi_input_mat(record.polynomials, files.model_mat)
+    save_model_mat(record.polynomials or record.model, files.model_mat)
     with one_blas_thread():
         write_table(files.frequency_response, frequency_response_rows(record, data.estimation))
 
@@ -90,7 +87,9 @@ def complete_other_state_space(
         with errors_name_dataset(files):
             found = forms.as_searched(choice)
         record = _record(found, data, choice, search, constraints)
-        errors = mean_errors(record.model, data.validation, choice.level == "state")
+        errors = mean_errors(
+            record.model, data.validation, choice.level == "state", data.before_validation
+        )
     save(record, files.other_model(choice.purpose))
     save(OtherModel(choice.purpose, record.text, *errors), files.other_errors(choice.purpose))
 
@@ -110,7 +109,7 @@ def _searched_forms(
 
     return SearchedForms(
         data.estimation,
-        load(DelayChoice, files.decision("delays")).delays,
+        load(DelayChoice, files.decision("delay")).delays,
         tuple(load(VariantSearch, files.search(variant.name)) for variant in variants),
         start,
         partial(estimation_settings, search),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from evopem.automatic.input_delays import DelayChoice
+from evopem.automatic.delays import DelayChoice
 from evopem.automatic.multichannel_preparation import MultichannelPlan
 from evopem.automatic.record import OtherModel
 from evopem.automatic.state_space_choice import StateSpaceChoice
@@ -15,7 +15,7 @@ from evopem.results.multichannel import DecisionList
 def collect_state_space_decisions(files: DatasetFiles) -> None:
     """Put all decisions of a data set into one file."""
     preparation = load(MultichannelPlan, files.decision("preparation"))
-    delays = load(DelayChoice, files.decision("delays"))
+    delays = load(DelayChoice, files.decision("delay"))
     choice = load(StateSpaceChoice, files.decision("comparison"))
     decisions = (*preparation.decisions, delays.decision, *choice.decisions)
     other = None

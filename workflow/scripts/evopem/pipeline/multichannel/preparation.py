@@ -14,8 +14,8 @@ from evopem.config.settings import SplitSettings
 from evopem.config.state_space_settings import MultichannelSource
 from evopem.files.json_form import save
 from evopem.results.layout import DatasetFiles
-from evopem.signals.multichannel import load_multichannel
 from evopem.signals.multichannel_preparation import divide_multichannel, save_multichannel_data
+from evopem.signals.recording import load_recording
 
 
 def prepare_channels(
@@ -42,10 +42,10 @@ def prepare_channels(
     InputError
         When the recording cannot be divided.
     """
-    recording = load_multichannel(files.recording)
+    recording = load_recording(files.recording)
     validation = None
     if source.validation_files:
-        validation = load_multichannel(files.validation_recording)
+        validation = load_recording(files.validation_recording)
     place = f"datasets.{files.name}"
     divided = divide_multichannel(recording, split, resample, validation, place, source.all_files)
     with one_blas_thread():

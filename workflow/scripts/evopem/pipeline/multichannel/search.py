@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
-from evopem.automatic.input_delays import DelayChoice, decide_delays
+from evopem.automatic.delays import DelayChoice, decide_delays
 from evopem.automatic.multi_input_choice import search_structure, searched_joint_orders
 from evopem.automatic.searched_orders import searched_orders
 from evopem.automatic.state_space_search import search_variant
@@ -34,13 +34,13 @@ def decide_input_delays(files: DatasetFiles, ranges: InputRanges) -> None:
     """
     estimation = load_prepared_channels(files).estimation
     with errors_name_dataset(files):
-        choice = decide_delays(estimation, ranges)
-    save(choice, files.decision("delays"))
+        choice = decide_delays(estimation.segments, estimation.input_names, ranges)
+    save(choice, files.decision("delay"))
 
 
 def search_state_space(
     files: DatasetFiles,
-    variant: Variant,
+    structure: str,
     ranges: OrderRanges,
     search: StateSpaceSearchSettings,
     log: Log | None = None,
@@ -52,9 +52,10 @@ def search_state_space(
     InputError
         When the record is too short.
     """
+    variant = variant_named(structure)
     estimation = load_prepared_channels(files).estimation
     settings = estimation_settings(search, variant)
-    delays = load(DelayChoice, files.decision("delays")).delays
+    delays = load(DelayChoice, files.decision("delay")).delays
     with errors_name_dataset(files):
         if is_polynomial(variant.form):
             joint = searched_joint_orders(estimation, variant.form, delays, ranges)
@@ -69,12 +70,8 @@ def search_state_space(
 def variant_named(name: str) -> Variant:
     """A form with its weighting, by the name of its file."""
     form, _, weighting = name.rpartition("_")
-    return variants_of([(name, ONE_OUTPUT) if is_polynomial(name) else (form, weighting)])[0]
-
-
-def variants_of(names: Sequence[tuple[str, str]]) -> list[Variant]:
-    """Forms with their weightings."""
-    return [Variant(form, weighting) for form, weighting in names]  # type: ignore[arg-type]
+    own = (name, ONE_OUTPUT) if is_polynomial(name) else (form, weighting)
+    return Variant(*own)  # type: ignore[arg-type]
 
 
 def estimation_settings(search: StateSpaceSearchSettings, variant: Variant) -> StateSpaceSettings:

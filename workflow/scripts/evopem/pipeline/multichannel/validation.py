@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from evopem.automatic.state_space_remedies import RemedyRecord
 from evopem.blas_threads import one_blas_thread
-from evopem.estimation.state_space.model_record import MultichannelModelRecord
-from evopem.estimation.state_space.order_models import OrderModel, OrderModels
+from evopem.estimation.multichannel_record import MultichannelModelRecord
 from evopem.files.atomic import write_table
 from evopem.files.json_form import load, save
+from evopem.models.order_models import OrderModel, OrderModels
 from evopem.pipeline.multichannel.prepared import load_prepared_channels
 from evopem.results.layout import DatasetFiles
-from evopem.signals.multichannel import MultichannelRecording
+from evopem.signals.recording import Recording
 from evopem.validation.mode_table import table_of_models
 from evopem.validation.modes_record import ModesRecord
 from evopem.validation.multichannel import validate_multichannel
@@ -19,10 +19,13 @@ from evopem.validation.multichannel import validate_multichannel
 def validate_state_space(files: DatasetFiles) -> None:
     """Validate the model and its modes on samples that no choice has seen."""
     record = load(MultichannelModelRecord, files.model)
-    prepared = load_prepared_channels(files).validation
+    data = load_prepared_channels(files)
+    prepared = data.validation
     with one_blas_thread():
         free_level = record.level_of_simulation == "state"
-        validation, tables = validate_multichannel(record.model, prepared, free_level)
+        validation, tables = validate_multichannel(
+            record.model, prepared, free_level, before=data.before_validation
+        )
         modes = _judged_modes(files, record, prepared)
     save(modes, files.modes_json)
     write_table(files.modes, modes.rows())
@@ -33,7 +36,7 @@ def validate_state_space(files: DatasetFiles) -> None:
 
 
 def _judged_modes(
-    files: DatasetFiles, record: MultichannelModelRecord, validation: MultichannelRecording
+    files: DatasetFiles, record: MultichannelModelRecord, validation: Recording
 ) -> ModesRecord:
     """The modes of the model and of the other orders of its form, with their evidence."""
     choice = load(RemedyRecord, files.decision("remedies")).choice
@@ -42,8 +45,7 @@ def _judged_modes(
     table = table_of_models(
         searched.with_model(own).models,
         choice.order,
-        validation.input_records,
-        validation.output_records,
+        validation,
         0,
     )
     return ModesRecord.of(table, record.input_names, record.output_names)

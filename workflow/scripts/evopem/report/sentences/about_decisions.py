@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from evopem.automatic.decision import Decision
 from evopem.automatic.record import OtherModel
+from evopem.figures.view import Results, View
 from evopem.report.numbers import number
 from evopem.results.dataset import DatasetResults
 
@@ -44,21 +45,22 @@ class PurposeRow:
         )
 
 
-def purpose_rows(results: DatasetResults) -> list[PurposeRow]:
+def purpose_rows(view: View) -> list[PurposeRow]:
     """The model and the one for another purpose; empty for the chapter's recipe."""
-    record, validation = results.decisions, results.validation
-    if record is None:
+    record = view.results.decisions
+    if record is None or record.other is None:
         return []
+    validation = view.results.validation
     return [
         PurposeRow(
-            *(record.purpose, "model.json", str(results.model.orders)),
+            *(record.purpose, "model.json", view.model_text),
             *(validation.prediction_error_percent, validation.simulation_error_percent),
         ),
         PurposeRow.of(record.other),
     ]
 
 
-def decision_rows(results: DatasetResults) -> list[DecisionRow]:
+def decision_rows(results: Results) -> list[DecisionRow]:
     """All decisions in their order; empty for the chapter's recipe."""
     record = results.decisions
     return [] if record is None else [decision_row(each) for each in record.decisions]

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from evopem.models.confidence_ellipse import uncertain_roots
 from evopem.models.modes import Mode
 from evopem.models.polynomial import PolynomialModel
+from evopem.models.uncertain_roots import uncertain_roots
 from evopem.report.mode_table import ModeRow
 from evopem.report.numbers import (
     THIN,
@@ -18,7 +17,6 @@ from evopem.report.numbers import (
     enumeration,
     fixed,
     hertz,
-    is_number,
     number,
     plural,
 )
@@ -26,8 +24,7 @@ from evopem.report.numbers import root as root_text
 from evopem.report.sentences.about_recording import difference_gain
 from evopem.results.dataset import DatasetResults
 from evopem.signals.preparation import Transforms
-from evopem.validation.mode_evidence import ModeEvidence
-from evopem.validation.mode_trust import STRONG_DAMPING, doubts
+from evopem.validation.mode_trust import STRONG_DAMPING
 
 # Below this number of time constants of a mode in the estimation samples, its asymptotic standard
 # errors are too small (docs/evidence/coverage.md: 87 to 94 % coverage at 1.5, 94 to 96 % at 14).
@@ -51,52 +48,6 @@ def modes(results: DatasetResults, rows: Sequence[ModeRow]) -> list[str]:
     if missed:
         sentences += _missed(missed, transforms)
     return [" ".join(sentences)] if sentences else []
-
-
-@dataclass(frozen=True)
-class ModeLine:
-    """A mode on the first screen: whether it can be trusted, and why.
-
-    Attributes
-    ----------
-    mode : Mode
-    trusted : bool
-    why : str
-    """
-
-    mode: Mode
-    trusted: bool
-    why: str
-
-
-def mode_lines(results: DatasetResults) -> list[ModeLine]:
-    """Every mode with what the data say about it: those of the plant, then the noise filter's own.
-
-    A pole of D is no part of the response to the input, and only modes of the plant are tested.
-    """
-    rate = results.model.sampling_rate
-    evidence = {each.mode.pole: each for each in results.validation.modes}
-    lines = []
-    for mode in results.model.modes:
-        if mode.pole not in evidence:
-            lines.append(ModeLine(mode, False, "could not be tested on validation samples"))
-            continue
-        reasons = doubts(evidence[mode.pole], rate)
-        lines.append(ModeLine(mode, not reasons, "; ".join(reasons) or _seen(evidence[mode.pole])))
-    return lines + [
-        ModeLine(mode, False, "of the noise filter alone, and not tested on validation samples")
-        for mode in results.model.model.modes_of_polynomial("d")
-    ]
-
-
-def _seen(evidence: ModeEvidence) -> str:
-    """Where a trusted mode shows."""
-    where = "the input drives it" if evidence.reached else "disturbances drive it, not the input"
-    if not evidence.has_input:
-        where = "it improves the prediction of validation samples"
-    if not is_number(evidence.recurrence):
-        return where
-    return f"{where}; {fixed(100 * evidence.recurrence, 0)}{THIN}% of the other orders have it"
 
 
 def _of_noise(results: DatasetResults) -> list[str]:
@@ -245,7 +196,7 @@ def frequency_response(results: DatasetResults) -> list[str]:
     model = results.model.model
     frequencies = np.linspace(0, model.sampling_rate / 2, FREQUENCIES + 1)[1:]
     response = model.frequency_response if model.has_input else model.noise_response
-    gain = np.abs(response(frequencies))
+    gain = np.abs(response(frequencies)[:, 0, 0])
     top = int(np.argmax(gain))
     text = (
         f"The gain{'' if model.has_input else ' of the noise filter'} is largest at"

@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 
 from evopem.config.structures import plant_order, structure_name, varied_order
-from evopem.figures.figure_data import stabilization_poles
-from evopem.figures.order_criteria import tied_text
+from evopem.figures.orders import tied_text
+from evopem.figures.view import View
 from evopem.models.stabilization import PERSISTENT_ORDERS, persistent_frequencies
 from evopem.report.numbers import THIN, enumeration, hertz, number, percent, plural
 from evopem.results.dataset import DatasetResults
@@ -22,7 +22,7 @@ NAMES = {
 def delay(results: DatasetResults) -> list[str]:
     """The selected delay, and how much BIC varies over the orders."""
     order = plant_order(results.model.orders.structure)
-    selected = results.phases["delay"].orders.nk
+    selected = results.phases["delay"].orders.single.nk
     tried = results.candidates[results.candidates["phase"] == "delay"]
     sentences = [_reason(results, "delay")]
     spread = tried.groupby("nk")["bic"].agg(lambda bic: bic.max() - bic.min())
@@ -36,7 +36,7 @@ def delay(results: DatasetResults) -> list[str]:
             " delay."
         )
     if results.truth is not None:
-        true, found = results.truth.delay_samples, results.model.orders.nk
+        true, found = results.truth.delay_samples, results.model.orders.single.nk
         difference = "which was found" if true == found else f"{abs(true - found)} off"
         sentences.append(f"The true delay is {plural(true, 'sample')}, {difference}.")
     return [" ".join(sentences)]
@@ -61,12 +61,12 @@ def phases(results: DatasetResults) -> list[str]:
         if phase == "delay":
             continue
         order = varied_order(phase, structure)
-        name = NAMES.get(phase) or f"Joint order {tied_text(structure)}"
+        name = NAMES.get(phase) or f"Plant order {tied_text(structure)}"
         candidates = results.phases[phase].candidates
         own = results.phases[phase].selected
         least = min(candidates, key=lambda candidate: candidate.criteria.rss)
-        tried = [getattr(candidate.orders, order) for candidate in candidates]
-        value, smallest = getattr(own.orders, order), getattr(least.orders, order)
+        tried = [getattr(candidate.orders.single, order) for candidate in candidates]
+        value, smallest = getattr(own.orders.single, order), getattr(least.orders.single, order)
         text = (
             f"{name}, searched from {min(tried)} to {max(tried)}: {value} is selected, with an"
             f" RSS of {percent(own.criteria.rss, 4)}"
@@ -80,11 +80,11 @@ def phases(results: DatasetResults) -> list[str]:
     return paragraphs
 
 
-def stabilization(results: DatasetResults) -> list[str]:
-    """The natural frequencies that persist over the joint orders."""
-    poles = stabilization_poles(results)
+def stabilization(view: View) -> list[str]:
+    """The natural frequencies that persist over the orders."""
+    poles = view.poles_of_orders
     if not poles:
-        return ["No candidate of the joint order has an oscillating mode."]
+        return ["No candidate has an oscillating mode."]
     persistent = persistent_frequencies(poles)
     lead = f"Over the orders {poles[0].order} to {poles[-1].order},"
     if not persistent:

@@ -89,11 +89,12 @@ def _means(transforms: Transforms) -> str:
 
 
 def _contents(info: RecordingInfo) -> str:
-    names = f"{info.input_name} (input) and {info.output_name} (output)"
-    if (info.input_name, info.output_name) == ("input", "output"):
+    inputs, outputs = ([each.name for each in role] for role in (info.inputs, info.outputs))
+    names = f"{enumeration(inputs)} (input) and {enumeration(outputs)} (output)"
+    if (inputs, outputs) == (["input"], ["output"]):
         names = "one input and one output"
-    if not info.input_name:
-        names = info.output_name if info.output_name != "output" else "one output"
+    if not inputs:
+        names = enumeration(outputs) if outputs != ["output"] else "one output"
     recordings = "The recording has"
     if len(info.files) > 1:
         recordings = f"{len(info.files)} recordings of one system are one data set. They have"

@@ -6,13 +6,10 @@ import numpy as np
 
 from evopem.report.numbers import THIN, count, enumeration, is_number, number, percent, plural
 from evopem.report.sentences.about_verdict import (
-    ANSWERS,
     Answer,
     Use,
-    Verdict,
     answer_by_error,
     joined,
-    sentence_of,
     worse,
 )
 from evopem.results.multichannel import MultichannelResults
@@ -28,8 +25,8 @@ _OF_INTERVALS = (
 )
 
 
-def state_space_verdict(results: MultichannelResults) -> Verdict:
-    """Judge every use of a state-space model by its errors and its checks.
+def state_space_uses(results: MultichannelResults) -> list[Use]:
+    """Judge every use of a model of several channels by its errors and its checks.
 
     Parameters
     ----------
@@ -42,13 +39,12 @@ def state_space_verdict(results: MultichannelResults) -> Verdict:
         else []
     )
     unknown = {check.name for check in results.checks if check.passed is None}
-    uses = [
+    return [
         *of_inputs,
         _prediction(results, failed),
         _modes(results),
         _intervals(failed, unknown),
     ]
-    return Verdict(sentence_of(uses), sorted(uses, key=lambda use: ANSWERS.index(use.answer)))
 
 
 def _simulation(results: MultichannelResults, failed: set[str]) -> Use:

@@ -66,20 +66,19 @@ def simulation(results: DatasetResults) -> list[str]:
         "The simulation uses the input alone. Its error is"
         f" {percent(validation.simulation_error_percent)} of the deviation of the measured output"
         f" ({percent(validation.simulation_fit_percent)} NRMSE fit) over"
-        f" {plural(validation.samples, 'validation sample')}. It starts from the initial state that"
-        " fits these samples best, as in MATLAB's compare; their output is not used otherwise."
+        f" {plural(validation.samples, 'validation sample')}."
+        + (
+            " It runs on from the samples before them, which determine its state."
+            if results.model.transforms.validation_source == "cut"
+            else " Its state is determined by the samples before those that are scored."
+        ),
+        "From the initial state that fits these samples best, as in MATLAB's compare, the error is"
+        f" {percent(validation.fitted_state_error_percent)}.",
     ]
-    if is_number(validation.continued_simulation_error_percent):
-        sentences.append(
-            "A simulation that starts with the estimation samples and continues through the"
-            " validation samples without their output has an error of"
-            f" {percent(validation.continued_simulation_error_percent)}. It is affected by the"
-            " noise that has changed the state in between."
-        )
     sentences += _recorded(results)
     if validation.unscored_samples:
         sentences.append(
-            f"The first {plural(validation.unscored_samples, 'sample')} have no complete past and"
+            f"The first {plural(validation.unscored_samples, 'sample')} determine the states and"
             " are not scored."
         )
     return [" ".join(sentences)]
@@ -99,7 +98,7 @@ def horizons(results: DatasetResults) -> list[str]:
     if results.model.orders.structure in WITHOUT_NOISE_MODEL:
         text += " Without a noise model it does not depend on the horizon."
     elif results.model.model.has_input:
-        text += " With growing k it approaches the error of the continued simulation."
+        text += " With growing k it approaches the error of the simulation."
     return [text]
 
 

@@ -8,7 +8,8 @@ from typing import Literal
 
 import numpy as np
 
-from evopem.figures.frequency_domain import plant_or_noise_filter
+from evopem.figures.frequency_domain import model_source
+from evopem.figures.view import PolynomialView, Results, View, view_of
 from evopem.report.numbers import THIN, count, enumeration, is_number, number, percent, plural
 from evopem.results.dataset import DatasetResults
 from evopem.validation.checks import Check
@@ -31,7 +32,11 @@ ESSENTIAL: dict[str, tuple[str, ...]] = {
     "spectrum": ("Stable",),
 }
 DESIRABLE: dict[str, tuple[str, ...]] = {
-    "simulation": ("Validation input comparable", "Search repeatable"),
+    "simulation": (
+        "Validation input comparable",
+        "Simulation independent of its initial state",
+        "Search repeatable",
+    ),
     "prediction": ("White residuals", "Search repeatable"),
     "response": ("Residuals independent of the input", "Search repeatable"),
     "spectrum": ("White residuals", "Every spectral peak modelled", "Search repeatable"),
@@ -82,27 +87,35 @@ class Verdict:
         return [use for use in self.uses if use.answer == answer]
 
 
-def verdict(results: DatasetResults) -> Verdict:
+def verdict(results: Results | View) -> Verdict:
     """Judge every use of a model by its errors on validation samples and by its checks.
 
     A model without input cannot be simulated; it is judged by its prediction and its spectrum.
 
     Parameters
     ----------
-    results : DatasetResults
+    results : results of a data set, or their view
     """
+    from evopem.report.sentences.about_state_space import state_space_uses
+
+    view = view_of(results)
+    uses = _uses(view) if isinstance(view, PolynomialView) else state_space_uses(view.results)
+    return Verdict(sentence_of(uses), sorted(uses, key=lambda use: ANSWERS.index(use.answer)))
+
+
+def _uses(view: PolynomialView) -> list[Use]:
+    results = view.results
     outcome = {check.name: check for check in results.checks}
     of_input = []
     if results.model.model.has_input:
         of_input = [_simulation(results, outcome), *_simulation_as_recorded(results, outcome)]
-    uses = [
+    return [
         *of_input,
         _prediction(results, outcome),
-        _frequency_response(results, outcome),
+        _frequency_response(view, outcome),
         _modes(results),
         _intervals(results, outcome),
     ]
-    return Verdict(sentence_of(uses), sorted(uses, key=lambda use: ANSWERS.index(use.answer)))
 
 
 _WORDS: dict[Answer, str] = {"good": "good for", "care": "with care for", "no": "not for"}
@@ -206,19 +219,23 @@ def _without_noise_model(results: DatasetResults) -> bool:
     return results.model.orders.structure in WITHOUT_NOISE_MODEL
 
 
-def _frequency_response(results: DatasetResults, outcome: Mapping[str, Check]) -> Use:
+def _frequency_response(view: PolynomialView, outcome: Mapping[str, Check]) -> Use:
     """The response of the plant; of a model without input, the spectrum that its noise has."""
-    table, _ = plant_or_noise_filter(results.frequency_response)
+    table = view.frequency_response
+    table = table[table["source"] == model_source(view)[0]]
     name, rests_on = "the frequency response", "response"
-    if not results.model.model.has_input:
+    if not view.has_input:
         name, rests_on = "the spectrum of the output", "spectrum"
     answer, against = _by_checks(rests_on, outcome)
     inside = table[(table["gain"] > 0) & table["gain_lower"].notna()]
     reason = "its 95 % band is not known"
     if len(inside):
         width = (inside["gain_upper"] - inside["gain_lower"]) / (2 * inside["gain"])
-        half = number(100 * float(np.median(width)), 2)
-        reason = f"95 % band of ±{half}{THIN}% of the gain (median over frequency)"
+        half = 100 * float(np.median(width))
+        reason = f"95 % band of ±{number(half, 2)}{THIN}% of the gain (median over frequency)"
+        if not np.isfinite(half):
+            reason = "its 95 % band has no upper limit at half of the frequencies or more"
+            answer = worse(answer, "care")
     else:
         answer = worse(answer, "care")
     return Use(name, answer, joined(reason, against))

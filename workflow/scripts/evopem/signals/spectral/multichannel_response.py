@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.signals.multichannel import MultichannelRecording
+from evopem.signals.recording import Recording
 
 Array = NDArray[np.float64]
 
@@ -35,14 +35,14 @@ class MultichannelResponse:
     coherence: Array
 
 
-def multichannel_response(recording: MultichannelRecording, nfft: int) -> MultichannelResponse:
+def multichannel_response(recording: Recording, nfft: int) -> MultichannelResponse:
     """Estimate all responses at once, by averages over half-overlapping Hann segments (Welch 1967).
 
     A segment is of one recording; those that are shorter than it have none.
 
     Parameters
     ----------
-    recording : MultichannelRecording
+    recording : Recording
     nfft : int
         Length of the transforms, an even number; longest segment.
     """
@@ -72,7 +72,7 @@ def multichannel_response(recording: MultichannelRecording, nfft: int) -> Multic
     return MultichannelResponse(frequencies, response, coherence)
 
 
-def _starts(recording: MultichannelRecording, length: int) -> list[int]:
+def _starts(recording: Recording, length: int) -> list[int]:
     """First samples of half-overlapping segments within the recordings."""
     return [
         first

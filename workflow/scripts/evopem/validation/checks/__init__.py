@@ -10,13 +10,15 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from evopem.validation.checks.check import SIGNIFICANCE, Check, p_text
+from evopem.validation.checks.check import SIGNIFICANCE, Check, failed_checks, p_text
 from evopem.validation.checks.excitation import (
     EXCITATION_ADEQUATE,
+    INDEPENDENT_OF_STATE,
     INPUT_COMPARABLE,
     RESPONSE_SIGNIFICANT,
     comparable_split,
     excitation,
+    independent_of_state,
     response_to_input,
 )
 from evopem.validation.checks.recording import saturation
@@ -50,6 +52,7 @@ OF_THE_INPUT = (
     EXCITATION_ADEQUATE,
     RESPONSE_SIGNIFICANT,
     INPUT_COMPARABLE,
+    INDEPENDENT_OF_STATE,
     DISTINCT,
 )
 
@@ -60,7 +63,7 @@ LEFT_TO_DO = {
     DISTINCT: "The pair hardly affects the frequency response. Do not trust a mode of it."
 }
 
-__all__ = ["SIGNIFICANCE", "Check", "checks", "p_text"]
+__all__ = ["SIGNIFICANCE", "Check", "checks", "failed_checks", "p_text"]
 
 
 def checks(
@@ -99,6 +102,9 @@ def checks(
         repeatability(model.search.diagnostics),
         excitation(model, validation),
         response_to_input(validation),
+        independent_of_state(
+            validation.simulation_error_percent, validation.fitted_state_error_percent
+        ),
         comparable_split(validation),
         outliers(model, validation),
         saturation(recording),

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Literal
 
 # Level of the joint tests. At 5 % each, one of a dozen tests would fail in half of all good models.
 SIGNIFICANCE = 0.01
@@ -21,12 +23,29 @@ class Check:
         What was found, with its numbers.
     advice : str
         What to do about it; empty for a check that passed.
+    grade : {"defect", "caution", "note"}
+        What it means where the check failed: the model or its numbers are wrong for a use; they
+        hold with a reservation; or it is no statement about the model, such as an order at the end
+        of a range that the configuration gave.
     """
 
     name: str
     passed: bool | None
     statement: str
     advice: str = ""
+    grade: Literal["defect", "caution", "note"] = "defect"
+
+    @property
+    def word(self) -> str:
+        """What a reader is told of the outcome: "Passed", "Failed", "Caution", "Note"."""
+        if self.passed is not False:
+            return "Passed" if self.passed else "Not judged"
+        return "Failed" if self.grade == "defect" else self.grade.capitalize()
+
+
+def failed_checks(checks: Iterable[Check]) -> list[Check]:
+    """The defects among checks: what headlines, lists and tables count as failed."""
+    return [check for check in checks if check.passed is False and check.grade == "defect"]
 
 
 def p_text(value: float) -> str:

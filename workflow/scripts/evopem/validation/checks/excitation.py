@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 from evopem.validation.checks.check import SIGNIFICANCE, Check, p_text
@@ -15,6 +16,13 @@ if TYPE_CHECKING:
 EXCITATION_ADEQUATE = "Excitation adequate"
 RESPONSE_SIGNIFICANT = "Response to the input significant"
 INPUT_COMPARABLE = "Validation input comparable"
+INDEPENDENT_OF_STATE = "Simulation independent of its initial state"
+# A fitted state may lower the simulation error to this part, beside a margin in percent.
+STATE_FACTOR, STATE_MARGIN = 1.5, 2.0
+CHECK_THE_MODEL = (
+    "Slow poles, or poles near the unit circle that zeros nearly cancel, let a fitted state imitate"
+    " a drift. Try lower orders, or look for a trend in the record."
+)
 RESTING = "the input does not change in the validation samples"
 EXCITE_AGAIN = (
     "Record a second step or blow, in the same file or as a “validation_file”: one event cannot be"
@@ -26,7 +34,7 @@ def excitation(model: ModelRecord, validation: Validation) -> Check:
     """The order of excitation of the input at least the number of coefficients of the plant."""
     order, needed = validation.excitation.order, validation.excitation.needed
     orders = model.orders
-    terms = [name for name in ("na", "nf", "nb") if getattr(orders, name) or name == "nb"]
+    terms = [name for name in ("na", "nf", "nb") if getattr(orders.single, name) or name == "nb"]
     passed = order >= needed
     return Check(
         EXCITATION_ADEQUATE,
@@ -70,6 +78,28 @@ def response_to_input(validation: Validation) -> Check:
 def input_rests(validation: Validation) -> bool:
     """Whether the input does not change in validation samples that are enough to tell."""
     return validation.samples >= FEWEST_SAMPLES and validation.split.comparable is None
+
+
+def independent_of_state(simulated: float, fitted: float) -> Check:
+    """Simulations do as well without a state that is fitted to the validation samples.
+
+    Parameters
+    ----------
+    simulated, fitted : float
+        Errors in percent: with the state that earlier samples give, and with the one that fits.
+    """
+    name = INDEPENDENT_OF_STATE
+    if not (math.isfinite(simulated) and math.isfinite(fitted)):
+        return Check(name, None, "One of the simulation errors is not known.", CHECK_THE_MODEL)
+    passed = simulated <= STATE_FACTOR * fitted + STATE_MARGIN
+    return Check(
+        name,
+        passed,
+        f"The simulation error is {simulated:.3g} % with the state that earlier samples give, and"
+        f" {fitted:.3g} % with the initial state that fits the validation samples best.",
+        "" if passed else CHECK_THE_MODEL,
+        "caution",
+    )
 
 
 def comparable_split(validation: Validation) -> Check:

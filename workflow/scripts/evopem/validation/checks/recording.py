@@ -18,8 +18,9 @@ def saturation(recording: RecordingInfo) -> Check:
     """Neither channel saturated: at its smallest or largest value for several samples."""
     name = "Record not saturated"
     percent = {
-        "input": recording.input_saturated_percent,
-        "output": recording.output_saturated_percent,
+        role: channel.saturated_percent
+        for role, channels in (("input", recording.inputs), ("output", recording.outputs))
+        for channel in channels
     }
     if any(math.isnan(each) for each in percent.values()):
         return Check(

@@ -151,7 +151,7 @@ def input_independence(validation: Validation) -> Check:
         f" {100 * SIGNIFICANCE:g} %).",
         ""
         if passed
-        else "If positive lags are significant, raise the upper end of “orders.nb” or"
+        else "If positive lags are significant, raise the upper end of “.orders.nb” or"
         " “orders.joint”, or search further delays (“delay.nk”). Significant negative lags indicate"
         " feedback from output to input.",
     )

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from evopem.config.structures import STRUCTURES, plant_order
 from evopem.models.polynomials import root_gradient, roots
-from evopem.models.root_covariance import CHI_SQUARE_95
+from evopem.models.uncertain_roots import CHI_SQUARE_95
 from evopem.validation.checks.check import Check
 
 if TYPE_CHECKING:
@@ -132,7 +132,7 @@ def cancellation(model: ModelRecord) -> Check:
     covariance = model.covariance_factor
     if covariance is None:
         if distance < COINCIDENT_DISTANCE:
-            return Check(name, False, f"{nearest} only {distance:.2g} apart.", advice)
+            return Check(name, False, f"{nearest} only {distance:.2g} apart.", advice, "caution")
         return Check(
             name,
             None,
@@ -152,6 +152,7 @@ def cancellation(model: ModelRecord) -> Check:
             "A pole and a zero do not differ significantly at the 95 % level:"
             f" {'; '.join(indistinct)}.",
             advice,
+            "caution",
         )
     return Check(
         name,

@@ -25,7 +25,7 @@ RANGES = {
     "nc": ("orders.nc", 0),
     "nd": ("orders.nd", 0),
     "na": ("orders.na", 0),
-    "nb": ("orders.nb", 1),
+    "nb": (".orders.nb", 1),
 }
 REPEATABLE = "Search repeatable"
 STRUCTURES_PHASE, CHOSEN_PHASE = AUTOMATIC_PHASES
@@ -40,8 +40,8 @@ def search_ranges(phases: Mapping[str, PhaseSelection]) -> Check:
     for phase, selection in phases.items():
         key, least = RANGES[phase]
         order = varied_order(phase, selection.orders.structure)
-        tried = [getattr(candidate.orders, order) for candidate in selection.candidates]
-        low, high, value = min(tried), max(tried), getattr(selection.orders, order)
+        tried = [getattr(candidate.orders.single, order) for candidate in selection.candidates]
+        low, high, value = min(tried), max(tried), getattr(selection.orders.single, order)
         if low == high:
             fixed.append(f"{order} = {value}")
         elif value == high or (value == low and value > least):
@@ -54,6 +54,7 @@ def search_ranges(phases: Mapping[str, PhaseSelection]) -> Check:
             False,
             f"At an end of the range: {'; '.join(text for text, _ in at_end)}.",
             f"Widen {', '.join(f'“{key}”' for _, key in at_end)}: a better model may lie outside.",
+            "note",
         )
     if not inside:
         return Check(
@@ -72,11 +73,11 @@ def _grown_ranges(name: str, phases: Mapping[str, PhaseSelection]) -> Check:
     structure = orders.structure
     order = plant_order(structure)
     tried = [
-        getattr(each.orders, order)
+        getattr(each.orders.single, order)
         for each in phases[STRUCTURES_PHASE].candidates
         if each.orders.structure == structure
     ]
-    value = getattr(orders, order)
+    value = getattr(orders.single, order)
     if not tried:
         return Check(
             name,
@@ -100,6 +101,7 @@ def _grown_ranges(name: str, phases: Mapping[str, PhaseSelection]) -> Check:
             f"At the upper end: {text}, as far as the record, the limits of the configuration and"
             " the budget go.",
             "Record longer, or give “orders.joint” a higher upper end if it was given.",
+            "note",
         )
     if value == low > 1:
         return Check(
@@ -107,6 +109,7 @@ def _grown_ranges(name: str, phases: Mapping[str, PhaseSelection]) -> Check:
             False,
             f"At the lower end: {text}.",
             "Lower the lower end of “orders.joint”: a smaller model may be as good.",
+            "note",
         )
     return Check(name, True, f"Inside: {text}, until nothing was gained.")
 
@@ -148,6 +151,7 @@ def repeatability(diagnostics: SearchDiagnostics, measured: Calibration = POLYNO
         f"{_other_minima(diagnostics)} In 95 % of such test problems a minimum found elsewhere was"
         f" at most {measured.lower_elsewhere:g} % lower.",
         advice,
+        "note",
     )
 
 

@@ -11,6 +11,7 @@ from scipy.special import ndtri
 
 from evopem.estimation.search.certificate import POLYNOMIALS, STATE_SPACE
 from evopem.validation.checks.check import SIGNIFICANCE, Check, p_text
+from evopem.validation.checks.excitation import independent_of_state
 from evopem.validation.checks.recording import MAX_SATURATED_PERCENT
 from evopem.validation.checks.residuals import (
     INDEPENDENT_OF_INPUT,
@@ -22,8 +23,8 @@ from evopem.validation.checks.residuals import (
 from evopem.validation.checks.search import repeatability
 
 if TYPE_CHECKING:
-    from evopem.estimation.state_space.model_record import MultichannelModelRecord
-    from evopem.signals.multichannel_reading import MultichannelInfo
+    from evopem.estimation.multichannel_record import MultichannelModelRecord
+    from evopem.signals.recording_info import RecordingInfo
     from evopem.validation.multichannel import MultichannelValidation, PairCorrelation
 
 # Names that a sentence lists at most.
@@ -35,7 +36,7 @@ def state_space_checks(
     validation: MultichannelValidation,
     order: int,
     tried: Sequence[int],
-    recording: MultichannelInfo,
+    recording: RecordingInfo,
 ) -> list[Check]:
     """Check a state-space model against its validation, its order search and its recording.
 
@@ -48,13 +49,22 @@ def state_space_checks(
         told from those of the noise afterwards.
     tried : sequence of int
         Orders that were searched.
-    recording : MultichannelInfo
+    recording : RecordingInfo
     """
     has_input = bool(record.input_names)
     return [
         _stability(record),
         _stability_bound(record),
         *([_better_than_mean(validation)] if has_input else []),
+        *(
+            [
+                independent_of_state(
+                    validation.simulation_error_percent, validation.fitted_state_error_percent
+                )
+            ]
+            if has_input
+            else []
+        ),
         _whiteness(record, validation),
         *([_independence(record, validation)] if has_input else []),
         _order(record, order, tried),
@@ -190,9 +200,9 @@ def _independence(record: MultichannelModelRecord, validation: MultichannelValid
 
 def _order(record: MultichannelModelRecord, order: int, tried: Sequence[int]) -> Check:
     name, key = "Order inside its range", _range_key(record)
-    text = f"{order} states{' of the plant' if record.form == 'box_jenkins' else ''};"
+    text = f"{order} states{' of the plant' if record.structure == 'ss_bj' else ''};"
     if record.polynomials is not None:
-        order, text = record.polynomials.orders.joint, f"{record.text}; joint orders"
+        order, text = record.polynomials.orders.plant, f"{record.text}; joint orders"
     text += f" {min(tried)} to {max(tried)} were tried"
     if record.at_upper_ends:
         return Check(
@@ -200,6 +210,7 @@ def _order(record: MultichannelModelRecord, order: int, tried: Sequence[int]) ->
             False,
             f"At the upper end of its range: {_named(record.at_upper_ends)}, in {record.text}.",
             "Give the range a higher upper end, or one number if it is known.",
+            "note",
         )
     if len(tried) == 1:
         return Check(
@@ -214,6 +225,7 @@ def _order(record: MultichannelModelRecord, order: int, tried: Sequence[int]) ->
             False,
             f"At the upper end: {text}.",
             f"Give “{key}” a higher upper end; a larger model may be better.",
+            "note",
         )
     return Check(name, True, f"Inside: {text}.")
 
@@ -247,7 +259,7 @@ def _outliers(record: MultichannelModelRecord, validation: MultichannelValidatio
     )
 
 
-def _saturation(recording: MultichannelInfo) -> Check:
+def _saturation(recording: RecordingInfo) -> Check:
     channels = (*recording.inputs, *recording.outputs)
     saturated = [each.name for each in channels if each.saturated_percent > MAX_SATURATED_PERCENT]
     return Check(

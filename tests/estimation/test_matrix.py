@@ -1,0 +1,142 @@
+"""Every structure with every number of channels and recordings, focus, objective and constraint.
+
+Each cell is estimated and compared with the truth, or refused by a sentence that says why.
+"""
+
+import re
+from itertools import product
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+import evopem
+from evopem.config.constraints import Constraints
+
+RATE = 10.0
+FREQUENCIES = np.linspace(0.1, 4.5, 12)
+POLE, GAINS, DELAYS = 0.7, ((1.0, -0.6), (0.5, 0.8)), (1, 2)
+SAMPLES, NOISE = 150, 0.01
+
+POLYNOMIALS = {
+    "fir": {"nb": 18},
+    "arx": {"na": 1, "nb": 1},
+    "armax": {"na": 1, "nb": 1, "nc": 1},
+    "ararx": {"na": 1, "nb": 1, "nd": 1},
+    "ararmax": {"na": 1, "nb": 1, "nc": 1, "nd": 1},
+    "oe": {"nb": 1, "nf": 1},
+    "bj": {"nb": 1, "nc": 1, "nd": 1, "nf": 1},
+    "general": {"na": 1, "nb": 1, "nc": 1, "nd": 1, "nf": 1},
+}
+STATE_SPACE = ("ss", "ss_oe", "ss_oe_drift", "ss_bj")
+FOCUS = ("prediction", "simulation", 3)
+OBJECTIVES = ("quadratic", "absolute")
+CONSTRAINTS = (None, Constraints(max_pole_radius=0.95))
+
+# Why a cell may be refused: what the sentence says.
+TWO_NOISE_MODELS = "has poles of the plant and of its noise model in one matrix"
+ONE_OUTPUT = "a polynomial model has one output"
+NO_POLES = "has no plant with poles"
+WITHOUT_GAIN = "errors of simulation do not depend on the gain K"
+FOCUS_OF_ONE = "errors of several steps, or of simulation, beside a noise model are those of one"
+
+
+def record(inputs, outputs, recordings):
+    """``y_i = sum_k g_ik q^-n_k / (1 - 0.7 q^-1) u_k`` with 1 % noise, about own levels."""
+    parts = []
+    for number in range(recordings):
+        generator = np.random.default_rng([inputs, outputs, number])
+        u = generator.standard_normal((SAMPLES, inputs))
+        y = np.zeros((SAMPLES, outputs))
+        for i, k in product(range(outputs), range(inputs)):
+            b = np.zeros(DELAYS[k] + 1)
+            b[-1] = GAINS[i][k]
+            y[:, i] += lfilter(b, [1.0, -POLE], u[:, k])
+        y += NOISE * y.std(axis=0) * generator.standard_normal(y.shape)
+        parts.append((u, y + 5.0 - 2.0 * number))
+    starts = tuple(SAMPLES * number for number in range(recordings))
+    return evopem.Recording(
+        *(np.concatenate(each) for each in zip(*parts, strict=True)),
+        RATE,
+        segment_starts=starts,
+        segment_recordings=tuple(range(recordings)),
+    )
+
+
+def truth(inputs, outputs):
+    """The response at :data:`FREQUENCIES`, (frequencies, outputs, inputs)."""
+    z = np.exp(2j * np.pi * FREQUENCIES / RATE)[:, None, None]
+    delays = np.array(DELAYS[:inputs])
+    gains = np.array(GAINS)[:outputs, :inputs]
+    return gains * z**-delays / (1.0 - POLE / z)
+
+
+def orders_of(structure, inputs, outputs):
+    if structure in STATE_SPACE:
+        # One pole, and as many states with it as the matrix of gains has independent columns.
+        return {"n": min(inputs, outputs), "nk": list(DELAYS[:inputs])}
+    return POLYNOMIALS[structure] | {"nk": list(DELAYS[:inputs]) if inputs > 1 else DELAYS[0]}
+
+
+def settings_of(structure, objective):
+    if structure in STATE_SPACE:
+        weighting = "power" if objective == "absolute" else "noise"
+        return evopem.StateSpaceSettings(weighting=weighting, objective=objective, evaluations=0)
+    return evopem.SearchSettings(objective=objective, evaluations=30)
+
+
+# Cells that are estimated, of 96, and of 48 in state space, where both numbers of channels change.
+FEWEST = dict.fromkeys(POLYNOMIALS, 24) | {"fir": 14, "oe": 28}
+FEWEST |= {"ss": 32, "ss_oe": 48, "ss_oe_drift": 48, "ss_bj": 24}
+
+
+def refused(structure, inputs, outputs, recordings, focus, constraints):
+    """What a cell is refused for; None where it is estimated."""
+    if structure == "ss_bj" and constraints is not None:
+        return TWO_NOISE_MODELS
+    if structure == "ss" and focus == "simulation":
+        return WITHOUT_GAIN
+    if structure in STATE_SPACE:
+        return None
+    if outputs > 1:
+        return ONE_OUTPUT
+    joined = inputs > 1 or recordings > 1
+    simulates = structure in ("oe", "fir") and focus == "simulation"
+    if (
+        joined
+        and focus != "prediction"
+        and not (simulates and (inputs > 1 or constraints is not None))
+    ):
+        return FOCUS_OF_ONE
+    return NO_POLES if structure == "fir" and constraints is not None else None
+
+
+def estimated(structure, inputs, outputs, recordings, focus, objective, constraints):
+    return evopem.estimate(
+        record(inputs, outputs, recordings),
+        orders=orders_of(structure, inputs, outputs),
+        structure=structure,
+        settings=settings_of(structure, objective),
+        level=True,
+        focus=focus,
+        constraints=constraints,
+    )
+
+
+@pytest.mark.parametrize("structure", [*POLYNOMIALS, *STATE_SPACE])
+def test_every_cell_is_estimated_or_refused_with_a_reason(structure):
+    estimates = 0
+    for cell in product((1, 2), (1, 2), (1, 2), FOCUS, OBJECTIVES, CONSTRAINTS):
+        inputs, outputs, recordings, focus, _, constraints = cell
+        if structure in STATE_SPACE and inputs != outputs:
+            continue
+        reason = refused(structure, inputs, outputs, recordings, focus, constraints)
+        if reason is not None:
+            with pytest.raises((ValueError, evopem.InputError), match=re.escape(reason)):
+                estimated(structure, *cell)
+            continue
+        true = truth(inputs, outputs)
+        found = estimated(structure, *cell).model.frequency_response(FREQUENCIES)
+        assert np.abs(found - true).max() < 0.03 * np.abs(true).max(), cell
+        estimates += 1
+    assert estimates >= FEWEST[structure]

@@ -1,0 +1,76 @@
+"""Initial states of polynomial models: against truths, and where poles cluster."""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from evopem.models.polynomial import PolynomialModel
+from evopem.models.polynomial_states import (
+    estimate_prediction_states,
+    estimate_simulation_state,
+    simulate_from_first,
+)
+
+ONE = np.ones(1)
+MODEL = PolynomialModel(ONE, np.array([1.0, 0.5]), ONE, ONE, np.array([1.0, -1.5, 0.7]), nk=1)
+
+
+def signals(model, samples, noise, seed=1):
+    """Input, output without and with noise, of the last samples of a longer record."""
+    generator = np.random.default_rng(seed)
+    u = generator.standard_normal(samples + 200)
+    x = lfilter(model.delayed_b, model.plant_denominator, u)
+    y = x + noise * x.std() * generator.standard_normal(len(x))
+    return u[200:], x[200:], y[200:]
+
+
+@pytest.mark.parametrize("free_level", [False, True])
+@pytest.mark.parametrize("robust", [False, True])
+def test_without_noise_the_first_samples_give_the_state(free_level, robust):
+    u, x, _ = signals(MODEL, 400, 0.0)
+    found = simulate_from_first(MODEL, u, x + 3.0 * free_level, 30, free_level, robust)
+    np.testing.assert_allclose(found, x + 3.0 * free_level, atol=1e-9)
+
+
+def test_no_output_behind_the_first_ones_counts():
+    u, _, y = signals(MODEL, 400, 0.3)
+    changed = np.where(np.arange(400) < 40, y, 1e3)
+    np.testing.assert_array_equal(
+        simulate_from_first(MODEL, u, y, 40), simulate_from_first(MODEL, u, changed, 40)
+    )
+
+
+def test_a_few_noisy_samples_give_a_better_state_than_least_squares_and_than_rest():
+    """Two slow poles that zeros nearly cancel: the first samples hardly determine their states."""
+    slow, zeros = np.poly([0.999, 0.998]), np.poly([0.9991, 0.9979])
+    model = PolynomialModel(ONE, zeros, ONE, ONE, np.convolve([1.0, -1.5, 0.7], slow), nk=1)
+    errors = []
+    for seed in range(20):
+        u, x, y = signals(model, 600, 0.3, seed)
+        state = estimate_simulation_state(model, u[:40], y[:40])
+        ways = (simulate_from_first(model, u, y, 40), model.simulate(u, state), model.simulate(u))
+        errors.append([np.std(each - x) / np.std(x) for each in ways])
+    probable, least_squares, rest = np.mean(errors, axis=0)
+    assert probable < 0.5 * least_squares
+    assert probable < rest
+
+
+def test_states_of_clustered_poles_are_no_worse_than_rest():
+    """The least-squares states reach 4e9, and rounding makes their errors larger than at rest."""
+    angles = np.array([0.01, 0.011, 0.012, 0.013, 0.014])
+    poles = 0.995 * np.exp(1j * np.concatenate([angles, -angles]))
+    generator = np.random.default_rng(0)
+    model = PolynomialModel(
+        ONE,
+        1e-3 * generator.standard_normal(5),
+        np.array([1.0, 0.5]),
+        np.array([1.0, -0.3]),
+        np.real(np.poly(poles)),
+        nk=1,
+    )
+    u, _, y = signals(model, 3500, 0.1)
+    first = model.orders.first_residual
+    states = estimate_prediction_states(model, u, y)
+    fitted = np.sum(model.residuals(u, y, *states)[first:] ** 2)
+    assert fitted <= np.sum(model.residuals(u, y)[first:] ** 2)
+    assert np.abs(states[0]).max() < 1e6

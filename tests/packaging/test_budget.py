@@ -1,0 +1,57 @@
+"""How large the package and its documentation may be.
+
+The budget is what a reader can hold; ``REACHED`` is how far the package is today.  A count may only
+fall: lower the number beside it with the change that lowers it.
+"""
+
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PACKAGE = ROOT / "workflow" / "scripts" / "evopem"
+FILES = sorted(PACKAGE.rglob("*.py"))
+
+BUDGET = {
+    "lines": 40_000,
+    "files": 250,
+    "files above 400 lines": 0,
+    "folders above 20 files": 0,
+    "words of guides": 20_000,
+    "words beside evidence": 6_000,
+}
+REACHED = {
+    "lines": 63_890,
+    "files": 417,
+    "files above 400 lines": 8,
+    "folders above 20 files": 7,
+    "words of guides": 25_400,
+    "words beside evidence": 23_100,
+}
+
+
+def words(files):
+    return sum(len(file.read_text(encoding="utf-8").split()) for file in files)
+
+
+def lines(file):
+    return file.read_text(encoding="utf-8").count("\n")
+
+
+def counted():
+    guides = [*ROOT.glob("docs/*.md"), ROOT / "README.md"]
+    folders = {file.parent for file in FILES}
+    return {
+        "lines": sum(map(lines, FILES)),
+        "files": len(FILES),
+        "files above 400 lines": sum(lines(file) > 400 for file in FILES),
+        "folders above 20 files": sum(len(list(each.glob("*.py"))) > 20 for each in folders),
+        "words of guides": words(file for file in guides if file.name != "design_notes.md"),
+        "words beside evidence": words(ROOT.glob("docs/evidence/*.md")),
+    }
+
+
+@pytest.mark.parametrize("count", BUDGET)
+def test_a_count_does_not_grow(count):
+    found = counted()[count]
+    assert found <= max(REACHED[count], BUDGET[count])

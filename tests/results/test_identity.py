@@ -1,0 +1,79 @@
+"""Results that a run has not finished, or that were changed afterwards, are not read."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+from identified import finish
+
+import evopem
+from evopem.files.checksums import write_checksums
+from evopem.files.job import job
+from evopem.results.dataset import read_dataset_results
+from evopem.results.identity import check_results, incompleteness
+from evopem.results.layout import DatasetFiles
+
+
+@pytest.fixture
+def files(identified, tmp_path):
+    files = DatasetFiles(str(shutil.copytree(identified.files.folder, tmp_path / "bench")))
+    finish(files)
+    return files
+
+
+def test_whole_results_are_read(files):
+    check_results(files)
+    assert evopem.read_results(files.folder).name == "bench"
+    assert evopem.load(files.model).sampling_rate > 0
+
+
+@pytest.mark.parametrize("name", ["validation.json", "model.json", "config.yaml", "simulation.csv"])
+def test_a_changed_file_is_named_and_not_read(files, name):
+    file = Path(files.folder) / name
+    content = file.read_text()
+    file.write_text(content.replace("1", "2", 1) if name != "simulation.csv" else content[:300])
+    with pytest.raises(evopem.InputError, match=f"{name}: was changed or damaged"):
+        evopem.read_results(files.folder)
+    if name == "model.json":
+        with pytest.raises(evopem.InputError, match="was changed or damaged"):
+            evopem.load(file)
+
+
+def killed(files, *outputs):
+    """Leave what a job leaves that was killed: its record, and none of some outputs."""
+    record = Path(files.log("identification")).with_suffix(".unfinished.json")
+    with pytest.raises(KeyError), job(files.log("identification"), (), [files.summary, *outputs]):
+        for output in outputs:
+            Path(output).unlink()
+        raise KeyError
+    record.write_text(record.read_text().replace('"message": "', '"message": "killed '))
+
+
+def test_an_interrupted_run_again_leaves_nothing_that_is_read(files):
+    """A new model beside the old validation and summary."""
+    killed(files, files.report if Path(files.report).exists() else files.validation)
+    with pytest.raises(evopem.InputError, match="not whole"):
+        evopem.read_results(files.folder)
+    with pytest.raises(evopem.InputError, match="has not|unfinished|not whole"):
+        check_results(files)
+
+
+def test_results_without_checksums_were_not_finished(files):
+    shutil.rmtree(Path(files.folder) / "checksums")
+    with pytest.raises(evopem.InputError, match="has no checksum"):
+        evopem.read_results(files.folder)
+
+
+def test_a_job_that_the_present_results_do_not_have_does_not_count(files):
+    """A structure whose search had failed was taken out of the configuration."""
+    with pytest.raises(SystemExit), job(files.log("search"), (), [files.search("bj")]):
+        raise evopem.InputError("x.csv", "is too short", "record longer")
+    assert incompleteness(files).status == "failed"
+    finish(files)
+    write_checksums([files.summary], files.folder, "summary")
+    check_results(files)
+
+
+def test_jobs_of_the_same_run_may_read_before_it_ends(files, identified):
+    shutil.rmtree(Path(files.folder) / "checksums")
+    assert read_dataset_results(files, identified.results.settings).name == "bench"

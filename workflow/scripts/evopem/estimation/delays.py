@@ -1,0 +1,186 @@
+"""Delays of the inputs, from ARX models of several orders."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import chain
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evopem.blas_threads import one_blas_thread
+from evopem.estimation.pem.least_squares import chunks, triangle_of
+from evopem.signals.recording import Recording, Segment, total_samples
+
+Array = NDArray[np.float64]
+
+# Orders of the ARX models.  A disturbance at the output needs many lags in an ARX model; with few
+# of them, later lags of the input seem to explain what is missing.
+ORDERS = (1, 2, 3, 4, 6, 8, 12, 16)
+LONGEST_DELAY, SHORT_DELAY = 200, 10
+# A delay takes up to this share of the samples away from the comparison.
+LONGEST_SHARE = 8
+# Samples for each coefficient of an output.
+SAMPLES_PER_COEFFICIENT = 5
+# Rounds over the inputs; the choice hardly ever changes after the second one.
+ROUNDS = 5
+
+
+def longest_delay(segments: Sequence[Segment]) -> int:
+    """The longest delay that segments can tell, in samples."""
+    return min(LONGEST_DELAY, max(each.samples for each in segments) // LONGEST_SHARE)
+
+
+def estimate_delays(
+    recording: Recording,
+    largest: int | Sequence[int] | None = None,
+    smallest: int | Sequence[int] = 0,
+) -> tuple[int, ...]:
+    """Delay nk of each input in samples, 0 for one that acts on the same sample.
+
+    Parameters
+    ----------
+    recording : Recording
+        Each of its recordings has a constant.
+    largest, smallest : int or sequence of int
+        Delays tried, both included, of all inputs or of each; up to 200 by default, and to an
+        eighth of the samples.
+
+    Examples
+    --------
+    >>> u = np.random.default_rng(1).standard_normal((500, 2))
+    >>> y = np.zeros((500, 1))
+    >>> y[40:, 0] = u[40:, 0] + u[:-40, 1]
+    >>> y += 0.1 * np.random.default_rng(2).standard_normal((500, 1))
+    >>> estimate_delays(Recording(u, y, 1.0))
+    (0, 40)
+    """
+    count = len(recording.input_names)
+    high = longest_delay(recording.segments) if largest is None else largest
+    low = np.broadcast_to(smallest, count).tolist()
+    limits = list(zip(low, np.broadcast_to(high, count).tolist(), strict=True))
+    found = delays_by_criterion(recording.segments, limits)
+    return tuple(delay for delay, _ in found)
+
+
+def delays_by_criterion(
+    segments: Sequence[Segment], limits: Sequence[tuple[int, int]]
+) -> list[tuple[int, Array]]:
+    """Delay of each input by the BIC of ARX models, the other inputs at their own delays.
+
+    The models of a delay have orders na = nb of :data:`ORDERS`; the lowest BIC among them counts.
+    The best of many delays of an input that explains nothing lowers the criterion by up to twice
+    the logarithm of their number, so that much is added to all but short delays.  Too few samples
+    for models of order 1 give the smallest delays, whose criterion is NaN.
+
+    Parameters
+    ----------
+    segments : sequence of Segment
+    limits : sequence of (smallest, largest)
+        Delays tried of each input, in samples.
+
+    Returns
+    -------
+    list of (int, (M,) array)
+        Delay of each input, and the lowest BIC of a sample at each of its M delays.
+    """
+    lags = max((high for _, high in limits), default=0) + max(ORDERS)
+    # As many rows as lags are left, whatever delays are asked for.
+    lags = max(min(lags, max(each.samples for each in segments) // 2), 1)
+    delays = [low for low, _ in limits]
+    criteria = [np.zeros(1) for _ in limits]
+    with one_blas_thread():
+        problem = _Regression(segments, lags)
+        if problem.count < SAMPLES_PER_COEFFICIENT * problem.fewest:
+            return [(low, np.full(1, np.nan)) for low in delays]
+        for _ in range(ROUNDS):
+            before = list(delays)
+            for j, (low, high) in enumerate(limits):
+                last = max(min(high, lags - 1), low)
+                criteria[j] = problem.criteria(j, delays, low, last)
+                beyond = np.arange(low, last + 1) > SHORT_DELAY
+                chance = 2.0 * np.log(last - low + 1) / problem.count
+                delays[j] = low + int(np.argmin(criteria[j] + chance * beyond))
+            if delays == before or len(limits) == 1:
+                break
+    return list(zip(delays, criteria, strict=True))
+
+
+class _Regression:
+    """All columns of the ARX models, reduced to a triangle.
+
+    Attributes
+    ----------
+    triangle : (P, P) array
+        R of past outputs by lag, lags of each input, constants of the recordings, and outputs.
+    count : int
+        Number of rows.
+    fewest : int
+        Coefficients of each output in a model of order 1.
+    """
+
+    def __init__(self, segments: Sequence[Segment], lags: int) -> None:
+        self.lags = lags
+        self.m, self.outputs = segments[0].inputs.shape[1], segments[0].outputs.shape[1]
+        affordable = total_samples(segments) // SAMPLES_PER_COEFFICIENT
+        self.orders = [
+            n for n in ORDERS if n <= lags and n * (self.outputs + self.m) <= affordable
+        ] or [1]
+        recordings = sorted({each.recording for each in segments})
+        self.count = sum(max(each.samples - lags, 0) for each in segments)
+        self.triangle = triangle_of(
+            self._rows(each, recordings, first, stop)
+            for each in segments
+            for first, stop in chunks(lags, each.samples)
+        )
+        self.constants = len(recordings)
+        self.fewest = self.outputs + self.m + self.constants
+
+    def _rows(self, segment: Segment, recordings: Sequence[int], first: int, stop: int) -> Array:
+        """The rows of samples ``first`` to before ``stop``."""
+        u, y = segment.inputs, segment.outputs
+        past = (y[first - k : stop - k] for k in range(1, self.orders[-1] + 1))
+        lagged = (u[first - k : stop - k, [j]] for j in range(self.m) for k in range(self.lags + 1))
+        constants = np.tile([float(segment.recording == r) for r in recordings], (stop - first, 1))
+        return np.column_stack([*past, *lagged, constants, y[first:stop]])
+
+    def _columns(self, j: int, delay: int, count: int) -> range:
+        """Columns of ``count`` lags of an input from a delay on, as far as there are any."""
+        first = self.outputs * self.orders[-1] + j * (self.lags + 1)
+        return range(first + delay, min(first + delay + count, first + self.lags + 1))
+
+    def criteria(self, j: int, delays: Sequence[int], low: int, high: int) -> Array:
+        """Lowest BIC of a sample over the orders, for each delay of an input."""
+        stop = self.triangle.shape[1] - self.outputs
+        targets = self.triangle[:, stop:]
+        tiny = np.finfo(float).tiny
+        floor = 1e-14 * np.diag(np.mean(targets**2, axis=0) + tiny)
+        penalty = np.log(self.count) / self.count * self.outputs
+        found = []
+        for n in self.orders:
+            others = (self._columns(i, delays[i], n) for i in range(self.m) if i != j)
+            own = range(stop - self.constants, stop)
+            base = self.triangle[:, [*own, *range(n * self.outputs), *chain(*others)]]
+            lagged = self.triangle[:, [*self._columns(j, 0, self.lags + 1)]]
+            basis = np.linalg.qr(base)[0]
+            whole = np.column_stack([lagged, targets])
+            left = triangle_of([whole - basis @ (basis.T @ whole)])
+            u, y = left[:, : self.lags + 1], left[:, self.lags + 1 :]
+            terms = penalty * base.shape[1]
+            found.append(
+                [
+                    self._log_determinant(_residuals(u[:, delay : delay + n], y), floor)
+                    + terms
+                    + penalty * min(n, self.lags + 1 - delay)
+                    for delay in range(low, high + 1)
+                ]
+            )
+        return np.asarray(np.min(found, axis=0))
+
+    def _log_determinant(self, errors: Array, floor: Array) -> float:
+        return float(np.linalg.slogdet(errors.T @ errors / self.count + floor)[1])
+
+
+def _residuals(regressors: Array, targets: Array) -> Array:
+    solution = np.linalg.lstsq(regressors, targets, rcond=None)[0]
+    return np.asarray(targets - regressors @ solution)

@@ -1,0 +1,323 @@
+"""Estimates of one state-space problem: next to a model, of ascending orders, in full."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from typing import TypedDict
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evopem.blas_threads import one_blas_thread
+from evopem.estimation.criteria import lies_at_bound
+from evopem.estimation.polynomial_estimate import ConstraintEffect
+from evopem.estimation.search.problem import SearchDiagnostics, SearchResult
+from evopem.estimation.state_space.errors import StateSpaceErrors
+from evopem.estimation.state_space.point_model import PointModel, model_of
+from evopem.estimation.state_space.problem import (
+    POLISH_STEPS,
+    POLISH_TOLERANCE,
+    STEPS,
+    TOLERANCE,
+    StateSpaceProblem,
+)
+from evopem.estimation.state_space.scaled_recording import scaled_recording
+from evopem.estimation.state_space.search import FINAL_WIDTH, problem_for, swept
+from evopem.estimation.state_space.sections import largest_radius
+from evopem.estimation.state_space.settings import (
+    PLAIN_STRUCTURES,
+    Objective,
+    StateSpaceSettings,
+)
+from evopem.estimation.state_space.starting_points import from_matrices
+from evopem.estimation.vector_autoregression import autoregression_of, limited, log_loss
+from evopem.models.state_space import PlainStructure, StateSpaceModel
+from evopem.signals.recording import Recording
+
+Array = NDArray[np.float64]
+Log = Callable[[str], None]
+
+
+class Criteria(TypedDict):
+    """What follows from the one-step errors; see :class:`StateSpaceEstimate`."""
+
+    fit_percent: Array
+    bic: float
+    coloured_bic: float
+    residuals: tuple[Array, ...]
+    at_stability_bound: bool
+
+
+@dataclass(frozen=True, eq=False)
+class StateSpaceEstimate:
+    """An estimated model, its criteria, and the search that reached it.
+
+    Attributes
+    ----------
+    model : StateSpaceModel
+        With the covariance of its entries.
+    order : int
+        That was asked for: of structure ``ss_bj`` the states of the plant alone.
+    objective : float
+        Percent of the power of the outputs, y less its mean where a level is estimated: geometric
+        mean over principal directions (``determinant``) or outputs (``noise``), arithmetic mean
+        (``power``).  Of the absolute objective percent of the mean absolute outputs: geometric
+        mean over outputs, or for ``power`` their sum.
+    fit_percent : (l,) array
+        ``100 (1 - ||e|| / ||y - mean(y)||)`` of each output.
+    bic : float
+        ``ln det(cov e) + p ln(N) / N`` with p independent parameters; outputs in their units.  Of
+        the absolute objective twice the sum of the logarithms of mean absolute errors takes the
+        place of the determinant.
+    coloured_bic : float
+        The same of the innovations of a vector autoregression of the errors, whose coefficients
+        are counted as parameters: it compares models with and without a noise model.
+    residuals : tuple of (N, l) arrays
+        One for each segment; NaN at first samples whose delayed inputs are not known.
+    initial_states : (segments, n) array
+        State of the model at the first residual of each segment.
+    segment_levels : (segments, l) array
+        Level of each segment; the model has their mean, weighed by samples.
+    at_stability_bound : bool
+        Whether an eigenvalue of A or of ``A - K C`` lies at the largest radius allowed.
+    search : SearchResult
+    focus : {"prediction", "simulation"} or int
+        Errors that are small: of one step, of simulation, or of so many steps.
+    focus_objective : float, optional
+        As ``objective``, of the errors in focus, where these are not those of one step.
+    constraints : ConstraintEffect, optional
+        What the constraints took; None without any.
+    """
+
+    model: StateSpaceModel
+    order: int
+    objective: float
+    fit_percent: Array
+    bic: float
+    coloured_bic: float
+    residuals: tuple[Array, ...] = field(repr=False)
+    initial_states: Array = field(repr=False)
+    segment_levels: Array = field(repr=False)
+    at_stability_bound: bool
+    search: SearchResult = field(repr=False)
+    focus: str | int = "prediction"
+    focus_objective: float | None = None
+    constraints: ConstraintEffect | None = None
+
+    @property
+    def plant_states(self) -> int:
+        """Number of states: a noise model beside the plant is no part of an estimate."""
+        return self.model.order
+
+
+def state_space_errors(
+    recording: Recording,
+    order: int,
+    structure: PlainStructure = "ss",
+    delays: int | Sequence[int] = 1,
+    level: bool = True,
+    settings: StateSpaceSettings | None = None,
+) -> StateSpaceErrors:
+    """The prediction-error problem of an order and a form.
+
+    Parameters
+    ----------
+    recording, order, structure, delays, level, settings
+        As of :func:`.estimate_state_space`.
+
+    Raises
+    ------
+    ValueError
+        When the recording is too short for the order, or its signals cannot be used.
+    """
+    settings = settings or StateSpaceSettings()
+    data = scaled_recording(recording, delays, level, settings.drift_period)
+    if structure not in PLAIN_STRUCTURES:
+        raise ValueError(f"structure must be one of {PLAIN_STRUCTURES}, not {structure!r}")
+    if order < 1:
+        raise ValueError(f"order must be at least 1, not {order}")
+    if structure == "ss_oe" and not recording.has_input:
+        raise ValueError("an output-error model needs an input; without one, use innovations form")
+    errors = StateSpaceErrors(data, order, structure, settings.weighting, settings.max_root_radius)
+    needed = errors.parameters + order * data.segments
+    available = data.outputs.size
+    if available <= needed or data.samples <= 2 * (order + data.inputs.shape[1]) + 2:
+        raise ValueError(
+            f"order {order} needs more than {needed} output values for its parameters and initial "
+            f"states; the recording has {available}"
+        )
+    return errors
+
+
+def plain_estimates(
+    recording: Recording,
+    orders: Sequence[int],
+    structure: PlainStructure,
+    settings: StateSpaceSettings,
+    delays: int | Sequence[int] = 1,
+    level: bool = True,
+    width: int = FINAL_WIDTH,
+    steps: int = STEPS,
+    log: Log | None = None,
+) -> Iterator[StateSpaceEstimate]:
+    """Estimates of several orders of a plain structure; see :func:`.estimates_of_orders`."""
+    with one_blas_thread():
+        span = span_of(orders)
+        errors = state_space_errors(recording, span[-1], structure, delays, level, settings)
+        for problem, result in swept(errors, span, settings, width, log, steps=steps):
+            yield described(problem, result)
+
+
+def span_of(orders: Sequence[int]) -> range:
+    """Orders as a range."""
+    steps = {int(step) for step in np.diff(orders)} or {1}
+    if len(steps) > 1 or not steps <= {1, 2}:
+        raise ValueError(f"orders must ascend in steps of one or of two, not {tuple(orders)}")
+    return range(min(orders), max(orders) + 1, steps.pop())
+
+
+def descend_from(
+    model: StateSpaceModel,
+    recording: Recording,
+    *,
+    delays: int | Sequence[int] = 1,
+    settings: StateSpaceSettings | None = None,
+) -> StateSpaceEstimate:
+    """The optimum of a model's form that a descent from it ends at.
+
+    Parameters
+    ----------
+    model : StateSpaceModel
+        In the units of the recording, with the same delays.
+    recording, delays, settings
+        As of :func:`.estimate_state_space`; a level is estimated.
+
+    Raises
+    ------
+    ValueError
+        When the recording is too short, or the descent ends at no stable model.
+    """
+    settings = settings or StateSpaceSettings()
+    with one_blas_thread():
+        return described(
+            *_descended_from(model, recording, delays, settings, POLISH_STEPS, POLISH_TOLERANCE)
+        )
+
+
+def refitted(
+    model: StateSpaceModel,
+    recording: Recording,
+    *,
+    delays: int | Sequence[int] = 1,
+    settings: StateSpaceSettings | None = None,
+    steps: int = STEPS,
+) -> StateSpaceModel:
+    """The same optimum of another recording: as :func:`descend_from`, the model alone.
+
+    Parameters
+    ----------
+    model, recording, delays, settings
+        As there.
+    steps : int
+        As of :func:`.estimates_of_orders`.
+
+    Raises
+    ------
+    ValueError
+        As there.
+    """
+    settings = settings or StateSpaceSettings()
+    with one_blas_thread():
+        problem, result = _descended_from(model, recording, delays, settings, steps, TOLERANCE)
+        return model_of(problem.errors, problem.projection(result.point))
+
+
+def _descended_from(
+    model: StateSpaceModel,
+    recording: Recording,
+    delays: int | Sequence[int],
+    settings: StateSpaceSettings,
+    steps: int,
+    tolerance: float,
+) -> tuple[StateSpaceProblem, SearchResult]:
+    errors = state_space_errors(recording, model.order, model.structure, delays, settings=settings)
+    problem = problem_for(errors, settings)
+    start = problem.completed(point_of_model(model, errors))
+    descent = problem.descents(start[None, :], steps, tolerance)
+    value = float(descent.values[0])
+    if not np.isfinite(value):
+        raise ValueError("the descent found no stable model")
+    diagnostics = SearchDiagnostics.of_descents(value, descent.evaluations, 1)
+    return problem, SearchResult(descent.points[0], value, diagnostics)
+
+
+def point_of_model(model: StateSpaceModel, errors: StateSpaceErrors) -> Array:
+    """The point of a problem that a model of its order, structure and delays is."""
+    drives = (model.B - model.K @ model.D) * errors.data.input_scales
+    if errors.innovations:
+        drives = np.column_stack([drives, model.K * errors.data.output_scales])
+    return from_matrices(errors, model.predictor, drives)
+
+
+def described(problem: StateSpaceProblem, result: SearchResult) -> StateSpaceEstimate:
+    """The model at a search's best point, with criteria, residuals and covariance."""
+    errors, projection = problem.errors, problem.projection(result.point)
+    point_model = PointModel(errors, projection)
+    model = replace(point_model.model(), covariance=problem.covariance(projection))
+    coordinates = problem.coordinates(result.point)
+    radius = max(largest_radius(errors.layout, coordinates), float(np.abs(model.poles()).max()))
+    return StateSpaceEstimate(
+        model=model,
+        order=model.order,
+        objective=result.value,
+        initial_states=point_model.initial_states(),
+        segment_levels=point_model.levels(),
+        search=result,
+        **criteria_of(
+            errors, projection.errors, model, errors.parameters, problem.objective, radius
+        ),
+    )
+
+
+def criteria_of(
+    errors: StateSpaceErrors,
+    one_step: Array,
+    model: StateSpaceModel,
+    parameters: int,
+    objective: Objective,
+    radius: float | None = None,
+) -> Criteria:
+    """What an estimate says of the one-step errors of its model.
+
+    Parameters
+    ----------
+    errors : StateSpaceErrors
+    one_step : (N, l) array
+        In the units of the scaled recording.
+    model : StateSpaceModel
+    parameters : int
+        Independent ones.
+    objective : {"quadratic", "absolute"}
+    radius : float, optional
+        Largest radius of its roots, where it is known.
+    """
+    data = errors.data
+    y, e = data.outputs * data.output_scales, one_step * data.output_scales
+    spread = np.linalg.norm(y - y.mean(axis=0), axis=0)
+    fit = 100.0 * (1.0 - np.linalg.norm(e, axis=0) / np.where(spread > 0.0, spread, np.nan))
+    penalty = parameters * np.log(data.samples) / data.samples
+    whitened = autoregression_of(limited(e) if objective == "absolute" else e, data.bounds)
+    unknown = np.full((max(data.shifts, default=0), e.shape[1]), np.nan)
+    if radius is None:
+        radius = float(np.abs(np.concatenate([model.poles(), model.predictor_poles()])).max())
+    return {
+        "fit_percent": fit,
+        "bic": log_loss(e, objective) + float(penalty),
+        "coloured_bic": float(whitened.bic + penalty),
+        "residuals": tuple(
+            np.vstack([unknown, e[first:stop]]) for first, stop in pairwise(data.bounds)
+        ),
+        "at_stability_bound": lies_at_bound(radius, errors.radius),
+    }

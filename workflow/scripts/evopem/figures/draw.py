@@ -1,0 +1,313 @@
+"""Charts drawn by matplotlib, for files, papers and readers without a script."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+
+from evopem.figures.chart import Chart, Curve, Panel, rows_of
+from evopem.figures.style import (
+    COLOURS,
+    ERROR,
+    INK,
+    LABEL_BOX,
+    MUTED,
+    PAPER,
+    WIDTH,
+    Grid,
+    decimate,
+    extremes,
+    figure_of,
+    logarithmic,
+    power_of_ten,
+    say_nothing_to_draw,
+    stems,
+    styled,
+)
+from evopem.models.uncertain_roots import ellipse_outline
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+DASHED = (0, (4, 2))
+DOTTED = (0, (1.2, 1.6))
+# Half the side of the frame around the unit circle.
+FRAME = 1.3
+NORMAL_95 = 1.96
+# Points of all curves of a figure, about; extremes are kept.
+POINTS = 6_000
+FEWEST_BINS, MOST_BINS = 30, 1000
+NARROW = 2.4  # inches of a panel in a row of many
+PIXELS = 72.0  # of a page, on an inch of paper
+
+
+def grid_of(chart: Chart) -> Grid:
+    """The panels of a chart on paper."""
+    rows = _rows(chart)
+    heights = [max(panel.height for panel in row) for row in rows]
+    return Grid(
+        height=max(sum(heights) / PIXELS, 1.8),
+        width=max(WIDTH, NARROW * chart.columns),
+        rows=len(rows),
+        columns=chart.columns,
+        height_ratios=tuple(map(float, heights)),
+    )
+
+
+def _rows(chart: Chart) -> list[tuple[Panel, ...]]:
+    return [
+        chart.panels[first : first + chart.columns]
+        for first in range(0, len(chart.panels), chart.columns)
+    ]
+
+
+@styled
+def draw(chart: Chart, axes: Axes | Sequence[Axes] | None = None) -> Figure:
+    """Draw a chart.
+
+    Parameters
+    ----------
+    chart : Chart
+    axes : one or several matplotlib.axes.Axes, optional
+        One for each panel; on a new figure by default.
+    """
+    places = grid_of(chart).panels(axes)
+    if chart.nothing:
+        say_nothing_to_draw(places[0], chart.nothing)
+    curves = sum(len(panel.curves) for panel in chart.panels)
+    bins = min(max(POINTS // (4 * max(curves, 1)), FEWEST_BINS), MOST_BINS)
+    before: list[str] = []
+    for number, (panel, place) in enumerate(zip(chart.panels, places, strict=False)):
+        if chart.nothing:
+            break
+        below = number + chart.columns
+        last = below >= len(chart.panels) or chart.panels[below].x_label != panel.x_label
+        beside = number % chart.columns and chart.panels[number - 1].y_label == panel.y_label
+        labels = [curve.label for curve in panel.curves]
+        keyed = labels != before or not beside
+        _draw_panel(place, panel, chart.table, bins, keyed, crowded=chart.columns > 1)
+        before = labels if len(chart.panels) > 1 and chart.columns > 1 else []
+        place.set_xlabel(panel.x_label if last else "")
+        place.set_ylabel("" if beside else folded(panel.y_label))
+        # A label of what lies below another panel of the same abscissa says nothing new.
+        place.tick_params(labelbottom=last or panel.linked == "")
+    for place in places[len(chart.panels) :]:
+        place.set_axis_off()
+    return figure_of(places[0])
+
+
+def folded(label: str, width: int = 26) -> str:
+    """Break a long label into lines."""
+    return "\n".join(textwrap.wrap(label, width, break_on_hyphens=False)[:3]) or label
+
+
+def _draw_panel(
+    axes: Axes, panel: Panel, table: pd.DataFrame, bins: int, keyed: bool, crowded: bool
+) -> None:
+    axes.set_title(panel.title)
+    for mark in panel.marks:
+        axes.axvline(
+            *(mark.value,), color=COLOURS[mark.colour], linewidth=0.9, linestyle=DOTTED, zorder=1
+        ).set_label(mark.label or "_")
+    for level in panel.levels:
+        line = axes.axhline(level.value, color=COLOURS[level.colour], linewidth=1.0, zorder=1)
+        line.set_linestyle(DASHED)
+        line.set_label(level.label or "_")
+    if panel.plane:
+        _plane(axes, panel)
+    for curve in panel.curves:
+        if not curve.source:
+            _draw_curve(axes, panel, curve, rows_of(table, curve.where), bins)
+    _scales(axes, panel)
+    if keyed and any(axes.get_legend_handles_labels()[1]):
+        _legend(axes, panel, crowded and bool(panel.title))
+
+
+def _draw_curve(axes: Axes, panel: Panel, curve: Curve, rows: pd.DataFrame, bins: int) -> None:
+    colour, label = COLOURS[curve.colour], curve.label or "_"
+    rows = rows[rows[curve.column].notna()]
+    x, y = rows[panel.x].to_numpy(dtype=float), curve.factor * rows[curve.column].to_numpy(float)
+    if panel.shown:
+        kept = x <= panel.shown
+        rows, x, y = rows[kept], x[kept], y[kept]
+    if panel.scale == "logarithmic":
+        y = np.where(y > 0, y, np.nan)
+    if curve.band and rows[curve.band[0]].notna().any():
+        _band(axes, panel, curve, rows, bins)
+    if curve.ellipse:
+        for row in rows[[panel.x, curve.column, *curve.ellipse]].to_numpy(dtype=float):
+            if np.isfinite(row).all():
+                axes.fill(*ellipse_outline(*row), facecolor=colour, alpha=0.3, edgecolor=colour)
+    if curve.kind == "stems":
+        _stems(axes, curve, rows, x, y)
+    elif curve.kind == "points" and panel.scale == "phase":
+        axes.plot(*unwrapped_gaps(x, y), color=colour, linewidth=1.0, label=label)
+    elif curve.kind == "points":
+        _points(axes, curve, rows, x, y)
+    elif curve.kind == "steps":
+        axes.step(x, y, where="post", color=colour, linewidth=1.4, marker="o", label=label)
+    else:
+        if not curve.marker and panel.plane != "complex":
+            x, y = decimate(x, y, bins)
+        axes.plot(
+            *(x, y),
+            color=colour,
+            linestyle=DASHED if curve.dashed else "-",
+            linewidth=0.8 if curve.colour == "muted" else 1.2,
+            marker=curve.marker or None,
+            markersize=3.5,
+            label=label,
+        )
+
+
+def _band(axes: Axes, panel: Panel, curve: Curve, rows: pd.DataFrame, bins: int) -> None:
+    lower, upper = (curve.factor * rows[name].to_numpy(dtype=float) for name in curve.band)
+    kept = np.unique(np.concatenate([extremes(each, bins) for each in (lower, upper)]))
+    x = rows[panel.x].to_numpy(dtype=float)[kept]
+    if panel.scale == "logarithmic":
+        positive = rows[curve.column][rows[curve.column] > 0]
+        lower = np.maximum(lower, 1e-3 * float(positive.min()) if len(positive) else 0.0)
+    axes.fill_between(
+        *(x, lower[kept], upper[kept]), color=COLOURS[curve.colour], alpha=0.25, linewidth=0
+    )
+
+
+def _stems(axes: Axes, curve: Curve, rows: pd.DataFrame, x: np.ndarray, y: np.ndarray) -> None:
+    """Lines from zero; those beyond their bounds in the colour of errors."""
+    width = max(0.35, min(1.4, 300.0 / max(len(x), 1)))
+    outside = np.zeros(len(x), dtype=bool)
+    if curve.bounds:
+        outside = np.abs(y) > rows[curve.bounds].to_numpy(dtype=float)
+    axes.plot(*stems(x[~outside], y[~outside]), color=INK, linewidth=width, label="inside")
+    axes.plot(*stems(x[outside], y[outside]), color=ERROR, linewidth=width, label="outside")
+    axes.plot(x[outside], y[outside], ".", color=ERROR, markersize=3)
+
+
+def _points(axes: Axes, curve: Curve, rows: pd.DataFrame, x: np.ndarray, y: np.ndarray) -> None:
+    colour, open_ = COLOURS[curve.colour], curve.marker.startswith("open")
+    marker = curve.marker.removeprefix("open") or "o"
+    if curve.errors:
+        along, across = (
+            np.where(np.isfinite(each), NORMAL_95 * each, 0.0)
+            for each in (rows[name].to_numpy(dtype=float) for name in curve.errors)
+        )
+        # A logarithmic axis ends above zero.
+        low = np.minimum(across, 0.9 * np.abs(y))
+        axes.errorbar(
+            *(x, y, np.vstack([low, across]), along),
+            fmt="none",
+            ecolor=colour,
+            elinewidth=0.9,
+            capsize=2.0,
+        )
+    axes.plot(
+        *(x, y, marker),
+        color=colour,
+        markerfacecolor="none" if open_ else colour,
+        markersize={".": 2.5, "s": 8.0 if open_ else 4.5}.get(marker, 5.0),
+        label=curve.label or "_",
+    )
+    if curve.names:
+        for name, across_, up in zip(rows[curve.names], x, y, strict=True):
+            if isinstance(name, str) and name:
+                _name(axes, name, float(across_), float(up))
+
+
+def _name(axes: Axes, name: str, x: float, y: float) -> None:
+    axes.annotate(
+        *(name, (x, y)),
+        xytext=(0, 7),
+        textcoords="offset points",
+        ha="center",
+        fontsize=8,
+        color=INK,
+        bbox=LABEL_BOX,
+    )
+
+
+def _plane(axes: Axes, panel: Panel) -> None:
+    """One scale for both axes; the unit circle with its frequencies."""
+    axes.set_aspect("equal")
+    for line in (axes.axhline, axes.axvline):
+        line(0, color=MUTED, linewidth=0.5)
+    if panel.plane != "z":
+        return
+    angle = np.linspace(0, 2 * math.pi, 361)
+    axes.plot(np.cos(angle), np.sin(angle), color=INK, linewidth=0.8)
+    for fraction in (0.1, 0.2, 0.3, 0.4, 0.5):
+        across, up = math.cos(2 * math.pi * fraction), math.sin(2 * math.pi * fraction)
+        axes.plot([across, 1.04 * across], [up, 1.04 * up], color=INK, linewidth=0.8)
+        axes.text(
+            1.15 * across,
+            1.15 * up + (0.08 if fraction == 0.5 else 0.0),  # above the real axis
+            f"{fraction * panel.rate:.4g}" + (" Hz" if fraction == 0.1 else ""),
+            ha="center",
+            va="center",
+            fontsize=7.5,
+            color=MUTED,
+        )
+    axes.grid(False)
+
+
+def _scales(axes: Axes, panel: Panel) -> None:
+    from matplotlib.ticker import MaxNLocator, NullLocator
+
+    if panel.plane:
+        reach = panel.limits or (-FRAME, FRAME)
+        axes.set_xlim(*reach)
+        axes.set_ylim(*reach)
+        return
+    axes.margins(x=0.01, y=0.08)
+    if panel.scale == "phase":
+        axes.set_ylim(-190, 190)
+        axes.set_yticks([-180, -90, 0, 90, 180])
+    elif panel.limits:
+        axes.set_ylim(*panel.limits)
+    if panel.scale == "logarithmic":
+        logarithmic(axes)
+    elif 0 < max(map(abs, axes.get_ylim())) < 1e-3:
+        axes.yaxis.set_major_formatter(power_of_ten)
+    if panel.counted:
+        axes.yaxis.set_major_locator(MaxNLocator(nbins=10, integer=True))
+    if panel.decades:
+        ticks = np.unique(np.concatenate([line.get_xdata() for line in axes.get_lines()[-1:]]))
+        axes.set_xscale("log")
+        axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+        axes.xaxis.set_minor_locator(NullLocator())
+    elif panel.whole:
+        axes.xaxis.set_major_locator(MaxNLocator(nbins=8, integer=True))
+    if panel.highest:
+        axes.set_xlim(0, panel.highest)
+
+
+def _legend(axes: Axes, panel: Panel, inside: bool) -> None:
+    """Above the panel, where it hides no data, in as many columns as the labels leave room for."""
+    labels = axes.get_legend_handles_labels()[1]
+    if len(labels) < 2 and not panel.title and not panel.curves[0].band and not panel.marks:
+        return
+    if inside:
+        axes.legend(loc="best", fontsize=7.5)
+        return
+    columns = max(1, min(4, 90 // max(map(len, labels), default=1)))
+    if panel.title:
+        columns = min(columns, 3)
+    legend = axes.legend(
+        loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=columns, borderaxespad=0.1
+    )
+    legend.get_frame().set_facecolor(PAPER)
+
+
+def unwrapped_gaps(x: np.ndarray, degrees: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Wrap a phase to ±180° and break its line where it jumps from one end to the other."""
+    x = np.asarray(x, dtype=float)
+    wrapped = (np.asarray(degrees, dtype=float) + 180.0) % 360.0 - 180.0
+    jumps = np.flatnonzero(np.abs(np.diff(wrapped)) > 180.0) + 1
+    return np.insert(x, jumps, x[jumps - 1] if jumps.size else []), np.insert(
+        wrapped, jumps, np.nan
+    )

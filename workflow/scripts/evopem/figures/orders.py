@@ -1,0 +1,269 @@
+"""Figures of the order search: criteria, scores, poles over the orders, and the search itself."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from evopem.config.structures import (
+    AUTOMATIC_PHASES,
+    ORDER_NAMES,
+    STRUCTURES,
+    phases_of,
+    plant_order,
+    varied_order,
+)
+from evopem.figures.chart import Chart, Curve, Mark, Panel, family, nothing, spans_decades
+from evopem.figures.frequency_domain import true_modes
+from evopem.figures.report_figure import ReportFigure
+from evopem.figures.view import View, stabilization_table
+
+CRITERIA = (("rss", "RSS (%)"), ("bic", "BIC"))
+ORDERS = list(ORDER_NAMES)
+TITLES = {
+    "nc": "Order of C: nc = k",
+    "nd": "Order of D: nd = k",
+    "na": "Order of A: na = k",
+    "nb": "Coefficients of B: nb = k",
+}
+# Status of a pole, label, role of the colour, marker.
+STATUSES = (
+    ("new", "new", "muted", "openo"),
+    ("frequency", "stable in frequency", "fourth", "openD"),
+    ("stable", "stable in frequency and damping", "model", "o"),
+)
+# Smallest height of the plot of a search, as a share of the objective.
+SMALLEST_SPAN = 0.01
+
+
+def tied_text(structure: str) -> str:
+    """The orders that equal the plant order k, such as "na = nb = nc = k".
+
+    Examples
+    --------
+    >>> tied_text("armax"), tied_text("bj")
+    ('na = nb = nc = k', 'nb = nf = k')
+    """
+    plant = ("nb", "nf") if "nf" in STRUCTURES[structure] else ("na", "nb")
+    noise = {"arma": ("nc",), "armax": ("nc",)}.get(structure, ())
+    tied = [name for name in (*plant, *noise) if name in STRUCTURES[structure]]
+    return " = ".join([*tied, "k"])
+
+
+def delay(view: View) -> Chart:
+    """RSS and BIC against the order, one line for each delay."""
+    if view.candidates is None or not (view.candidates["phase"] == "delay").any():
+        return nothing("There are no candidates of the delay search.")
+    order = plant_order(view.structure)
+    table = view.candidates[view.candidates["phase"] == "delay"].sort_values(["nk", order])
+    selected = set(table["nk"][table["selected"]])
+    delays = [int(each) for each in table["nk"].unique()]
+    labels = [f"nk = {nk}" + (" (selected)" if nk in selected else "") for nk in delays]
+    panels = tuple(
+        Panel(
+            *("", order, f"Order k, {tied_text(view.structure)}", label),
+            tuple(
+                Curve(
+                    *(name, column, colour), where=(("nk", str(nk)),), marker=marker, dashed=dashed
+                )
+                for nk, (name, colour, marker, dashed) in zip(delays, family(labels), strict=True)
+            ),
+            scale="logarithmic" if spans_decades(table[column]) else "linear",
+            whole=True,
+        )
+        for column, label in CRITERIA
+    )
+    return Chart(table[[*ORDERS, "rss", "bic", "selected"]], panels, columns=2)
+
+
+def phases(view: View) -> Chart:
+    """What the orders were selected by: scores or criteria, the selection marked."""
+    if view.candidates is None:
+        return _scores(view)
+    table = view.candidates[view.candidates["phase"] != "delay"]
+    if (table["phase"] == AUTOMATIC_PHASES[0]).any():
+        return _structures(table)
+    names = [phase for phase in phases_of(view.structure) if phase != "delay"]
+    ordered = [
+        table[table["phase"] == phase].sort_values(varied_order(phase, view.structure))
+        for phase in names
+    ]
+    panels = tuple(
+        Panel(
+            TITLES.get(phase, f"Plant order: {tied_text(view.structure)}")
+            if column == "rss"
+            else "",
+            *(varied_order(phase, view.structure), "k", label),
+            (
+                Curve("", column, "model", where=(("phase", phase),), marker="o"),
+                _selected(column, ("phase", phase)),
+            ),
+            scale="logarithmic" if spans_decades(rows[column]) else "linear",
+            height=180,
+            whole=True,
+        )
+        for column, label in CRITERIA
+        for phase, rows in zip(names, ordered, strict=True)
+    )
+    together = pd.concat(ordered)[["phase", *ORDERS, "rss", "bic", "selected"]]
+    return Chart(together, panels, columns=len(names))
+
+
+def _selected(column: str, *where: tuple[str, str]) -> Curve:
+    own = (*where, ("selected", "True"))
+    return Curve("selected", column, "error", "points", where=own, marker="o")
+
+
+def _structures(table: pd.DataFrame) -> Chart:
+    """Criteria over the number of coefficients; a line joins the best models of a structure."""
+    tried = table[table["phase"] == AUTOMATIC_PHASES[0]]
+    names = [name for name in ORDERS if name != "nk"]
+    counted = tried.assign(
+        coefficients=tried[names].sum(axis=1), structure=tried["model"].str.split("(").str[0]
+    ).sort_values(["structure", "coefficients"])
+    groups = counted.groupby(["structure", "coefficients"])
+    for column, _ in CRITERIA:
+        best = counted[column] == groups[column].transform("min")
+        counted[f"lowest_{column}"] = counted[column].where(best)
+    structures = list(dict.fromkeys(tried["model"].str.split("(").str[0]))
+    panels = tuple(
+        Panel(
+            *("", "coefficients", "Coefficients", label),
+            (
+                *(
+                    Curve(
+                        *(name, f"lowest_{column}", colour),
+                        where=(("structure", name),),
+                        marker=marker,
+                        dashed=dashed,
+                    )
+                    for name, colour, marker, dashed in family(structures)
+                ),
+                _selected(column),
+            ),
+            scale="logarithmic" if spans_decades(counted[column]) else "linear",
+            height=260,
+            whole=True,
+        )
+        for column, label in CRITERIA
+    )
+    shown = ["structure", "coefficients", *ORDERS, "rss", "bic", "lowest_rss", "lowest_bic"]
+    return Chart(counted[["phase", *shown, "selected"]], panels, columns=2)
+
+
+def _scores(view: View) -> Chart:
+    """Errors on held-out samples over the order, one line for each structure."""
+    table = view.scores
+    if table.empty:
+        return nothing("No orders were compared.")
+    structures = list(dict.fromkeys(table["structure"]))
+    errors = table["error_percent"]
+    curves = tuple(
+        Curve(
+            *(name, "error_percent", colour),
+            where=(("structure", name),),
+            marker=marker,
+            dashed=dashed,
+        )
+        for name, colour, marker, dashed in family(structures)
+    )
+    highest = float(min(errors.max(), 4.0 * errors.min()))
+    panel = Panel(
+        *("", "order", "Order", "Error on held-out samples (%)"),
+        (*curves, _selected("error_percent")),
+        limits=(0.0, 1.05 * highest) if np.isfinite(highest) and highest > 0 else (),
+        height=280,
+        whole=True,
+    )
+    return Chart(table, (panel,))
+
+
+def convergence(view: View) -> Chart:
+    """Lowest objective after each generation and each final descent."""
+    if not view.convergence:
+        return nothing("The history of the search is empty.")
+    table = pd.DataFrame(view.convergence, columns=["evaluations", "lowest_objective"])
+    table["last"] = ""
+    table.loc[table.index[-1], "last"] = f"{table['lowest_objective'].iloc[-1]:.6g}"
+    best = table["lowest_objective"]
+    limits: tuple[float, ...] = ()
+    if np.ptp(best) < SMALLEST_SPAN * abs(best.iloc[-1]):
+        # Differences in the last digits alone must not look like a descent.
+        middle, half = float(best.mean()), SMALLEST_SPAN / 2 * abs(float(best.iloc[-1]))
+        limits = (middle - half, middle + half)
+    panel = Panel(
+        *("", "evaluations", "Objective evaluations", "Lowest objective"),
+        (
+            Curve("lowest objective", "lowest_objective", "model", "steps"),
+            Curve("", "lowest_objective", "error", "points", marker=".", names="last"),
+        ),
+        scale="logarithmic" if spans_decades(best) else "linear",
+        limits=limits,
+    )
+    return Chart(table, (panel,))
+
+
+def stabilization(view: View) -> Chart:
+    """Natural frequencies over the model order, the spectrum of the output behind."""
+    table = stabilization_table(view)
+    if table.empty:
+        return nothing("No candidate has an oscillating mode.")
+    panel = Panel(
+        *("", "frequency_hz", "Natural frequency (Hz)", f"Order {view.order_name}"),
+        (
+            *(
+                (Curve("spectrum of the output", "density", "muted", source="spectrum"),)
+                if len(view.outputs) == 1
+                else ()
+            ),
+            *(
+                Curve(
+                    *(label, "order", colour, "points"),  # type: ignore[arg-type]
+                    where=(("status", status),),
+                    marker=marker,
+                )
+                for status, label, colour, marker in STATUSES
+            ),
+        ),
+        height=280,
+        highest=view.sampling_rate / 2,
+        marks=true_modes(view),
+        levels=(Mark(float(view.selected_order), "selected", "error"),),
+        counted=True,
+        linked="frequency",
+    )
+    return Chart(table, (panel,))
+
+
+FIGURES = (
+    ReportFigure(
+        *("stabilization", "modes", "Stabilization over the orders"),
+        "The poles of every order, with the spectrum of the output.",
+        ("phases",),
+        stabilization,
+        lambda view: view.has_poles_of_orders,
+    ),
+    ReportFigure(
+        *("delay", "selection", "Delay"),
+        "RSS and BIC against the order for each delay.",
+        ("candidates.csv",),
+        delay,
+        lambda view: (
+            view.candidates is not None and bool((view.candidates["phase"] == "delay").any())
+        ),
+    ),
+    ReportFigure(
+        *("phases", "selection", "Structures and orders"),
+        "What the candidates of the order search were compared by; the selected orders are marked.",
+        ("candidates.csv",),
+        phases,
+        lambda view: view.candidates is not None or len(set(view.scores["order"])) > 1,
+    ),
+    ReportFigure(
+        *("convergence", "selection", "Search of the selected model"),
+        "Lowest objective after each generation and after each final descent.",
+        ("phases",),
+        convergence,
+        lambda view: bool(view.convergence) or view.candidates is not None,
+    ),
+)

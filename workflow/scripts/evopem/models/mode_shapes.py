@@ -1,0 +1,143 @@
+"""Shapes of modes: how straight they are, how alike two are, and how well each is known."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evopem.models.parameter_covariance import ParameterCovariance
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+
+def phase_collinearity(shape: Complex) -> float:
+    """Modal phase collinearity of a shape, 0 to 1.
+
+    ``((l1 - l2) / (l1 + l2))^2`` of the eigenvalues of the second moments of real and imaginary
+    parts (Pappa, Elliott & Schenk 1993).
+
+    Examples
+    --------
+    >>> phase_collinearity(np.array([1.0, -0.5]) * np.exp(0.3j))
+    1.0
+    """
+    xx, yy = float(shape.real @ shape.real), float(shape.imag @ shape.imag)
+    xy = float(shape.real @ shape.imag)
+    if xx + yy == 0.0:
+        return float("nan")
+    return round(((xx - yy) ** 2 + 4.0 * xy**2) / (xx + yy) ** 2, 15)
+
+
+def mean_phase(shape: Complex) -> tuple[float, float]:
+    """Angle of the best straight line through a shape, and the mean deviation, in degrees.
+
+    Examples
+    --------
+    >>> mean_phase(np.array([1.0, -0.5]) * np.exp(1j * np.pi / 6))
+    (30.0, 0.0)
+    """
+    magnitudes = np.abs(shape)
+    if not magnitudes.any():
+        return float("nan"), float("nan")
+    angle = 0.5 * np.angle(np.sum(shape**2))
+    along = np.abs((shape * np.exp(-1j * angle)).real)
+    away = np.arccos(np.clip(along / np.where(magnitudes > 0.0, magnitudes, 1.0), 0.0, 1.0))
+    deviation = float(np.sum(magnitudes * away) / np.sum(magnitudes))
+    return round(float(np.degrees(angle)), 10), round(float(np.degrees(deviation)), 5)
+
+
+def assurance(first: Complex, second: Complex) -> float:
+    """Modal assurance criterion of two shapes, ``|a' b|^2 / (a'a b'b)`` (Allemang 1982)."""
+    size = float(np.vdot(first, first).real * np.vdot(second, second).real)
+    return float(abs(np.vdot(first, second)) ** 2 / size) if size > 0.0 else float("nan")
+
+
+def plane_assurance(first: Complex, second: Complex) -> float:
+    """Smallest squared cosine of the principal angles of two planes of shapes, (l, 2) each.
+
+    For single shapes, (l, 1), it is the modal assurance criterion.
+    """
+    bases = np.linalg.qr(first)[0], np.linalg.qr(second)[0]
+    cosines = np.linalg.svd(bases[0].conj().T @ bases[1], compute_uv=False)
+    return float(min(cosines[-1], 1.0) ** 2)
+
+
+@dataclass(frozen=True)
+class Neighbour:
+    """How well a shape is known, alone and in the plane with a partner; see :class:`.Mode`."""
+
+    shape_assurance: float = float("nan")
+    partner: int | None = None
+    equal_poles_p: float = float("nan")
+    plane_assurance: float = float("nan")
+
+
+def neighbours_among(
+    poles: Complex,
+    shapes: Complex,
+    derivatives: Sequence[tuple[Complex, Complex]],
+    known: Sequence[int],
+    covariance: ParameterCovariance,
+) -> list[Neighbour]:
+    """The neighbour of each mode, among those whose standard errors are known."""
+    neighbours = [Neighbour()] * len(poles)
+    of_known = _neighbours(
+        poles[known], shapes[:, known], [derivatives[place] for place in known], covariance
+    )
+    for place, neighbour in zip(known, of_known, strict=True):
+        partner = None if neighbour.partner is None else known[neighbour.partner]
+        neighbours[place] = replace(neighbour, partner=partner)
+    return neighbours
+
+
+def _neighbours(
+    poles: Complex,
+    shapes: Complex,
+    derivatives: Sequence[tuple[Complex, Complex]],
+    covariance: ParameterCovariance,
+) -> list[Neighbour]:
+    """How well each of the shapes, (l, modes), is known, alone and with its partner."""
+    # Errors of poles and shapes for independent errors of unit variance.
+    of_poles = [d_pole @ covariance.factor for d_pole, _ in derivatives]
+    of_shapes = [d_shape @ covariance.factor for _, d_shape in derivatives]
+    found = []
+    for own, deviations in enumerate(of_shapes):
+        alone = _assurance_in(shapes[:, [own]], shapes[:, own], deviations)
+        equal = {
+            other: _equal_poles_p(poles[own] - poles[other], of_poles[own] - of_poles[other])
+            for other in range(len(poles))
+            if other != own
+        }
+        if not equal:
+            found.append(Neighbour(alone))
+            continue
+        partner = max(equal, key=lambda other: equal[other])
+        plane = _assurance_in(shapes[:, [own, partner]], shapes[:, own], deviations)
+        found.append(Neighbour(alone, partner, equal[partner], plane))
+    return found
+
+
+def _equal_poles_p(difference: complex, deviation: Complex) -> float:
+    """p-value of a difference of two poles if it is zero."""
+    parts = np.array([difference.real, difference.imag])
+    half = np.vstack([deviation.real, deviation.imag])
+    # The upper tail of chi-squared with two degrees of freedom.
+    return float(np.exp(-0.5 * parts @ np.linalg.pinv(half @ half.T) @ parts))
+
+
+def _assurance_in(space: Complex, shape: Complex, deviations: Complex) -> float:
+    """Assurance expected of an estimated shape, (l,), and the part of it in the true space.
+
+    To first order: 1 less the variance of the part across the estimated space, (l, 1 or 2).  The
+    plane of two shapes does not depend on how the two are mixed, however close their poles are.
+    """
+    size = float(np.vdot(shape, shape).real)
+    if size == 0.0:
+        return float("nan")
+    basis = np.linalg.qr(space)[0]
+    across = deviations - basis @ (basis.conj().T @ deviations)
+    return max(1.0 - float(np.sum(np.abs(across) ** 2)) / size, 0.0)

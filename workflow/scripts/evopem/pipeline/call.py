@@ -1,0 +1,51 @@
+"""The call of a stage's function, with arguments that came as JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from importlib import import_module
+from inspect import signature
+from pathlib import Path
+from typing import Any, get_type_hints
+
+from evopem.files.json_form import from_json
+from evopem.results.layout import DatasetFiles
+
+Log = Callable[[str], None]
+
+
+def call(
+    function: str,
+    files: DatasetFiles,
+    arguments: Mapping[str, Any],
+    values: Mapping[str, str],
+    log: Log | None = None,
+    cores: int = 1,
+    folder: str | Path = "",
+) -> None:
+    """Call the function of a stage.
+
+    Parameters
+    ----------
+    function : str
+        Module below ``evopem.pipeline`` and name, with a colon between them.
+    files : DatasetFiles
+    arguments : mapping of str to JSON
+        Arguments from the settings, in the JSON form of the function's own types.
+    values : mapping of str to str
+        Values of the stage's wildcards; here and below a function is given what it asks for.
+    log : callable, optional
+        Receives progress in words.
+    cores : int
+    folder : path
+        What relative paths of recorded files are relative to; the working directory by default.
+    """
+    module, _, name = function.partition(":")
+    called = getattr(import_module(f".{module}", __package__), name)
+    kinds = get_type_hints(called)
+    typed = {key: from_json(kinds[key], value) for key, value in arguments.items()}
+    offered: dict[str, Any] = {"log": log, "cores": cores, "folder": folder}
+    for key, value in values.items():
+        offered[key] = int(value) if kinds.get(key) is int else value
+    accepted = signature(called).parameters
+    called(files, **typed, **{key: each for key, each in offered.items() if key in accepted})
