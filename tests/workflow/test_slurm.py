@@ -112,7 +112,11 @@ def listed(command, *arguments):
 
 def accounted(*fields):
     """What SLURM keeps of all jobs and their steps, those that ended included."""
-    return listed("sacct", "--parsable2", "--units=M", f"--format=JobID,WorkDir,{','.join(fields)}")
+    # By default the list begins at the last midnight, which may pass during the tests.
+    return listed(
+        *("sacct", "--starttime=now-1days", "--parsable2", "--units=M"),
+        f"--format=JobID,WorkDir,{','.join(fields)}",
+    )
 
 
 def jobs_of(folder):
