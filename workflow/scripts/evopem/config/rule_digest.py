@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import ast
+import atexit
 import hashlib
+import json
 import os
 import re
+import sys
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
 _PACKAGE = "evopem"
 # A text that begins with the package, behind a quotation mark or a field of an f-string.
 _MODULE_AS_TEXT = re.compile(rf"[\"'}}]{_PACKAGE}\.")
+# Every start of Snakemake asks for all modules: what each imports is kept beside its bytecode.
+_KEPT = Path(__file__).parent / "__pycache__" / "imports.json"
 
 
 def code_version(
@@ -88,13 +94,45 @@ def _imports(file: Path, roots: tuple[Path, ...]) -> frozenset[Path]:
 
 
 @cache
-def _imported_names(file: Path, home: Path) -> frozenset[str]:
+def _imported_names(file: Path, home: Path) -> tuple[str, ...]:
     """The dotted names that a file imports, or may import."""
+    kept, key = _kept_names(), f"{file.relative_to(home).as_posix()} {_content(file).hex()}"
+    if key not in kept:
+        if not _NEW and not sys.dont_write_bytecode:
+            atexit.register(_keep)
+        kept[key] = _NEW[key] = sorted(_parsed_names(file, home))
+    return tuple(kept[key])
+
+
+_NEW: dict[str, list[str]] = {}
+
+
+@cache
+def _kept_names() -> dict[str, list[str]]:
+    """Imported names by place and content of a file, as earlier processes found them."""
+    with suppress(OSError, ValueError):
+        kept = json.loads(_KEPT.read_bytes())
+        if kept.pop("of", None) == _content(Path(__file__)).hex():
+            return kept
+    return {}
+
+
+def _keep() -> None:
+    """Write the imported names for later processes, where the folder can be written to."""
+    files = {key.split()[0] for key in _NEW}
+    others = {key: names for key, names in _kept_names().items() if key.split()[0] not in files}
+    written = _KEPT.with_suffix(f".{os.getpid()}")
+    with suppress(OSError):
+        _KEPT.parent.mkdir(exist_ok=True)
+        written.write_text(json.dumps({"of": _content(Path(__file__)).hex()} | others | _NEW))
+        written.replace(_KEPT)
+
+
+def _parsed_names(file: Path, home: Path) -> set[str]:
     text = file.read_text(encoding="utf-8")
-    # Every start of Snakemake reads all modules: expressions, which are most of their nodes, only
-    # where one names a module.
+    # Expressions, which are most nodes, are read only where one names a module.
     nodes = _run_nodes(ast.parse(text), with_expressions=_MODULE_AS_TEXT.search(text) is not None)
-    return frozenset(name for node in nodes for name in _names(node, file, home))
+    return {name for node in nodes for name in _names(node, file, home)}
 
 
 def _run_nodes(tree: ast.AST, with_expressions: bool) -> Iterator[ast.AST]:
@@ -136,6 +174,8 @@ def _files(name: str, root: Path) -> tuple[Path, ...]:
     The ``__init__`` of a top-level package is not among them.
     """
     first, *steps = name.split(".")
+    if first not in _top_level(root):
+        return ()
     module, path = root / f"{first}.py", root / first
     candidates = [module]
     if name.endswith("."):
@@ -145,3 +185,9 @@ def _files(name: str, root: Path) -> tuple[Path, ...]:
         path /= step
         candidates += (path.with_suffix(".py"), path / "__init__.py")
     return tuple(file for file in candidates if file.is_file())
+
+
+@cache
+def _top_level(root: Path) -> frozenset[str]:
+    """The names of the modules and packages in a folder."""
+    return frozenset(path.stem for path in root.iterdir())
