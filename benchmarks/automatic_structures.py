@@ -28,7 +28,7 @@ from evopem.automatic.identify import identify_recordings
 from evopem.automatic.preparation import PreparedRecord
 from evopem.estimation.pem.stretch_errors import StretchErrors
 from evopem.estimation.polynomial_estimate import covariance_of
-from evopem.models.polynomial_intervals import response_standard_errors
+from evopem.models.response_tables import response_standard_errors
 from evopem.signals.recording import Recording, Segment
 from evopem.synthesis.polynomial import polynomial_record
 

@@ -23,7 +23,7 @@ ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
 
 from evopem import SearchSettings, estimate  # noqa: E402
-from evopem.models.gain_interval import NORMAL_95, gain_band  # noqa: E402
+from evopem.models.response_tables import NORMAL_95, gain_band  # noqa: E402
 from evopem.synthesis.armax import true_model  # noqa: E402
 
 NOISES = ("Gaussian", "heavy-tailed")

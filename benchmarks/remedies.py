@@ -27,10 +27,9 @@ from threadpoolctl import threadpool_limits
 from evopem.automatic import identify as recipe
 from evopem.automatic import state_space_remedies as of_several
 from evopem.automatic.limits import OrderLimits
-from evopem.automatic.searched_forms import SearchedForms
+from evopem.automatic.searched_forms import SearchedForms, search_variant
 from evopem.automatic.searched_orders import searched_orders
 from evopem.automatic.state_space_choice import choose
-from evopem.automatic.state_space_search import search_variant
 from evopem.automatic.variant_search import Variant
 from evopem.config.state_space_settings import VARIANTS, OrderRanges, StateSpaceChoices
 from evopem.estimation.delays import estimate_delays

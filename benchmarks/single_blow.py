@@ -27,8 +27,8 @@ from threadpoolctl import threadpool_limits
 from evopem.automatic import folds, multichannel_folds
 from evopem.automatic.identify import identify
 from evopem.automatic.response_parts import response_parts
+from evopem.automatic.searched_forms import search_variant
 from evopem.automatic.state_space_choice import choose
-from evopem.automatic.state_space_search import search_variant
 from evopem.automatic.variant_search import Variant
 from evopem.config.state_space_settings import StateSpaceChoices
 from evopem.estimation.state_space.settings import StateSpaceSettings

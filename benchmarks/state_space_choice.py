@@ -226,8 +226,8 @@ def search_record(folder: Path, name: str, made: dict[str, np.ndarray]) -> None:
     target = folder / f"search_{name}.json"
     if target.exists():
         return
+    from evopem.automatic.searched_forms import search_variant
     from evopem.automatic.searched_orders import searched_orders
-    from evopem.automatic.state_space_search import search_variant
     from evopem.automatic.variant_search import Variant
     from evopem.config.state_space_settings import VARIANTS
     from evopem.estimation.delays import estimate_delays

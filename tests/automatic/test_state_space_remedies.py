@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from evopem.automatic.searched_forms import SearchedForms
+from evopem.automatic.searched_forms import SearchedForms, search_variant
 from evopem.automatic.state_space_choice import ModelChoice
 from evopem.automatic.state_space_remedies import act_on_checks
-from evopem.automatic.state_space_search import search_variant
 from evopem.automatic.variant_search import Variant
 from evopem.config.constraints import InputConstraints
 from evopem.config.input_ranges import InputRanges

@@ -2,7 +2,7 @@
 
 import pytest
 
-from evopem.config.conditions import order_of, positions
+from evopem.config.configuration import order_of, positions
 from evopem.config.defaults import complete
 from evopem.config.schema import schema_file
 from evopem.errors import InputError

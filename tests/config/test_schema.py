@@ -22,7 +22,7 @@ from evopem.config.settings import (
     SyntheticSource,
     TransformSettings,
 )
-from evopem.config.state_space_key_names import OWN_KEYS
+from evopem.config.state_space_checks import OWN_KEYS
 from evopem.config.structures import PHASES, STRUCTURES
 from evopem.config.yaml_form import ANALYSIS_KEYS
 

@@ -9,7 +9,7 @@ from hypothesis import settings as examples
 from hypothesis import strategies as st
 
 from evopem.config.constraints import Constraints, FixedPole, Prior
-from evopem.config.defaults import complete
+from evopem.config.defaults import check_several_recordings, complete
 from evopem.config.settings import (
     ChannelSettings,
     DatasetSettings,
@@ -25,7 +25,6 @@ from evopem.config.settings import (
     SyntheticSource,
     TransformSettings,
 )
-from evopem.config.several_recordings import check_several_recordings
 from evopem.config.state_space_settings import is_pattern
 from evopem.config.yaml_form import keys_of, read_settings, settings_of, yaml_text
 from evopem.errors import InputError

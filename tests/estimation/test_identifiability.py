@@ -10,7 +10,7 @@ from evopem import SearchSettings, estimate
 from evopem.estimation.estimate import descend_from
 from evopem.estimation.pem.covariance import pseudo_inverse_factor
 from evopem.estimation.pem.objective import PredictionErrorProblem
-from evopem.models.gain_interval import gain_band
+from evopem.models.response_tables import gain_band
 from evopem.models.structures import armax_orders
 
 A, B, C = [1.0, -1.5, 0.7], [0.0, 1.0, 0.5], [1.0, -0.6]

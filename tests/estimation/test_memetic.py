@@ -7,11 +7,12 @@ import pytest
 
 from evopem.config.settings import SearchSettings
 from evopem.estimation.pem.batch_bfgs import descend
-from evopem.estimation.search.memetic import REFINE, memetic_search
-from evopem.estimation.search.multistart_check import (
+from evopem.estimation.search.memetic import (
     FIRST_BATCH,
     HOPELESS_PROBABILITY,
+    REFINE,
     SUFFICIENT_PROBABILITY,
+    memetic_search,
 )
 from evopem.estimation.search.problem import SearchDiagnostics, SearchResult, pooled
 

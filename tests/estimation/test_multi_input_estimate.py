@@ -7,10 +7,13 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
-from evopem.estimation.multi_input.covariance import parameter_covariance
 from evopem.estimation.multi_input.descent import descend
 from evopem.estimation.multi_input.errors import MultiInputErrors, multi_input_record
-from evopem.estimation.multi_input.estimate import estimate_multi_input, multi_input_estimates
+from evopem.estimation.multi_input.estimate import (
+    estimate_multi_input,
+    multi_input_estimates,
+    parameter_covariance,
+)
 from evopem.estimation.multi_input.order_limits import joint_orders
 from evopem.estimation.multi_input.order_reduction import reduced_orders
 from evopem.estimation.multi_input.search import SETTINGS

@@ -29,9 +29,9 @@ from evopem.estimation.model_record import ModelRecord
 from evopem.estimation.multichannel_record import MultichannelModelRecord
 from evopem.files.json_form import from_json, load, save, to_json
 from evopem.files.unfinished import UnfinishedJob
-from evopem.models.order_models import OrderModels
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
+from evopem.models.stabilization import OrderModels
 from evopem.models.state_space import StateSpaceModel
 from evopem.models.structures import Orders, armax_orders
 from evopem.results.fleet import DatasetSummary

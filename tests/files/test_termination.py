@@ -11,14 +11,14 @@ import pytest
 
 JOB = """
 import time
-from evopem.files.termination import end_with_parent
+from evopem.files.job import end_with_parent
 end_with_parent()
 print("started", flush=True)
 time.sleep(60)
 """
 PARENT = """
 import os, subprocess, sys, time
-from evopem.files.termination import interrupt_on_hangup
+from evopem.files.job import interrupt_on_hangup
 interrupt_on_hangup()
 job = subprocess.Popen([sys.executable, "-c", sys.argv[1]], stdout=subprocess.PIPE)
 job.stdout.readline()

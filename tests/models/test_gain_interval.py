@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from evopem.models.gain_interval import NORMAL_95, gain_band
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
+from evopem.models.response_tables import NORMAL_95, gain_band
 
 FREQUENCIES = np.linspace(0.5, 45.0, 12)
 

@@ -5,7 +5,7 @@ import pytest
 
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.polynomial_intervals import response_standard_errors
+from evopem.models.response_tables import response_standard_errors
 
 ONE = np.ones(1)
 

@@ -21,8 +21,8 @@ BUDGET = {
     "words beside evidence": 6_000,
 }
 REACHED = {
-    "lines": 63_890,
-    "files": 417,
+    "lines": 63_639,
+    "files": 385,
     "files above 400 lines": 8,
     "folders above 20 files": 7,
     "words of guides": 25_400,

@@ -7,9 +7,8 @@ from pathlib import Path
 import pytest
 
 from evopem.config.structures import AUTOMATIC_PHASES, PHASES
-from evopem.pipeline.commit import commit_of
 from evopem.pipeline.figures import draw_figures
-from evopem.pipeline.report import write_report
+from evopem.pipeline.report import commit_of, write_report
 from evopem.pipeline.stages import STAGES
 from evopem.report.provenance import AFTER, BEFORE, PHASE_STAGES
 from evopem.results.layout import FIGURES, DatasetFiles

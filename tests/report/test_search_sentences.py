@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from evopem.report.numbers import count, percent
-from evopem.report.sentences import about_search
+from evopem.report.sentences import about_figures
 
 
 def with_search(results, at_stability_bound=False, **changes):
@@ -48,14 +48,14 @@ def with_search(results, at_stability_bound=False, **changes):
     ],
 )
 def test_diagnostics_of_the_search_in_words(results, changes, sentence):
-    (text,) = about_search.search(with_search(results, **changes))
+    (text,) = about_figures.search(with_search(results, **changes))
     assert sentence in text
-    (unchanged,) = about_search.search(results)
+    (unchanged,) = about_figures.search(results)
     assert sentence not in unchanged
 
 
 def test_the_search_of_all_candidates_in_words(results):
-    (text,) = about_search.search(results)
+    (text,) = about_figures.search(results)
     table = results.candidates
     assert text.startswith(
         f"The search of {len(table)} candidates took"
@@ -73,13 +73,13 @@ def test_the_search_of_all_candidates_in_words(results):
         n_confirming=[1] + (len(table) - 1) * [0],
         at_stability_bound=[True] + (len(table) - 1) * [False],
     )
-    (text,) = about_search.search(replace(results, candidates=one))
+    (text,) = about_figures.search(replace(results, candidates=one))
     assert "1 was confirmed by another restart, and 1 has a root" in text
     assert (
         "left before the end"
-        not in about_search.search(replace(results, candidates=table.assign(pruned="")))[0]
+        not in about_figures.search(replace(results, candidates=table.assign(pruned="")))[0]
     )
-    (text,) = about_search.search(
+    (text,) = about_figures.search(
         replace(results, candidates=table.assign(pruned=["far"] + (len(table) - 1) * [None]))
     )
     assert "1 candidate unlikely to be selected" in text

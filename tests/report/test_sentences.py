@@ -15,10 +15,9 @@ from evopem.report import chapter
 from evopem.report.mode_table import mode_rows
 from evopem.report.numbers import THIN, count, enumeration, number, percent
 from evopem.report.sentences import (
+    about_figures,
     about_model,
-    about_orders,
     about_recording,
-    about_spectrum,
     about_validation,
 )
 from evopem.report.sentences.about_verdict import verdict
@@ -129,21 +128,21 @@ def with_peaks(results, *frequencies):
 
 
 def test_spectrum_counts_the_peaks(results):
-    (text,) = about_spectrum.spectrum(with_peaks(results, 2.0, 5.0, 36.0))
+    (text,) = about_figures.spectrum(with_peaks(results, 2.0, 5.0, 36.0))
     assert f"3 significant peaks, at 2{THIN}Hz, 5{THIN}Hz and 36{THIN}Hz, with" in text
     assert f"prominences of 20{THIN}dB, 20{THIN}dB and 20{THIN}dB" in text
     assert "na is at least 6" in text
-    (text,) = about_spectrum.spectrum(with_peaks(results, 2.0))
+    (text,) = about_figures.spectrum(with_peaks(results, 2.0))
     assert f"1 significant peak, at 2{THIN}Hz, with a prominence of 20{THIN}dB. It requires" in text
-    (text,) = about_spectrum.spectrum(with_peaks(results))
+    (text,) = about_figures.spectrum(with_peaks(results))
     assert text.endswith("It has no significant peak.")
-    (text,) = about_spectrum.spectrum(with_peaks(results, *range(1, 100)))
+    (text,) = about_figures.spectrum(with_peaks(results, *range(1, 100)))
     assert f"Its 99 significant peaks are about 1{THIN}Hz apart" in text
     assert "at least" not in text
 
 
 def test_delay_compares_the_variation_of_bic_over_the_orders(results):
-    (text,) = about_orders.delay(results)
+    (text,) = about_figures.delay(results)
     tried = results.candidates[results.candidates["phase"] == "delay"]
     spread = {nk: np.ptp(rows["bic"]) for nk, rows in tried.groupby("nk")}
     assert text.startswith(results.phases["delay"].reason.replace("-", "−")[:40])
@@ -151,17 +150,17 @@ def test_delay_compares_the_variation_of_bic_over_the_orders(results):
     assert f"that of the other delays by {number(spread[2], 2)}" in text
     assert text.endswith("The true delay is 3 samples, which was found.")
     missed = replace(results, truth=replace(results.truth, delay_samples=1))
-    assert about_orders.delay(missed)[0].endswith("The true delay is 1 sample, 2 off.")
+    assert about_figures.delay(missed)[0].endswith("The true delay is 1 sample, 2 off.")
 
 
 def test_minus_signs_of_reasons_are_true_ones(results):
     phase = replace(results.phases["delay"], reason="It is best (-3.1), ARMAX-like.")
     changed = replace(results, phases=results.phases | {"delay": phase})
-    assert about_orders.delay(changed)[0].startswith("It is best (−3.1), ARMAX-like.")
+    assert about_figures.delay(changed)[0].startswith("It is best (−3.1), ARMAX-like.")
 
 
 def test_phases_give_the_smallest_rss_beside_the_selection(results):
-    joint, nc, nb, last = about_orders.phases(results)
+    joint, nc, nb, last = about_figures.phases(results)
     selected = results.phases["nc"].selected
     tried = results.candidates[results.candidates["phase"] == "nc"]
     least = tried.loc[tried["rss"].idxmin()]
@@ -175,18 +174,18 @@ def test_phases_give_the_smallest_rss_beside_the_selection(results):
     assert nb.startswith("Number of B coefficients, nb, searched from 5 to 7")
     assert "BIC decides" in last
     only = replace(results.phases["nc"], candidates=(selected,), reason="It is the only candidate.")
-    _, alone, *_ = about_orders.phases(replace(results, phases=results.phases | {"nc": only}))
+    _, alone, *_ = about_figures.phases(replace(results, phases=results.phases | {"nc": only}))
     assert alone.endswith(f"{percent(selected.criteria.rss, 4)}. It is the only candidate.")
 
 
 def test_stabilization_lists_the_modes_that_persist(results):
-    (text,) = about_orders.stabilization(view_of(results))
+    (text,) = about_figures.stabilization(view_of(results))
     # 37 Hz is within 1 % and 10 % at the orders 6, 7 and 8; the broad mode at 17 Hz is not.
     assert text.startswith(f"Over the orders 6 to 8, poles at 37{THIN}Hz are stable")
     assert "16." not in text
     two = replace(results.phases["joint"], candidates=results.phases["joint"].candidates[:2])
     fewer = replace(results, phases=results.phases | {"joint": two})
-    (text,) = about_orders.stabilization(view_of(fewer))
+    (text,) = about_figures.stabilization(view_of(fewer))
     assert text == "Over the orders 6 to 7, no pole is stable over 3 successive orders."
 
 

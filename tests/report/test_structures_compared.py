@@ -7,7 +7,7 @@ import pytest
 
 from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.record import DecisionRecord, OtherModel
-from evopem.report.sentences.about_decisions import structure_table
+from evopem.report.sections.selection import structure_table
 
 
 def decision(purpose, criterion, **scores):

@@ -8,7 +8,7 @@ import pytest
 from evopem import PolynomialModel, SearchSettings, estimate
 from evopem.models.polynomial_states import estimate_prediction_states, estimate_simulation_state
 from evopem.synthesis.polynomial import polynomial_record
-from evopem.validation.horizons import PredictedStretch, horizon_errors
+from evopem.validation.validate import PredictedStretch, horizon_errors
 
 DATA = Path(__file__).parents[2].parent / "shared" / "data" / "daisy"
 QUADRATIC = SearchSettings(objective="quadratic")

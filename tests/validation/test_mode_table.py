@@ -8,7 +8,7 @@ import pytest
 from evopem.estimation.state_space.estimate import estimates_of_orders
 from evopem.files.json_form import from_json, to_json
 from evopem.models.mode_shapes import assurance
-from evopem.models.order_models import OrderModel
+from evopem.models.stabilization import OrderModel
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.recording import Recording, without_input
 from evopem.synthesis.vibrating_structure import VibratingStructure

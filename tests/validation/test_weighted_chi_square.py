@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from evopem.validation.weighted_chi_square import weighted_chi_square_tail
+from evopem.validation.residual_tests import weighted_chi_square_tail
 
 
 @pytest.mark.parametrize("value", [0.5, 5.0, 13.0, 40.0])

@@ -26,7 +26,7 @@ from evopem.config.rule_digest import code_version
 from evopem.config.schema import schema_file
 from evopem.config.strict_yaml import check_yaml_files
 from evopem.errors import InputError
-from evopem.files.termination import interrupt_on_hangup
+from evopem.files.job import interrupt_on_hangup
 from evopem.pipeline.planned_fits import check_planned_fits
 from evopem.pipeline.provider import FILES as files
 from evopem.pipeline.provider import IDENTIFY, LIST, Provider, modules_of
@@ -34,7 +34,7 @@ from evopem.pipeline.stages import module_of
 from evopem.results.layout import BATCH, BATCH_CHECKSUMS, OVERVIEW
 from evopem.results.layout import DatasetFiles, check_folders
 from evopem.results.made_from import forget_incomplete_batches
-from evopem.results.replaced_recordings import mark_replaced_recordings
+from evopem.results.made_from import mark_replaced_recordings
 from evopem.version import __version__
 
 os.environ.update(job_environment(os.environ, Path.cwd()))
@@ -239,7 +239,7 @@ def left_of(jobs):
 
 def collect_unfinished():
     """List all data sets while results are missing; the next run makes the lists again."""
-    from evopem.config.conditions import positions
+    from evopem.config.configuration import positions
     from evopem.pipeline import fleet
 
     if workflow.touch or not provider.lists:

@@ -27,7 +27,7 @@ from evopem.estimation.multi_input.order_reduction import TriedOrders, reduced_o
 from evopem.estimation.multi_input.search import SETTINGS
 from evopem.estimation.polynomial_estimate import PolynomialEstimate
 from evopem.estimation.state_space.settings import StateSpaceSettings
-from evopem.models.order_models import OrderModels
+from evopem.models.stabilization import OrderModels
 from evopem.models.state_space import StateSpaceModel
 from evopem.models.structures import Orders
 from evopem.signals.recording import Recording

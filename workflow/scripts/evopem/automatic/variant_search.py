@@ -18,7 +18,7 @@ from evopem.config.state_space_settings import ModelForm, OutputWeighting, varia
 from evopem.estimation.state_space.noise_model import RISES
 from evopem.estimation.state_space.settings import Objective
 from evopem.estimation.state_space.starting_models import USUAL_ORDER
-from evopem.models.order_models import OrderModel, OrderModels
+from evopem.models.stabilization import OrderModel, OrderModels
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.recording import Recording
 

@@ -11,8 +11,7 @@ import yaml
 
 from evopem.config.automatic_keys import built_in_keys, check_automatic_keys, laid_over
 from evopem.config.batches import batches_of, check_batches, with_jobs
-from evopem.config.conditions import order_of
-from evopem.config.configuration import Configuration
+from evopem.config.configuration import Configuration, order_of
 from evopem.config.dataset_names import check_names
 from evopem.config.fit_keys import merged_fit
 from evopem.config.sample_sheet import Origin, expand, shard_of, with_matching_files
@@ -24,8 +23,8 @@ from evopem.config.settings import (
     Recipe,
     RunSettings,
     Structure,
+    SyntheticSource,
 )
-from evopem.config.several_recordings import check_several_recordings
 from evopem.config.source_keys import check_paths, complete_source
 from evopem.config.split_keys import check_fractions, check_something_left
 from evopem.config.state_space_checks import check_single_channel
@@ -36,12 +35,125 @@ from evopem.config.state_space_keys import (
 )
 from evopem.config.state_space_settings import MultichannelDataset
 from evopem.config.strict_yaml import Keys
-from evopem.config.structure_keys import check_structure_keys, check_transforms, with_ranges
-from evopem.config.structures import AUTOMATIC_STRUCTURES, has_input
+from evopem.config.structures import AUTOMATIC_STRUCTURES, STRUCTURES, has_input, phases_of
 from evopem.config.values import ALL_SAMPLES, normalized
 from evopem.config.yaml_form import ANALYSIS_KEYS, analysis_keys, settings_of
 from evopem.errors import InputError
 from evopem.files.json_form import from_json, to_json
+
+# Why a structure does not search an order.
+_REASONS = {
+    "joint": "its only order is nb",
+    "nc": "it has no polynomial C",
+    "nd": "it has no polynomial D",
+    "na": "it has no polynomial A",
+    "nb": "it has no input",
+}
+_INPUT_KEYS = ("input", "input_unit")
+
+
+def with_ranges(keys: Keys) -> dict[str, Any]:
+    """Copy keys with every fixed order, such as 4, written as the range [4, 4]."""
+    changed = dict(keys)
+    for group in ("delay", "orders"):
+        if group in changed:
+            changed[group] = {
+                key: [value, value]
+                if isinstance(value, int) and not isinstance(value, bool)
+                else value
+                for key, value in changed[group].items()
+            }
+    return changed
+
+
+def check_structure_keys(written: Keys, structure: str, source: str, place: str) -> None:
+    """Refuse keys of orders that a structure does not have.
+
+    Parameters
+    ----------
+    written : mapping
+        Keys as they were written.
+    structure : str
+    source, place : str
+        The configuration and the key of the data set, for an error to name.
+
+    Raises
+    ------
+    InputError
+    """
+    phases = phases_of(structure)
+    for key in written.get("orders", {}):
+        if key not in phases:
+            reason = _REASONS[key]
+            if key == "na" and "na" in STRUCTURES[structure]:
+                reason = "the degree of its A is the joint order"
+            raise InputError(
+                source,
+                f"structure {structure} has no such search: {reason}",
+                f"remove it, or give one of {', '.join(p for p in phases if p != 'delay')}",
+                f"{place}.orders.{key}",
+            )
+    if has_input(structure):
+        return
+    for key in ("delay", *_INPUT_KEYS):
+        if key in written:
+            raise InputError(
+                source, f"structure {structure} has no input", "remove the key", f"{place}.{key}"
+            )
+
+
+def check_transforms(analysis: Keys, structure: str, source: str, place: str) -> None:
+    """Refuse transforms of an input that the structure does not have.
+
+    Raises
+    ------
+    InputError
+    """
+    if not has_input(structure) and analysis["transforms"]["difference_input"]:
+        raise InputError(
+            source,
+            f"structure {structure} has no input to difference",
+            "set it to 0",
+            f"{place}.transforms.difference_input",
+        )
+
+
+def check_several_recordings(settings: DatasetSettings | MultichannelDataset, source: str) -> None:
+    """Refuse keys that have no meaning for several recordings of one data set.
+
+    Parameters
+    ----------
+    settings : DatasetSettings or MultichannelDataset
+    source : str
+        The configuration, for an error to name.
+
+    Raises
+    ------
+    InputError
+    """
+    recorded = settings.source
+    if isinstance(recorded, SyntheticSource) or len(recorded.files) == 1:
+        return
+    place = f"datasets.{settings.name}"
+    own = settings if isinstance(settings, MultichannelDataset) else settings.preparation
+    split = own.split
+    whole_recordings = split.by == "recordings" and not recorded.validation_files
+    if whole_recordings and isinstance(split.estimation, int):
+        raise InputError(
+            source,
+            f"{split.estimation} is a number of samples, and whole recordings are held out",
+            "give a fraction between 0 and 1, or write by: samples beside it to cut each recording",
+            f"{place}.split.estimation",
+        )
+    if isinstance(settings, DatasetSettings) and settings.fit.changes_model:
+        key = "constraints" if settings.fit.constraints else "focus"
+        raise InputError(
+            source,
+            f"the key is for a data set of one recording, and this one has {len(recorded.files)}",
+            "remove the key, or give one file",
+            f"{place}.{key}",
+        )
+
 
 BUILT_IN_RECIPE: Recipe = "auto"
 

@@ -21,17 +21,6 @@ from evopem.config.input_ranges import (
 from evopem.config.settings import SplitSettings
 from evopem.config.source_keys import check_file_paths
 from evopem.config.state_space_checks import (
-    check_distinct,
-    check_keys,
-    check_split,
-    check_structure,
-    check_units,
-    check_weighting,
-    check_without_input,
-    checked_references,
-    orders_of_structure,
-)
-from evopem.config.state_space_key_names import (
     ANALYSIS_KEYS,
     CHANNEL_KEYS,
     COLUMN_KEYS,
@@ -43,7 +32,16 @@ from evopem.config.state_space_key_names import (
     SEARCH_KEYS,
     STATE_SPACE_ONLY,
     STRUCTURE,
+    check_distinct,
+    check_keys,
+    check_split,
+    check_structure,
+    check_units,
+    check_weighting,
+    check_without_input,
+    checked_references,
     listed,
+    orders_of_structure,
     range_of,
 )
 from evopem.config.state_space_settings import (

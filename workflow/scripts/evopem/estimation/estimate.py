@@ -16,9 +16,9 @@ from evopem.estimation.pem.covariance import (
     estimate_covariance,
     innovation_variance,
     jacobian_triangle,
+    pseudo_inverse_factor,
 )
 from evopem.estimation.pem.kernels import MIN_NC
-from evopem.estimation.pem.minimum_norm import minimum_norm_point
 from evopem.estimation.pem.objective import PredictionErrorProblem
 from evopem.estimation.polynomial_estimate import PolynomialEstimate
 from evopem.estimation.requirements import check_search_settings, check_signals, check_window
@@ -31,6 +31,38 @@ from evopem.models.polynomials import max_root_radius as largest_radius
 from evopem.models.structures import Orders, armax_orders
 from evopem.signals.recording import real_signal
 from evopem.signals.recording_checks import LARGEST
+
+
+def minimum_norm_point(point: Array, triangle: Array, orders: Orders) -> Array:
+    """The point with the smallest ||b|| among those of equal residuals with the same A and C.
+
+    The residuals are linear in B and the noise state, given A and C.  Along the null space of
+    that part of the Jacobian they do not change, so an input that excites fewer directions than
+    B has coefficients leaves B undetermined; the search may end anywhere there.
+
+    Parameters
+    ----------
+    point : (n + nc,) array
+        Parameters and noise state.
+    triangle : (m, n + nc) array
+        Of :func:`.covariance.jacobian_triangle` at the point.
+    orders : Orders
+
+    Returns
+    -------
+    (n + nc,) array
+        A new array; equal to the point where the data determine B.
+    """
+    of_b = slice(orders.na, orders.na + orders.single.nb)
+    linear = np.r_[of_b, orders.parameters : len(point)]
+    _, null_space = pseudo_inverse_factor(triangle[:, linear])
+    shortest = point.copy()
+    if not np.any(null_space[: orders.single.nb]):
+        return shortest
+    weights = np.linalg.lstsq(null_space[: orders.single.nb], -point[of_b], rcond=None)[0]
+    shortest[linear] += null_space @ weights
+    return shortest
+
 
 Array = NDArray[np.float64]
 

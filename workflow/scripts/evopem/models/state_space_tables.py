@@ -8,8 +8,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.models.gain_interval import NORMAL_95
 from evopem.models.modes import Mode
+from evopem.models.response_tables import NORMAL_95
 from evopem.models.state_space import StateSpaceModel
 
 Array = NDArray[np.float64]

@@ -12,14 +12,39 @@ import pandas as pd
 from evopem.figures.chart import Chart
 from evopem.figures.comparison import compared_modes, compared_responses, compared_simulations
 from evopem.figures.draw import draw, grid_of
+from evopem.figures.style import PARAMETERS, Grid
 from evopem.files.atomic import write_page
-from evopem.notebook.drawing import pyplot_panels
 from evopem.pipeline.packages import FOR_FIGURES, FOR_REPORT, check_packages
 from evopem.report.comparison_text import comparison_text
 from evopem.results.comparison import Comparison
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+
+# A notebook's page may be dark, and the figures are drawn for paper.
+_PAPER = {"figure.facecolor": "white", "axes.facecolor": "white", "savefig.facecolor": "white"}
+
+
+def pyplot_panels(grid: Grid, axes: Any = None) -> list[Axes]:
+    """The given axes, or those of a new figure that pyplot keeps and a notebook shows.
+
+    Raises
+    ------
+    InputError
+        When there are more or fewer than the figure has.
+    """
+    if axes is not None:
+        return grid.panels(axes)
+    from matplotlib import pyplot, rc_context
+
+    # The backend starts with the first figure and sets parameters of its own, such as that figures
+    # are shown: a context around its start would take these back.
+    if getattr(pyplot, "_backend_mod", None) is None:
+        pyplot.close(pyplot.figure())
+    with rc_context(PARAMETERS | _PAPER):
+        size = (grid.width, grid.height)
+        return grid.on(pyplot.figure(figsize=size, layout="constrained"))
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -6,6 +6,7 @@ import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from html import escape
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
@@ -26,11 +27,10 @@ from evopem.files.checksums import check_replaceable, checksummed, delete_result
 from evopem.files.json_form import load
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.state_space import StateSpaceModel
-from evopem.notebook.comparison import ModelComparison
-from evopem.notebook.drawing import pyplot_panels
-from evopem.notebook.summary import html_summary
+from evopem.notebook.comparison import ModelComparison, pyplot_panels
 from evopem.pipeline.packages import FOR_FIGURES, FOR_REPORT, check_packages
 from evopem.pipeline.stages import Dataset
+from evopem.report.numbers import count, is_number, number, percent, with_error
 from evopem.report.results_text import results_text, state_space_text
 from evopem.report.sentences.about_verdict import verdict
 from evopem.results.comparison import Comparison
@@ -44,6 +44,52 @@ from evopem.validation.validation import Validation
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+
+def html_summary(name: str, verdict: str, summary: DatasetSummary) -> str:
+    """Verdict, modes, errors and failed checks as HTML without styles that leave it.
+
+    Parameters
+    ----------
+    name : str
+    verdict : str
+        A sentence.
+    summary : DatasetSummary
+    """
+    errors = [f"one step ahead {percent(summary.prediction_error_percent)}"]
+    if is_number(summary.simulation_error_percent):
+        errors.insert(0, f"simulation {percent(summary.simulation_error_percent)}")
+    parts = [
+        f"<p><strong>{escape(name)}</strong>: {escape(verdict)}</p>",
+        _modes(summary),
+        f"<p>{escape(summary.model)}, from {count(summary.estimation_samples)} samples"
+        f" at {number(summary.sampling_rate)} Hz. Errors on {count(summary.validation_samples)}"
+        f" validation samples: {', '.join(errors)}.</p>",
+    ]
+    failed = summary.failed
+    if failed:
+        items = "".join(
+            f"<li>{escape(check.name)}: {escape(check.statement)}</li>" for check in failed
+        )
+        heading = f"{len(failed)} failed check{'s' if len(failed) > 1 else ''}"
+        parts.append(f"<details><summary>{heading}</summary><ul>{items}</ul></details>")
+    return "<div>" + "\n".join(parts) + "</div>"
+
+
+def _modes(summary: DatasetSummary) -> str:
+    if not summary.modes:
+        return "<p>The model has no oscillating mode.</p>"
+    rows = "".join(
+        f"<tr><th>{position}</th>"
+        f"<td>{with_error(mode.frequency_hz, mode.frequency_se_hz)}</td>"
+        f"<td>{with_error(100.0 * mode.damping_ratio, 100.0 * mode.damping_se)}</td>"
+        f"<td>{'trusted' if trusted else 'not trusted'}</td></tr>"
+        for position, (mode, trusted) in enumerate(
+            zip(summary.modes, summary.trusted, strict=True), start=1
+        )
+    )
+    head = "<th>mode</th><th>frequency (Hz)</th><th>damping (%)</th><th></th>"
+    return f"<table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>"
 
 
 @dataclass(frozen=True, eq=False, repr=False)

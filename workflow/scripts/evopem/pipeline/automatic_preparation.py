@@ -21,10 +21,10 @@ from evopem.config.settings import PreparationSettings
 from evopem.errors import InputError
 from evopem.files.json_form import load, save
 from evopem.results.layout import DatasetFiles
+from evopem.signals.joining import check_independent
 from evopem.signals.preparation import PreparedData, load_prepared, save_prepared
 from evopem.signals.preparation import prepare as divide
 from evopem.signals.recording import Recording, load_recording
-from evopem.signals.shared_samples import check_independent
 
 NO_TRANSFORMS = TransformPlan()
 

@@ -9,7 +9,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from evopem.config.conditions import Positions, positions
+from evopem.config.configuration import Positions, positions
 from evopem.files.atomic import write_parquet, write_table, write_text
 from evopem.report.index_page import build_index
 from evopem.report.templates import template_folder

@@ -12,9 +12,9 @@ from evopem.config.settings import (
 from evopem.errors import InputError
 from evopem.pipeline.constraint_plan import check_fit
 from evopem.results.layout import DatasetFiles
+from evopem.signals.joining import check_independent
 from evopem.signals.preparation import PreparedData, prepare, save_prepared
 from evopem.signals.recording import load_recording
-from evopem.signals.shared_samples import check_independent
 
 
 def prepare_signals(

@@ -28,8 +28,7 @@ from evopem.pipeline.stages import (
     stages_of,
 )
 from evopem.results.layout import BATCH_CHECKSUMS, OVERVIEW, DatasetFiles
-from evopem.results.made_from import is_finished
-from evopem.results.replaced_recordings import was_read_from
+from evopem.results.made_from import is_finished, was_read_from
 
 FILES = DatasetFiles.of_dataset("{dataset}")
 """The files of a data set, with the wildcard in their paths."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -10,13 +11,36 @@ from evopem.config.state_space_settings import MultichannelDataset
 from evopem.config.yaml_form import read_settings
 from evopem.figures.view import Results
 from evopem.files.atomic import write_text
-from evopem.pipeline.commit import commit_of
-from evopem.report.page import build_report
+from evopem.report.page import build_report, read_wall_clock
 from evopem.report.templates import template_folder
-from evopem.report.wall_clock import read_wall_clock
 from evopem.results.dataset import read_dataset_results
 from evopem.results.layout import FIGURES, DatasetFiles
 from evopem.results.multichannel import read_multichannel_results
+
+
+def commit_of(workflow: Path) -> str:
+    """Name the commit that the workflow was checked out at, ``"unknown"`` outside of Git.
+
+    It is read when the report is written and not in a rule: a new commit alone must not make a
+    result out of date.
+    """
+
+    def git(*arguments: str) -> str:
+        return subprocess.run(
+            ["git", "-C", str(workflow), *arguments],
+            capture_output=True,
+            text=True,
+            check=True,
+            timeout=20,
+        ).stdout.strip()
+
+    try:
+        git("ls-files", "--error-unmatch", "scripts/run_stage.py")
+        commit = git("rev-parse", "HEAD")
+        changed = git("status", "--porcelain", "--untracked-files=no", "--", ".", "../Snakefile")
+    except (OSError, subprocess.SubprocessError):
+        return "unknown"
+    return f"{commit}, with changes that are not committed" if changed else commit
 
 
 def write_report(files: DatasetFiles) -> None:

@@ -11,7 +11,7 @@ from evopem.config.settings import SplitSettings
 from evopem.errors import InputError
 from evopem.files.json_form import load, save
 from evopem.files.npz import load_arrays, save_arrays
-from evopem.signals.joining import check_same_rate
+from evopem.signals.joining import check_independent, check_same_rate
 from evopem.signals.recording import (
     Recording,
     concatenated,
@@ -22,7 +22,6 @@ from evopem.signals.recording import (
 from evopem.signals.recording_checks import check_recording
 from evopem.signals.resampling import resample_recording
 from evopem.signals.sections import Range, divided_ranges, prepared_samples
-from evopem.signals.shared_samples import check_independent
 
 Source = Literal["cut", "file", "recordings"]
 

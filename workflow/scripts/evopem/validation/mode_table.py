@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from evopem.models.mode_matching import cluster_modes
 from evopem.models.modes import Mode
-from evopem.models.order_models import OrderModel
+from evopem.models.stabilization import OrderModel
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.recording import Recording
 from evopem.validation.held_out_tests import (

@@ -21,7 +21,7 @@ from evopem.estimation.multichannel_record import MultichannelModelRecord
 from evopem.files.atomic import write_table
 from evopem.files.json_form import load, save
 from evopem.models.matlab import save_model_mat
-from evopem.models.order_models import OrderModels
+from evopem.models.stabilization import OrderModels
 from evopem.models.state_space import StateSpaceModel
 from evopem.pipeline.multichannel.candidates import candidates_table
 from evopem.pipeline.multichannel.prepared import errors_name_dataset, load_prepared_channels

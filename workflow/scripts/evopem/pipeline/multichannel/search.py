@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 from evopem.automatic.delays import DelayChoice, decide_delays
 from evopem.automatic.multi_input_choice import search_structure, searched_joint_orders
+from evopem.automatic.searched_forms import search_variant
 from evopem.automatic.searched_orders import searched_orders
-from evopem.automatic.state_space_search import search_variant
 from evopem.automatic.variant_search import Variant
 from evopem.config.input_ranges import InputRanges
 from evopem.config.state_space_settings import (

@@ -7,7 +7,7 @@ from evopem.blas_threads import one_blas_thread
 from evopem.estimation.multichannel_record import MultichannelModelRecord
 from evopem.files.atomic import write_table
 from evopem.files.json_form import load, save
-from evopem.models.order_models import OrderModel, OrderModels
+from evopem.models.stabilization import OrderModel, OrderModels
 from evopem.pipeline.multichannel.prepared import load_prepared_channels
 from evopem.results.layout import DatasetFiles
 from evopem.signals.recording import Recording

@@ -2,18 +2,142 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
+from evopem.config.constraints import Constraints, FixedPole, Prior
+from evopem.estimation.model_record import FitRecord
 from evopem.figures.view import PolynomialView
 from evopem.report import equations
-from evopem.report.fit_table import (
-    constraint_rows,
-    fit_sentences,
-    input_constraint_rows,
-    input_fit_sentences,
-)
+from evopem.report.numbers import number, percent, plural
 from evopem.report.section import Material, Section
 from evopem.report.sentences.about_recording import transform_effects
+
+if TYPE_CHECKING:
+    from evopem.estimation.multichannel_record import ConstrainedFit
+
+
+@dataclass(frozen=True)
+class ConstraintRow:
+    """A constraint as the report shows it: its key, its value with unit, and its effect."""
+
+    key: str
+    value: str
+    effect: str
+
+
+def constraint_rows(fit: FitRecord | None) -> list[ConstraintRow]:
+    """List the constraints that were given for a model."""
+    if fit is None or fit.settings.constraints is None:
+        return []
+    return [
+        ConstraintRow(key, value, _effect(key, fit.active))
+        for key, value in _values(fit.settings.constraints)
+    ]
+
+
+def fit_sentences(fit: FitRecord | None) -> list[str]:
+    """The focus, and what all constraints together cost in fit."""
+    if fit is None:
+        return []
+    sentences = []
+    focus = fit.settings.focus
+    if focus != "prediction":
+        ahead = f"of predictions {plural(focus, 'sample')} ahead" if isinstance(focus, int) else ""
+        sentences.append(
+            "The order search compared models fitted for one-step prediction. The model of the"
+            f" selected orders was then fitted for small errors {ahead or 'of simulation'}:"
+            f" their objective is {percent(fit.objective, 4)} on the estimation samples."
+        )
+    if fit.settings.constraints is not None:
+        sentences.append(
+            f"{_cost(fit)}"
+            " Standard errors are zero across active constraints and count a prior as an"
+            " observation."
+        )
+    return sentences
+
+
+def input_constraint_rows(fit: ConstrainedFit | None) -> list[ConstraintRow]:
+    """List the constraints that were given for a model with several inputs."""
+    if fit is None:
+        return []
+    given = fit.settings
+    rows = [(key, value, key) for key, value in _values(given.poles)]
+    for name in {**given.static_gain, **given.static_gain_bounds}:
+        own = replace(given.of_input(name), fixed_poles=())
+        values = [each for each in _values(own) if each[0].startswith("static_gain")]
+        rows += [(f"{key}.{name}", value, key) for key, value in values]
+    return [ConstraintRow(place, value, _effect(key, fit.active)) for place, value, key in rows]
+
+
+def input_fit_sentences(fit: ConstrainedFit | None) -> list[str]:
+    """What all constraints of a model with several inputs together cost in fit."""
+    if fit is None:
+        return []
+    return [f"{_cost(fit)} Standard errors are zero across active constraints."]
+
+
+def _cost(fit: FitRecord | ConstrainedFit) -> str:
+    return (
+        "The order search did not know the constraints; the model of the selected orders meets"
+        f" them. Its objective is {percent(fit.objective, 5)}; without them it is"
+        f" {percent(fit.objective_without, 5)}."
+    )
+
+
+def _effect(key: str, active: tuple[str, ...]) -> str:
+    if key.startswith("priors"):
+        return "weighted"
+    if key in active or key.partition("[")[0] in active:
+        return "active"
+    return "not active"
+
+
+def _values(constraints: Constraints) -> Iterator[tuple[str, str]]:
+    """The constraints that were given, with their units."""
+    c = constraints
+    if c.stability == "free":
+        yield "stability", "free"
+    if c.max_pole_radius is not None:
+        yield "max_pole_radius", number(c.max_pole_radius)
+    if c.min_damping_ratio is not None:
+        yield "min_damping_ratio", number(c.min_damping_ratio)
+    if c.frequency_band is not None:
+        yield "frequency_band", _band(c.frequency_band)
+    if c.forbidden_bands:
+        yield "forbidden_bands", "; ".join(map(_band, c.forbidden_bands))
+    if c.real_poles != "any":
+        yield "real_poles", c.real_poles
+    if c.static_gain is not None:
+        yield "static_gain", f"{number(c.static_gain)} (output/input)"
+    if c.static_gain_bounds is not None:
+        lower, upper = ("none" if each is None else number(each) for each in c.static_gain_bounds)
+        yield "static_gain_bounds", f"{lower} to {upper} (output/input)"
+    for name, value in c.fixed_coefficients.items():
+        yield f"fixed_coefficients.{name}", number(value)
+    if c.fixed_poles:
+        yield "fixed_poles", "; ".join(map(_pole, c.fixed_poles))
+    for index, prior in enumerate(c.priors):
+        yield f"priors[{index}]", _prior(prior)
+
+
+def _band(band: tuple[float, float]) -> str:
+    return f"{number(band[0])} to {number(band[1])} Hz"
+
+
+def _pole(pole: FixedPole) -> str:
+    if pole.real is not None:
+        return f"z = {number(pole.real)}"
+    return f"{number(pole.frequency_hz)} Hz, damping ratio {number(pole.damping_ratio)}"
+
+
+def _prior(prior: Prior) -> str:
+    unit = " Hz" if prior.quantity == "frequency" else ""
+    mode = "" if prior.mode_hz is None else f" of the mode near {number(prior.mode_hz)} Hz"
+    known = f"{number(prior.mean)} ± {number(prior.standard_deviation)}{unit}"
+    return f"{prior.quantity}{mode}: {known}"
 
 
 def _content(material: Material) -> dict[str, Any]:

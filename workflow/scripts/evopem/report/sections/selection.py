@@ -2,17 +2,165 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
 from typing import Any
 
+from evopem.automatic.decision import Decision
+from evopem.automatic.record import OtherModel
 from evopem.estimation.multichannel_record import MultichannelModelRecord
-from evopem.figures.view import ChannelsView, PolynomialView, View
+from evopem.figures.view import ChannelsView, PolynomialView, Results, View
+from evopem.report.numbers import number
 from evopem.report.section import Material, Section
-from evopem.report.sentences.about_decisions import (
-    about_decisions,
-    decision_rows,
-    purpose_rows,
-    structure_table,
-)
+from evopem.results.dataset import DatasetResults
+
+# Alternatives that the table shows beside the choice.
+MOST_RIVALS = 3
+
+
+@dataclass(frozen=True)
+class DecisionRow:
+    """One row of the table of decisions."""
+
+    subject: str
+    choice: str
+    rivals: str
+    criterion: str
+    sentence: str
+
+
+@dataclass(frozen=True)
+class PurposeRow:
+    """A model, what it is for, and its errors on the validation samples in percent."""
+
+    purpose: str
+    file: str
+    model: str
+    prediction_error_percent: float
+    simulation_error_percent: float
+
+    @classmethod
+    def of(cls, other: OtherModel) -> PurposeRow:
+        """The row of the model for another purpose."""
+        return cls(
+            *(other.purpose, f"model.{other.purpose}.json", other.model),
+            *(other.prediction_error_percent, other.simulation_error_percent),
+        )
+
+
+def purpose_rows(view: View) -> list[PurposeRow]:
+    """The model and the one for another purpose; empty for the chapter's recipe."""
+    record = view.results.decisions
+    if record is None or record.other is None:
+        return []
+    validation = view.results.validation
+    return [
+        PurposeRow(
+            *(record.purpose, "model.json", view.model_text),
+            *(validation.prediction_error_percent, validation.simulation_error_percent),
+        ),
+        PurposeRow.of(record.other),
+    ]
+
+
+def decision_rows(results: Results) -> list[DecisionRow]:
+    """All decisions in their order; empty for the chapter's recipe."""
+    record = results.decisions
+    return [] if record is None else [decision_row(each) for each in record.decisions]
+
+
+def about_decisions(results: DatasetResults) -> list[str]:
+    """What the decisions led to, and what no remedy helped against."""
+    record = results.decisions
+    if record is None:
+        return []
+    return [" ".join([f"The model is for {record.purpose}.", *record.remarks])]
+
+
+@dataclass(frozen=True)
+class StructureScores:
+    """The best scores of one structure.
+
+    Attributes
+    ----------
+    structure : str
+    scores : tuple of float
+        By the criteria of :class:`StructureTable`; NaN where there is none.
+    selected : bool
+    """
+
+    structure: str
+    scores: tuple[float, ...]
+    selected: bool
+
+
+@dataclass(frozen=True)
+class StructureTable:
+    """The structures side by side.
+
+    Attributes
+    ----------
+    criteria : tuple of str
+    rows : tuple of StructureScores
+        By the first criterion.
+    """
+
+    criteria: tuple[str, ...]
+    rows: tuple[StructureScores, ...]
+
+
+def structure_table(results: DatasetResults) -> StructureTable | None:
+    """The best model of every structure by each criterion; None where fewer than two were tried."""
+    if results.decisions is None:
+        return None
+    compared = [
+        each for each in results.decisions.decisions if each.subject.startswith(_STRUCTURE_FOR)
+    ]
+    best = [_best_of_structures(each) for each in compared]
+    structures = {structure for scores in best for structure in scores}
+    if len(structures) < 2:
+        return None
+    selected = results.model.orders.structure
+    rows = [
+        StructureScores(
+            structure.upper(),
+            tuple(scores.get(structure, math.nan) for scores in best),
+            structure == selected,
+        )
+        for structure in structures
+    ]
+    rows.sort(key=_rank)
+    return StructureTable(tuple(each.criterion for each in compared), tuple(rows))
+
+
+_STRUCTURE_FOR = "structure for "
+
+
+def _rank(row: StructureScores) -> tuple[list[float], str]:
+    return [math.inf if math.isnan(each) else each for each in row.scores], row.structure
+
+
+def _best_of_structures(decision: Decision) -> dict[str, float]:
+    """The lowest score of each structure among the alternatives, whose names begin with it."""
+    best: dict[str, float] = {}
+    for each in decision.alternatives:
+        structure = each.name.split()[0]
+        if math.isfinite(each.score):
+            best[structure] = min(each.score, best.get(structure, math.inf))
+    return best
+
+
+def decision_row(decision: Decision) -> DecisionRow:
+    """A decision with its best rivals."""
+    scored = [each for each in decision.alternatives if math.isfinite(each.score)]
+    rivals = sorted(scored, key=lambda each: each.score)[: MOST_RIVALS + 1]
+    own = next((each for each in scored if each.name == decision.choice), None)
+    if own is not None and own not in rivals:
+        rivals = [*rivals[:MOST_RIVALS], own]
+    shown = "; ".join(f"{each.name}: {number(each.score, 4)}" for each in rivals)
+    return DecisionRow(
+        decision.subject, decision.choice, shown, decision.criterion, decision.sentence
+    )
 
 
 def _content(material: Material) -> dict[str, Any]:
