@@ -12,7 +12,7 @@ from evopem.config.settings import (
     SyntheticSource,
 )
 from evopem.errors import InputError
-from evopem.estimation.candidate import Candidate
+from evopem.estimation.candidate import Candidate, select_delay, select_order
 from evopem.estimation.criteria import Criteria
 from evopem.estimation.order_race import first_pass, race
 from evopem.estimation.order_selection import (
@@ -22,8 +22,6 @@ from evopem.estimation.order_selection import (
     reoptimize_from,
     repeat_search,
     select_candidate,
-    select_delay,
-    select_order,
     settle,
 )
 from evopem.estimation.parallel import estimate_in_parallel

@@ -21,10 +21,10 @@ BUDGET = {
     "words beside evidence": 6_000,
 }
 REACHED = {
-    "lines": 63_639,
-    "files": 385,
-    "files above 400 lines": 8,
-    "folders above 20 files": 7,
+    "lines": 63_660,
+    "files": 386,
+    "files above 400 lines": 6,
+    "folders above 20 files": 6,
     "words of guides": 25_400,
     "words beside evidence": 23_100,
 }

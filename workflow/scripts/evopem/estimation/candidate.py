@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -142,3 +144,44 @@ class PhaseSelection:
             if own and (order not in best or each.criteria.bic < best[order].criteria.bic):
                 best[order] = each
         return tuple(best[order] for order in sorted(best))
+
+
+def select_delay(candidates: Sequence[Candidate]) -> tuple[Orders, str]:
+    """The delay with the smallest mean BIC over the orders (chapter section 5.3).
+
+    The chapter looked for better criteria and for small deviations between the orders; the mean
+    rewards both.  The orders returned are those of the delay's best candidate.
+    """
+    by_delay: dict[int, list[Candidate]] = defaultdict(list)
+    for candidate in candidates:
+        by_delay[candidate.orders.single.nk].append(candidate)
+    means = {nk: float(np.mean([c.criteria.bic for c in group])) for nk, group in by_delay.items()}
+    spreads = {nk: float(np.ptp([c.criteria.bic for c in group])) for nk, group in by_delay.items()}
+    selected = min(sorted(means), key=lambda nk: means[nk])
+    best = min(by_delay[selected], key=_criterion)
+    others = [means[nk] for nk in means if nk != selected]
+    lead = f", {min(others) - means[selected]:.4f} below the next" if others else ""
+    reason = (
+        f"A delay of {selected} sample{'' if selected == 1 else 's'} has the smallest mean BIC "
+        f"over the orders ({means[selected]:.4f}{lead}); over its orders BIC varies by "
+        f"{spreads[selected]:.4f}."
+    )
+    return best.orders, reason
+
+
+def select_order(candidates: Sequence[Candidate]) -> tuple[Orders, str]:
+    """The candidate of smallest BIC (chapter section 5.4)."""
+    ranked = sorted(candidates, key=_criterion)
+    best = ranked[0]
+    reason = (
+        f"{best.orders} has the smallest BIC ({best.criteria.bic:.4f}) of {len(ranked)} candidates"
+    )
+    if len(ranked) > 1:
+        second = ranked[1]
+        reason += f", {second.criteria.bic - best.criteria.bic:.4f} below {second.orders}"
+    return best.orders, reason + "."
+
+
+def _criterion(candidate: Candidate) -> tuple[float, Orders]:
+    """BIC, and the smaller model where it ties."""
+    return candidate.criteria.bic, candidate.orders

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import warnings
-from collections import defaultdict
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-
-import numpy as np
 
 from evopem.blas_threads import one_blas_thread
 from evopem.config.settings import FitSettings, ScoringWindow, SearchSettings
 from evopem.errors import InputError
-from evopem.estimation.candidate import Candidate, PhaseSelection
+from evopem.estimation.candidate import (
+    Candidate,
+    PhaseSelection,
+    select_delay,
+    select_order,
+)
 from evopem.estimation.delay_refinement import Fit, refine_delay
 from evopem.estimation.focused_estimate import estimate_focused
 from evopem.estimation.joined_estimate import (
@@ -378,44 +380,3 @@ def _is_doubtful(candidate: Candidate, last: bool) -> bool:
 def _decides(orders: Orders, selected: Orders, phase: str) -> bool:
     """Whether a selection rests on a candidate: for the delay, on all orders with that delay."""
     return orders.nk == selected.nk if phase == "delay" else orders == selected
-
-
-def select_delay(candidates: Sequence[Candidate]) -> tuple[Orders, str]:
-    """The delay with the smallest mean BIC over the orders (chapter section 5.3).
-
-    The chapter looked for better criteria and for small deviations between the orders; the mean
-    rewards both.  The orders returned are those of the delay's best candidate.
-    """
-    by_delay: dict[int, list[Candidate]] = defaultdict(list)
-    for candidate in candidates:
-        by_delay[candidate.orders.single.nk].append(candidate)
-    means = {nk: float(np.mean([c.criteria.bic for c in group])) for nk, group in by_delay.items()}
-    spreads = {nk: float(np.ptp([c.criteria.bic for c in group])) for nk, group in by_delay.items()}
-    selected = min(sorted(means), key=lambda nk: means[nk])
-    best = min(by_delay[selected], key=_criterion)
-    others = [means[nk] for nk in means if nk != selected]
-    lead = f", {min(others) - means[selected]:.4f} below the next" if others else ""
-    reason = (
-        f"A delay of {selected} sample{'' if selected == 1 else 's'} has the smallest mean BIC "
-        f"over the orders ({means[selected]:.4f}{lead}); over its orders BIC varies by "
-        f"{spreads[selected]:.4f}."
-    )
-    return best.orders, reason
-
-
-def select_order(candidates: Sequence[Candidate]) -> tuple[Orders, str]:
-    """The candidate of smallest BIC (chapter section 5.4)."""
-    ranked = sorted(candidates, key=_criterion)
-    best = ranked[0]
-    reason = (
-        f"{best.orders} has the smallest BIC ({best.criteria.bic:.4f}) of {len(ranked)} candidates"
-    )
-    if len(ranked) > 1:
-        second = ranked[1]
-        reason += f", {second.criteria.bic - best.criteria.bic:.4f} below {second.orders}"
-    return best.orders, reason + "."
-
-
-def _criterion(candidate: Candidate) -> tuple[float, Orders]:
-    """BIC, and the smaller model where it ties."""
-    return candidate.criteria.bic, candidate.orders

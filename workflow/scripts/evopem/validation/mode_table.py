@@ -22,10 +22,10 @@ from evopem.models.stabilization import OrderModel
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.recording import Recording
 from evopem.validation.held_out_tests import (
-    HeldOutContribution,
     HeldOutTest,
     joint_contribution_test,
 )
+from evopem.validation.modal_parts import ModalParts
 from evopem.validation.mode_evidence import NO_TEST, SIGNIFICANCE, STABLE_SHARE, origin_of
 from evopem.validation.mode_trust import doubts, plane_is_known, shape_doubt
 
@@ -287,7 +287,7 @@ def held_out_mode_tests(
         First held-out sample of each record.
     """
     records = [
-        _ModalParts.of(model, modes, u, y, first)
+        ModalParts.of(model, modes, u, y, first)
         for u, y in zip(inputs, outputs, strict=True)
         if first < len(y)
     ]
@@ -300,65 +300,6 @@ def held_out_mode_tests(
             of_noise = joint_contribution_test([each.of_noise(index) for each in records])
         tests.append((of_input, of_noise))
     return tests
-
-
-@dataclass(frozen=True, eq=False)
-class _ModalParts:
-    """The outputs of a record, (N, ny), and what each mode adds to simulation and prediction.
-
-    ``free``: responses to an initial state, over the samples from ``first`` on.
-    """
-
-    outputs: Array
-    simulated: Array
-    by_input: list[Array]
-    by_noise: list[Array]
-    rest_of_input: Array
-    rest_of_noise: Array
-    free: Array
-    first: int
-
-    @classmethod
-    def of(
-        cls,
-        model: StateSpaceModel,
-        modes: Sequence[Mode],
-        inputs: Array,
-        outputs: Array,
-        first: int,
-    ) -> _ModalParts:
-        innovations = model.residuals(inputs, outputs, model.prediction_state(inputs, outputs))
-        simulated = model.simulate(inputs)
-        delayed = _delayed(model, inputs)
-        by_input = [_response(mode, delayed, mode.input_participation) for mode in modes]
-        by_noise = [_response(mode, innovations, mode.noise_participation) for mode in modes]
-        nothing = np.zeros_like(outputs)
-        return cls(
-            outputs,
-            simulated,
-            by_input,
-            by_noise,
-            simulated - sum(by_input, nothing),
-            outputs - innovations - simulated - sum(by_noise, nothing),
-            _free_responses(model.poles(), len(outputs) - first),
-            first,
-        )
-
-    def of_input(self, index: int) -> HeldOutContribution:
-        """What a mode adds to the simulation, beside the other modes and real poles."""
-        return self._beside(self.by_input, index, self.rest_of_input)
-
-    def of_noise(self, index: int) -> HeldOutContribution:
-        """What a mode adds to the prediction, beside the others and the simulation."""
-        return self._beside(self.by_noise, index, self.rest_of_noise, self.simulated)
-
-    def _beside(self, parts: list[Array], index: int, *more: Array) -> HeldOutContribution:
-        first, others = self.first, [*parts[:index], *parts[index + 1 :], *more]
-        nuisance = [
-            np.column_stack([*(other[first:, column] for other in others), self.free])
-            for column in range(self.outputs.shape[1])
-        ]
-        return HeldOutContribution(self.outputs[first:], parts[index][first:], nuisance)
 
 
 def _judged(
@@ -393,27 +334,3 @@ def _recurrence(own: int, orders: Sequence[int], all_orders: Sequence[int]) -> f
     """Share of the larger orders that have a mode; smaller ones lose true modes first."""
     larger = [order for order in all_orders if order > own]
     return float(np.mean([order in orders for order in larger])) if larger else math.nan
-
-
-def _response(mode: Mode, drives: Array, participation: Complex) -> Array:
-    """What a pair of poles adds to the outputs, (N, ny), driven one sample before; from rest."""
-    from scipy.signal import lfilter
-
-    modal = lfilter([0.0, 1.0], [1.0, -mode.pole], drives @ participation)
-    response: Array = 2.0 * np.outer(modal, mode.shape).real
-    return response
-
-
-def _delayed(model: StateSpaceModel, inputs: Array) -> Array:
-    delayed = np.zeros_like(inputs)
-    for column, delay in enumerate(model.input_delays or (0,) * model.inputs):
-        delayed[delay:, column] = inputs[: len(inputs) - delay, column]
-    return delayed
-
-
-def _free_responses(poles: Complex, samples: int) -> Array:
-    """Responses to an initial state, two for each pair of poles and one for each real one."""
-    upper = poles[poles.imag >= 0.0]
-    powers = upper ** np.arange(samples)[:, None]
-    free: Array = np.column_stack([powers.real, powers.imag[:, upper.imag > 0.0]])
-    return free
