@@ -21,11 +21,11 @@ BUDGET = {
     "words beside evidence": 6_000,
 }
 REACHED = {
-    "lines": 63_660,
-    "files": 386,
-    "files above 400 lines": 6,
+    "lines": 63_673,
+    "files": 387,
+    "files above 400 lines": 5,
     "folders above 20 files": 6,
-    "words of guides": 25_400,
+    "words of guides": 24_900,
     "words beside evidence": 23_100,
 }
 

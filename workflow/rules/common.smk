@@ -28,8 +28,9 @@ from evopem.config.strict_yaml import check_yaml_files
 from evopem.errors import InputError
 from evopem.files.job import interrupt_on_hangup
 from evopem.pipeline.planned_fits import check_planned_fits
-from evopem.pipeline.provider import FILES as files
-from evopem.pipeline.provider import IDENTIFY, LIST, Provider, modules_of
+from evopem.pipeline.provider import IDENTIFY, LIST, Provider
+from evopem.pipeline.stage_rules import FILES as files
+from evopem.pipeline.stage_rules import modules_of
 from evopem.pipeline.stages import module_of
 from evopem.results.layout import BATCH, BATCH_CHECKSUMS, OVERVIEW
 from evopem.results.layout import DatasetFiles, check_folders
