@@ -5,6 +5,7 @@ BIN := $(VENV)/bin
 CORES ?= all
 FUZZ_SECONDS ?= 600
 TESTS ?= tests/models tests/files
+LONGEST := tests/workflow tests/packaging tests/fletcher_powell tests/estimation tests/pipeline
 EXTRAS := --extra workflow --extra slurm --extra control
 UPGRADE ?=
 COMPILE := $(BIN)/uv pip compile pyproject.toml $(EXTRAS) --universal --python-version 3.11 \
@@ -20,9 +21,10 @@ report: $(VENV)/installed  ## run config.yaml from data to report
 test: $(VENV)/installed-dev  ## run every test, and the examples of the docstrings
 	# First what compiles the kernels, once for the processes that share the tests.
 	$(BIN)/pytest --quiet --doctest-modules workflow/scripts/evopem
-	# Then the longest files first, so that no process is left alone with one at the end.
+	# Then the longest files first, so that no process is left alone with one at the end.  A folder
+	# that holds another one would bring both into the order of their names.
 	$(BIN)/pytest --numprocesses auto --dist loadfile --no-loadscope-reorder \
-		tests/workflow tests/packaging tests/fletcher_powell tests
+		$(LONGEST) $(filter-out $(LONGEST) tests/__pycache__,$(patsubst %/,%,$(wildcard tests/*/))) tests/test_smoke.py
 
 quick: $(VENV)/installed-dev  ## what an edit needs in half a minute: style, types, a plan, and TESTS
 	$(BIN)/ruff check

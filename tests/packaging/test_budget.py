@@ -25,7 +25,7 @@ REACHED = {
     "files": 387,
     "files above 400 lines": 5,
     "folders above 20 files": 6,
-    "words of guides": 24_900,
+    "words of guides": 22_800,
     "words beside evidence": 23_100,
 }
 
