@@ -29,7 +29,7 @@ from scipy.special import chdtrc  # noqa: E402
 from evopem import Orders, SearchSettings, estimate  # noqa: E402
 from evopem.config.settings import PreparationSettings, ScoringWindow  # noqa: E402
 from evopem.estimation.delay_refinement import Fit, refine_delay  # noqa: E402
-from evopem.estimation.pem.covariance import jacobian_blocks  # noqa: E402
+from evopem.estimation.pem.polynomial_objective import PolynomialErrors  # noqa: E402
 from evopem.models.parameter_covariance import wald_p_value  # noqa: E402
 from evopem.models.polynomial_states import estimate_prediction_states  # noqa: E402
 from evopem.models.structures import armax_orders  # noqa: E402
@@ -91,9 +91,9 @@ def tests_of_whiteness(
     residuals = found.residuals[found.window.loss_start :]
     fitted = orders[0] + orders[2]
     lags = ljung_box_lags(len(residuals), fitted, 1200)
-    jacobian = jacobian_blocks(
-        found.model, u, y, found.residuals, found.window.residual_start, found.window.loss_start
-    )
+    window = found.window.residual_start, found.window.loss_start
+    errors = PolynomialErrors(u, y, found.model.orders, objective, *window, 1.0, 1.0)
+    jacobian = errors.jacobian_blocks(np.concatenate([found.model.parameters, found.noise_state]))
     test = whiteness_test(residuals, jacobian, lags, objective)
     classical = float(chdtrc(lags - fitted, test.statistic))
     return test.p_value, classical, test.statistic, test.expected

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from evopem.estimation.pem.objective import STATE_WEIGHT, PredictionErrorProblem
+from evopem.estimation.pem.polynomial_objective import STATE_WEIGHT, PolynomialErrors
 
 Array = NDArray[np.float64]
 
@@ -17,15 +17,15 @@ class FilteredResiduals:
     The weighted noise state stands below the residuals: the objective is that of the search.
     """
 
-    def __init__(self, errors: PredictionErrorProblem) -> None:
-        o, start, samples = errors.orders, errors.recursion_start, errors.samples
+    def __init__(self, errors: PolynomialErrors) -> None:
+        o, start, samples = errors.orders, errors.residual_start, errors.samples
         u, y = errors.input, errors.output
         past = [y[start - i : samples - i] for i in range(1, o.na + 1)]
         past += [
             -u[start - o.single.nk - j : samples - o.single.nk - j] for j in range(o.single.nb)
         ]
         self.orders = o
-        self.kept = slice(errors.scoring_start - start, None)
+        self.kept = slice(errors.loss_start - start, None)
         self.output = y[start:]
         self.regressors = np.column_stack(past)
         self.impulses = np.eye(samples - start, o.nc)

@@ -32,7 +32,7 @@ sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
 from filtered_residuals import FilteredResiduals  # noqa: E402
 
 from evopem.config.settings import SearchSettings  # noqa: E402
-from evopem.estimation.pem.objective import PredictionErrorProblem  # noqa: E402
+from evopem.estimation.pem.polynomial_objective import PolynomialErrors  # noqa: E402
 from evopem.estimation.search.armax_problem import ArmaxProblem  # noqa: E402
 from evopem.estimation.search.memetic import memetic_search  # noqa: E402
 from evopem.models.structures import Orders, armax_orders  # noqa: E402
@@ -52,17 +52,17 @@ N_INITIAL_DISCARD = 20
 DEFAULT, MORE = SearchSettings(), SearchSettings(evaluations=100_000)
 
 
-def prediction_errors(record: Recording, orders: Orders, objective: str) -> PredictionErrorProblem:
+def prediction_errors(record: Recording, orders: Orders, objective: str) -> PolynomialErrors:
     first = max(orders.first_residual, 3)
     y, u = record.output - record.output.mean(), record.input - record.input.mean()
     scored = first + max(N_INITIAL_DISCARD, orders.nc)
-    return PredictionErrorProblem(
-        u / np.std(u), y / np.std(y), orders, objective, first, scored, RADIUS
+    return PolynomialErrors(
+        u / np.std(u), y / np.std(y), orders, objective, first, scored, RADIUS, RADIUS
     )
 
 
 def searched(
-    errors: PredictionErrorProblem, initialization: str, settings: SearchSettings
+    errors: PolynomialErrors, initialization: str, settings: SearchSettings
 ) -> tuple[float, int, float]:
     """Best value, evaluations and processor time of one search."""
     began = time.process_time()
@@ -99,7 +99,7 @@ def to_reflections(coefficients: Array) -> Array:
     return reflections
 
 
-def sequential_quadratic_from(errors: PredictionErrorProblem, start: Array) -> float:
+def sequential_quadratic_from(errors: PolynomialErrors, start: Array) -> float:
     """SciPy's SLSQP in reflection coordinates, in which the stability region is a box."""
     o = errors.orders
     parts = (slice(0, o.na), slice(o.na + o.single.nb, o.parameters))
@@ -136,7 +136,7 @@ def sequential_quadratic_from(errors: PredictionErrorProblem, start: Array) -> f
     return float(errors.values(at(found.x)[0][None, :])[0])
 
 
-def bfgs_from(errors: PredictionErrorProblem, start: Array) -> tuple[float, int]:
+def bfgs_from(errors: PolynomialErrors, start: Array) -> tuple[float, int]:
     """SciPy's BFGS on the exact gradient; infinite outside the stability region."""
     spread = np.array([0.0])
     none = np.zeros(1)
@@ -152,7 +152,7 @@ def bfgs_from(errors: PredictionErrorProblem, start: Array) -> tuple[float, int]
     return float(errors.values(found.x[None, :])[0]), 2 * found.nfev
 
 
-def levenberg_marquardt_from(errors: PredictionErrorProblem, start: Array) -> tuple[float, int]:
+def levenberg_marquardt_from(errors: PolynomialErrors, start: Array) -> tuple[float, int]:
     """MINPACK's Levenberg-Marquardt; a wall of huge residuals outside the stability region."""
     filtered = FilteredResiduals(errors)
     wall = np.full(len(filtered.residuals(start)), 1e3 * float(np.std(errors.output)))
@@ -168,8 +168,8 @@ def levenberg_marquardt_from(errors: PredictionErrorProblem, start: Array) -> tu
 
 
 def multistart(
-    errors: PredictionErrorProblem,
-    local: Callable[[PredictionErrorProblem, Array], tuple[float, int]],
+    errors: PolynomialErrors,
+    local: Callable[[PolynomialErrors, Array], tuple[float, int]],
     evaluations: int,
     seconds: float,
 ) -> tuple[float, float]:

@@ -21,11 +21,12 @@ sys.path.insert(0, str(Path(__file__).parent))
 from evidence_section import replace_section
 
 from evopem.config.settings import ScoringWindow, SearchSettings
-from evopem.estimation.joined_estimate import describe_joined, joined_errors
+from evopem.estimation.polynomial_estimate import describe
+from evopem.estimation.polynomial_search import prediction_errors
 from evopem.estimation.search.problem import descended
 from evopem.estimation.search.stretch_problem import StretchProblem
 from evopem.models.polynomial import PolynomialModel
-from evopem.signals.recording import Segment
+from evopem.signals.recording import Recording, Segment
 
 PLANT, NUMERATOR = np.array([1.0, -1.5, 0.8]), np.array([1.0, 0.5])
 ONE = np.ones(1)
@@ -61,9 +62,11 @@ def estimated(truth: PolynomialModel, stretches: list[Segment]) -> PolynomialMod
     """The optimum next to the truth, with its covariance."""
     orders = truth.orders
     window = ScoringWindow(orders.first_residual, orders.first_residual)
-    errors = joined_errors(stretches, orders, SearchSettings(objective="quadratic"), window, True)
+    settings = SearchSettings(objective="quadratic")
+    data = Recording(stretches[0].input, stretches[0].output, 1.0).with_segments(stretches)
+    errors = prediction_errors(data, orders, settings, window, True)
     problem = StretchProblem(errors, [truth], own_starts=False)
-    return describe_joined(errors, descended(problem, problem.starts()[0]), 1.0).model
+    return describe(errors, descended(problem, problem.starts()[0]), 1.0).model
 
 
 def row(name: str, truth: PolynomialModel, lengths: tuple[int, ...], records: int) -> str:

@@ -26,11 +26,13 @@ ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
 
 from evopem import PolynomialModel, SearchSettings  # noqa: E402
-from evopem.config.settings import ScoringWindow  # noqa: E402
-from evopem.estimation.estimate import _scaled_problem as scaled_armax_problem  # noqa: E402
-from evopem.estimation.estimate import default_window, prediction_errors  # noqa: E402
 from evopem.estimation.order_selection import REPEAT_FACTOR  # noqa: E402
-from evopem.estimation.polynomial_estimate import polynomial_errors, scaled_problem  # noqa: E402
+from evopem.estimation.polynomial_search import (  # noqa: E402
+    default_window,
+    prediction_errors,
+    scaled_errors,
+)
+from evopem.estimation.polynomial_search import problem_of as problem_of_errors  # noqa: E402
 from evopem.estimation.search.armax_problem import ArmaxProblem  # noqa: E402
 from evopem.estimation.search.certificate import is_certified  # noqa: E402
 from evopem.estimation.search.global_search import (  # noqa: E402
@@ -47,6 +49,7 @@ from evopem.estimation.search.likely_gain import (  # noqa: E402
 )
 from evopem.estimation.search.polynomial_problem import PolynomialProblem  # noqa: E402
 from evopem.models.structures import Orders, orders_of  # noqa: E402
+from evopem.signals.recording import Recording  # noqa: E402
 from evopem.synthesis.polynomial import polynomial_record  # noqa: E402
 
 Row = dict[str, Any]
@@ -132,13 +135,9 @@ def problem_of(case: Case) -> tuple[ArmaxProblem | PolynomialProblem, Orders]:
     u, y, _ = polynomial_record(truth, case.samples, case.noise, generator)
     orders = orders_of_case(case, truth)
     settings = SearchSettings(objective=case.objective)
-    if case.structure == "armax":
-        window = default_window(orders, settings)
-        errors = prediction_errors(u, y, orders, settings, window)
-        return scaled_armax_problem(errors, "arx")[0], orders
-    u = u if orders.single.nb else np.zeros_like(y)
-    window = ScoringWindow(orders.first_residual, orders.first_residual)
-    return scaled_problem(polynomial_errors(u, y, orders, settings, window, False))[0], orders
+    window = default_window(orders, settings)
+    errors = prediction_errors(Recording(u, y, 1.0), orders, settings, window, False)
+    return problem_of_errors(scaled_errors(errors)[0]), orders
 
 
 def search(case: Case, seed: int, evaluations: int, known_minimum: float = np.inf) -> Row:

@@ -46,16 +46,16 @@ from evopem.config.settings import (  # noqa: E402
     SyntheticSource,
 )
 from evopem.estimation.candidate import Candidate  # noqa: E402
-from evopem.estimation.estimate import estimate  # noqa: E402
 from evopem.estimation.order_race import first_pass  # noqa: E402
 from evopem.estimation.order_selection import (  # noqa: E402
     estimate_candidates,
     select_candidate,
 )
 from evopem.estimation.pem.kernels import LANES  # noqa: E402
-from evopem.estimation.pem.objective import PredictionErrorProblem  # noqa: E402
+from evopem.estimation.pem.polynomial_objective import PolynomialErrors  # noqa: E402
 from evopem.estimation.search.armax_problem import ArmaxProblem  # noqa: E402
 from evopem.estimation.search.global_search import global_search  # noqa: E402
+from evopem.estimation.structured_estimate import estimate  # noqa: E402
 from evopem.models.structures import Orders, armax_orders, orders_of  # noqa: E402
 from evopem.synthesis.armax import armax  # noqa: E402
 
@@ -89,12 +89,12 @@ def chapter_candidates() -> list[Orders]:
     return list(dict.fromkeys([*delay, *joint, *nc, *nb]))
 
 
-def problem(seed: int, orders: Orders, samples: int = SAMPLES) -> PredictionErrorProblem:
+def problem(seed: int, orders: Orders, samples: int = SAMPLES) -> PolynomialErrors:
     record = armax(seed, samples)[0]
     first = max(orders.first_residual, 3)
     start = first + max(20, orders.nc)
-    return PredictionErrorProblem(
-        record.input, record.output, orders, "quadratic", first, start, 0.9999
+    return PolynomialErrors(
+        record.input, record.output, orders, "quadratic", first, start, 0.9999, 0.9999
     )
 
 
@@ -194,7 +194,7 @@ def polynomials(model: object, orders: Orders) -> tuple[Array, Array, Array]:
     return a, b, c
 
 
-def objective_of(errors: PredictionErrorProblem, a: Array, b: Array, c: Array) -> float:
+def objective_of(errors: PolynomialErrors, a: Array, b: Array, c: Array) -> float:
     """The objective of a model, with a noise state of moderate size fitted to it.
 
     One for all methods: where C has forgotten its start before the scored samples, an enormous
@@ -202,19 +202,19 @@ def objective_of(errors: PredictionErrorProblem, a: Array, b: Array, c: Array) -
     """
     o = errors.orders
     point = np.concatenate([a[1:], b, c[1:], np.zeros(o.nc)])
-    impulses = np.eye(errors.samples - errors.recursion_start, o.nc)
-    kept = slice(errors.scoring_start - errors.recursion_start, None)
+    impulses = np.eye(errors.samples - errors.residual_start, o.nc)
+    kept = slice(errors.loss_start - errors.residual_start, None)
     columns = lfilter([1.0], c, impulses, axis=0)[kept]
-    e = errors.residuals(point)[errors.scoring_start :]
+    e = errors.residuals(point)[errors.loss_start :]
     if not (np.isfinite(e).all() and np.isfinite(columns).all()):
         return np.inf  # C is not invertible
     state = np.linalg.lstsq(columns, -e, rcond=1e-3)[0]
     e = e + columns @ state
-    y = errors.output[errors.scoring_start :]
+    y = errors.output[errors.loss_start :]
     return float(100.0 * (e @ e) / (y @ y))
 
 
-def of_point(errors: PredictionErrorProblem, point: Array) -> float:
+def of_point(errors: PolynomialErrors, point: Array) -> float:
     o = errors.orders
     a, b, c, _ = np.split(point, [o.na, o.na + o.single.nb, o.parameters])
     return objective_of(errors, np.concatenate([[1.0], a]), b, np.concatenate([[1.0], c]))

@@ -145,7 +145,7 @@ def test_over_parameterised_models_are_stable_and_invertible(objective):
 @pytest.mark.parametrize("residuals", [np.full(200, 3.0), np.linspace(3.0, 3.01, 200)])
 def test_without_residuals_about_zero_the_absolute_estimate_has_no_covariance(residuals):
     """Its covariance needs their density at zero; the quadratic one needs their variance alone."""
-    given = (np.eye(4), residuals, 10 * residuals, 3, 1)
+    given = (np.eye(4), residuals, 10 * residuals, 3, np.array([2]))
     assert estimate_covariance(*given, "absolute") is None
     assert estimate_covariance(*given, "quadratic") is not None
 
@@ -199,7 +199,7 @@ def test_units_do_not_matter(exponent):
         (SearchSettings(max_root_radius=1.0), None, "max_root_radius must lie"),
         (None, ScoringWindow(1, 30), "no residual before"),
         (None, ScoringWindow(9, 8), "before the first residual"),
-        (None, ScoringWindow(9, 398), "needs more residuals"),
+        (None, ScoringWindow(9, 398), "needs more than 5 residuals"),
     ],
 )
 def test_settings_that_make_no_sense_are_refused(settings, window, message):

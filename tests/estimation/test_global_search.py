@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from evopem.config.settings import ScoringWindow, SearchSettings
-from evopem.estimation.pem.objective import PredictionErrorProblem
-from evopem.estimation.polynomial_estimate import polynomial_errors, scaled_problem
+from evopem.estimation.pem.polynomial_objective import PolynomialErrors
+from evopem.estimation.polynomial_search import prediction_errors, scaled_errors
 from evopem.estimation.search.armax_problem import ArmaxProblem
 from evopem.estimation.search.certificate import (
     POLYNOMIALS,
@@ -15,6 +15,7 @@ from evopem.estimation.search.certificate import (
 )
 from evopem.estimation.search.global_search import BATCH, BATCHES, global_search
 from evopem.estimation.search.memetic import memetic_search
+from evopem.estimation.search.polynomial_problem import PolynomialProblem
 from evopem.estimation.search.section_hopping import hop
 from evopem.models.structures import armax_orders, orders_of
 from evopem.synthesis.armax import armax
@@ -23,8 +24,8 @@ from evopem.synthesis.armax import armax
 def problem(orders, samples=600, objective="quadratic"):
     record = armax(seed=3, samples=samples)[0]
     return ArmaxProblem(
-        PredictionErrorProblem(
-            record.input, record.output, armax_orders(*orders), objective, 20, 40, 0.9999
+        PolynomialErrors(
+            record.input, record.output, armax_orders(*orders), objective, 20, 40, 0.9999, 0.9999
         )
     )
 
@@ -113,12 +114,11 @@ def test_the_error_rate_is_an_upper_limit(measured):
 )
 def test_every_structure_has_neighbours_of_finite_value(structure, orders):
     record = armax(seed=2, samples=500)[0]
-    u = record.input if structure != "arma" else np.zeros_like(record.output)
     settings = SearchSettings(objective="quadratic")
     of_structure = orders_of(structure, orders)
     window = ScoringWindow(of_structure.first_residual, of_structure.first_residual)
-    errors = polynomial_errors(u, record.output, of_structure, settings, window, False)
-    searched, _ = scaled_problem(errors)
+    errors = prediction_errors(record, of_structure, settings, window, False)
+    searched = PolynomialProblem(scaled_errors(errors)[0])
     generator = np.random.default_rng(1)
     point = searched.descend(searched.random(4, generator)).points[0]
     value = float(searched.values(point[None, :])[0])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from evopem.config.settings import SearchSettings
-from evopem.estimation.pem.objective import PredictionErrorProblem
+from evopem.estimation.pem.polynomial_objective import PolynomialErrors
 from evopem.estimation.search.armax_problem import ArmaxProblem
 from evopem.estimation.search.incremental_order import (
     padded,
@@ -19,7 +19,9 @@ from evopem.synthesis.armax import armax
 
 def problem(orders, samples=800):
     record = armax(seed=4, samples=samples)[0]
-    return PredictionErrorProblem(record.input, record.output, orders, "quadratic", 20, 45, 0.9999)
+    return PolynomialErrors(
+        record.input, record.output, orders, "quadratic", 20, 45, 0.9999, 0.9999
+    )
 
 
 @pytest.mark.parametrize(

@@ -7,8 +7,9 @@ import pytest
 from scipy.signal import lfilter
 
 from evopem.config.settings import ScoringWindow, SearchSettings
-from evopem.estimation.joined_estimate import describe_joined, estimate_joined, joined_errors
 from evopem.estimation.order_selection import estimate_candidates, reoptimize_from
+from evopem.estimation.polynomial_estimate import describe
+from evopem.estimation.polynomial_search import estimate_polynomial, prediction_errors
 from evopem.estimation.search.problem import descended
 from evopem.estimation.search.stretch_problem import StretchProblem
 from evopem.models.polynomial import PolynomialModel
@@ -27,11 +28,20 @@ def recorded(seed, samples, level, noise=0.5, c=C):
     return Segment(u[before:], y[before:] + level, seed)
 
 
+def joined(stretches):
+    first = stretches[0]
+    return Recording(first.input, first.output, 1.0).with_segments(stretches)
+
+
+def estimate_joined(stretches, orders, window):
+    return estimate_polynomial(joined(stretches), orders, settings=QUICK, window=window, level=True)
+
+
 def test_an_arx_model_is_the_regression_with_a_constant_for_each_recording():
     stretches = [recorded(0, 80, 5.0, c=[1.0]), recorded(1, 120, -3.0, c=[1.0])]
     orders = Orders(na=2, nb=2, nk=1, structure="arx")
     window = ScoringWindow(2, 2)
-    found = estimate_joined(stretches, orders, 1.0, QUICK, window, level=True)
+    found = estimate_joined(stretches, orders, window)
     rows, target = [], []
     for number, each in enumerate(stretches):
         for t in range(2, each.samples):
@@ -51,8 +61,8 @@ def test_neither_the_order_of_recordings_nor_their_levels_change_the_model():
     stretches = [recorded(0, 150, 5.0), recorded(1, 100, -3.0), recorded(2, 120, 0.0)]
     others = [replace(each, outputs=each.output + 7.0 * each.recording) for each in stretches[::-1]]
     orders, window = armax_orders(2, 2, 2, 1), ScoringWindow(2, 12)
-    found = estimate_joined(stretches, orders, 1.0, QUICK, window, level=True)
-    other = estimate_joined(others, orders, 1.0, QUICK, window, level=True)
+    found = estimate_joined(stretches, orders, window)
+    other = estimate_joined(others, orders, window)
     assert other.model.parameters == pytest.approx(found.model.parameters, rel=1e-5)
     shifts = np.array([0.0, 7.0, 14.0]) * found.model.a.sum()
     assert other.levels[::-1] == pytest.approx(found.levels + shifts, rel=1e-4)
@@ -62,10 +72,10 @@ def local_fit(stretches):
     """The optimum next to the truth, with its standard errors."""
     orders = armax_orders(2, 2, 2, 1)
     window = ScoringWindow(orders.first_residual, orders.first_residual)
-    errors = joined_errors(stretches, orders, QUICK, window, True)
+    errors = prediction_errors(joined(stretches), orders, QUICK, window, True)
     truth = PolynomialModel(np.array(A), np.array(B[1:]), np.array(C), nk=1, structure="armax")
     problem = StretchProblem(errors, [truth], own_starts=False)
-    return describe_joined(errors, descended(problem, problem.starts()[0]), 1.0).model
+    return describe(errors, descended(problem, problem.starts()[0]), 1.0).model
 
 
 def test_intervals_of_pooled_recordings_cover_the_truth():

@@ -5,10 +5,11 @@ import pytest
 
 from evopem.config.settings import ScoringWindow, SearchSettings
 from evopem.estimation.pem.kernels.sections import products_of_sections
-from evopem.estimation.pem.objective import PredictionErrorProblem
+from evopem.estimation.pem.polynomial_objective import PolynomialErrors
 from evopem.estimation.pem.stretch_errors import StretchErrors
-from evopem.estimation.polynomial_estimate import polynomial_errors, scaled_problem
+from evopem.estimation.polynomial_search import prediction_errors, scaled_errors
 from evopem.estimation.search.armax_problem import ArmaxProblem
+from evopem.estimation.search.polynomial_problem import PolynomialProblem
 from evopem.estimation.search.section_coordinates import SectionCoordinates
 from evopem.estimation.search.stretch_problem import StretchProblem
 from evopem.models.structures import armax_orders, orders_of
@@ -21,7 +22,7 @@ RADIUS = 0.9999
 def armax_problem(objective="quadratic", orders=(5, 5, 5, 3)):
     record = armax(seed=2, samples=400)[0]
     signals = (record.input, record.output, armax_orders(*orders))
-    return ArmaxProblem(PredictionErrorProblem(*signals, objective, 20, 40, RADIUS))
+    return ArmaxProblem(PolynomialErrors(*signals, objective, 20, 40, RADIUS, RADIUS))
 
 
 def box_jenkins(objective="quadratic"):
@@ -29,9 +30,9 @@ def box_jenkins(objective="quadratic"):
     settings = SearchSettings(objective=objective)
     orders = orders_of("bj", (4, 3, 2, 5, 3))
     window = ScoringWindow(20, 40)
-    return scaled_problem(
-        polynomial_errors(record.input, record.output, orders, settings, window, False)
-    )[0]
+    return PolynomialProblem(
+        scaled_errors(prediction_errors(record, orders, settings, window, False))[0]
+    )
 
 
 def joined(objective="quadratic"):

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from evopem.config.settings import ScoringWindow, SearchSettings
-from evopem.estimation.pem.objective import PredictionErrorProblem
+from evopem.estimation.pem.polynomial_objective import PolynomialErrors
 from evopem.estimation.pem.stretch_errors import StretchErrors
-from evopem.estimation.polynomial_estimate import polynomial_errors, scaled_problem
+from evopem.estimation.polynomial_search import prediction_errors, scaled_errors
 from evopem.estimation.search.armax_problem import ArmaxProblem
 from evopem.estimation.search.common_sections import (
     growth,
@@ -16,7 +16,7 @@ from evopem.estimation.search.common_sections import (
     with_common_section,
     without_common_section,
 )
-from evopem.estimation.search.memetic import memetic_search
+from evopem.estimation.search.polynomial_problem import PolynomialProblem
 from evopem.estimation.search.section_exchange import SectionExchange
 from evopem.estimation.search.section_gains import gains, grid
 from evopem.estimation.search.stretch_problem import StretchProblem
@@ -39,10 +39,9 @@ def problem(structure, orders, objective="quadratic", samples=500):
     orders = orders_of(structure, orders)
     if structure == "armax":
         signals = (record.input, record.output)
-        return ArmaxProblem(PredictionErrorProblem(*signals, orders, objective, 20, 40, 0.9999))
-    u = record.input if structure != "arma" else np.zeros_like(record.output)
-    errors = polynomial_errors(u, record.output, orders, settings, ScoringWindow(20, 40), False)
-    return scaled_problem(errors)[0]
+        return ArmaxProblem(PolynomialErrors(*signals, orders, objective, 20, 40, 0.9999, 0.9999))
+    errors = prediction_errors(record, orders, settings, ScoringWindow(20, 40), False)
+    return PolynomialProblem(scaled_errors(errors)[0])
 
 
 def joined(structure, orders):
@@ -133,17 +132,3 @@ def test_exchange_never_leads_up_and_repeats_to_the_bit(objective):
     assert one.value <= value
     assert searched.values(one.point[None, :])[0] == one.value == two.value
     np.testing.assert_array_equal(one.point, two.point)
-
-
-def test_growth_and_exchange_lead_lower_than_the_memetic_search():
-    """Orders with spare sections: nearly every choice of their places is an optimum.
-
-    Which of them one search ends at hangs on the last digits, so several are compared.
-    """
-    searched = problem("armax", (14, 14, 14, 3), samples=400)
-    sizes, draws = SearchSettings(evaluations=50_000), (1, 2, 3)
-    alone = [memetic_search(searched, sizes, np.random.default_rng(each)).value for each in draws]
-    exchange = SectionExchange(searched)
-    found = [exchange.search(20_000, np.random.default_rng(each)) for each in draws]
-    assert np.median([each.value for each in found]) < min(alone) * (1.0 - 1e-3)
-    assert max(each.evaluations for each in found) < 60_000

@@ -21,8 +21,8 @@ BUDGET = {
     "words beside evidence": 6_000,
 }
 REACHED = {
-    "lines": 63_673,
-    "files": 387,
+    "lines": 62_260,
+    "files": 380,
     "files above 400 lines": 5,
     "folders above 20 files": 6,
     "words of guides": 22_800,

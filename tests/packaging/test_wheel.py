@@ -17,7 +17,7 @@ ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "workflow" / "scripts" / "evopem"
 TEMPLATES = ROOT / "workflow" / "templates"
 SCHEMAS = ROOT / "workflow" / "schemas"
-COMPILING = "evopem: compiling the numerical kernels (10 to 20 s, once after an installation)\n"
+COMPILING = "evopem: compiling the numerical kernels (20 to 40 s, once after an installation)\n"
 
 # The example's `input` and `output`: a record of the model whose orders the example gives.
 RECORD = """

@@ -7,7 +7,7 @@ from scipy.signal import lfilter
 
 from evopem import SearchSettings, estimate
 from evopem.errors import InputError
-from evopem.estimation.pem.covariance import jacobian_blocks
+from evopem.estimation.pem.polynomial_objective import PolynomialErrors
 from evopem.validation.residual_tests import residual_autocorrelation_covariance, whiteness_test
 
 SEARCH = SearchSettings(objective="quadratic", mu=4, lambda_=4, nu=4, evaluations=1)
@@ -89,6 +89,12 @@ def test_residuals_that_vanish_are_not_judged():
     assert np.isnan(whiteness_test(np.zeros(50), [np.ones((50, 1))], 10, "quadratic").p_value)
 
 
+def jacobian_of(fit, u, y):
+    window = fit.window.residual_start, fit.window.loss_start
+    errors = PolynomialErrors(u, y, fit.model.orders, "quadratic", *window, 1.0, 1.0)
+    return errors.jacobian_blocks(np.concatenate([fit.model.parameters, fit.noise_state]))
+
+
 def false_alarms(noise, records):
     """p-values at the true orders of ARMAX(2,2,1,1)."""
     found = []
@@ -97,9 +103,7 @@ def false_alarms(noise, records):
         y = lfilter([0.0, 1.0, 0.5], [1.0, -1.5, 0.7], u)
         y += noise * lfilter([1.0, -0.6], [1.0, -1.5, 0.7], e)
         fit = estimate(u, y, (2, 2, 1, 1), settings=SEARCH)
-        jacobian = jacobian_blocks(
-            fit.model, u, y, fit.residuals, fit.window.residual_start, fit.window.loss_start
-        )
+        jacobian = jacobian_of(fit, u, y)
         residuals = fit.residuals[fit.window.loss_start :]
         found.append(whiteness_test(residuals, jacobian, 13, "quadratic").p_value)
     return np.array(found)
@@ -118,9 +122,7 @@ def test_residuals_of_a_model_too_small_are_rejected():
     u, e = np.random.default_rng(9).standard_normal((2, 1000))
     y = lfilter([0.0, 1.0, 0.5], [1.0, -1.5, 0.7], u) + lfilter([1.0], [1.0, 0.0, 0.4], e)
     fit = estimate(u, y, (2, 2, 1, 1), settings=SEARCH)
-    jacobian = jacobian_blocks(
-        fit.model, u, y, fit.residuals, fit.window.residual_start, fit.window.loss_start
-    )
+    jacobian = jacobian_of(fit, u, y)
     test = whiteness_test(fit.residuals[fit.window.loss_start :], jacobian, 20, "quadratic")
     assert test.p_value < 1e-6
 

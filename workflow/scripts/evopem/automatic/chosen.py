@@ -18,7 +18,6 @@ from evopem.config.structures import AUTOMATIC_PHASES
 from evopem.errors import InputError
 from evopem.estimation.candidate import Candidate, PhaseSelection
 from evopem.estimation.criteria import criteria_of
-from evopem.estimation.joined_estimate import describe_joined
 from evopem.estimation.order_selection import REPEAT_FACTOR
 from evopem.estimation.pem.polynomial_objective import PolynomialErrors
 from evopem.estimation.pem.stretch_errors import StretchErrors
@@ -210,7 +209,7 @@ def _described_by_search(
             *(data.segments, orders, search.objective, radius, noise_radius, True), window=window
         )
         at_states = replace(result, point=joined.completed_by_states(model))
-        return Candidate.of(describe_joined(joined, at_states, data.sampling_rate), CHOSEN)
+        return Candidate.of(describe(joined, at_states, data.sampling_rate), CHOSEN)
     errors = PolynomialErrors(
         data.input,
         data.output,

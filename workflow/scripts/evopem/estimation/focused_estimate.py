@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from evopem.blas_threads import one_blas_thread
 from evopem.config.constraints import Constraints
@@ -27,12 +27,8 @@ from evopem.estimation.pem.focus_covariance import (
 )
 from evopem.estimation.pem.pole_region import UNBOUNDED_RADIUS
 from evopem.estimation.pem.polynomial_objective import PolynomialErrors
-from evopem.estimation.polynomial_estimate import (
-    PolynomialEstimate,
-    checked_errors,
-    describe,
-    scaled_problem,
-)
+from evopem.estimation.polynomial_estimate import PolynomialEstimate, describe
+from evopem.estimation.polynomial_search import checked_errors, scaled_errors
 from evopem.estimation.prediction_estimate import prediction_estimate
 from evopem.estimation.search.constrained_errors import ConstrainedErrors
 from evopem.estimation.search.linear_completion import LINEAR_STEPS, solve_linear
@@ -43,7 +39,8 @@ from evopem.estimation.search.starting_polynomials import noise_model
 from evopem.models.constraint_checks import Focus, check_fit
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomials import roots
-from evopem.models.structures import Orders, orders_of
+from evopem.models.structures import Orders
+from evopem.signals.recording import Recording
 
 # Random starts of the noise model.
 RANDOM_STARTS = 24
@@ -64,7 +61,8 @@ def simulation_estimate(task: EstimationTask) -> PolynomialEstimate:
         optimum=None,
     )
     plant, fit = prediction_estimate(plant_task, 1)
-    problem, scales = scaled_problem(errors)
+    scaled, scales = scaled_errors(errors)
+    problem = PolynomialProblem(scaled)
     fitted = [
         (_noise_start(problem, scales, plant, a, f), a, f)
         for a, f in _divisions(plant.model.f, o, of_plant, task.sampling_rate)
@@ -303,11 +301,8 @@ Log = Callable[[str], None]
 
 
 def estimate_focused(
-    input: ArrayLike | None,  # noqa: A002 - the field's word
-    output: ArrayLike,
-    structure: str,
-    orders: Orders | Mapping[str, int] | Sequence[int],
-    sampling_rate: float = 1.0,
+    data: Recording,
+    orders: Orders,
     *,
     settings: SearchSettings | None = None,
     window: ScoringWindow | None = None,
@@ -319,7 +314,7 @@ def estimate_focused(
 ) -> PolynomialEstimate:
     """Find the polynomial model with the smallest errors in focus that meets constraints.
 
-    Parameters are those of :func:`.polynomial_estimate.estimate_polynomial`, and:
+    Parameters are those of :func:`.polynomial_search.estimate_polynomial`, and:
 
     Parameters
     ----------
@@ -345,14 +340,16 @@ def estimate_focused(
     InputError
         When constraints contradict each other, the structure or the focus.
     ValueError
-        As :func:`.polynomial_estimate.estimate_polynomial`.
+        As :func:`.polynomial_search.estimate_polynomial`.
     """
-    o = orders_of(structure, orders)
     settings = settings or SearchSettings()
-    errors = checked_errors(input, output, o, settings, window, level)
-    horizon = check_fit(focus, constraints, o, sampling_rate)
+    errors = checked_errors(data, orders, settings, window, level)
+    if not isinstance(errors, PolynomialErrors):
+        raise ValueError("a focus and constraints are those of one recording")
+    horizon = check_fit(focus, constraints, orders, data.sampling_rate)
     known = constraints or Constraints()
-    task = EstimationTask(errors, structure, sampling_rate, settings, known, log, optimum)
+    structure = orders.structure
+    task = EstimationTask(errors, structure, data.sampling_rate, settings, known, log, optimum)
     # The bits of a result must not depend on how many threads the machine's BLAS would take.
     with one_blas_thread():
         found = (

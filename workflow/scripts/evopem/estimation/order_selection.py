@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from evopem.blas_threads import one_blas_thread
 from evopem.config.settings import FitSettings, ScoringWindow, SearchSettings
 from evopem.errors import InputError
 from evopem.estimation.candidate import (
@@ -17,19 +15,17 @@ from evopem.estimation.candidate import (
 )
 from evopem.estimation.delay_refinement import Fit, refine_delay
 from evopem.estimation.focused_estimate import estimate_focused
-from evopem.estimation.joined_estimate import (
-    descend_from_model,
-    estimate_joined,
-    joined_errors,
-)
 from evopem.estimation.order_race import race
 from evopem.estimation.polynomial_estimate import PolynomialEstimate
+from evopem.estimation.polynomial_search import (
+    descended_from,
+    described,
+    estimate_polynomial,
+)
 from evopem.estimation.search.certificate import is_certified
 from evopem.estimation.search.incremental_order import padded
 from evopem.estimation.search.likely_gain import Aim
-from evopem.estimation.search.problem import SearchResult, same_optimum
-from evopem.estimation.search_results import descended_from, described
-from evopem.estimation.structured_estimate import estimate
+from evopem.estimation.search.problem import same_optimum
 from evopem.models.structures import Orders
 from evopem.signals.recording import Recording
 
@@ -83,7 +79,9 @@ def estimate_candidates(
             )
         if log is not None:
             log(f"{phase}: {order}, candidate {position + 1} of {len(orders)}")
-        found = _search(data, order, settings, window, level, log)
+        found = estimate_polynomial(
+            data, order, settings=settings, window=window, level=level, log=log
+        )
         candidates.append(Candidate.of(found, phase))
         if log is not None:
             criteria = found.criteria
@@ -117,52 +115,17 @@ def continue_search(
     aim: Aim | None = None,
 ) -> Candidate:
     """Search on, independently of what was found so far, and keep the better."""
-    orders = candidate.orders
-    level, earlier = candidate.with_level, candidate.search
-    found = _search(data, orders, settings, window, level, log, earlier, aim)
+    found = estimate_polynomial(
+        data,
+        candidate.orders,
+        settings=settings,
+        window=window,
+        level=candidate.with_level,
+        earlier=candidate.search,
+        log=log,
+        aim=aim,
+    )
     return Candidate.of(found, candidate.phase)
-
-
-def _search(
-    data: Recording,
-    orders: Orders,
-    settings: SearchSettings,
-    window: ScoringWindow,
-    level: bool,
-    log: Callable[[str], None] | None,
-    earlier: SearchResult | None = None,
-    aim: Aim | None = None,
-) -> PolynomialEstimate:
-    """The search for one model, in samples whose level has been subtracted."""
-    if data.is_joined:
-        return estimate_joined(
-            data.segments,
-            orders,
-            data.sampling_rate,
-            settings,
-            window,
-            level,
-            earlier,
-            log,
-            aim,
-        )
-    with warnings.catch_warnings():
-        # A subtracted level need not be the mean: a response that begins or ends in the record
-        # moves the mean alone.
-        warnings.filterwarnings("ignore", "the mean of the output")
-        return estimate(
-            data.input if orders.single.nb else None,
-            data.output,
-            orders,
-            data.sampling_rate,
-            structure=orders.structure,
-            level=level,
-            settings=settings,
-            window=window,
-            earlier=earlier,
-            log=log,
-            aim=aim,
-        )
 
 
 def reoptimize_from(
@@ -174,13 +137,12 @@ def reoptimize_from(
 ) -> Candidate:
     """Re-optimise a candidate from the parameters of a nested smaller one."""
     orders, level = candidate.orders, candidate.with_level
-    if data.is_joined:
-        with one_blas_thread():
-            errors = joined_errors(data.segments, orders, settings, window, level)
-            found = descend_from_model(nested.model, errors, data.sampling_rate, candidate.search)
-        return Candidate.of(found, candidate.phase)
-    point = padded(nested.search.point, nested.orders, orders, level)
-    found = descended_from(point, candidate.search, data, orders, settings, window, level)
+    start = (
+        nested.model
+        if data.is_joined
+        else padded(nested.search.point, nested.orders, orders, level)
+    )
+    found = descended_from(start, candidate.search, data, orders, settings, window, level)
     return Candidate.of(found, candidate.phase)
 
 
@@ -203,11 +165,8 @@ def complete_estimate(
     orders, level = candidate.orders, candidate.with_level
     if fit is not None and fit.changes_model:
         return estimate_focused(
-            data.input if orders.single.nb else None,
-            data.output,
-            orders.structure,
+            data,
             orders,
-            data.sampling_rate,
             settings=settings,
             window=window,
             level=level,

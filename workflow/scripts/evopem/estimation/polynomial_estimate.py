@@ -1,37 +1,32 @@
-"""Estimate one general polynomial model from a record."""
+"""Estimated polynomial models: criteria, residuals and covariance at a search's best point."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from evopem.blas_threads import one_blas_thread
-from evopem.config.settings import ScoringWindow, SearchSettings
-from evopem.estimation.criteria import (
-    Criteria,
-    criteria_of,
-    lies_at_bound,
-    power_of_two_scale,
-)
+from evopem.config.settings import ScoringWindow
+from evopem.estimation.criteria import Criteria, criteria_of, lies_at_bound
 from evopem.estimation.pem.autoregression import autoregression
-from evopem.estimation.pem.covariance import estimate_covariance, innovation_variance
+from evopem.estimation.pem.covariance import (
+    estimate_covariance,
+    innovation_variance,
+    pseudo_inverse_factor,
+)
+from evopem.estimation.pem.least_squares import triangle_of
 from evopem.estimation.pem.polynomial_objective import PolynomialErrors
 from evopem.estimation.pem.robust_covariance import MOST_COLOURING, coloured_covariance
 from evopem.estimation.pem.stretch_errors import StretchErrors
-from evopem.estimation.requirements import check_search_settings, check_signals, check_window
-from evopem.estimation.search.global_search import continued_search
-from evopem.estimation.search.likely_gain import Aim
-from evopem.estimation.search.polynomial_problem import PolynomialProblem
-from evopem.estimation.search.problem import SearchResult, descended, pooled
+from evopem.estimation.search.problem import SearchResult
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomials import max_root_radius
-from evopem.models.structures import Orders, orders_of
 
 Array = NDArray[np.float64]
+Errors = PolynomialErrors | StretchErrors
 
 # Structures that claim nothing of the noise, or whose noise model may be chosen too small.
 WITHOUT_NOISE_MODEL = ("fir", "oe", "general")
@@ -132,222 +127,92 @@ class PolynomialEstimate:
         return len(self.search.point) > self.model.orders.parameters + states
 
 
-def estimate_polynomial(
-    input: ArrayLike | None,  # noqa: A002 - the field's word
-    output: ArrayLike,
-    structure: str,
-    orders: Orders | Mapping[str, int] | Sequence[int],
-    sampling_rate: float = 1.0,
-    *,
-    settings: SearchSettings | None = None,
-    window: ScoringWindow | None = None,
-    level: bool = False,
-    earlier: SearchResult | None = None,
-    log: Callable[[str], None] | None = None,
-    aim: Aim | None = None,
-) -> PolynomialEstimate:
-    """Find the polynomial model of given orders with the smallest prediction errors, globally.
-
-    Parameters
-    ----------
-    input, output : (N,) array_like
-        The record; not modified.  ``input`` is None for a model without input.
-    structure : str
-        ``fir``, ``arx``, ``arma``, ``armax``, ``ararx``, ``ararmax``, ``oe``, ``bj`` or
-        ``general``.
-    orders : Orders, mapping or sequence
-        ``{"nb": 4, "nf": 4, "nk": 1}``, or MATLAB's tuple for the structure, here (4, 4, 1).
-    sampling_rate : float
-        Hz.
-    settings : SearchSettings, optional
-        Objective, seed, bounds and size of the search.  Its draws come from
-        ``SeedSequence(seed, spawn_key=(na, nb, nc, nd, nf, nk, level))``, with the number of its
-        restarts appended to the key when the search continues an earlier one.
-        ``initialization`` and ``n_initial_discard`` are not used: the first population of a
-        memetic restart holds estimates of several kinds,
-        and the initial states of all filters are estimated.
-    window : ScoringWindow, optional
-        By default the first residual is the first whose past inputs and outputs are measured, and
-        all residuals count.
-    level : bool
-        Whether a constant is estimated: ``A y = (B/F) u + (C/D) e + level``.
-    earlier : SearchResult, optional
-        Result of an earlier search of the same problem, to be combined with this one.
-    log : callable, optional
-        Receives one line a generation.
-    aim : Aim, optional
-        What the search is made for: it ends once it is unlikely to get so low.
-
-    Raises
-    ------
-    ValueError
-        When the record is too short for the orders, or a setting is outside its range.
-    """
-    o = orders_of(structure, orders)
-    settings = settings or SearchSettings()
-    # The bits of a result must not depend on how many threads the machine's BLAS would take.
-    with one_blas_thread():
-        errors = checked_errors(input, output, o, settings, window, level)
-        problem, scales = scaled_problem(errors)
-        key = (o.na, o.single.nb, o.nc, o.nd, o.single.nf, o.single.nk, int(level))
-        found = continued_search(
-            problem, scales, key, settings, earlier, log, problem.recombine, aim
-        )
-        return describe(errors, found, sampling_rate)
-
-
-def checked_errors(
-    input: ArrayLike | None,  # noqa: A002
-    output: ArrayLike,
-    orders: Orders,
-    settings: SearchSettings,
-    window: ScoringWindow | None,
-    level: bool,
-) -> PolynomialErrors:
-    """The prediction-error problem of signals as a user gives them.
-
-    Raises
-    ------
-    ValueError
-        When the record is too short for the orders, or a setting is outside its range.
-    """
-    y = np.ascontiguousarray(output, dtype=float)
-    if input is None and orders.single.nb:
-        raise ValueError(
-            f"structure {orders.structure!r} with nb = {orders.single.nb} needs an input"
-        )
-    u = np.zeros_like(y) if input is None else np.ascontiguousarray(input, dtype=float)
-    window = window or ScoringWindow(orders.first_residual, orders.first_residual)
-    _check(u, y, orders, settings, window)
-    return polynomial_errors(u, y, orders, settings, window, level)
-
-
-def polynomial_errors(
-    input: Array,  # noqa: A002
-    output: Array,
-    orders: Orders,
-    settings: SearchSettings,
-    window: ScoringWindow,
-    level: bool,
-) -> PolynomialErrors:
-    """The prediction-error problem of a record, orders and settings."""
-    radius = settings.max_root_radius
-    return PolynomialErrors(
-        input,
-        output,
-        orders,
-        settings.objective,
-        window.residual_start,
-        window.loss_start,
-        radius,
-        radius,
-        level,
-    )
-
-
-def descend_from(
-    point: ArrayLike, errors: PolynomialErrors, sampling_rate: float, earlier: SearchResult
-) -> PolynomialEstimate:
-    """Descend once from a point, and combine the result with an earlier search of the problem.
-
-    Parameters
-    ----------
-    point : (n,) array_like
-        In the problem's own units.
-    errors : PolynomialErrors
-    sampling_rate : float
-        Hz.
-    earlier : SearchResult
-    """
-    problem, scales = scaled_problem(errors)
-    ended = descended(problem, np.asarray(point) / scales)
-    ended = replace(ended, point=ended.point * scales)
-    return describe(errors, pooled(earlier, ended), sampling_rate)
-
-
-def scaled_problem(errors: PolynomialErrors) -> tuple[PolynomialProblem, Array]:
-    """The problem with signals scaled to moderate size, and the scales of its parameters."""
-    input_scale, output_scale = power_of_two_scale(errors.input), power_of_two_scale(errors.output)
-    scaled = PolynomialErrors(
-        errors.input / input_scale,
-        errors.output / output_scale,
-        errors.orders,
-        errors.objective,
-        errors.residual_start,
-        errors.loss_start,
-        errors.plant_radius,
-        errors.noise_radius,
-        errors.level,
-    )
-    return PolynomialProblem(scaled), parameter_scales(errors, input_scale, output_scale)
-
-
-def parameter_scales(
-    errors: PolynomialErrors | StretchErrors, input_scale: float, output_scale: float
-) -> Array:
-    """Scales of the parameters, (n,), of a problem whose signals are divided by scales."""
-    scales, parts = np.ones(errors.dimension), errors.parts()
-    scales[parts["b"]] = output_scale / input_scale
-    for name in ("level", "plant", "noise"):
-        scales[parts[name]] = output_scale
-    return scales
-
-
-def _check(
-    u: Array, y: Array, orders: Orders, settings: SearchSettings, window: ScoringWindow
-) -> None:
-    """Refuse a record or settings that :func:`estimate_polynomial` cannot use."""
-    check_signals(u, y)
-    check_search_settings(settings)
-    check_window(window, orders.first_residual, orders)
-    estimated = orders.parameters + orders.single.nf + orders.noise_states
-    counted = len(y) - window.loss_start
-    if counted <= estimated:
-        raise ValueError(
-            f"{orders} needs more than {estimated} residuals for its coefficients and initial "
-            f"states; {len(y)} samples less the first {window.loss_start} leave {counted}"
-        )
-    if not np.any(y[window.loss_start :]):
-        raise ValueError("the output is zero throughout")
-
-
 def describe(
-    errors: PolynomialErrors, result: SearchResult, sampling_rate: float
+    errors: Errors, result: SearchResult, sampling_rate: float, *, shortest: bool = False
 ) -> PolynomialEstimate:
-    """The model at a search's best point, with its criteria, residuals and covariance."""
+    """The model at a search's best point, with its criteria, residuals and covariance.
+
+    Parameters
+    ----------
+    errors : PolynomialErrors or StretchErrors
+    result : SearchResult
+    sampling_rate : float
+        Hz.
+    shortest : bool
+        Whether B is the shortest of those with equal residuals.
+    """
     point, parts = result.point, errors.parts()
+    triangle = triangle_of(errors.jacobian_blocks(point))
+    if shortest:
+        found = minimum_norm_point(errors, point, triangle)
+        if not np.array_equal(found, point):
+            point, triangle = found, triangle_of(errors.jacobian_blocks(found))
     a, c, d, f = (np.concatenate([[1.0], point[parts[name]]]) for name in "acdf")
-    residuals = errors.residuals(point)
-    counted, counted_output = residuals[errors.loss_start :], errors.output[errors.loss_start :]
+    of_stretches = errors.of_stretches(point)
+    residuals = [own.residuals(at) for own, at in of_stretches]
+    window = ScoringWindow(of_stretches[0][0].residual_start, of_stretches[0][0].loss_start)
+    counted = np.concatenate([each[window.loss_start :] for each in residuals])
+    outputs = np.concatenate([own.output[window.loss_start :] for own, _ in of_stretches])
+    for each in residuals:
+        each[: window.residual_start] = np.nan
+    levels = tuple(point[parts["level"]].tolist())
+    counts = [len(each) - window.loss_start for each in residuals]
     model = PolynomialModel(
-        a,
-        point[parts["b"]].copy(),
-        c,
-        d,
-        f,
-        errors.orders.single.nk,
-        sampling_rate,
-        level=float(point[parts["level"]].sum()),
+        *(a, point[parts["b"]].copy(), c, d, f, errors.orders.single.nk, sampling_rate),
+        level=levels[0] if levels else 0.0,
         noise_variance=innovation_variance(counted, errors.dimension),
-        covariance=covariance_of(errors, point, counted, counted_output),
+        covariance=covariance_of(errors, point, counted, outputs, counts, triangle),
         structure=errors.orders.structure,
     )
-    residuals[: errors.residual_start] = np.nan
-    criteria = criteria_of(counted, counted_output, errors.objective, errors.parameters)
+    criteria = criteria_of(counted, outputs, errors.objective, errors.parameters)
     return PolynomialEstimate(
         model=model,
         criteria=criteria,
-        residuals=residuals,
+        residuals=np.concatenate(residuals),
         plant_state=point[parts["plant"]].copy(),
         noise_state=point[parts["noise"]].copy(),
-        window=ScoringWindow(errors.residual_start, errors.loss_start),
+        window=window,
         at_stability_bound=roots_at_bound(errors, model),
         search=result,
         focus_objective=criteria.objective,
+        levels=levels if isinstance(errors, StretchErrors) else (),
     )
 
 
-def roots_at_bound(errors: PolynomialErrors | StretchErrors, model: PolynomialModel) -> bool:
+def minimum_norm_point(errors: Errors, point: Array, triangle: Array) -> Array:
+    """The point with the smallest ||b|| among those of equal residuals with the same A, C, D and F.
+
+    The residuals are linear in B, levels and states, given the others.  Along the null space of
+    that part of the Jacobian they do not change, so an input that excites fewer directions than
+    B has coefficients leaves B undetermined; the search may end anywhere there.
+
+    Parameters
+    ----------
+    errors : PolynomialErrors or StretchErrors
+    point : (n,) array
+    triangle : (m, n) array
+        R of the QR decomposition of the Jacobian at the point.
+
+    Returns
+    -------
+    (n,) array
+        A new array; equal to the point where the data determine B.
+    """
+    parts = errors.parts()
+    of_b = parts["b"]
+    linear = np.r_[of_b, parts["level"].start : len(point)]
+    shortest, count = point.copy(), of_b.stop - of_b.start
+    if not count:
+        return shortest
+    _, null_space = pseudo_inverse_factor(triangle[:, linear])
+    if not np.any(null_space[:count]):
+        return shortest
+    weights = np.linalg.lstsq(null_space[:count], -point[of_b], rcond=None)[0]
+    shortest[linear] += null_space @ weights
+    return shortest
+
+
+def roots_at_bound(errors: Errors, model: PolynomialModel) -> bool:
     """Whether a root of A, F, C or D lies at the bound of the search."""
     plant, noise = (
         max(max_root_radius(one[1:]), max_root_radius(other[1:]))
@@ -357,11 +222,12 @@ def roots_at_bound(errors: PolynomialErrors | StretchErrors, model: PolynomialMo
 
 
 def covariance_of(
-    errors: PolynomialErrors | StretchErrors,
+    errors: Errors,
     point: Array,
     residuals: Array,
     output: Array,
     counts: Sequence[int] = (),
+    triangle: Array | None = None,
 ) -> ParameterCovariance | None:
     """Covariance of the coefficients, for residuals of any colour where nothing whitens them.
 
@@ -373,17 +239,27 @@ def covariance_of(
         Those that count.
     counts : sequence of int
         Residuals of each of several stretches.
+    triangle : (n, n) array, optional
+        R of the QR decomposition of the Jacobian, where it is known.
     """
-    orders, jacobian = errors.orders, errors.jacobian(point)
-    coloured = len(autoregression(residuals - residuals.mean(), MOST_COLOURING)) > 1
-    if coloured and orders.structure in WITHOUT_NOISE_MODEL:
+    orders = errors.orders
+    if orders.structure in WITHOUT_NOISE_MODEL and _is_coloured(residuals):
         return coloured_covariance(
-            jacobian,
+            errors.jacobian(point),
             residuals,
             orders.parameters,
             errors.objective,
             input_alone=orders.na + orders.nc + orders.nd == 0,
             counts=counts,
         )
-    triangle = np.asarray(np.linalg.qr(jacobian, mode="r"))
-    return estimate_covariance(triangle, residuals, output, orders.parameters, 0, errors.objective)
+    if triangle is None:
+        triangle = triangle_of(errors.jacobian_blocks(point))
+    parts = errors.parts()
+    of_noise = np.r_[parts["c"], parts["d"]]
+    return estimate_covariance(
+        triangle, residuals, output, orders.parameters, of_noise, errors.objective
+    )
+
+
+def _is_coloured(residuals: Array) -> bool:
+    return len(autoregression(residuals - residuals.mean(), MOST_COLOURING)) > 1

@@ -38,8 +38,8 @@ from evopem.estimation.polynomial_estimate import (
     ConstraintEffect,
     PolynomialEstimate,
     describe,
-    scaled_problem,
 )
+from evopem.estimation.polynomial_search import scaled_errors
 from evopem.estimation.search.constrained_errors import ConstrainedErrors
 from evopem.estimation.search.global_search import global_search
 from evopem.estimation.search.linear_completion import LINEAR_STEPS, solve_linear
@@ -61,8 +61,8 @@ MEETS = 1e-9
 
 def prediction_estimate(task: EstimationTask, horizon: int) -> tuple[PolynomialEstimate, Fitted]:
     """The estimate for errors of k steps, and what its covariance follows from."""
-    problem, scales = scaled_problem(task.errors)
-    scaled = problem.errors
+    scaled, scales = scaled_errors(task.errors)
+    problem = PolynomialProblem(scaled)
     b_scale = float(scales[scaled.parts()["b"]][0]) if task.orders.single.nb else 1.0
     k_errors = errors_ahead(scaled, horizon)
     # Before the search, because it refuses constraints that no model meets.

@@ -12,17 +12,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from evopem.config.constraints import Constraints, InputConstraints
 from evopem.config.settings import ScoringWindow, SearchSettings
-from evopem.estimation import estimate as armax
 from evopem.estimation.focused_estimate import estimate_focused
-from evopem.estimation.joined_estimate import estimate_joined
 from evopem.estimation.multi_input.estimate import estimate_multi_input
-from evopem.estimation.polynomial_estimate import (
-    PolynomialEstimate,
-    estimate_polynomial,
-)
+from evopem.estimation.polynomial_estimate import PolynomialEstimate
+from evopem.estimation.polynomial_search import estimate_polynomial
 from evopem.estimation.search.likely_gain import Aim
 from evopem.estimation.search.problem import SearchResult
-from evopem.estimation.search_results import has_own_search
 from evopem.estimation.state_space.estimate import estimate_state_space
 from evopem.estimation.state_space.local_estimates import StateSpaceEstimate
 from evopem.estimation.state_space.settings import STRUCTURES, StateSpaceSettings
@@ -174,12 +169,33 @@ def estimate(
         return _several_inputs(recording, orders, structure, settings, focus, constraints, log)
     if not level:
         _warn_of_level(recording.output)
+    if structure == "armax" and not recording.has_input:
+        raise ValueError("structure 'armax' needs an input; without one, use 'arma'")
+    known = orders_of(structure, orders)
+    if focus == "prediction" and constraints is None:
+        return estimate_polynomial(
+            recording,
+            known,
+            settings=settings,
+            window=window,
+            level=level,
+            earlier=earlier,
+            log=log,
+            aim=aim,
+        )
     if several:
-        if focus != "prediction":
-            raise ValueError(_FOCUS)
-        return _joined(recording, orders, structure, settings, window, level, earlier, log, aim)
-    return _one_input(
-        recording, orders, structure, settings, window, level, focus, constraints, earlier, log, aim
+        raise ValueError(_FOCUS)
+    if earlier is not None:
+        raise ValueError("an earlier search is not continued with a focus or constraints")
+    return estimate_focused(
+        recording,
+        known,
+        settings=settings,
+        window=window,
+        level=level,
+        focus=focus,
+        constraints=constraints,  # type: ignore[arg-type]
+        log=log,
     )
 
 
@@ -289,94 +305,4 @@ def _of_inputs(constraints: Constraints, names: Sequence[str]) -> InputConstrain
         replace(constraints, static_gain=None, static_gain_bounds=None),
         {} if gain is None else {names[0]: gain},
         {} if bounds is None else {names[0]: bounds},
-    )
-
-
-def _joined(
-    recording: Recording,
-    orders: Orders | Mapping[str, Any] | Sequence[Any],
-    structure: str,
-    settings: SearchSettings | None,
-    window: ScoringWindow | None,
-    level: bool,
-    earlier: SearchResult | None,
-    log: Callable[[str], None] | None,
-    aim: Aim | None,
-) -> PolynomialEstimate:
-    """Of several segments with states of their own."""
-    known = orders_of(structure, orders)
-    window = window or ScoringWindow(known.first_residual, known.first_residual)
-    settings = settings or SearchSettings()
-    return estimate_joined(
-        recording.segments,
-        known,
-        recording.sampling_rate,
-        settings,
-        window,
-        level,
-        earlier,
-        log,
-        aim,
-    )
-
-
-def _one_input(
-    recording: Recording,
-    orders: Orders | Mapping[str, Any] | Sequence[Any],
-    structure: str,
-    settings: SearchSettings | None,
-    window: ScoringWindow | None,
-    level: bool,
-    focus: Any,
-    constraints: Any,
-    earlier: SearchResult | None,
-    log: Callable[[str], None] | None,
-    aim: Aim | None,
-) -> PolynomialEstimate:
-    """Of one segment with at most one input, by the fastest implementation."""
-    u = recording.input if recording.has_input else None
-    y, sampling_rate = recording.output, recording.sampling_rate
-    if structure == "armax" and u is None:
-        raise ValueError("structure 'armax' needs an input; without one, use 'arma'")
-    if focus != "prediction" or constraints is not None:
-        if earlier is not None:
-            raise ValueError("an earlier search is not continued with a focus or constraints")
-        return estimate_focused(
-            u,
-            y,
-            structure,
-            orders,
-            sampling_rate,
-            settings=settings,
-            window=window,
-            level=level,
-            focus=focus,
-            constraints=constraints,
-            log=log,
-        )
-    orders = orders_of(structure, orders)
-    if u is not None and has_own_search(orders, level):
-        return armax.estimate(
-            u,
-            y,
-            orders,
-            sampling_rate,
-            settings=settings,
-            window=window,
-            earlier=earlier,
-            log=log,
-            aim=aim,
-        )
-    return estimate_polynomial(
-        u,
-        y,
-        structure,
-        orders,
-        sampling_rate,
-        settings=settings,
-        window=window,
-        level=level,
-        earlier=earlier,
-        log=log,
-        aim=aim,
     )

@@ -274,7 +274,7 @@ def recording_of(
     Raises
     ------
     ValueError
-        When a signal is missing, complex, or of another length.
+        When a signal is missing, complex, or of another length, or the rate is no number of Hz.
     """
     if isinstance(input, Recording):
         if output is not None:
@@ -286,6 +286,8 @@ def recording_of(
     u = np.empty((len(y), 0)) if input is None else real_signal(input, "input")
     if len(u) != len(y):
         raise ValueError(f"input and output must be of one length, not {len(u)} and {len(y)}")
+    if not (np.isfinite(sampling_rate) and sampling_rate > 0.0):
+        raise ValueError(f"sampling_rate must be a positive number of Hz, not {sampling_rate}")
     return Recording(u, y, sampling_rate)
 
 

@@ -105,7 +105,7 @@ def whiteness_test(
         Prediction errors on the samples that the fit has scored.
     jacobian : iterable of (M, p) arrays
         Consecutive rows of the Jacobian of these residuals with respect to everything estimated,
-        N rows in all, as :func:`evopem.estimation.pem.covariance.jacobian_blocks` yields them.
+        N rows in all, as the prediction errors yield them.
     lags : int
         Number of lags tested jointly, less than N.
     objective : {"absolute", "quadratic"}

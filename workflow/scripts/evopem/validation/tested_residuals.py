@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.config.settings import ScoringWindow
-from evopem.estimation.pem.covariance import jacobian_blocks
 from evopem.estimation.pem.polynomial_objective import PolynomialErrors
 from evopem.estimation.pem.stretch_errors import StretchErrors
 from evopem.models.polynomial import PolynomialModel
@@ -63,13 +62,10 @@ def tested_residuals(
     inputs = u if model.has_input else np.zeros_like(y)
 
     def jacobian() -> Iterable[Array]:
-        if model.orders.nd + model.orders.single.nf == 0 and model.level == 0.0:
-            # In blocks, which long records need.
-            return jacobian_blocks(model, u, y, np.nan_to_num(residuals), first, start)
         level = model.level != 0.0
         errors = PolynomialErrors(u, y, model.orders, objective, first, start, 1.0, 1.0, level)
         levels = [model.level] if level else []
-        return [errors.jacobian(np.concatenate([model.parameters, levels, *states]))]
+        return errors.jacobian_blocks(np.concatenate([model.parameters, levels, *states]))
 
     return TestedResiduals(residuals[start:], inputs[start:], jacobian)
 
@@ -84,4 +80,4 @@ def _of_stretches(
     )
     point = errors.completed_by_states(replace(model, covariance=None))
     inputs = errors.scored_inputs() if model.has_input else np.zeros_like(errors.scored_outputs())
-    return TestedResiduals(errors.residuals(point), inputs, lambda: [errors.jacobian(point)])
+    return TestedResiduals(errors.residuals(point), inputs, lambda: errors.jacobian_blocks(point))

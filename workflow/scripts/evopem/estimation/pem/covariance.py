@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.estimation.pem.kernels.filtering import filter_rows
-from evopem.estimation.pem.least_squares import chunks, triangle_of
 from evopem.models.parameter_covariance import ParameterCovariance
-from evopem.models.polynomial import PolynomialModel
 
 Array = NDArray[np.float64]
 
@@ -24,74 +19,13 @@ COMPONENT_TOLERANCE = 1e-8
 RESIDUAL_ROUNDING = 1e-12
 
 
-def jacobian_triangle(
-    model: PolynomialModel,
-    input: Array,  # noqa: A002
-    output: Array,
-    residuals: Array,
-    recursion_start: int,
-    scoring_start: int,
-) -> Array:
-    """R of the QR decomposition of the scored residuals' Jacobian, (n + nc, n + nc) or fewer rows.
-
-    Parameters
-    ----------
-    model : PolynomialModel
-    input, output, residuals : (N,) arrays
-    recursion_start, scoring_start : int
-        First residual, and first one that counts in the loss.
-    """
-    blocks = jacobian_blocks(model, input, output, residuals, recursion_start, scoring_start)
-    return triangle_of(blocks)
-
-
-def jacobian_blocks(
-    model: PolynomialModel,
-    input: Array,  # noqa: A002
-    output: Array,
-    residuals: Array,
-    recursion_start: int,
-    scoring_start: int,
-) -> Iterator[Array]:
-    """Jacobian of the scored residuals with respect to parameters and noise state, row by row.
-
-    Yields consecutive blocks of rows, (M, n + nc) arrays.
-
-    For ``[a, b, c]`` and the noise state: ``d e/d a_i = y_F(t-i)``,
-    ``d e/d b_j = -u_F(t-nk-j)``, ``d e/d c_k = -e_F(t-k)`` with signals filtered through 1/C from
-    rest at ``recursion_start`` (Ljung 1999, section 10.3), and impulse responses of 1/C for the
-    noise state.
-    """
-    o = model.orders
-    samples = len(output)
-    impulse = np.zeros(samples)
-    impulse[recursion_start] = 1.0
-    residuals = residuals.copy()
-    residuals[:recursion_start] = 0.0
-    columns = (
-        [(output, i, 1.0) for i in range(1, o.na + 1)]
-        + [(input, o.single.nk + j, -1.0) for j in range(o.single.nb)]
-        + [(residuals, k, -1.0) for k in range(1, o.nc + 1)]
-        + [(impulse, k, 1.0) for k in range(o.nc)]
-    )
-    states = np.zeros((len(columns), o.nc))
-    for first, stop in chunks(recursion_start, samples):
-        filtered = np.empty((len(columns), stop - first))
-        for row, (signal, lag, sign) in enumerate(columns):
-            filtered[row] = sign * _lagged(signal, lag, first, stop)
-        filter_rows(filtered, model.c, states)
-        if stop > scoring_start:
-            yield filtered.T[max(scoring_start - first, 0) :]
-
-
-def _lagged(signal: Array, lag: int, first: int, stop: int) -> Array:
-    """A stretch of a signal some samples earlier, with zeros before its beginning."""
-    missing = max(lag - first, 0)
-    return np.concatenate([np.zeros(missing), signal[first - lag + missing : stop - lag]])
-
-
 def estimate_covariance(
-    triangle: Array, residuals: Array, output: Array, parameters: int, nc: int, objective: str
+    triangle: Array,
+    residuals: Array,
+    output: Array,
+    parameters: int,
+    of_noise: NDArray[np.intp],
+    objective: str,
 ) -> ParameterCovariance | None:
     """Asymptotic covariance of the n parameters, the noise state being estimated as well.
 
@@ -105,22 +39,21 @@ def estimate_covariance(
 
     Parameters
     ----------
-    triangle : (n + nc, n + nc) array
-        Of :func:`jacobian_triangle`.
+    triangle : (m, m) array
+        R of the QR decomposition of the Jacobian by parameters and states.
     residuals, output : (N,) arrays
         The scored ones.
     parameters : int
         n.
-    nc : int
-        Number of C coefficients, the last of the parameters.  Where the residuals are rounding
-        errors of the output, these are not identifiable.
+    of_noise : (k,) array of int
+        Places of the coefficients of C and D.  Where the residuals are rounding errors of the
+        output, these are not identifiable.
     objective : {"absolute", "quadratic"}
     """
     n, estimated = parameters, triangle.shape[1]
     inverse, null_space = pseudo_inverse_factor(triangle)
     if np.linalg.norm(residuals) <= RESIDUAL_ROUNDING * np.linalg.norm(output):
-        unknown = np.zeros((estimated, nc))
-        unknown[n - nc : n] = np.eye(nc)
+        unknown = np.eye(estimated)[:, of_noise]
         null_space = np.hstack([null_space, unknown])
     null_space = null_space[:n]
     null_space = null_space[:, np.any(null_space != 0.0, axis=0)]

@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.estimation.pem.kernels import stability_barriers
-from evopem.estimation.pem.objective import DENSITY_BANDWIDTH
-from evopem.estimation.pem.polynomial_objective import PolynomialErrors
+from evopem.estimation.pem.polynomial_objective import DENSITY_BANDWIDTH, PolynomialErrors
 
 Array = NDArray[np.float64]
 

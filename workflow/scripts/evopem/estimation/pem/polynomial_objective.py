@@ -1,43 +1,57 @@
-"""The prediction-error problem of a general polynomial model, for whole populations at once.
+"""The prediction-error problem of a polynomial model on one record, for whole populations at once.
 
-A *point* is a parameter vector ``[a, b, c, d, f]``, the level where one is estimated, the plant
-state (nf entries) and the noise state (``max(nc, nd)`` entries).  The states are what the unknown
-past adds to the first equations of ``F x = -B u + g`` and ``C e = D v + s``; estimated along, they
-leave no transient.  A population is an (M, n) array.
+A *point* is a parameter vector ``[a, b, c, d, f]`` (chapter eq. 18), b and f those of all inputs
+one after the other, the level where one is estimated, the plant states (nf entries each) and the
+noise state (``max(nc, nd)`` entries).  The states are what the unknown past adds to the first
+equations of ``F_i x_i = -B_i u_i + g_i`` and ``C e = D v + s``.  Estimated along, they leave no
+transient, however slow the roots of C; a fixed zero would, and on a twice-differenced record, whose
+C has roots close to the unit circle, that transient would decide between the orders.  A population
+is an (M, n) array.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.estimation.pem.kernels import polynomial as kernels
+from evopem.estimation.pem import kernels
+from evopem.estimation.pem.jacobian import jacobian_blocks
+from evopem.estimation.pem.kernels.bfgs import State
 from evopem.estimation.pem.losses import mean_residuals, slopes_of, total_loss
-from evopem.estimation.pem.objective import DENSITY_BANDWIDTH, STATE_WEIGHT
 from evopem.estimation.pem.root_repair import repaired
 from evopem.models.structures import Orders
 
 Array = NDArray[np.float64]
 
+# What the square of a noise state weighs against that of a residual: a prior of ten standard
+# deviations of the innovations.  Where C forgets its start before the first scored residual, a
+# state of any size would fit a few residuals more, and the search would have no end.
+STATE_WEIGHT = 1e-2
+# Width of the kernel that estimates the density of the residuals at zero, in mean |e|.
+DENSITY_BANDWIDTH = 0.3
 # Weight of the square of a plant state against that of a residual.  It only bounds states that the
 # residuals that count do not determine: a prior of a thousand standard deviations.
 PLANT_STATE_WEIGHT = 1e-6
 
 
 class PolynomialErrors:
-    """Objective, gradient, curvature and feasibility of general polynomial models on one record.
+    """Objective, gradient, curvature and feasibility of polynomial models on one record.
 
     Parameters
     ----------
-    input, output : (N,) arrays
-        The record; not modified.
+    input : (N,) or (N, m) array
+        Not modified, like the output.
+    output : (N,) array
     orders : Orders
     objective : {"absolute", "quadratic"}
-        ``absolute``: ``100 sum|e| / sum|y|``; ``quadratic``: ``100 sum e**2 / sum y**2``.
+        ``absolute``: ``100 sum|e| / sum|y|`` (chapter eq. 20-21, as ``100 - fit``);
+        ``quadratic``: ``100 sum e**2 / sum y**2`` (eq. 22).
     residual_start : int
-        First residual, at least ``orders.first_residual``.
+        First residual, at least ``orders.first_residual``.  One number for all orders that are
+        compared, so that a smaller model is a special case of a larger one.
     loss_start : int
         First residual that counts.
     plant_radius, noise_radius : float
@@ -64,23 +78,13 @@ class PolynomialErrors:
         self.residual_start, self.loss_start = residual_start, loss_start
         self.plant_radius, self.noise_radius = plant_radius, noise_radius
         self.level = level
-        o = orders
-        self._record = kernels.polynomial_record(
-            output,
-            input,
-            (o.na, o.single.nb, o.nc, o.nd, o.single.nf, o.single.nk),
-            level,
-            residual_start,
-            loss_start,
-        )
-        self._workspace = kernels.polynomial_workspace(self._record)
         absolute = objective == "absolute"
         self._scale = total_loss(output[loss_start:], objective)
         self.scored_samples = self.samples - loss_start
         # A square in the unit of the loss.
         state_unit = self._scale / self.scored_samples if absolute else 1.0
         factor = 100.0 / self._scale
-        self._objective = kernels.PolynomialObjective(
+        self._objective = kernels.Objective(
             absolute=absolute,
             factor=factor,
             plant_state_weight=PLANT_STATE_WEIGHT * factor / state_unit,
@@ -88,6 +92,33 @@ class PolynomialErrors:
             plant_radius=plant_radius,
             noise_radius=noise_radius,
         )
+
+    # Tables of eight numbers a sample, made when they are needed: a problem that is only scaled
+    # needs none.
+    @cached_property
+    def _record(self) -> kernels.Record:
+        o = self.orders
+        return kernels.record_of(
+            self.output,
+            self._inputs,
+            (o.na, o.nb, o.nc, o.nd, o.nf, o.nk),
+            self.level,
+            self.residual_start,
+            self.loss_start,
+        )
+
+    @cached_property
+    def _workspace(self) -> kernels.Workspace:
+        return kernels.workspace_for(self._record)
+
+    @cached_property
+    def _lag_sums(self) -> kernels.LagSums:
+        return kernels.lag_sums_for(self._record)
+
+    @property
+    def _inputs(self) -> Array:
+        """The inputs that the orders have, (N, m)."""
+        return self.input.reshape(self.samples, -1)[:, : self.orders.inputs]
 
     def of_orders(self, orders: Orders) -> PolynomialErrors:
         """The same problem for other orders that have residuals from ``residual_start`` on."""
@@ -100,6 +131,19 @@ class PolynomialErrors:
     def within_radius(self, radius: float) -> PolynomialErrors:
         """The same problem with another allowed radius of all roots."""
         return self._with(radius=radius)
+
+    @property
+    def signals(self) -> tuple[Array, Array]:
+        """All inputs and all outputs."""
+        return self.input, self.output
+
+    def scaled(self, input_scale: float, output_scale: float) -> PolynomialErrors:
+        """The same problem with divided signals."""
+        return PolynomialErrors(
+            *(self.input / input_scale, self.output / output_scale, self.orders, self.objective),
+            *(self.residual_start, self.loss_start, self.plant_radius, self.noise_radius),
+            self.level,
+        )
 
     def _with(
         self,
@@ -138,7 +182,7 @@ class PolynomialErrors:
     @property
     def dimension(self) -> int:
         """Length of a point: coefficients, level, plant state and noise state."""
-        return self.parameters + self.orders.single.nf + self.orders.noise_states
+        return self.parameters + sum(self.orders.nf) + self.orders.noise_states
 
     @property
     def parameters(self) -> int:
@@ -148,8 +192,8 @@ class PolynomialErrors:
     def parts(self) -> dict[str, slice]:
         """Where the parts of a point stand: a, b, c, d, f, level, plant and noise."""
         o = self.orders
-        lengths = {"a": o.na, "b": o.single.nb, "c": o.nc, "d": o.nd, "f": o.single.nf}
-        lengths |= {"level": int(self.level), "plant": o.single.nf, "noise": o.noise_states}
+        lengths = {"a": o.na, "b": sum(o.nb), "c": o.nc, "d": o.nd, "f": sum(o.nf)}
+        lengths |= {"level": int(self.level), "plant": sum(o.nf), "noise": o.noise_states}
         return consecutive(lengths)
 
     def values(self, points: Array) -> Array:
@@ -157,10 +201,7 @@ class PolynomialErrors:
 
         The weak squares of the states are part of it.
         """
-        values: Array = kernels.polynomial_values(
-            self._record, self._objective, self._workspace, _rows(points)
-        )
-        return values
+        return kernels.values(self._record, self._objective, self._workspace, _rows(points))
 
     def values_and_gradients(
         self, points: Array, smoothing: Array, barriers: Array
@@ -171,10 +212,29 @@ class PolynomialErrors:
         is smoothed, ``sqrt(e**2 + smoothing**2)``.  ``barriers`` (M,), in percent, are the weights
         of a barrier that grows towards the edge of the stability region.
         """
-        found: tuple[Array, Array] = kernels.polynomial_values_and_gradients(
+        return kernels.values_and_gradients(
             self._record, self._objective, self._workspace, _rows(points), smoothing, barriers
         )
-        return found
+
+    def advance_descents(
+        self,
+        smoothing: Array,
+        barriers: Array,
+        tolerance: float,
+        max_iterations: int,
+        state: State,
+        trials: int,
+        few: int,
+    ) -> tuple[int, int]:
+        """Trials of descents by :meth:`values_and_gradients`; see :func:`.batch_bfgs.descend_by`.
+
+        Smoothing and barriers are those of the starts.
+        """
+        made: tuple[int, int] = kernels.advance_descents(
+            *(self._record, self._objective, self._workspace, state, smoothing, barriers),
+            *(tolerance, max_iterations, trials, few),
+        )
+        return made
 
     def curvatures(self, points: Array, smoothing: Array, barriers: Array) -> Array:
         """Gauss-Newton approximation of the Hessian of the smoothed objective, (M, n, n).
@@ -182,10 +242,11 @@ class PolynomialErrors:
         For the absolute objective the mean second derivative of the loss (twice the density of
         the residuals at zero) scales the same matrix.
         """
-        matrices: Array = kernels.polynomial_gauss_newton_matrices(
+        matrices: Array = kernels.gauss_newton_matrices(
             self._record,
             self._objective,
             self._workspace,
+            self._lag_sums,
             DENSITY_BANDWIDTH,
             _rows(points),
             smoothing,
@@ -199,19 +260,33 @@ class PolynomialErrors:
 
     def residuals(self, point: Array) -> Array:
         """Residuals of one point, (N,); zero before ``residual_start``."""
-        found = kernels.polynomial_residuals(
-            self._record, self._workspace, _rows(point[None, :]), np.zeros(1, dtype=np.intp)
-        )
         residuals = np.zeros(self.samples)
-        residuals[self.residual_start :] = found[0, : self.samples - self.residual_start]
+        found = kernels.residuals(self._record, self._workspace, _rows(point))
+        residuals[self.residual_start :] = found
         return residuals
 
     def jacobian(self, point: Array) -> Array:
         """Derivatives of the residuals that count by a point, (N - loss_start, n)."""
-        jacobian: Array = kernels.polynomial_jacobian(
-            self._record, self._workspace, _rows(point[None, :]), np.zeros(1, dtype=np.intp)
-        )
-        return jacobian
+        return np.concatenate(list(self.jacobian_blocks(point)))
+
+    def jacobian_blocks(self, point: Array) -> Iterator[Array]:
+        """Its rows in consecutive blocks, which long records need."""
+        record, work = self._record, self._workspace
+        e = kernels.residuals(record, work, _rows(point))
+        rows = slice(record.history, record.history + len(e))
+        xs = [
+            work.x[i * record.rows :][rows, 0].copy() if nf else e
+            for i, nf in enumerate(self.orders.nf)
+        ]
+        v = work.v[rows, 0].copy() if record.nd else e
+        signals = (xs, v, e)
+        missing = self.loss_start - self.residual_start
+        for block in jacobian_blocks(
+            self.orders, point, self.level, self.output, self._inputs, signals
+        ):
+            if len(block) > missing:
+                yield block[missing:]
+            missing = max(missing - len(block), 0)
 
     def residuals_and_slopes(self, point: Array) -> tuple[Array, Array]:
         """Residuals, (N,), and the :func:`slopes_of` their losses."""
@@ -224,7 +299,7 @@ class PolynomialErrors:
 
     def feasible(self, points: Array) -> NDArray[np.bool_]:
         """Whether all roots of A, C, D and F of each row lie within their radii."""
-        feasible: NDArray[np.bool_] = kernels.feasible_polynomials(
+        feasible: NDArray[np.bool_] = kernels.feasible_rows(
             self._record, self._objective, _rows(points)
         )
         return feasible

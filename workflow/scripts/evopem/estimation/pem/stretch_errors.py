@@ -6,7 +6,7 @@ the noise state of each stretch.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,6 +89,24 @@ class StretchErrors:
         self._weights = self._scales / np.sum(self._scales)
         self.scored_samples = sum(e.scored_samples for e in self._errors)
         self._positions = self._points_of_stretches()
+
+    @property
+    def signals(self) -> tuple[Array, Array]:
+        """All inputs and all outputs, of one stretch after the other."""
+        inputs = np.concatenate([each.input for each in self.stretches])
+        return inputs, np.concatenate([each.output for each in self.stretches])
+
+    def scaled(self, input_scale: float, output_scale: float) -> StretchErrors:
+        """The same problem with divided signals."""
+        stretches = [
+            Segment(each.input / input_scale, each.output / output_scale, each.recording)
+            for each in self.stretches
+        ]
+        return StretchErrors(
+            *(stretches, self.orders, self.objective, self.plant_radius, self.noise_radius),
+            self.level,
+            self.window,
+        )
 
     def within_radius(self, radius: float) -> StretchErrors:
         """The same problem with another allowed radius of all roots."""
@@ -218,12 +236,15 @@ class StretchErrors:
 
     def jacobian(self, point: Array) -> Array:
         """Derivatives of the residuals that count by a point."""
-        blocks = []
+        return np.concatenate(list(self.jacobian_blocks(point)))
+
+    def jacobian_blocks(self, point: Array) -> Iterator[Array]:
+        """Its rows in consecutive blocks, which long records need."""
         for errors, at in zip(self._errors, self._positions, strict=True):
-            block = np.zeros((errors.scored_samples, self.dimension))
-            block[:, at] = errors.jacobian(point[at])
-            blocks.append(block)
-        return np.concatenate(blocks)
+            for own in errors.jacobian_blocks(point[at]):
+                block = np.zeros((len(own), self.dimension))
+                block[:, at] = own
+                yield block
 
     def feasible(self, points: Array) -> NDArray[np.bool_]:
         """Whether all roots of A, C, D and F of each row lie within their radii."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from evopem.estimation.pem.arx import fit_arx
 from evopem.estimation.pem.batch_bfgs import Descent
-from evopem.estimation.pem.objective import PredictionErrorProblem
+from evopem.estimation.pem.polynomial_objective import PolynomialErrors
 from evopem.estimation.search.incremental_order import random_pairs, smaller_orders, with_factor
 from evopem.estimation.search.linear_completion import solve_linear
 from evopem.estimation.search.root_recombination import Sections, product_of, sections_of
@@ -52,14 +52,14 @@ class ArmaxProblem:
 
     Parameters
     ----------
-    errors : PredictionErrorProblem
+    errors : PolynomialErrors
     initialization : {"arx", "incremental_order"}
         ``arx``: A and B of stage one, C at random.  ``incremental_order``: each individual extended
         from the smallest orders by pairs of roots
         (:mod:`evopem.estimation.search.incremental_order`).
     """
 
-    def __init__(self, errors: PredictionErrorProblem, initialization: str = "arx") -> None:
+    def __init__(self, errors: PolynomialErrors, initialization: str = "arx") -> None:
         self.errors = errors
         self.initialization = initialization
 
@@ -67,7 +67,7 @@ class ArmaxProblem:
     def _regression(self) -> Array:
         """A and B of stage one."""
         errors = self.errors
-        return fit_arx(errors.input, errors.output, errors.orders, errors.recursion_start)
+        return fit_arx(errors.input, errors.output, errors.orders, errors.residual_start)
 
     @cached_property
     def _scale(self) -> float:

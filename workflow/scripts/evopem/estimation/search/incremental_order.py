@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.estimation.pem.objective import PredictionErrorProblem
+from evopem.estimation.pem.polynomial_objective import PolynomialErrors
 from evopem.models.structures import Orders, armax_orders
 
 Array = NDArray[np.float64]
@@ -40,14 +40,12 @@ def random_pairs(count: int, generator: np.random.Generator) -> NDArray[np.compl
     return pairs
 
 
-def with_factor(
-    errors: PredictionErrorProblem, point: Array, roots: NDArray[np.complex128]
-) -> Array:
+def with_factor(errors: PolynomialErrors, point: Array, roots: NDArray[np.complex128]) -> Array:
     """A point times quadratic factors in A, B, C and the noise state: equal residuals.
 
     Parameters
     ----------
-    errors : PredictionErrorProblem
+    errors : PolynomialErrors
         Of the point's orders.
     point : (n,) array
     roots : (M,) complex array
@@ -58,7 +56,7 @@ def with_factor(
     (M, n + 8) array
         Points of the orders two higher in na, nb and nc.
     """
-    o, start = errors.orders, errors.recursion_start
+    o, start = errors.orders, errors.residual_start
     a = np.concatenate([[1.0], point[: o.na]])
     b = point[o.na : o.na + o.single.nb]
     c = np.concatenate([[1.0], point[o.na + o.single.nb : o.parameters]])

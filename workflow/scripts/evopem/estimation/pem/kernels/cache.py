@@ -118,6 +118,6 @@ class _FolderCache(caching.FunctionCache):
 @cache
 def _announce(process: int) -> None:  # noqa: ARG001 - once a process
     """Say on standard error, and in the log of a job, why the first search takes longer."""
-    message = "compiling the numerical kernels (10 to 20 s, once after an installation)"
+    message = "compiling the numerical kernels (20 to 40 s, once after an installation)"
     sys.stderr.write(f"evopem: {message}\n")
     LOGGER.info(message)

@@ -1,101 +1,30 @@
-"""Descents of a population by lockstep BFGS, their trials without Python in between."""
+"""Passes over the record: residuals, values, gradients, and descents by lockstep BFGS."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.estimation.pem.kernels.bfgs import advance, state_at, trial_points
-from evopem.estimation.pem.kernels.cache import cached_njit, inlined, njit
-from evopem.estimation.pem.kernels.gradient import loss_and_gradient
+from evopem.estimation.pem.kernels.bfgs import LINE, State, advance, trial_points
+from evopem.estimation.pem.kernels.cache import cached_njit
+from evopem.estimation.pem.kernels.gradient import GRADIENTS, RESIDUALS, VALUES, pass_over
 from evopem.estimation.pem.kernels.record import (
+    ANY_OBJECTIVE,
     Objective,
     Record,
     Workspace,
-    all_finite,
-    load_points,
     marked_rows,
-    squared_state,
 )
-from evopem.estimation.pem.kernels.simd import LANES, constant, store
-from evopem.estimation.pem.kernels.single_model import loss_and_gradient_of_one
-from evopem.estimation.pem.kernels.stability import barrier
 
 Array = NDArray[np.float64]
 
 
-@inlined
-def values_and_gradients(record, objective, workspace, points, starts, smoothing, barriers):
-    """Smoothed objective of each row with a barrier added, and its gradient.
-
-    The absolute value is smoothed, ``sqrt(e**2 + smoothing**2)``.  The barrier is that of
-    :func:`.stability.stability_barriers`, of A and of C, times ``barriers``.  Smoothing and weight
-    of the barrier of a row are those of the start that it belongs to.  Infeasible rows are inf and
-    0.
-    """
-    found = np.empty(points.shape[0])
-    gradients = np.empty(points.shape)
-    radius = objective.max_root_radius
-    a, noise = record.na, record.na + record.nb
-    c = noise + record.nc
-    of_roots = np.empty(found.size)
-    order = max(record.na, record.nc)
-    work = np.empty((order + 1, order))
-    for r in range(found.size):
-        found[r] = np.inf
-        for i in range(points.shape[1]):
-            gradients[r, i] = 0.0
-        of_roots[r] = barrier(points[r, :a], radius, work, gradients[r, :a])
-        of_roots[r] += barrier(points[r, noise:c], radius, work, gradients[r, noise:c])
-    feasible = marked_rows(of_roots < np.inf)
-    i = 0
-    while i < feasible.size:
-        rows = feasible[i : i + LANES]
-        i += rows.size
-        if rows.size == 1:
-            workspace.total[0, 0] = loss_and_gradient_of_one(
-                record, workspace, objective.absolute, points[rows[0]], smoothing[starts[rows[0]]]
-            )
-        else:
-            load_points(record, points, rows, workspace.parameters)
-            store(workspace.smoothing, 0, constant(1.0))
-            for lane, r in enumerate(rows):
-                workspace.smoothing[0, lane] = smoothing[starts[r]]
-            store(workspace.total, 0, loss_and_gradient(record, workspace, objective.absolute))
-        for lane, r in enumerate(rows):
-            weight = barriers[starts[r]]
-            for k in range(points.shape[1]):
-                gradients[r, k] *= weight
-            _unload_gradient(record, objective, workspace.gradient, lane, points[r], gradients[r])
-            value = objective.factor * workspace.total[0, lane] + weight * of_roots[r]
-            value += objective.state_weight * squared_state(record, points[r])
-            if np.isfinite(value) and all_finite(gradients[r]):
-                found[r] = value
-    for r in range(found.size):
-        if not np.isfinite(found[r]):
-            for i in range(points.shape[1]):
-                gradients[r, i] = 0.0
-    return found, gradients
-
-
-@njit
-def _unload_gradient(record, objective, table, lane, point, gradient):
-    """Add one lane's gradient, with respect to the signed parameters, to a row of gradients."""
-    factor, state = objective.factor, record.na + record.nb + record.nc
-    for i in range(record.na):
-        gradient[i] += factor * table[i, lane]
-    for i in range(record.na, state):
-        gradient[i] -= factor * table[i, lane]
-    for k in range(record.nc):
-        gradient[state + k] += factor * table[record.na + record.nb + record.rows_c + k, lane]
-        gradient[state + k] += 2.0 * objective.state_weight * point[state + k]
-
-
 @cached_njit
-def advance_descents(
+def _run(
     record,
     objective,
     workspace,
+    task,
     state,
     smoothing,
     barriers,
@@ -106,37 +35,63 @@ def advance_descents(
 ):
     """Trials of all descents, until so many are made or no more than ``few`` descents go on.
 
-    No trials are the values and gradients of the starts.  The objective is that of
-    :func:`.gradient.values_and_gradients`, the step that of :func:`.bfgs.advance`; both are here in
-    one function because each function that Python calls is compiled with all that it calls.
+    No trials are a pass over the points of the state.  One function for both, compiled and loaded
+    once with all that it calls: the objective is that of :func:`.gradient.pass_over`, the step
+    that of :func:`.bfgs.advance`.
 
     Returns
     -------
-    trials and evaluations that were made
+    trials and evaluations that were made, and what the last pass gave
     """
     made = evaluations = 0
     while True:
         rows = marked_rows(state.line["active"])
         trial = trial_points(state, rows) if trials else state.x
-        values, gradients = values_and_gradients(
-            record, objective, workspace, trial, rows, smoothing, barriers
+        values, gradients = pass_over(
+            record, objective, workspace, task, trial, smoothing[rows], barriers[rows]
         )
         if not trials:
-            for r in rows:
-                state.line[r].value = values[r]
-                for i in range(trial.shape[1]):
-                    state.g[r, i] = gradients[r, i]
-            return made, evaluations
+            return made, evaluations, values, gradients
         evaluations += advance(state, rows, trial, values, gradients, tolerance, max_iterations)
         made += 1
         going_on = 0
         for r in rows:
             going_on += state.line[r].active
         if made == trials or going_on <= few:
-            return made, evaluations
+            return made, evaluations, values, gradients
 
 
-def values_and_gradients_at(
+def _passed(
+    record: Record,
+    objective: Objective,
+    workspace: Workspace,
+    task: int,
+    points: Array,
+    weights: tuple[Array, Array],
+) -> tuple[Array, Array]:
+    """One pass over the points."""
+    line = np.zeros(len(points), LINE)
+    line["active"] = True
+    none = np.empty((0, 0))
+    state = State(points, none, np.empty((0, 0, 0)), none, line)
+    found = _run(record, objective, workspace, task, state, *weights, 0.0, 0, 0, 0)
+    return found[2], found[3]
+
+
+def residuals(record: Record, workspace: Workspace, point: Array) -> Array:
+    """Residuals of one point from the first on, as many as the record has."""
+    weights, samples = (np.zeros(1), np.zeros(1)), record.loss_stop - record.residual_start
+    _passed(record, ANY_OBJECTIVE, workspace, RESIDUALS, point[None, :], weights)
+    return workspace.e[record.history : record.history + samples, 0].copy()
+
+
+def values(record: Record, objective: Objective, workspace: Workspace, points: Array) -> Array:
+    """Objective of each row of a population, (M,); infeasible rows are inf."""
+    none = np.zeros(len(points))
+    return _passed(record, objective, workspace, VALUES, points, (none, none))[0]
+
+
+def values_and_gradients(
     record: Record,
     objective: Objective,
     workspace: Workspace,
@@ -144,7 +99,39 @@ def values_and_gradients_at(
     smoothing: Array,
     barriers: Array,
 ) -> tuple[Array, Array]:
-    """Smoothed objective of each row, (M,), and its gradient, (M, n)."""
-    state = state_at(points)
-    advance_descents(record, objective, workspace, state, smoothing, barriers, 0.0, 0, 0, 0)
-    return state.line["value"].copy(), state.g
+    """Smoothed objective of each row with a barrier added, and its gradient.
+
+    The absolute value is smoothed, ``sqrt(e**2 + smoothing**2)``.  The barriers
+    (:func:`.stability.stability_barriers`) of A, C, D and F_i, times ``barriers``, are added.
+    Infeasible rows are inf and 0.
+    """
+    return _passed(record, objective, workspace, GRADIENTS, points, (smoothing, barriers))
+
+
+def advance_descents(
+    record: Record,
+    objective: Objective,
+    workspace: Workspace,
+    state: State,
+    smoothing: Array,
+    barriers: Array,
+    tolerance: float,
+    max_iterations: int,
+    trials: int,
+    few: int,
+) -> tuple[int, int]:
+    """Trials of all descents, until so many are made or no more than ``few`` descents go on.
+
+    No trials are the values and gradients of the starts, whose smoothing and barriers these are.
+    Returns the trials and evaluations that were made.
+    """
+    weights = (smoothing, barriers)
+    if not trials:
+        found = _passed(record, objective, workspace, GRADIENTS, state.x, weights)
+        state.line["value"], state.g[:] = found
+        return 0, 0
+    made, evaluations, _, _ = _run(
+        *(record, objective, workspace, GRADIENTS, state, *weights),
+        *(tolerance, max_iterations, trials, few),
+    )
+    return made, evaluations

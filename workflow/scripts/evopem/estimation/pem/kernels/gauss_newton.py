@@ -1,21 +1,40 @@
-"""Gauss-Newton matrices from products of lagged, filtered signals."""
+"""Gauss-Newton matrices from products of lagged, filtered signals.
+
+By the signed parameters, with ``i`` an impulse at the first residual and ``1`` a constant, the
+derivatives of the residuals are delayed copies of ``(D/C) y``, ``(D/CF_i) u_i``, ``(1/C) e``,
+``(1/C) v``, ``(D/CF_i) x_i``, ``(D/C) 1``, ``(D/CF_i) i`` and ``(1/C) i`` (Ljung 1999, section
+10.3).  A copy of y or u_i that is delayed by one sample more differs by the sample before the first
+residual that enters it, times the response to an impulse, whose copies are summed as well.
+"""
 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
-from evopem.estimation.pem.kernels.cache import cached_njit, inlined, njit
+from evopem.estimation.pem.kernels.cache import cached_njit, njit
 from evopem.estimation.pem.kernels.record import (
     BLOCK,
     CHUNK,
+    LEVEL,
+    NOISE_STATE,
+    OF_A,
+    OF_B,
+    OF_C,
+    OF_D,
+    OF_F,
+    PLANT_STATE,
     fill,
     load_points,
     load_smoothing,
+    monic_parts,
+    state_weight,
 )
 from evopem.estimation.pem.kernels.residuals import (
+    compute_residuals,
     filter_block,
-    kept_residuals,
-    residuals_of_part,
+    load_block,
+    store_block,
     sum_of_losses,
 )
 from evopem.estimation.pem.kernels.simd import (
@@ -31,15 +50,10 @@ from evopem.estimation.pem.kernels.simd import (
 )
 from evopem.estimation.pem.kernels.stability import barrier_curvature
 
+Array = NDArray[np.float64]
+
 # Magnitude below which an impulse response has died out.
 DECAYED = 1e-100
-
-
-@njit
-def _counted_rows(record, begin, end):
-    """Rows of the residuals of a part that the loss counts."""
-    before = begin - record.rows_c
-    return max(begin, record.loss_start) - before, min(end, record.loss_stop) - before
 
 
 @njit
@@ -49,68 +63,104 @@ def _mean_second_derivatives(record, workspace, bandwidth):
     Twice a kernel estimate of their density at zero, ``width`` being ``bandwidth`` in mean ``|e|``
     but no narrower than the smoothing.
     """
-    zero = constant(0.0)
-    count = record.loss_stop - record.loss_start
-    parts = kept_residuals(record, workspace)[1]
-    s = zero
-    for part in range(parts):
-        begin, end = residuals_of_part(record, workspace, part)
-        first, last = _counted_rows(record, begin, end)
-        s = sum_of_losses(workspace.residuals, True, first, last, s)
-    store(workspace.total, 0, s)
+    zero, before = constant(0.0), record.residual_start - record.history
+    first, last = record.loss_start - before, record.loss_stop - before
+    count = last - first
+    store(workspace.total, 0, sum_of_losses(workspace.e, True, first, last, zero))
     for lane in range(LANES):
         width = bandwidth * workspace.total[0, lane] / count
         workspace.total[0, lane] = max(width, workspace.smoothing[0, lane])
     width_squared = fma(load(workspace.total, 0), load(workspace.total, 0), zero)
     s = zero
-    for part in range(parts):
-        if parts > 1:
-            begin, end = residuals_of_part(record, workspace, part)
-        first, last = _counted_rows(record, begin, end)
-        for row in range(first, last):
-            v = load(workspace.residuals, row)
-            r = fma(v, v, width_squared)
-            s = add(s, divide(width_squared, fma(r, square_root(r), zero)))
+    for row in range(first, last):
+        value = load(workspace.e, row)
+        r = fma(value, value, width_squared)
+        s = add(s, divide(width_squared, fma(r, square_root(r), zero)))
     store(workspace.total, 0, s)
     for lane in range(LANES):
         workspace.total[0, lane] /= count
 
 
 @njit
-def _inverse_filter(parameters, c, nc, source, source_row, size, filtered, filtered_row):
-    """Filter ``size`` rows of a table through 1/C; the nc rows before the first are known."""
-    for i in range(0, size, BLOCK):
-        row = source_row + i
-        s0, s1 = load(source, row), load(source, row + 1)
-        s2, s3 = load(source, row + 2), load(source, row + 3)
-        filter_block(parameters, c, nc, s0, s1, s2, s3, filtered, filtered_row + i)
+def _times_d(parameters, at, nd, source, filtered, row, size):
+    """Filter ``size`` rows through D."""
+    for i in range(size):
+        s = load(source, row + i)
+        for k in range(nd):
+            s = fma(load(parameters, at + k), load(source, row + i - 1 - k), s)
+        store(filtered, row + i, s)
 
 
 @njit
-def _filter_signals(record, workspace, before, begin, end, segment, history):
-    """A stretch of ``y``, ``u``, ``e`` and an impulse at the start, filtered through 1/C.
-
-    Row ``t - before`` of the residuals is sample t.
-    """
-    table, source, size = workspace.filtered, 4 * segment, end - begin
-    c, nc = record.na + record.nb, record.rows_c
-    parameters = workspace.parameters
+def _fill_source(record, workspace, source, part, begin, end):
+    """A stretch of the signal that the first coefficient of a part multiplies."""
+    kind, i, start = part[0], part[1], record.residual_start
+    before = start - record.history
     for t in range(begin, end):
-        store(table, source + t - begin, sample(record.y, t))
-    _inverse_filter(parameters, c, nc, table, source, size, table, history)
-    for t in range(begin, end):
-        store(table, source + t - begin, sample(record.u, t))
-    _inverse_filter(parameters, c, nc, table, source, size, table, segment + history)
-    e, row = workspace.residuals, begin - before
-    _inverse_filter(parameters, c, nc, e, row, size, table, 2 * segment + history)
-    for t in range(begin, end):
-        store(table, source + t - begin, constant(1.0 if t == record.residual_start else 0.0))
-    _inverse_filter(parameters, c, nc, table, source, size, table, 3 * segment + history)
+        if kind == OF_A:
+            s = sample(record.y, t - 1)
+        elif kind == OF_B:
+            s = sample(record.u, i * record.y.size + t - record.nk[i])
+        elif kind == OF_C:
+            s = load(workspace.e, t - 1 - before)
+        elif kind == OF_D:
+            s = load(workspace.v, t - 1 - before)
+        elif kind == OF_F:
+            s = load(workspace.x, i * record.rows + t - 1 - before)
+        else:
+            s = constant(1.0 if kind == LEVEL or t == start else 0.0)
+        store(source, t - begin, s)
 
 
 @njit
-def _add_products(table, x, z, size, count, sums, row, stride):
-    """``sums[row + j stride] += sum_i table[x + i] table[z + i - j]`` for ``0 <= j < count``.
+def _through_c_alone(kind):
+    """Whether the signal of a part is filtered through 1/C alone."""
+    return kind in (OF_C, OF_D, NOISE_STATE)
+
+
+@njit
+def _through_f(record, part):
+    """Whether the signal of a part is filtered through an 1/F_i."""
+    kind, i = part[0], part[1]
+    return kind in (OF_B, OF_F, PLANT_STATE) and record.nf[i] > 0
+
+
+@njit
+def _filter_source(record, parameters, buffers, part, row, size):
+    """Filter a stretch to row ``row`` of the tables; the rows before are known."""
+    source, by_c, by_d, by_f = buffers.source, buffers.by_c, buffers.by_d, buffers.by_f
+    for k in range(0, size, BLOCK):
+        s0, s1, s2, s3 = load_block(source, k)
+        if record.nc > 0:
+            filter_block(parameters, record.at_c, record.rows_c, s0, s1, s2, s3, by_c, row + k)
+        else:
+            store_block(by_c, row + k, s0, s1, s2, s3)
+    if _through_c_alone(part[0]):
+        return
+    by_noise = by_c
+    if record.nd > 0:
+        _times_d(parameters, record.at_d, record.nd, by_c, by_d, row, size)
+        by_noise = by_d
+    if _through_f(record, part):
+        at, rows = record.at_f[part[1]], record.rows_f[part[1]]
+        for k in range(row, row + size, BLOCK):
+            s0, s1, s2, s3 = load_block(by_noise, k)
+            filter_block(parameters, at, rows, s0, s1, s2, s3, by_f, k)
+
+
+@njit
+def _table_of(record, buffers, part):
+    """The table that holds the filtered signal of a part."""
+    if _through_c_alone(part[0]):
+        return buffers.by_c
+    if _through_f(record, part):
+        return buffers.by_f
+    return buffers.by_d if record.nd > 0 else buffers.by_c
+
+
+@njit
+def _add_products(one, x, other, z, size, count, sums, row, stride):
+    """``sums[row + j stride] += sum_i one[x + i] other[z + i - j]`` for ``0 <= j < count``.
 
     Four lags share what they load; up to three rows more than needed are read.
     """
@@ -119,16 +169,16 @@ def _add_products(table, x, z, size, count, sums, row, stride):
         p0, p1, p2, p3 = zero, zero, zero, zero
         q0, q1, q2, q3 = zero, zero, zero, zero
         for i in range(0, size - 1, 2):
-            v, w, k = load(table, x + i), load(table, x + i + 1), z + i - j
-            z0, z1 = load(table, k), load(table, k - 1)
-            z2, z3 = load(table, k - 2), load(table, k - 3)
+            v, w, k = load(one, x + i), load(one, x + i + 1), z + i - j
+            z0, z1 = load(other, k), load(other, k - 1)
+            z2, z3 = load(other, k - 2), load(other, k - 3)
             p0, p1, p2, p3 = fma(v, z0, p0), fma(v, z1, p1), fma(v, z2, p2), fma(v, z3, p3)
-            q0, q1 = fma(w, load(table, k + 1), q0), fma(w, z0, q1)
+            q0, q1 = fma(w, load(other, k + 1), q0), fma(w, z0, q1)
             q2, q3 = fma(w, z1, q2), fma(w, z2, q3)
         if size % 2:
-            v, k = load(table, x + size - 1), z + size - 1 - j
-            p0, p1 = fma(v, load(table, k), p0), fma(v, load(table, k - 1), p1)
-            p2, p3 = fma(v, load(table, k - 2), p2), fma(v, load(table, k - 3), p3)
+            v, k = load(one, x + size - 1), z + size - 1 - j
+            p0, p1 = fma(v, load(other, k), p0), fma(v, load(other, k - 1), p1)
+            p2, p3 = fma(v, load(other, k - 2), p2), fma(v, load(other, k - 3), p3)
         first = row + j * stride
         store(sums, first, add(load(sums, first), add(p0, q0)))
         if j + 1 < count:
@@ -140,17 +190,12 @@ def _add_products(table, x, z, size, count, sums, row, stride):
 
 
 @njit
-def _keep_ends(workspace, segment, history, at, ends):
-    """The filtered signals at ``at - lag`` for all lags, as rows ``signal * history + lag``."""
-    for signal in range(4):
-        for lag in range(1, history):
-            row = signal * segment + history + at - lag
-            store(ends, signal * history + lag, load(workspace.filtered, row))
+def _forget_decayed(table, row, size):
+    """Zero the lanes of a stretch that died out: denormal numbers are a hundred times slower.
 
-
-@njit
-def forget_decayed(table, row, size):
-    """Zero the lanes of a stretch that died out: denormal numbers are a hundred times slower."""
+    Returns whether any lane is left.
+    """
+    alive = False
     for lane in range(LANES):
         largest = 0.0
         for i in range(row, row + size):
@@ -158,114 +203,183 @@ def forget_decayed(table, row, size):
         if largest < DECAYED:
             for i in range(row, row + size):
                 table[i, lane] = 0.0
+        else:
+            alive = True
+    return alive
 
 
-@inlined
-def _gauss_newton(record, workspace, lag_sums):
-    """Upper triangle of ``sum_t J_t J_t'`` over the samples that count, for the loaded models.
+@njit
+def _keep_ends(record, buffers, segment, history, at, ends):
+    """The filtered signals at ``at - lag`` for all lags, as rows ``part * history + lag``."""
+    for p in range(buffers.parts.shape[0]):
+        table = _table_of(record, buffers, buffers.parts[p])
+        for lag in range(1, history):
+            row = p * segment + history + at - lag
+            store(ends, p * history + lag, load(table, row))
 
-    ``J = [y_F(t-i), u_F(t-nk-j), e_F(t-k), i_F(t-k)]``, the derivatives with respect to the signed
-    ``[a, b, c, d]``, of signals filtered through 1/C (Ljung 1999, section 10.3), ``i`` an impulse
-    at ``residual_start``.  Only the first row and column of a block of lags are summed over the
-    record; the others follow from their upper-left neighbours by exchanging the samples at its
-    ends.
-    ``lag_sums.sums`` is (n n, LANES), n the rows of a table of parameters.
-    """
-    heads, tails, sums = lag_sums
-    c = record.na + record.nb
-    width = c + 2 * record.rows_c
-    counts = (record.na, record.nb, record.rows_c, record.rows_c)
-    lags = (1, record.nk, 1, 0)
-    places = (0, record.na, c, c + record.rows_c)
+
+@njit
+def _keep_last(buffers, segment, history, size, alive):
+    """What the next stretch looks back on, and which parts are not zero from now on."""
+    for p in range(buffers.parts.shape[0]):
+        left = False
+        for table in (buffers.by_c, buffers.by_d, buffers.by_f):
+            if table.shape[0] > 1:
+                for row in range(p * segment, p * segment + history):
+                    store(table, row, load(table, row + size))
+                if buffers.parts[p, 0] >= PLANT_STATE:
+                    left |= _forget_decayed(table, p * segment, history)
+        alive[p] = left or buffers.parts[p, 0] < PLANT_STATE
+
+
+@njit
+def _add_products_of_parts(record, buffers, segment, now, size, alive):
+    """Add the products of ``size`` samples: the first row and column of each pair of parts."""
+    parts, sums = buffers.parts, buffers.sums
+    width = parts[:, 2].sum()
     # A bare 1 would be a type of its own, which the products would be compiled for once more.
     next_row = np.intp(1)
-    history = heads.shape[0] // 4
-    segment = history + CHUNK
-    table = workspace.filtered
-    fill(table, 0, table.shape[0], 0.0)
-    fill(sums, 0, sums.shape[0], 0.0)
-    for part in range(kept_residuals(record, workspace)[1]):
-        first, stop = residuals_of_part(record, workspace, part)
-        for begin in range(first, stop, CHUNK):
-            end = min(begin + CHUNK, stop)
-            _filter_signals(record, workspace, first - record.rows_c, begin, end, segment, history)
-            if begin <= record.loss_start < end:
-                _keep_ends(workspace, segment, history, record.loss_start - begin, heads)
-            if begin < record.loss_stop <= end:
-                _keep_ends(workspace, segment, history, record.loss_stop - begin, tails)
-            low, high = max(begin, record.loss_start), min(end, record.loss_stop)
-            size, now = high - low, history + low - begin
-            for one in range(4):
-                x = one * segment + now - lags[one]
-                for other in range(one, 4):
-                    z = other * segment + now - lags[other]
-                    row = places[one] * width + places[other]
-                    if size > 0 and counts[one] > 0:
-                        _add_products(table, x, z, size, counts[other], sums, row, next_row)
-                        if other > one and counts[other] > 0:
-                            rest = counts[one] - 1
-                            _add_products(table, z, x - 1, size, rest, sums, row + width, width)
-            for signal in range(4):
-                for row in range(signal * segment, signal * segment + history):
-                    store(table, row, load(table, row + end - begin))
-            forget_decayed(table, 3 * segment, history)
+    for p in range(parts.shape[0]):
+        one, x, copies = _table_of(record, buffers, parts[p]), p * segment + now, parts[p, 2]
+        for q in range(p, parts.shape[0]):
+            if not (alive[p] and alive[q]):
+                continue
+            other, z = _table_of(record, buffers, parts[q]), q * segment + now
+            row = parts[p, 3] * width + parts[q, 3]
+            _add_products(one, x, other, z, size, parts[q, 2], sums, row, next_row)
+            if q > p:
+                _add_products(other, z, one, x - 1, size, copies - 1, sums, row + width, width)
+
+
+@njit
+def _complete_sums(buffers):
+    """The products of all other copies, from those of their first ones.
+
+    Each follows from its upper-left neighbour by exchanging the samples at the record's ends.
+    """
+    parts, sums, heads, tails = buffers.parts, buffers.sums, buffers.heads, buffers.tails
+    width, history = parts[:, 2].sum(), heads.shape[0] // parts.shape[0]
     minus = constant(-1.0)
-    for one in range(4):
-        for other in range(one, 4):
-            for i in range(1, counts[one]):
-                for j in range(i if one == other else 1, counts[other]):
-                    row = (places[one] + i) * width + places[other] + j
-                    x, z = one * history + lags[one] + i, other * history + lags[other] + j
+    for p in range(parts.shape[0]):
+        for q in range(p, parts.shape[0]):
+            for i in range(1, parts[p, 2]):
+                for j in range(i if p == q else 1, parts[q, 2]):
+                    row = (parts[p, 3] + i) * width + parts[q, 3] + j
+                    x, z = p * history + i, q * history + j
                     g = fma(load(heads, x), load(heads, z), load(sums, row - width - 1))
                     tail = fma(load(tails, x), minus, constant(0.0))
                     store(sums, row, fma(tail, load(tails, z), g))
+    for i in range(width):
+        for j in range(i):
+            store(sums, i * width + j, load(sums, j * width + i))
+
+
+@njit
+def _add_responses(record, buffers, column):
+    """Add what enters the copies of y and u_i from the past, to the columns or to the rows."""
+    parts, sums = buffers.parts, buffers.sums
+    width = parts[:, 2].sum()
+    step, across = (width, 1) if column else (1, width)
+    for p in range(parts.shape[0]):
+        if parts[p, 6] < 0:
+            continue
+        kind, i, response = parts[p, 0], parts[p, 1], parts[parts[p, 6], 3]
+        for copy in range(1, parts[p, 2]):
+            for lag in range(1, copy + 1):
+                if kind == OF_A:
+                    past = sample(record.y, record.residual_start - 1 - lag)
+                else:
+                    t = record.residual_start - record.nk[i] - lag
+                    past = sample(record.u, i * record.y.size + t)
+                into, source = (parts[p, 3] + copy) * across, (response + copy - lag) * across
+                for k in range(width):
+                    s = fma(past, load(sums, source + k * step), load(sums, into + k * step))
+                    store(sums, into + k * step, s)
+
+
+@njit
+def _gauss_newton(record, workspace, buffers):
+    """``sum_t J_t J_t'`` over the samples that count, for the loaded models, to ``buffers.sums``.
+
+    By the copies of :class:`LagSums`.
+    """
+    parts, sums, heads = buffers.parts, buffers.sums, buffers.heads
+    history = heads.shape[0] // parts.shape[0]
+    segment = history + CHUNK
+    for table in (buffers.by_c, buffers.by_d, buffers.by_f, sums):
+        fill(table, 0, table.shape[0], 0.0)
+    alive = np.ones(parts.shape[0], dtype=np.bool_)
+    for begin in range(record.residual_start, record.y.size, CHUNK):
+        end = min(begin + CHUNK, record.y.size)
+        for p in range(parts.shape[0]):
+            if alive[p]:
+                _fill_source(record, workspace, buffers.source, parts[p], begin, end)
+                row = p * segment + history
+                _filter_source(record, workspace.parameters, buffers, parts[p], row, end - begin)
+        if begin <= record.loss_start < end:
+            _keep_ends(record, buffers, segment, history, record.loss_start - begin, heads)
+        if begin < record.loss_stop <= end:
+            _keep_ends(record, buffers, segment, history, record.loss_stop - begin, buffers.tails)
+        low, high = max(begin, record.loss_start), min(end, record.loss_stop)
+        if high > low:
+            now = history + low - begin
+            _add_products_of_parts(record, buffers, segment, now, high - low, alive)
+        _keep_last(buffers, segment, history, end - begin, alive)
+    _complete_sums(buffers)
+    _add_responses(record, buffers, True)
+    _add_responses(record, buffers, False)
+
+
+@njit
+def _unload_sums(record, objective, weights, buffers, rows, matrices):
+    """Write the loaded models' sums, by the entries of a point and weighted, to their matrices."""
+    parts, width = buffers.parts, buffers.parts[:, 2].sum()
+    for p in range(parts.shape[0]):
+        for q in range(parts.shape[0]):
+            for one in range(parts[p, 4]):
+                for other in range(parts[q, 4]):
+                    a, b = parts[p, 5] + one, parts[q, 5] + other
+                    i, j = record.entry[a], record.entry[b]
+                    sign = objective.factor * record.sign[a] * record.sign[b]
+                    row = (parts[p, 3] + one) * width + parts[q, 3] + other
+                    for lane, r in enumerate(rows):
+                        matrices[r, i, j] = sign * weights[0, lane] * buffers.sums[row, lane]
 
 
 @cached_njit
 def gauss_newton_matrices(
-    record, objective, workspace, lag_sums, bandwidth, points, smoothing, barriers
+    record, objective, workspace, buffers, bandwidth, points, smoothing, barriers
 ):
     """Gauss-Newton part of the Hessian of each row's objective, (M, n, n); rows must be feasible.
 
     For the absolute value with the mean second derivative of :func:`_mean_second_derivatives`,
-    whose width is ``bandwidth`` in mean ``|e|``.  The barrier of A and C, times ``barriers``, is
-    added.
+    whose width is ``bandwidth`` in mean ``|e|``.  The barriers of A, C, D and F_i, times
+    ``barriers``, are added.
     """
     count, n = points.shape
-    matrices = np.empty((count, n, n))
-    width = workspace.parameters.shape[0]
-    state = record.na + record.nb + record.nc
-    order = max(record.na, record.nc)
+    matrices = np.zeros((count, n, n))
+    parts, radii = monic_parts(record, objective)
+    order = np.max(parts[:, 1] - parts[:, 0])
     work, curvature = np.empty((order + 1, order)), np.empty((order, order))
     slopes, next_slopes = np.empty((order, order)), np.empty((order, order))
     for begin in range(0, count, LANES):
-        rows = np.empty(min(LANES, count - begin), dtype=np.intp)
-        for lane in range(rows.size):
-            rows[lane] = begin + lane
+        rows = np.arange(begin, min(begin + LANES, count))
         load_points(record, points, rows, workspace.parameters)
+        compute_residuals(record, workspace)
         if objective.absolute:
             load_smoothing(smoothing, rows, workspace)
             _mean_second_derivatives(record, workspace, bandwidth)
         else:
             store(workspace.total, 0, constant(2.0))
-        _gauss_newton(record, workspace, lag_sums)
-        for i in range(n):
-            row = i if i < state else i - record.nc + record.rows_c
-            own = -1.0 if record.na <= i < state else 1.0
-            for j in range(i, n):
-                column = j if j < state else j - record.nc + record.rows_c
-                other = -1.0 if record.na <= j < state else 1.0
-                for lane, r in enumerate(rows):
-                    weight = objective.factor * own * other * workspace.total[0, lane]
-                    matrices[r, i, j] = weight * lag_sums.sums[row * width + column, lane]
-                    matrices[r, j, i] = matrices[r, i, j]
+        _gauss_newton(record, workspace, buffers)
+        _unload_sums(record, objective, workspace.total, buffers, rows, matrices)
         for r in rows:
-            for i in range(state, n):
-                matrices[r, i, i] += 2.0 * objective.state_weight
-            for low, high in ((0, record.na), (record.na + record.nb, state)):
+            for i in range(n):
+                matrices[r, i, i] += 2.0 * state_weight(record, objective, n, i)
+            for part in range(radii.size):
+                low, high = parts[part]
                 x = points[r, low:high]
-                radius = objective.max_root_radius
-                barrier_curvature(x, radius, work, slopes, next_slopes, curvature)
+                barrier_curvature(x, radii[part], work, slopes, next_slopes, curvature)
                 for i in range(high - low):
                     for j in range(high - low):
                         matrices[r, low + i, low + j] += barriers[r] * curvature[i, j]

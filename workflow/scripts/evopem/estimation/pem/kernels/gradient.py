@@ -1,54 +1,56 @@
-"""Loss and its gradient by the adjoint recursion: one pass backwards through 1/C."""
+"""Loss of a population and its gradient by the adjoint recursions.
+
+Backwards through 1/C, D and 1/F_i, with ``l`` the derivative of the loss by each residual:
+
+    C* lam = l,    mu = D* lam,    F_i* xi_i = mu,
+
+an asterisk for time reversed.  The gradient by a signed parameter is a correlation of one of these
+with the signal that the parameter multiplies.
+"""
 
 from __future__ import annotations
 
-from evopem.estimation.pem.kernels.cache import inlined, njit
+import numpy as np
+
+from evopem.estimation.pem.kernels.cache import njit
 from evopem.estimation.pem.kernels.record import (
     BLOCK,
     CHUNK,
     MIN_NC,
+    all_finite,
     fill,
+    load_points,
+    load_smoothing,
+    marked_rows,
+    monic_parts,
+    state_weight,
 )
-from evopem.estimation.pem.kernels.residuals import kept_residuals, residuals_of_part
+from evopem.estimation.pem.kernels.residuals import (
+    compute_residuals,
+    feasible_rows,
+    load_block,
+    store_block,
+    sum_of_losses,
+)
 from evopem.estimation.pem.kernels.simd import (
+    LANES,
     add,
     constant,
     divide,
     fma,
     load,
-    sample,
+    load_either,
     square_root,
     store,
 )
+from evopem.estimation.pem.kernels.stability import barrier
+
+# What a pass is for.
+RESIDUALS, VALUES, GRADIENTS = 0, 1, 2
 
 
 @njit
-def _slopes(record, workspace, absolute, slope, before, begin, end, s):
-    """Derivative of the loss with respect to each residual, from row 0 on; ``s`` plus the losses.
-
-    Row ``t - before`` of the residuals is sample t.  The absolute value is smoothed:
-    ``sqrt(e**2 + smoothing**2)``.
-    """
-    zero, two = constant(0.0), constant(2.0)
-    e = workspace.residuals
-    smoothing_squared = fma(load(workspace.smoothing, 0), load(workspace.smoothing, 0), zero)
-    for t in range(begin, end):
-        if t < record.loss_start or t >= record.loss_stop:
-            store(slope, t - begin, zero)
-        elif absolute:
-            v = load(e, t - before)
-            r = square_root(fma(v, v, smoothing_squared))
-            s = add(s, r)
-            store(slope, t - begin, divide(v, r))
-        else:
-            v = load(e, t - before)
-            s = fma(v, v, s)
-            store(slope, t - begin, fma(two, v, zero))
-    return s
-
-
-@njit
-def filter_block_back(parameters, c, nc, slope, row):
+def _filter_block_back(parameters, c, nc, slope, row):
     """Filter rows ``row ... row - 3`` backwards through 1/C in place, and return them."""
     s0, s1 = load(slope, row), load(slope, row - 1)
     s2, s3 = load(slope, row - 2), load(slope, row - 3)
@@ -71,70 +73,275 @@ def filter_block_back(parameters, c, nc, slope, row):
 
 
 @njit
-def _sweep_back(record, parameters, e, before, slope, begin, end, gradient):
-    """Filter the slopes of a stretch backwards through 1/C, and correlate them with the signals.
+def _slopes(record, workspace, absolute, slope, begin, end, s):
+    """Derivative of the loss with respect to each residual, from row 0 on; ``s`` plus the losses.
 
-    Row ``t - begin`` of ``slope`` and row ``t - before`` of ``e`` are sample t; the ``rows_c`` rows
-    of slopes after the last are known.  The correlations keep the processor busy while the
-    recursion waits for itself.
+    The absolute value is smoothed: ``sqrt(e**2 + smoothing**2)``.
     """
-    y, u, na, nb, nc = record.y, record.u, record.na, record.nb, record.rows_c
     zero = constant(0.0)
-    c = na + nb
-    for t in range(end - 1, begin, -2 * BLOCK):
-        s0, s1, s2, s3 = filter_block_back(parameters, c, nc, slope, t - begin)
-        s4, s5, s6, s7 = filter_block_back(parameters, c, nc, slope, t - begin - BLOCK)
-        for i in range(na):
-            q = t - 1 - i
-            even = fma(s2, sample(y, q - 2), fma(s0, sample(y, q), load(gradient, i)))
-            odd = fma(s3, sample(y, q - 3), fma(s1, sample(y, q - 1), zero))
-            even = fma(s6, sample(y, q - 6), fma(s4, sample(y, q - 4), even))
-            odd = fma(s7, sample(y, q - 7), fma(s5, sample(y, q - 5), odd))
-            store(gradient, i, add(even, odd))
-        for j in range(nb):
-            row, q = na + j, t - record.nk - j
-            even = fma(s2, sample(u, q - 2), fma(s0, sample(u, q), load(gradient, row)))
-            odd = fma(s3, sample(u, q - 3), fma(s1, sample(u, q - 1), zero))
-            even = fma(s6, sample(u, q - 6), fma(s4, sample(u, q - 4), even))
-            odd = fma(s7, sample(u, q - 7), fma(s5, sample(u, q - 5), odd))
-            store(gradient, row, add(even, odd))
-        for k in range(nc):
-            row, q = c + k, t - 1 - k - before
-            even = fma(s2, load(e, q - 2), fma(s0, load(e, q), load(gradient, row)))
-            odd = fma(s3, load(e, q - 3), fma(s1, load(e, q - 1), zero))
-            even = fma(s6, load(e, q - 6), fma(s4, load(e, q - 4), even))
-            odd = fma(s7, load(e, q - 7), fma(s5, load(e, q - 5), odd))
-            store(gradient, row, add(even, odd))
+    e, before = workspace.e, record.residual_start - record.history
+    smoothing_squared = fma(load(workspace.smoothing, 0), load(workspace.smoothing, 0), zero)
+    # Within the stretch: the rows behind it are known.
+    low = min(max(begin, record.loss_start), end)
+    high = max(low, min(end, record.loss_stop))
+    fill(slope, 0, low - begin, 0.0)
+    fill(slope, high - begin, end - begin, 0.0)
+    if absolute:
+        for t in range(low, high):
+            value = load(e, t - before)
+            r = square_root(fma(value, value, smoothing_squared))
+            s = add(s, r)
+            store(slope, t - begin, divide(value, r))
+        return s
+    s1, s2, s3 = zero, zero, zero
+    whole = low + (high - low) // BLOCK * BLOCK
+    for t in range(low, whole, BLOCK):
+        row, k = t - before, t - begin
+        e0, e1, e2, e3 = load_block(e, row)
+        s, s1, s2, s3 = fma(e0, e0, s), fma(e1, e1, s1), fma(e2, e2, s2), fma(e3, e3, s3)
+        e0, e1, e2, e3 = add(e0, e0), add(e1, e1), add(e2, e2), add(e3, e3)
+        store_block(slope, k, e0, e1, e2, e3)
+    for t in range(whole, high):
+        value = load(e, t - before)
+        s = fma(value, value, s)
+        store(slope, t - begin, add(value, value))
+    return add(add(s, s1), add(s2, s3))
 
 
-@inlined
-def loss_and_gradient(record, workspace, absolute):
-    """Loss of the loaded models, and by one backward pass its gradient, whatever their size.
+@njit
+def _filter_back(parameters, at, rows, slope, first, size):
+    """Filter ``size`` rows from ``first`` on backwards through an inverse polynomial in place."""
+    for row in range(first + size - 1, first - 1, -BLOCK):
+        _filter_block_back(parameters, at, rows, slope, row)
 
-    The gradient, with respect to the signed parameters, goes to its table; the loss is returned.
+
+@njit
+def _times_d_back(parameters, at, nd, slope, filtered, size):
+    """Filter ``size`` rows backwards through D, eight at a time."""
+    for row in range(0, size, 2 * BLOCK):
+        s0, s1, s2, s3 = load_block(slope, row)
+        s4, s5, s6, s7 = load_block(slope, row + BLOCK)
+        w0, w1, w2, w3, w4, w5, w6 = s1, s2, s3, s4, s5, s6, s7
+        for k in range(nd):
+            p, w7 = load(parameters, at + k), load(slope, row + 2 * BLOCK + k)
+            s0, s1, s2, s3 = fma(p, w0, s0), fma(p, w1, s1), fma(p, w2, s2), fma(p, w3, s3)
+            s4, s5, s6, s7 = fma(p, w4, s4), fma(p, w5, s5), fma(p, w6, s6), fma(p, w7, s7)
+            w0, w1, w2, w3, w4, w5, w6 = w1, w2, w3, w4, w5, w6, w7
+        store_block(filtered, row, s0, s1, s2, s3)
+        store_block(filtered, row + BLOCK, s4, s5, s6, s7)
+
+
+@njit
+def _four_lags(slope, first, size, signal, k):
+    """``sum_i slope[first + i] signal[k + i - j]`` for ``j = 0 ... 3``.
+
+    ``size`` is a multiple of four.
     """
-    kept, parts = kept_residuals(record, workspace)
-    for part in range(parts):
-        first, end = residuals_of_part(record, workspace, part)
-    e, gradient = workspace.residuals, workspace.gradient
+    zero = constant(0.0)
+    p0, p1, p2, p3 = zero, zero, zero, zero
+    q0, q1, q2, q3 = zero, zero, zero, zero
+    z1, z2, z3 = load_either(signal, k - 1), load_either(signal, k - 2), load_either(signal, k - 3)
+    for i in range(0, size, BLOCK):
+        one, two, row = load(slope, first + i), load(slope, first + i + 1), k + i
+        y0, y1 = load_either(signal, row), load_either(signal, row + 1)
+        p0, p1, p2, p3 = fma(one, y0, p0), fma(one, z1, p1), fma(one, z2, p2), fma(one, z3, p3)
+        q0, q1, q2, q3 = fma(two, y1, q0), fma(two, y0, q1), fma(two, z1, q2), fma(two, z2, q3)
+        one, two = load(slope, first + i + 2), load(slope, first + i + 3)
+        y2, y3 = load_either(signal, row + 2), load_either(signal, row + 3)
+        p0, p1, p2, p3 = fma(one, y2, p0), fma(one, y1, p1), fma(one, y0, p2), fma(one, z1, p3)
+        q0, q1, q2, q3 = fma(two, y3, q0), fma(two, y2, q1), fma(two, y1, q2), fma(two, y0, q3)
+        z1, z2, z3 = y3, y2, y1
+    return add(p0, q0), add(p1, q1), add(p2, q2), add(p3, q3)
+
+
+@njit
+def _two_lags(slope, first, size, signal, k):
+    """``sum_i slope[first + i] signal[k + i - j]`` for ``j = 0, 1``.
+
+    ``size`` is a multiple of four.
+    """
+    zero = constant(0.0)
+    p0, p1, q0, q1 = zero, zero, zero, zero
+    r0, r1, s0, s1 = zero, zero, zero, zero
+    z1 = load_either(signal, k - 1)
+    for i in range(0, size, BLOCK):
+        one, two, row = load(slope, first + i), load(slope, first + i + 1), k + i
+        y0, y1 = load_either(signal, row), load_either(signal, row + 1)
+        p0, p1, q0, q1 = fma(one, y0, p0), fma(one, z1, p1), fma(two, y1, q0), fma(two, y0, q1)
+        one, two = load(slope, first + i + 2), load(slope, first + i + 3)
+        y2, y3 = load_either(signal, row + 2), load_either(signal, row + 3)
+        r0, r1, s0, s1 = fma(one, y2, r0), fma(one, y1, r1), fma(two, y3, s0), fma(two, y2, s1)
+        z1 = y3
+    return add(add(p0, r0), add(q0, s0)), add(add(p1, r1), add(q1, s1))
+
+
+@njit
+def _correlate(slope, first, size, signal, k, count, gradient, at):
+    """``gradient[at + j] += sum_i slope[first + i] signal[k + i - j]``, of a signal or a table."""
+    for j in range(0, count, 4):
+        if count - j > 2:
+            s0, s1, s2, s3 = _four_lags(slope, first, size, signal, k - j)
+            store(gradient, at + j + 2, add(load(gradient, at + j + 2), s2))
+            if count - j > 3:
+                store(gradient, at + j + 3, add(load(gradient, at + j + 3), s3))
+        else:
+            s0, s1 = _two_lags(slope, first, size, signal, k - j)
+        store(gradient, at + j, add(load(gradient, at + j), s0))
+        if count - j > 1:
+            store(gradient, at + j + 1, add(load(gradient, at + j + 1), s1))
+
+
+@njit
+def _add_sum(slope, size, gradient, at):
+    s = load(gradient, at)
+    for i in range(size):
+        s = add(s, load(slope, i))
+    store(gradient, at, s)
+
+
+@njit
+def _move(table, first, following, history):
+    """The first rows of a stretch become the rows behind the stretch before it."""
+    for k in range(history - 1, -1, -1):
+        store(table, first + following + k, load(table, first + k))
+
+
+@njit
+def _loss_and_gradient(record, workspace, absolute):
+    """Loss of the models whose residuals stand in the table, and by one backward pass its gradient.
+
+    The pass takes the same time whatever the number of parameters.
+    """
+    parameters, gradient = workspace.parameters, workspace.gradient
     fill(gradient, 0, gradient.shape[0], 0.0)
-    slope, history, start = workspace.window, record.rows_c, record.residual_start
-    fill(slope, 0, slope.shape[0], 0.0)
+    lam, mu, xi = workspace.windows
+    if record.nd == 0:
+        mu = lam
+    start, history = record.residual_start, record.history
+    stretch = CHUNK + history
+    for table in workspace.windows:
+        fill(table, 0, table.shape[0], 0.0)
     s = constant(0.0)
-    for part in range(parts - 1, -1, -1):
-        if part < parts - 1:
-            first, end = residuals_of_part(record, workspace, part)
-        before = first - history
-        while end > first:
-            begin = max(end - CHUNK, first)
-            s = _slopes(record, workspace, absolute, slope, before, begin, end, s)
-            _sweep_back(record, workspace.parameters, e, before, slope, begin, end, gradient)
-            if begin > start:
-                following = min(CHUNK, begin - first) if begin > first else min(CHUNK, kept)
-                for k in range(history - 1, -1, -1):
-                    store(slope, following + k, load(slope, k))
-            end = begin
-    noise_state = record.na + record.nb + history
-    for k in range(history):
-        store(gradient, noise_state + k, load(slope, k))
+    end = record.y.size
+    while True:
+        begin = max(end - CHUNK, start)
+        size, row = end - begin, begin - start + history
+        s = _slopes(record, workspace, absolute, lam, begin, end, s)
+        if record.nc > 0:
+            _filter_back(parameters, record.at_c, record.rows_c, lam, 0, size)
+            _correlate(lam, 0, size, workspace.e, row - 1, record.nc, gradient, record.at_c)
+        if record.nd > 0:
+            _correlate(lam, 0, size, workspace.v, row - 1, record.nd, gradient, record.at_d)
+            _times_d_back(parameters, record.at_d, record.nd, lam, mu, size)
+        _correlate(mu, 0, size, record.y, begin - 1, record.na, gradient, 0)
+        if record.level:
+            _add_sum(mu, size, gradient, record.at_level)
+        for i in range(record.inputs):
+            own, first, nf = mu, 0, record.nf[i]
+            if nf > 0:
+                own, first, at = xi, i * stretch, record.at_f[i]
+                for k in range(size):
+                    store(xi, first + k, load(mu, k))
+                _filter_back(parameters, at, record.rows_f[i], xi, first, size)
+                x = i * record.rows + row - 1
+                _correlate(xi, first, size, workspace.x, x, nf, gradient, at)
+            u = i * record.y.size + begin - record.nk[i]
+            _correlate(own, first, size, record.u, u, record.nb[i], gradient, record.at_b[i])
+        if begin == start:
+            break
+        following = min(CHUNK, begin - start)
+        _move(lam, 0, following, history)
+        if record.nd > 0:
+            _move(mu, 0, following, history)
+        for i in range(record.inputs):
+            if record.nf[i] > 0:
+                _move(xi, i * stretch, following, history)
+        end = begin
+    for i in range(record.inputs):
+        for k in range(record.nf[i]):
+            store(gradient, record.at_g[i] + k, load(xi, i * stretch + k))
+    for k in range(record.states):
+        store(gradient, record.at_s + k, load(lam, k))
     return s
+
+
+@njit
+def pass_over(record, objective, workspace, task, points, smoothing, barriers):
+    """Residuals, values, or values and gradients of each row, (M,) and (M or 0, n).
+
+    Residuals, of up to eight rows whether feasible or not, are left in ``workspace.e``.
+    """
+    count, n = points.shape
+    found = np.full(count, np.inf)
+    gradients = np.zeros((count if task == GRADIENTS else 0, n))
+    if task == GRADIENTS:
+        of_roots = _barriers(record, objective, points, gradients)
+        allowed = marked_rows(of_roots < np.inf)
+    elif task == VALUES:
+        of_roots = found
+        allowed = marked_rows(feasible_rows(record, objective, points))
+    else:
+        of_roots = found
+        allowed = np.arange(count)
+    first = record.loss_start - record.residual_start + record.history
+    last = record.loss_stop - record.residual_start + record.history
+    for i in range(0, allowed.size, LANES):
+        rows = allowed[i : i + LANES]
+        load_points(record, points, rows, workspace.parameters)
+        compute_residuals(record, workspace)
+        if task == GRADIENTS:
+            load_smoothing(smoothing, rows, workspace)
+            store(workspace.total, 0, _loss_and_gradient(record, workspace, objective.absolute))
+        elif task == VALUES:
+            s = sum_of_losses(workspace.e, objective.absolute, first, last, constant(0.0))
+            store(workspace.total, 0, s)
+        else:
+            break
+        for lane, r in enumerate(rows):
+            value = objective.factor * workspace.total[0, lane]
+            finite = True
+            if task == GRADIENTS:
+                slope = gradients[r]
+                for k in range(n):
+                    slope[k] *= barriers[r]
+                _unload_gradient(record, objective, workspace.gradient, lane, points[r], slope)
+                value += barriers[r] * of_roots[r]
+                finite = all_finite(slope)
+            for k in range(n):
+                square = points[r, k] * points[r, k]
+                value += state_weight(record, objective, n, k) * square
+            if np.isfinite(value) and finite:
+                found[r] = value
+    for r in range(gradients.shape[0]):
+        if not np.isfinite(found[r]):
+            for k in range(n):
+                gradients[r, k] = 0.0
+    return found, gradients
+
+
+@njit
+def _barriers(record, objective, points, gradients):
+    """Barriers of all monic polynomials of each row, inf where a root lies outside, and gradients.
+
+    The gradients go to their rows, which are zero.
+    """
+    parts, radii = monic_parts(record, objective)
+    order = np.max(parts[:, 1] - parts[:, 0])
+    work = np.empty((order + 1, order))
+    found = np.zeros(points.shape[0])
+    for r in range(found.size):
+        for k in range(radii.size):
+            low, high = parts[k]
+            found[r] += barrier(points[r, low:high], radii[k], work, gradients[r, low:high])
+    return found
+
+
+@njit
+def _unload_gradient(record, objective, table, lane, point, gradient):
+    """Add one lane's gradient, with respect to the signed parameters, to a row of gradients."""
+    for row in range(record.entry.size):
+        index = record.entry[row]
+        if index >= 0:
+            gradient[index] += record.sign[row] * objective.factor * table[row, lane]
+    for k in range(point.size):
+        gradient[k] += 2.0 * state_weight(record, objective, point.size, k) * point[k]

@@ -1,10 +1,13 @@
-"""What a pass over the record needs: the record, the objective and the buffers.
+"""What a pass over the record needs: the record, the orders, the objective and the buffers.
 
-The recursions work through blocks of four samples, so records are padded to
-:func:`padded_length`.  Parameters are stored *signed*: rows ``[a, -b, -c, d]``, with C padded by
-zero coefficients to :data:`MIN_NC` rows, so that every term of a recursion is an addition.  ``d``,
-as many rows as C has, is the noise state, the effect of the unknown noise before the record:
-``d_i`` is added to the equation error of sample ``residual_start + i``.
+The model ``A y = sum_i (B_i/F_i) u_i + (C/D) e + level`` is computed in three steps,
+
+    F_i x_i = -B_i u_i + g_i,    v = A y + sum_i x_i - level,    C e = D v + s,
+
+with ``g_i`` and ``s`` the effects of the unknown past of the plant and of the noise filter on their
+first equations.  Parameters are stored signed, ``[a, -b_i, -c, d, -f_i, -level, g_i, s]``, with C
+and F_i, where they have an order, padded by zeros to :data:`MIN_NC` rows, so that every term of a
+recursion is an addition.
 """
 
 from __future__ import annotations
@@ -17,30 +20,60 @@ from numpy.typing import NDArray
 from evopem.estimation.pem.kernels.cache import njit
 from evopem.estimation.pem.kernels.simd import constant, lanes_table, store
 
+# Parts of the signed parameters.
+OF_A, OF_B, OF_C, OF_D, OF_F, LEVEL, PLANT_STATE, NOISE_STATE = range(8)
+
+Array = NDArray[np.float64]
+Numbers = NDArray[np.intp]
+
+# Samples that a recursion works through at a time.
 BLOCK = 4
 MIN_NC = BLOCK - 1
 # Samples of a stretch, a multiple of two blocks: its buffers fit the first-level cache.
 CHUNK = 128
-# Residuals that are kept for a backward pass, a multiple of stretches: all of a record of this
-# length, half of a longer one.  The others are computed again when the pass comes to them.
-KEPT = 2**17
+# Samples before the record that four lags at a time may read.
+FRONT = 4
 
 
 class Record(NamedTuple):
     """A record, the orders of the models that share a pass over it, and the samples that count.
 
-    ``y`` and ``u`` are padded to :func:`padded_length`.  ``rows_c`` is nc, or :data:`MIN_NC` where
-    that is more.  Residuals begin at ``residual_start`` (at least ``max(na, nb + nk - 1,
-    MIN_NC)``); those at ``loss_start <= t < loss_stop`` are summed in the objective.
+    ``y`` and, one after the other, the inputs in ``u`` begin with :data:`FRONT` zeros and are
+    padded behind; sample numbers include them.  ``nb``, ``nf``, ``nk`` and ``at_...`` of inputs
+    have one entry for each.  ``level`` is 1 where a constant is estimated and 0 otherwise.
+    ``states`` is the length of the noise state, ``max(nc, nd)``; the state of an input has nf
+    entries.  ``at_...`` are the first rows of the signed parameters, ``entry`` and ``sign`` the
+    entry of a point that each row holds, -1 for padding, and its sign.  ``history`` are the rows
+    that recursions look back on.  ``parts`` are the kind, the input, the coefficients and the first
+    row of each part that has some.  Each x_i, v and e has ``rows`` rows, sample t in row ``t -
+    residual_start + history``.
     """
 
-    y: NDArray[np.float64]
-    u: NDArray[np.float64]
+    y: Array
+    u: Array
+    inputs: int
     na: int
-    nb: int
+    nb: Numbers
     nc: int
-    nk: int
+    nd: int
+    nf: Numbers
+    nk: Numbers
+    level: int
+    states: int
     rows_c: int
+    rows_f: Numbers
+    at_b: Numbers
+    at_c: int
+    at_d: int
+    at_f: Numbers
+    at_level: int
+    at_g: Numbers
+    at_s: int
+    entry: Numbers
+    sign: Array
+    parts: Numbers
+    history: int
+    rows: int
     residual_start: int
     loss_start: int
     loss_stop: int
@@ -49,41 +82,40 @@ class Record(NamedTuple):
 class Objective(NamedTuple):
     """The objective of a sum of losses, and the stability region.
 
-    ``absolute`` or else square loss, times ``factor``; ``state_weight`` times the square of the
-    noise state is added.  Roots of A and C beyond ``max_root_radius`` are infeasible.
+    ``absolute`` or else square loss, times ``factor``; the squares of the plant states and of the
+    noise state are added with their weights.  Roots of A and F_i beyond ``plant_radius`` and roots
+    of C and D beyond ``noise_radius`` are infeasible.
     """
 
     absolute: bool
     factor: float
-    state_weight: float
-    max_root_radius: float
+    plant_state_weight: float
+    noise_state_weight: float
+    plant_radius: float
+    noise_radius: float
+
+
+# Of residuals, which depend on no objective.
+ANY_OBJECTIVE = Objective(False, 1.0, 0.0, 0.0, 1.0, 1.0)
 
 
 class Workspace(NamedTuple):
-    """Buffers of a pass, each a table with one column for each of the eight models.
+    """Buffers of a pass, each a table with one column for each of eight models.
 
-    Parameters and gradient of the loaded models, the residuals of a part of the record with the
-    ``rows_c`` before it, the last ``rows_c`` residuals before each part, one row each for the
-    smoothing of the absolute value and for sums, a stretch of residuals or slopes, and stretches
-    of signals filtered through 1/C.
+    Signed parameters and their gradient; all x_i, v and e of the whole record; stretches of
+    the sum of all x_i and of the adjoints of e, v and all x_i; one row each for the smoothing of
+    the absolute value and for sums.
     """
 
-    parameters: NDArray[np.float64]
-    gradient: NDArray[np.float64]
-    residuals: NDArray[np.float64]
-    ends: NDArray[np.float64]
-    smoothing: NDArray[np.float64]
-    total: NDArray[np.float64]
-    window: NDArray[np.float64]
-    filtered: NDArray[np.float64]
-
-
-class LagSums(NamedTuple):
-    """Buffers of the products of lagged signals: the record's two ends, and the sums."""
-
-    heads: NDArray[np.float64]
-    tails: NDArray[np.float64]
-    sums: NDArray[np.float64]
+    parameters: Array
+    gradient: Array
+    x: Array
+    v: Array
+    e: Array
+    totals: Array
+    windows: tuple[Array, Array, Array]
+    smoothing: Array
+    total: Array
 
 
 def padded_length(samples: int, residual_start: int) -> int:
@@ -91,33 +123,119 @@ def padded_length(samples: int, residual_start: int) -> int:
     return residual_start + 2 * BLOCK * -(-(samples - residual_start) // (2 * BLOCK))
 
 
-def workspace_for(record: Record, kept: int = 0) -> Workspace:
-    """Buffers for passes over a record that keep at least some residuals, by default half."""
-    rows = record.na + record.nb + 2 * record.rows_c
-    samples = len(record.y) - record.residual_start
-    kept = max(kept or -(-samples // (2 * CHUNK)) * CHUNK, KEPT)
-    return Workspace(
-        parameters=lanes_table(rows),
-        gradient=lanes_table(rows),
-        residuals=lanes_table(record.rows_c + min(samples, kept)),
-        ends=lanes_table((-(-samples // kept) + 1) * record.rows_c),
-        smoothing=lanes_table(1),
-        total=lanes_table(1),
-        window=lanes_table(CHUNK + record.rows_c),
-        filtered=lanes_table(5 * (CHUNK + _history(record))),
+def record_of(
+    output: Array,
+    inputs: Array,
+    orders: tuple[int, tuple[int, ...], int, int, tuple[int, ...], tuple[int, ...]],
+    level: bool,
+    residual_start: int,
+    loss_start: int,
+) -> Record:
+    """A record as the kernels read it.
+
+    Parameters
+    ----------
+    output : (N,) array
+    inputs : (N, m) array
+    orders : (na, nb, nc, nd, nf, nk)
+        nb, nf and nk with one number for each input.
+    level : bool
+        Whether a constant is estimated.
+    residual_start : int
+        First residual, at least na and all ``nk + nb - 1``.
+    loss_start : int
+        First residual that counts.
+    """
+    na, nb, nc, nd, nf, nk = orders
+    rows_c = max(nc, MIN_NC) if nc else 0
+    rows_f = [max(each, MIN_NC) if each else 0 for each in nf]
+    states = max(nc, nd)
+    # Kind, input, rows, those of them that a point has, and sign of each part.
+    parts = [
+        (OF_A, 0, na, na, 1.0),
+        *((OF_B, i, each, each, -1.0) for i, each in enumerate(nb)),
+        (OF_C, 0, rows_c, nc, -1.0),
+        (OF_D, 0, nd, nd, 1.0),
+        *((OF_F, i, rows_f[i], each, -1.0) for i, each in enumerate(nf)),
+        (LEVEL, 0, int(level), int(level), -1.0),
+        *((PLANT_STATE, i, each, each, 1.0) for i, each in enumerate(nf)),
+        (NOISE_STATE, 0, states, states, 1.0),
+    ]
+    at: list[list[int]] = [[] for _ in range(8)]
+    entry: list[int] = []
+    sign: list[float] = []
+    found = 0
+    for kind, _, rows, count, own in parts:
+        at[kind].append(len(entry))
+        entry += [*range(found, found + count), *([-1] * (rows - count))]
+        sign += [own] * rows
+        found += count
+    first = [kind[0] if kind else 0 for kind in at]
+    starts = np.cumsum([0, *(rows for _, _, rows, _, _ in parts)])
+    kept = [
+        (kind, i, count, row)
+        for (kind, i, _, count, _), row in zip(parts, starts, strict=False)
+        if count
+    ]
+    length = FRONT + padded_length(len(output), residual_start)
+    history = max([rows_c, nd, *rows_f]) + FRONT
+    return Record(
+        y=_framed(output, length),
+        u=np.concatenate([np.zeros(0), *(_framed(each, length) for each in inputs.T)]),
+        inputs=len(nb),
+        na=na,
+        nb=np.array(nb, dtype=np.intp),
+        nc=nc,
+        nd=nd,
+        nf=np.array(nf, dtype=np.intp),
+        nk=np.array(nk, dtype=np.intp),
+        level=int(level),
+        states=states,
+        rows_c=rows_c,
+        rows_f=np.array(rows_f, dtype=np.intp),
+        at_b=np.array(at[OF_B], dtype=np.intp),
+        at_c=first[OF_C],
+        at_d=first[OF_D],
+        at_f=np.array(at[OF_F], dtype=np.intp),
+        at_level=first[LEVEL],
+        at_g=np.array(at[PLANT_STATE], dtype=np.intp),
+        at_s=first[NOISE_STATE],
+        entry=np.array(entry, dtype=np.intp),
+        sign=np.array(sign),
+        parts=np.array(kept, dtype=np.intp).reshape(-1, 4),
+        history=history,
+        rows=length - FRONT - residual_start + history,
+        residual_start=FRONT + residual_start,
+        loss_start=FRONT + loss_start,
+        loss_stop=FRONT + len(output),
     )
 
 
-def lag_sums_for(record: Record) -> LagSums:
-    """Buffers for the products of lags."""
-    rows = record.na + record.nb + 2 * record.rows_c
-    ends = 4 * _history(record)
-    return LagSums(lanes_table(ends), lanes_table(ends), lanes_table(rows * rows))
+def _framed(signal: Array, length: int) -> Array:
+    framed = np.zeros(length)
+    framed[FRONT : FRONT + len(signal)] = signal
+    return framed
 
 
-def _history(record: Record) -> int:
-    """Rows of filtered signals that products of lags, four at a time, look back on."""
-    return max(record.na, record.nb + record.nk, record.rows_c) + 4
+def workspace_for(record: Record) -> Workspace:
+    """Buffers for passes over a record."""
+    stretch = CHUNK + record.history
+    rows = len(record.entry)
+    return Workspace(
+        parameters=lanes_table(rows),
+        gradient=lanes_table(rows),
+        x=lanes_table(record.inputs * record.rows if record.nf.any() else 1),
+        v=lanes_table(record.rows if record.nd else 1),
+        e=lanes_table(record.rows),
+        totals=lanes_table(CHUNK),
+        windows=(
+            lanes_table(stretch),
+            lanes_table(stretch),
+            lanes_table(max(record.inputs, 1) * stretch),
+        ),
+        smoothing=lanes_table(1),
+        total=lanes_table(1),
+    )
 
 
 @njit
@@ -152,15 +270,12 @@ def all_finite(numbers):
 @njit
 def load_points(record, points, rows, parameters):
     """Signed parameters of up to eight rows of a population, one in each lane, others zero."""
-    noise = record.na + record.nb
     fill(parameters, 0, parameters.shape[0], 0.0)
-    for lane, r in enumerate(rows):
-        for i in range(record.na):
-            parameters[i, lane] = points[r, i]
-        for i in range(record.na, noise + record.nc):
-            parameters[i, lane] = -points[r, i]
-        for k in range(record.nc):
-            parameters[noise + record.rows_c + k, lane] = points[r, noise + record.nc + k]
+    for row in range(record.entry.size):
+        index, sign = record.entry[row], record.sign[row]
+        if index >= 0:
+            for lane, r in enumerate(rows):
+                parameters[row, lane] = sign * points[r, index]
 
 
 @njit
@@ -172,9 +287,32 @@ def load_smoothing(smoothing, rows, workspace):
 
 
 @njit
-def squared_state(record, point):
-    """Sum of the squares of a point's noise state."""
-    square = 0.0
-    for k in range(record.na + record.nb + record.nc, point.size):
-        square += point[k] * point[k]
-    return square
+def monic_parts(record, objective):
+    """First and last entry in a point of each monic polynomial, (m + 3, 2), and its radius."""
+    parts = np.empty((record.inputs + 3, 2), dtype=np.intp)
+    radii = np.empty(record.inputs + 3)
+    parts[0] = 0, record.na
+    c = record.na + record.nb.sum()
+    d = c + record.nc
+    f = d + record.nd
+    parts[1] = c, d
+    parts[2] = d, f
+    radii[0], radii[1], radii[2] = (
+        objective.plant_radius,
+        objective.noise_radius,
+        objective.noise_radius,
+    )
+    for i in range(record.inputs):
+        parts[3 + i] = f, f + record.nf[i]
+        radii[3 + i] = objective.plant_radius
+        f += record.nf[i]
+    return parts, radii
+
+
+@njit
+def state_weight(record, objective, size, k):
+    """Weight of the square of an entry of a point of some size: 0 but of states."""
+    at_s = size - record.states
+    if k >= at_s:
+        return objective.noise_state_weight
+    return objective.plant_state_weight if k >= at_s - record.nf.sum() else 0.0

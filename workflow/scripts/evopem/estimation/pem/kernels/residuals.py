@@ -1,4 +1,4 @@
-"""Residuals of eight models in one pass over the record, and the values of the objective."""
+"""Residuals of eight models in one pass over the record, and which models are allowed."""
 
 from __future__ import annotations
 
@@ -9,22 +9,21 @@ from evopem.estimation.pem.kernels.record import (
     BLOCK,
     CHUNK,
     MIN_NC,
+    all_finite,
     fill,
-    load_points,
-    marked_rows,
-    squared_state,
+    monic_parts,
 )
 from evopem.estimation.pem.kernels.simd import (
-    LANES,
     add,
     constant,
     fma,
     load,
+    load_either,
     magnitude,
     sample,
     store,
 )
-from evopem.estimation.pem.kernels.stability import feasible_rows
+from evopem.estimation.pem.kernels.stability import step_down
 
 
 @njit
@@ -64,61 +63,151 @@ def filter_block(parameters, c, nc, s0, s1, s2, s3, filtered, row):
 
 
 @njit
-def _residuals(record, parameters, e, before, begin, end):
-    """Residuals ``C e = A y - B u + d`` of eight models at ``begin <= t < end``, whole blocks.
-
-    Row ``t - before`` of ``e`` is sample t; the ``rows_c`` rows before the first are known.
-    """
-    y, u, na, nb, nc = record.y, record.u, record.na, record.nb, record.rows_c
-    start = record.residual_start
-    c = na + nb
-    for t in range(begin, end, BLOCK):
-        s0, s1, s2, s3 = sample(y, t), sample(y, t + 1), sample(y, t + 2), sample(y, t + 3)
-        if t < start + nc:
-            row, last = c + nc + t - start, c + 2 * nc - 1
-            s0 = add(s0, load(parameters, row))
-            if row + 1 <= last:
-                s1 = add(s1, load(parameters, row + 1))
-            if row + 2 <= last:
-                s2 = add(s2, load(parameters, row + 2))
-            if row + 3 <= last:
-                s3 = add(s3, load(parameters, row + 3))
-        for i in range(na):
-            p, q = load(parameters, i), t - 1 - i
-            s0, s1 = fma(p, sample(y, q), s0), fma(p, sample(y, q + 1), s1)
-            s2, s3 = fma(p, sample(y, q + 2), s2), fma(p, sample(y, q + 3), s3)
-        for j in range(nb):
-            p, q = load(parameters, na + j), t - record.nk - j
-            s0, s1 = fma(p, sample(u, q), s0), fma(p, sample(u, q + 1), s1)
-            s2, s3 = fma(p, sample(u, q + 2), s2), fma(p, sample(u, q + 3), s3)
-        row = t - before
-        filter_block(parameters, c, nc, s0, s1, s2, s3, e, row)
+def _add_impulses(parameters, row, last, s0, s1, s2, s3):
+    """Add the rows ``row ... row + 3`` of a state, as far as ``last``, to four samples."""
+    if row <= last:
+        s0 = add(s0, load(parameters, row))
+    if row + 1 <= last:
+        s1 = add(s1, load(parameters, row + 1))
+    if row + 2 <= last:
+        s2 = add(s2, load(parameters, row + 2))
+    if row + 3 <= last:
+        s3 = add(s3, load(parameters, row + 3))
+    return s0, s1, s2, s3
 
 
 @njit
-def kept_residuals(record, workspace):
-    """Number of residuals that are kept, and of the parts of the record that it makes."""
-    kept = workspace.residuals.shape[0] - record.rows_c
-    return kept, -(-(record.y.size - record.residual_start) // kept)
+def _add_lags(parameters, at, count, signal, q, s0, s1, s2, s3, s4, s5, s6, s7):
+    """Add ``sum_j parameters[at + j] signal[q + i - j]`` to the i-th of eight samples.
+
+    Of a signal that all models share or of a table of their own ones.
+    """
+    w1, w2, w3 = load_either(signal, q + 1), load_either(signal, q + 2), load_either(signal, q + 3)
+    w4, w5, w6 = load_either(signal, q + 4), load_either(signal, q + 5), load_either(signal, q + 6)
+    w7 = load_either(signal, q + 7)
+    for j in range(count):
+        p, w0 = load(parameters, at + j), load_either(signal, q - j)
+        s0, s1, s2, s3 = fma(p, w0, s0), fma(p, w1, s1), fma(p, w2, s2), fma(p, w3, s3)
+        s4, s5, s6, s7 = fma(p, w4, s4), fma(p, w5, s5), fma(p, w6, s6), fma(p, w7, s7)
+        w1, w2, w3, w4, w5, w6, w7 = w0, w1, w2, w3, w4, w5, w6
+    return s0, s1, s2, s3, s4, s5, s6, s7
 
 
 @njit
-def residuals_of_part(record, workspace, part):
-    """Residuals of the loaded models in a part of the record, after the part before it.
+def _add_output(y, t, s0, s1, s2, s3):
+    """Add four samples of the output."""
+    s0, s1 = add(s0, sample(y, t)), add(s1, sample(y, t + 1))
+    return s0, s1, add(s2, sample(y, t + 2)), add(s3, sample(y, t + 3))
 
-    They are meaningless beyond the record.  Returns the first sample of the part and the one after
-    its last; sample t is row ``t - first + rows_c``.
+
+@njit
+def _respond_directly(parameters, at, nb, u, q, totals, size):
+    """Add ``-B u`` of some samples, from ``u[q]`` on, to the totals."""
+    for k in range(0, size, 2 * BLOCK):
+        s0, s1, s2, s3 = load_block(totals, k)
+        s4, s5, s6, s7 = load_block(totals, k + BLOCK)
+        s0, s1, s2, s3, s4, s5, s6, s7 = _add_lags(
+            parameters, at, nb, u, q + k, s0, s1, s2, s3, s4, s5, s6, s7
+        )
+        store_block(totals, k, s0, s1, s2, s3)
+        store_block(totals, k + BLOCK, s4, s5, s6, s7)
+
+
+@njit
+def _respond(parameters, at, nb, u, q, at_f, rows_f, at_g, nf, since, x, row, totals, size):
+    """Write x_i of some samples to its table from ``row`` on, and add it to the totals.
+
+    ``since`` is the number of samples since the first residual, which the state counts from.
     """
-    e, ends, history = workspace.residuals, workspace.ends, record.rows_c
-    kept = e.shape[0] - history
-    begin = record.residual_start + part * kept
-    end = min(begin + kept, record.y.size)
-    for k in range(history):
-        store(e, k, load(ends, part * history + k))
-    _residuals(record, workspace.parameters, e, begin - history, begin, end)
-    for k in range(history):
-        store(ends, (part + 1) * history + k, load(e, end - begin + k))
-    return begin, end
+    zero, last = constant(0.0), at_g + nf - 1
+    for k in range(0, size, 2 * BLOCK):
+        s0, s1, s2, s3, s4, s5, s6, s7 = _add_lags(
+            parameters, at, nb, u, q + k, zero, zero, zero, zero, zero, zero, zero, zero
+        )
+        if since + k < nf:
+            state = at_g + since + k
+            s0, s1, s2, s3 = _add_impulses(parameters, state, last, s0, s1, s2, s3)
+            s4, s5, s6, s7 = _add_impulses(parameters, state + BLOCK, last, s4, s5, s6, s7)
+        s0, s1, s2, s3 = filter_block(parameters, at_f, rows_f, s0, s1, s2, s3, x, row + k)
+        s4, s5, s6, s7 = filter_block(parameters, at_f, rows_f, s4, s5, s6, s7, x, row + k + BLOCK)
+        p0, p1, p2, p3 = load_block(totals, k)
+        p4, p5, p6, p7 = load_block(totals, k + BLOCK)
+        store_block(totals, k, add(p0, s0), add(p1, s1), add(p2, s2), add(p3, s3))
+        store_block(totals, k + BLOCK, add(p4, s4), add(p5, s5), add(p6, s6), add(p7, s7))
+
+
+@njit
+def _noise(parameters, y, na, at_c, nc, rows_c, at_d, nd, at_s, states, v, e, totals, t, row, size):
+    """v and e of some samples from t on, to their tables from ``row`` on.
+
+    ``totals`` are the sums of all x_i and of the level.  ``states`` of the noise state are left.
+    """
+    last = at_s + states - 1
+    for k in range(0, size, 2 * BLOCK):
+        now, other = row + k, row + k + BLOCK
+        s0, s1, s2, s3 = load_block(totals, k)
+        s4, s5, s6, s7 = load_block(totals, k + BLOCK)
+        s0, s1, s2, s3 = _add_output(y, t + k, s0, s1, s2, s3)
+        s4, s5, s6, s7 = _add_output(y, t + k + BLOCK, s4, s5, s6, s7)
+        if na > 0:
+            s0, s1, s2, s3, s4, s5, s6, s7 = _add_lags(
+                parameters, 0, na, y, t + k - 1, s0, s1, s2, s3, s4, s5, s6, s7
+            )
+        if nd > 0:
+            store_block(v, now, s0, s1, s2, s3)
+            store_block(v, other, s4, s5, s6, s7)
+            s0, s1, s2, s3, s4, s5, s6, s7 = _add_lags(
+                parameters, at_d, nd, v, now - 1, s0, s1, s2, s3, s4, s5, s6, s7
+            )
+        if k < states:
+            s0, s1, s2, s3 = _add_impulses(parameters, at_s + k, last, s0, s1, s2, s3)
+            s4, s5, s6, s7 = _add_impulses(parameters, at_s + k + BLOCK, last, s4, s5, s6, s7)
+        if nc > 0:
+            filter_block(parameters, at_c, rows_c, s0, s1, s2, s3, e, now)
+            filter_block(parameters, at_c, rows_c, s4, s5, s6, s7, e, other)
+        else:
+            store_block(e, now, s0, s1, s2, s3)
+            store_block(e, other, s4, s5, s6, s7)
+
+
+@njit
+def compute_residuals(record, workspace):
+    """x_i, v and e of the loaded models, of the whole record.
+
+    Eight samples at a time keep the processor busy while a recursion waits for itself.
+    """
+    parameters, x, v, e = workspace.parameters, workspace.x, workspace.v, workspace.e
+    start, history, totals = record.residual_start, record.history, workspace.totals
+    if x.shape[0] > 1:
+        for i in range(record.inputs):
+            fill(x, i * record.rows, i * record.rows + history, 0.0)
+    if record.nd > 0:
+        fill(v, 0, history, 0.0)
+    fill(e, 0, history, 0.0)
+    level = load(parameters, record.at_level) if record.level else constant(0.0)
+    for begin in range(start, record.y.size, CHUNK):
+        size, row = min(CHUNK, record.y.size - begin), begin - start + history
+        for k in range(size):
+            store(totals, k, level)
+        for i in range(record.inputs):
+            at, nb, nf = record.at_b[i], record.nb[i], record.nf[i]
+            q = i * record.y.size + begin - record.nk[i]
+            if nf == 0:
+                _respond_directly(parameters, at, nb, record.u, q, totals, size)
+            else:
+                f, rows_f, g = record.at_f[i], record.rows_f[i], record.at_g[i]
+                own = i * record.rows + row
+                _respond(
+                    *(parameters, at, nb, record.u, q, f, rows_f, g, nf, begin - start),
+                    *(x, own, totals, size),
+                )
+        # The noise state and what is left of it: all its rows lie in the first stretches.
+        states = max(record.states - (begin - start), 0)
+        _noise(
+            *(parameters, record.y, record.na, record.at_c, record.nc, record.rows_c),
+            *(record.at_d, record.nd, record.at_s + record.states - states, states),
+            *(v, e, totals, begin, row, size),
+        )
 
 
 @njit
@@ -135,34 +224,28 @@ def sum_of_losses(e, absolute, begin, end, s):
 
 
 @cached_njit
-def values(record, objective, workspace, points):
-    """Objective of each row of a population, (M,); infeasible rows are inf.
+def feasible_rows(record, objective, points):
+    """Whether all roots of each row lie where the objective allows them, and all is finite.
 
-    Only as much of the residuals is kept as the recursion looks back on.
+    Parameters
+    ----------
+    record : Record
+        Of the points' orders.
+    objective : Objective
+    points : (models, n) float array, C-contiguous
+
+    Returns
+    -------
+    (models,) bool array
     """
-    found = np.empty(points.shape[0])
-    for r in range(found.size):
-        found[r] = np.inf
-    feasible = marked_rows(feasible_rows(record, objective.max_root_radius, points))
-    history = record.rows_c
-    for i in range(0, feasible.size, LANES):
-        rows = feasible[i : i + LANES]
-        load_points(record, points, rows, workspace.parameters)
-        fill(workspace.window, 0, history, 0.0)
-        s = constant(0.0)
-        for begin in range(record.residual_start, record.y.size, CHUNK):
-            end = min(begin + CHUNK, record.y.size)
-            before = begin - history
-            _residuals(record, workspace.parameters, workspace.window, before, begin, end)
-            first = max(begin, record.loss_start) - before
-            last = min(end, record.loss_stop) - before
-            s = sum_of_losses(workspace.window, objective.absolute, first, last, s)
-            for k in range(history):
-                store(workspace.window, k, load(workspace.window, end - begin + k))
-        store(workspace.total, 0, s)
-        for lane, r in enumerate(rows):
-            value = objective.factor * workspace.total[0, lane]
-            value += objective.state_weight * squared_state(record, points[r])
-            if np.isfinite(value):
-                found[r] = value
-    return found
+    parts, radii = monic_parts(record, objective)
+    order = np.max(parts[:, 1] - parts[:, 0])
+    work = np.empty((order + 1, order))
+    feasible = np.empty(points.shape[0], dtype=np.bool_)
+    for r in range(feasible.size):
+        feasible[r] = all_finite(points[r])
+        for k in range(radii.size):
+            if feasible[r]:
+                part = points[r, parts[k, 0] : parts[k, 1]]
+                feasible[r] = step_down(part, radii[k], work)
+    return feasible

@@ -14,7 +14,6 @@ from numba import types
 from numba.core import cgutils
 from numba.core.datamodel import models
 from numba.extending import intrinsic, register_model
-from numba.np.arrayobj import populate_array
 from numpy.typing import NDArray
 
 LANES = 8
@@ -95,17 +94,6 @@ def load(typingctx, table, row):
 
 
 @intrinsic
-def load_run(typingctx, flat, index):
-    """Numbers ``index ... index + LANES - 1`` of a flat array as one vector."""
-
-    def codegen(context, builder, signature, args):
-        pointer = _run_pointer(context, builder, signature.args[0], args[0], args[1])
-        return builder.load(pointer, align=8)
-
-    return _lanes(flat, types.intp), codegen
-
-
-@intrinsic
 def load_either(typingctx, source, row):
     """:func:`load` of a table, :func:`sample` of a signal."""
     table = source.ndim == 2
@@ -131,39 +119,6 @@ def store(typingctx, table, row, entry):
         return context.get_dummy_value()
 
     return types.void(table, types.intp, _entry_type(table)), codegen
-
-
-@intrinsic
-def store_run(typingctx, flat, index, lanes):
-    """Write what :func:`load_run` reads."""
-
-    def codegen(context, builder, signature, args):
-        pointer = _run_pointer(context, builder, signature.args[0], args[0], args[1])
-        builder.store(args[2], pointer, align=8)
-        return context.get_dummy_value()
-
-    return types.void(flat, types.intp, _lanes), codegen
-
-
-@intrinsic
-def flat(typingctx, table):
-    """The numbers of a table one after the other, in the same memory, which the table keeps."""
-    of_numbers = types.Array(types.float64, 1, "C")
-
-    def codegen(context, builder, signature, args):
-        whole = context.make_array(signature.args[0])(context, builder, args[0])
-        numbers = context.make_array(of_numbers)(context, builder)
-        populate_array(
-            numbers,
-            data=whole.data,
-            shape=[whole.nitems],
-            strides=[whole.itemsize],
-            itemsize=whole.itemsize,
-            meminfo=None,
-        )
-        return numbers._getvalue()
-
-    return of_numbers(table), codegen
 
 
 def _call(builder, name, arguments):

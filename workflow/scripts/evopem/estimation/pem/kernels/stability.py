@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from evopem.estimation.pem.kernels.cache import cached_njit, njit
-from evopem.estimation.pem.kernels.record import all_finite
 
 
 @njit
@@ -148,31 +147,3 @@ def stability_barriers(coefficients, radius):
         values[model] = barrier(x, radius, work, gradients[model])
         barrier_curvature(x, radius, work, slopes, next_slopes, curvatures[model])
     return values, gradients, curvatures
-
-
-@cached_njit
-def feasible_rows(record, radius, points):
-    """Whether A and C of each row are stable within ``radius``, and every number finite.
-
-    Parameters
-    ----------
-    record : Record
-        Of the points' orders.
-    radius : float
-    points : (models, n) float array, C-contiguous
-
-    Returns
-    -------
-    (models,) bool array
-    """
-    noise = record.na + record.nb
-    order = max(record.na, record.nc)
-    work = np.empty((order + 1, order))
-    feasible = np.empty(points.shape[0], dtype=np.bool_)
-    for r in range(feasible.size):
-        feasible[r] = (
-            step_down(points[r, : record.na], radius, work)
-            and step_down(points[r, noise : noise + record.nc], radius, work)
-            and all_finite(points[r])
-        )
-    return feasible
