@@ -21,7 +21,7 @@ BUDGET = {
     "words beside evidence": 6_000,
 }
 REACHED = {
-    "lines": 62_260,
+    "lines": 62_180,
     "files": 380,
     "files above 400 lines": 5,
     "folders above 20 files": 6,

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.estimation.absolute_descent import Places, Weighing, linear_coefficients
+from evopem.estimation.pem.polynomial_objective import PolynomialErrors
 from evopem.models.polynomial import PolynomialModel, model_of
 from evopem.models.polynomials import max_root_radius, reflect_into_disc
 from evopem.models.structures import Orders
@@ -138,7 +139,10 @@ class MultiInputErrors:
         """Residuals of all records, one after the other, (samples,)."""
         with np.errstate(all="ignore"):
             return np.concatenate(
-                [self._signals(point, place)[-1] for place in range(len(self.record.outputs))]
+                [
+                    errors.residuals(point[self._places(place)])[self.record.start :]
+                    for place, errors in enumerate(self._of_records)
+                ]
             )
 
     def value(self, point: Array) -> float:
@@ -196,9 +200,14 @@ class MultiInputErrors:
 
     def jacobian(self, point: Array) -> Array:
         """Derivatives of the residuals by a point, (samples, dimension)."""
+        jacobian, first = np.zeros((self.record.samples, self.dimension)), 0
         with np.errstate(all="ignore"):
-            blocks = [self._jacobian(point, place) for place in range(len(self.record.outputs))]
-        return np.concatenate(blocks)
+            for place, errors in enumerate(self._of_records):
+                at = self._places(place)
+                for block in errors.jacobian_blocks(point[at]):
+                    jacobian[first : first + len(block), at] = block
+                    first += len(block)
+        return jacobian
 
     def feasible(self, point: Array) -> bool:
         """Whether all is finite and all roots lie within the radius."""
@@ -301,91 +310,16 @@ class MultiInputErrors:
         noises = [point[of_noise] for _, _, of_noise in own]
         return levels, scale * np.concatenate(plants), scale * np.concatenate(noises)
 
-    def _signals(self, point: Array, place: int) -> tuple[list[Array], Array, Array]:
-        """x_i, v and e of a record, from its first residual on."""
-        from scipy.signal import lfilter
+    @cached_property
+    def _of_records(self) -> list[PolynomialErrors]:
+        """The problem of each record alone."""
+        start = self.record.start
+        return [
+            PolynomialErrors(u, y, self.orders, self.objective, start, start, 1.0, 1.0, True)
+            for u, y in zip(self.record.inputs, self.record.outputs, strict=True)
+        ]
 
-        o, start = self.orders, self.record.start
-        u, y = self.record.inputs[place], self.record.outputs[place]
-        at, of_inputs, of_noise = self._own_parts(place)
-        v = lfilter(_monic(point[o.part("a")]), [1.0], y)[start:] - point[at]
-        xs = []
-        for i in range(o.inputs):
-            b = np.concatenate([np.zeros(o.nk[i]), point[o.part("b", i)]])
-            x = -lfilter(b, [1.0], u[:, i])[start:]
-            if o.nf[i]:
-                state = point[of_inputs[i]][: len(x)]
-                x[: len(state)] += state
-                x = lfilter([1.0], _monic(point[o.part("f", i)]), x)
-            xs.append(x)
-            v = v + x
-        e = lfilter(_monic(point[o.part("d")]), [1.0], v)
-        state = point[of_noise][: len(e)]
-        e[: len(state)] += state
-        return xs, v, lfilter([1.0], _monic(point[o.part("c")]), e)
-
-    def _jacobian(self, point: Array, place: int) -> Array:
-        """Columns are delayed copies of filtered signals; see the module."""
-        from scipy.signal import lfilter
-
-        o, start = self.orders, self.record.start
-        u, y = self.record.inputs[place], self.record.outputs[place]
-        at, of_inputs, of_noise = self._own_parts(place)
-        xs, v, e = self._signals(point, place)
-        c, d = _monic(point[o.part("c")]), _monic(point[o.part("d")])
-        found = np.zeros((len(e), self.dimension))
-        impulse = np.zeros(len(e))
-        impulse[0] = 1.0
-        by_noise = lfilter(d, c, impulse)
-        if o.na:
-            entering = lfilter(d, c, _before(y, start, 1))
-            found[:, o.part("a")] = _copies(entering, by_noise, y[:start], 1, o.na)
-        found[:, at] = -lfilter(d, c, np.ones(len(e)))
-        found[:, o.part("c")] = -_shifted(lfilter([1.0], c, e), o.nc)
-        found[:, o.part("d")] = _shifted(lfilter([1.0], c, v), o.nd)
-        found[:, of_noise] = _shifted(lfilter([1.0], c, impulse), o.noise_states, first=0)
-        for i in range(o.inputs):
-            f = _monic(point[o.part("f", i)])
-            response = lfilter([1.0], f, by_noise)
-            entering = lfilter([1.0], f, lfilter(d, c, _before(u[:, i], start, o.nk[i])))
-            found[:, o.part("b", i)] = -_copies(entering, response, u[:start, i], o.nk[i], o.nb[i])
-            if o.nf[i]:
-                through = lfilter([1.0], f, lfilter(d, c, xs[i]))
-                found[:, o.part("f", i)] = -_shifted(through, o.nf[i])
-                found[:, of_inputs[i]] = _shifted(response, o.nf[i], first=0)
-        return found
-
-
-def _monic(coefficients: Array) -> Array:
-    return np.concatenate([[1.0], coefficients])
-
-
-def _before(signal: Array, start: int, lag: int) -> Array:
-    """``signal[t - lag]`` for t from ``start`` on; the record begins no later than that."""
-    return signal[start - lag : len(signal) - lag]
-
-
-def _copies(filtered: Array, response: Array, past: Array, lag: int, count: int) -> Array:
-    """Copies of a filtered signal, each a sample later than the one before, (N, count).
-
-    The j-th one is that of the signal at lag ``lag + j``: the copy before, a sample later, and what
-    the sample of the past that enters it adds.
-    """
-    columns = np.empty((len(filtered), count))
-    copy = filtered
-    for j in range(count):
-        if j:
-            entering = past[len(past) - lag - j] * response
-            entering[1:] += copy[:-1]
-            copy = entering
-        columns[:, j] = copy
-    return columns
-
-
-def _shifted(signal: Array, count: int, first: int = 1) -> Array:
-    """Columns ``signal[t - first - j]``, zero before the signal, (N, count)."""
-    columns = np.zeros((len(signal), count))
-    for j in range(count):
-        lag = first + j
-        columns[lag:, j] = signal[: len(signal) - lag]
-    return columns
+    def _places(self, place: int) -> NDArray[np.intp]:
+        """Where the point of a record alone stands in a point."""
+        first = self.orders.parameters + place * self._own
+        return np.r_[: self.orders.parameters, first : first + self._own]
