@@ -96,11 +96,8 @@ def test_a_focus_is_that_of_the_python_interface(run):
     assert record.fit.settings == FitSettings(focus="simulation")
     data = load_prepared(files.prepared, files.transforms).estimation
     direct = estimate_focused(
-        data.input,
-        data.output,
-        "arx",
+        data,
         record.orders,
-        50.0,
         settings=SearchSettings(objective="quadratic"),
         window=record.window,
         focus="simulation",
