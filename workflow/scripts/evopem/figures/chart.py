@@ -33,52 +33,27 @@ Where = tuple[tuple[str, str], ...]
 
 @dataclass(frozen=True)
 class Curve:
-    """One curve of a panel.
+    """One curve of a panel."""
 
-    Attributes
-    ----------
-    label : str
-        Empty for a curve that belongs to the one before it.
-    column : str
-        Column of the ordinate.
-    colour : str
-        Role of the colour, as in :mod:`evopem.figures.style`.
-    kind : {"line", "points", "stems", "steps"}
-    dashed : bool
-    band : tuple of str
-        Columns of the lower and upper limit of its band; empty for none.
-    where : tuple of (column, value)
-        Rows that belong to the curve; all of them by default.
-    factor : float
-        On the ordinate.
-    source : str
-        Figure that has the column in its table, on a logarithmic scale of its own without an axis.
-    marker : str
-        Marker of its points, in the notation of matplotlib; "open" before it leaves them empty.
-    errors : tuple of str
-        Columns of the standard errors along the abscissa and the ordinate, for 95 % intervals.
-    ellipse : tuple of str
-        Columns of the variances of both coordinates and of their covariance, for 95 % ellipses.
-    bounds : str
-        Column with the limit of the ordinate to either side; what exceeds it stands out.
-    names : str
-        Column with words to write at the points.
-    """
-
-    label: str
-    column: str
-    colour: Role
+    label: str  # empty for a curve that belongs to the one before it
+    column: str  # column of the ordinate
+    colour: Role  # role of the colour, as in :mod:`evopem.figures.style`
     kind: Kind = "line"
     dashed: bool = False
-    band: tuple[str, ...] = ()
-    where: Where = ()
-    factor: float = 1.0
+    band: tuple[str, ...] = ()  # columns of the lower and upper limit of its band; empty for none
+    where: Where = ()  # rows that belong to the curve; all of them by default
+    factor: float = 1.0  # on the ordinate
+    # Figure that has the column in its table, on a logarithmic scale of its own without an axis.
     source: str = ""
+    # Marker of its points, in the notation of matplotlib; "open" before it leaves them empty.
     marker: str = ""
+    # Columns of the standard errors along the abscissa and the ordinate, for 95 % intervals.
     errors: tuple[str, ...] = ()
+    # Columns of the variances of both coordinates and of their covariance, for 95 % ellipses.
     ellipse: tuple[str, ...] = ()
+    # Column with the limit of the ordinate to either side; what exceeds it stands out.
     bounds: str = ""
-    names: str = ""
+    names: str = ""  # column with words to write at the points
 
 
 @dataclass(frozen=True)
@@ -92,83 +67,40 @@ class Mark:
 
 @dataclass(frozen=True)
 class Panel:
-    """A panel: curves over one abscissa.
-
-    Attributes
-    ----------
-    title : str
-    x, x_label, y_label : str
-        Column of the abscissa, and the labels of the axes.
-    curves : tuple of Curve
-    scale : {"linear", "logarithmic", "phase"}
-        Of the ordinate; a phase is an angle in degrees, drawn from −180 to 180.
-    limits : tuple of float
-        Fixed limits of the ordinate; empty where the data set them.
-    highest : float
-        Largest abscissa that is drawn; 0 where the data set it.
-    height : int
-        Pixels.
-    marks, levels : tuple of Mark
-        Places on the abscissa and the ordinate that lines mark.
-    linked : str
-        Panels of the page with the same word show the same part of their abscissa.
-    shown : float
-        Abscissa up to which the drawing shows the curves; 0 for all.  The page shows all.
-    whole : bool
-        Whether the abscissa are whole numbers.
-    counted : bool
-        Whether the ordinates are.
-    decades : bool
-        Whether the abscissa is logarithmic.
-    plane : {"", "z", "complex"}
-        Whether both axes have one scale: a plane with the unit circle, or without it.
-    rate : float
-        Sampling rate in Hz, for the frequencies on the unit circle.
-    """
+    """A panel: curves over one abscissa."""
 
     title: str
-    x: str
+    x: str  # column of the abscissa, and the labels of the axes
     x_label: str
     y_label: str
     curves: tuple[Curve, ...]
+    # Of the ordinate; a phase is an angle in degrees, drawn from −180 to 180.
     scale: Scale = "linear"
-    limits: tuple[float, ...] = ()
-    highest: float = 0.0
-    height: int = 220
-    marks: tuple[Mark, ...] = ()
+    limits: tuple[float, ...] = ()  # fixed limits of the ordinate; empty where the data set them
+    highest: float = 0.0  # largest abscissa that is drawn; 0 where the data set it
+    height: int = 220  # pixels
+    marks: tuple[Mark, ...] = ()  # places on the abscissa and the ordinate that lines mark
     levels: tuple[Mark, ...] = ()
-    linked: str = ""
+    linked: str = ""  # panels of the page with the same word show the same part of their abscissa
+    # Abscissa up to which the drawing shows the curves; 0 for all.  The page shows all.
     shown: float = 0.0
-    whole: bool = False
-    counted: bool = False
-    decades: bool = False
+    whole: bool = False  # whether the abscissa are whole numbers
+    counted: bool = False  # whether the ordinates are
+    decades: bool = False  # whether the abscissa is logarithmic
+    # Whether both axes have one scale: a plane with the unit circle, or without it.
     plane: Plane = ""
-    rate: float = 0.0
+    rate: float = 0.0  # sampling rate in Hz, for the frequencies on the unit circle
 
 
 @dataclass(frozen=True, eq=False)
 class Chart:
-    """A figure: its table, and the panels that show it.
+    """A figure: its table, and the panels that show it."""
 
-    Attributes
-    ----------
-    table : pandas.DataFrame
-        What is drawn, as it is offered for download.
-    panels : tuple of Panel
-        Row by row.
-    columns : int
-        Panels of a row.
-    live : bool
-        Whether a page draws it for a reader to zoom.
-    nothing : str
-        What is said where there is nothing to draw.
-    """
-
-    table: pd.DataFrame
-    panels: tuple[Panel, ...]
-    columns: int = 1
-    live: bool = True
-    nothing: str = ""
+    table: pd.DataFrame  # what is drawn, as it is offered for download
+    panels: tuple[Panel, ...]  # row by row
+    columns: int = 1  # panels of a row
+    live: bool = True  # whether a page draws it for a reader to zoom
+    nothing: str = ""  # what is said where there is nothing to draw
 
     def only(self, *places: int) -> Chart:
         """Some of the panels, one above the other."""

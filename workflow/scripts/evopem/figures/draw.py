@@ -69,14 +69,7 @@ def _rows(chart: Chart) -> list[tuple[Panel, ...]]:
 
 @styled
 def draw(chart: Chart, axes: Axes | Sequence[Axes] | None = None) -> Figure:
-    """Draw a chart.
-
-    Parameters
-    ----------
-    chart : Chart
-    axes : one or several matplotlib.axes.Axes, optional
-        One for each panel; on a new figure by default.
-    """
+    """Draw a chart."""
     places = grid_of(chart).panels(axes)
     if chart.nothing:
         say_nothing_to_draw(places[0], chart.nothing)

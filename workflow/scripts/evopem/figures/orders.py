@@ -37,13 +37,7 @@ SMALLEST_SPAN = 0.01
 
 
 def tied_text(structure: str) -> str:
-    """The orders that equal the plant order k, such as "na = nb = nc = k".
-
-    Examples
-    --------
-    >>> tied_text("armax"), tied_text("bj")
-    ('na = nb = nc = k', 'nb = nf = k')
-    """
+    """The orders that equal the plant order k, such as "na = nb = nc = k"."""
     plant = ("nb", "nf") if "nf" in STRUCTURES[structure] else ("na", "nb")
     noise = {"arma": ("nc",), "armax": ("nc",)}.get(structure, ())
     tied = [name for name in (*plant, *noise) if name in STRUCTURES[structure]]

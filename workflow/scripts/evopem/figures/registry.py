@@ -37,19 +37,7 @@ def svg_texts(results: Results | View) -> dict[str, str]:
 
 
 def draw_all(results: Results | View, directory: Path) -> list[Path]:
-    """Draw every figure of one data set, with a sentence where one does not apply.
-
-    Parameters
-    ----------
-    results : results of a data set
-    directory : Path
-        Folder of the SVG files, which are named after the figures.
-
-    Returns
-    -------
-    list of Path
-        The files, in the order of the report.
-    """
+    """Draw every figure of one data set, with a sentence where one does not apply."""
     view, files = view_of(results), []
     for figure in REPORT_FIGURES:
         chart = (

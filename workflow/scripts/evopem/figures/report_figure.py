@@ -15,33 +15,16 @@ MOST_PANELS = 60
 
 @dataclass(frozen=True)
 class ReportFigure:
-    """One figure of the report.
+    """One figure of the report."""
 
-    Attributes
-    ----------
-    name : str
-        One of :data:`evopem.results.layout.FIGURES`.
-    part : str
-        The part of the page that it stands in.
-    title, caption : str
-        What is drawn.
-    data : tuple of str
-        Names of the files of the results that hold what is drawn.
-    chart : callable
-        The chart of a view.
-    applies : callable
-        Whether the page shows it.
-    without_input : pair of str
-        Title and caption for a model without input; empty where they are the same.
-    """
-
-    name: str
-    part: str
-    title: str
+    name: str  # one of :data:`evopem.results.layout.FIGURES`
+    part: str  # the part of the page that it stands in
+    title: str  # what is drawn
     caption: str
-    data: tuple[str, ...]
-    chart: Callable[[View], Chart]
-    applies: Callable[[View], bool] = lambda _: True
+    data: tuple[str, ...]  # names of the files of the results that hold what is drawn
+    chart: Callable[[View], Chart]  # the chart of a view
+    applies: Callable[[View], bool] = lambda _: True  # whether the page shows it
+    # Title and caption for a model without input; empty where they are the same.
     without_input: tuple[str, str] = ("", "")
 
     def title_of(self, view: View) -> str:

@@ -21,14 +21,7 @@ AMPLITUDE = 0.15
 
 
 class ShapeDrawing:
-    """The shapes of one structure, drawn from one point of view.
-
-    Parameters
-    ----------
-    geometry : Geometry
-    output_names : sequence of str
-        Names of the entries of each shape.
-    """
+    """The shapes of one structure, drawn from one point of view."""
 
     def __init__(self, geometry: Geometry, output_names: tuple[str, ...]) -> None:
         self.names = list(geometry.points)
@@ -56,15 +49,7 @@ class ShapeDrawing:
         self.top = float(span[1] * self.scale)
 
     def still(self, shape: NDArray[np.complex128], label: str) -> str:
-        """The structure at rest and at both extremes of a shape.
-
-        Parameters
-        ----------
-        shape : (ny,) complex array
-            Its largest entry is 1.
-        label : str
-            Description for screen readers.
-        """
+        """The structure at rest and at both extremes of a shape (ny,) whose largest entry is 1."""
         content = f'<path class="rest" d="{self._outline(self.rest)}"/>'
         content += f'<path class="back" d="{self._outline(self._moved(-_in_phase(shape).real))}"/>'
         front = self._moved(_in_phase(shape).real)
@@ -164,14 +149,7 @@ def shape_bars(
 ) -> str:
     """The entries of a shape: real parts as bars with 95 % intervals, imaginary parts as marks.
 
-    Parameters
-    ----------
-    names : sequence of str
-    shape : (ny,) complex array
-        Its largest entry is 1.
-    errors : (ny,) array
-        Standard errors of the real parts.
-    label : str
+    `shape`, complex (ny,), has a largest entry of 1; `errors` are of its real parts.
     """
     middle = NAME_WIDTH + BAR_WIDTH / 2
     half = BAR_WIDTH / 2 - 6
@@ -203,15 +181,7 @@ CELL, HEAD = 34.0, 58.0
 
 
 def assurance_matrix(assurance: Sequence[Sequence[float]], names: Sequence[str], label: str) -> str:
-    """Modal assurance criterion of all pairs of shapes, as shades with their values.
-
-    Parameters
-    ----------
-    assurance : square matrix
-    names : sequence of str
-        Of the modes, short.
-    label : str
-    """
+    """Modal assurance criterion of all pairs of shapes, as shades with their values."""
     width, height = HEAD + CELL * len(names), 24 + CELL * len(names)
     parts = []
     for row, (name, values) in enumerate(zip(names, assurance, strict=True)):

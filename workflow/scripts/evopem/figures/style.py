@@ -117,25 +117,14 @@ def styled(draw: Callable[P, T]) -> Callable[P, T]:
 
 @dataclass(frozen=True)
 class Grid:
-    """The panels of a figure.
+    """The panels of a figure."""
 
-    Attributes
-    ----------
-    height, width : float
-        Inches.
-    rows, columns : int
-    sharex : bool
-        Whether all panels have one abscissa.
-    height_ratios, width_ratios : tuple of float, optional
-        Relative sizes of rows and columns.
-    """
-
-    height: float
+    height: float  # inches
     width: float = WIDTH
     rows: int = 1
     columns: int = 1
-    sharex: bool = False
-    height_ratios: tuple[float, ...] | None = None
+    sharex: bool = False  # whether all panels have one abscissa
+    height_ratios: tuple[float, ...] | None = None  # relative sizes of rows and columns
     width_ratios: tuple[float, ...] | None = None
 
     def on(self, figure: Figure) -> list[Axes]:
@@ -150,13 +139,7 @@ class Grid:
         return list(grid.ravel())
 
     def panels(self, axes: Axes | Sequence[Axes] | None = None) -> list[Axes]:
-        """The given panels, or those of a new figure that pyplot does not keep.
-
-        Raises
-        ------
-        InputError
-            When there are more or fewer than the figure has.
-        """
+        """The given axes, one for each panel, or those of a figure that pyplot does not keep."""
         if axes is None:
             return self.on(new_figure(self.height, self.width))
         given = list(np.atleast_1d(np.asarray(axes, dtype=object)).ravel())
@@ -226,19 +209,8 @@ def ratio_unit(output_unit: str, input_unit: str) -> str:
 
 
 def extremes(y: ArrayLike, bins: int = 1000) -> NDArray[np.intp]:
-    """Indices of the smallest and largest value of each bin, in ascending order.
-
-    Parameters
-    ----------
-    y : array_like, shape (N,)
-        A series; NaN are ignored.
-    bins : int
-        Number of bins. Of a series of at most 4 × bins points every index is returned.
-
-    Returns
-    -------
-    ndarray of int, shape (at most 4 * bins,)
-        The series at these indices has the same envelope as the whole one.
+    """Ascending indices of the smallest and largest value of each bin of a series (N,); NaN are
+    ignored. Of at most 4 × bins points every index is returned.
     """
     y = np.asarray(y, dtype=float)
     if y.size <= 4 * bins:

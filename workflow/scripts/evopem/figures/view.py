@@ -57,19 +57,11 @@ _RESPONSE = ["frequency_hz", "gain", "gain_lower", "gain_upper", "phase_deg"]
 
 @dataclass(frozen=True)
 class Channel:
-    """An input or output.
+    """An input or output."""
 
-    Attributes
-    ----------
-    name, unit : str
-        As recorded.
-    prepared, prepared_unit : str
-        After the transforms.
-    """
-
-    name: str
+    name: str  # as recorded
     unit: str
-    prepared: str
+    prepared: str  # after the transforms
     prepared_unit: str
 
     @property
@@ -85,46 +77,27 @@ class Channel:
 
 @dataclass(frozen=True)
 class OutputErrors:
-    """Errors and tests of one output on validation samples; NaN where not known.
-
-    Attributes
-    ----------
-    name, unit : str
-    prediction, simulation, fitted_state : float
-        Percent; of a simulation that sees none of these outputs, and of one from the state that
-        fits them.
-    horizons : tuple of float
-        Percent, of predictions at the view's horizons.
-    whiteness_p : float
-    outliers : float
-        Percent of the residuals.
-    """
+    """Errors and tests of one output on validation samples; NaN where not known."""
 
     name: str
     unit: str
+    # Percent; of a simulation that sees none of these outputs, and of one from the state that fits
+    # them.
     prediction: float
     simulation: float
     fitted_state: float
-    horizons: tuple[float, ...]
+    horizons: tuple[float, ...]  # percent, of predictions at the view's horizons
     whiteness_p: float
-    outliers: float
+    outliers: float  # percent of the residuals
 
 
 class View:
-    """Results in one form; tables are made when they are asked for.
-
-    Attributes
-    ----------
-    results : DatasetResults or MultichannelResults
-    inputs, outputs : tuple of Channel
-    model_text : str
-        Structure and orders.
-    """
+    """Results in one form; tables are made when they are asked for."""
 
     results: Any
     inputs: tuple[Channel, ...]
     outputs: tuple[Channel, ...]
-    model_text: str
+    model_text: str  # structure and orders
     order_name: str
     selected_order: int
 

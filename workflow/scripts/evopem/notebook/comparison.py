@@ -27,13 +27,7 @@ _PAPER = {"figure.facecolor": "white", "axes.facecolor": "white", "savefig.facec
 
 
 def pyplot_panels(grid: Grid, axes: Any = None) -> list[Axes]:
-    """The given axes, or those of a new figure that pyplot keeps and a notebook shows.
-
-    Raises
-    ------
-    InputError
-        When there are more or fewer than the figure has.
-    """
+    """The given axes, or those of a new figure that pyplot keeps and a notebook shows."""
     if axes is not None:
         return grid.panels(axes)
     from matplotlib import pyplot, rc_context
@@ -49,12 +43,7 @@ def pyplot_panels(grid: Grid, axes: Any = None) -> list[Axes]:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ModelComparison:
-    """Two to six models side by side; in a notebook it shows errors and modes.
-
-    Attributes
-    ----------
-    comparison : Comparison
-    """
+    """Two to six models side by side; in a notebook it shows errors and modes."""
 
     comparison: Comparison
 

@@ -15,12 +15,7 @@ from evopem.pipeline.progress import ProgressLine
 
 @contextmanager
 def progress(shown: bool) -> Iterator[Announce | None]:
-    """A function that receives each stage before it begins; None where nothing is shown.
-
-    Parameters
-    ----------
-    shown : bool
-    """
+    """A function that receives each stage before it begins; None where nothing is shown."""
     if not shown:
         yield None
         return

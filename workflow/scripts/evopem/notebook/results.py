@@ -47,15 +47,7 @@ if TYPE_CHECKING:
 
 
 def html_summary(name: str, verdict: str, summary: DatasetSummary) -> str:
-    """Verdict, modes, errors and failed checks as HTML without styles that leave it.
-
-    Parameters
-    ----------
-    name : str
-    verdict : str
-        A sentence.
-    summary : DatasetSummary
-    """
+    """Verdict, modes, errors and failed checks as HTML without styles that leave it."""
     errors = [f"one step ahead {percent(summary.prediction_error_percent)}"]
     if is_number(summary.simulation_error_percent):
         errors.insert(0, f"simulation {percent(summary.simulation_error_percent)}")
@@ -117,20 +109,7 @@ class Results:
         settings: Dataset,
         folder: TemporaryDirectory[str] | None = None,
     ) -> Results:
-        """Read the results of a data set.
-
-        Parameters
-        ----------
-        files : DatasetFiles
-        settings : DatasetSettings or MultichannelDataset
-        folder : TemporaryDirectory, optional
-            Deleted with the object.
-
-        Raises
-        ------
-        InputError
-            When a file is missing or damaged.
-        """
+        """Read the results of a data set."""
         if isinstance(settings, DatasetSettings):
             return cls(files, read_dataset_results(files, settings), folder)
         names = [variant_name(*each) for each in searched_variants(settings)]

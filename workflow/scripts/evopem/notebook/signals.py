@@ -24,23 +24,12 @@ _NOT_A_NAME = ("", "file", "allow_pickle")
 
 @dataclass(frozen=True, eq=False)
 class GivenSignals:
-    """Inputs and outputs as they were handed over.
+    """Inputs and outputs as they were handed over."""
 
-    Attributes
-    ----------
-    inputs : ndarray of float64, shape (N, m)
-        No columns for outputs alone.
-    outputs : ndarray of float64, shape (N', l)
-    sampling_rate : float, optional
-        Hz; None where neither the user nor an index states it.
-    input_names, output_names : tuple of str
-        All different.
-    """
-
-    inputs: NDArray[np.float64]
+    inputs: NDArray[np.float64]  # no columns for outputs alone
     outputs: NDArray[np.float64]
-    sampling_rate: float | None
-    input_names: tuple[str, ...]
+    sampling_rate: float | None  # hz; None where neither the user nor an index states it
+    input_names: tuple[str, ...]  # all different
     output_names: tuple[str, ...]
 
     def save(self, path: Path) -> None:
@@ -51,33 +40,17 @@ class GivenSignals:
 
 @dataclass(frozen=True)
 class Wanted:
-    """What a user says about the signals beside the data.
-
-    Attributes
-    ----------
-    input, output : column label or list of them, or signals
-    time : column label, optional
-    sampling_rate : float, optional
-        Hz.
-    time_unit : str, optional
-        Unit of the times.
-    """
+    """What a user says about the signals beside the data."""
 
     output: Any
     input: Any = None
     time: Any = None
-    sampling_rate: Any = None
-    time_unit: str | None = None
+    sampling_rate: Any = None  # hz
+    time_unit: str | None = None  # unit of the times
 
 
 def checked_rate(rate: Any) -> float | None:
-    """A sampling rate as a number.
-
-    Raises
-    ------
-    InputError
-        When it is none.
-    """
+    """A sampling rate as a number."""
     if rate is None:
         return None
     try:
@@ -93,20 +66,8 @@ def checked_rate(rate: Any) -> float | None:
 def given_signals(data: Any, wanted: Wanted, source: str = DATA) -> GivenSignals:
     """Take signals and their rate from what a user hands over.
 
-    Parameters
-    ----------
-    data : pandas.DataFrame, pandas.Series, array_like or None
-        A table whose columns are named; or the samples of the inputs, shape (N,) or (N, m), where
-        ``wanted.output`` holds those of the outputs.
-    wanted : Wanted
-    source : str
-        What an error calls the data.
-
-    Raises
-    ------
-    InputError
-        When a column is not there or named twice, a signal holds no numbers, no rate is known, or
-        the indexes of inputs and outputs differ.
+    `data` is a table whose columns are named, or the samples of the inputs, (N,) or (N, m); those
+    of the outputs are then in ``wanted.output``. `source` is what an error calls the data.
     """
     if _is_table(data) and not _has_samples(wanted.output):
         return _of_table(data, wanted, source)
@@ -132,19 +93,7 @@ def given_signals(data: Any, wanted: Wanted, source: str = DATA) -> GivenSignals
 
 
 def given_recordings(data: Any, wanted: Wanted, source: str = DATA) -> tuple[GivenSignals, ...]:
-    """The signals of one recording, or of each of several that are one data set.
-
-    Parameters
-    ----------
-    data, wanted, source
-        As for :func:`given_signals`; several recordings are a list of tables, or lists of the
-        signals of each.
-
-    Raises
-    ------
-    InputError
-        As :func:`given_signals` does, and when the recordings differ in rate or channels.
-    """
+    """The signals of one recording, or of each of a list of them that are one data set."""
     output = wanted.output
     if not _are_several(data) and not (data is None and _are_several(output)):
         return (given_signals(data, wanted, source),)
@@ -168,13 +117,7 @@ def given_recordings(data: Any, wanted: Wanted, source: str = DATA) -> tuple[Giv
 
 
 def alike(signals: GivenSignals, first: GivenSignals, source: str) -> GivenSignals:
-    """The signals of a further recording, under the names of the first one.
-
-    Raises
-    ------
-    InputError
-        When the two differ in rate or in their numbers of channels.
-    """
+    """The signals of a further recording, under the names of the first one."""
     rate, other = first.sampling_rate, signals.sampling_rate
     if rate and other and abs(other / rate - 1.0) > RATE_TOLERANCE:
         raise InputError(
@@ -316,12 +259,7 @@ def _samples(values: Any, source: str, role: str) -> NDArray[np.float64]:
 
 
 def _check_alike(indexes: Sequence[Any], source: str) -> None:
-    """Refuse to pair samples whose indexes differ.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse to pair samples whose indexes differ."""
     for other in indexes[1:]:
         if not _are_equal(indexes[0], other):
             raise InputError(

@@ -19,21 +19,7 @@ from evopem.results.layout import DatasetFiles
 
 
 def compare_datasets(folders: Sequence[str], page: str) -> Comparison:
-    """Lay the results of data sets side by side, on a page with links to their reports.
-
-    Parameters
-    ----------
-    folders : sequence of str
-        Folders of results, such as ``results/arm``.
-    page : str
-        The file to write.
-
-    Raises
-    ------
-    InputError
-        When a folder holds no results, there are too few or too many, or the page cannot be
-        written.
-    """
+    """Lay the results of data sets side by side, on a page with links to their reports."""
     found = [_files(folder) for folder in folders]
     results = [read_dataset_results(files, read_settings(files.config)) for files in found]
     comparison = Comparison.of(results)

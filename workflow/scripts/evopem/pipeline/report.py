@@ -70,18 +70,7 @@ def report_page(
     figures: Mapping[str, str],
     templates: Path | None = None,
 ) -> str:
-    """The report of results and figures that are at hand.
-
-    Parameters
-    ----------
-    files : DatasetFiles
-        Where the results lie.
-    results : results of a data set
-    figures : mapping of str to str
-        SVG texts by the names of the figures.
-    templates : Path, optional
-        That of the package by default.
-    """
+    """The report of results and figures that are at hand."""
     templates = templates or template_folder()
     return build_report(
         results,

@@ -23,21 +23,7 @@ from evopem.validation.checks import failed_checks
 def build_comparison(
     comparison: Comparison, template_directory: Path, pages: Mapping[str, str] | None = None
 ) -> str:
-    """Build the page of a comparison.
-
-    Parameters
-    ----------
-    comparison : Comparison
-    template_directory : Path
-        Folder of ``comparison.html.j2`` and what it includes.
-    pages : mapping of str to str, optional
-        Addresses of the reports, by the labels of the models.
-
-    Returns
-    -------
-    str
-        One HTML page that loads no other file.
-    """
+    """One HTML page that loads no other file; `pages` are addresses of reports by label."""
     return (
         environment(template_directory)
         .get_template("comparison.html.j2")

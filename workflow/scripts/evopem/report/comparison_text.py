@@ -15,12 +15,7 @@ DIFFERENT = (
 
 
 def comparison_text(comparison: Comparison) -> str:
-    """Errors of the models, and their modes, one line for each.
-
-    Parameters
-    ----------
-    comparison : Comparison
-    """
+    """Errors of the models, and their modes, one line for each."""
     errors = [("", "model", "simulation", "one step", "failed checks")]
     for label, results in zip(comparison.labels, comparison.results, strict=True):
         validation = results.validation

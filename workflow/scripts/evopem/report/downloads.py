@@ -17,38 +17,18 @@ MOST_ROWS, MOST_CELLS = 5000, 40_000
 
 @dataclass(frozen=True)
 class Download:
-    """A CSV file in a link.
+    """A CSV file in a link."""
 
-    Attributes
-    ----------
-    file : str
-        Name that it is saved under.
-    address : str
-        ``data:`` address with the table.
-    rows : int
-        Number of rows.
-    rows_of : int
-        Number of rows of the whole table; larger than `rows` where it was thinned.
-    """
-
-    file: str
-    address: str
-    rows: int
-    rows_of: int
+    file: str  # name that it is saved under
+    address: str  # ``data:`` address with the table
+    rows: int  # number of rows
+    rows_of: int  # number of rows of the whole table; larger than `rows` where it was thinned
 
 
 def csv_download(
     table: pd.DataFrame, dataset: str, figure: str, most_cells: int = MOST_CELLS
 ) -> Download:
-    """Put a figure's table into a link, thinned where it is longer than :data:`MOST_ROWS`.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-    dataset, figure : str
-        For the name of the file; characters that a file system may refuse become underscores.
-    most_cells : int
-    """
+    """Put a figure's table into a link, thinned where it is longer than :data:`MOST_ROWS`."""
     kept = thin_table(table, min(MOST_ROWS, most_cells // max(table.shape[1], 1)))
     text = kept.to_csv(index=False, float_format="%.6g", lineterminator="\n")
     name = re.sub(r"[^\w.-]+", "_", f"{dataset}-{figure}.csv")
@@ -58,15 +38,9 @@ def csv_download(
 
 
 def thin_table(table: pd.DataFrame, rows: int) -> pd.DataFrame:
-    """Leave out rows of a long table and keep the extremes of every column.
+    """Leave out rows beyond about so many and keep the extremes of every column.
 
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        Columns of words divide it into series, which are thinned one by one. The first numeric
-        column is the abscissa of the others.
-    rows : int
-        Largest number of rows, about.
+    Columns of words divide the table into series; the first numeric column is their abscissa.
     """
     if len(table) <= rows:
         return table

@@ -15,31 +15,18 @@ FEWEST = 3
 
 @dataclass(frozen=True)
 class FollowedChart:
-    """Frequency of one mode by recording.
-
-    Attributes
-    ----------
-    title : str
-    high, low : str
-        Frequencies in Hz at the upper and the lower edge.
-    first, last : str
-        Places at the left and the right edge.
-    intervals, levels, points, marks : str
-        SVG paths of 95 % intervals, levels, estimates and those that a warning names.
-    label : str
-        Description for screen readers.
-    """
+    """Frequency of one mode by recording."""
 
     title: str
-    high: str
+    high: str  # frequencies in Hz at the upper and the lower edge
     low: str
-    first: str
+    first: str  # places at the left and the right edge
     last: str
-    intervals: str
+    intervals: str  # SVG paths of 95 % intervals, levels, estimates and those that a warning names
     levels: str
     points: str
     marks: str
-    label: str
+    label: str  # description for screen readers
 
 
 def followed_charts(followed: Sequence[FollowedMode]) -> list[FollowedChart]:

@@ -31,62 +31,33 @@ class ListedMode:
 
 @dataclass(frozen=True)
 class Sparkline:
-    """The gain of a model as a small plot.
+    """The gain of a model as a small plot."""
 
-    Attributes
-    ----------
-    path : str
-        Of the gain, in SVG.
-    marks : list of str
-        Abscissae of the trusted modes.
-    label : str
-        Description for screen readers.
-    """
-
-    path: str
-    marks: list[str]
-    label: str
+    path: str  # of the gain, in SVG
+    marks: list[str]  # abscissae of the trusted modes
+    label: str  # description for screen readers
 
 
 @dataclass(frozen=True)
 class IndexRow:
-    """A row of the page.
-
-    Attributes
-    ----------
-    name : str
-    group : str
-        Data sets whose names begin alike have one group.
-    href : str
-        Relative address of the data set's page; of a log where its results are not complete, and
-        empty where there is none.
-    problem : str
-        Why the results are not complete; empty where they are.
-    orders : str
-    prediction_error_percent, simulation_error_percent : float
-        NaN where not known.
-    passed, failed, not_judged : int
-        Numbers of checks.
-    concerns, failed_checks : tuple of str
-        Names of the checks that failed or could not be judged, and of those that failed.
-    modes : tuple of ListedMode
-        By frequency.
-    sparkline : Sparkline, optional
-    """
+    """A row of the page."""
 
     name: str
-    group: str
+    group: str  # data sets whose names begin alike have one group
+    # Relative address of the data set's page; of a log where its results are not complete, and
+    # empty where there is none.
     href: str
-    problem: str = ""
+    problem: str = ""  # why the results are not complete; empty where they are
     orders: str = ""
-    prediction_error_percent: float = math.nan
+    prediction_error_percent: float = math.nan  # naN where not known
     simulation_error_percent: float = math.nan
-    passed: int = 0
+    passed: int = 0  # numbers of checks
     failed: int = 0
     not_judged: int = 0
+    # Names of the checks that failed or could not be judged, and of those that failed.
     concerns: tuple[str, ...] = ()
     failed_checks: tuple[str, ...] = ()
-    modes: tuple[ListedMode, ...] = ()
+    modes: tuple[ListedMode, ...] = ()  # by frequency
     sparkline: Sparkline | None = None
 
     @property
@@ -109,29 +80,10 @@ def build_index(
     followed: Sequence[FollowedMode] = (),
     ordered_by: str = "",
 ) -> str:
-    """Build the page that lists all data sets.
+    """The page that lists all data sets; `page` is the file that a row links to.
 
     Data sets without complete results come first, then those with failed checks, then those with
-    checks that could not be judged, then by decreasing simulation error.
-
-    Parameters
-    ----------
-    entries : mapping of str to DatasetSummary or IncompleteDataset
-        By the names of the data sets.
-    template_directory : Path
-        Folder of ``index.html.j2``.
-    page : str
-        The file in the folder of a data set that its row links to.
-    followed : sequence of FollowedMode
-        Modes over several recordings, for charts below the list.
-    ordered_by : str
-        What the recordings are ordered by; empty for their order in the configuration.
-
-    Returns
-    -------
-    str
-        One HTML page.
-    """
+    checks that could not be judged, then by decreasing simulation error."""
     rows = sorted(
         (_row(name, entry, page) for name, entry in entries.items()), key=lambda row: row.rank
     )

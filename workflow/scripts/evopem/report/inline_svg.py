@@ -26,21 +26,9 @@ VARIABLES = {
 
 
 def inline_svg(text: str, name: str, label: str) -> Markup:
-    """Prepare a figure for a page with several figures.
+    """A figure as an ``svg`` element without fixed size, style sheet, metadata and scripts.
 
-    Parameters
-    ----------
-    text : str
-        An SVG file in the style of `evopem.figures.style`.
-    name : str
-        Prefix of the ids, which makes them unique in the page.
-    label : str
-        Description of the figure for screen readers.
-
-    Returns
-    -------
-    markupsafe.Markup
-        An ``svg`` element without fixed size, style sheet, metadata and scripts.
+    `name` makes its ids unique in the page; `label` describes it for screen readers.
     """
     ElementTree.register_namespace("", SVG)
     ElementTree.register_namespace("xlink", XLINK)

@@ -18,14 +18,8 @@ PHASES = ("estimate_candidates", "select_candidate")
 def read_wall_clock(directory: Path) -> dict[str, float]:
     """Seconds that each stage took: the times of its jobs, summed.
 
-    A missing or empty benchmark file is ignored, because times are not results.
-
-    Parameters
-    ----------
-    directory : Path
-        Folder of the benchmark files ``<stage>.tsv`` and ``<stage>/<wildcards>.tsv``. The times of
-        the stages that search a phase count under its name.
-    """
+    The files are ``<stage>.tsv`` and ``<stage>/<wildcards>.tsv``; a phase of the search counts
+    under its name. A missing or empty one is ignored, because times are not results."""
     seconds: dict[str, float] = {}
     for path in sorted(directory.rglob("*.tsv")):
         parts = path.relative_to(directory).with_suffix("").parts
@@ -46,27 +40,7 @@ def build_report(
     template_directory: Path,
     commit: str = "unknown",
 ) -> str:
-    """Build the report of one data set, of whatever channels.
-
-    Parameters
-    ----------
-    results : results of a data set
-    figures : mapping of str to str
-        SVG texts by the names of the figures.
-    wall_clock : mapping of str to float
-        Seconds by stage, as :func:`.wall_clock.read_wall_clock` returns them.
-    config_text : str
-        The complete configuration of the data set.
-    template_directory : Path
-        Folder of ``report.html.j2`` and what it includes.
-    commit : str
-        Commit of the workflow that writes the report.
-
-    Returns
-    -------
-    str
-        One HTML page that loads no other file.
-    """
+    """One HTML page that loads no other file; `figures` are SVG texts by name, times in seconds."""
     view = view_of(results)
     material = Material(view, figures, wall_clock, config_text, commit)
     sections = [

@@ -51,14 +51,7 @@ class Stage:
 
 
 def stages(view: View, wall_clock: Mapping[str, float]) -> list[Stage]:
-    """Time of every stage in its order, from the start to the end of its jobs.
-
-    Parameters
-    ----------
-    view : View
-    wall_clock : mapping of str to float
-        Seconds by stage, as :func:`.wall_clock.read_wall_clock` returns them.
-    """
+    """Time of every stage in its order, from the start to the end of its jobs."""
     if not isinstance(view, PolynomialView):
         return [Stage(name.replace("_", " "), seconds) for name, seconds in wall_clock.items()]
     results = view.results

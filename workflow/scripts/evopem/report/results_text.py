@@ -17,14 +17,7 @@ _WIDTH = 96
 
 
 def results_text(results: DatasetResults, page: str = "") -> str:
-    """The lines about one data set.
-
-    Parameters
-    ----------
-    results : DatasetResults
-    page : str
-        The file to open next; empty for none.
-    """
+    """The lines about one data set."""
     validation, transforms = results.validation, results.model.transforms
     lines = [
         *textwrap.wrap(f"{results.name}: {verdict(results).sentence}", _WIDTH),
@@ -43,15 +36,7 @@ def results_text(results: DatasetResults, page: str = "") -> str:
 
 
 def state_space_text(summary: DatasetSummary, name: str, page: str = "") -> str:
-    """The lines about one data set with several channels.
-
-    Parameters
-    ----------
-    summary : DatasetSummary
-    name : str
-    page : str
-        The file to open next; empty for none.
-    """
+    """The lines about one data set with several channels."""
     failed = len(summary.failed)
     errors = [f"one step ahead {percent(summary.prediction_error_percent)}"]
     if is_number(summary.simulation_error_percent):

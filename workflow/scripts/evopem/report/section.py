@@ -22,26 +22,13 @@ FOR_ALL = frozenset({"stabilization"})
 
 @dataclass(frozen=True, eq=False)
 class Material:
-    """All that a page is made of.
-
-    Attributes
-    ----------
-    view : View
-    figures : mapping of str to str
-        SVG texts by the names of the figures.
-    wall_clock : mapping of str to float
-        Seconds by stage.
-    config_text : str
-        The complete configuration of the data set.
-    commit : str
-        Of the workflow that writes the report.
-    """
+    """All that a page is made of."""
 
     view: View
-    figures: Mapping[str, str]
-    wall_clock: Mapping[str, float]
-    config_text: str
-    commit: str
+    figures: Mapping[str, str]  # SVG texts by the names of the figures
+    wall_clock: Mapping[str, float]  # seconds by stage
+    config_text: str  # the complete configuration of the data set
+    commit: str  # of the workflow that writes the report
 
     def figures_of(self, part: str) -> dict[str, DrawnFigure]:
         """The figures of a part of the page, by name."""
@@ -54,23 +41,12 @@ class Material:
 
 @dataclass(frozen=True)
 class Section:
-    """A part of the page.
-
-    Attributes
-    ----------
-    id : str
-    title : callable
-        Its heading, of a view.
-    content : callable
-        What its template shows, of the material.
-    applies : callable
-        Whether the page has it.
-    """
+    """A part of the page."""
 
     id: str
-    title: Callable[[View], str]
-    content: Callable[[Material], dict[str, Any]]
-    applies: Callable[[View], bool] = lambda _: True
+    title: Callable[[View], str]  # its heading, of a view
+    content: Callable[[Material], dict[str, Any]]  # what its template shows, of the material
+    applies: Callable[[View], bool] = lambda _: True  # whether the page has it
 
     @property
     def template(self) -> str:
@@ -80,37 +56,18 @@ class Section:
 
 @dataclass(frozen=True)
 class DrawnFigure:
-    """A figure in the page.
-
-    Attributes
-    ----------
-    id, title : str
-    paragraphs : list of str
-    caption : str
-    data : list of str
-        Files that hold the data of the figure.
-    download : Download
-        The data of the figure as CSV.
-    svg : Markup, optional
-        None where the figure was not drawn.
-    panels : str
-        What the page draws for a reader to zoom, as JSON; empty where it does not.
-    columns : int
-        Panels of a row.
-    for_experts : bool
-        Whether the paragraphs wait to be opened.
-    """
+    """A figure in the page."""
 
     id: str
     title: str
     paragraphs: list[str]
     caption: str
-    data: list[str]
-    download: Download
-    svg: Markup | None
-    panels: str
-    columns: int
-    for_experts: bool
+    data: list[str]  # files that hold the data of the figure
+    download: Download  # the data of the figure as CSV
+    svg: Markup | None  # none where the figure was not drawn
+    panels: str  # what the page draws for a reader to zoom, as JSON; empty where it does not
+    columns: int  # panels of a row
+    for_experts: bool  # whether the paragraphs wait to be opened
 
 
 def drawn_figure(figure: ReportFigure, view: View, svg: str | None) -> DrawnFigure:

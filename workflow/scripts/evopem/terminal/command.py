@@ -59,17 +59,8 @@ The results lie in results/<name of the first file>/; open report.html first. A 
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command; what cannot be used is said in one sentence, with exit code 1.
-
-    Parameters
-    ----------
-    arguments : sequence of str, optional
-        Those of the process by default.
-
-    Returns
-    -------
-    int
-        Exit code: 0, 1 for input that cannot be used, 2 for wrong arguments, 130 interrupted.
+    """Run the command; its exit code is 0, 1 for input that cannot be used (said in one sentence),
+    2 for wrong arguments, 130 when it was interrupted.
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
     for stream in (sys.stdout, sys.stderr):
@@ -95,12 +86,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _check_working_directory() -> None:
-    """Refuse to work in a folder that has been deleted.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse to work in a folder that has been deleted."""
     try:
         Path.cwd()
     except OSError:
@@ -314,12 +300,7 @@ def _defaults(path: str) -> Any:
 
 
 def _check_folder(files: DatasetFiles, settings: DatasetSettings | MultichannelDataset) -> None:
-    """Refuse to overwrite the results of another recording.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse to overwrite the results of another recording."""
     folder = Path(files.folder)
     for each in (folder, *folder.parents):
         try:

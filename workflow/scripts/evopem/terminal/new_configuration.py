@@ -39,19 +39,7 @@ one_job_per: recording
 
 
 def write_configuration(folder: str | Path) -> Path:
-    """Write ``config.yaml`` into a folder of recordings.
-
-    Returns
-    -------
-    Path
-        The file.
-
-    Raises
-    ------
-    InputError
-        When the folder is none, holds a ``config.yaml`` already, or holds no file of a known
-        format that can be read.
-    """
+    """Write ``config.yaml`` into a folder of recordings."""
     folder = Path(folder)
     target = folder / CONFIGURATION
     if not folder.is_dir():
@@ -72,13 +60,7 @@ def write_configuration(folder: str | Path) -> Path:
 
 
 def configuration_text(folder: Path) -> str:
-    """The configuration for all recordings of a folder.
-
-    Raises
-    ------
-    InputError
-        When there is none.
-    """
+    """The configuration for all recordings of a folder."""
     entries: list[str] = []
     unread: list[str] = []
     names = _Names()

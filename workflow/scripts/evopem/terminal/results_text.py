@@ -35,17 +35,7 @@ def show(text: str) -> None:
 
 
 def run_text(entries: Mapping[str, Entry], page: str, lists: Sequence[str]) -> str:
-    """What came out for the data sets of a run.
-
-    Parameters
-    ----------
-    entries : mapping of str to DatasetSummary or IncompleteDataset
-        By the names of the data sets.
-    page : str
-        The file to open next, in the folder of a data set.
-    lists : sequence of str
-        The lists of all data sets, where there are any.
-    """
+    """What came out for the data sets of a run."""
     files = {name: f"{DatasetFiles.of_dataset(name).folder}/{page}" for name in entries}
     if len(entries) <= _SHOWN_WHOLE:
         blocks = [

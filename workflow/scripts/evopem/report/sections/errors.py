@@ -15,24 +15,14 @@ from evopem.results.multichannel import MultichannelResults
 
 @dataclass(frozen=True)
 class RecordingRow:
-    """A recording of several.
-
-    Attributes
-    ----------
-    file : str
-    samples : int
-        As recorded.
-    estimation, validation : int
-        Prepared samples for either.
-    error_percent : float
-        On its validation samples, mean over the outputs: of simulations, without an input of
-        predictions; NaN without validation samples.
-    """
+    """A recording of several."""
 
     file: str
-    samples: int
-    estimation: int
+    samples: int  # as recorded
+    estimation: int  # prepared samples for either
     validation: int
+    # On its validation samples, mean over the outputs: of simulations, without an input of
+    # predictions; NaN without validation samples.
     error_percent: float
 
 

@@ -20,19 +20,11 @@ from evopem.report.sentences.about_modes import ModeLine, mode_lines
 
 @dataclass(frozen=True)
 class ShapeRow:
-    """A mode of a model of several outputs, with its shape.
-
-    Attributes
-    ----------
-    line : ModeLine
-    bars : Markup
-    still, moving : Markup, optional
-        Over the geometry, where there is one.
-    """
+    """A mode of a model of several outputs, with its shape."""
 
     line: ModeLine
     bars: Markup
-    still: Markup | None
+    still: Markup | None  # over the geometry, where there is one
     moving: Markup | None
 
     @property

@@ -79,34 +79,19 @@ def about_decisions(results: DatasetResults) -> list[str]:
 
 @dataclass(frozen=True)
 class StructureScores:
-    """The best scores of one structure.
-
-    Attributes
-    ----------
-    structure : str
-    scores : tuple of float
-        By the criteria of :class:`StructureTable`; NaN where there is none.
-    selected : bool
-    """
+    """The best scores of one structure."""
 
     structure: str
-    scores: tuple[float, ...]
+    scores: tuple[float, ...]  # by the criteria of :class:`StructureTable`; NaN where there is none
     selected: bool
 
 
 @dataclass(frozen=True)
 class StructureTable:
-    """The structures side by side.
-
-    Attributes
-    ----------
-    criteria : tuple of str
-    rows : tuple of StructureScores
-        By the first criterion.
-    """
+    """The structures side by side."""
 
     criteria: tuple[str, ...]
-    rows: tuple[StructureScores, ...]
+    rows: tuple[StructureScores, ...]  # by the first criterion
 
 
 def structure_table(results: DatasetResults) -> StructureTable | None:

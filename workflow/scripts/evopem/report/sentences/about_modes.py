@@ -27,21 +27,12 @@ _ORIGINS = {
 
 @dataclass(frozen=True)
 class ModeLine:
-    """A mode on the first screen: whether it can be trusted, and why.
-
-    Attributes
-    ----------
-    mode : Mode
-    trusted : bool
-    why : str
-    shape_doubt : str
-        Reason not to trust its shape; empty where there is none.
-    """
+    """A mode on the first screen: whether it can be trusted, and why."""
 
     mode: Mode
     trusted: bool
     why: str
-    shape_doubt: str = ""
+    shape_doubt: str = ""  # reason not to trust its shape; empty where there is none
 
 
 def mode_lines(view: View) -> list[ModeLine]:

@@ -26,12 +26,7 @@ _OF_INTERVALS = (
 
 
 def state_space_uses(results: MultichannelResults) -> list[Use]:
-    """Judge every use of a model of several channels by its errors and its checks.
-
-    Parameters
-    ----------
-    results : MultichannelResults
-    """
+    """Judge every use of a model of several channels by its errors and its checks."""
     failed = {check.name for check in results.checks if check.passed is False}
     of_inputs = (
         [_simulation(results, failed), _responses(results, failed)]

@@ -52,35 +52,19 @@ DESIRABLE: dict[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True)
 class Use:
-    """One thing that a model may be used for.
-
-    Attributes
-    ----------
-    name : str
-    answer : {"good", "care", "no"}
-    reason : str
-        A clause with the number that decides.
-    """
+    """One thing that a model may be used for."""
 
     name: str
     answer: Answer
-    reason: str
+    reason: str  # A clause with the number that decides
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """What a model is good for.
+    """What a model is good for."""
 
-    Attributes
-    ----------
-    sentence : str
-        The whole in a sentence.
-    uses : list of Use
-        The good ones first.
-    """
-
-    sentence: str
-    uses: list[Use]
+    sentence: str  # the whole in a sentence
+    uses: list[Use]  # the good ones first
 
     def of(self, answer: Answer) -> list[Use]:
         """The uses with an answer."""
@@ -90,12 +74,7 @@ class Verdict:
 def verdict(results: Results | View) -> Verdict:
     """Judge every use of a model by its errors on validation samples and by its checks.
 
-    A model without input cannot be simulated; it is judged by its prediction and its spectrum.
-
-    Parameters
-    ----------
-    results : results of a data set, or their view
-    """
+    A model without input cannot be simulated; it is judged by its prediction and its spectrum."""
     from evopem.report.sentences.about_state_space import state_space_uses
 
     view = view_of(results)
