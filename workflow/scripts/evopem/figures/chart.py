@@ -6,7 +6,7 @@ chart again from its table, for a reader to zoom.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
@@ -138,23 +138,24 @@ def rows_of(table: pd.DataFrame, where: Where) -> pd.DataFrame:
     return table
 
 
-def family(labels: Sequence[str]) -> list[tuple[str, Role, str, bool]]:
-    """Label, role, marker and whether the line is dashed, of each curve of a family."""
-    return [
-        (
-            label,
-            FAMILY[place % len(FAMILY)],
-            FAMILY_MARKERS[(place + place // len(FAMILY)) % len(FAMILY_MARKERS)],
-            place % 2 == 1,
+def family(column: str, rows: Mapping[str, Where]) -> tuple[Curve, ...]:
+    """A curve for each label and its rows, told apart by colour, marker and dashes."""
+    return tuple(
+        Curve(
+            *(label, column, FAMILY[place % len(FAMILY)]),
+            where=where,
+            dashed=place % 2 == 1,
+            marker=FAMILY_MARKERS[(place + place // len(FAMILY)) % len(FAMILY_MARKERS)],
         )
-        for place, label in enumerate(labels)
-    ]
+        for place, (label, where) in enumerate(rows.items())
+    )
 
 
-def spans_decades(values: pd.Series) -> bool:
-    """Whether one bad value would flatten all others on a linear axis."""
+def scale_of(values: pd.Series) -> Scale:
+    """Logarithmic where one bad value would flatten all others on a linear axis."""
     finite = values[np.isfinite(values)]
-    return bool(len(finite) and finite.min() > 0 and finite.max() > 8 * finite.min())
+    wide = len(finite) and finite.min() > 0 and finite.max() > 8 * finite.min()
+    return "logarithmic" if wide else "linear"
 
 
 def around(values: pd.Series, factor: float = 4.0) -> tuple[float, ...]:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import pandas as pd
 
 from evopem.figures.chart import (
+    FAMILY,
     FREQUENCY,
     VALIDATION_TIME,
     Chart,
@@ -43,18 +44,21 @@ def compared_responses(comparison: Comparison) -> Chart:
     table = pd.concat(tables, ignore_index=True)[["model", *columns]]
     units = {view.gain_unit(*view.pairs[0]) for view in views}
 
-    def curves(column: str, **options: str | tuple[str, ...]) -> tuple[Curve, ...]:
-        return tuple(
-            Curve(label, column, role, where=(("model", str(number)),), **options)  # type: ignore[arg-type]
-            for number, (label, role, _, _) in enumerate(family(comparison.labels), start=1)
-        )
-
+    models = [
+        (label, role, (("model", str(number)),))
+        for number, (label, role) in enumerate(zip(comparison.labels, FAMILY, strict=False), 1)
+    ]
+    gains = [
+        Curve(label, "gain", role, where=where, band=("gain_lower", "gain_upper"))
+        for label, role, where in models
+    ]
+    phases = [Curve(label, "phase_deg", role, "points", where=w) for label, role, w in models]
     highest = max(view.sampling_rate for view in views) / 2
     panels = (
         Panel(
             *("", "frequency_hz", FREQUENCY),
             with_unit("Gain", units.pop() if len(units) == 1 else ""),
-            curves("gain", band=("gain_lower", "gain_upper")),
+            tuple(gains),
             scale="logarithmic",
             limits=around(table["gain"]),
             highest=highest,
@@ -62,7 +66,7 @@ def compared_responses(comparison: Comparison) -> Chart:
             linked="frequency",
         ),
         Panel(
-            *("", "frequency_hz", FREQUENCY, "Phase (°)", curves("phase_deg", kind="points")),
+            *("", "frequency_hz", FREQUENCY, "Phase (°)", tuple(phases)),
             scale="phase",
             limits=(-190, 190),
             highest=highest,
@@ -91,7 +95,7 @@ def compared_simulations(comparison: Comparison) -> Chart:
         Curve("measured", "output", "ink"),
         *(
             Curve(label, simulated_column(number), role, dashed=True)
-            for number, (label, role, _, _) in enumerate(family(comparison.labels), start=1)
+            for number, (label, role) in enumerate(zip(comparison.labels, FAMILY, strict=False), 1)
         ),
     )
     label = first.outputs[0].label
@@ -107,17 +111,13 @@ def compared_modes(comparison: Comparison) -> Chart:
         return nothing("No model has an oscillating mode.")
     errors = ("frequency_se_hz", "damping_se_percent")
     curves: list[Curve] = []
-    for label, role, marker, _ in family(comparison.labels):
-        where: Sequence[tuple[str, str]] = (("data set", label),)
-        trusted, doubted = ((*where, ("trusted", word)) for word in ("True", "False"))
+    models = {label: (("data set", label),) for label in comparison.labels}
+    for curve in family("damping_percent", models):
+        trusted, doubted = ((*curve.where, ("trusted", word)) for word in ("True", "False"))
+        points = replace(curve, kind="points", dashed=False)
         curves += [
-            Curve(
-                *(label, "damping_percent", role, "points"),
-                where=trusted,
-                marker=marker,
-                errors=errors,
-            ),
-            Curve(*("", "damping_percent", role, "points"), where=doubted, marker=f"open{marker}"),
+            replace(points, where=trusted, errors=errors),
+            replace(points, label="", where=doubted, marker=f"open{curve.marker}"),
         ]
     damping = table["damping_percent"]
     limits = (min(0.0, 1.2 * float(damping.min())), 1.3 * max(float(damping.max()), 1e-6))

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -41,38 +43,43 @@ def true_modes(view: View) -> tuple[Mark, ...]:
     )
 
 
+def _panel(
+    view: View, title: str, y_label: str, curves: Sequence[Curve], height: int, **options: Any
+) -> Panel:
+    return Panel(
+        *(title, "frequency_hz", FREQUENCY, y_label, tuple(curves)),
+        highest=view.sampling_rate / 2,
+        height=height,
+        linked="frequency",
+        **options,
+    )
+
+
+def _over_data(view: View, pair: Pair, curve: Curve) -> list[Curve]:
+    """The curve of a pair's model; with an input over the one that the data give."""
+    where, kind = view.where(*pair), model_source(view)[0]
+    model = replace(curve, where=(("source", kind), *where))
+    measured = (("source", "measured"), *where)
+    data = Curve("from the data", curve.column, "muted", curve.kind, where=measured)
+    return [data, model] if view.has_input else [model]
+
+
 def gain_panels(view: View, marks: Sequence[Mark], height: int) -> list[Panel]:
-    """The gain of every pair over the data, those of an input on one axis."""
+    """The gain of every pair over the data."""
     kind, label = model_source(view)
     table = view.frequency_response
-    own = table[table["source"] == kind]
-    panels = []
-    for output, source in view.pairs[:MOST_PANELS]:
-        where = view.where(output, source)
-        curves = [
-            Curve(
-                *(f"{label} with 95 % band", "gain", "model"),
-                band=("gain_lower", "gain_upper"),
-                where=(("source", kind), *where),
-            )
-        ]
-        if view.has_input:
-            measured = (("source", "measured"), *where)
-            curves.insert(0, Curve("from the data", "gain", "muted", where=measured))
-        panels.append(
-            Panel(
-                *(view.pair_title(output, source), "frequency_hz", FREQUENCY),
-                with_unit("Gain", view.gain_unit(output, source)),
-                tuple(curves),
-                scale="logarithmic",
-                limits=around(rows_of(own, where)["gain"]),
-                highest=view.sampling_rate / 2,
-                height=height,
-                marks=tuple(marks),
-                linked="frequency",
-            )
+    table = table[table["source"] == kind]
+    band = Curve(f"{label} with 95 % band", "gain", "model", band=("gain_lower", "gain_upper"))
+    return [
+        _panel(
+            *(view, view.pair_title(*pair), with_unit("Gain", view.gain_unit(*pair))),
+            *(_over_data(view, pair, band), height),
+            scale="logarithmic",
+            limits=around(rows_of(table, view.where(*pair))["gain"]),
+            marks=tuple(marks),
         )
-    return panels
+        for pair in view.pairs[:MOST_PANELS]
+    ]
 
 
 def gain(view: View) -> Chart:
@@ -93,44 +100,32 @@ def gain(view: View) -> Chart:
     together = pd.concat(thin, ignore_index=True)
     for name in ("gain_lower", "gain_upper"):
         together[name] = together.get(name, np.nan)
-    height = 210 if len(view.pairs) == 1 else 150
-    panels = tuple(gain_panels(view, marks, height))
-    return Chart(together, panels, columns_of(view, len(panels)))
+    panels = gain_panels(view, marks, 210 if len(view.pairs) == 1 else 150)
+    return Chart(together, tuple(panels), columns_of(view, len(panels)))
 
 
 def frequency_response(view: View) -> Chart:
     """Gain, phase and coherence; of several pairs phases and coherences."""
-    kind, label = model_source(view)
     single = len(view.pairs) == 1
-    height = 170 if single else 120
     panels = gain_panels(view, true_modes(view), 230) if single else []
-    for output, source in view.pairs[:MOST_PANELS]:
-        where = view.where(output, source)
-        curves = [Curve(label, "phase_deg", "model", "points", where=(("source", kind), *where))]
-        if view.has_input:
-            measured = (("source", "measured"), *where)
-            curves.insert(0, Curve("from the data", "phase_deg", "muted", "points", where=measured))
-        panels.append(_panel(view, view.pair_title(output, source), "Phase (°)", curves, height))
+    phase = Curve(model_source(view)[1], "phase_deg", "model", "points")
+    panels += [
+        _panel(
+            *(view, view.pair_title(*pair), "Phase (°)", _over_data(view, pair, phase)),
+            170 if single else 120,
+            scale="phase",
+            limits=(-190, 190),
+        )
+        for pair in view.pairs[:MOST_PANELS]
+    ]
     if view.has_input and (single or len(panels) + len(view.outputs) <= MOST_PANELS):
         for output in view.outputs:
             where = (("source", "measured"), *view.where(output, view.inputs[0]))
             curves = [Curve("coherence", "coherence", "muted", where=where)]
             title = "" if single else f"{output.name}: coherence with all inputs"
-            panels.append(_panel(view, title, "Coherence", curves, 110))
+            panels.append(_panel(view, title, "Coherence", curves, 110, limits=(0, 1.05)))
     table = view.frequency_response
     return Chart(table[table["frequency_hz"] > 0], tuple(panels), columns_of(view, len(view.pairs)))
-
-
-def _panel(view: View, title: str, label: str, curves: Sequence[Curve], height: int) -> Panel:
-    phase = label.startswith("Phase")
-    return Panel(
-        *(title, "frequency_hz", FREQUENCY, label, tuple(curves)),
-        scale="phase" if phase else "linear",
-        limits=(-190, 190) if phase else (0, 1.05),
-        highest=view.sampling_rate / 2,
-        height=height,
-        linked="frequency",
-    )
 
 
 def nyquist(view: View) -> Chart:
@@ -150,23 +145,16 @@ def nyquist(view: View) -> Chart:
         ]
     )
     panels = []
-    for output, source in view.pairs[:MOST_NYQUIST]:
-        where = view.where(output, source)
-        model = rows_of(together, (("source", "model"), *where))
-        reach = _reach(model[["real", "imag"]].to_numpy())
-        unit = view.gain_unit(output, source)
+    for pair in view.pairs[:MOST_NYQUIST]:
+        model = Curve(PLANT, "imag", "model", where=(("source", "model"), *view.where(*pair)))
+        measured = (("source", "measured"), *view.where(*pair))
+        data = Curve("from the data", "imag", "muted", "points", where=measured, marker=".")
+        reach = _reach(rows_of(together, model.where)[["real", "imag"]].to_numpy())
+        unit = view.gain_unit(*pair)
         panels.append(
             Panel(
-                *(view.pair_title(output, source), "real", with_unit("Real part of G", unit)),
-                with_unit("Imaginary part of G", unit),
-                (
-                    Curve(
-                        *("from the data", "imag", "muted", "points"),
-                        where=(("source", "measured"), *where),
-                        marker=".",
-                    ),
-                    Curve(PLANT, "imag", "model", where=(("source", "model"), *where)),
-                ),
+                *(view.pair_title(*pair), "real", with_unit("Real part of G", unit)),
+                *(with_unit("Imaginary part of G", unit), (data, model)),
                 limits=(-reach, reach),
                 plane="complex",
                 height=330 if len(view.pairs) == 1 else 220,
@@ -231,19 +219,14 @@ def residual_spectrum(view: View) -> Chart:
 
 
 def _densities(view: View, table: pd.DataFrame, *curves: Curve) -> Chart:
-    from dataclasses import replace
-
     outputs = view.outputs[:MOST_PANELS]
     panels = tuple(
-        Panel(
-            *("" if len(view.outputs) == 1 else output.name, "frequency_hz", FREQUENCY),
-            view.density_label(output),
-            tuple(replace(each, where=view.where(output)) for each in curves),
+        _panel(
+            *(view, "" if len(view.outputs) == 1 else output.name, view.density_label(output)),
+            [replace(each, where=view.where(output)) for each in curves],
+            small(outputs, 230),
             scale="logarithmic",
-            highest=view.sampling_rate / 2,
-            height=small(outputs, 230),
             marks=true_modes(view) if curves[-1].column == "peak" else (),
-            linked="frequency",
         )
         for output in outputs
     )

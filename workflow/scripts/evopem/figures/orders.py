@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 
@@ -13,7 +15,7 @@ from evopem.config.structures import (
     plant_order,
     varied_order,
 )
-from evopem.figures.chart import Chart, Curve, Mark, Panel, family, nothing, spans_decades
+from evopem.figures.chart import Chart, Curve, Mark, Panel, Role, Where, family, nothing, scale_of
 from evopem.figures.frequency_domain import true_modes
 from evopem.figures.report_figure import ReportFigure
 from evopem.figures.view import View, stabilization_table
@@ -27,7 +29,7 @@ TITLES = {
     "nb": "Coefficients of B: nb = k",
 }
 # Status of a pole, label, role of the colour, marker.
-STATUSES = (
+STATUSES: tuple[tuple[str, str, Role, str], ...] = (
     ("new", "new", "muted", "openo"),
     ("frequency", "stable in frequency", "fourth", "openD"),
     ("stable", "stable in frequency and damping", "model", "o"),
@@ -51,21 +53,15 @@ def delay(view: View) -> Chart:
     order = plant_order(view.structure)
     table = view.candidates[view.candidates["phase"] == "delay"].sort_values(["nk", order])
     selected = set(table["nk"][table["selected"]])
-    delays = [int(each) for each in table["nk"].unique()]
-    labels = [f"nk = {nk}" + (" (selected)" if nk in selected else "") for nk in delays]
+    rows: dict[str, Where] = {
+        f"nk = {nk}" + (" (selected)" if nk in selected else ""): (("nk", str(nk)),)
+        for nk in table["nk"].unique()
+    }
     panels = tuple(
-        Panel(
-            *("", order, f"Order k, {tied_text(view.structure)}", label),
-            tuple(
-                Curve(
-                    *(name, column, colour), where=(("nk", str(nk)),), marker=marker, dashed=dashed
-                )
-                for nk, (name, colour, marker, dashed) in zip(delays, family(labels), strict=True)
-            ),
-            scale="logarithmic" if spans_decades(table[column]) else "linear",
-            whole=True,
+        _scores(
+            table, (order, f"Order k, {tied_text(view.structure)}"), score, family(score[0], rows)
         )
-        for column, label in CRITERIA
+        for score in CRITERIA
     )
     return Chart(table[[*ORDERS, "rss", "bic", "selected"]], panels, columns=2)
 
@@ -73,7 +69,7 @@ def delay(view: View) -> Chart:
 def phases(view: View) -> Chart:
     """What the orders were selected by: scores or criteria, the selection marked."""
     if view.candidates is None:
-        return _scores(view)
+        return _held_out(view)
     table = view.candidates[view.candidates["phase"] != "delay"]
     if (table["phase"] == AUTOMATIC_PHASES[0]).any():
         return _structures(table)
@@ -82,89 +78,70 @@ def phases(view: View) -> Chart:
         table[table["phase"] == phase].sort_values(varied_order(phase, view.structure))
         for phase in names
     ]
-    panels = tuple(
-        Panel(
-            TITLES.get(phase, f"Plant order: {tied_text(view.structure)}")
-            if column == "rss"
-            else "",
-            *(varied_order(phase, view.structure), "k", label),
-            (
-                Curve("", column, "model", where=(("phase", phase),), marker="o"),
-                _selected(column, ("phase", phase)),
-            ),
-            scale="logarithmic" if spans_decades(rows[column]) else "linear",
-            height=180,
-            whole=True,
-        )
-        for column, label in CRITERIA
-        for phase, rows in zip(names, ordered, strict=True)
-    )
+    panels = []
+    for score in CRITERIA:
+        for phase, rows in zip(names, ordered, strict=True):
+            where = (("phase", phase),)
+            curves = (
+                Curve("", score[0], "model", where=where, marker="o"),
+                _selected(score[0], where),
+            )
+            panel = _scores(rows, (varied_order(phase, view.structure), "k"), score, curves)
+            title = TITLES.get(phase, f"Plant order: {tied_text(view.structure)}")
+            shown = title if score is CRITERIA[0] else ""
+            panels.append(replace(panel, title=shown, height=180))
     together = pd.concat(ordered)[["phase", *ORDERS, "rss", "bic", "selected"]]
-    return Chart(together, panels, columns=len(names))
+    return Chart(together, tuple(panels), columns=len(names))
 
 
-def _selected(column: str, *where: tuple[str, str]) -> Curve:
-    own = (*where, ("selected", "True"))
-    return Curve("selected", column, "error", "points", where=own, marker="o")
+def _scores(
+    table: pd.DataFrame, x: tuple[str, str], y: tuple[str, str], curves: tuple[Curve, ...]
+) -> Panel:
+    """A score over an order, each given by its column and its label."""
+    return Panel("", *x, y[1], curves, scale=scale_of(table[y[0]]), whole=True)
+
+
+def _selected(column: str, where: Where = ()) -> Curve:
+    where = (*where, ("selected", "True"))
+    return Curve("selected", column, "error", "points", where=where, marker="o")
+
+
+def _of_structures(table: pd.DataFrame, column: str) -> tuple[Curve, ...]:
+    return family(
+        column, {name: (("structure", name),) for name in dict.fromkeys(table["structure"])}
+    )
 
 
 def _structures(table: pd.DataFrame) -> Chart:
     """Criteria over the number of coefficients; a line joins the best models of a structure."""
     tried = table[table["phase"] == AUTOMATIC_PHASES[0]]
     names = [name for name in ORDERS if name != "nk"]
-    counted = tried.assign(
+    tried = tried.assign(
         coefficients=tried[names].sum(axis=1), structure=tried["model"].str.split("(").str[0]
-    ).sort_values(["structure", "coefficients"])
+    )
+    counted = tried.sort_values(["structure", "coefficients"])
     groups = counted.groupby(["structure", "coefficients"])
-    for column, _ in CRITERIA:
+    panels = []
+    for column, label in CRITERIA:
         best = counted[column] == groups[column].transform("min")
         counted[f"lowest_{column}"] = counted[column].where(best)
-    structures = list(dict.fromkeys(tried["model"].str.split("(").str[0]))
-    panels = tuple(
-        Panel(
-            *("", "coefficients", "Coefficients", label),
-            (
-                *(
-                    Curve(
-                        *(name, f"lowest_{column}", colour),
-                        where=(("structure", name),),
-                        marker=marker,
-                        dashed=dashed,
-                    )
-                    for name, colour, marker, dashed in family(structures)
-                ),
-                _selected(column),
-            ),
-            scale="logarithmic" if spans_decades(counted[column]) else "linear",
-            height=260,
-            whole=True,
-        )
-        for column, label in CRITERIA
-    )
+        curves = (*_of_structures(tried, f"lowest_{column}"), _selected(column))
+        panel = _scores(counted, ("coefficients", "Coefficients"), (column, label), curves)
+        panels.append(replace(panel, height=260))
     shown = ["structure", "coefficients", *ORDERS, "rss", "bic", "lowest_rss", "lowest_bic"]
-    return Chart(counted[["phase", *shown, "selected"]], panels, columns=2)
+    return Chart(counted[["phase", *shown, "selected"]], tuple(panels), columns=2)
 
 
-def _scores(view: View) -> Chart:
+def _held_out(view: View) -> Chart:
     """Errors on held-out samples over the order, one line for each structure."""
     table = view.scores
     if table.empty:
         return nothing("No orders were compared.")
-    structures = list(dict.fromkeys(table["structure"]))
     errors = table["error_percent"]
-    curves = tuple(
-        Curve(
-            *(name, "error_percent", colour),
-            where=(("structure", name),),
-            marker=marker,
-            dashed=dashed,
-        )
-        for name, colour, marker, dashed in family(structures)
-    )
     highest = float(min(errors.max(), 4.0 * errors.min()))
+    curves = (*_of_structures(table, "error_percent"), _selected("error_percent"))
     panel = Panel(
-        *("", "order", "Order", "Error on held-out samples (%)"),
-        (*curves, _selected("error_percent")),
+        *("", "order", "Order", "Error on held-out samples (%)", curves),
         limits=(0.0, 1.05 * highest) if np.isfinite(highest) and highest > 0 else (),
         height=280,
         whole=True,
@@ -191,7 +168,7 @@ def convergence(view: View) -> Chart:
             Curve("lowest objective", "lowest_objective", "model", "steps"),
             Curve("", "lowest_objective", "error", "points", marker=".", names="last"),
         ),
-        scale="logarithmic" if spans_decades(best) else "linear",
+        scale=scale_of(best),
         limits=limits,
     )
     return Chart(table, (panel,))
@@ -211,11 +188,7 @@ def stabilization(view: View) -> Chart:
                 else ()
             ),
             *(
-                Curve(
-                    *(label, "order", colour, "points"),  # type: ignore[arg-type]
-                    where=(("status", status),),
-                    marker=marker,
-                )
+                Curve(label, "order", colour, "points", where=(("status", status),), marker=marker)
                 for status, label, colour, marker in STATUSES
             ),
         ),

@@ -6,7 +6,7 @@ import math
 
 import pandas as pd
 
-from evopem.figures.chart import Chart, Curve, Mark, Panel, family, spans_decades
+from evopem.figures.chart import Chart, Curve, Mark, Panel, family, scale_of
 from evopem.figures.report_figure import MOST_PANELS, ReportFigure, columns_of, small
 from evopem.figures.view import View
 
@@ -56,25 +56,20 @@ def _correlation(view: View, output: str, source: str, title: str, height: int) 
 def horizons(view: View) -> Chart:
     """Errors of k-step predictions by k, with that of the simulation."""
     table = view.horizons
-    curves = tuple(
-        Curve(
-            "k-step prediction" if len(view.outputs) == 1 else label,
-            *("error_percent", colour),
-            where=(("output", output.name),),
-            marker=marker,
-        )
-        for output, (label, colour, marker, _) in zip(
-            view.outputs, family([each.name for each in view.outputs]), strict=True
-        )
-    )
+    single = len(view.outputs) == 1
+    rows = {
+        "k-step prediction" if single else output.name: view.where(output)
+        for output in view.outputs
+    }
     levels = tuple(
         Mark(each.simulation, "simulation", "error")
         for each in view.errors
-        if math.isfinite(each.simulation) and len(view.outputs) == 1
+        if math.isfinite(each.simulation) and single
     )
     panel = Panel(
-        *("", "horizon", "Horizon k (samples)", "Relative error (%)", curves),
-        scale="logarithmic" if spans_decades(table["error_percent"]) else "linear",
+        *("", "horizon", "Horizon k (samples)", "Relative error (%)"),
+        family("error_percent", rows),
+        scale=scale_of(table["error_percent"]),
         levels=levels,
         decades=True,
     )

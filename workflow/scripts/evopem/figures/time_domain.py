@@ -47,8 +47,8 @@ def measured_and_simulated(view: View) -> Chart:
     """First validation samples of every output, the worst one first."""
     computed = "simulated" if view.has_input else "predicted"
     outputs = worst_first(view)[:MOST_PANELS]
+    count = len(outputs)
     columns = [f"{kind}_{o.name}" for o in outputs for kind in ("output", computed)]
-    table = _first_samples(view, columns)
     panels = tuple(
         Panel(
             "" if view.is_single else output.name,
@@ -57,12 +57,13 @@ def measured_and_simulated(view: View) -> Chart:
                 Curve("measured", f"output_{output.name}", "ink"),
                 Curve(computed, f"{computed}_{output.name}", "error", dashed=True),
             ),
-            height=210 if len(outputs) == 1 else 150,
-            linked="" if len(outputs) == 1 else "first",
+            height=210 if count == 1 else 150,
+            linked="" if count == 1 else "first",
         )
         for output in outputs
     )
-    return Chart(table, panels, 1 if len(panels) == 1 else 2 if len(panels) <= 6 else 3)
+    rows = 1 if count == 1 else 2 if count <= 6 else 3
+    return Chart(_first_samples(view, columns), panels, rows)
 
 
 def _first_samples(view: View, columns: list[str]) -> pd.DataFrame:
@@ -90,25 +91,23 @@ def simulation(view: View) -> Chart:
     panels: list[Panel] = []
     for output in outputs:
         name = output.name
-        signals: tuple[Curve, ...] = (
+        signals = [
             Curve("measured", f"output_{name}", "ink"),
             Curve("predicted one step ahead", f"predicted_{name}", "model"),
-            Curve("simulated", f"simulated_{name}", "error", dashed=True),
-        )
-        errors: tuple[Curve, ...] = (
-            Curve("of simulation", f"simulation_error_{name}", "error", dashed=True),
-            Curve("of one-step prediction", f"prediction_error_{name}", "model"),
-        )
-        if not view.has_input:
-            signals, errors = signals[:2], errors[1:]
-        for title, y_label, curves in (
-            ("" if view.is_single else name, output.label, signals),
-            ("Errors", "", errors),
+        ]
+        errors = [Curve("of one-step prediction", f"prediction_error_{name}", "model")]
+        if view.has_input:
+            signals.append(Curve("simulated", f"simulated_{name}", "error", dashed=True))
+            error = Curve("of simulation", f"simulation_error_{name}", "error", dashed=True)
+            errors.insert(0, error)
+        for title, y_label, height, curves in (
+            ("" if view.is_single else name, output.label, 240, signals),
+            ("Errors", "", 200, errors),
         ):
             panels.append(
                 Panel(
-                    *(title, "time_s", VALIDATION_TIME, y_label, curves),
-                    height=240 if curves is signals else 200,
+                    *(title, "time_s", VALIDATION_TIME, y_label, tuple(curves)),
+                    height=height,
                     linked="validation",
                     shown=until,
                 )
@@ -117,10 +116,11 @@ def simulation(view: View) -> Chart:
 
 
 def _with_errors(view: View, outputs: Sequence[Channel]) -> pd.DataFrame:
+    """The computed signals and their errors, then the measured one, of each output."""
     table, columns = view.simulation, ["time_s"]
+    kinds = {"predicted": "prediction_error", "simulated": "simulation_error"}
     for output in outputs:
-        for kind in ("predicted", "simulated")[: 1 + view.has_input]:
-            error = {"predicted": "prediction_error", "simulated": "simulation_error"}[kind]
+        for kind, error in list(kinds.items())[: 1 + view.has_input]:
             values = table[f"output_{output.name}"] - table[f"{kind}_{output.name}"]
             table = table.assign(**{f"{error}_{output.name}": values})
             columns += [f"{kind}_{output.name}", f"{error}_{output.name}"]
@@ -189,30 +189,25 @@ def step_and_impulse(view: View) -> Chart:
     """Responses to a unit step and to one sample of 1, of every pair."""
     if view.time_response.empty:
         return nothing("The model has no input.")
-    responses = responses_of(view)
-    table = settling_part(view)
+    count = len(view.pairs)
     panels = tuple(
         Panel(
-            " ".join(filter(None, (title if len(view.pairs) == 1 else "", name)))
-            if len(view.pairs) == 1
-            else f"{name}: {column}",
-            *("time_s", TIME, with_unit("Response", view.gain_unit(output, source))),
+            title if count == 1 else f"{view.pair_title(*pair)}: {column}",
+            *("time_s", TIME, with_unit("Response", view.gain_unit(*pair))),
             (
                 Curve(
                     *("response", column, "model"),
                     band=(f"{column}_lower", f"{column}_upper"),
-                    where=view.where(output, source),
+                    where=view.where(*pair),
                 ),
             ),
             height=small(view.pairs, 190),
             linked="response",
         )
-        for column, title in responses
-        for output, source in view.pairs
-        for name in (view.pair_title(output, source),)
+        for column, title in responses_of(view)
+        for pair in view.pairs
     )[:MOST_PANELS]
-    count = len(view.pairs)
-    return Chart(table, panels, 1 if count == 1 else columns_of(view, count))
+    return Chart(settling_part(view), panels, 1 if count == 1 else columns_of(view, count))
 
 
 def settling_part(view: View) -> pd.DataFrame:
