@@ -10,7 +10,7 @@ from evopem.automatic.searched_forms import SearchedForms, search_variant
 from evopem.automatic.state_space_choice import ModelChoice
 from evopem.automatic.state_space_remedies import act_on_checks
 from evopem.automatic.variant_search import Variant
-from evopem.config.constraints import InputConstraints
+from evopem.config.constraints import Constraints
 from evopem.config.input_ranges import InputRanges
 from evopem.config.state_space_settings import OrderRanges
 from evopem.estimation.state_space.settings import StateSpaceSettings
@@ -106,7 +106,7 @@ def test_delays_of_the_configuration_stay():
 
 @pytest.mark.parametrize("quick", [False, True])
 def test_a_chosen_model_meets_constraints(searched, quick):
-    limits = InputConstraints(static_gain={"u1": 4.0})
+    limits = Constraints(static_gain={"u1": 4.0})
     constrained = replace(searched, constraints=limits)
     found = (constrained.as_searched if quick else constrained.searched)(choice(4))
     gains = found.model.frequency_response(0.0)[0].real

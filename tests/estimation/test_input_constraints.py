@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import minimize
 from scipy.signal import lfilter
 
-from evopem.config.constraints import Constraints, FixedPole, InputConstraints
+from evopem.config.constraints import Constraints, FixedPole
 from evopem.errors import InputError
 from evopem.estimation.multi_input.errors import MultiInputErrors, multi_input_record
 from evopem.estimation.multi_input.estimate import estimate_multi_input
@@ -45,9 +45,7 @@ def found_with(structure, constraints, seed=1, objective="quadratic", samples=50
 @pytest.mark.parametrize("objective", ["quadratic", "absolute"])
 @pytest.mark.parametrize("structure", ORDERS)
 def test_static_gains_hold_exactly(structure, objective):
-    constraints = InputConstraints(
-        static_gain={"hot": 6.0}, static_gain_bounds={"cold": (None, -1.0)}
-    )
+    constraints = Constraints(static_gain={"hot": 6.0}, static_gain_bounds={"cold": (None, -1.0)})
     found = found_with(structure, constraints, objective=objective)
     gains = gains_of(found.model)
     assert gains[0] == pytest.approx(6.0, rel=1e-9)
@@ -59,7 +57,7 @@ def test_static_gains_hold_exactly(structure, objective):
 
 
 def test_the_optimum_with_a_given_gain_is_that_of_another_method():
-    found = found_with("oe", InputConstraints(static_gain={"hot": 6.0}))
+    found = found_with("oe", Constraints(static_gain={"hot": 6.0}))
     u, y = recorded(500, 1)
     record = multi_input_record([u], [y], found.model.orders.first_residual)
     errors = MultiInputErrors(record, found.model.orders, 0.9999)
@@ -101,7 +99,7 @@ def test_the_optimum_with_a_given_gain_is_that_of_another_method():
 )
 @pytest.mark.parametrize("structure", ORDERS)
 def test_poles_keep_to_their_region(structure, poles, name):
-    found = found_with(structure, InputConstraints(poles=poles))
+    found = found_with(structure, poles)
     plants = found.model.F if structure == "oe" else (found.model.A,)
     z = np.concatenate([np.roots(plant) for plant in plants])
     s = np.log(z[z.imag > 0.0]) * RATE
@@ -121,19 +119,19 @@ def test_poles_keep_to_their_region(structure, poles, name):
 
 def test_a_fixed_pole_is_a_pole():
     poles = Constraints(fixed_poles=(FixedPole(real=0.5),))
-    found = found_with("armax", InputConstraints(poles=poles))
+    found = found_with("armax", poles)
     assert np.abs(np.roots(found.model.A) - 0.5).min() < 1e-9
 
 
 def test_constraints_that_are_met_change_nothing():
     free = found_with("oe", None)
-    met = found_with("oe", InputConstraints(poles=Constraints(max_pole_radius=0.99)))
+    met = found_with("oe", Constraints(max_pole_radius=0.99))
     assert np.array_equal(met.model.parameters, free.model.parameters)
     assert met.constraints.active == ()
 
 
 def test_the_covariance_is_that_of_least_squares_under_an_equality():
-    found = found_with("armax", InputConstraints(static_gain={"hot": 6.0}))
+    found = found_with("armax", Constraints(static_gain={"hot": 6.0}))
     u, y = recorded(500, 1)
     record = multi_input_record([u], [y], found.model.orders.first_residual)
     errors = MultiInputErrors(record, found.model.orders, 0.9999)
@@ -152,9 +150,9 @@ def test_the_covariance_is_that_of_least_squares_under_an_equality():
 @pytest.mark.parametrize(
     ("constraints", "key"),
     [
-        (InputConstraints(static_gain={"warm": 1.0}), "static_gain"),
-        (InputConstraints(poles=Constraints(max_pole_radius=1.5)), "max_pole_radius"),
-        (InputConstraints(poles=Constraints(fixed_poles=(FixedPole(real=0.5),))), "fixed_poles"),
+        (Constraints(static_gain={"warm": 1.0}), "static_gain"),
+        (Constraints(max_pole_radius=1.5), "max_pole_radius"),
+        (Constraints(fixed_poles=(FixedPole(real=0.5),)), "fixed_poles"),
     ],
     ids=["input", "radius", "which"],
 )

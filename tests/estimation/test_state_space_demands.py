@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import evopem
-from evopem.config.constraints import Constraints, FixedPole, InputConstraints, Prior
+from evopem.config.constraints import Constraints, FixedPole, Prior
 from evopem.errors import InputError
 from evopem.estimation.state_space.entry_problem import EntryProblem
 from evopem.estimation.state_space.estimate import estimate_state_space
@@ -145,9 +145,11 @@ def test_constraints_that_an_optimum_meets_change_nothing():
 
 def test_known_poles_and_gains_are_those_of_the_model():
     recording = recorded(2, 1)
-    gain = {"u1": 1.5}
-    poles = Constraints(fixed_poles=(FixedPole(frequency_hz=0.8, damping_ratio=0.05),))
-    constraints = InputConstraints(poles, gain, {"u2": (None, -3.0)})
+    constraints = Constraints(
+        fixed_poles=(FixedPole(frequency_hz=0.8, damping_ratio=0.05),),
+        static_gain={"u1": 1.5},
+        static_gain_bounds={"u2": (None, -3.0)},
+    )
     found = estimated(recording, constraints=constraints)
     assert np.abs(found.model.poles() - A[0, 0] - 1j * A[0, 1]).min() < 1e-12
     gains = found.model.frequency_response(0.0)[0].real
@@ -193,7 +195,7 @@ def test_a_plant_beside_its_noise_model_serves_every_focus():
             "no coefficients of its own",
         ),
         ({"constraints": Constraints(static_gain=1.0)}, "for each input and output"),
-        ({"constraints": InputConstraints(static_gain={"force": 1.0})}, "no input force"),
+        ({"constraints": Constraints(static_gain={"force": 1.0})}, "no input force"),
     ],
 )
 def test_what_cannot_be_is_refused_in_one_sentence(options, says):

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from evopem.version import __version__
 
 if TYPE_CHECKING:
-    from evopem.config.constraints import Constraints, FixedPole, InputConstraints, Prior
+    from evopem.config.constraints import Constraints, FixedPole, Prior
     from evopem.config.settings import ScoringWindow, SearchSettings
     from evopem.errors import InputError
     from evopem.estimation.delays import estimate_delays
@@ -33,7 +33,6 @@ if TYPE_CHECKING:
 __all__ = [
     "Constraints",
     "FixedPole",
-    "InputConstraints",
     "InputError",
     "ModeTable",
     "Orders",
@@ -62,7 +61,6 @@ _HOMES = {
     "Results": "evopem.notebook.results",
     "Constraints": "evopem.config.constraints",
     "FixedPole": "evopem.config.constraints",
-    "InputConstraints": "evopem.config.constraints",
     "InputError": "evopem.errors",
     "PolynomialEstimate": "evopem.estimation.polynomial_estimate",
     "PolynomialModel": "evopem.models.polynomial",

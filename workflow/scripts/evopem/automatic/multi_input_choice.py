@@ -12,11 +12,10 @@ from dataclasses import dataclass, replace
 from evopem.automatic.multichannel_folds import fewest_fitted
 from evopem.automatic.searched_orders import VALUES_PER_PARAMETER
 from evopem.automatic.variant_search import Refit, Variant, VariantSearch, searched_variant
-from evopem.config.constraints import InputConstraints
+from evopem.config.constraints import Constraints
 from evopem.config.settings import SearchSettings
 from evopem.config.state_space_settings import OrderRanges
 from evopem.errors import InputError
-from evopem.estimation.multi_input.constrained import check_input_constraints
 from evopem.estimation.multi_input.estimate import (
     estimate_multi_input,
     multi_input_estimates,
@@ -27,6 +26,7 @@ from evopem.estimation.multi_input.order_reduction import TriedOrders, reduced_o
 from evopem.estimation.multi_input.search import SETTINGS
 from evopem.estimation.polynomial_estimate import PolynomialEstimate
 from evopem.estimation.state_space.settings import StateSpaceSettings
+from evopem.models.constraint_checks import check_constraints
 from evopem.models.stabilization import OrderModels
 from evopem.models.state_space import StateSpaceModel
 from evopem.models.structures import Orders
@@ -155,7 +155,7 @@ def estimate_structure(
     delays: Sequence[int],
     settings: StateSpaceSettings,
     ranges: OrderRanges | None = None,
-    constraints: InputConstraints | None = None,
+    constraints: Constraints | None = None,
     globally: bool = True,
     log: Log | None = None,
 ) -> EstimatedStructure:
@@ -171,7 +171,7 @@ def estimate_structure(
     settings : StateSpaceSettings
     ranges : OrderRanges, optional
         What orders and delays of each input stay within.
-    constraints : InputConstraints, optional
+    constraints : Constraints, optional
         The search over orders does not know of them.  Where orders by BIC contradict them, those
         of the joint order are kept.
     globally : bool
@@ -205,12 +205,10 @@ def estimate_structure(
     return EstimatedStructure(estimate, reduced.tried, ends)
 
 
-def _allowed(constraints: InputConstraints, orders: Orders, estimation: Recording) -> bool:
+def _allowed(constraints: Constraints, orders: Orders, estimation: Recording) -> bool:
     """Whether a model of some orders may meet constraints."""
     try:
-        check_input_constraints(
-            constraints, orders, estimation.input_names, estimation.sampling_rate
-        )
+        check_constraints(constraints, orders, estimation.sampling_rate, estimation.input_names)
     except InputError:
         return False
     return True

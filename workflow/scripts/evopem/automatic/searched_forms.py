@@ -13,7 +13,7 @@ from evopem.automatic.multichannel_folds import is_large, is_long
 from evopem.automatic.state_space_choice import ModelChoice, scores_of
 from evopem.automatic.state_space_chosen import ChosenModel, estimate_as_searched, search_chosen
 from evopem.automatic.variant_search import Refit, Variant, VariantSearch, searched_variant
-from evopem.config.constraints import InputConstraints
+from evopem.config.constraints import Constraints
 from evopem.config.state_space_settings import OrderRanges, is_polynomial
 from evopem.estimation.multi_input.order_limits import OrderLimits, joint_orders
 from evopem.estimation.state_space.estimate import estimates_of_orders, with_drift
@@ -100,7 +100,7 @@ class SearchedForms:
     settings : callable
         Settings of the searches of a variant.
     ranges : OrderRanges
-    constraints : InputConstraints, optional
+    constraints : Constraints, optional
     """
 
     estimation: Recording
@@ -109,7 +109,7 @@ class SearchedForms:
     start: Callable[[Variant, int], StateSpaceModel]
     settings: Callable[[Variant], StateSpaceSettings]
     ranges: OrderRanges
-    constraints: InputConstraints | None = None
+    constraints: Constraints | None = None
 
     def score(self, choice: ModelChoice) -> float:
         """Error for the purpose on held-out samples in percent; infinite where there is none."""

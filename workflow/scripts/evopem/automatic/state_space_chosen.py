@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from evopem.automatic.multi_input_choice import EstimatedStructure, estimate_structure
 from evopem.automatic.state_space_choice import ModelChoice
-from evopem.config.constraints import InputConstraints
+from evopem.config.constraints import Constraints
 from evopem.config.state_space_settings import OrderRanges, is_polynomial
 from evopem.estimation.multi_input.order_reduction import TriedOrders
 from evopem.estimation.polynomial_estimate import PolynomialEstimate
@@ -65,7 +65,7 @@ def search_chosen(
     delays: Sequence[int],
     settings: StateSpaceSettings,
     ranges: OrderRanges | None = None,
-    constraints: InputConstraints | None = None,
+    constraints: Constraints | None = None,
     log: Log | None = None,
 ) -> ChosenModel:
     """Search a chosen model globally, the one of the search over orders among the starts.
@@ -80,7 +80,7 @@ def search_chosen(
     settings : StateSpaceSettings
     ranges : OrderRanges, optional
         Of the orders of a polynomial model.
-    constraints : InputConstraints, optional
+    constraints : Constraints, optional
     log : callable, optional
 
     Raises
@@ -117,7 +117,7 @@ def estimate_as_searched(
     delays: Sequence[int],
     settings: StateSpaceSettings,
     ranges: OrderRanges | None = None,
-    constraints: InputConstraints | None = None,
+    constraints: Constraints | None = None,
 ) -> ChosenModel:
     """The optimum that the search over orders found, with its covariance and noise model.
 

@@ -5,6 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
+Bounds = tuple[float | None, float | None]
+"""Lower and upper bound; either may be None."""
+
 
 @dataclass(frozen=True)
 class FixedPole:
@@ -71,9 +74,9 @@ class Constraints:
         Hz; no mode of the plant has its undamped natural frequency in one of these.
     real_poles : {"any", "positive", "none"}
         Real poles that the plant may have.
-    static_gain : float, optional
-        ``B(1) / (A(1) F(1))``, in output units per input unit.
-    static_gain_bounds : (lower, upper), optional
+    static_gain : float or dict of str to float, optional
+        ``B(1) / (A(1) F(1))``, in output units per input unit; of several inputs by their names.
+    static_gain_bounds : (lower, upper) or dict of str to (lower, upper), optional
         Either may be None.
     fixed_coefficients : mapping of str to float
         For instance ``{"a1": -1.5, "b0": 0.0}``; ``b0`` is the first coefficient of B, at lag nk.
@@ -88,8 +91,8 @@ class Constraints:
     frequency_band: tuple[float, float] | None = None
     forbidden_bands: tuple[tuple[float, float], ...] = ()
     real_poles: Literal["any", "positive", "none"] = "any"
-    static_gain: float | None = None
-    static_gain_bounds: tuple[float | None, float | None] | None = None
+    static_gain: float | dict[str, float] | None = None
+    static_gain_bounds: Bounds | dict[str, Bounds] | None = None
     fixed_coefficients: dict[str, float] = field(default_factory=dict)
     fixed_poles: tuple[FixedPole, ...] = ()
     priors: tuple[Prior, ...] = ()
@@ -105,30 +108,18 @@ class Constraints:
             or self.real_poles != "any"
         )
 
+    def gain_of(self, name: str = "") -> float | None:
+        """The given static gain from an input."""
+        gain = self.static_gain
+        return gain.get(name) if isinstance(gain, dict) else gain
 
-@dataclass(frozen=True)
-class InputConstraints:
-    """Constraints of a model with several inputs and one output.
-
-    Attributes
-    ----------
-    poles : Constraints
-        Of A and of each F_i: ``max_pole_radius``, ``min_damping_ratio``, ``frequency_band``,
-        ``forbidden_bands``, ``real_poles``, and ``fixed_poles`` of A.
-    static_gain : dict of str to float
-        ``B_i(1) / (A(1) F_i(1))`` by the name of the input.
-    static_gain_bounds : dict of str to (lower, upper)
-        Either may be None.
-    """
-
-    poles: Constraints = Constraints()
-    static_gain: dict[str, float] = field(default_factory=dict)
-    static_gain_bounds: dict[str, tuple[float | None, float | None]] = field(default_factory=dict)
+    def gain_bounds_of(self, name: str = "") -> Bounds | None:
+        """The bounds of the static gain from an input."""
+        bounds = self.static_gain_bounds
+        return bounds.get(name) if isinstance(bounds, dict) else bounds
 
     def of_input(self, name: str) -> Constraints:
-        """The constraints of the path from one input."""
+        """The constraints of the path from one input: its static gain as a number."""
         return replace(
-            self.poles,
-            static_gain=self.static_gain.get(name),
-            static_gain_bounds=self.static_gain_bounds.get(name),
+            self, static_gain=self.gain_of(name), static_gain_bounds=self.gain_bounds_of(name)
         )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from evopem.config.constraints import Constraints, InputConstraints
+from evopem.config.constraints import Constraints
 from evopem.config.fit_keys import given_constraints
 from evopem.config.state_space_settings import is_fitted_for, is_pattern, is_polynomial
 from evopem.config.strict_yaml import Keys
@@ -132,19 +132,11 @@ def check_one_input(written: Keys, source: str, place: str) -> None:
             )
 
 
-def input_constraints_of(keys: Keys) -> InputConstraints:
+def input_constraints_of(keys: Keys) -> Constraints:
     """The constraints of checked keys."""
-    poles = {key: value for key, value in keys.items() if key not in _OF_INPUTS}
-    gains = {key: dict(keys.get(key, {})) for key in _OF_INPUTS}
-    return InputConstraints(
-        from_json(Constraints, poles),
-        gains["static_gain"],
-        {name: (bounds[0], bounds[1]) for name, bounds in gains["static_gain_bounds"].items()},
-    )
+    return from_json(Constraints, dict(keys))
 
 
-def input_constraint_keys(constraints: InputConstraints) -> dict[str, Any]:
+def input_constraint_keys(constraints: Constraints) -> dict[str, Any]:
     """The keys that give these constraints."""
-    bounds = {name: list(each) for name, each in constraints.static_gain_bounds.items()}
-    gains = {"static_gain": dict(constraints.static_gain), "static_gain_bounds": bounds}
-    return given_constraints(constraints.poles) | {k: v for k, v in gains.items() if v}
+    return given_constraints(constraints)

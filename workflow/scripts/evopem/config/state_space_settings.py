@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
-from evopem.config.constraints import InputConstraints
+from evopem.config.constraints import Constraints
 from evopem.config.input_ranges import InputRanges
 from evopem.config.settings import (
     ChannelSettings,
@@ -247,7 +247,7 @@ class MultichannelDataset:
     choices : StateSpaceChoices
     search : StateSpaceSearchSettings
     geometry : Geometry, optional
-    constraints : InputConstraints, optional
+    constraints : Constraints, optional
         Of a polynomial structure.
     """
 
@@ -259,7 +259,7 @@ class MultichannelDataset:
     choices: StateSpaceChoices = StateSpaceChoices()
     search: StateSpaceSearchSettings = StateSpaceSearchSettings()
     geometry: Geometry | None = None
-    constraints: InputConstraints | None = None
+    constraints: Constraints | None = None
 
 
 VARIANTS = (

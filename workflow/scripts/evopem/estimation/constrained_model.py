@@ -260,14 +260,10 @@ def _linear(
 
 def _gain(constraints: Constraints, b_scale: float) -> Gain | None:
     """The static gain's bounds in the units of a point."""
-    if constraints.static_gain is not None:
-        bounds: tuple[float | None, float | None] = (
-            constraints.static_gain,
-            constraints.static_gain,
-        )
-    elif constraints.static_gain_bounds is not None:
-        bounds = constraints.static_gain_bounds
-    else:
+    gain, bounds = constraints.gain_of(), constraints.gain_bounds_of()
+    if gain is not None:
+        bounds = gain, gain
+    if bounds is None:
         return None
     lower, upper = (None if bound is None else bound / b_scale for bound in bounds)
     return Gain(lower, upper)

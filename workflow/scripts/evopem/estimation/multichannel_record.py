@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.config.constraints import InputConstraints
+from evopem.config.constraints import Constraints
 from evopem.config.state_space_settings import StateSpaceSearchSettings
 from evopem.estimation.polynomial_estimate import PolynomialEstimate
 from evopem.estimation.search.problem import SearchDiagnostics
@@ -39,14 +39,14 @@ class ConstrainedFit:
 
     Attributes
     ----------
-    settings : InputConstraints
+    settings : Constraints
     objective, objective_without : float
         With the constraints, and at the optimum without them, percent.
     active : tuple of str
         Equalities, and the inequalities at whose bound the model lies.
     """
 
-    settings: InputConstraints
+    settings: Constraints
     objective: float
     objective_without: float
     active: tuple[str, ...]
@@ -55,7 +55,7 @@ class ConstrainedFit:
     def of(
         cls,
         estimate: StateSpaceEstimate | PolynomialEstimate,
-        settings: InputConstraints | None,
+        settings: Constraints | None,
     ) -> ConstrainedFit | None:
         """The record of an estimate; None without constraints."""
         if settings is None:
@@ -158,7 +158,7 @@ class MultichannelModelRecord:
         transforms: MultichannelTransforms,
         level: Literal["constant", "state"] = "constant",
         polynomials: PolynomialModel | None = None,
-        constraints: InputConstraints | None = None,
+        constraints: Constraints | None = None,
         at_upper_ends: tuple[str, ...] = (),
     ) -> MultichannelModelRecord:
         """The record of an estimate, and of the model with its noise model."""

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from typing import Any, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from evopem.config.constraints import Constraints, InputConstraints
+from evopem.config.constraints import Constraints
 from evopem.config.settings import ScoringWindow, SearchSettings
 from evopem.estimation.focused_estimate import estimate_focused
 from evopem.estimation.multi_input.estimate import estimate_multi_input
@@ -42,7 +41,7 @@ def estimate(  # type: ignore[overload-overlap]
     settings: SearchSettings | StateSpaceSettings | None = None,
     level: bool = False,
     focus: str | int = "prediction",
-    constraints: Constraints | InputConstraints | None = None,
+    constraints: Constraints | None = None,
     log: Callable[[str], None] | None = None,
 ) -> StateSpaceEstimate: ...
 
@@ -59,7 +58,7 @@ def estimate(
     window: ScoringWindow | None = None,
     level: bool = False,
     focus: str | int = "prediction",
-    constraints: Constraints | InputConstraints | None = None,
+    constraints: Constraints | None = None,
     earlier: SearchResult | None = None,
     log: Callable[[str], None] | None = None,
     aim: Aim | None = None,
@@ -77,7 +76,7 @@ def estimate(
     window: ScoringWindow | None = None,
     level: bool = False,
     focus: str | int = "prediction",
-    constraints: Constraints | InputConstraints | None = None,
+    constraints: Constraints | None = None,
     earlier: SearchResult | None = None,
     log: Callable[[str], None] | None = None,
     aim: Aim | None = None,
@@ -107,7 +106,7 @@ def estimate(
     focus : {"prediction", "simulation"} or int
         The errors to be small: of one step, of simulation, or of predictions that many samples
         ahead.
-    constraints : Constraints or InputConstraints, optional
+    constraints : Constraints, optional
         What the model must meet, and priors.  With several inputs, or several segments, those that
         both know.
     earlier : SearchResult, optional
@@ -194,7 +193,7 @@ def estimate(
         window=window,
         level=level,
         focus=focus,
-        constraints=constraints,  # type: ignore[arg-type]
+        constraints=constraints,
         log=log,
     )
 
@@ -230,7 +229,7 @@ def _state_space(
     settings: SearchSettings | StateSpaceSettings | None,
     level: bool,
     focus: str | int,
-    constraints: Constraints | InputConstraints | None,
+    constraints: Constraints | None,
     log: Callable[[str], None] | None,
 ) -> StateSpaceEstimate:
     known = {"n": orders} if isinstance(orders, int) else dict(orders)
@@ -256,7 +255,7 @@ def _several_inputs(
     structure: str,
     settings: SearchSettings | None,
     focus: str | int,
-    constraints: Constraints | InputConstraints | None,
+    constraints: Constraints | None,
     log: Callable[[str], None] | None,
 ) -> PolynomialEstimate:
     """Of any number of inputs and recordings, each recording with a level of its own."""
@@ -269,8 +268,6 @@ def _several_inputs(
         focus = "prediction"
     if focus != "prediction":
         raise ValueError(_FOCUS)
-    if isinstance(constraints, Constraints):
-        constraints = _of_inputs(constraints, recording.input_names)
     return estimate_multi_input(
         recording.segment_inputs,
         recording.segment_outputs,
@@ -282,27 +279,4 @@ def _several_inputs(
         input_names=recording.input_names,
         output_name=recording.output_names[0],
         log=log,
-    )
-
-
-def _of_inputs(constraints: Constraints, names: Sequence[str]) -> InputConstraints:
-    """Constraints of one input as those of any number.
-
-    Raises
-    ------
-    ValueError
-        When they hold what a model of several inputs or recordings cannot meet.
-    """
-    if constraints.stability == "free" or constraints.fixed_coefficients or constraints.priors:
-        raise ValueError(
-            "stability 'free', fixed_coefficients and priors are of one input and one recording:"
-            " coefficients have several owners there, and roots stay inside the unit circle"
-        )
-    gain, bounds = constraints.static_gain, constraints.static_gain_bounds
-    if len(names) > 1 and (gain is not None or bounds is not None):
-        raise ValueError("give InputConstraints: static gains of several inputs have their names")
-    return InputConstraints(
-        replace(constraints, static_gain=None, static_gain_bounds=None),
-        {} if gain is None else {names[0]: gain},
-        {} if bounds is None else {names[0]: bounds},
     )

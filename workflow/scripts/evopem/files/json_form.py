@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import fields, is_dataclass
 from functools import cache, partial
@@ -246,7 +247,7 @@ def _is_plain_union(kind: Any) -> bool:
         return False
     plain = (int, float, str, bool, type(None))
     return all(
-        member in plain or get_origin(member) in (Literal, tuple) for member in get_args(kind)
+        member in plain or get_origin(member) in (Literal, tuple, dict) for member in get_args(kind)
     )
 
 
@@ -258,7 +259,7 @@ def _plain(converter: cattrs.Converter, value: Any, kind: Any) -> Any:
         raise ValueError("there is no value")
     # A whole number stays one where the union has both kinds of numbers.
     for member in sorted(members, key=lambda each: each is float):
-        if member is not type(None):
+        if member is not type(None) and (get_origin(member) is dict) == isinstance(value, Mapping):
             with suppress(ValueError):
                 return converter.structure(value, member)
     raise ValueError(f"{shortened(value)} cannot be used here")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from evopem.config.constraints import Constraints, FixedPole, Prior
 from evopem.errors import InputError
@@ -13,38 +13,89 @@ Focus = str | int
 
 
 def check_fit(
-    focus: Focus, constraints: Constraints | None, orders: Orders, sampling_rate: float
+    focus: Focus,
+    constraints: Constraints | None,
+    orders: Orders,
+    sampling_rate: float,
+    names: Sequence[str] = (),
 ) -> int | None:
-    """Refuse a focus and constraints that contradict each other or the orders.
-
-    Returns
-    -------
-    int or None
-        Samples ahead; None for simulation where that differs from prediction.
+    """Samples ahead; None for simulation where that differs from prediction.
 
     Raises
     ------
     InputError
-        Naming ``focus``, or ``constraints`` and a key of them.
+        When focus and constraints contradict each other or the orders.
     ValueError
         When the focus is none of those known.
     """
     horizon = _horizon(focus, orders)
     if constraints is not None:
-        check_constraints(constraints, orders, sampling_rate)
+        check_constraints(constraints, orders, sampling_rate, names)
         if horizon is None:
             _check_simulation(constraints, orders)
     return horizon
 
 
-def check_constraints(constraints: Constraints, orders: Orders, sampling_rate: float) -> None:
+def check_constraints(
+    constraints: Constraints, orders: Orders, sampling_rate: float, names: Sequence[str] = ()
+) -> None:
     """Refuse constraints that no model of these orders meets, or whose meaning is not clear.
+
+    ``names`` are those of the inputs, by default 1, 2, ... of several.
 
     Raises
     ------
     InputError
         Naming the key of the constraints.
     """
+    names = tuple(names) or tuple(str(place + 1) for place in range(orders.inputs))
+    check_named_inputs(constraints, names)
+    if orders.inputs > 1:
+        _check_several_inputs(constraints, orders)
+    for place, name in enumerate(names or ("",)):
+        own = constraints.of_input(name)
+        _check_path(own, orders.of_input(place), sampling_rate)
+
+
+def check_named_inputs(constraints: Constraints, names: Sequence[str]) -> None:
+    """Refuse a static gain of an input that there is not."""
+    for key in ("static_gain", "static_gain_bounds"):
+        given = getattr(constraints, key)
+        unknown = [name for name in given if name not in names] if isinstance(given, dict) else []
+        if unknown:
+            raise _refused(
+                key, f"there is no input {unknown[0]}", f"name one of {', '.join(names)}"
+            )
+
+
+def _check_several_inputs(constraints: Constraints, orders: Orders) -> None:
+    """Refuse what does not say which of several inputs it is of."""
+    for key in ("static_gain", "static_gain_bounds"):
+        if not isinstance(getattr(constraints, key), dict | None):
+            raise _refused(
+                key,
+                "there are several inputs, each with a gain of its own",
+                "write a mapping from their names, such as {hot: 2.0}",
+            )
+    if constraints.fixed_poles and any(orders.nf):
+        raise _refused(
+            "fixed_poles",
+            "it does not say which of the denominators F_i has the poles",
+            "use a structure with A alone, such as armax",
+        )
+    named = [(f"fixed_coefficients.{name}", name) for name in constraints.fixed_coefficients]
+    named += [(f"priors[{k}]", prior.quantity) for k, prior in enumerate(constraints.priors)]
+    for key, name in named:
+        if name == "static_gain" or (name[:1] in ("b", "f") and name[1:].isdecimal()):
+            raise _refused(
+                key,
+                f"each of several inputs has {name}",
+                "leave it out, or identify one input alone",
+            )
+
+
+def _check_path(constraints: Constraints, orders: Orders, sampling_rate: float) -> None:
+    """Refuse constraints of the path from one input, or of a model without input."""
     _check_words(constraints, orders)
     _check_poles(constraints, orders, sampling_rate)
     _check_gain(constraints, orders)
@@ -70,7 +121,7 @@ def _horizon(focus: Focus, orders: Orders) -> int | None:
         raise ValueError(
             f'focus must be "prediction", "simulation" or a number of samples, not {focus!r}'
         )
-    if focus == "simulation" and orders.single.nb == 0:
+    if focus == "simulation" and orders.inputs == 0:
         raise InputError(
             "focus",
             "a model without input has nothing to simulate",
@@ -92,7 +143,7 @@ def _check_simulation(constraints: Constraints, orders: Orders) -> None:
             "simulation errors need a stable plant",
             "fit for prediction, or fix the pole that is not stable",
         )
-    if not (orders.na and orders.single.nf):
+    if not (orders.na and any(orders.nf)):
         return
     named = [f"fixed_coefficients.{name}" for name in constraints.fixed_coefficients]
     quantities = [prior.quantity for prior in constraints.priors]
@@ -114,7 +165,7 @@ def coefficient_index(name: str, orders: Orders) -> tuple[str, int] | None:
     if letter not in "abcdf" or letter == "" or not digits.isdecimal():
         return None
     index = int(digits) - (letter != "b")
-    count = getattr(orders.single, f"n{letter}")
+    count = orders.part(letter).stop - orders.part(letter).start
     return (letter, index) if 0 <= index < count else None
 
 
@@ -156,15 +207,17 @@ def _of_plant(constraints: Constraints) -> Iterator[tuple[str, bool]]:
 
 
 def _numbers(constraints: Constraints) -> Iterator[tuple[str, float]]:
-    for key in ("max_pole_radius", "min_damping_ratio", "static_gain"):
+    for key in ("max_pole_radius", "min_damping_ratio"):
         if (value := getattr(constraints, key)) is not None:
             yield key, value
+    if (gain := constraints.gain_of()) is not None:
+        yield "static_gain", gain
     for value in constraints.frequency_band or ():
         yield "frequency_band", value
     for band in constraints.forbidden_bands:
         for value in band:
             yield "forbidden_bands", value
-    for bound in constraints.static_gain_bounds or ():
+    for bound in constraints.gain_bounds_of() or ():
         if bound is not None:
             yield "static_gain_bounds", bound
     for name, value in constraints.fixed_coefficients.items():
@@ -218,7 +271,7 @@ def _check_poles(constraints: Constraints, orders: Orders, sampling_rate: float)
 
 
 def _check_gain(constraints: Constraints, orders: Orders) -> None:
-    bounds = constraints.static_gain_bounds
+    bounds = constraints.gain_bounds_of()
     given = [
         key
         for key in ("static_gain", "static_gain_bounds")

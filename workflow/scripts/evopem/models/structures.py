@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from numbers import Integral
 from typing import Any, NamedTuple
 
@@ -108,6 +108,11 @@ class Orders:
             raise ValueError(f"{self} has {len(self.nb)} inputs, not one")
         nb, nf, nk = (sum(each) for each in (self.nb, self.nf, self.nk))
         return SingleOrders(self.na, nb, self.nc, self.nd, nf, nk)
+
+    def of_input(self, place: int) -> Orders:
+        """The orders of the path from one input."""
+        own = {name: getattr(self, name)[place : place + 1] for name in PER_INPUT}
+        return replace(self, structure="", **own) if self.inputs else self
 
     @property
     def parameters(self) -> int:

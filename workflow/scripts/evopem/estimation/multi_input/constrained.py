@@ -13,8 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.config.constraints import InputConstraints
-from evopem.errors import InputError
+from evopem.config.constraints import Constraints
 from evopem.estimation.constrained_model import numerator_of, plant_polynomial
 from evopem.estimation.multi_input.descent import TOLERANCE, descend
 from evopem.estimation.multi_input.errors import MultiInputErrors
@@ -28,9 +27,7 @@ from evopem.estimation.multi_input.problem import (
 from evopem.estimation.pem.constrained_parameters import ConstrainedParameters, GivenGain
 from evopem.estimation.pem.constrained_polynomials import EXCESS, KIND, SHARE, Linear, Sections
 from evopem.estimation.search.problem import SearchResult, count_confirming, count_distinct
-from evopem.models.constraint_checks import check_constraints
 from evopem.models.polynomials import max_root_radius, reflect_into_disc
-from evopem.models.structures import Orders
 
 Array = NDArray[np.float64]
 
@@ -59,54 +56,15 @@ class ConstrainedOptimum:
     tangent: Array
 
 
-def check_input_constraints(
-    constraints: InputConstraints,
-    orders: Orders,
-    names: Sequence[str],
-    sampling_rate: float,
-) -> None:
-    """Refuse constraints that no model of these orders meets, or whose meaning is not clear.
-
-    Raises
-    ------
-    InputError
-        Naming the key of the constraints.
-    """
-    for key in ("static_gain", "static_gain_bounds"):
-        unknown = [name for name in getattr(constraints, key) if name not in names]
-        if unknown:
-            raise InputError(
-                "constraints",
-                f"there is no input {unknown[0]}",
-                f"name one of {', '.join(names)}",
-                key,
-            )
-    if constraints.poles.fixed_poles and any(orders.nf):
-        raise InputError(
-            "constraints",
-            "it does not say which of the denominators F_i has the poles",
-            "use a structure with A alone, such as armax",
-            "fixed_poles",
-        )
-    for place, name in enumerate(names):
-        check_constraints(constraints.of_input(name), of_path(orders, place), sampling_rate)
-
-
-def of_path(orders: Orders, place: int) -> Orders:
-    """The orders of the path from one input."""
-    o = orders
-    return Orders(na=o.na, nb=o.nb[place], nc=o.nc, nd=o.nd, nf=o.nf[place], nk=o.nk[place])
-
-
 def constrained_inputs(
-    constraints: InputConstraints,
+    constraints: Constraints,
     errors: MultiInputErrors,
     names: Sequence[str],
     sampling_rate: float,
 ) -> ConstrainedParameters:
     """Coordinates of the points that meet constraints, which were checked."""
     o, radius = errors.orders, errors.radius
-    paths = [(constraints.of_input(name), of_path(o, k)) for k, name in enumerate(names)]
+    paths = [(constraints.of_input(name), o.of_input(k)) for k, name in enumerate(names)]
     units = errors.units
     polynomials: dict[str, Sections | Linear] = {}
     gains: dict[str, GivenGain] = {}

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from evopem.blas_threads import one_blas_thread
-from evopem.config.constraints import InputConstraints
+from evopem.config.constraints import Constraints
 from evopem.config.settings import ScoringWindow, SearchSettings
+from evopem.estimation.constrained_model import equalities
 from evopem.estimation.criteria import Criteria, lies_at_bound
 from evopem.estimation.multi_input.constrained import (
-    check_input_constraints,
     constrained_inputs,
     constrained_optimum,
 )
@@ -39,6 +39,7 @@ from evopem.estimation.vector_autoregression import (
     coloured_autocovariances,
     limited,
 )
+from evopem.models.constraint_checks import check_constraints
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.structures import Orders, orders_of
@@ -139,7 +140,7 @@ def estimate_multi_input(
     sampling_rate: float = 1.0,
     *,
     settings: SearchSettings | None = None,
-    constraints: InputConstraints | None = None,
+    constraints: Constraints | None = None,
     input_names: Sequence[str] = (),
     output_name: str = "",
     log: Log | None = None,
@@ -160,7 +161,7 @@ def estimate_multi_input(
     settings : SearchSettings, optional
         :data:`.SETTINGS`, with the quadratic objective, by default.  The draws come from
         ``SeedSequence(seed, spawn_key=...)`` of the orders.
-    constraints : InputConstraints, optional
+    constraints : Constraints, optional
         What the model must meet; without ``input_names`` the inputs are called 1, 2, ...
     input_names : sequence of str, optional
     output_name : str
@@ -190,7 +191,7 @@ def estimate_multi_input(
     wanted = orders_of(structure, orders, us[0].shape[1])
     names = tuple(input_names) or tuple(str(k + 1) for k in range(wanted.inputs))
     if constraints is not None:
-        check_input_constraints(constraints, wanted, names, sampling_rate)
+        check_constraints(constraints, wanted, sampling_rate, names)
     with one_blas_thread():
         record = record_for(us, ys, wanted)
         errors = MultiInputErrors(record, wanted, settings.max_root_radius, settings.objective)
@@ -202,9 +203,9 @@ def estimate_multi_input(
             generator = generator_of(errors, settings, CONSTRAINED)
             best = constrained_optimum(errors, parameters, found, generator)
             estimate = _described(errors, best.result, sampling_rate, best.tangent)
-            given = [key for key in ("static_gain",) if getattr(constraints, key)]
-            given += ["fixed_poles"] if constraints.poles.fixed_poles else []
-            effect = ConstraintEffect(best.result.value, found.value, (*given, *best.active))
+            effect = ConstraintEffect(
+                best.result.value, found.value, (*equalities(constraints), *best.active)
+            )
             estimate = replace(estimate, constraints=effect)
     model = replace(estimate.model, input_names=tuple(input_names), output_name=output_name)
     return replace(estimate, model=model)

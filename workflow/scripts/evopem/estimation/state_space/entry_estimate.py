@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.config.constraints import Constraints, InputConstraints
+from evopem.config.constraints import Constraints
 from evopem.errors import InputError
 from evopem.estimation import absolute_descent
 from evopem.estimation.damped_descent import Optimum
@@ -45,7 +45,7 @@ from evopem.estimation.state_space.problem import (
 from evopem.estimation.state_space.settings import StateSpaceSettings
 from evopem.estimation.state_space.starting_points import from_poles
 from evopem.estimation.vector_autoregression import coloured_autocovariances
-from evopem.models.constraint_checks import check_constraints
+from evopem.models.constraint_checks import check_constraints, check_named_inputs
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.state_space import StateSpaceModel
 from evopem.models.structures import Orders
@@ -69,24 +69,11 @@ class Demands:
     ----------
     horizon : int
         Samples ahead.
-    constraints : Constraints or InputConstraints, optional
+    constraints : Constraints, optional
     """
 
     horizon: int = 1
-    constraints: Constraints | InputConstraints | None = None
-
-    @property
-    def poles(self) -> Constraints | None:
-        """The constraints of the poles."""
-        if isinstance(self.constraints, InputConstraints):
-            return self.constraints.poles
-        return self.constraints
-
-    def of_input(self, name: str) -> Constraints:
-        """The constraints of the path from an input."""
-        if isinstance(self.constraints, InputConstraints):
-            return self.constraints.of_input(name)
-        return self.constraints or Constraints()
+    constraints: Constraints | None = None
 
 
 def check_demands(demands: Demands, errors: StateSpaceErrors) -> None:
@@ -97,7 +84,7 @@ def check_demands(demands: Demands, errors: StateSpaceErrors) -> None:
     InputError
         Naming the key of the constraints.
     """
-    recording, poles = errors.data.recording, demands.poles
+    recording, poles = errors.data.recording, demands.constraints
     if poles is None:
         return
     coefficients = [f"fixed_coefficients.{name}" for name in poles.fixed_coefficients]
@@ -110,22 +97,17 @@ def check_demands(demands: Demands, errors: StateSpaceErrors) -> None:
             (*coefficients, "priors")[0],
         )
     names = recording.input_names or ("",)
-    if isinstance(demands.constraints, InputConstraints):
-        for key in ("static_gain", "static_gain_bounds"):
-            unknown = [name for name in getattr(demands.constraints, key) if name not in names]
-            if unknown:
-                problem = f"there is no input {unknown[0]}"
-                raise InputError("constraints", problem, f"name one of {', '.join(names)}", key)
+    check_named_inputs(poles, names)
     inputs, n = recording.inputs.shape[1], errors.order
     na, nf = (n, 0) if errors.innovations else (0, n)
     for name in names:
-        own = demands.of_input(name)
+        own = poles.of_input(name)
         key = "static_gain" if own.static_gain is not None else "static_gain_bounds"
         if own.static_gain is None and own.static_gain_bounds is None:
             check_constraints(own, Orders(nb=n, na=na, nc=na, nf=nf, nk=1), recording.sampling_rate)
             continue
         if recording.outputs.shape[1] > 1 or (
-            inputs > 1 and not isinstance(demands.constraints, InputConstraints)
+            inputs > 1 and not isinstance(getattr(poles, key), dict)
         ):
             raise InputError(
                 "constraints",
@@ -207,7 +189,7 @@ def _starts(
 ) -> Iterator[Start]:
     """Models to descend from: the optimum, and models of allowed poles."""
     yield free.model, free.initial_states, free.segment_levels
-    if demands.poles is None or errors.data.inputs.shape[1] == 0:
+    if demands.constraints is None or errors.data.inputs.shape[1] == 0:
         return
     plant = errors.of_structure("ss_oe")
     key = (errors.order, int(errors.innovations), CONSTRAINED)
@@ -256,15 +238,15 @@ def _problem_at(
     """The problem with sections like those of a model, and its point."""
     data = errors.data
     rate = data.recording.sampling_rate
-    blocks = blocks_of(errors.order, demands.poles, rate, errors.radius, errors.innovations)
+    blocks = blocks_of(errors.order, demands.constraints, rate, errors.radius, errors.innovations)
     gains = {}
     names: Sequence[str] = data.recording.input_names or [""] * data.inputs.shape[1]
     for column, name in enumerate(names):
-        own = demands.of_input(name)
-        given, bounds = own.static_gain, own.static_gain_bounds
+        constraints = demands.constraints or Constraints()
+        given, bounds = constraints.gain_of(name), constraints.gain_bounds_of(name)
         if given is not None or bounds is not None:
             scale = float(data.input_scales[column] / data.output_scales[0])
-            lower, upper = (given, given) if bounds is None else bounds
+            lower, upper = bounds or (given, given)
             gains[column] = Gain(
                 None if lower is None else lower * scale, None if upper is None else upper * scale
             )
@@ -289,10 +271,10 @@ def _value_of(problem: EntryProblem, errors: Array, absolute: bool) -> float:
 def _effect(
     demands: Demands, value: float, without: float, active: Sequence[str]
 ) -> ConstraintEffect | None:
-    if demands.constraints is None or demands.poles is None:
+    if demands.constraints is None:
         return None
-    names = ["fixed_poles"] if demands.poles.fixed_poles else []
-    if getattr(demands.constraints, "static_gain", None):
+    names = ["fixed_poles"] if demands.constraints.fixed_poles else []
+    if demands.constraints.static_gain:
         names.append("static_gain")
     return ConstraintEffect(value, without, (*names, *active))
 

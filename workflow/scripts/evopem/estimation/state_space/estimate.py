@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.blas_threads import one_blas_thread
-from evopem.config.constraints import Constraints, InputConstraints
+from evopem.config.constraints import Constraints
 from evopem.errors import InputError
 from evopem.estimation.state_space.entry_estimate import Demands, check_demands, meeting
 from evopem.estimation.state_space.local_estimates import (
@@ -73,7 +73,7 @@ def estimate_state_space(
     delays: int | Sequence[int] = 1,
     level: bool = True,
     focus: str | int = "prediction",
-    constraints: Constraints | InputConstraints | None = None,
+    constraints: Constraints | None = None,
     settings: StateSpaceSettings | None = None,
     starts: Sequence[StateSpaceModel] = (),
     log: Log | None = None,
@@ -99,7 +99,7 @@ def estimate_state_space(
     focus : {"prediction", "simulation"} or int
         The errors to be small: of one step, of simulation, or of predictions that many samples
         ahead.  Those of ``ss_oe`` and ``ss_oe_drift`` are all the same.
-    constraints : Constraints or InputConstraints, optional
+    constraints : Constraints, optional
         What poles and static gain must meet.
     settings : StateSpaceSettings, optional
         The draws come from ``SeedSequence(seed, spawn_key=(order, structure, level, *delays))``.
@@ -184,7 +184,7 @@ def _beside(
 def _horizon(
     focus: str | int,
     structure: StateSpaceStructure,
-    constraints: Constraints | InputConstraints | None,
+    constraints: Constraints | None,
 ) -> int | None:
     """Samples ahead; None for simulation where that differs from prediction."""
     whole = isinstance(focus, int) and not isinstance(focus, bool) and focus >= 1

@@ -14,7 +14,7 @@ from evopem.automatic.state_space_chosen import ChosenModel
 from evopem.automatic.state_space_remedies import RemediedModel, act_on_checks
 from evopem.automatic.variant_search import Variant, VariantSearch
 from evopem.blas_threads import one_blas_thread
-from evopem.config.constraints import InputConstraints
+from evopem.config.constraints import Constraints
 from evopem.config.state_space_settings import OrderRanges, StateSpaceSearchSettings
 from evopem.estimation.multi_input.order_limits import OrderLimits, joint_orders
 from evopem.estimation.multichannel_record import MultichannelModelRecord
@@ -39,7 +39,7 @@ def estimate_chosen_state_space(
     variants: tuple[Variant, ...],
     ranges: OrderRanges,
     search: StateSpaceSearchSettings,
-    constraints: InputConstraints | None = None,
+    constraints: Constraints | None = None,
     log: Log | None = None,
 ) -> None:
     """Search the chosen model globally, add its noise model, and write what follows from it.
@@ -68,7 +68,7 @@ def complete_other_state_space(
     files: DatasetFiles,
     ranges: OrderRanges,
     search: StateSpaceSearchSettings,
-    constraints: InputConstraints | None = None,
+    constraints: Constraints | None = None,
 ) -> None:
     """Keep the model for the other purpose, with its errors on the validation samples.
 
@@ -100,7 +100,7 @@ def _searched_forms(
     variants: Sequence[Variant],
     ranges: OrderRanges,
     search: StateSpaceSearchSettings,
-    constraints: InputConstraints | None,
+    constraints: Constraints | None,
 ) -> SearchedForms:
     """What the search over the orders of some forms has left."""
 
@@ -123,7 +123,7 @@ def _record(
     data: MultichannelData,
     choice: ModelChoice,
     search: StateSpaceSearchSettings,
-    constraints: InputConstraints | None,
+    constraints: Constraints | None,
 ) -> MultichannelModelRecord:
     """Everything that is known of a model."""
     return MultichannelModelRecord.of(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from evopem.config.constraints import Constraints, FixedPole, Prior
@@ -63,13 +63,9 @@ def input_constraint_rows(fit: ConstrainedFit | None) -> list[ConstraintRow]:
     """List the constraints that were given for a model with several inputs."""
     if fit is None:
         return []
-    given = fit.settings
-    rows = [(key, value, key) for key, value in _values(given.poles)]
-    for name in {**given.static_gain, **given.static_gain_bounds}:
-        own = replace(given.of_input(name), fixed_poles=())
-        values = [each for each in _values(own) if each[0].startswith("static_gain")]
-        rows += [(f"{key}.{name}", value, key) for key, value in values]
-    return [ConstraintRow(place, value, _effect(key, fit.active)) for place, value, key in rows]
+    return [
+        ConstraintRow(key, value, _effect(key, fit.active)) for key, value in _values(fit.settings)
+    ]
 
 
 def input_fit_sentences(fit: ConstrainedFit | None) -> list[str]:
@@ -90,7 +86,7 @@ def _cost(fit: FitRecord | ConstrainedFit) -> str:
 def _effect(key: str, active: tuple[str, ...]) -> str:
     if key.startswith("priors"):
         return "weighted"
-    if key in active or key.partition("[")[0] in active:
+    if {key, key.partition("[")[0], key.partition(".")[0]} & set(active):
         return "active"
     return "not active"
 
@@ -110,17 +106,25 @@ def _values(constraints: Constraints) -> Iterator[tuple[str, str]]:
         yield "forbidden_bands", "; ".join(map(_band, c.forbidden_bands))
     if c.real_poles != "any":
         yield "real_poles", c.real_poles
-    if c.static_gain is not None:
-        yield "static_gain", f"{number(c.static_gain)} (output/input)"
-    if c.static_gain_bounds is not None:
-        lower, upper = ("none" if each is None else number(each) for each in c.static_gain_bounds)
-        yield "static_gain_bounds", f"{lower} to {upper} (output/input)"
+    for key, gain in _of_inputs("static_gain", c.static_gain):
+        yield key, f"{number(gain)} (output/input)"
+    for key, bounds in _of_inputs("static_gain_bounds", c.static_gain_bounds):
+        lower, upper = ("none" if each is None else number(each) for each in bounds)
+        yield key, f"{lower} to {upper} (output/input)"
     for name, value in c.fixed_coefficients.items():
         yield f"fixed_coefficients.{name}", number(value)
     if c.fixed_poles:
         yield "fixed_poles", "; ".join(map(_pole, c.fixed_poles))
     for index, prior in enumerate(c.priors):
         yield f"priors[{index}]", _prior(prior)
+
+
+def _of_inputs(key: str, given: Any) -> Iterator[tuple[str, Any]]:
+    """A constraint of one input by its key, and of several by that and their names."""
+    if isinstance(given, dict):
+        yield from ((f"{key}.{name}", each) for name, each in given.items())
+    elif given is not None:
+        yield key, given
 
 
 def _band(band: tuple[float, float]) -> str:
