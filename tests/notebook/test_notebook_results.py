@@ -15,8 +15,9 @@ import evopem
 from evopem.config.defaults import complete
 from evopem.config.schema import schema_file
 from evopem.files.json_form import load
-from evopem.notebook.progress import _rich, progress
+from evopem.notebook.progress import progress
 from evopem.pipeline.identification import identify_dataset
+from evopem.pipeline.progress import ProgressLine
 from evopem.report.numbers import THIN
 from evopem.report.sentences.about_verdict import verdict
 from evopem.results.layout import DatasetFiles
@@ -241,14 +242,15 @@ def test_progress_is_a_bar_or_lines(capsys):
     assert "searching the orders of OE models" in lines
 
 
-def test_rich_shows_a_bar_on_a_terminal(monkeypatch):
-    console = pytest.importorskip("rich.console")
-    stream = io.StringIO()
-    terminal = console.Console(file=stream, force_terminal=True, width=90)
-    monkeypatch.setattr("rich.progress.get_console", lambda: terminal)
-    with _rich() as announce:
-        announce("model and its uncertainty", 1, 2)
-    assert "model and its uncertainty" in stream.getvalue()
+def test_a_line_of_progress_is_overwritten_and_removed():
+    line = ProgressLine(stream := io.StringIO(), overwrites=True)
+    line.announce("reading the recording", 1, 2)
+    line.announce("report", 2, 2)
+    line.close()
+    _, first, second, blank, end = stream.getvalue().split("\r")
+    assert "[1/2]" in first
+    assert len(second) == len(first)
+    assert (blank.strip(), end) == ("", "")
 
 
 def test_several_channels_are_identified_in_one_call(tmp_path):

@@ -1,4 +1,4 @@
-"""How far an identification has come: a bar by tqdm or rich, else lines on standard error."""
+"""How far an identification has come: a bar by tqdm, else lines on standard error."""
 
 from __future__ import annotations
 
@@ -6,11 +6,13 @@ import importlib
 import importlib.util
 import sys
 import warnings
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 from evopem.pipeline.identification import Announce
 from evopem.pipeline.progress import ProgressLine
+
+_FORMAT = "{n_fmt}/{total_fmt} {bar} {elapsed} {desc}"
 
 
 @contextmanager
@@ -19,20 +21,17 @@ def progress(shown: bool) -> Iterator[Announce | None]:
     if not shown:
         yield None
         return
-    with _way()() as announce:
-        yield announce
-
-
-def _way() -> Callable[[], AbstractContextManager[Announce]]:
-    """A bar on a terminal and in a notebook; lines in a file of messages."""
-    in_notebook = _in_notebook()
-    if not (sys.stderr.isatty() or in_notebook):
-        return _line
-    if importlib.util.find_spec("tqdm"):
-        return _tqdm
-    if in_notebook:  # where rich needs widgets
-        return _display
-    return _rich if importlib.util.find_spec("rich") else _line
+    # A notebook overwrites a line as a terminal does; a file of messages keeps all lines.
+    overwrites = sys.stderr.isatty() or _in_notebook()
+    if overwrites and importlib.util.find_spec("tqdm"):
+        with _bar() as announce:
+            yield announce
+        return
+    line = ProgressLine(sys.stderr, overwrites)
+    try:
+        yield line.announce
+    finally:
+        line.close()
 
 
 def _in_notebook() -> bool:
@@ -42,7 +41,7 @@ def _in_notebook() -> bool:
 
 
 @contextmanager
-def _tqdm() -> Iterator[Announce]:
+def _bar() -> Iterator[Announce]:
     with warnings.catch_warnings():
         # Without ipywidgets it shows the bar as text, and says so.
         warnings.simplefilter("ignore")
@@ -58,46 +57,3 @@ def _tqdm() -> Iterator[Announce]:
         yield announce
     finally:
         bar.close()
-
-
-_FORMAT = "{n_fmt}/{total_fmt} {bar} {elapsed} {desc}"
-
-
-@contextmanager
-def _rich() -> Iterator[Announce]:
-    bars = importlib.import_module("rich.progress")
-    with bars.Progress(transient=True) as shown:
-        task = shown.add_task("", total=None)
-
-        def announce(stage: str, number: int, stages: int) -> None:
-            shown.update(task, description=stage, total=stages, completed=number - 1)
-
-        yield announce
-
-
-@contextmanager
-def _display() -> Iterator[Announce]:
-    """One line of a notebook's own output, empty at the end."""
-    shown = importlib.import_module("IPython.display").display
-
-    def text(line: str) -> dict[str, str]:
-        return {"text/plain": line}
-
-    handle = shown(text(""), raw=True, display_id=True)
-
-    def announce(stage: str, number: int, stages: int) -> None:
-        handle.update(text(f"{number}/{stages} {stage}"), raw=True)
-
-    try:
-        yield announce
-    finally:
-        handle.update(text(""), raw=True)
-
-
-@contextmanager
-def _line() -> Iterator[Announce]:
-    line = ProgressLine(sys.stderr)
-    try:
-        yield line.announce
-    finally:
-        line.close()

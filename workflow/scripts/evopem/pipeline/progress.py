@@ -13,15 +13,10 @@ PAUSE = 30.0
 
 @dataclass
 class ProgressLine:
-    """One line that each stage overwrites; a line for each stage where there is no terminal.
+    """One line that each stage overwrites, or a line for each stage."""
 
-    Attributes
-    ----------
-    stream : TextIO
-        Standard error, so that the results alone can be piped on.
-    """
-
-    stream: TextIO
+    stream: TextIO  # standard error, so that the results alone can be piped on
+    overwrites: bool  # as a terminal does
     _started: float = field(default_factory=time.monotonic)
     _shown: float = 0.0
     _stage: tuple[str, str] = ("", "")
@@ -33,15 +28,15 @@ class ProgressLine:
         self._show("")
 
     def tell(self, words: str) -> None:
-        """Say how far the stage has come; not each time where there is no terminal."""
-        if self.stream.isatty() or time.monotonic() - self._shown >= PAUSE:
+        """Say how far the stage has come; not each time where lines are kept."""
+        if self.overwrites or time.monotonic() - self._shown >= PAUSE:
             self._show(f": {words}")
 
     def _show(self, words: str) -> None:
         self._shown = time.monotonic()
         number, title = self._stage
         text = f"{number} {self._shown - self._started:5.1f} s  {title}{words}"
-        if not self.stream.isatty():
+        if not self.overwrites:
             self.stream.write(f"{text}\n")
         else:
             # A line that is wrapped could not be overwritten.
@@ -52,6 +47,6 @@ class ProgressLine:
 
     def close(self) -> None:
         """Remove the line from the terminal."""
-        if self.stream.isatty() and self._width:
+        if self.overwrites and self._width:
             self.stream.write(f"\r{'':<{self._width}}\r")
             self.stream.flush()

@@ -243,7 +243,7 @@ def _identify(arguments: argparse.Namespace) -> int:
     from evopem.pipeline.stages import results_of
     from evopem.terminal.results_text import dataset_text, show
 
-    progress = ProgressLine(sys.stderr)
+    progress = ProgressLine(sys.stderr, sys.stderr.isatty())
     outputs = results_of(settings, files, with_report=True)
     try:
         with job(files.log("identification"), (), outputs, ends_with_parent=False) as logger:
