@@ -11,7 +11,7 @@ UPGRADE ?=
 COMPILE := $(BIN)/uv pip compile pyproject.toml $(EXTRAS) --universal --python-version 3.11 \
 	--generate-hashes --no-emit-index-url --no-emit-find-links --no-header --quiet
 
-.PHONY: report test quick test-slurm lint format docs lock audit fuzz bench screenshots clean
+.PHONY: report test matrix quick test-slurm lint format docs lock audit fuzz bench screenshots clean
 .DEFAULT_GOAL := report
 
 report: $(VENV)/installed  ## run config.yaml from data to report
@@ -25,6 +25,9 @@ test: $(VENV)/installed-dev  ## run every test, and the examples of the docstrin
 	# that holds another one would bring both into the order of their names.
 	$(BIN)/pytest --numprocesses auto --dist loadfile --no-loadscope-reorder \
 		$(LONGEST) $(filter-out $(LONGEST) tests/__pycache__,$(patsubst %/,%,$(wildcard tests/*/))) tests/test_smoke.py
+
+matrix: $(VENV)/installed-dev  ## estimate every structure with every focus, objective and constraint
+	EVOPEM_FULL_MATRIX=1 $(BIN)/pytest --quiet --numprocesses auto tests/estimation/test_matrix.py
 
 quick: $(VENV)/installed-dev  ## what an edit needs in half a minute: style, types, a plan, and TESTS
 	$(BIN)/ruff check
