@@ -71,7 +71,7 @@ def judged(seed: int, noise: float, objective: str) -> list[Check]:
     settings = SearchSettings(objective=objective, evaluations=10000)
     (candidate,) = estimate_candidates(data, [ORDERS], "nb", settings, WINDOW)
     found = complete_estimate(candidate, data, settings, WINDOW)
-    record = ModelRecord.of(found, settings, prepared.transforms)
+    record = ModelRecord.of(found, data, settings, prepared.transforms)
     validation, _ = validate(found.model, prepared, WINDOW.loss_start, objective)
     spectrum: SpectrumSummary = summarize_spectrum(multitaper_spectrum(data.output, 100.0))
     phases = {

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from shutil import copytree
 
@@ -24,8 +24,10 @@ from evopem.config.settings import (
     SyntheticSource,
 )
 from evopem.config.structures import phases_of
+from evopem.estimation.model_record import ModelRecord, derived_from
 from evopem.files.atomic import files_below
 from evopem.files.checksums import write_checksums
+from evopem.models.polynomial import PolynomialModel
 from evopem.pipeline.identification import jobs, remove_parts
 from evopem.pipeline.summary import summarize_dataset
 from evopem.results.dataset import DatasetResults, read_dataset_results
@@ -75,6 +77,18 @@ def finished_copy(folder: Path, identified: Identified) -> DatasetFiles:
     files = DatasetFiles(str(folder))
     finish(files)
     return files
+
+
+def with_model(record: ModelRecord, model: PolynomialModel) -> ModelRecord:
+    """The record of another model, with all that follows from it."""
+    return replace(
+        record, structure=model.structure or model.orders.structure, **derived_from(model, 0)
+    )
+
+
+def without_covariance(record: ModelRecord) -> ModelRecord:
+    """The record of a model whose covariance is not known."""
+    return replace(record, model=replace(record.model, covariance=None))
 
 
 @dataclass(frozen=True)

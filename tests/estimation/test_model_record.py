@@ -24,13 +24,13 @@ def estimated():
     prepared = prepare(recording, preparation)
     data = prepared.estimation
     found = estimate(data.input, data.output, (3, 2, 2, 3), 100.0, settings=SETTINGS)
-    return found, prepared.transforms
+    return found, data, prepared.transforms
 
 
 @pytest.fixture
 def path(estimated, tmp_path):
-    found, transforms = estimated
-    save(ModelRecord.of(found, SETTINGS, transforms), tmp_path / "model.json")
+    found, data, transforms = estimated
+    save(ModelRecord.of(found, data, SETTINGS, transforms), tmp_path / "model.json")
     return tmp_path / "model.json"
 
 
@@ -43,15 +43,17 @@ def test_json_keeps_every_bit_of_the_model(estimated, path):
 
 
 def test_the_record_says_how_the_model_was_found(estimated, path):
-    found, transforms = estimated
+    found, _, transforms = estimated
     record = load(ModelRecord, path)
     assert record.search.settings == SETTINGS
     assert record.search.diagnostics == found.search.diagnostics
     assert record.search.at_stability_bound == found.at_stability_bound
-    assert record.criteria == found.criteria
+    assert (record.objective, record.bic) == (found.criteria.objective, found.criteria.bic)
+    assert record.fit_percent == (found.criteria.fit_percent,)
     assert record.window == found.window
     assert record.transforms == transforms
-    np.testing.assert_array_equal(record.noise_state, found.noise_state)
+    states = np.concatenate([found.plant_state, found.noise_state])
+    np.testing.assert_array_equal(record.initial_states, states)
 
 
 def test_roots_modes_and_standard_errors_are_those_of_the_model(estimated, path):
@@ -59,7 +61,7 @@ def test_roots_modes_and_standard_errors_are_those_of_the_model(estimated, path)
     assert list(record.modes) == model.modes()
     np.testing.assert_allclose(np.real(np.poly(record.poles)), model.a, rtol=1e-12)
     np.testing.assert_allclose(np.real(np.poly(record.noise_zeros)), model.c, rtol=1e-12)
-    np.testing.assert_allclose(np.real(np.poly(record.zeros)) * model.b[0], model.b, rtol=1e-12)
+    np.testing.assert_allclose(np.real(np.poly(record.zeros[0])) * model.b[0], model.b, rtol=1e-12)
     np.testing.assert_array_equal(
         record.parameter_standard_errors, model.parameter_standard_errors()
     )
@@ -86,6 +88,57 @@ def test_other_files_are_refused_in_a_sentence(tmp_path, content, problem):
     with pytest.raises(InputError, match=problem) as caught:
         evopem.load(path)
     assert str(caught.value).endswith("give the model.json of a results folder.")
+
+
+def changed(*keys, value):
+    def change(content):
+        place = content
+        for key in keys[:-1]:
+            place = place[key]
+        place[keys[-1]] = value
+
+    return change
+
+
+def too_few(content):
+    content["model"]["B"][0].pop()
+
+
+@pytest.mark.parametrize(
+    ("change", "problem"),
+    [
+        (changed("model", "A", 0, value=2), "A, C, D or F does not begin with 1"),
+        (too_few, r"polynomials are those of ARMAX\(3,1,2,3\), not of ARMAX\(3,2,2,3\)"),
+        (changed("model", "sampling_rate", value=-5.0), "the sampling rate is -5.0 Hz"),
+        (changed("model", "sampling_rate", value=None), "the sampling rate is nan Hz"),
+        (changed("model", "noise_variance", value=-1.0), "a variance is negative"),
+        (changed("model", "noise_variance", value=None), "is not finite"),
+        (changed("model", "C", 1, value=None), "is not finite"),
+        (changed("structure", value="magic"), "the structure magic is not"),
+        (changed("evopem", value="999.1"), "later than this"),
+        (changed("model", "covariance", "factor", value=[[1.0]]), "covariance"),
+    ],
+)
+def test_numbers_that_are_no_model_are_refused(path, change, problem):
+    content = json.loads(path.read_text(encoding="utf-8"))
+    change(content)
+    path.write_text(json.dumps(content))
+    with pytest.raises(InputError, match=problem):
+        evopem.load(path)
+
+
+def test_a_delay_beyond_the_samples_is_refused(path):
+    content = json.loads(path.read_text(encoding="utf-8"))
+    content["model"]["nk"] = content["orders"]["nk"] = [10**9]
+    path.write_text(json.dumps(content))
+    with pytest.raises(InputError, match=r"reaches back 1000000001 of 700 samples"):
+        evopem.load(path)
+
+
+def test_deep_nesting_is_refused(path):
+    path.write_text("[" * 100_000)
+    with pytest.raises(InputError, match="is not valid JSON"):
+        evopem.load(path)
 
 
 def test_a_missing_file_is_named(tmp_path):

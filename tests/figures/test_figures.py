@@ -10,6 +10,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pandas as pd
 import pytest
+from identified import with_model, without_covariance
 
 from evopem.figures import REPORT_FIGURES, draw_all
 from evopem.figures.chart import Chart, Curve, Panel, rows_of
@@ -20,6 +21,7 @@ from evopem.figures.registry import figure_of
 from evopem.figures.style import svg_text
 from evopem.figures.time_domain import settling_part, shown_samples
 from evopem.figures.view import PolynomialView, view_of
+from evopem.models.polynomial import PolynomialModel
 from evopem.models.stabilization import StabilizationPole
 from evopem.results.layout import FIGURES
 
@@ -153,9 +155,7 @@ def test_poles_with_ellipses_and_modes_with_intervals(results, view):
 
 
 def test_without_covariance_no_ellipse_is_drawn(results):
-    unknown = replace(
-        results, model=replace(results.model, covariance=None, covariance_factor=None)
-    )
+    unknown = replace(results, model=without_covariance(results.model))
     circle, _ = drawn(view_of(unknown), "poles_zeros")
     assert len(circle.patches) == 0
 
@@ -219,9 +219,9 @@ def test_step_and_impulse_are_those_of_the_transfer_function(results, view):
 def of_noise_alone(results):
     """The same results as if the model had no input, whose noise filter is left."""
     record = results.model
-    plain = replace(
-        record, orders=replace(record.orders, nb=0, nk=0, structure="arma"), b=np.empty(0)
-    )
+    known = record.polynomials
+    noise = PolynomialModel(known.A, (), known.C, sampling_rate=known.sampling_rate)
+    plain = with_model(record, noise)
     response, in_time = results.frequency_response.copy(), results.time_response.copy()
     response[["gain", "gain_lower", "gain_upper", "phase_deg"]] = np.nan
     in_time[["step", "impulse"]] = np.nan
@@ -231,7 +231,7 @@ def of_noise_alone(results):
     )
     without = replace(
         results,
-        model=replace(plain, covariance_factor=None),
+        model=plain,
         settings=replace(
             results.settings, order_grid=replace(results.settings.order_grid, structure="arma")
         ),

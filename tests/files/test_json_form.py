@@ -26,7 +26,6 @@ from evopem.config.settings import ChannelSettings, OrderSettings, SearchSetting
 from evopem.errors import InputError
 from evopem.estimation.candidate import Candidate, PhaseSelection
 from evopem.estimation.model_record import ModelRecord
-from evopem.estimation.multichannel_record import MultichannelModelRecord
 from evopem.files.json_form import from_json, load, save, to_json
 from evopem.files.unfinished import UnfinishedJob
 from evopem.models.parameter_covariance import ParameterCovariance
@@ -62,7 +61,6 @@ RESULTS = [
     OrderModels,
     OtherModel,
     StateSpaceChoice,
-    MultichannelModelRecord,
     VariantSearch,
     Orders,
     PhaseSelection,

@@ -123,7 +123,7 @@ def identified(recording, settings):
         (candidate,) = estimate_candidates(data, [ORDERS], "nb", search, window)
         found = complete_estimate(candidate, data, search, window)
         validation, _ = validate(found.model, prepared, window.loss_start)
-        record = ModelRecord.of(found, search, prepared.transforms)
+        record = ModelRecord.of(found, data, search, prepared.transforms)
         frequency_response_table(found.model)
         modes_table(found.model)
     written = to_json((spectrum, candidate, record, validation))

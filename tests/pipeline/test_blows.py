@@ -10,7 +10,7 @@ import pytest
 
 from evopem.config.defaults import complete
 from evopem.errors import InputError
-from evopem.estimation.multichannel_record import MultichannelModelRecord
+from evopem.estimation.model_record import ModelRecord
 from evopem.files.json_form import load
 from evopem.pipeline.identification import identify_dataset
 from evopem.results.layout import DatasetFiles
@@ -73,7 +73,7 @@ def results(tmp_path_factory):
 
 
 def test_the_model_of_all_blows_is_the_truth(results):
-    record = load(MultichannelModelRecord, results.model)
+    record = load(ModelRecord, results.model)
     assert record.plant_states == 4
     assert [each.recording for each in record.transforms.estimation_records] == [0, 1, 2]
     assert [each.recording for each in record.transforms.validation_records] == [3]
@@ -119,7 +119,7 @@ def test_the_report_lists_every_recording(results):
     ],
 )
 def test_the_order_is_judged_by_the_orders_that_were_searched(results, form, order, passed, says):
-    record = replace(load(MultichannelModelRecord, results.model), structure=form, plant_states=11)
+    record = replace(load(ModelRecord, results.model), structure=form, plant_states=11)
     validation = load(MultichannelValidation, results.validation)
     info = load(RecordingInfo, results.recording_info)
     checks = state_space_checks(record, validation, order, (2, 4, 6, 8), info)
@@ -143,7 +143,7 @@ def test_every_structure_takes_several_recordings(tmp_path, monkeypatch):
     settings = complete({"datasets": {"frame": own}}, SCHEMA_PATH).datasets["frame"]
     files = DatasetFiles.of_dataset("frame")
     identify_dataset(files, settings, with_report=True)
-    record = load(MultichannelModelRecord, files.model)
+    record = load(ModelRecord, files.model)
     assert record.text.startswith("ARMAX(")
     simulation = pd.read_csv(files.simulation)
     assert simulation.groupby("recording").size().tolist() == [52, 52, 52]

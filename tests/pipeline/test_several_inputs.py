@@ -12,7 +12,7 @@ from scipy.signal import lfilter
 
 from evopem.config.defaults import complete
 from evopem.errors import InputError
-from evopem.estimation.multichannel_record import MultichannelModelRecord
+from evopem.estimation.model_record import ModelRecord
 from evopem.files.json_form import load
 from evopem.pipeline.identification import identify_dataset
 from evopem.results.fleet import DatasetSummary
@@ -58,11 +58,11 @@ def results(tmp_path_factory):
 
 def test_the_model_is_the_truth(results):
     path, files = results
-    record = load(MultichannelModelRecord, path / files.model)
+    record = load(ModelRecord, path / files.model)
     model = record.polynomials
     assert str(model.orders) == "ARMAX(2,[2 1],1,[1 3])"
     assert record.text == str(model.orders)
-    assert (model.sampling_rate, record.Ts, model.input_names) == (10.0, 0.1, ("hot", "cold"))
+    assert (model.sampling_rate, record.input_names) == (10.0, ("hot", "cold"))
     errors = model.parameter_standard_errors()
     truth = np.array([-1.5, 0.8, 1.0, 0.5, -0.7, -0.5])
     assert np.abs((model.parameters - truth) / errors).max() < 3.5
@@ -120,7 +120,7 @@ def test_orders_and_delays_of_each_input_stay_within_their_ranges(tmp_path, monk
         "delay": {"nk": {"hot": [0, 2], "cold": 2}},
     }
     files = identified(tmp_path, monkeypatch, keys)
-    record = load(MultichannelModelRecord, files.model)
+    record = load(ModelRecord, files.model)
     # Two coefficients at lags 2 and 3, of which the first is no part of the truth.
     assert str(record.polynomials.orders) == "ARMAX(2,[2 2],1,[1 2])"
     first, second = record.polynomials.B[1]
@@ -147,7 +147,7 @@ def test_fixed_orders_are_one_candidate(tmp_path, monkeypatch):
         "delay": {"nk": [[1, 1], [3, 3]]},
     }
     files = identified(tmp_path, monkeypatch, keys)
-    record = load(MultichannelModelRecord, files.model)
+    record = load(ModelRecord, files.model)
     assert str(record.polynomials.orders) == "OE([2 1],[2 2],[1 3])"
     assert pd.read_csv(files.candidates)["model"].tolist() == ["OE([2 1],[2 2],[1 3])"]
 
@@ -175,7 +175,7 @@ def test_every_structure_takes_several_recordings(tmp_path, monkeypatch, structu
         joined_part(structure, part).to_csv(f"part_{part}.csv", index=False)
     keys = {"file": "part_*.csv", "structure": structure, "orders": ranges}
     files = identified(tmp_path, monkeypatch, keys)
-    record = load(MultichannelModelRecord, files.model)
+    record = load(ModelRecord, files.model)
     orders = record.polynomials.orders
     assert orders.structure == structure
     assert (orders.na, orders.nb, orders.nf, orders.nk) == (na, (2, 1), nf, (1, 3))
@@ -223,8 +223,8 @@ def test_the_absolute_objective_bears_outliers(tmp_path, monkeypatch, keys):
     orders = {"joint": 2} if "structure" in keys else {"nx": 2}
     keys = keys | {"orders": orders, "search": {"objective": "absolute", "evaluations": 50}}
     files = identified(tmp_path, monkeypatch, keys, table=table)
-    record = load(MultichannelModelRecord, files.model)
-    assert record.settings.objective == "absolute"
+    record = load(ModelRecord, files.model)
+    assert record.search.settings.objective == "absolute"
     nearest = min(record.plant.modes(), key=lambda mode: abs(mode.damping_ratio - TRUTH[1]))
     assert nearest.frequency_hz == pytest.approx(TRUTH[0], rel=0.02)
     assert nearest.damping_ratio == pytest.approx(TRUTH[1], rel=0.15)
@@ -241,7 +241,7 @@ CONSTRAINED = [
 def test_constraints_hold_from_the_file_to_the_report(tmp_path, monkeypatch, structure):
     keys = structure | {"constraints": {"static_gain": {"hot": 4.0}, "max_pole_radius": 0.85}}
     files = identified(tmp_path, monkeypatch, keys)
-    record = load(MultichannelModelRecord, files.model)
+    record = load(ModelRecord, files.model)
     gain = record.plant.frequency_response([0.0])[0, 0, 0].real
     assert gain == pytest.approx(4.0, rel=1e-9)
     assert np.abs(np.linalg.eigvals(record.plant.A)).max() <= 0.85 + 1e-9

@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from browsing import TEMPLATES, renamed_channels
+from identified import without_covariance
 
 from evopem.config.settings import RecordedSource
 from evopem.config.structures import phases_of
@@ -236,7 +237,7 @@ def unknown(results):
         replace(first, frequency_se_hz=math.inf, damping_se=math.inf),
         *(replace(mode, frequency_se_hz=math.nan, damping_se=math.nan) for mode in others),
     )
-    model = replace(results.model, covariance=None, covariance_factor=None, modes=modes)
+    model = replace(without_covariance(results.model), modes=modes)
     return replace(results, validation=validation, model=model)
 
 

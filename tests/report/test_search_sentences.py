@@ -61,8 +61,8 @@ def test_the_search_of_all_candidates_in_words(results):
         f"The search of {len(table)} candidates took"
         f" {count(int(table['evaluations'].sum()))} evaluations"
     )
-    assert f"The noise state before the first residual ({results.model.orders.nc} values)" in text
-    assert f"is {percent(results.model.criteria.objective, 4)}, and the fit" in text
+    assert f"The state before the first residual ({results.model.orders.nc} values)" in text
+    assert f"is {percent(results.model.objective, 4)}, and the fit" in text
     confirmed, bound = table["n_confirming"].gt(0), table["at_stability_bound"]
     assert bound.dtype == bool
     assert (

@@ -3,6 +3,7 @@
 import math
 from dataclasses import replace
 
+import identified
 import numpy as np
 import pytest
 from browsing import renamed_channels
@@ -233,9 +234,7 @@ def with_coefficients(results, a, b, c, covariance=None):
     model = PolynomialModel(
         np.array(a), np.array(b), np.array(c), nk=1, sampling_rate=100.0, covariance=covariance
     )
-    return with_model(
-        results, a=model.a, b=model.b, c=model.c, orders=model.orders, covariance_factor=covariance
-    )
+    return replace(results, model=identified.with_model(results.model, model))
 
 
 @pytest.mark.parametrize(
@@ -272,7 +271,7 @@ def test_poles_and_zeros(results):
     # |dr/db_i| = |r^(n-i) / p'(r)| with p' = 2.1: √(4² + 2² + 1) / 2.1 · 1.96e-3.
     assert "for the zero 2.0000" in text
     assert number(1.96e-3 * math.sqrt(21) / 2.1, 2) in text
-    (text,) = about_model.poles(replace(given, model=replace(given.model, covariance_factor=None)))
+    (text,) = about_model.poles(replace(given, model=identified.without_covariance(given.model)))
     assert "so no ellipse is drawn" in text
 
 

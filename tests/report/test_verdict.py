@@ -4,7 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from identified import with_model
 
+from evopem.models.polynomial import PolynomialModel
 from evopem.report.sentences.about_verdict import DESIRABLE, ESSENTIAL, verdict
 from evopem.validation.checks import Check
 from evopem.validation.mode_evidence import NO_TEST
@@ -78,13 +80,9 @@ def test_the_sentence_names_every_use_with_its_answer(results):
     )
 
 
-def of_structure(results, structure, **orders):
+def of_structure(results, structure):
     """The results as if the model had another structure."""
-    record = results.model
-    return replace(
-        results,
-        model=replace(record, orders=replace(record.orders, structure=structure, **orders)),
-    )
+    return replace(results, model=replace(results.model, structure=structure))
 
 
 def test_without_a_noise_model_a_prediction_is_as_good_as_the_simulation(results, monkeypatch):
@@ -110,12 +108,13 @@ def test_without_a_noise_model_a_prediction_is_as_good_as_the_simulation(results
 
 def test_a_model_without_input_is_judged_by_prediction_and_spectrum(results, monkeypatch):
     with_checks(monkeypatch, results)
-    record = results.model
+    known = results.model.polynomials
+    noise = PolynomialModel(known.A, (), known.C, sampling_rate=known.sampling_rate)
     alone = replace(
-        of_structure(results, "arma", nb=0, nk=0),
+        results,
+        model=with_model(results.model, noise),
         frequency_response=results.frequency_response.assign(gain=np.nan),
     )
-    alone = replace(alone, model=replace(alone.model, b=record.b[:0], covariance_factor=None))
     found = answers(verdict(alone))
     assert not [name for name in found if "simulation" in name or "response" in name]
     assert found["one-step prediction"] == found["the spectrum of the output"] == "good"

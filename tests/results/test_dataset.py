@@ -27,8 +27,8 @@ def read(files, identified):
 def test_the_selection_is_the_model(identified):
     results = identified.results
     assert results.selected.orders == results.model.orders
-    np.testing.assert_array_equal(results.selected.model.a, results.model.a)
-    assert results.selected.criteria == results.model.criteria
+    np.testing.assert_array_equal(results.selected.model.a, results.model.model.A)
+    assert results.selected.criteria.bic == results.model.bic
     assert list(results.phases) == list(PHASES)
     assert results.name == "bench"
 

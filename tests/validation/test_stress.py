@@ -50,7 +50,7 @@ def judged(u, y, orders=(2, 2, 1, 1), objective="absolute"):
     data = prepared.estimation
     (candidate,) = estimate_candidates(data, [orders], "nb", settings, WINDOW)
     found = complete_estimate(candidate, data, settings, WINDOW)
-    model = ModelRecord.of(found, settings, prepared.transforms)
+    model = ModelRecord.of(found, data, settings, prepared.transforms)
     validation, _ = validate(found.model, prepared, WINDOW.loss_start, objective)
     # Every order is given, so no range was searched.
     phases = {

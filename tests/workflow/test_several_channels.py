@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 from scipy.io import loadmat
 
-from evopem.estimation.multichannel_record import MultichannelModelRecord
+from evopem.estimation.model_record import ModelRecord
 from evopem.files.json_form import load
 from evopem.results.fleet import DatasetSummary
 from evopem.signals.multichannel_preparation import load_multichannel_data
@@ -109,8 +109,8 @@ def test_what_is_printed(run):
 def test_the_truth_is_found(run):
     folder, _ = run
     files = folder.files_of("frame")
-    record = load(MultichannelModelRecord, files.model)
-    assert record.input_delays == (0, 1)
+    record = load(ModelRecord, files.model)
+    assert record.model.input_delays == (0, 1)
     assert record.plant_states == 4
     assert record.output_units == ("m/s2", "m/s2", "")
     modes = load(ModesRecord, files.modes_json)
@@ -130,7 +130,7 @@ def test_the_tables_hold_every_channel(run):
     folder, _ = run
     files = folder.files_of("frame")
     simulation = pd.read_csv(files.simulation)
-    record = load(MultichannelModelRecord, files.model)
+    record = load(ModelRecord, files.model)
     data = load_multichannel_data(files.prepared, files.transforms)
     before, after = data.estimation, data.validation
     state = record.model.simulation_state(before.inputs, before.outputs)
@@ -154,9 +154,9 @@ def test_octave_reads_the_model(run, tmp_path):
     folder, _ = run
     files = folder.files_of("frame")
     stored = loadmat(files.model_mat)
-    record = load(MultichannelModelRecord, files.model)
-    np.testing.assert_array_equal(stored["A"], record.A)
-    assert stored["InputDelay"].ravel().tolist() == list(record.input_delays)
+    record = load(ModelRecord, files.model)
+    np.testing.assert_array_equal(stored["A"], record.model.A)
+    assert stored["InputDelay"].ravel().tolist() == list(record.model.input_delays)
     octave = shutil.which("octave-cli") or shutil.which("octave")
     if octave is None:
         pytest.skip("Octave is not installed")
@@ -174,9 +174,9 @@ def test_octave_reads_the_model(run, tmp_path):
         check=True,
         timeout=120,
     ).stdout.split()
-    steps = record.model.simulate(np.tile([1.0, 0.0], (5, 1)))[:, 0] - record.level[0]
+    steps = record.model.simulate(np.tile([1.0, 0.0], (5, 1)))[:, 0] - record.model.level[0]
     np.testing.assert_allclose(np.array(printed[:5], float), steps, rtol=1e-9, atol=1e-12)
-    assert float(printed[5]) == record.Ts
+    assert float(printed[5]) == 1.0 / record.sampling_rate
 
 
 def test_every_decision_is_a_file(run):
@@ -216,7 +216,7 @@ def test_outputs_alone_are_predicted(at_once):
 
 def test_recordings_under_one_name_have_one_model(at_once):
     files = at_once.files_of("joined")
-    record = load(MultichannelModelRecord, files.model)
+    record = load(ModelRecord, files.model)
     assert [each.samples for each in record.transforms.estimation_records] == [SAMPLES] * 2
     assert record.transforms.validation_samples == SAMPLES
     modes = load(ModesRecord, files.modes_json)

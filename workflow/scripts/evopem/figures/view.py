@@ -239,9 +239,9 @@ class PolynomialView(View):
                 *(name, recording.input_unit),
                 *(prepared_input_name(transforms, name), recording.input_unit),
             ),
-        )[: int(results.model.model.has_input)]
+        )[: int(results.model.has_input)]
         self.model_text = str(results.model.orders)
-        self.structure = results.model.orders.structure
+        self.structure = results.model.structure
         self.order_name = plant_order(self.structure)
         self.truth = results.truth
         self.candidates = results.candidates
@@ -360,7 +360,7 @@ class PolynomialView(View):
     @cached_property
     def roots(self) -> pd.DataFrame:
         """Roots of the polynomials with their covariances."""
-        model = self.results.model.model
+        model = self.results.model.polynomials
         found = [
             (kind, root.value, root.covariance)
             for polynomial, kind in ROOTS
@@ -414,12 +414,12 @@ class ChannelsView(View):
             )
         )
         self.model_text = model.text
-        self.order_name = "of the plant" if model.polynomials else "n"
+        self.order_name = "of the plant" if model.orders else "n"
         self.selected_order = results.modes.table.order
         self.simulation = results.simulation
         self.autocorrelation = results.residual_autocorrelation
         self.cross_correlation = results.cross_correlation
-        self.convergence = model.search.convergence
+        self.convergence = model.search.diagnostics.convergence
         self.modes = results.modes.modes
         self.trusted = results.modes.trusted
 
@@ -556,9 +556,9 @@ class ChannelsView(View):
     @cached_property
     def roots(self) -> pd.DataFrame:
         """Poles of the model, without their covariances, and roots of its predictor."""
-        model, unknown = self.results.model.model, np.full((2, 2), np.nan)
+        model, unknown = self.results.model.state_space, np.full((2, 2), np.nan)
         kinds = (("pole", model.poles()), ("root of C", model.predictor_poles()))
-        shown = kinds if np.any(model.K) else kinds[:1]
+        shown = kinds if self.results.model.has_noise_model else kinds[:1]
         return _roots_table([(kind, root, unknown) for kind, roots in shown for root in roots], [])
 
     @cached_property

@@ -105,7 +105,7 @@ def load(kind: type[T], path: str | Path) -> T:
         content = json.loads(Path(path).read_text(encoding="utf-8"))
     except OSError as error:
         raise InputError(str(path), f"cannot be read ({error.strerror})", _REMEDY) from None
-    except ValueError:
+    except (ValueError, RecursionError):
         raise InputError(str(path), "is not valid JSON", _REMEDY) from None
     return from_json(kind, content, str(path))
 
@@ -125,6 +125,7 @@ def _converter() -> cattrs.Converter:
     converter.register_structure_hook_func(_is_literal, _literal)
     converter.register_structure_hook_func(_is_tuple, partial(_tuple, converter))
     converter.register_structure_hook_func(_is_plain_union, partial(_plain, converter))
+    converter.register_structure_hook_func(_is_dataclass_union, partial(_nearest, converter))
     converter.register_unstructure_hook_factory(
         is_dataclass,
         lambda kind: make_dict_unstructure_fn(kind, converter, **_renamed(kind)),
@@ -249,6 +250,28 @@ def _is_plain_union(kind: Any) -> bool:
     return all(
         member in plain or get_origin(member) in (Literal, tuple, dict) for member in get_args(kind)
     )
+
+
+def _is_dataclass_union(kind: Any) -> bool:
+    """Whether a type is a union of dataclasses, perhaps with None."""
+    if get_origin(kind) not in (Union, UnionType):
+        return False
+    members = [member for member in get_args(kind) if member is not type(None)]
+    return len(members) > 1 and all(map(is_dataclass, members))
+
+
+def _nearest(converter: cattrs.Converter, value: Any, kind: Any) -> Any:
+    """The member of a union whose fields are nearest to the keys of a value."""
+    members = get_args(kind)
+    if value is None and type(None) in members:
+        return None
+    keys = set(value)
+
+    def differing(member: type) -> int:
+        return len(keys ^ {field.name.rstrip("_") for field in fields(member)})
+
+    dataclasses = [member for member in members if member is not type(None)]
+    return converter.structure(value, min(dataclasses, key=differing))
 
 
 def _plain(converter: cattrs.Converter, value: Any, kind: Any) -> Any:

@@ -123,8 +123,7 @@ class Results:
     @property
     def model(self) -> PolynomialModel | StateSpaceModel:
         """The model: it simulates, predicts, and gives its modes and frequency response."""
-        record = self.results.model
-        return getattr(record, "polynomials", None) or record.model
+        return self.results.model.model
 
     @property
     def validation(self) -> Validation | MultichannelValidation:

@@ -72,7 +72,7 @@ def complete_other_model(files: DatasetFiles, purpose: Purpose, search: SearchSe
         error_percent(measured, responses.simulated[scored]),
     )
     save(
-        ModelRecord.of(estimate, settings, prepared.transforms, choice.level),
+        ModelRecord.of(estimate, prepared.estimation, settings, prepared.transforms, choice.level),
         files.other_model(purpose),
     )
     save(other, files.other_errors(purpose))

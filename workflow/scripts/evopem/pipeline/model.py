@@ -59,7 +59,12 @@ def complete_model(
         estimate = complete_estimate(selected, prepared.estimation, search, window, fit)
     if level == "constant" and len(set(prepared.estimation.segment_recordings)) > 1:
         level = "state"  # each recording has a level of its own, and so have others
-    save(ModelRecord.of(estimate, search, prepared.transforms, level, fit), files.model)
+    record = ModelRecord.of(
+        *(estimate, prepared.estimation, search, prepared.transforms, level),
+        focus=fit.focus,
+        constraints=fit.constraints,
+    )
+    save(record, files.model)
     save_model_mat(estimate.model, files.model_mat)
     write_table(files.modes, modes_table(estimate.model))
     write_table(files.frequency_response, frequency_response_table(estimate.model))

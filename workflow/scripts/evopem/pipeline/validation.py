@@ -24,12 +24,12 @@ def validate_model(files: DatasetFiles, phase: str) -> None:
     """
     record = load(ModelRecord, files.model)
     prepared = load_prepared(files.prepared, files.transforms)
-    models = load(PhaseSelection, files.phase(phase)).over_orders(record.orders.structure)
+    models = load(PhaseSelection, files.phase(phase)).over_orders(record.structure)
     spectrum = load(SpectrumSummary, files.spectrum_summary)
     validation, tables = validate(
-        record.model,
+        record.polynomials,
         prepared,
-        record.window.loss_start,
+        record.window.loss_start if record.window else None,
         record.search.settings.objective,
         [each.model for each in models if each.orders != record.orders],
         SpectrumSettings(spectrum.time_halfbandwidth, spectrum.nfft),

@@ -102,9 +102,9 @@ def _of_channels(results: MultichannelResults) -> list[tuple[str, str]]:
         *(row for file in results.files for row in file_rows(file)),
         *([("Sampling rate", f"of the time stamps “{time}”, told by name")] if time else []),
         *(("Time stamps", each) for each in uneven_stamps(results.recording_info.uneven_times)),
-        ("Objective of the search", model.settings.objective),
-        ("Seed of the search", str(model.settings.seed)),
-        ("Objective evaluations of the last search", count(model.search.evaluations)),
+        ("Objective of the search", model.search.settings.objective),
+        ("Seed of the search", str(model.search.settings.seed)),
+        ("Objective evaluations of the last search", count(model.search.diagnostics.evaluations)),
     ]
 
 

@@ -143,7 +143,7 @@ class Comparison:
                     "sampling_rate_hz": each.model.sampling_rate,
                     "simulation_error_percent": validation.simulation_error_percent,
                     "prediction_error_percent": validation.prediction_error_percent,
-                    "bic": each.model.criteria.bic,
+                    "bic": each.model.bic,
                     "failed_checks": len(failed_checks(checks)),
                     "trusted_modes": len(each.trusted_modes),
                 }

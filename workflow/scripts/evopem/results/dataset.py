@@ -87,7 +87,7 @@ class DatasetResults:
     def models_of_orders(self) -> PhaseSelection:
         """The models over which the modes are compared, and the selected one."""
         phase = self.phases[phase_of_orders_of(self.settings)]
-        return replace(phase, candidates=phase.over_orders(self.model.orders.structure))
+        return replace(phase, candidates=phase.over_orders(self.model.structure))
 
     @property
     def checks(self) -> list[Check]:

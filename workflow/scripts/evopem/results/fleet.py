@@ -137,7 +137,7 @@ def summarize(
         estimation_samples=model.transforms.estimation_samples,
         validation_samples=model.transforms.validation_samples,
         orders=model.orders,
-        bic=model.criteria.bic,
+        bic=model.bic,
         prediction_error_percent=validation.prediction_error_percent,
         simulation_error_percent=validation.simulation_error_percent,
         fitted_state_error_percent=validation.fitted_state_error_percent,
@@ -160,7 +160,7 @@ def _trusted(model: ModelRecord, validation: Validation) -> list[bool]:
 def _gain_outline(model: ModelRecord) -> tuple[float, ...]:
     """The largest gain of each band, in decibels to one decimal."""
     bands = np.linspace(0.0, model.sampling_rate / 2, 32 * GAIN_BANDS + 1)[1:]
-    own = model.model
+    own = model.polynomials
     response = own.frequency_response if own.has_input else own.noise_response
     gain = np.abs(response(bands)).reshape(GAIN_BANDS, -1).max(axis=1)
     with np.errstate(divide="ignore"):

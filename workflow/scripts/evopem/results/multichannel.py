@@ -16,7 +16,7 @@ from evopem.automatic.state_space_choice import StateSpaceChoice
 from evopem.automatic.state_space_remedies import RemedyRecord
 from evopem.automatic.variant_search import VariantSearch
 from evopem.config.state_space_settings import MultichannelDataset
-from evopem.estimation.multichannel_record import MultichannelModelRecord
+from evopem.estimation.model_record import ModelRecord
 from evopem.files.checksums import sha256_of_file
 from evopem.files.json_form import load
 from evopem.models.modes import Mode
@@ -71,7 +71,7 @@ class MultichannelResults:
     validation_recording_info : RecordingInfo, optional
         Of files for validation.
     prepared : MultichannelData
-    model : MultichannelModelRecord
+    model : ModelRecord
     modes : ModesRecord
     frequency_response, simulation, residual_autocorrelation, cross_correlation : pandas.DataFrame
         As in ``frequency_response.csv`` and the other files of these names.
@@ -86,7 +86,7 @@ class MultichannelResults:
     recording_info: RecordingInfo
     validation_recording_info: RecordingInfo | None
     prepared: MultichannelData
-    model: MultichannelModelRecord
+    model: ModelRecord
     modes: ModesRecord
     frequency_response: pd.DataFrame
     simulation: pd.DataFrame
@@ -151,7 +151,7 @@ def read_multichannel_results(
         if settings.source.validation_files
         else None,
         prepared=load_multichannel_data(files.prepared, files.transforms),
-        model=load(MultichannelModelRecord, files.model),
+        model=load(ModelRecord, files.model),
         modes=load(ModesRecord, files.modes_json),
         frequency_response=read_table(files.frequency_response),
         simulation=read_table(files.simulation),
@@ -169,7 +169,7 @@ def read_multichannel_results(
 
 def summarize_multichannel(files: DatasetFiles) -> DatasetSummary:
     """Summarize one data set with several channels."""
-    record = load(MultichannelModelRecord, files.model)
+    record = load(ModelRecord, files.model)
     validation = load(MultichannelValidation, files.validation)
     info = load(RecordingInfo, files.recording_info)
     modes = load(ModesRecord, files.modes_json)
@@ -200,7 +200,7 @@ def summarize_multichannel(files: DatasetFiles) -> DatasetSummary:
 
 
 def frequency_response_rows(
-    record: MultichannelModelRecord, estimation: Recording
+    record: ModelRecord, estimation: Recording
 ) -> dict[str, list[Any]]:
     """Gains and phases of every pair of output and input, the model's and the measured ones.
 
@@ -208,7 +208,7 @@ def frequency_response_rows(
 
     Parameters
     ----------
-    record : MultichannelModelRecord
+    record : ModelRecord
     estimation : Recording
         Samples behind the measured response.
     """
@@ -244,10 +244,10 @@ def frequency_response_rows(
     return rows
 
 
-def _gain_outline(record: MultichannelModelRecord) -> tuple[float, ...]:
+def _gain_outline(record: ModelRecord) -> tuple[float, ...]:
     """The largest singular value of each band, in decibels to one decimal."""
     bands = np.linspace(0.0, record.sampling_rate / 2, 8 * GAIN_BANDS + 1)[1:]
-    model = record.plant if record.input_names else record.model
+    model = record.plant if record.input_names else record.state_space
     response = (
         model.frequency_response(bands) if record.input_names else model.noise_response(bands)
     )

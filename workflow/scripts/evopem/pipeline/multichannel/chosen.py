@@ -16,8 +16,8 @@ from evopem.automatic.variant_search import Variant, VariantSearch
 from evopem.blas_threads import one_blas_thread
 from evopem.config.constraints import Constraints
 from evopem.config.state_space_settings import OrderRanges, StateSpaceSearchSettings
+from evopem.estimation.model_record import ModelRecord
 from evopem.estimation.multi_input.order_limits import OrderLimits, joint_orders
-from evopem.estimation.multichannel_record import MultichannelModelRecord
 from evopem.files.atomic import write_table
 from evopem.files.json_form import load, save
 from evopem.models.matlab import save_model_mat
@@ -59,7 +59,7 @@ def estimate_chosen_state_space(
     save(record, files.model)
     save(remedied.record, files.decision("remedies"))
     write_table(files.candidates, _candidates(forms, choice, remedied))
-    save_model_mat(record.polynomials or record.model, files.model_mat)
+    save_model_mat(record.model, files.model_mat)
     with one_blas_thread():
         write_table(files.frequency_response, frequency_response_rows(record, data.estimation))
 
@@ -88,7 +88,7 @@ def complete_other_state_space(
             found = forms.as_searched(choice)
         record = _record(found, data, choice, search, constraints)
         errors = mean_errors(
-            record.model, data.validation, choice.level == "state", data.before_validation
+            record.state_space, data.validation, choice.level == "state", data.before_validation
         )
     save(record, files.other_model(choice.purpose))
     save(OtherModel(choice.purpose, record.text, *errors), files.other_errors(choice.purpose))
@@ -124,19 +124,14 @@ def _record(
     choice: ModelChoice,
     search: StateSpaceSearchSettings,
     constraints: Constraints | None,
-) -> MultichannelModelRecord:
+) -> ModelRecord:
     """Everything that is known of a model."""
-    return MultichannelModelRecord.of(
-        found.estimate,
-        found.model,
-        (choice.variant.form, choice.variant.weighting),
-        (data.estimation.input_units, data.estimation.output_units),
-        search,
-        data.transforms,
-        choice.level,
-        found.polynomials,
-        constraints,
-        found.at_upper_ends,
+    return ModelRecord.of(
+        *(found.estimate, data.estimation, search, data.transforms, choice.level),
+        model=None if found.polynomials else found.model,
+        variant=(choice.variant.form, choice.variant.weighting),
+        constraints=constraints,
+        at_upper_ends=found.at_upper_ends,
     )
 
 

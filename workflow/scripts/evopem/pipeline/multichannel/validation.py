@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from evopem.automatic.state_space_remedies import RemedyRecord
 from evopem.blas_threads import one_blas_thread
-from evopem.estimation.multichannel_record import MultichannelModelRecord
+from evopem.estimation.model_record import ModelRecord
 from evopem.files.atomic import write_table
 from evopem.files.json_form import load, save
 from evopem.models.stabilization import OrderModel, OrderModels
@@ -18,13 +18,13 @@ from evopem.validation.multichannel import validate_multichannel
 
 def validate_state_space(files: DatasetFiles) -> None:
     """Validate the model and its modes on samples that no choice has seen."""
-    record = load(MultichannelModelRecord, files.model)
+    record = load(ModelRecord, files.model)
     data = load_prepared_channels(files)
     prepared = data.validation
     with one_blas_thread():
         free_level = record.level_of_simulation == "state"
         validation, tables = validate_multichannel(
-            record.model, prepared, free_level, before=data.before_validation
+            record.state_space, prepared, free_level, before=data.before_validation
         )
         modes = _judged_modes(files, record, prepared)
     save(modes, files.modes_json)
@@ -35,9 +35,7 @@ def validate_state_space(files: DatasetFiles) -> None:
     write_table(files.cross_correlation, tables.cross_correlation)
 
 
-def _judged_modes(
-    files: DatasetFiles, record: MultichannelModelRecord, validation: Recording
-) -> ModesRecord:
+def _judged_modes(files: DatasetFiles, record: ModelRecord, validation: Recording) -> ModesRecord:
     """The modes of the model and of the other orders of its form, with their evidence."""
     choice = load(RemedyRecord, files.decision("remedies")).choice
     searched = load(OrderModels, files.models_of_orders(choice.variant.name))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from evopem.config.constraints import Constraints, FixedPole, Prior
 from evopem.estimation.model_record import FitRecord
@@ -13,9 +13,6 @@ from evopem.report import equations
 from evopem.report.numbers import number, percent, plural
 from evopem.report.section import Material, Section
 from evopem.report.sentences.about_recording import transform_effects
-
-if TYPE_CHECKING:
-    from evopem.estimation.multichannel_record import ConstrainedFit
 
 
 @dataclass(frozen=True)
@@ -29,11 +26,11 @@ class ConstraintRow:
 
 def constraint_rows(fit: FitRecord | None) -> list[ConstraintRow]:
     """List the constraints that were given for a model."""
-    if fit is None or fit.settings.constraints is None:
+    if fit is None or fit.constraints is None:
         return []
     return [
         ConstraintRow(key, value, _effect(key, fit.active))
-        for key, value in _values(fit.settings.constraints)
+        for key, value in _values(fit.constraints)
     ]
 
 
@@ -42,7 +39,7 @@ def fit_sentences(fit: FitRecord | None) -> list[str]:
     if fit is None:
         return []
     sentences = []
-    focus = fit.settings.focus
+    focus = fit.focus
     if focus != "prediction":
         ahead = f"of predictions {plural(focus, 'sample')} ahead" if isinstance(focus, int) else ""
         sentences.append(
@@ -50,7 +47,7 @@ def fit_sentences(fit: FitRecord | None) -> list[str]:
             f" selected orders was then fitted for small errors {ahead or 'of simulation'}:"
             f" their objective is {percent(fit.objective, 4)} on the estimation samples."
         )
-    if fit.settings.constraints is not None:
+    if fit.constraints is not None:
         sentences.append(
             f"{_cost(fit)}"
             " Standard errors are zero across active constraints and count a prior as an"
@@ -59,23 +56,7 @@ def fit_sentences(fit: FitRecord | None) -> list[str]:
     return sentences
 
 
-def input_constraint_rows(fit: ConstrainedFit | None) -> list[ConstraintRow]:
-    """List the constraints that were given for a model with several inputs."""
-    if fit is None:
-        return []
-    return [
-        ConstraintRow(key, value, _effect(key, fit.active)) for key, value in _values(fit.settings)
-    ]
-
-
-def input_fit_sentences(fit: ConstrainedFit | None) -> list[str]:
-    """What all constraints of a model with several inputs together cost in fit."""
-    if fit is None:
-        return []
-    return [f"{_cost(fit)} Standard errors are zero across active constraints."]
-
-
-def _cost(fit: FitRecord | ConstrainedFit) -> str:
+def _cost(fit: FitRecord) -> str:
     return (
         "The order search did not know the constraints; the model of the selected orders meets"
         f" them. Its objective is {percent(fit.objective, 5)}; without them it is"
@@ -150,11 +131,11 @@ def _content(material: Material) -> dict[str, Any]:
         fit = view.results.model.fit
         return {
             "equation": None,
-            "constraints": input_constraint_rows(fit),
-            "fit_sentences": input_fit_sentences(fit),
+            "constraints": constraint_rows(fit),
+            "fit_sentences": fit_sentences(fit),
         }
     record = view.results.model
-    model = record.model
+    model = record.polynomials
     return {
         "equation": equations.equation(model),
         "orders_note": equations.orders_note(model),

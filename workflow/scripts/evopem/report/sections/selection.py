@@ -8,7 +8,7 @@ from typing import Any
 
 from evopem.automatic.decision import Decision
 from evopem.automatic.record import OtherModel
-from evopem.estimation.multichannel_record import MultichannelModelRecord
+from evopem.estimation.model_record import ModelRecord
 from evopem.figures.view import ChannelsView, PolynomialView, Results, View
 from evopem.report.numbers import number
 from evopem.report.section import Material, Section
@@ -105,7 +105,7 @@ def structure_table(results: DatasetResults) -> StructureTable | None:
     structures = {structure for scores in best for structure in scores}
     if len(structures) < 2:
         return None
-    selected = results.model.orders.structure
+    selected = results.model.structure
     rows = [
         StructureScores(
             structure.upper(),
@@ -174,8 +174,8 @@ def _content(material: Material) -> dict[str, Any]:
     }
 
 
-def _absolute(model: MultichannelModelRecord) -> list[str]:
-    if model.settings.objective != "absolute":
+def _absolute(model: ModelRecord) -> list[str]:
+    if model.search.settings.objective != "absolute":
         return []
     weight = "power" if model.weighting == "power" else "noise"
     return [

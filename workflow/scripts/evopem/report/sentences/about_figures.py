@@ -42,8 +42,8 @@ def search(results: DatasetResults) -> list[str]:
         " evaluations of the objective.",
         *([] if _descents_only(diagnostics) else _convergence(diagnostics)),
         f"Its objective (“{model.search.settings.objective}”) is"
-        f" {percent(model.criteria.objective, 4)}, and the fit on the estimation samples"
-        f" {percent(model.criteria.fit_percent, 4)}.",
+        f" {percent(model.objective, 4)}, and the fit on the estimation samples"
+        f" {percent(model.fit_percent[0], 4)}.",
         _restarts(diagnostics),
         "The descents that converged ended at"
         f" {plural(diagnostics.n_local_optima, 'local optimum', 'distinct local optima')}.",
@@ -54,12 +54,12 @@ def search(results: DatasetResults) -> list[str]:
             "A root of A, C, D or F lies at the stability bound, the largest radius allowed: the"
             " bound determines it, and not the data."
         )
-    for state, words in ((model.plant_state, "plant"), (model.noise_state, "noise")):
-        if state.size:
-            sentences.append(
-                f"The {words} state before the first residual ({plural(state.size, 'value')}) was"
-                " estimated with the coefficients, so no initial transient adds to the residuals."
-            )
+    if model.initial_states.size:
+        sentences.append(
+            "The state before the first residual"
+            f" ({plural(model.initial_states.size, 'value')}) was estimated with the coefficients,"
+            " so no initial transient adds to the residuals."
+        )
     sentences.append(_all_candidates(results.candidates))
     return [" ".join(sentences)]
 
@@ -135,7 +135,7 @@ NAMES = {
 
 def delay(results: DatasetResults) -> list[str]:
     """The selected delay, and how much BIC varies over the orders."""
-    order = plant_order(results.model.orders.structure)
+    order = plant_order(results.model.structure)
     selected = results.phases["delay"].orders.single.nk
     tried = results.candidates[results.candidates["phase"] == "delay"]
     sentences = [_reason(results, "delay")]
@@ -150,7 +150,7 @@ def delay(results: DatasetResults) -> list[str]:
             " delay."
         )
     if results.truth is not None:
-        true, found = results.truth.delay_samples, results.model.orders.single.nk
+        true, found = results.truth.delay_samples, results.model.polynomials.orders.single.nk
         difference = "which was found" if true == found else f"{abs(true - found)} off"
         sentences.append(f"The true delay is {plural(true, 'sample')}, {difference}.")
     return [" ".join(sentences)]
@@ -159,7 +159,7 @@ def delay(results: DatasetResults) -> list[str]:
 def phases(results: DatasetResults) -> list[str]:
     """The selection of each phase of the orders, beside the smallest RSS."""
     paragraphs = []
-    structure = results.model.orders.structure
+    structure = results.model.structure
     if results.decisions is not None:
         names = dict.fromkeys(
             structure_name(each.orders.structure)

@@ -52,7 +52,7 @@ def modes(results: DatasetResults, rows: Sequence[ModeRow]) -> list[str]:
 
 def _of_noise(results: DatasetResults) -> list[str]:
     """The modes that the noise filter has beside those of A."""
-    model = results.model.model
+    model = results.model.polynomials
     own = model.modes_of_polynomial("d")
     if not own:
         return []
@@ -62,7 +62,7 @@ def _of_noise(results: DatasetResults) -> list[str]:
 
 def _origins(results: DatasetResults, rows: Sequence[ModeRow]) -> list[str]:
     """Which modes the input drives, which belong to the noise, and which recur at other orders."""
-    with_input = results.model.model.has_input
+    with_input = results.model.has_input
     numbers = {row.estimate.pole: n for n, row in enumerate(rows, start=1) if row.estimate}
     tested = results.validation.modes
     judged = [(numbers[each.mode.pole], each) for each in tested if each.mode.pole in numbers]
@@ -136,7 +136,7 @@ def _missed(missed: Sequence[Mode], transforms: Transforms) -> list[str]:
 
 def poles(results: DatasetResults) -> list[str]:
     """Positions and uncertainty of poles and zeros."""
-    model = results.model.model
+    model = results.model.polynomials
     found, zeros, noise_zeros = model.poles(), model.zeros(), model.noise_zeros()
     sentences = []
     if found.size:
@@ -193,7 +193,7 @@ def _largest_ellipses(model: PolynomialModel) -> str:
 
 def frequency_response(results: DatasetResults) -> list[str]:
     """Where the gain is largest, and its trend over frequency."""
-    model = results.model.model
+    model = results.model.polynomials
     frequencies = np.linspace(0, model.sampling_rate / 2, FREQUENCIES + 1)[1:]
     response = model.frequency_response if model.has_input else model.noise_response
     gain = np.abs(response(frequencies)[:, 0, 0])

@@ -59,7 +59,7 @@ def _of_polynomial(view: PolynomialView) -> list[ModeLine]:
         lines.append(ModeLine(mode, not reasons, "; ".join(reasons) or _seen(evidence[mode.pole])))
     return lines + [
         ModeLine(mode, False, "of the noise filter alone, and not tested on validation samples")
-        for mode in results.model.model.modes_of_polynomial("d")
+        for mode in results.model.polynomials.modes_of_polynomial("d")
     ]
 
 
@@ -106,7 +106,7 @@ def _evidence(judged: JudgedMode, view: ChannelsView, deviation: np.ndarray) -> 
     if len(record.output_names) > 1:
         words.append(_seen_at(record.output_names, mode.output_shares))
     if judged.order != record.table.order:
-        polynomial = view.results.model.polynomials is not None
+        polynomial = view.results.model.orders is not None
         size = f"plant order {judged.order}" if polynomial else plural(judged.order, "state")
         words.append(f"of the model of {size}")
     words.append(f"{len(judged.orders)} of {plural(len(record.table.orders), 'order')} have it")

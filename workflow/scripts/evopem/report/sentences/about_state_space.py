@@ -64,7 +64,7 @@ def _prediction(results: MultichannelResults, failed: set[str]) -> Use:
         return Use("one-step prediction", "no", "the error is not known")
     against = "failed: “White residuals”" if "White residuals" in failed else ""
     answer: Answer = "care" if against else "good"
-    if not np.any(results.model.K):
+    if not results.model.has_noise_model:
         answer = worse(answer, answer_by_error(error))
     return Use(
         "one-step prediction", answer, joined(f"off by {percent(error)} on average", against)

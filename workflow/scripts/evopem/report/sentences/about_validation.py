@@ -55,7 +55,7 @@ def _cross_correlation(test: CrossCorrelationTest) -> str:
 def simulation(results: DatasetResults) -> list[str]:
     """Error of the simulation on samples that were not used for estimation."""
     validation = results.validation
-    if not results.model.model.has_input:
+    if not results.model.has_input:
         return [
             "The model has no input, so there is nothing to simulate. The prediction one sample"
             f" ahead has an error of {percent(validation.prediction_error_percent)} of the"
@@ -95,9 +95,9 @@ def horizons(results: DatasetResults) -> list[str]:
     if last is not first:
         text += f" and {percent(last.error_percent)} at k = {count(last.samples)}"
     text += "."
-    if results.model.orders.structure in WITHOUT_NOISE_MODEL:
+    if results.model.structure in WITHOUT_NOISE_MODEL:
         text += " Without a noise model it does not depend on the horizon."
-    elif results.model.model.has_input:
+    elif results.model.has_input:
         text += " With growing k it approaches the error of the simulation."
     return [text]
 

@@ -86,7 +86,7 @@ def _uses(view: PolynomialView) -> list[Use]:
     results = view.results
     outcome = {check.name: check for check in results.checks}
     of_input = []
-    if results.model.model.has_input:
+    if results.model.has_input:
         of_input = [_simulation(results, outcome), *_simulation_as_recorded(results, outcome)]
     return [
         *of_input,
@@ -195,7 +195,7 @@ def _prediction(results: DatasetResults, outcome: Mapping[str, Check]) -> Use:
 
 
 def _without_noise_model(results: DatasetResults) -> bool:
-    return results.model.orders.structure in WITHOUT_NOISE_MODEL
+    return results.model.structure in WITHOUT_NOISE_MODEL
 
 
 def _frequency_response(view: PolynomialView, outcome: Mapping[str, Check]) -> Use:
@@ -246,7 +246,7 @@ def _intervals(results: DatasetResults, outcome: Mapping[str, Check]) -> Use:
     reason = f"{residuals}, repeatable optimum" if answer == "good" else ""
     errors = results.model.parameter_standard_errors
     known = 0 if errors is None else int(np.isfinite(errors).sum())
-    total = len(results.model.model.parameters)
+    total = len(results.model.polynomials.parameters)
     if known == 0:
         return Use("standard errors", "no", joined("no coefficient has one", against))
     if known < total:

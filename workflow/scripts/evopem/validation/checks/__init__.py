@@ -111,7 +111,7 @@ def checks(
     ]
     if STRUCTURES_PHASE in phases:
         judged = [_after_remedies(check) for check in judged]
-    if model.model.has_input:
+    if model.has_input:
         return judged
     return [check for check in judged if check.name not in OF_THE_INPUT]
 

@@ -33,7 +33,7 @@ EXCITE_AGAIN = (
 def excitation(model: ModelRecord, validation: Validation) -> Check:
     """The order of excitation of the input at least the number of coefficients of the plant."""
     order, needed = validation.excitation.order, validation.excitation.needed
-    orders = model.orders
+    orders = model.polynomials.orders
     terms = [name for name in ("na", "nf", "nb") if getattr(orders.single, name) or name == "nb"]
     passed = order >= needed
     return Check(

@@ -97,7 +97,7 @@ def whiteness(model: ModelRecord, validation: Validation) -> Check:
             f" of {test.expected:.3g}.",
             "Use a longer record or fewer parameters.",
         )
-    structure = model.orders.structure
+    structure = model.structure
     if structure in WITHOUT_NOISE_MODEL:
         return Check(
             name,

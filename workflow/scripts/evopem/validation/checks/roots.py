@@ -49,7 +49,7 @@ def stability(model: ModelRecord) -> Check:
 
 def invertibility(model: ModelRecord) -> Check:
     """All roots of C and D inside the unit circle."""
-    own_poles = roots(model.d[1:])
+    own_poles = roots(model.polynomials.D[1:])
     return _inside_unit_circle(
         "Invertible",
         _letters(model, "cd"),
@@ -61,7 +61,7 @@ def invertibility(model: ModelRecord) -> Check:
 
 def _letters(model: ModelRecord, letters: str) -> str:
     """Those of some polynomials that the structure has: "A", or "A and F"."""
-    names = STRUCTURES[model.orders.structure]
+    names = STRUCTURES[model.structure]
     own = [letter.upper() for letter in letters if f"n{letter}" in names]
     return " and ".join([", ".join(own[:-1]), own[-1]] if len(own) > 1 else own)
 
@@ -113,10 +113,10 @@ def stability_bound(model: ModelRecord) -> Check:
 def cancellation(model: ModelRecord) -> Check:
     """No pole and zero of B/(A F) that their joint 95 % uncertainty cannot distinguish."""
     name = DISTINCT
-    poles, zeros = model.poles, model.zeros
+    poles, zeros = model.poles, np.concatenate([np.empty(0), *model.zeros])
     if poles.size == 0 or zeros.size == 0:
         return Check(name, True, "The model has no pair of a pole and a zero.")
-    own = model.model
+    own = model.polynomials
     distance, pole, zero = min(
         (abs(pole - zero), complex(pole), complex(zero))
         for pole in poles
@@ -124,12 +124,12 @@ def cancellation(model: ModelRecord) -> Check:
         if pole.imag >= 0 and zero.imag >= 0
     )
     nearest = f"The nearest pair, pole {_root_text(pole)} and zero {_root_text(zero)}, is"
-    order = plant_order(model.orders.structure)
+    order = plant_order(model.structure)
     advice = (
         f"The pair hardly affects the frequency response: lower {order} and nb by one (a real pair)"
         " or two (a complex pair) and compare the BIC."
     )
-    covariance = model.covariance_factor
+    covariance = model.polynomials.covariance
     if covariance is None:
         if distance < COINCIDENT_DISTANCE:
             return Check(name, False, f"{nearest} only {distance:.2g} apart.", advice, "caution")

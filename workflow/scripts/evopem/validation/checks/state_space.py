@@ -23,7 +23,7 @@ from evopem.validation.checks.residuals import (
 from evopem.validation.checks.search import repeatability
 
 if TYPE_CHECKING:
-    from evopem.estimation.multichannel_record import MultichannelModelRecord
+    from evopem.estimation.model_record import ModelRecord
     from evopem.signals.recording_info import RecordingInfo
     from evopem.validation.multichannel import MultichannelValidation, PairCorrelation
 
@@ -32,7 +32,7 @@ LISTED = 6
 
 
 def state_space_checks(
-    record: MultichannelModelRecord,
+    record: ModelRecord,
     validation: MultichannelValidation,
     order: int,
     tried: Sequence[int],
@@ -42,7 +42,7 @@ def state_space_checks(
 
     Parameters
     ----------
-    record : MultichannelModelRecord
+    record : ModelRecord
     validation : MultichannelValidation
     order : int
         That was chosen: of the plant that a Box-Jenkins model begins with, whose states cannot be
@@ -68,7 +68,9 @@ def state_space_checks(
         _whiteness(record, validation),
         *([_independence(record, validation)] if has_input else []),
         _order(record, order, tried),
-        repeatability(record.search, STATE_SPACE if record.polynomials is None else POLYNOMIALS),
+        repeatability(
+            record.search.diagnostics, STATE_SPACE if record.orders is None else POLYNOMIALS
+        ),
         _outliers(record, validation),
         _saturation(recording),
     ]
@@ -79,8 +81,8 @@ def _named(names: Sequence[str]) -> str:
     return shown if len(names) <= LISTED else f"{shown} and {len(names) - LISTED} more"
 
 
-def _stability(record: MultichannelModelRecord) -> Check:
-    radius = float(np.max(np.abs(np.linalg.eigvals(record.A))))
+def _stability(record: ModelRecord) -> Check:
+    radius = float(np.max(np.abs(record.state_space.poles())))
     passed = radius < 1.0
     return Check(
         "Stable",
@@ -90,9 +92,9 @@ def _stability(record: MultichannelModelRecord) -> Check:
     )
 
 
-def _stability_bound(record: MultichannelModelRecord) -> Check:
-    passed = not record.at_stability_bound
-    bound = record.settings.max_root_radius
+def _stability_bound(record: ModelRecord) -> Check:
+    passed = not record.search.at_stability_bound
+    bound = record.search.settings.max_root_radius
     return Check(
         "Roots inside the stability bound",
         passed,
@@ -114,7 +116,7 @@ def _better_than_mean(validation: MultichannelValidation) -> Check:
     )
 
 
-def _whiteness(record: MultichannelModelRecord, validation: MultichannelValidation) -> Check:
+def _whiteness(record: ModelRecord, validation: MultichannelValidation) -> Check:
     """Ljung-Box tests of all outputs, with Bonferroni's bound for their number."""
     tests = [each.ljung_box_p for each in validation.outputs]
     if any(map(math.isnan, tests)):
@@ -126,7 +128,7 @@ def _whiteness(record: MultichannelModelRecord, validation: MultichannelValidati
         f"Ljung-Box tests of the validation residuals of each output: lowest {p_text(lowest)},"
         f" {level:.2g} allowed for {len(tests)} output{'s' * (len(tests) > 1)}."
     )
-    if coloured and not np.any(record.K):
+    if coloured and not record.has_noise_model:
         return Check(
             WHITE,
             True,
@@ -172,7 +174,7 @@ def _allowed(validation: MultichannelValidation) -> float:
     return float(ndtri(1 - SIGNIFICANCE / (2 * _tested(validation))) / ndtri(0.975))
 
 
-def _independence(record: MultichannelModelRecord, validation: MultichannelValidation) -> Check:
+def _independence(record: ModelRecord, validation: MultichannelValidation) -> Check:
     pairs = validation.pairs
     if any(math.isnan(each.max_in_bounds) for each in pairs):
         return Check(
@@ -198,11 +200,11 @@ def _independence(record: MultichannelModelRecord, validation: MultichannelValid
     )
 
 
-def _order(record: MultichannelModelRecord, order: int, tried: Sequence[int]) -> Check:
+def _order(record: ModelRecord, order: int, tried: Sequence[int]) -> Check:
     name, key = "Order inside its range", _range_key(record)
     text = f"{order} states{' of the plant' if record.structure == 'ss_bj' else ''};"
-    if record.polynomials is not None:
-        order, text = record.polynomials.orders.plant, f"{record.text}; joint orders"
+    if record.orders is not None:
+        order, text = record.orders.plant, f"{record.text}; joint orders"
     text += f" {min(tried)} to {max(tried)} were tried"
     if record.at_upper_ends:
         return Check(
@@ -230,21 +232,21 @@ def _order(record: MultichannelModelRecord, order: int, tried: Sequence[int]) ->
     return Check(name, True, f"Inside: {text}.")
 
 
-def _range_key(record: MultichannelModelRecord) -> str:
+def _range_key(record: ModelRecord) -> str:
     """Key of the range of orders."""
-    return "orders.nx" if record.polynomials is None else "orders.joint"
+    return "orders.nx" if record.orders is None else "orders.joint"
 
 
-def _number_of_roots(record: MultichannelModelRecord, none: bool) -> str:
+def _number_of_roots(record: ModelRecord, none: bool) -> str:
     """Such as "No root of A, C, D or F", or that there is one."""
-    if record.polynomials is None:
+    if record.orders is None:
         return f"{'No' if none else 'An'} eigenvalue of A or of A − K C"
     return f"{'No' if none else 'A'} root of A, C, D or F"
 
 
-def _outliers(record: MultichannelModelRecord, validation: MultichannelValidation) -> Check:
+def _outliers(record: ModelRecord, validation: MultichannelValidation) -> Check:
     worst = max(validation.outputs, key=lambda each: each.outlier_percent)
-    absolute = record.settings.objective == "absolute"
+    absolute = record.search.settings.objective == "absolute"
     bearable = MAX_OUTLIER_PERCENT_ABSOLUTE if absolute else MAX_OUTLIER_PERCENT
     passed = worst.outlier_percent <= bearable
     return Check(
