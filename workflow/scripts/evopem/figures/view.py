@@ -33,11 +33,17 @@ from evopem.results.dataset import DatasetResults
 from evopem.results.multichannel import MultichannelResults
 from evopem.signals.spectral.multitaper import multitaper_spectrum
 from evopem.signals.spectral.peaks import spectral_peaks
+from evopem.validation.checks.excitation import input_rests
+from evopem.validation.checks.residuals import white
+from evopem.validation.checks.state_space import coloured_outputs
 
 if TYPE_CHECKING:
     from evopem.signals.spectral.summary import SpectralPeak
     from evopem.synthesis.truth import Truth
     from evopem.validation.checks import Check
+    from evopem.validation.mode_evidence import ModeEvidence
+    from evopem.validation.mode_table import JudgedMode
+    from evopem.validation.recorded_units import RecordedErrors
 
 Results = DatasetResults | MultichannelResults
 # Length of the transforms of the residual spectrum: coarse, since white noise has no lines.
@@ -191,6 +197,32 @@ class View:
     structure: str = ""
     has_poles_of_orders: bool = True
 
+    # What the verdict rests on.
+    evidence: Mapping[complex, ModeEvidence | JudgedMode]  # of each tested mode, by its pole
+    noise_modes: Sequence[Mode] = ()  # of the noise filter alone
+    white: bool | None  # whether the residuals are; None where that is not known
+    input_rests: bool = False  # on the validation samples
+    recorded: RecordedErrors | None = None  # in recorded units, where transforms leave these
+
+    @property
+    def has_noise_model(self) -> bool:
+        """Whether the model claims anything of the noise."""
+        return bool(self.results.model.has_noise_model)
+
+    @property
+    def standard_errors(self) -> np.ndarray:
+        """Of the coefficients of polynomials, or of the entries of a state-space model."""
+        record = self.results.model
+        if record.parameter_standard_errors is not None:
+            return np.asarray(record.parameter_standard_errors)
+        known = record.orders is None and record.model.covariance is not None
+        return np.full(record.model.parameters.size, 0.0 if known else np.nan)
+
+    @property
+    def input_deviations(self) -> np.ndarray:
+        """Standard deviations of the inputs on the estimation samples, (m,)."""
+        return np.asarray(self.results.prepared.estimation.inputs.std(axis=0))
+
     @property
     def trusted_frequencies(self) -> list[float]:
         """Natural frequencies of the modes that nothing speaks against, in Hz."""
@@ -245,6 +277,12 @@ class PolynomialView(View):
         self.order_name = plant_order(self.structure)
         self.truth = results.truth
         self.candidates = results.candidates
+        validation = results.validation
+        self.evidence = {each.mode.pole: each for each in validation.modes}
+        self.noise_modes = results.model.noise_modes
+        self.white = white(validation)
+        self.input_rests = input_rests(validation)
+        self.recorded = validation.recorded if transforms.changes_output else None
         self.has_poles_of_orders = (
             self.structure != "fir" if results.decisions is not None else "joint" in results.phases
         )
@@ -282,7 +320,7 @@ class PolynomialView(View):
     @cached_property
     def recorded_simulation(self) -> pd.DataFrame | None:  # type: ignore[override]
         """In recorded units; None where the transforms leave these."""
-        if not self.results.model.transforms.changes_output:
+        if self.recorded is None:
             return None
         names = ["recorded_output", "recorded_simulated", "recorded_predicted"]
         return self.results.validation_tables.simulation[["time_s", *names]]
@@ -422,6 +460,8 @@ class ChannelsView(View):
         self.convergence = model.search.diagnostics.convergence
         self.modes = results.modes.modes
         self.trusted = results.modes.trusted
+        self.evidence = {each.mode.pole: each for each in results.modes.table.modes}
+        self.white = not coloured_outputs(results.validation)
 
     @cached_property
     def scores(self) -> pd.DataFrame:

@@ -9,12 +9,11 @@ from typing import Literal
 import numpy as np
 
 from evopem.figures.frequency_domain import model_source
-from evopem.figures.view import PolynomialView, Results, View, view_of
+from evopem.figures.view import Results, View, view_of
 from evopem.report.numbers import THIN, count, enumeration, is_number, number, percent, plural
-from evopem.results.dataset import DatasetResults
+from evopem.report.sentences.about_modes import mode_lines
 from evopem.validation.checks import Check
-from evopem.validation.checks.excitation import RESTING, input_rests
-from evopem.validation.checks.residuals import WITHOUT_NOISE_MODEL, white
+from evopem.validation.checks.excitation import RESTING
 
 Answer = Literal["good", "care", "no"]
 
@@ -22,6 +21,9 @@ Answer = Literal["good", "care", "no"]
 # and up to which it is of use at all. The error has no natural limit, so the report shows it beside
 # the word.
 GOOD_SIMULATION, USABLE_SIMULATION = 30.0, 60.0
+
+# Modes that a sentence names at most.
+MOST_NAMED = 8
 
 # The checks that a use rests on: without the first it is not given, without the second with care.
 ESSENTIAL: dict[str, tuple[str, ...]] = {
@@ -74,27 +76,15 @@ class Verdict:
 def verdict(results: Results | View) -> Verdict:
     """Judge every use of a model by its errors on validation samples and by its checks.
 
-    A model without input cannot be simulated; it is judged by its prediction and its spectrum."""
-    from evopem.report.sentences.about_state_space import state_space_uses
-
+    A model without input cannot be simulated; it is judged by its prediction and its spectrum.
+    """
     view = view_of(results)
-    uses = _uses(view) if isinstance(view, PolynomialView) else state_space_uses(view.results)
+    outcome = {check.name: check for check in view.checks}
+    uses = [_prediction(view, outcome), _frequency_response(view, outcome)]
+    if view.has_input:
+        uses = [_simulation(view, outcome), *_simulation_as_recorded(view, outcome), *uses]
+    uses += [_modes(view), _intervals(view, outcome)]
     return Verdict(sentence_of(uses), sorted(uses, key=lambda use: ANSWERS.index(use.answer)))
-
-
-def _uses(view: PolynomialView) -> list[Use]:
-    results = view.results
-    outcome = {check.name: check for check in results.checks}
-    of_input = []
-    if results.model.has_input:
-        of_input = [_simulation(results, outcome), *_simulation_as_recorded(results, outcome)]
-    return [
-        *of_input,
-        _prediction(results, outcome),
-        _frequency_response(view, outcome),
-        _modes(results),
-        _intervals(results, outcome),
-    ]
 
 
 _WORDS: dict[Answer, str] = {"good": "good for", "care": "with care for", "no": "not for"}
@@ -145,31 +135,43 @@ def answer_by_error(error: float) -> Answer:
     return "good" if error <= GOOD_SIMULATION else "care"
 
 
-def _simulation(results: DatasetResults, outcome: Mapping[str, Check]) -> Use:
-    validation, transforms = results.validation, results.model.transforms
-    name = "simulation from the input"
-    if transforms.changes_output:
-        name = "simulation of the transformed output"
-    if input_rests(validation):
+def _simulation(view: View, outcome: Mapping[str, Check]) -> Use:
+    several = len(view.outputs) > 1
+    name = f"simulation from the {plural_of('input', view.inputs)}"
+    if view.recorded is not None:
+        name = f"simulation of the transformed {plural_of('output', view.outputs)}"
+    if view.input_rests:
         return Use(name, "no", f"not tested: {RESTING}")
     answer, against = _by_checks("simulation", outcome)
+    validation = view.results.validation
     error = validation.simulation_error_percent
+    if not is_number(error):
+        return Use(name, "no", joined("the error is not known", against))
     reason = (
-        f"off by {percent(error)} of the output’s deviation on"
+        f"off by {percent(error)} of the {'outputs’' if several else 'output’s'} deviation on"
         f" {count(validation.samples)} validation samples"
-        if is_number(error)
-        else "the error is not known"
     )
-    return Use(name, worse(answer, answer_by_error(error)), joined(reason, against))
+    answer = worse(answer, answer_by_error(error))
+    if several:
+        worst = max(view.errors, key=lambda each: each.simulation)
+        reason += f", by {percent(worst.simulation)} at {worst.name}"
+        if answer_by_error(worst.simulation) != "good":
+            answer = worse(answer, "care")
+    return Use(name, answer, joined(reason, against))
 
 
-def _simulation_as_recorded(results: DatasetResults, outcome: Mapping[str, Check]) -> list[Use]:
+def plural_of(noun: str, things: Sequence[object]) -> str:
+    """A noun in the number of the things."""
+    return noun if len(things) == 1 else f"{noun}s"
+
+
+def _simulation_as_recorded(view: View, outcome: Mapping[str, Check]) -> list[Use]:
     """The simulation in the units of the recording, where transforms make it another quantity."""
-    if not results.model.transforms.changes_output:
+    recorded = view.recorded
+    if recorded is None:
         return []
-    recorded = results.validation.recorded
-    name = "simulation of the output as recorded"
-    if input_rests(results.validation):
+    name = f"simulation of the {plural_of('output', view.outputs)} as recorded"
+    if view.input_rests:
         return [Use(name, "no", f"not tested: {RESTING}")]
     answer, against = _by_checks("simulation", outcome)
     error = recorded.simulation_error_percent
@@ -179,74 +181,75 @@ def _simulation_as_recorded(results: DatasetResults, outcome: Mapping[str, Check
     return [Use(name, worse(answer, answer_by_error(error)), joined(reason, against))]
 
 
-def _prediction(results: DatasetResults, outcome: Mapping[str, Check]) -> Use:
+def _prediction(view: View, outcome: Mapping[str, Check]) -> Use:
     answer, against = _by_checks("prediction", outcome)
-    error = results.validation.prediction_error_percent
+    error = view.results.validation.prediction_error_percent
     if not is_number(error):
         return Use("one-step prediction", "no", "the error is not known")
-    reason = f"off by {percent(error)} on validation samples"
-    if _without_noise_model(results):
+    where = "on average over the outputs" if len(view.outputs) > 1 else "on validation samples"
+    if not view.has_noise_model:
         # It is a simulation, and is as good as one.
         answer = worse(answer, answer_by_error(error))
-        if white(results.validation) is not True:
+        if view.white is not True:
             answer = worse(answer, "care")
             against = joined(against, "the residuals are coloured, which no noise model uses")
-    return Use("one-step prediction", answer, joined(reason, against))
+    return Use("one-step prediction", answer, joined(f"off by {percent(error)} {where}", against))
 
 
-def _without_noise_model(results: DatasetResults) -> bool:
-    return results.model.structure in WITHOUT_NOISE_MODEL
-
-
-def _frequency_response(view: PolynomialView, outcome: Mapping[str, Check]) -> Use:
+def _frequency_response(view: View, outcome: Mapping[str, Check]) -> Use:
     """The response of the plant; of a model without input, the spectrum that its noise has."""
     table = view.frequency_response
     table = table[table["source"] == model_source(view)[0]]
-    name, rests_on = "the frequency response", "response"
+    several = len(view.pairs) > 1
+    name, rests_on = f"the {plural_of('frequency response', view.pairs)}", "response"
     if not view.has_input:
-        name, rests_on = "the spectrum of the output", "spectrum"
+        name, rests_on = f"the spectrum of the {plural_of('output', view.outputs)}", "spectrum"
     answer, against = _by_checks(rests_on, outcome)
     inside = table[(table["gain"] > 0) & table["gain_lower"].notna()]
-    reason = "its 95 % band is not known"
-    if len(inside):
-        width = (inside["gain_upper"] - inside["gain_lower"]) / (2 * inside["gain"])
-        half = 100 * float(np.median(width))
-        reason = f"95 % band of ±{number(half, 2)}{THIN}% of the gain (median over frequency)"
-        if not np.isfinite(half):
-            reason = "its 95 % band has no upper limit at half of the frequencies or more"
-            answer = worse(answer, "care")
-    else:
+    if not len(inside):
+        return Use(name, worse(answer, "care"), joined("its 95 % band is not known", against))
+    width = (inside["gain_upper"] - inside["gain_lower"]) / (2 * inside["gain"])
+    half = 100 * float(np.median(width))
+    over = "all pairs and frequencies" if several else "frequency"
+    reason = f"95 % band of ±{number(half, 2)}{THIN}% of the gain (median over {over})"
+    if not np.isfinite(half):
+        reason = "its 95 % band has no upper limit at half of the frequencies or more"
         answer = worse(answer, "care")
     return Use(name, answer, joined(reason, against))
 
 
-def _modes(results: DatasetResults) -> Use:
-    trusted = results.trusted_modes
+def _modes(view: View) -> Use:
+    lines = mode_lines(view)
+    trusted = [line for line in lines if line.trusted]
+    others = len(view.modes) - len(trusted)
     if not trusted:
-        reason = (
-            "none passes every test" if results.model.modes else "the model has no oscillating mode"
-        )
+        reason = "none passes every test" if others else "the model has no oscillating mode"
         return Use("modes", "no", reason)
-    places = enumeration([number(each.mode.frequency_hz, 3) for each in trusted]) + f"{THIN}Hz"
-    others = len(results.model.modes) - len(trusted)
+    shown = [number(each.mode.frequency_hz, 3) for each in trusted[:MOST_NAMED]]
+    places = f"{enumeration(shown)}{THIN}Hz"
+    if len(trusted) > MOST_NAMED:
+        places = enumeration([*shown, f"{len(trusted) - MOST_NAMED} more"])
     reason = "seen in validation samples"
     if all(each.stable for each in trusted):
         reason += " and at most other orders"
-    if others:
-        reason += f"; {plural(others, 'further mode')} not to be trusted"
-    name = "the mode at" if len(trusted) == 1 else "the modes at"
-    return Use(f"{name} {places}", "good", reason)
+    against = f"{plural(others, 'further mode')} not to be trusted" if others else ""
+    name = f"the {plural_of('mode', trusted)} at {places}"
+    if len(view.outputs) == 1:
+        return Use(name, "good", joined(reason, against))
+    mixed = sum(bool(each.shape_doubt) for each in trusted)
+    shapes = f"{plural(mixed, 'shape')} not to be trusted" if mixed else ""
+    answer: Answer = "care" if mixed else "good"
+    return Use(f"{name}, with shapes", answer, joined(reason, against, shapes))
 
 
-def _intervals(results: DatasetResults, outcome: Mapping[str, Check]) -> Use:
+def _intervals(view: View, outcome: Mapping[str, Check]) -> Use:
     answer, against = _by_checks("intervals", outcome)
     residuals = "white residuals"
-    if _without_noise_model(results) and white(results.validation) is not True:
+    if not view.has_noise_model and view.white is not True:
         residuals = "the colour of the residuals is taken into account"
     reason = f"{residuals}, repeatable optimum" if answer == "good" else ""
-    errors = results.model.parameter_standard_errors
-    known = 0 if errors is None else int(np.isfinite(errors).sum())
-    total = len(results.model.polynomials.parameters)
+    errors = view.standard_errors
+    known, total = int(np.isfinite(errors).sum()), len(errors)
     if known == 0:
         return Use("standard errors", "no", joined("no coefficient has one", against))
     if known < total:
