@@ -27,8 +27,8 @@ from state_space import RATE, FreeEntries, changed, random_model, recorded, trut
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
 
+from evopem.config.settings import SearchSettings  # noqa: E402
 from evopem.estimation.state_space.estimate import estimate_state_space  # noqa: E402
-from evopem.estimation.state_space.settings import StateSpaceSettings  # noqa: E402
 from evopem.models.state_space import StateSpaceModel  # noqa: E402
 from evopem.signals.recording import Recording  # noqa: E402
 
@@ -50,9 +50,13 @@ def spiked(y: np.ndarray, share: float, seed: int) -> np.ndarray:
 
 
 def estimated(u: np.ndarray, y: np.ndarray, true: StateSpaceModel, objective: str):
-    settings = StateSpaceSettings(weighting="noise", objective=objective, evaluations=0)  # type: ignore[arg-type]
+    settings = SearchSettings(objective=objective, evaluations=0)
     return estimate_state_space(
-        Recording(u, y, RATE), true.order, form=true.structure, settings=settings
+        Recording(u, y, RATE),
+        true.order,
+        structure=true.structure,
+        weighting="noise",
+        settings=settings,
     )
 
 
@@ -132,9 +136,13 @@ def optimum(starts: int) -> list[str]:
             u, y = recorded(true, 200, 0.3, 1)
             y = spiked(y, 0.03, 1)
             begun = time.process_time()
-            settings = StateSpaceSettings(weighting="noise", objective="absolute", evaluations=2000)
+            settings = SearchSettings(objective="absolute", evaluations=2000)
             found = estimate_state_space(
-                Recording(u, y, RATE), true.order, structure=form, settings=settings
+                Recording(u, y, RATE),
+                true.order,
+                structure=form,
+                weighting="noise",
+                settings=settings,
             )
             spent = time.process_time() - begun
             begun = time.process_time()

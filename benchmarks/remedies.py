@@ -33,7 +33,7 @@ from evopem.automatic.state_space_choice import choose
 from evopem.automatic.variant_search import Variant
 from evopem.config.state_space_settings import VARIANTS, OrderRanges, StateSpaceChoices
 from evopem.estimation.delays import estimate_delays
-from evopem.estimation.state_space.settings import StateSpaceSettings
+from evopem.estimation.state_space.task import QUADRATIC
 from evopem.signals.recording import Recording
 from evopem.validation.multichannel import mean_errors
 
@@ -155,14 +155,14 @@ def identified(estimation: Any, kind: str, order: int) -> None:
     found = {
         each: search_variant(
             *(estimation, each, delays, orders),
-            StateSpaceSettings(weighting=each.weighting),
+            QUADRATIC,
         )
         for each in (Variant(*names) for names in VARIANTS)
     }
     forms = SearchedForms(
         *(estimation, delays, tuple(search for search, _ in found.values())),
         lambda variant, order: found[variant][1].of_order(order),
-        lambda variant: StateSpaceSettings(weighting=variant.weighting),
+        QUADRATIC,
         OrderRanges(),
     )
     of_several.act_on_checks(forms, choose(forms.searches, StateSpaceChoices()).model)

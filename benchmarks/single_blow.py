@@ -31,7 +31,7 @@ from evopem.automatic.searched_forms import search_variant
 from evopem.automatic.state_space_choice import choose
 from evopem.automatic.variant_search import Variant
 from evopem.config.state_space_settings import StateSpaceChoices
-from evopem.estimation.state_space.settings import StateSpaceSettings
+from evopem.estimation.state_space.task import QUADRATIC
 from evopem.models.modes import Mode
 from evopem.signals.recording import Recording
 from evopem.validation.multichannel import mean_errors
@@ -71,12 +71,7 @@ def two_outputs(seed: int, place: int) -> str:
         *(force - force.mean(), outputs - outputs.mean(axis=0), 1.0),
         *(("force",), ("a", "b"), ("",), ("", "")),
     )
-    found = [
-        search_variant(
-            recording, each, (1,), range(2, 11, 2), StateSpaceSettings(weighting=each.weighting)
-        )
-        for each in VARIANTS
-    ]
+    found = [search_variant(recording, each, (1,), range(2, 11, 2), QUADRATIC) for each in VARIANTS]
     choice = choose([search for search, _ in found], StateSpaceChoices()).model
     search, models = found[VARIANTS.index(choice.variant)]
     errors = ", ".join(f"{error:.0f}" for error in search.simulation)
@@ -165,7 +160,7 @@ def chosen_of_several(record: Rested) -> tuple[str, float]:
     found = [
         search_variant(
             *(recording, each, (1,) * record.u.shape[1], range(1, 9)),
-            StateSpaceSettings(weighting=each.weighting),
+            QUADRATIC,
         )
         for each in VARIANTS
     ]

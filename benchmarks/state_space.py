@@ -32,6 +32,7 @@ sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
 
 from covered_intervals import CoveredIntervals  # noqa: E402
 
+from evopem.config.settings import SearchSettings  # noqa: E402
 from evopem.estimation.delays import estimate_delays  # noqa: E402
 from evopem.estimation.state_space.estimate import estimate_state_space, estimates_of_orders  # noqa: E402
 from evopem.estimation.state_space.held_out import (  # noqa: E402
@@ -39,7 +40,7 @@ from evopem.estimation.state_space.held_out import (  # noqa: E402
     simulation_errors,
     two_fold_simulation_errors,
 )
-from evopem.estimation.state_space.settings import StateSpaceSettings  # noqa: E402
+from evopem.estimation.state_space.task import StateSpaceTask  # noqa: E402
 from evopem.models.state_space import StateSpaceModel  # noqa: E402
 from evopem.signals.recording import Recording  # noqa: E402
 
@@ -51,7 +52,7 @@ OPTIMA = (
     *((2, 2, 2), (3, 3, 2), (1, 6, 2), (3, 3, 4)),
     *((1, 6, 4), (2, 2, 6), (3, 3, 6), (1, 6, 6)),
 )
-# Largest radius of poles, as in StateSpaceSettings.
+# Largest radius of poles, as in SearchSettings.
 LARGEST_RADIUS = 0.9999
 # Distance within which a pole of an estimate is that of a true mode.
 SAME_POLE = 0.1
@@ -282,9 +283,13 @@ def optimum(starts: int) -> None:
             true = truth(nu, ny, modes, form)
             u, y = recorded(true, 300, 0.3, 1)
             begun = time.process_time()
-            settings = StateSpaceSettings(weighting="power", evaluations=0)
+            settings = SearchSettings(objective="quadratic", evaluations=0)
             found = estimate_state_space(
-                Recording(u, y, RATE), true.order, structure=form, settings=settings
+                Recording(u, y, RATE),
+                true.order,
+                structure=form,
+                weighting="power",
+                settings=settings,
             )
             spent = time.process_time() - begun
             begun = time.process_time()
@@ -356,10 +361,9 @@ def recordings(folder: Path) -> None:
         later, measured = data[first:, :nu], data[first:, nu:]
         for form, weighting in (("ss_oe", "noise"), ("ss", "noise")):
             asked = (Recording(u, y, 1.0), range(1, top + 1))
-            options = {"form": form, "delays": delays}
-            options["settings"] = StateSpaceSettings(weighting=weighting)
+            options = {"structure": form, "delays": delays, "weighting": weighting}
             estimates = list(estimates_of_orders(*asked, **options))
-            by_halves = two_fold_simulation_errors(*asked, **options)
+            by_halves = two_fold_simulation_errors(*asked, StateSpaceTask(**options))
             bic = [each.bic for each in estimates]
             for by, scores in (("bic", bic), ("simulation", by_halves)):
                 model = estimates[int(np.argmin(scores))].model

@@ -39,11 +39,10 @@ from evopem.estimation.state_space.estimate import estimate_state_space, estimat
 from evopem.estimation.state_space.local_estimates import (  # noqa: E402
     StateSpaceEstimate,
     descend_from,
-    state_space_errors,
 )
 from evopem.estimation.state_space.problem import StateSpaceProblem  # noqa: E402
 from evopem.estimation.state_space.search import MOST_EVALUATIONS  # noqa: E402
-from evopem.estimation.state_space.settings import StateSpaceSettings  # noqa: E402
+from evopem.estimation.state_space.task import StateSpaceTask  # noqa: E402
 from evopem.models.state_space import StateSpaceModel  # noqa: E402
 from evopem.signals.recording import Recording  # noqa: E402
 
@@ -100,7 +99,7 @@ def run(case: Case) -> Row:
         Recording(u, y, RATE),
         case.order,
         structure=case.form,
-        settings=StateSpaceSettings(weighting=weighting),
+        weighting=weighting,
     )
     seconds = time.process_time() - began
     diagnostics = found.search.diagnostics
@@ -130,9 +129,9 @@ def run(case: Case) -> Row:
 
 def from_random_points(u: np.ndarray, y: np.ndarray, case: Case, certified: bool) -> float:
     """The lowest value of many restarts, none of which has estimates to begin with."""
-    settings = StateSpaceSettings(weighting=FORMS[case.form])
     recording = Recording(u, y, RATE)
-    errors = state_space_errors(recording, case.order, case.form, settings=settings)
+    task = StateSpaceTask(case.form, weighting=FORMS[case.form])
+    errors = task.errors(recording, case.order)
     search = StateSpaceProblem(errors)
     factor = REFERENCE_FACTOR if certified else UNCERTIFIED_FACTOR
     sizes = SearchSettings(
@@ -155,7 +154,8 @@ def swept(u: np.ndarray, y: np.ndarray, case: Case) -> StateSpaceEstimate:
         Recording(u, y, RATE),
         range(1, case.order + 1),
         structure=case.form,
-        settings=StateSpaceSettings(weighting=FORMS[case.form], seed=2),
+        weighting=FORMS[case.form],
+        settings=SearchSettings(objective="quadratic", seed=2),
         width=SWEEP_WIDTH,
     )
     return largest
@@ -163,9 +163,9 @@ def swept(u: np.ndarray, y: np.ndarray, case: Case) -> StateSpaceEstimate:
 
 def from_truth(true: StateSpaceModel, u: np.ndarray, y: np.ndarray, weighting: str) -> float:
     """The value at the optimum that a descent from the truth ends at."""
-    settings = StateSpaceSettings(weighting=weighting)
+    task = StateSpaceTask(weighting=weighting)
     try:
-        return descend_from(true, Recording(u, y, RATE), settings=settings).objective
+        return descend_from(true, Recording(u, y, RATE), task).objective
     except ValueError:
         return np.inf
 

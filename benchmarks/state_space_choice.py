@@ -231,7 +231,7 @@ def search_record(folder: Path, name: str, made: dict[str, np.ndarray]) -> None:
     from evopem.automatic.variant_search import Variant
     from evopem.config.state_space_settings import VARIANTS
     from evopem.estimation.delays import estimate_delays
-    from evopem.estimation.state_space.settings import StateSpaceSettings
+    from evopem.estimation.state_space.task import QUADRATIC
     from evopem.validation.multichannel import mean_errors
 
     begun = time.process_time()
@@ -246,8 +246,7 @@ def search_record(folder: Path, name: str, made: dict[str, np.ndarray]) -> None:
     orders = [each for each in searched_orders(estimation, None) if each <= most]
     searches, errors = [], {}
     for variant in (Variant(*each) for each in VARIANTS):
-        settings = StateSpaceSettings(weighting=variant.weighting)
-        found, models = search_variant(estimation, variant, delays, orders, settings)
+        found, models = search_variant(estimation, variant, delays, orders, QUADRATIC)
         searches.append(to_json(found))
         for order in found.orders:
             model = models.of_order(order)

@@ -12,8 +12,8 @@ from evopem.automatic.state_space_remedies import act_on_checks
 from evopem.automatic.variant_search import Variant
 from evopem.config.constraints import Constraints
 from evopem.config.input_ranges import InputRanges
+from evopem.config.settings import SearchSettings
 from evopem.config.state_space_settings import OrderRanges
-from evopem.estimation.state_space.settings import StateSpaceSettings
 from evopem.signals.recording import Recording
 from evopem.validation.checks.residuals import INDEPENDENT_OF_INPUT, WHITE
 
@@ -33,11 +33,11 @@ def recording(a=TWO_MODES, delay=1, samples=600, seed=2):
 
 
 def forms(estimation, orders, delays=(1, 1), ranges=None, evaluations=20):
-    settings = StateSpaceSettings(evaluations=evaluations)
+    settings = SearchSettings(objective="quadratic", evaluations=evaluations)
     search, models = search_variant(estimation, INNOVATIONS, delays, orders, settings)
     return SearchedForms(
         *(estimation, delays, (search,), lambda _, order: models.of_order(order)),
-        *(lambda variant: replace(settings, weighting=variant.weighting), ranges or OrderRanges()),
+        *(settings, ranges or OrderRanges()),
     )
 
 

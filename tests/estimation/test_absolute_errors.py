@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from least_absolute import descended, loss
 
+from evopem.config.settings import SearchSettings
 from evopem.estimation.multi_input.errors import MultiInputErrors, multi_input_record
 from evopem.estimation.multi_input.estimate import estimate_multi_input
 from evopem.estimation.multi_input.search import SETTINGS
@@ -13,12 +14,14 @@ from evopem.estimation.state_space.absolute import AbsoluteStateSpaceErrors
 from evopem.estimation.state_space.errors import StateSpaceErrors
 from evopem.estimation.state_space.estimate import estimate_state_space
 from evopem.estimation.state_space.scaled_recording import scaled_recording
-from evopem.estimation.state_space.settings import StateSpaceSettings
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.recording import Recording, concatenated
 
 RATE = 10.0
-ABSOLUTE = StateSpaceSettings(weighting="noise", objective="absolute", evaluations=0)
+ABSOLUTE = {
+    "weighting": "noise",
+    "settings": SearchSettings(objective="absolute", evaluations=0),
+}
 TRUTH = StateSpaceModel(
     A=np.array([[0.9, 0.3], [-0.3, 0.9]]),
     B=np.array([[1.0, 0.3], [0.5, -0.8]]),
@@ -90,7 +93,7 @@ def test_the_jacobian_is_the_derivative_of_the_errors(structure):
 @pytest.mark.parametrize("structure", ["ss_oe", "ss"])
 def test_the_optimum_is_that_of_linear_programmes(structure):
     u, y = recorded(150, 3, structure=structure)
-    found = estimate_state_space(Recording(u, y, RATE), 2, structure=structure, settings=ABSOLUTE)
+    found = estimate_state_space(Recording(u, y, RATE), 2, structure=structure, **ABSOLUTE)
     model = found.model
     gain = model.K.ravel() if structure == "ss" else []
     parts = (model.A.ravel(), model.B.ravel(), model.C.ravel(), gain)

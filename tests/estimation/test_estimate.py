@@ -10,7 +10,6 @@ from evopem import (
     Recording,
     ScoringWindow,
     SearchSettings,
-    StateSpaceSettings,
     estimate,
 )
 from evopem.estimation.pem.arx import fit_arx
@@ -266,8 +265,6 @@ def test_the_fit_is_relative_to_the_mean():
 
 def test_settings_and_constraints_that_have_no_place_are_refused():
     y = np.random.default_rng(0).standard_normal(200)
-    with pytest.raises(ValueError, match="give SearchSettings"):
-        estimate(y, y, (1, 1, 1, 1), settings=StateSpaceSettings())
     joined = Recording(
         np.empty((200, 0)), y, 1.0, segment_starts=(0, 100), segment_recordings=(0, 1)
     )

@@ -80,10 +80,8 @@ def orders_of(structure, inputs, outputs):
 
 
 def settings_of(structure, objective):
-    if structure in STATE_SPACE:
-        weighting = "power" if objective == "absolute" else "noise"
-        return evopem.StateSpaceSettings(weighting=weighting, objective=objective, evaluations=0)
-    return evopem.SearchSettings(objective=objective, evaluations=30)
+    evaluations = 0 if structure in STATE_SPACE else 30
+    return evopem.SearchSettings(objective=objective, evaluations=evaluations)
 
 
 # Cells that are estimated, of 96, and of 48 in state space, where both numbers of channels change.
@@ -120,6 +118,7 @@ def estimated(structure, inputs, outputs, recordings, focus, objective, constrai
         settings=settings_of(structure, objective),
         level=True,
         focus=focus,
+        weighting="power" if objective == "absolute" else "noise",
         constraints=constraints,
     )
 

@@ -3,14 +3,15 @@
 import numpy as np
 import pytest
 
+from evopem.config.settings import SearchSettings
 from evopem.estimation.state_space.estimate import estimate_state_space, estimates_of_orders
 from evopem.estimation.state_space.local_estimates import descend_from
 from evopem.estimation.state_space.noise_model import noise_model, plant_of, side_by_side
-from evopem.estimation.state_space.settings import StateSpaceSettings
+from evopem.estimation.state_space.task import StateSpaceTask
 from evopem.signals.recording import Recording
 
 N = 700
-SETTINGS = StateSpaceSettings(evaluations=0)
+SETTINGS = SearchSettings(objective="quadratic", evaluations=0)
 
 
 @pytest.fixture(scope="module")
@@ -69,7 +70,7 @@ def test_the_plant_comes_back_with_its_standard_errors(plant, both):
 
 def test_a_descent_begins_at_the_model(both, record):
     u, y = record
-    found = descend_from(both, Recording(u, y, 10.0), settings=SETTINGS)
+    found = descend_from(both, Recording(u, y, 10.0), StateSpaceTask())
     at = np.linalg.slogdet(np.cov(both.residuals(u, y, both.prediction_state(u, y)).T))[1]
     after = np.linalg.slogdet(np.cov(found.residuals[0].T))[1]
     assert after <= at + 1e-6

@@ -7,18 +7,18 @@ import pytest
 
 import evopem
 from evopem.config.constraints import Constraints, FixedPole, Prior
+from evopem.config.settings import SearchSettings
 from evopem.errors import InputError
 from evopem.estimation.state_space.entry_problem import EntryProblem
 from evopem.estimation.state_space.estimate import estimate_state_space
-from evopem.estimation.state_space.local_estimates import state_space_errors
 from evopem.estimation.state_space.pole_coordinates import blocks_of
 from evopem.estimation.state_space.problem import descend
-from evopem.estimation.state_space.settings import StateSpaceSettings
+from evopem.estimation.state_space.task import StateSpaceTask
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.recording import Recording
 
 RATE = 10.0
-SETTINGS = StateSpaceSettings(evaluations=0)
+SETTINGS = SearchSettings(objective="quadratic", evaluations=0)
 A = np.zeros((4, 4))
 for k, (frequency, damping) in enumerate(((0.8, 0.05), (2.5, 0.1))):
     turn = 2.0 * np.pi * frequency / RATE
@@ -47,7 +47,7 @@ def estimated(recording, order=4, **options):
 def problem(recording, structure="ss", horizon=1, constraints=None):
     """The problem of all entries at the optimum of one step, and its point."""
     free = estimated(recording, structure=structure)
-    errors = state_space_errors(recording, 4, structure)
+    errors = StateSpaceTask(structure).errors(recording, 4)
     found = EntryProblem(errors, blocks_of(4, constraints, RATE, errors.radius, True), horizon)
     return found, found.point_of(free.model, free.initial_states, free.segment_levels), free
 
@@ -97,11 +97,9 @@ def test_the_optimum_of_one_step_is_one_of_all_entries_as_well(structure):
 @pytest.mark.parametrize(("inputs", "outputs"), [(1, 1), (2, 2), (0, 2)])
 def test_several_steps_are_predicted_better_by_a_model_for_them(inputs, outputs, objective):
     recording = recorded(inputs, outputs)
-    settings = replace(SETTINGS, objective=objective, weighting="noise")
+    options = {"weighting": "noise", "settings": replace(SETTINGS, objective=objective)}
     # An order too small for both modes: the focus decides which of them it has.
-    one, five = (
-        estimate_state_space(recording, 2, focus=focus, settings=settings) for focus in (1, 5)
-    )
+    one, five = (estimate_state_space(recording, 2, focus=focus, **options) for focus in (1, 5))
     assert five.focus_objective < five.objective * 50.0
     assert one.objective <= five.objective * (1.0 + 1e-9)
 
@@ -119,16 +117,16 @@ def test_several_steps_are_predicted_better_by_a_model_for_them(inputs, outputs,
 @pytest.mark.parametrize("objective", ["quadratic", "absolute"])
 @pytest.mark.parametrize(("inputs", "outputs"), [(1, 1), (2, 2)])
 def test_modes_keep_their_least_damping(structure, objective, inputs, outputs):
-    settings = replace(SETTINGS, objective=objective, weighting="noise")
+    options = {"weighting": "noise", "settings": replace(SETTINGS, objective=objective)}
     constraints = Constraints(min_damping_ratio=0.09)
     recording = recorded(inputs, outputs, structure=structure)
     found = estimate_state_space(
-        recording, 4, structure=structure, constraints=constraints, settings=settings
+        recording, 4, structure=structure, constraints=constraints, **options
     )
     assert min(mode.damping_ratio for mode in found.model.modes()) >= 0.09 - 1e-6
     assert found.constraints.active == ("min_damping_ratio",)
     assert found.constraints.objective > found.constraints.objective_without
-    free = estimate_state_space(recording, 4, structure=structure, settings=settings)
+    free = estimate_state_space(recording, 4, structure=structure, **options)
     second = max(free.model.modes(), key=lambda mode: mode.frequency_hz)
     assert max(mode.frequency_hz for mode in found.model.modes()) == pytest.approx(
         second.frequency_hz, abs=0.1

@@ -1,5 +1,6 @@
 """State-space estimates against finite differences, closed forms and another optimiser."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -8,6 +9,7 @@ from scipy.linalg import solve_discrete_are
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
+from evopem.config.settings import SearchSettings
 from evopem.estimation.delays import estimate_delays
 from evopem.estimation.state_space.errors import StateSpaceErrors
 from evopem.estimation.state_space.estimate import estimate_state_space, estimates_of_orders
@@ -17,11 +19,11 @@ from evopem.estimation.state_space.held_out import (
     two_fold_simulation_errors,
 )
 from evopem.estimation.state_space.kernels import section_responses
-from evopem.estimation.state_space.local_estimates import descend_from
+from evopem.estimation.state_space.local_estimates import descend_from, described
 from evopem.estimation.state_space.point_model import PointModel, model_of, parameter_covariance
 from evopem.estimation.state_space.problem import descend, descended
 from evopem.estimation.state_space.scaled_recording import scaled_recording
-from evopem.estimation.state_space.search import Rung, converted, reductions
+from evopem.estimation.state_space.search import Rung, converted, reductions, searched
 from evopem.estimation.state_space.sections import (
     inside,
     largest_radius,
@@ -32,14 +34,15 @@ from evopem.estimation.state_space.sections import (
     sections_of,
     state_matrix,
 )
-from evopem.estimation.state_space.settings import WEIGHTINGS, StateSpaceSettings
 from evopem.estimation.state_space.starting_models import StartingModels
 from evopem.estimation.state_space.starting_points import extended, from_poles, random_poles
+from evopem.estimation.state_space.task import WEIGHTINGS, StateSpaceTask
 from evopem.estimation.vector_autoregression import autoregression_of
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.recording import Recording, concatenated
 
 RATE = 100.0
+FAST = SearchSettings(objective="quadratic", evaluations=0)
 
 
 def system(seed=0, modes=2, nu=2, ny=3, damping=0.03, structure="ss"):
@@ -183,9 +186,7 @@ def test_poles_beyond_the_radius_are_moved_to_it():
 def test_a_truth_without_noise_is_found_exactly():
     truth = system(structure="ss_oe")
     u, y, _ = recorded(truth, 300, 0.0, 1)
-    found = estimate_state_space(
-        record_of(u, y), 4, structure="ss_oe", settings=StateSpaceSettings(evaluations=0)
-    )
+    found = estimate_state_space(record_of(u, y), 4, structure="ss_oe", settings=FAST)
     f = np.array([1.0, 10.0, 30.0])
     np.testing.assert_allclose(
         found.model.frequency_response(f), truth.frequency_response(f), rtol=1e-5
@@ -209,8 +210,8 @@ def full_model_errors(p, u, y, n, scale):
 def test_the_optimum_is_one_for_another_optimiser():
     truth = system(modes=1, ny=2)
     u, y, x0 = recorded(truth, 150, 0.3, 2)
-    settings = StateSpaceSettings(weighting="power", evaluations=300)
-    found = estimate_state_space(record_of(u, y), 2, settings=settings)
+    settings = replace(FAST, evaluations=300)
+    found = estimate_state_space(record_of(u, y), 2, weighting="power", settings=settings)
     scale = y.std(axis=0)
     m = found.model
     start = np.concatenate(
@@ -351,7 +352,7 @@ def test_several_records_have_their_own_states_and_levels():
         record_of([u1, u2], [y1, y2]),
         4,
         structure="ss_oe",
-        settings=StateSpaceSettings(evaluations=0),
+        settings=FAST,
     )
     np.testing.assert_allclose(found.segment_levels[1] - found.segment_levels[0], 5.0, atol=0.1)
     assert [len(e) for e in found.residuals] == [300, 200]
@@ -383,9 +384,10 @@ def test_slow_changes_of_the_outputs_are_no_part_of_the_plant(objective):
         drifting.append(y + wave * [0.8, -0.5])
 
     def estimated(outputs, period=None):
-        settings = StateSpaceSettings(objective=objective, evaluations=0, drift_period=period)
-        structure = {"structure": "ss_oe", "settings": settings}
-        return estimate_state_space(record_of(inputs, outputs), 1, **structure)
+        settings = replace(FAST, objective=objective)
+        task = StateSpaceTask("ss_oe", settings=settings, drift_period=period)
+        errors = task.errors(record_of(inputs, outputs), 1)
+        return described(*searched(errors, [], settings, None))
 
     alone, biased = estimated(steady), estimated(drifting)
     found = estimated(drifting, 200.0)
@@ -416,8 +418,7 @@ def test_the_optimum_of_two_records_is_one_for_another_optimiser():
     records = [recorded(truth, 150, 0.3, 2), recorded(truth, 90, 0.3, 3)]
     us, ys, starts = zip(*records, strict=True)
     ys = (ys[0], ys[1] + 4.0)
-    settings = StateSpaceSettings(weighting="power", evaluations=0)
-    found = estimate_state_space(record_of(us, ys), 2, settings=settings)
+    found = estimate_state_space(record_of(us, ys), 2, weighting="power", settings=FAST)
     scale = np.sqrt(np.mean((np.concatenate(ys) - np.concatenate(ys).mean(axis=0)) ** 2, axis=0))
 
     def errors(point):
@@ -447,9 +448,8 @@ def test_halves_of_a_record_with_states_of_their_own_cover_the_truth():
     deviations = []
     for seed in range(60):
         u, y, _ = recorded(truth, 200, 0.5, 100 + seed)
-        settings = StateSpaceSettings(weighting="noise")
         halves = [u[:100], u[100:]], [y[:100], y[100:]]
-        found = descend_from(truth, record_of(*halves), settings=settings)
+        found = descend_from(truth, record_of(*halves), StateSpaceTask("ss_oe", weighting="noise"))
         (mode,) = found.model.modes()
         deviations += [
             (mode.frequency_hz - true.frequency_hz) / mode.frequency_se_hz,
@@ -482,7 +482,7 @@ def test_delays_by_input_are_taken_out_and_put_back():
         4,
         structure="ss_oe",
         delays=(1, 4),
-        settings=StateSpaceSettings(evaluations=0),
+        settings=FAST,
     )
     assert found.model.input_delays == (0, 3)
     assert np.isnan(found.residuals[0][:3]).all()
@@ -492,7 +492,7 @@ def test_delays_by_input_are_taken_out_and_put_back():
 def test_without_inputs_the_modes_of_the_noise_are_found():
     truth = system(nu=0, damping=0.02)
     _, y, _ = recorded(truth, 3000, 1.0, 5)
-    found = estimate_state_space(record_of(None, y), 4, settings=StateSpaceSettings(evaluations=0))
+    found = estimate_state_space(record_of(None, y), 4, settings=FAST)
     for mode, true in zip(found.model.modes(), truth.modes(), strict=True):
         assert abs(mode.frequency_hz - true.frequency_hz) < 4.0 * mode.frequency_se_hz
         assert mode.frequency_se_hz < 0.3
@@ -505,7 +505,7 @@ def test_a_sweep_never_rises_with_the_order_by_much_and_finds_the_true_one():
     assert min(estimates, key=lambda each: each.bic).model.order == 4
     objectives = [estimate.objective for estimate in estimates]
     assert all(later <= earlier * 1.001 for earlier, later in pairwise(objectives))
-    by_halves = two_fold_simulation_errors(record_of(u, y), range(2, 6))
+    by_halves = two_fold_simulation_errors(record_of(u, y), range(2, 6), StateSpaceTask())
     assert by_halves.min() > 0.0
     assert by_halves.argmin() >= 2
 
@@ -544,7 +544,7 @@ def test_an_order_is_reached_from_two_states_more():
 
 def test_the_same_seed_gives_the_same_bits():
     u, y, _ = recorded(system(modes=1), 150, 0.3, 7)
-    settings = StateSpaceSettings(evaluations=200)
+    settings = replace(FAST, evaluations=200)
     one, two = (estimate_state_space(record_of(u, y), 3, settings=settings) for _ in range(2))
     np.testing.assert_array_equal(one.model.parameters, two.model.parameters)
 
@@ -606,9 +606,7 @@ def test_nearly_equal_poles_do_not_spoil_the_matrices():
     )
     u = np.random.default_rng(6).standard_normal((600, 1))
     y = truth.simulate(u)
-    found = estimate_state_space(
-        record_of(u, y), 3, structure="ss_oe", settings=StateSpaceSettings(evaluations=0)
-    )
+    found = estimate_state_space(record_of(u, y), 3, structure="ss_oe", settings=FAST)
     assert np.abs(found.model.A).max() < 10.0
     simulated = found.model.simulate(u, found.initial_states[0])
     np.testing.assert_allclose(y - simulated, found.residuals[0], atol=1e-6 * y.std())

@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from evopem.estimation.polynomial_estimate import PolynomialEstimate
     from evopem.estimation.state_space.estimate import estimate_state_space, estimates_of_orders
     from evopem.estimation.state_space.local_estimates import StateSpaceEstimate
-    from evopem.estimation.state_space.settings import StateSpaceSettings
     from evopem.estimation.structured_estimate import estimate
     from evopem.models.polynomial import PolynomialModel
     from evopem.models.state_space import StateSpaceModel
@@ -45,7 +44,6 @@ __all__ = [
     "SearchSettings",
     "StateSpaceEstimate",
     "StateSpaceModel",
-    "StateSpaceSettings",
     "__version__",
     "estimate",
     "estimate_delays",
@@ -71,7 +69,6 @@ _HOMES = {
     "SearchSettings": "evopem.config.settings",
     "StateSpaceEstimate": "evopem.estimation.state_space.local_estimates",
     "StateSpaceModel": "evopem.models.state_space",
-    "StateSpaceSettings": "evopem.estimation.state_space.settings",
     "estimate": "evopem.estimation.structured_estimate",
     "identify": "evopem.notebook.identify",
     "read_results": "evopem.notebook.identify",

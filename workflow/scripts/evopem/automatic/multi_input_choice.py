@@ -25,7 +25,6 @@ from evopem.estimation.multi_input.order_limits import OrderLimits, joint_orders
 from evopem.estimation.multi_input.order_reduction import TriedOrders, reduced_orders
 from evopem.estimation.multi_input.search import SETTINGS
 from evopem.estimation.polynomial_estimate import PolynomialEstimate
-from evopem.estimation.state_space.settings import StateSpaceSettings
 from evopem.models.constraint_checks import check_constraints
 from evopem.models.stabilization import OrderModels
 from evopem.models.state_space import StateSpaceModel
@@ -112,7 +111,7 @@ def search_structure(
     estimation: Recording,
     variant: Variant,
     orders: Mapping[int, Orders],
-    settings: StateSpaceSettings,
+    settings: SearchSettings,
     log: Log | None = None,
 ) -> tuple[VariantSearch, OrderModels]:
     """Estimate every joint order of a structure, and score it on held-out samples.
@@ -125,7 +124,7 @@ def search_structure(
         Whose form is a structure.
     orders : mapping of int to Orders
         As of :func:`searched_joint_orders`.
-    settings : StateSpaceSettings
+    settings : SearchSettings
     log : callable, optional
     """
     search = _search_settings(settings)
@@ -153,7 +152,7 @@ def estimate_structure(
     structure: str,
     order: int,
     delays: Sequence[int],
-    settings: StateSpaceSettings,
+    settings: SearchSettings,
     ranges: OrderRanges | None = None,
     constraints: Constraints | None = None,
     globally: bool = True,
@@ -168,7 +167,7 @@ def estimate_structure(
     structure : str
     order : int
     delays : sequence of int
-    settings : StateSpaceSettings
+    settings : SearchSettings
     ranges : OrderRanges, optional
         What orders and delays of each input stay within.
     constraints : Constraints, optional
@@ -214,11 +213,13 @@ def _allowed(constraints: Constraints, orders: Orders, estimation: Recording) ->
     return True
 
 
-def _search_settings(settings: StateSpaceSettings) -> SearchSettings:
+def _search_settings(settings: SearchSettings) -> SearchSettings:
     return replace(
         SETTINGS,
         objective=settings.objective,
         seed=settings.seed,
         max_root_radius=settings.max_root_radius,
-        evaluations=SETTINGS.evaluations if settings.evaluations is None else settings.evaluations,
+        evaluations=SETTINGS.evaluations
+        if settings.evaluations == SearchSettings.evaluations
+        else settings.evaluations,
     )

@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 
 from evopem.automatic.decision import Decision
 from evopem.automatic.response_parts import REASON, response_parts
+from evopem.config.settings import Objective
 from evopem.estimation.state_space.held_out import (
     continued_errors,
     errors_from_first_samples,
     prediction_errors,
 )
-from evopem.estimation.state_space.settings import Objective
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.recording import Recording, concatenated
 

@@ -25,7 +25,7 @@ from evopem.automatic.decimation import (
 )
 from evopem.automatic.decision import Alternative, Decision, given_by_configuration
 from evopem.estimation.state_space.held_out import two_fold_simulation_errors
-from evopem.estimation.state_space.settings import StateSpaceSettings
+from evopem.estimation.state_space.task import StateSpaceTask
 from evopem.signals.multichannel_preparation import (
     SHORTEST_RECORD,
     MultichannelData,
@@ -214,11 +214,7 @@ def _simulation_error(estimation: Recording, factor: int) -> float:
     lower = _decimated(estimation, factor)
     lost, total = np.sum([_lost_power(y, factor) for y in estimation.segment_outputs], axis=0)
     errors = two_fold_simulation_errors(
-        lower,
-        PROBES,
-        structure="ss_oe",
-        delays=0,
-        settings=StateSpaceSettings(weighting="power"),
+        lower, PROBES, StateSpaceTask("ss_oe", delays=0, weighting="power")
     )
     best = float(np.min(errors)) / 100.0
     return 100.0 * float(np.sqrt(best**2 + np.mean(lost / total)))

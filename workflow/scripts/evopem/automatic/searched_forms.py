@@ -14,13 +14,14 @@ from evopem.automatic.state_space_choice import ModelChoice, scores_of
 from evopem.automatic.state_space_chosen import ChosenModel, estimate_as_searched, search_chosen
 from evopem.automatic.variant_search import Refit, Variant, VariantSearch, searched_variant
 from evopem.config.constraints import Constraints
+from evopem.config.settings import SearchSettings
 from evopem.config.state_space_settings import OrderRanges, is_polynomial
 from evopem.estimation.multi_input.order_limits import OrderLimits, joint_orders
-from evopem.estimation.state_space.estimate import estimates_of_orders, with_drift
+from evopem.estimation.state_space.estimate import estimates_of_orders
 from evopem.estimation.state_space.local_estimates import StateSpaceEstimate, refitted
 from evopem.estimation.state_space.problem import STEPS
 from evopem.estimation.state_space.search import FINAL_WIDTH
-from evopem.estimation.state_space.settings import StateSpaceSettings
+from evopem.estimation.state_space.task import StateSpaceTask
 from evopem.models.stabilization import OrderModels
 from evopem.models.state_space import StateSpaceModel, StateSpaceStructure
 from evopem.signals.recording import Recording
@@ -35,7 +36,7 @@ def search_variant(
     variant: Variant,
     delays: Sequence[int],
     orders: Sequence[int],
-    settings: StateSpaceSettings,
+    settings: SearchSettings,
     log: Log | None = None,
 ) -> tuple[VariantSearch, OrderModels]:
     """Estimate every order of a variant, and score it on held-out samples.
@@ -47,34 +48,33 @@ def search_variant(
     estimation : Recording
     variant : Variant
     delays, orders : sequence of int
-    settings : StateSpaceSettings
+    settings : SearchSettings
     log : callable, optional
     """
     structure: StateSpaceStructure = variant.form  # type: ignore[assignment]
     large = is_large(estimation)
     if structure == "ss_bj" and large:
         return VariantSearch.without_models(variant), OrderModels(())
-    settings = with_drift(settings, structure, estimation)
     estimates = estimates_of_orders(
         estimation,
         orders,
         structure=structure,
         delays=tuple(delays),
+        weighting=variant.weighting,
         settings=settings,
         width=LARGE_WIDTH if large else FINAL_WIDTH,
         steps=LARGE_STEPS if large else STEPS,
         log=log,
     )
 
+    task = StateSpaceTask.of(
+        estimation, structure, delays, weighting=variant.weighting, settings=settings
+    )
+
     def refit_of(estimate: StateSpaceEstimate) -> Refit:
         model = replace(estimate.model, covariance=None)
-        return lambda training: refitted(
-            model,
-            training,
-            delays=tuple(delays),
-            settings=settings,
-            steps=LARGE_STEPS if is_long(estimation) else STEPS,
-        )
+        steps = LARGE_STEPS if is_long(estimation) else STEPS
+        return lambda training: refitted(model, training, task, steps)
 
     by_order = ((each.order, each) for each in estimates)
     return searched_variant(
@@ -97,8 +97,7 @@ class SearchedForms:
     searches : tuple of VariantSearch
     start : callable
         The model of a variant and an order.
-    settings : callable
-        Settings of the searches of a variant.
+    settings : SearchSettings
     ranges : OrderRanges
     constraints : Constraints, optional
     """
@@ -107,7 +106,7 @@ class SearchedForms:
     delays: tuple[int, ...]
     searches: tuple[VariantSearch, ...]
     start: Callable[[Variant, int], StateSpaceModel]
-    settings: Callable[[Variant], StateSpaceSettings]
+    settings: SearchSettings
     ranges: OrderRanges
     constraints: Constraints | None = None
 
@@ -134,20 +133,18 @@ class SearchedForms:
         ValueError
             When there is no stable one.
         """
-        return self._estimated(estimate_as_searched, choice, self.settings(choice.variant))
+        return self._estimated(estimate_as_searched, choice)
 
     def searched(self, choice: ModelChoice, log: Log | None = None) -> ChosenModel:
         """The model of a global search.
 
         Errors are those of :meth:`as_searched`.
         """
-        return self._estimated(
-            partial(search_chosen, log=log), choice, self.settings(choice.variant)
-        )
+        return self._estimated(partial(search_chosen, log=log), choice)
 
     def with_delays(self, delays: tuple[int, ...], choice: ModelChoice) -> SearchedForms:
         """The search of one variant and order with other delays."""
-        variant, settings = choice.variant, self.settings(choice.variant)
+        variant, settings = choice.variant, self.settings
         if is_polynomial(variant.form):
             limits = OrderLimits.of(self.ranges, self.estimation.input_names)
             orders = {choice.order: joint_orders(variant.form, choice.order, delays, limits)}
@@ -163,15 +160,10 @@ class SearchedForms:
             start=lambda _, order: models.of_order(order),
         )
 
-    def _estimated(
-        self,
-        estimate: Callable[..., ChosenModel],
-        choice: ModelChoice,
-        settings: StateSpaceSettings,
-    ) -> ChosenModel:
+    def _estimated(self, estimate: Callable[..., ChosenModel], choice: ModelChoice) -> ChosenModel:
         start = self.start(choice.variant, choice.order)
         return estimate(
-            *(choice, start, self.estimation, self.delays, settings),
+            *(choice, start, self.estimation, self.delays, self.settings),
             ranges=self.ranges,
             constraints=self.constraints,
         )

@@ -8,13 +8,14 @@ from dataclasses import dataclass, replace
 from evopem.automatic.multi_input_choice import EstimatedStructure, estimate_structure
 from evopem.automatic.state_space_choice import ModelChoice
 from evopem.config.constraints import Constraints
+from evopem.config.settings import SearchSettings
 from evopem.config.state_space_settings import OrderRanges, is_polynomial
 from evopem.estimation.multi_input.order_reduction import TriedOrders
 from evopem.estimation.polynomial_estimate import PolynomialEstimate
-from evopem.estimation.state_space.estimate import estimate_state_space, with_drift
+from evopem.estimation.state_space.estimate import estimate_state_space
 from evopem.estimation.state_space.local_estimates import StateSpaceEstimate, descend_from
 from evopem.estimation.state_space.noise_model import with_noise_model
-from evopem.estimation.state_space.settings import StateSpaceSettings
+from evopem.estimation.state_space.task import StateSpaceTask
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.recording import Recording
@@ -63,7 +64,7 @@ def search_chosen(
     searched: StateSpaceModel,
     estimation: Recording,
     delays: Sequence[int],
-    settings: StateSpaceSettings,
+    settings: SearchSettings,
     ranges: OrderRanges | None = None,
     constraints: Constraints | None = None,
     log: Log | None = None,
@@ -77,7 +78,7 @@ def search_chosen(
         Of the search over orders.
     estimation : Recording
     delays : sequence of int
-    settings : StateSpaceSettings
+    settings : SearchSettings
     ranges : OrderRanges, optional
         Of the orders of a polynomial model.
     constraints : Constraints, optional
@@ -102,6 +103,7 @@ def search_chosen(
         choice.order,
         structure=form,  # type: ignore[arg-type]
         delays=tuple(delays),
+        weighting=choice.variant.weighting,
         settings=settings,
         constraints=constraints,
         starts=(searched,),
@@ -115,7 +117,7 @@ def estimate_as_searched(
     searched: StateSpaceModel,
     estimation: Recording,
     delays: Sequence[int],
-    settings: StateSpaceSettings,
+    settings: SearchSettings,
     ranges: OrderRanges | None = None,
     constraints: Constraints | None = None,
 ) -> ChosenModel:
@@ -134,15 +136,20 @@ def estimate_as_searched(
     if constraints is not None:
         quick = replace(settings, evaluations=0)
         return search_chosen(*(choice, searched, estimation, delays, quick, ranges, constraints))
-    own = with_drift(settings, form, estimation)  # type: ignore[arg-type]
-    estimate = descend_from(searched, estimation, delays=tuple(delays), settings=own)
-    return _completed(estimate, estimation, settings)
+    task = StateSpaceTask.of(
+        estimation,
+        form,  # type: ignore[arg-type]
+        delays,
+        weighting=choice.variant.weighting,
+        settings=settings,
+    )
+    return _completed(descend_from(searched, estimation, task), estimation, settings)
 
 
 def _completed(
     estimate: StateSpaceEstimate,
     estimation: Recording,
-    settings: StateSpaceSettings,
+    settings: SearchSettings,
 ) -> ChosenModel:
     """A noise model stands beside an output-error plant whose residuals are not white."""
     model = estimate.model

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from evopem.config.constraints import Constraints
 from evopem.config.settings import ScoringWindow, SearchSettings
+from evopem.config.state_space_settings import OutputWeighting
 from evopem.estimation.focused_estimate import estimate_focused
 from evopem.estimation.multi_input.estimate import estimate_multi_input
 from evopem.estimation.polynomial_estimate import PolynomialEstimate
@@ -19,7 +20,7 @@ from evopem.estimation.search.likely_gain import Aim
 from evopem.estimation.search.problem import SearchResult
 from evopem.estimation.state_space.estimate import estimate_state_space
 from evopem.estimation.state_space.local_estimates import StateSpaceEstimate
-from evopem.estimation.state_space.settings import STRUCTURES, StateSpaceSettings
+from evopem.estimation.state_space.task import STRUCTURES
 from evopem.models.state_space import StateSpaceStructure
 from evopem.models.structures import Orders, orders_of
 from evopem.signals.recording import Recording, recording_of
@@ -38,9 +39,10 @@ def estimate(  # type: ignore[overload-overlap]
     sampling_rate: float = 1.0,
     *,
     structure: StateSpaceStructure,
-    settings: SearchSettings | StateSpaceSettings | None = None,
+    settings: SearchSettings | None = None,
     level: bool = False,
     focus: str | int = "prediction",
+    weighting: OutputWeighting = "determinant",
     constraints: Constraints | None = None,
     log: Callable[[str], None] | None = None,
 ) -> StateSpaceEstimate: ...
@@ -58,6 +60,7 @@ def estimate(
     window: ScoringWindow | None = None,
     level: bool = False,
     focus: str | int = "prediction",
+    weighting: OutputWeighting = "determinant",
     constraints: Constraints | None = None,
     earlier: SearchResult | None = None,
     log: Callable[[str], None] | None = None,
@@ -72,10 +75,11 @@ def estimate(
     sampling_rate: float = 1.0,
     *,
     structure: str = "armax",
-    settings: SearchSettings | StateSpaceSettings | None = None,
+    settings: SearchSettings | None = None,
     window: ScoringWindow | None = None,
     level: bool = False,
     focus: str | int = "prediction",
+    weighting: OutputWeighting = "determinant",
     constraints: Constraints | None = None,
     earlier: SearchResult | None = None,
     log: Callable[[str], None] | None = None,
@@ -98,7 +102,7 @@ def estimate(
         A key of :data:`evopem.config.structures.STRUCTURES`: ``fir``, ``arx``, ``arma``,
         ``armax``, ``ararx``, ``ararmax``, ``oe``, ``bj`` or ``general``, of one output; or ``ss``,
         ``ss_oe``, ``ss_oe_drift`` or ``ss_bj``.
-    settings : SearchSettings or StateSpaceSettings, optional
+    settings : SearchSettings, optional
     window : ScoringWindow, optional
         Of a polynomial model with at most one input.
     level : bool
@@ -106,6 +110,8 @@ def estimate(
     focus : {"prediction", "simulation"} or int
         The errors to be small: of one step, of simulation, or of predictions that many samples
         ahead.
+    weighting : {"determinant", "noise", "power"}
+        Of the outputs of a state-space model; see :func:`.estimate_state_space`.
     constraints : Constraints, optional
         What the model must meet, and priors.  With several inputs, or several segments, those that
         both know.
@@ -154,14 +160,24 @@ def estimate(
     expert = [name for name, each in given.items() if each is not None]
     if structure in STRUCTURES:
         _refuse(expert, "all samples of a state-space model count, with its initial states")
-        return _state_space(recording, orders, structure, settings, level, focus, constraints, log)
+        of_model = {"n": orders} if isinstance(orders, int) else dict(orders)
+        return estimate_state_space(
+            recording,
+            of_model["n"],
+            structure=structure,  # type: ignore[arg-type]
+            delays=of_model.get("nk", 1),
+            level=level,
+            focus=focus,
+            weighting=weighting,
+            constraints=constraints,
+            settings=settings,
+            log=log,
+        )
     if len(recording.output_names) > 1:
         raise ValueError(
             f"a polynomial model has one output, and there are {len(recording.output_names)};"
             " estimate one for each, or a state-space model (structure='ss') of all"
         )
-    if isinstance(settings, StateSpaceSettings):
-        raise ValueError("StateSpaceSettings are of state-space models; give SearchSettings")
     several = recording.is_joined
     if len(recording.input_names) > 1 or (several and constraints is not None):
         _refuse(expert, "models of several inputs are estimated with all initial states and levels")
@@ -220,33 +236,6 @@ def _warn_of_level(output: Array) -> None:
 def _refuse(expert: Sequence[str], why: str) -> None:
     if expert:
         raise ValueError(f"{' and '.join(expert)} cannot be given: {why}")
-
-
-def _state_space(
-    recording: Recording,
-    orders: Any,
-    structure: str,
-    settings: SearchSettings | StateSpaceSettings | None,
-    level: bool,
-    focus: str | int,
-    constraints: Constraints | None,
-    log: Callable[[str], None] | None,
-) -> StateSpaceEstimate:
-    known = {"n": orders} if isinstance(orders, int) else dict(orders)
-    if isinstance(settings, SearchSettings):
-        names = ("objective", "seed", "max_root_radius")
-        settings = StateSpaceSettings(**{name: getattr(settings, name) for name in names})
-    return estimate_state_space(
-        recording,
-        known["n"],
-        structure=structure,  # type: ignore[arg-type]
-        delays=known.get("nk", 1),
-        level=level,
-        focus=focus,
-        constraints=constraints,
-        settings=settings,
-        log=log,
-    )
 
 
 def _several_inputs(

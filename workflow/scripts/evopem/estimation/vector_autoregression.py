@@ -9,8 +9,6 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.estimation.state_space.settings import Objective
-
 Array = NDArray[np.float64]
 
 # Largest order tried, and the share of the samples that its coefficients of one output may take.
@@ -22,7 +20,7 @@ NEGLIGIBLE, LONGEST = 1e-3, 2000
 LIMIT, DEVIATIONS = 3.0, 1.4826
 
 
-def log_loss(errors: Array, objective: Objective) -> float:
+def log_loss(errors: Array, objective: str) -> float:
     """Minus twice the largest log-likelihood of a sample of errors, but for a constant.
 
     Of normal errors, correlated between the outputs, for the quadratic objective, and of

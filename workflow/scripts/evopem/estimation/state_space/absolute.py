@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from evopem.config.settings import Objective
 from evopem.estimation.absolute_descent import (
     ROUNDING,
     SEARCH_WIDTH,
@@ -31,7 +32,6 @@ from evopem.estimation.state_space.errors import EDGE, Projection, StateSpaceErr
 from evopem.estimation.state_space.point_model import parameter_covariance
 from evopem.estimation.state_space.problem import TOLERANCE, StateSpaceProblem, descent_of
 from evopem.estimation.state_space.sections import inside, largest_radius, moved, scale_of
-from evopem.estimation.state_space.settings import Objective
 from evopem.estimation.vector_autoregression import limited
 from evopem.models.parameter_covariance import ParameterCovariance
 

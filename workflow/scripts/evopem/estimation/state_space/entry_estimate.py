@@ -13,8 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.config.constraints import Constraints
+from evopem.config.settings import SearchSettings
 from evopem.errors import InputError
 from evopem.estimation import absolute_descent
+from evopem.estimation.criteria import lies_at_bound
 from evopem.estimation.damped_descent import Optimum
 from evopem.estimation.pem.constrained_parameters import Gain
 from evopem.estimation.pem.covariance import density_at_zero
@@ -42,7 +44,6 @@ from evopem.estimation.state_space.problem import (
     TOLERANCE,
     descend,
 )
-from evopem.estimation.state_space.settings import StateSpaceSettings
 from evopem.estimation.state_space.starting_points import from_poles
 from evopem.estimation.vector_autoregression import coloured_autocovariances
 from evopem.models.constraint_checks import check_constraints, check_named_inputs
@@ -124,7 +125,7 @@ def meeting(
     free: StateSpaceEstimate,
     errors: StateSpaceErrors,
     demands: Demands,
-    settings: StateSpaceSettings,
+    settings: SearchSettings,
 ) -> StateSpaceEstimate:
     """The estimate for errors in focus that meets constraints.
 
@@ -136,7 +137,7 @@ def meeting(
         The problem of its model.
     demands : Demands
         Checked.
-    settings : StateSpaceSettings
+    settings : SearchSettings
 
     Raises
     ------
@@ -185,7 +186,7 @@ def _starts(
     free: StateSpaceEstimate,
     errors: StateSpaceErrors,
     demands: Demands,
-    settings: StateSpaceSettings,
+    settings: SearchSettings,
 ) -> Iterator[Start]:
     """Models to descend from: the optimum, and models of allowed poles."""
     yield free.model, free.initial_states, free.segment_levels
@@ -284,12 +285,13 @@ def _described(
     result: SearchResult,
     free: StateSpaceEstimate,
     demands: Demands,
-    settings: StateSpaceSettings,
+    settings: SearchSettings,
 ) -> StateSpaceEstimate:
     """The estimate at a point."""
     errors, point, absolute = problem.plain, result.point, settings.objective == "absolute"
     data, found = errors.data, problem.projection(point)
     model = problem.model(point)
+    radius = float(np.abs(np.concatenate([model.poles(), model.predictor_poles()])).max())
     active = problem.active(point)
     given = sum(len(block.known) for block in problem.blocks)
     given += sum(not gain.codes for gain in problem.gains.values())
@@ -307,7 +309,8 @@ def _described(
         segment_levels=levels,
         search=result,
         constraints=_effect(demands, result.value, free.objective, active[0]),
-        **criteria_of(errors, found.one_step, model, errors.parameters - given, settings.objective),
+        at_stability_bound=lies_at_bound(radius, errors.radius),
+        **criteria_of(errors, found.one_step, errors.parameters - given, settings.objective),
     )
 
 
@@ -315,7 +318,7 @@ def _covariance(
     problem: EntryProblem,
     found: EntryErrors,
     unheld: NDArray[np.bool_],
-    settings: StateSpaceSettings,
+    settings: SearchSettings,
 ) -> ParameterCovariance | None:
     """Covariance of the entries of the model, zero across active constraints.
 

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from scipy.linalg import qr
 from scipy.linalg.blas import dgemm
 
+from evopem.config.state_space_settings import OutputWeighting
 from evopem.estimation.state_space.scaled_recording import ScaledRecording
 from evopem.estimation.state_space.sections import (
     Layout,
@@ -34,7 +35,6 @@ from evopem.estimation.state_space.sections import (
     sections_of,
     state_matrix,
 )
-from evopem.estimation.state_space.settings import Weighting
 from evopem.estimation.state_space.state_derivatives import SectionSignals, StateDerivatives
 from evopem.models.state_space import PlainStructure
 
@@ -110,7 +110,7 @@ class StateSpaceErrors:
         data: ScaledRecording,
         order: int,
         structure: PlainStructure,
-        weighting: Weighting = "determinant",
+        weighting: OutputWeighting = "determinant",
         radius: float = 0.9999,
     ) -> None:
         self.data, self.order, self.structure = data, order, structure

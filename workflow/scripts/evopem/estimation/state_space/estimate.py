@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from evopem.blas_threads import one_blas_thread
 from evopem.config.constraints import Constraints
+from evopem.config.settings import SearchSettings
+from evopem.config.state_space_settings import OutputWeighting
 from evopem.errors import InputError
 from evopem.estimation.state_space.entry_estimate import Demands, check_demands, meeting
 from evopem.estimation.state_space.local_estimates import (
@@ -18,7 +20,6 @@ from evopem.estimation.state_space.local_estimates import (
     described,
     plain_estimates,
     point_of_model,
-    state_space_errors,
 )
 from evopem.estimation.state_space.noise_model import (
     PLANT_WEIGHTING,
@@ -28,41 +29,12 @@ from evopem.estimation.state_space.noise_model import (
 )
 from evopem.estimation.state_space.problem import STEPS
 from evopem.estimation.state_space.search import FINAL_WIDTH, searched
-from evopem.estimation.state_space.settings import STRUCTURES, StateSpaceSettings
-from evopem.models.state_space import PlainStructure, StateSpaceModel, StateSpaceStructure
+from evopem.estimation.state_space.task import StateSpaceTask
+from evopem.models.state_space import StateSpaceModel, StateSpaceStructure
 from evopem.signals.recording import Recording
 
 Array = NDArray[np.float64]
 Log = Callable[[str], None]
-
-# Periods of the drift of structure ss_oe_drift in the longest segment, the shortest one.
-DRIFT_PERIODS = 5
-
-
-def plain_structure(structure: StateSpaceStructure) -> PlainStructure:
-    """The structure of the models: with K, or without.
-
-    Examples
-    --------
-    >>> plain_structure("ss_bj"), plain_structure("ss_oe_drift")
-    ('ss', 'ss_oe')
-    """
-    if structure not in STRUCTURES:
-        raise ValueError(f"structure must be one of {STRUCTURES}, not {structure!r}")
-    return "ss" if structure in ("ss", "ss_bj") else "ss_oe"
-
-
-def with_drift(
-    settings: StateSpaceSettings, structure: StateSpaceStructure, recording: Recording
-) -> StateSpaceSettings:
-    """The settings of a structure: where it has a drift, its shortest period.
-
-    Slower changes of the outputs are those that scores on held-out samples do not count either,
-    which fit a level of its own to each held-out part.
-    """
-    if structure != "ss_oe_drift" or settings.drift_period is not None:
-        return settings
-    return replace(settings, drift_period=recording.longest.samples / DRIFT_PERIODS)
 
 
 def estimate_state_space(
@@ -74,7 +46,8 @@ def estimate_state_space(
     level: bool = True,
     focus: str | int = "prediction",
     constraints: Constraints | None = None,
-    settings: StateSpaceSettings | None = None,
+    weighting: OutputWeighting = "determinant",
+    settings: SearchSettings | None = None,
     starts: Sequence[StateSpaceModel] = (),
     log: Log | None = None,
 ) -> StateSpaceEstimate:
@@ -101,7 +74,16 @@ def estimate_state_space(
         ahead.  Those of ``ss_oe`` and ``ss_oe_drift`` are all the same.
     constraints : Constraints, optional
         What poles and static gain must meet.
-    settings : StateSpaceSettings, optional
+    weighting : {"determinant", "noise", "power"}
+        ``determinant`` of the errors' covariance (maximum likelihood for white errors), each
+        output by its own ``noise`` (the product of the variances), or by its ``power`` (the sum
+        of the relative variances).  Of absolute errors by their ``power``, and with any other
+        weighting by their noise.
+    settings : SearchSettings, optional
+        Objective, by default ``quadratic``, seed, evaluations and largest radius of the
+        eigenvalues of A and of ``A - K C``.  The number of evaluations follows from the size of
+        the problem: fewer are a limit, 0 for descents from estimates alone, and more than those of
+        the default settings raise it in proportion.
         The draws come from ``SeedSequence(seed, spawn_key=(order, structure, level, *delays))``.
     starts : sequence of StateSpaceModel
         Models of this order, structure and delays that are among the points to descend from, such
@@ -131,53 +113,49 @@ def estimate_state_space(
     >>> round(mode.frequency_hz, 2), round(mode.damping_ratio, 2)
     (0.52, 0.16)
     """
-    settings = with_drift(settings or StateSpaceSettings(), structure, recording)
+    task = StateSpaceTask.of(recording, structure, delays, level, weighting, settings)
     horizon = _horizon(focus, structure, constraints)
     if structure == "ss_bj":
-        free = _beside(recording, order, delays, level, horizon, settings, starts, log)
+        free = _beside(recording, order, task, horizon, starts, log)
     else:
         with one_blas_thread():
-            plain = plain_structure(structure)
-            errors = state_space_errors(recording, order, plain, delays, level, settings)
+            errors = task.errors(recording, order)
             demands = Demands(horizon or 1, constraints)
             check_demands(demands, errors)
             points = [point_of_model(each, errors) for each in starts]
-            free = described(*searched(errors, points, settings, log))
+            free = described(*searched(errors, points, task.settings, log))
     if constraints is None and horizon in (1, None):
         return replace(free, focus=focus)
     with one_blas_thread():
-        own = free.model.order, free.model.structure
-        errors = state_space_errors(recording, *own, delays, level, settings)
-        found = meeting(free, errors, Demands(horizon or 1, constraints), settings)
+        errors = replace(task, structure=free.model.structure).errors(recording, free.model.order)
+        found = meeting(free, errors, Demands(horizon or 1, constraints), task.settings)
     return replace(found, focus=focus)
 
 
 def _beside(
     recording: Recording,
     order: int,
-    delays: int | Sequence[int],
-    level: bool,
+    task: StateSpaceTask,
     horizon: int | None,
-    settings: StateSpaceSettings,
     starts: Sequence[StateSpaceModel],
     log: Log | None,
 ) -> StateSpaceEstimate:
     """Structure ``ss_bj``; for simulation, without a horizon, the plant beside its noise model."""
-    first = settings if horizon is None else replace(settings, weighting=PLANT_WEIGHTING)
     plant = estimate_state_space(
         recording,
         order,
         structure="ss_oe",
-        delays=delays,
-        level=level,
-        settings=first,
+        delays=task.delays,
+        level=task.level,
+        weighting=task.weighting if horizon is None else PLANT_WEIGHTING,
+        settings=task.settings,
         log=log,
     )
     if horizon is None:
-        model = with_noise_model(plant.model, recording, settings)
+        model = with_noise_model(plant.model, recording, task.settings)
         return replace(plant, model=model, focus_objective=plant.objective)
-    optima = [descend_from(s, recording, delays=delays, settings=settings) for s in starts]
-    optima.append(estimate_beside(plant.model, recording, delays, settings))
+    optima = [descend_from(start, recording, task) for start in starts]
+    optima.append(estimate_beside(plant.model, recording, task))
     return replace(min(optima, key=lambda estimate: estimate.bic), order=order)
 
 
@@ -192,7 +170,7 @@ def _horizon(
         raise ValueError(
             f'focus must be "prediction", "simulation" or a number of samples, not {focus!r}'
         )
-    if plain_structure(structure) == "ss_oe":
+    if structure in ("ss_oe", "ss_oe_drift"):
         return 1
     if structure == "ss" and focus == "simulation":
         raise InputError(
@@ -217,7 +195,8 @@ def estimates_of_orders(
     structure: StateSpaceStructure = "ss",
     delays: int | Sequence[int] = 1,
     level: bool = True,
-    settings: StateSpaceSettings | None = None,
+    weighting: OutputWeighting = "determinant",
+    settings: SearchSettings | None = None,
     width: int = FINAL_WIDTH,
     steps: int = STEPS,
     log: Log | None = None,
@@ -236,19 +215,14 @@ def estimates_of_orders(
         Of each descent at most: too small orders, which do not describe the recording, converge
         slowly, and nothing depends on their last digits.
     """
-    settings = with_drift(settings or StateSpaceSettings(), structure, recording)
+    task = StateSpaceTask.of(recording, structure, delays, level, weighting, settings)
     if structure != "ss_bj":
-        plain = plain_structure(structure)
-        yield from plain_estimates(
-            *(recording, orders, plain, settings, delays, level, width, steps, log)
-        )
+        yield from plain_estimates(recording, orders, task, width, steps, log)
         return
-    first = replace(settings, weighting=PLANT_WEIGHTING)
-    for plant in plain_estimates(
-        *(recording, orders, "ss_oe", first, delays, level, min(width, WIDTH), steps, log)
-    ):
+    plants = replace(task, structure="ss_oe", weighting=PLANT_WEIGHTING)
+    for plant in plain_estimates(recording, orders, plants, min(width, WIDTH), steps, log):
         try:
-            estimate = estimate_beside(plant.model, recording, delays, settings)
+            estimate = estimate_beside(plant.model, recording, task)
         except ValueError:
             continue
         yield replace(estimate, order=plant.order)

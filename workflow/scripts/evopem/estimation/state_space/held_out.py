@@ -8,12 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.blas_threads import one_blas_thread
-from evopem.estimation.state_space.local_estimates import span_of, state_space_errors
+from evopem.config.settings import Objective
+from evopem.estimation.state_space.local_estimates import span_of
 from evopem.estimation.state_space.point_model import model_of
 from evopem.estimation.state_space.search import FINAL_WIDTH, swept
-from evopem.estimation.state_space.settings import Objective, StateSpaceSettings
+from evopem.estimation.state_space.task import StateSpaceTask
 from evopem.models.polynomial_states import first_samples
-from evopem.models.state_space import PlainStructure, StateSpaceModel
+from evopem.models.state_space import StateSpaceModel
 from evopem.signals.recording import Recording
 
 Array = NDArray[np.float64]
@@ -173,21 +174,13 @@ def _relative(errors: Array, outputs: Array, objective: Objective = "quadratic")
 
 
 def two_fold_simulation_errors(
-    recording: Recording,
-    orders: Sequence[int],
-    *,
-    structure: PlainStructure = "ss",
-    delays: int | Sequence[int] = 1,
-    settings: StateSpaceSettings | None = None,
-    width: int = FINAL_WIDTH,
+    recording: Recording, orders: Sequence[int], task: StateSpaceTask, width: int = FINAL_WIDTH
 ) -> Array:
     """Errors of models of each half on the other half, percent, (orders,).
 
     ``100 ||y - yhat|| / ||y - mean(y)||``, mean over outputs, of simulations from the initial state
     that fits; halves of the segments, where there are several.  Infinite where there is no model.
-    Parameters as of :func:`.estimates_of_orders`.
     """
-    settings = settings or StateSpaceSettings()
     span = span_of(orders)
     squares = np.zeros((len(span), recording.outputs.shape[1]))
     reference = np.zeros(recording.outputs.shape[1])
@@ -197,8 +190,8 @@ def two_fold_simulation_errors(
         powers = [np.sum((e.outputs - e.outputs.mean(axis=0)) ** 2, axis=0) for e in test.segments]
         reference += np.sum(powers, axis=0)
         with one_blas_thread():
-            errors = state_space_errors(train, span[-1], structure, delays, settings=settings)
-            for problem, result in swept(errors, span, settings, width, None, 1 + fold):
+            errors = task.errors(train, span[-1])
+            for problem, result in swept(errors, span, task.settings, width, None, 1 + fold):
                 model = model_of(problem.errors, problem.projection(result.point))
                 at = span.index(model.order)
                 seen[at] += 1

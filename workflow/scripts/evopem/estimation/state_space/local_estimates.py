@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import TypedDict
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,31 +23,16 @@ from evopem.estimation.state_space.problem import (
     TOLERANCE,
     StateSpaceProblem,
 )
-from evopem.estimation.state_space.scaled_recording import scaled_recording
 from evopem.estimation.state_space.search import FINAL_WIDTH, problem_for, swept
 from evopem.estimation.state_space.sections import largest_radius
-from evopem.estimation.state_space.settings import (
-    PLAIN_STRUCTURES,
-    Objective,
-    StateSpaceSettings,
-)
 from evopem.estimation.state_space.starting_points import from_matrices
+from evopem.estimation.state_space.task import StateSpaceTask
 from evopem.estimation.vector_autoregression import autoregression_of, limited, log_loss
-from evopem.models.state_space import PlainStructure, StateSpaceModel
+from evopem.models.state_space import StateSpaceModel
 from evopem.signals.recording import Recording
 
 Array = NDArray[np.float64]
 Log = Callable[[str], None]
-
-
-class Criteria(TypedDict):
-    """What follows from the one-step errors; see :class:`StateSpaceEstimate`."""
-
-    fit_percent: Array
-    bic: float
-    coloured_bic: float
-    residuals: tuple[Array, ...]
-    at_stability_bound: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,61 +97,19 @@ class StateSpaceEstimate:
         return self.model.order
 
 
-def state_space_errors(
-    recording: Recording,
-    order: int,
-    structure: PlainStructure = "ss",
-    delays: int | Sequence[int] = 1,
-    level: bool = True,
-    settings: StateSpaceSettings | None = None,
-) -> StateSpaceErrors:
-    """The prediction-error problem of an order and a form.
-
-    Parameters
-    ----------
-    recording, order, structure, delays, level, settings
-        As of :func:`.estimate_state_space`.
-
-    Raises
-    ------
-    ValueError
-        When the recording is too short for the order, or its signals cannot be used.
-    """
-    settings = settings or StateSpaceSettings()
-    data = scaled_recording(recording, delays, level, settings.drift_period)
-    if structure not in PLAIN_STRUCTURES:
-        raise ValueError(f"structure must be one of {PLAIN_STRUCTURES}, not {structure!r}")
-    if order < 1:
-        raise ValueError(f"order must be at least 1, not {order}")
-    if structure == "ss_oe" and not recording.has_input:
-        raise ValueError("an output-error model needs an input; without one, use innovations form")
-    errors = StateSpaceErrors(data, order, structure, settings.weighting, settings.max_root_radius)
-    needed = errors.parameters + order * data.segments
-    available = data.outputs.size
-    if available <= needed or data.samples <= 2 * (order + data.inputs.shape[1]) + 2:
-        raise ValueError(
-            f"order {order} needs more than {needed} output values for its parameters and initial "
-            f"states; the recording has {available}"
-        )
-    return errors
-
-
 def plain_estimates(
     recording: Recording,
     orders: Sequence[int],
-    structure: PlainStructure,
-    settings: StateSpaceSettings,
-    delays: int | Sequence[int] = 1,
-    level: bool = True,
+    task: StateSpaceTask,
     width: int = FINAL_WIDTH,
     steps: int = STEPS,
     log: Log | None = None,
 ) -> Iterator[StateSpaceEstimate]:
-    """Estimates of several orders of a plain structure; see :func:`.estimates_of_orders`."""
+    """Estimates of several orders with K or without; see :func:`.estimates_of_orders`."""
     with one_blas_thread():
         span = span_of(orders)
-        errors = state_space_errors(recording, span[-1], structure, delays, level, settings)
-        for problem, result in swept(errors, span, settings, width, log, steps=steps):
+        errors = task.errors(recording, span[-1])
+        for problem, result in swept(errors, span, task.settings, width, log, steps=steps):
             yield described(problem, result)
 
 
@@ -179,71 +122,33 @@ def span_of(orders: Sequence[int]) -> range:
 
 
 def descend_from(
-    model: StateSpaceModel,
-    recording: Recording,
-    *,
-    delays: int | Sequence[int] = 1,
-    settings: StateSpaceSettings | None = None,
+    model: StateSpaceModel, recording: Recording, task: StateSpaceTask
 ) -> StateSpaceEstimate:
-    """The optimum of a model's form that a descent from it ends at.
-
-    Parameters
-    ----------
-    model : StateSpaceModel
-        In the units of the recording, with the same delays.
-    recording, delays, settings
-        As of :func:`.estimate_state_space`; a level is estimated.
+    """The optimum of a model's order and form that a descent from it ends at.
 
     Raises
     ------
     ValueError
         When the recording is too short, or the descent ends at no stable model.
     """
-    settings = settings or StateSpaceSettings()
     with one_blas_thread():
-        return described(
-            *_descended_from(model, recording, delays, settings, POLISH_STEPS, POLISH_TOLERANCE)
-        )
+        return described(*_descended_from(model, recording, task, POLISH_STEPS, POLISH_TOLERANCE))
 
 
 def refitted(
-    model: StateSpaceModel,
-    recording: Recording,
-    *,
-    delays: int | Sequence[int] = 1,
-    settings: StateSpaceSettings | None = None,
-    steps: int = STEPS,
+    model: StateSpaceModel, recording: Recording, task: StateSpaceTask, steps: int = STEPS
 ) -> StateSpaceModel:
-    """The same optimum of another recording: as :func:`descend_from`, the model alone.
-
-    Parameters
-    ----------
-    model, recording, delays, settings
-        As there.
-    steps : int
-        As of :func:`.estimates_of_orders`.
-
-    Raises
-    ------
-    ValueError
-        As there.
-    """
-    settings = settings or StateSpaceSettings()
+    """The same optimum of another recording: as :func:`descend_from`, the model alone."""
     with one_blas_thread():
-        problem, result = _descended_from(model, recording, delays, settings, steps, TOLERANCE)
+        problem, result = _descended_from(model, recording, task, steps, TOLERANCE)
         return model_of(problem.errors, problem.projection(result.point))
 
 
 def _descended_from(
-    model: StateSpaceModel,
-    recording: Recording,
-    delays: int | Sequence[int],
-    settings: StateSpaceSettings,
-    steps: int,
-    tolerance: float,
+    model: StateSpaceModel, recording: Recording, task: StateSpaceTask, steps: int, tolerance: float
 ) -> tuple[StateSpaceProblem, SearchResult]:
-    errors = state_space_errors(recording, model.order, model.structure, delays, settings=settings)
-    problem = problem_for(errors, settings)
+    errors = replace(task, structure=model.structure).errors(recording, model.order)
+    problem = problem_for(errors, task.settings)
     start = problem.completed(point_of_model(model, errors))
     descent = problem.descents(start[None, :], steps, tolerance)
     value = float(descent.values[0])
@@ -275,34 +180,15 @@ def described(problem: StateSpaceProblem, result: SearchResult) -> StateSpaceEst
         initial_states=point_model.initial_states(),
         segment_levels=point_model.levels(),
         search=result,
-        **criteria_of(
-            errors, projection.errors, model, errors.parameters, problem.objective, radius
-        ),
+        at_stability_bound=lies_at_bound(radius, errors.radius),
+        **criteria_of(errors, projection.errors, errors.parameters, problem.objective),
     )
 
 
 def criteria_of(
-    errors: StateSpaceErrors,
-    one_step: Array,
-    model: StateSpaceModel,
-    parameters: int,
-    objective: Objective,
-    radius: float | None = None,
-) -> Criteria:
-    """What an estimate says of the one-step errors of its model.
-
-    Parameters
-    ----------
-    errors : StateSpaceErrors
-    one_step : (N, l) array
-        In the units of the scaled recording.
-    model : StateSpaceModel
-    parameters : int
-        Independent ones.
-    objective : {"quadratic", "absolute"}
-    radius : float, optional
-        Largest radius of its roots, where it is known.
-    """
+    errors: StateSpaceErrors, one_step: Array, parameters: int, objective: str
+) -> dict[str, Any]:
+    """Fit, BICs and residuals of an estimate, from the (N, l) errors of the scaled recording."""
     data = errors.data
     y, e = data.outputs * data.output_scales, one_step * data.output_scales
     spread = np.linalg.norm(y - y.mean(axis=0), axis=0)
@@ -310,14 +196,10 @@ def criteria_of(
     penalty = parameters * np.log(data.samples) / data.samples
     whitened = autoregression_of(limited(e) if objective == "absolute" else e, data.bounds)
     unknown = np.full((max(data.shifts, default=0), e.shape[1]), np.nan)
-    if radius is None:
-        radius = float(np.abs(np.concatenate([model.poles(), model.predictor_poles()])).max())
+    residuals = (np.vstack([unknown, e[first:stop]]) for first, stop in pairwise(data.bounds))
     return {
         "fit_percent": fit,
         "bic": log_loss(e, objective) + float(penalty),
         "coloured_bic": float(whitened.bic + penalty),
-        "residuals": tuple(
-            np.vstack([unknown, e[first:stop]]) for first, stop in pairwise(data.bounds)
-        ),
-        "at_stability_bound": lies_at_bound(radius, errors.radius),
+        "residuals": tuple(residuals),
     }

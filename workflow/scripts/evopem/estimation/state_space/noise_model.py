@@ -17,12 +17,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from evopem.config.settings import SearchSettings
+from evopem.config.state_space_settings import OutputWeighting
 from evopem.estimation.state_space.local_estimates import (
     StateSpaceEstimate,
     descend_from,
     plain_estimates,
 )
-from evopem.estimation.state_space.settings import StateSpaceSettings, Weighting
+from evopem.estimation.state_space.task import StateSpaceTask
 from evopem.estimation.vector_autoregression import log_loss
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.state_space import StateSpaceModel
@@ -38,7 +40,7 @@ MOST_STATES, VALUES_PER_PARAMETER = 10, 5
 # Values of all channels from which on orders are tried in steps of two.
 LONG = 40_000
 # Weighting of the plants that structure ss_bj begins with.
-PLANT_WEIGHTING: Weighting = "noise"
+PLANT_WEIGHTING: OutputWeighting = "noise"
 
 
 def noise_orders(recording: Recording) -> tuple[int, ...]:
@@ -53,7 +55,7 @@ def noise_orders(recording: Recording) -> tuple[int, ...]:
 def noise_model(
     plant: StateSpaceModel,
     recording: Recording,
-    settings: StateSpaceSettings,
+    settings: SearchSettings,
     orders: Sequence[int] | None = None,
 ) -> StateSpaceModel | None:
     """The noise model of lowest BIC for the residuals of a plant; None where they are white.
@@ -64,7 +66,7 @@ def noise_model(
         Of output-error form.
     recording : Recording
         That it was estimated from.
-    settings : StateSpaceSettings
+    settings : SearchSettings
     orders : sequence of int, optional
         Of the noise model, ascending in steps of one or two; those of :func:`noise_orders`.
     """
@@ -80,9 +82,8 @@ def noise_model(
     ).with_segments([Segment(e[:, :0], e, number) for number, e in enumerate(residuals)])
     lowest, best = log_loss(joined, settings.objective), None
     rises = 0
-    white = replace(settings, weighting="determinant")
     orders = noise_orders(recording) if orders is None else orders
-    for estimate in plain_estimates(alone, orders, "ss", white, width=WIDTH):
+    for estimate in plain_estimates(alone, orders, StateSpaceTask(settings=settings), WIDTH):
         rises += 1
         if estimate.bic < lowest:
             lowest, best, rises = estimate.bic, estimate.model, 0
@@ -119,7 +120,7 @@ def side_by_side(plant: StateSpaceModel, noise: StateSpaceModel) -> StateSpaceMo
 
 
 def with_noise_model(
-    plant: StateSpaceModel, recording: Recording, settings: StateSpaceSettings
+    plant: StateSpaceModel, recording: Recording, settings: SearchSettings
 ) -> StateSpaceModel:
     """An output-error plant with its noise model; alone where its residuals are white.
 
@@ -130,10 +131,7 @@ def with_noise_model(
 
 
 def estimate_beside(
-    plant: StateSpaceModel,
-    recording: Recording,
-    delays: int | Sequence[int],
-    settings: StateSpaceSettings,
+    plant: StateSpaceModel, recording: Recording, task: StateSpaceTask
 ) -> StateSpaceEstimate:
     """The optimum of innovations form next to an output-error plant with its noise model.
 
@@ -142,9 +140,9 @@ def estimate_beside(
     ValueError
         When the recording is too short, or the descent ends at no stable model.
     """
-    start = with_noise_model(plant, recording, settings)
+    start = with_noise_model(plant, recording, task.settings)
     start = replace(start, structure="ss", covariance=None)
-    return descend_from(start, recording, delays=delays, settings=settings)
+    return descend_from(start, recording, task)
 
 
 def plant_of(model: StateSpaceModel, states: int) -> StateSpaceModel:

@@ -9,12 +9,12 @@ from typing import Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from evopem.config.settings import Objective
 from evopem.estimation.damped_descent import Optimum, damped_step
 from evopem.estimation.pem.batch_bfgs import Descent
 from evopem.estimation.state_space.errors import NormalEquations, Projection, StateSpaceErrors
 from evopem.estimation.state_space.point_model import parameter_covariance
 from evopem.estimation.state_space.sections import inside, normalised
-from evopem.estimation.state_space.settings import Objective
 from evopem.estimation.state_space.starting_points import from_poles, random_poles
 from evopem.models.parameter_covariance import ParameterCovariance
 

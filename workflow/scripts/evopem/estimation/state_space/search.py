@@ -25,7 +25,6 @@ from evopem.estimation.state_space.problem import (
     raced,
     rough_tolerance,
 )
-from evopem.estimation.state_space.settings import PLAIN_STRUCTURES, StateSpaceSettings
 from evopem.estimation.state_space.starting_models import USUAL_ORDER, StartingModels
 from evopem.estimation.state_space.starting_points import (
     extended,
@@ -180,13 +179,13 @@ AGREEING_BEFORE_CHECK = AGREEING - 1
 
 
 def generator_of(
-    settings: StateSpaceSettings, errors: StateSpaceErrors, order: int, fold: int = 0
+    settings: SearchSettings, errors: StateSpaceErrors, order: int, fold: int = 0
 ) -> np.random.Generator:
     """The source of all draws for an order of a problem."""
     data = errors.data
     key = (
         order,
-        PLAIN_STRUCTURES.index(errors.structure),
+        ("ss", "ss_oe").index(errors.structure),
         int(data.levels > 0),
         *data.delays,
         fold,
@@ -194,19 +193,20 @@ def generator_of(
     return np.random.default_rng(np.random.SeedSequence(settings.seed, spawn_key=key))
 
 
-def _evaluations(problem: StateSpaceProblem, settings: StateSpaceSettings) -> int:
-    if settings.evaluations is not None:
-        return settings.evaluations
+def _evaluations(problem: StateSpaceProblem, settings: SearchSettings) -> int:
+    """By the size of the problem; the settings limit it, or raise it above their default."""
+    raised = max(settings.evaluations / SearchSettings.evaluations, 1.0)
     each = problem.errors.cost
-    if each > HEAVY:
+    if each > HEAVY and raised == 1.0:
         return 0
-    return int(np.clip(BUDGET / each / problem.grams, LEAST_EVALUATIONS, MOST_EVALUATIONS))
+    own = np.clip(BUDGET / each / problem.grams, LEAST_EVALUATIONS, MOST_EVALUATIONS)
+    return int(min(settings.evaluations, raised * own))
 
 
 def searched(
     errors: StateSpaceErrors,
     starts: list[Array],
-    settings: StateSpaceSettings,
+    settings: SearchSettings,
     log: Log | None,
 ) -> tuple[StateSpaceProblem, SearchResult]:
     """Descents from estimates and from smaller orders, then the memetic search among them.
@@ -216,7 +216,7 @@ def searched(
     errors : StateSpaceErrors
     starts : list of (n,) arrays
         Coordinates that are descended from as well.
-    settings : StateSpaceSettings
+    settings : SearchSettings
     log : callable, optional
     """
     problem, generator = problem_for(errors, settings), generator_of(settings, errors, errors.order)
@@ -299,7 +299,7 @@ def _other_form(errors: StateSpaceErrors) -> tuple[StateSpaceErrors, ...]:
 def swept(
     errors: StateSpaceErrors,
     orders: range,
-    settings: StateSpaceSettings,
+    settings: SearchSettings,
     width: int,
     log: Log | None,
     fold: int = 0,
@@ -340,7 +340,7 @@ def without_outliers(problem: StateSpaceProblem) -> StateSpaceErrors:
     return errors.with_outputs(errors.data.outputs - (left - problem.limited(left)))
 
 
-def problem_for(errors: StateSpaceErrors, settings: StateSpaceSettings) -> StateSpaceProblem:
+def problem_for(errors: StateSpaceErrors, settings: SearchSettings) -> StateSpaceProblem:
     """The search problem of the objective."""
     return (AbsoluteStateSpaceProblem if settings.objective == "absolute" else StateSpaceProblem)(
         errors

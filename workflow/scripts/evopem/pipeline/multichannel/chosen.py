@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import partial
 from typing import Any
 
 from evopem.automatic.delays import DelayChoice
@@ -112,7 +111,7 @@ def _searched_forms(
         load(DelayChoice, files.decision("delay")).delays,
         tuple(load(VariantSearch, files.search(variant.name)) for variant in variants),
         start,
-        partial(estimation_settings, search),
+        estimation_settings(search),
         ranges,
         constraints,
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from evopem.automatic.delays import DelayChoice, decide_delays
 from evopem.automatic.multi_input_choice import search_structure, searched_joint_orders
@@ -10,13 +11,13 @@ from evopem.automatic.searched_forms import search_variant
 from evopem.automatic.searched_orders import searched_orders
 from evopem.automatic.variant_search import Variant
 from evopem.config.input_ranges import InputRanges
+from evopem.config.settings import SearchSettings
 from evopem.config.state_space_settings import (
     ONE_OUTPUT,
     OrderRanges,
     StateSpaceSearchSettings,
     is_polynomial,
 )
-from evopem.estimation.state_space.settings import StateSpaceSettings
 from evopem.files.json_form import load, save
 from evopem.pipeline.multichannel.prepared import errors_name_dataset, load_prepared_channels
 from evopem.results.layout import DatasetFiles
@@ -54,7 +55,7 @@ def search_state_space(
     """
     variant = variant_named(structure)
     estimation = load_prepared_channels(files).estimation
-    settings = estimation_settings(search, variant)
+    settings = estimation_settings(search)
     delays = load(DelayChoice, files.decision("delay")).delays
     with errors_name_dataset(files):
         if is_polynomial(variant.form):
@@ -74,12 +75,11 @@ def variant_named(name: str) -> Variant:
     return Variant(*own)  # type: ignore[arg-type]
 
 
-def estimation_settings(search: StateSpaceSearchSettings, variant: Variant) -> StateSpaceSettings:
-    """The settings of a search, as the estimation of one form with its weighting takes them."""
-    return StateSpaceSettings(
-        weighting=variant.weighting,
-        max_root_radius=search.max_root_radius,
-        seed=search.seed,
-        evaluations=search.evaluations,
-        objective=search.objective,
+def estimation_settings(search: StateSpaceSearchSettings) -> SearchSettings:
+    """The settings of a search as the estimation takes them."""
+    settings = SearchSettings(
+        objective=search.objective, seed=search.seed, max_root_radius=search.max_root_radius
     )
+    if search.evaluations is None:
+        return settings
+    return replace(settings, evaluations=search.evaluations)
