@@ -31,7 +31,8 @@ from evopem.automatic.searched_forms import SearchedForms, search_variant
 from evopem.automatic.searched_orders import searched_orders
 from evopem.automatic.state_space_choice import choose
 from evopem.automatic.variant_search import Variant
-from evopem.config.state_space_settings import VARIANTS, OrderRanges, StateSpaceChoices
+from evopem.config.settings import AutomaticSettings, OrderRanges
+from evopem.config.structures import VARIANTS
 from evopem.estimation.delays import estimate_delays
 from evopem.estimation.state_space.task import QUADRATIC
 from evopem.signals.recording import Recording
@@ -165,7 +166,7 @@ def identified(estimation: Any, kind: str, order: int) -> None:
         QUADRATIC,
         OrderRanges(),
     )
-    of_several.act_on_checks(forms, choose(forms.searches, StateSpaceChoices()).model)
+    of_several.act_on_checks(forms, choose(forms.searches, AutomaticSettings()).model)
 
 
 def rows(outcomes_of: Callable[[str, int], list[Outcome]], seeds: range) -> Iterator[Outcome]:

@@ -30,7 +30,7 @@ from evopem.automatic.response_parts import response_parts
 from evopem.automatic.searched_forms import search_variant
 from evopem.automatic.state_space_choice import choose
 from evopem.automatic.variant_search import Variant
-from evopem.config.state_space_settings import StateSpaceChoices
+from evopem.config.settings import AutomaticSettings
 from evopem.estimation.state_space.task import QUADRATIC
 from evopem.models.modes import Mode
 from evopem.signals.recording import Recording
@@ -72,7 +72,7 @@ def two_outputs(seed: int, place: int) -> str:
         *(("force",), ("a", "b"), ("",), ("", "")),
     )
     found = [search_variant(recording, each, (1,), range(2, 11, 2), QUADRATIC) for each in VARIANTS]
-    choice = choose([search for search, _ in found], StateSpaceChoices()).model
+    choice = choose([search for search, _ in found], AutomaticSettings()).model
     search, models = found[VARIANTS.index(choice.variant)]
     errors = ", ".join(f"{error:.0f}" for error in search.simulation)
     modes = models.of_order(choice.order).modes()
@@ -164,7 +164,7 @@ def chosen_of_several(record: Rested) -> tuple[str, float]:
         )
         for each in VARIANTS
     ]
-    choice = choose([search for search, _ in found], StateSpaceChoices()).model
+    choice = choose([search for search, _ in found], AutomaticSettings()).model
     model = found[VARIANTS.index(choice.variant)][1].of_order(choice.order)
     error = mean_errors(model, fresh, choice.level == "state")[1]
     return f"{choice.variant.form} {choice.order}", error

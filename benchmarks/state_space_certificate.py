@@ -31,7 +31,7 @@ from search_certificate import NOISES, REFERENCE_FACTOR, Row, rates, read  # noq
 from state_space import RATE, recorded, truth  # noqa: E402
 
 from evopem import SearchSettings  # noqa: E402
-from evopem.config.state_space_settings import VARIANTS  # noqa: E402
+from evopem.config.structures import VARIANTS  # noqa: E402
 from evopem.estimation.search.certificate import is_certified  # noqa: E402
 from evopem.estimation.search.memetic import memetic_search  # noqa: E402
 from evopem.estimation.search.problem import SearchDiagnostics  # noqa: E402

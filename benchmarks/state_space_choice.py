@@ -229,7 +229,7 @@ def search_record(folder: Path, name: str, made: dict[str, np.ndarray]) -> None:
     from evopem.automatic.searched_forms import search_variant
     from evopem.automatic.searched_orders import searched_orders
     from evopem.automatic.variant_search import Variant
-    from evopem.config.state_space_settings import VARIANTS
+    from evopem.config.structures import VARIANTS
     from evopem.estimation.delays import estimate_delays
     from evopem.estimation.state_space.task import QUADRATIC
     from evopem.validation.multichannel import mean_errors
@@ -494,13 +494,13 @@ def drift_row(content: dict) -> tuple[bool, float, float, float]:  # type: ignor
     """
     from evopem.automatic.state_space_choice import choose
     from evopem.automatic.variant_search import VariantSearch
-    from evopem.config.state_space_settings import StateSpaceChoices
+    from evopem.config.settings import AutomaticSettings
     from evopem.files.json_form import from_json
 
     searches = [from_json(VariantSearch, each) for each in content["searches"]]
     others = [each for each in searches if each.variant.form != "ss_oe_drift"]
     own, other = (
-        choose(each, StateSpaceChoices(purpose="simulation")).model for each in (searches, others)
+        choose(each, AutomaticSettings(purpose="simulation")).model for each in (searches, others)
     )
     errors = {name: each["clean"] for name, each in content["errors"].items()}
     error, without = (errors[f"{each.variant.name} {each.order}"] for each in (own, other))

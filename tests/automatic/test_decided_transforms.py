@@ -13,7 +13,7 @@ from evopem.automatic.preparation import GivenPreparation, PreparationPlan
 from evopem.automatic.transforms import decide_transforms, spread_test
 from evopem.config.defaults import complete
 from evopem.config.schema import schema_file
-from evopem.config.state_space_settings import ChannelLists
+from evopem.config.settings import ChannelSettings
 from evopem.config.yaml_form import yaml_text
 from evopem.files.json_form import load
 from evopem.pipeline.acquisition import read_recording
@@ -114,7 +114,7 @@ def test_decided_transforms_lead_back_to_the_recording(record, kind, tmp_path, m
     Path("a.csv").write_text("u,y\n" + "\n".join(rows) + "\n")
     files = DatasetFiles.of_dataset("a")
     Path(files.folder, "decisions").mkdir(parents=True)
-    channels = ChannelLists((1,), (2,), 50.0)
+    channels = ChannelSettings((1,), (2,), 50.0)
     read_recording(files, ("a.csv",), channels)
     preparation = settings_of(recipe="auto").preparation
     decide_preparation(files, preparation, GivenPreparation(), False)

@@ -10,8 +10,7 @@ from evopem.automatic.delays import decide_delays
 from evopem.automatic.searched_orders import searched_orders
 from evopem.automatic.state_space_choice import choose
 from evopem.automatic.variant_search import FoldErrors, Variant, VariantSearch, until_bic_rises
-from evopem.config.input_ranges import InputRanges
-from evopem.config.state_space_settings import StateSpaceChoices
+from evopem.config.settings import AutomaticSettings, InputRanges
 from evopem.errors import InputError
 from evopem.estimation.state_space.noise_model import noise_orders
 from evopem.signals.recording import Recording
@@ -47,7 +46,7 @@ def recording(samples, nu=2, ny=3):
 
 
 def chosen(searches, **choices):
-    found = choose(searches, StateSpaceChoices(**choices)).model
+    found = choose(searches, AutomaticSettings(**choices)).model
     return found.variant, found.order
 
 
@@ -86,10 +85,10 @@ def test_one_step_errors_do_not_decide_which_form_simulates():
 
 def test_a_level_is_fitted_to_other_samples_where_it_drifts():
     drifting = search(INNOVATIONS, (60.0, 80.0), free_level=(40.0, 30.0))
-    found = choose([drifting], StateSpaceChoices())
+    found = choose([drifting], AutomaticSettings())
     assert (found.model.level, found.model.order) == ("state", 2)
     steady = search(INNOVATIONS, (60.0, 80.0), free_level=(59.0, 79.0))
-    assert choose([steady], StateSpaceChoices()).model.level == "constant"
+    assert choose([steady], AutomaticSettings()).model.level == "constant"
 
 
 def test_each_purpose_has_a_model():
@@ -97,9 +96,9 @@ def test_each_purpose_has_a_model():
         search(INNOVATIONS, (50.0, 50.0), (5.0, 4.0)),
         search(OUTPUT_ERROR, (20.0, 20.0), (20.0, 20.0)),
     ]
-    found = choose(searches, StateSpaceChoices())
+    found = choose(searches, AutomaticSettings())
     assert (found.model.purpose, found.model.variant) == ("simulation", OUTPUT_ERROR)
-    other = choose(searches, StateSpaceChoices(purpose="prediction"))
+    other = choose(searches, AutomaticSettings(purpose="prediction"))
     assert (other.model.variant, other.model.order) == (INNOVATIONS, 2)
     assert (other.model, other.other) == (found.other, found.model)
 
@@ -107,7 +106,7 @@ def test_each_purpose_has_a_model():
 def test_without_an_input_prediction_counts():
     unknown = (np.nan,) * 2
     alone = search(INNOVATIONS, unknown, (9.0, 8.0), unknown)
-    found = choose([alone], StateSpaceChoices())
+    found = choose([alone], AutomaticSettings())
     assert (found.model.order, found.model.purpose, found.other) == (2, "prediction", None)
     assert decide_delays(recording(100, nu=0).segments, ()).delays == ()
 

@@ -11,9 +11,7 @@ from evopem.automatic.state_space_choice import ModelChoice
 from evopem.automatic.state_space_remedies import act_on_checks
 from evopem.automatic.variant_search import Variant
 from evopem.config.constraints import Constraints
-from evopem.config.input_ranges import InputRanges
-from evopem.config.settings import SearchSettings
-from evopem.config.state_space_settings import OrderRanges
+from evopem.config.settings import InputRanges, OrderRanges, SearchSettings
 from evopem.signals.recording import Recording
 from evopem.validation.checks.residuals import INDEPENDENT_OF_INPUT, WHITE
 

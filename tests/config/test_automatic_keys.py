@@ -6,7 +6,13 @@ import pytest
 import yaml
 
 from evopem.config.defaults import complete
-from evopem.config.settings import AutomaticSettings, SplitSettings, TransformSettings
+from evopem.config.settings import (
+    AutomaticSettings,
+    InputRanges,
+    OrderRanges,
+    SplitSettings,
+    TransformSettings,
+)
 from evopem.config.structures import searched_structures
 from evopem.config.yaml_form import keys_of, settings_of, yaml_text
 from evopem.errors import InputError
@@ -39,8 +45,11 @@ def test_a_source_alone_leaves_every_decision_to_the_recording():
     ("keys", "decided"),
     [
         (", structure: oe", {"structure": "oe"}),
-        (", delay: {nk: 2}", {"nk": (2, 2)}),
-        (", orders: {joint: [2, 5], nb: 3}", {"joint": (2, 5), "nb": (3, 3)}),
+        (", delay: {nk: 2}", {"orders": OrderRanges(nk=InputRanges((2, 2)))}),
+        (
+            ", orders: {joint: [2, 5], nb: 3}",
+            {"orders": OrderRanges(joint=(2, 5), nb=InputRanges((3, 3)))},
+        ),
         (", orders: {joint: auto}", {}),
         (", resample: none", {"rate_given": True}),
         (", split: {discard: 30}", {"start_given": True}),
@@ -56,7 +65,9 @@ def test_a_key_decides_itself_and_nothing_else(keys, decided):
 
 def test_defaults_decide_for_every_data_set():
     pump = settings(", orders: {nb: 3}", "orders: {nb: 2, nc: 1}, split: {estimation: 0.5}")
-    assert pump.automatic == AutomaticSettings(nb=(3, 3), nc=(1, 1))
+    assert pump.automatic == AutomaticSettings(
+        orders=OrderRanges(nb=InputRanges((3, 3)), nc=(1, 1))
+    )
     assert pump.preparation.split == SplitSettings(0, 0.5)
 
 

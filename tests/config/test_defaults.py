@@ -96,7 +96,7 @@ def test_only_an_armax_recording_has_a_noise_ratio():
 def test_a_file_needs_no_other_key():
     bench = dataset("datasets: {bench: {file: bench.csv}}", "bench")
     assert bench.source == RecordedSource(
-        ("bench.csv",), ChannelSettings(1, 2, None, None), channels_from_file=True
+        ("bench.csv",), ChannelSettings(), channels_from_file=True
     )
 
 

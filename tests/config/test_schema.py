@@ -10,7 +10,6 @@ import yaml
 from evopem.config.constraints import Constraints
 from evopem.config.defaults import complete
 from evopem.config.settings import (
-    ChannelSettings,
     DatasetSettings,
     DelaySettings,
     OrderSettings,
@@ -24,7 +23,7 @@ from evopem.config.settings import (
 )
 from evopem.config.state_space_checks import OWN_KEYS
 from evopem.config.structures import PHASES, STRUCTURES
-from evopem.config.yaml_form import ANALYSIS_KEYS
+from evopem.config.yaml_form import ANALYSIS_KEYS, FILE_KEYS
 
 SCHEMA = Path(__file__).parents[2] / "workflow" / "schemas" / "config.schema.yaml"
 KEYS = yaml.safe_load(SCHEMA.read_text(encoding="utf-8"))
@@ -53,7 +52,7 @@ def test_the_keys_of_a_mapping_are_the_fields_of_its_settings(mapping, kind):
 def test_the_keys_of_a_data_set_are_its_source_and_its_analysis():
     keys = {"recipe", "purpose", "resample", "structure", "level", "focus", *MAPPINGS}
     assert set(ANALYSIS_KEYS) == keys
-    source = names(ChannelSettings, SyntheticSource) | {"file", "validation_file", "conditions"}
+    source = names(SyntheticSource) | {*FILE_KEYS, "conditions"}
     analysis = {*ANALYSIS_KEYS, *OWN_KEYS}
     assert set(KEYS["$defs"]["dataset"]["properties"]) == source | analysis
     assert set(KEYS["properties"]["defaults"]["properties"]) == analysis

@@ -8,7 +8,6 @@ import yaml
 
 from evopem.config.defaults import complete
 from evopem.config.schema import schema_file
-from evopem.config.state_space_keys import state_space_yaml
 from evopem.config.yaml_form import yaml_text
 from evopem.errors import InputError
 
@@ -58,11 +57,14 @@ def test_recordings_of_several_channels_are_one_data_set_as_well(written):
     own = dataset(file=written, input=["u1", "u2"], output=["y_*"], validation_file="other.csv")
     assert own["pump"].source.files == RUNS
     assert own["pump"].source.validation_files == ("other.csv",)
-    again = complete(yaml.safe_load(state_space_yaml(own["pump"])), SCHEMA).datasets
+    again = complete(yaml.safe_load(yaml_text(own["pump"])), SCHEMA).datasets
     assert again == own
     cut = dataset(file=written, output=["y_*"], split={"by": "samples", "estimation": 90})
-    assert (cut["pump"].split.by, cut["pump"].split.estimation) == ("samples", 90)
-    assert "by: samples" in state_space_yaml(cut["pump"])
+    assert (cut["pump"].preparation.split.by, cut["pump"].preparation.split.estimation) == (
+        "samples",
+        90,
+    )
+    assert "by: samples" in yaml_text(cut["pump"])
 
 
 def test_several_recordings_may_validate():

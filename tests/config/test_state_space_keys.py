@@ -6,19 +6,9 @@ import pytest
 import yaml
 
 from evopem.config.defaults import complete
-from evopem.config.settings import DatasetSettings
-from evopem.config.state_space_keys import (
-    keys_of_state_space,
-    state_space_settings,
-    state_space_yaml,
-)
-from evopem.config.state_space_settings import (
-    ChannelPlace,
-    MultichannelDataset,
-    UnitSettings,
-    searched_variants,
-)
-from evopem.config.yaml_form import read_dataset
+from evopem.config.settings import ChannelPlace, UnitSettings
+from evopem.config.structures import searched_variants
+from evopem.config.yaml_form import keys_of, read_settings, yaml_text
 from evopem.errors import InputError
 
 SCHEMA = Path(__file__).parents[2] / "workflow" / "schemas" / "config.schema.yaml"
@@ -50,17 +40,17 @@ def test_lists_of_channels_mean_a_state_space_model():
     found = dataset(
         "output: [y1, 4, 'acc_*']\n    input: u\n    output_unit: {y1: m}\n    input_unit: [N]"
     )
-    assert isinstance(found, MultichannelDataset)
+    assert not found.is_single_channel
     assert found.source.channels.inputs == ("u",)
     assert found.source.channels.outputs == ("y1", 4, "acc_*")
     assert found.source.channels.output_units == UnitSettings(by_name={"y1": "m"})
     assert found.source.channels.input_units == UnitSettings(in_order=("N",))
-    assert (found.split.discard, found.split.estimation) == (0, 0.8)
+    assert (found.preparation.split.discard, found.preparation.split.estimation) == (0, 0.8)
 
 
 def test_so_does_a_pattern_without_a_list():
     found = dataset("output: acc_*\n    input: u")
-    assert isinstance(found, MultichannelDataset)
+    assert not found.is_single_channel
     assert found.source.channels.outputs == ("acc_*",)
 
 
@@ -74,9 +64,9 @@ def test_several_inputs_and_one_output_take_every_polynomial_structure():
     keys = "input: [u1, u2]\n    output: y\n    structure: {}\n    orders: {{joint: [2, 5]}}"
     for structure in ("fir", "arx", "armax", "ararx", "ararmax", "oe", "bj", "general"):
         found = dataset(keys.format(structure))
-        assert isinstance(found, MultichannelDataset)
+        assert not found.is_single_channel
         assert searched_variants(found) == ((structure, "determinant"),)
-        assert found.choices.orders.joint == (2, 5)
+        assert found.automatic.orders.joint == (2, 5)
 
 
 def test_polynomial_structures_are_searched_beside_state_space_where_nothing_is_written():
@@ -97,6 +87,25 @@ def test_a_structure_from_the_defaults_holds_for_several_inputs_too():
     assert searched_variants(found) == (("oe", "determinant"),)
 
 
+@pytest.mark.parametrize("keys", ["form: ss", "orders: {nx: 3}", "weighting: noise"])
+def test_so_do_the_keys_of_state_space_models(keys):
+    assert not dataset(keys).is_single_channel
+
+
+def test_a_list_or_a_mapping_of_one_is_the_channel_itself():
+    """What holds for `u` holds for `[u]`."""
+    alone = dataset(
+        "input: u\n    output: y\n    input_unit: N\n    output_unit: m\n    delay: {nk: 1}\n"
+        "    orders: {nb: [1, 3]}"
+    )
+    listed = dataset(
+        "input: [u]\n    output: [y]\n    input_unit: [N]\n    output_unit: {y: m}\n"
+        "    delay: {nk: {u: 1}}\n    orders: {nb: [[1, 3]]}"
+    )
+    assert alone == listed
+    assert alone.is_single_channel
+
+
 def test_an_output_alone():
     found = dataset("output: [1, 2]\n    input: none")
     assert found.source.channels.inputs == ()
@@ -115,11 +124,11 @@ def test_defaults_serve_both_kinds_of_data_sets():
         search: {seed: 7, max_root_radius: 0.99}
     """
     found = complete(yaml.safe_load(text), SCHEMA).datasets
-    assert isinstance(found["one"], DatasetSettings)
+    assert found["one"].is_single_channel
     assert found["one"].search.seed == found["several"].search.seed == 7
-    assert found["several"].choices.form == "ss_oe"
-    assert found["several"].choices.orders.nx == (4, 4)
-    assert found["several"].split.discard == 10
+    assert found["several"].automatic.form == "ss_oe"
+    assert found["several"].automatic.orders.nx == (4, 4)
+    assert found["several"].preparation.split.discard == 10
 
 
 @pytest.mark.parametrize(
@@ -137,20 +146,20 @@ def test_orders_and_delays_of_each_input(tmp_path, written, ranges):
         f"input: [hot, cold]\n    output: y\n    structure: oe\n    delay: {{nk: {written}}}\n"
         f"    orders: {{nb: {written}, nf: {written}, joint: [1, 4]}}"
     )
-    orders = found.choices.orders
+    orders = found.automatic.orders
     for each in (orders.nb, orders.nf, orders.nk):
         assert each.of_inputs(("hot", "cold")) == ranges
     assert orders.joint == (1, 4)
     file = tmp_path / "config.yaml"
-    file.write_text(state_space_yaml(found))
-    assert read_dataset(file, state_space_settings) == found
-    again = complete({"datasets": {"a": keys_of_state_space(found)}}, SCHEMA)
+    file.write_text(yaml_text(found))
+    assert read_settings(file) == found
+    again = complete({"datasets": {"a": keys_of(found)}}, SCHEMA)
     assert again.datasets["a"] == found
 
 
 def test_ranges_of_defaults_hold_where_the_structure_has_the_order():
     defaults = "{orders: {nc: [2, 4], nb: 3, nf: 2}, delay: {nk: [[0, 2], [1, 1]]}}"
-    several = dataset(OE.strip(), defaults).choices.orders
+    several = dataset(OE.strip(), defaults).automatic.orders
     assert (several.nc, several.nb.all, several.nf.all) == (None, (3, 3), (2, 2))
     assert several.nk.in_order == ((0, 2), (1, 1))
     one = dataset("recipe: chapter\n    structure: oe", defaults)
@@ -165,12 +174,12 @@ def test_constraints_come_back(tmp_path):
         " forbidden_bands: [[1, 2]], max_pole_radius: 0.9}"
     )
     file = tmp_path / "config.yaml"
-    file.write_text(state_space_yaml(found))
-    assert read_dataset(file, state_space_settings) == found
-    assert found.constraints.of_input("a").static_gain == 2
-    assert found.constraints.of_input("b").static_gain_bounds == (0, None)
-    assert found.constraints.of_input("a").max_pole_radius == 0.9
-    assert found.choices.focus == "simulation"
+    file.write_text(yaml_text(found))
+    assert read_settings(file) == found
+    assert found.fit.constraints.of_input("a").static_gain == 2
+    assert found.fit.constraints.of_input("b").static_gain_bounds == (0, None)
+    assert found.fit.constraints.of_input("a").max_pole_radius == 0.9
+    assert found.automatic.focus == "simulation"
 
 
 def test_the_focus_chooses_the_forms_that_are_searched():
@@ -194,11 +203,11 @@ def test_complete_keys_come_back(tmp_path):
         + GEOMETRY
     )
     file = tmp_path / "config.yaml"
-    file.write_text(state_space_yaml(found))
-    assert read_dataset(file, state_space_settings) == found
+    file.write_text(yaml_text(found))
+    assert read_settings(file) == found
     assert found.search.objective == "absolute"
     assert found.geometry.channels["acc"] == ChannelPlace("tip", (-1.0, 0.0, 0.0))
-    again = complete({"datasets": {"a": keys_of_state_space(found)}}, SCHEMA)
+    again = complete({"datasets": {"a": keys_of(found)}}, SCHEMA)
     assert again.datasets["a"] == found
 
 
@@ -284,10 +293,8 @@ def test_complete_keys_come_back(tmp_path):
             "datasets.a.form",
             "a plant that inputs drive",
         ),
-        ("form: ss", "datasets.a.form", "write structure: state_space"),
         ("orders: {nf: 3}", "datasets.a.orders.nf", "write structure: state_space"),
         ("delay: {nk: {u: 1}}", "datasets.a.delay.nk", "one input has one range"),
-        ("orders: {nb: [[1, 2]]}", "datasets.a.orders.nb", "one input has one range"),
         (OE + "orders: {nb: [1, 2, 3]}", "datasets.a.orders.nb", "such as [[2, 2], [1, 1]]"),
         (OE + "orders: {nb: [[1, 2], 3]}", "datasets.a.orders.nb", "numbers beside ranges"),
         (OE + "orders: {nb: [[1, 2]]}", "datasets.a.orders.nb", "1 ranges and 2 inputs"),
@@ -302,7 +309,6 @@ def test_complete_keys_come_back(tmp_path):
             "datasets.a.orders.nb",
             "give one of nx",
         ),
-        ("orders: {nx: 3}", "datasets.a.orders.nx", "write structure: state_space"),
         ("output_unit: [m, s]", "datasets.a.output_unit", "write structure: state_space"),
         (
             "output: [2, 3]\n    split: {estimation: 1.0}",
@@ -341,4 +347,4 @@ def test_a_cell_of_a_table_may_hold_a_list(tmp_path, monkeypatch):
     Path("table.csv").write_text('name,file,output\na,a.csv,"[acc, 3]"\nb,b.csv,[V]\n')
     found = complete({"datasets": "table.csv"}, SCHEMA).datasets
     assert found["a"].source.channels.outputs == ("acc", 3)
-    assert found["b"].source.channels.output == "[V]"
+    assert found["b"].source.channels.outputs == ("[V]",)

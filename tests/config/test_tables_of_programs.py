@@ -252,7 +252,7 @@ def test_channels_may_be_called_anything():
     """A channel's name stays text, where a number would be another channel."""
     text = "name,file,input,output,time\na,1.csv,1_2,nan,inf\nb,2.csv,2.0,1,03\nc,3.csv,1e1,0x1,t\n"
     channels = {name: each.source.channels for name, each in completed(text).items()}
-    assert [(each.input, each.output, each.time) for each in channels.values()] == [
+    assert [(*each.inputs, *each.outputs, each.time) for each in channels.values()] == [
         ("1_2", "nan", "inf"),
         (2, 1, 3),
         ("1e1", "0x1", "t"),

@@ -24,8 +24,9 @@ from evopem.config.settings import (
     SplitSettings,
     SyntheticSource,
     TransformSettings,
+    UnitSettings,
+    is_pattern,
 )
-from evopem.config.state_space_settings import is_pattern
 from evopem.config.yaml_form import keys_of, read_settings, settings_of, yaml_text
 from evopem.errors import InputError
 
@@ -42,13 +43,13 @@ words = st.text(st.characters(exclude_categories=["Cs", "Cc"]), min_size=1, max_
 names = words.filter(lambda name: not is_pattern(name))
 channels = st.builds(
     ChannelSettings,
-    input=st.integers(1, 99) | names,
-    output=st.integers(100, 199),
+    inputs=st.tuples(st.integers(1, 99) | names),
+    outputs=st.tuples(st.integers(100, 199)),
     sampling_rate=st.none() | rates,
     time=st.none(),
-    input_unit=words,
-    output_unit=st.just(""),
-) | st.builds(ChannelSettings, input=st.just(2), output=st.just(3), time=st.just("t"))
+    input_units=st.builds(UnitSettings, words),
+    output_units=st.just(UnitSettings()),
+) | st.builds(ChannelSettings, inputs=st.just((2,)), outputs=st.just((3,)), time=st.just("t"))
 files = words.filter(lambda name: not set("{}*") & set(name))
 sources = (
     st.builds(
@@ -165,7 +166,7 @@ def test_a_written_configuration_is_read_again(tmp_path_factory, settings):
 def test_what_is_not_set_is_left_out():
     written = {"a": {"file": "x.csv", "recipe": "chapter"}}
     keys = keys_of(complete({"datasets": written}, SCHEMA).datasets["a"])
-    assert list(keys)[:3] == ["file", "input_unit", "output_unit"]
+    assert list(keys)[:3] == ["file", "uneven_time", "input_unit"]
     assert not {"input", "output", "sampling_rate", "time", "validation_file"} & set(keys)
     assert keys["resample"] == "none"
     assert keys["delay"] == {"orders": [6, 9], "nk": [0, 3]}

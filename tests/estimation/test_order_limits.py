@@ -2,8 +2,7 @@
 
 import pytest
 
-from evopem.config.input_ranges import InputRanges
-from evopem.config.state_space_settings import OrderRanges
+from evopem.config.settings import InputRanges, OrderRanges
 from evopem.errors import InputError
 from evopem.estimation.multi_input.order_limits import OrderLimits, joint_orders
 from evopem.models.structures import Orders

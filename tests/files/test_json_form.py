@@ -21,8 +21,14 @@ from evopem.automatic.record import OtherModel
 from evopem.automatic.state_space_choice import StateSpaceChoice
 from evopem.automatic.state_space_remedies import RemedyRecord
 from evopem.automatic.variant_search import VariantSearch
-from evopem.config import settings, state_space_settings
-from evopem.config.settings import ChannelSettings, OrderSettings, SearchSettings, SyntheticSource
+from evopem.config import settings
+from evopem.config.settings import (
+    ChannelSettings,
+    OrderSettings,
+    SearchSettings,
+    SyntheticSource,
+    UnitSettings,
+)
 from evopem.errors import InputError
 from evopem.estimation.candidate import Candidate, PhaseSelection
 from evopem.estimation.model_record import ModelRecord
@@ -73,12 +79,7 @@ RESULTS = [
     Validation,
 ]
 SETTINGS = sorted(
-    {
-        kind
-        for module in (settings, state_space_settings)
-        for kind in vars(module).values()
-        if is_dataclass(kind)
-    },
+    {kind for kind in vars(settings).values() if is_dataclass(kind)},
     key=lambda kind: kind.__name__,
 )
 
@@ -251,9 +252,9 @@ ORDERS = {"na": 2, "nb": [1], "nc": 1, "nf": [0], "nk": [0]}
         (SearchSettings, {"objective": "cubic"}, "objective", "'cubic' is none of absolute, qu"),
         (SearchSettings, {"max_root_radius": "0.9"}, "max_root_radius", "'0.9' is not a number"),
         (SyntheticSource, {"synthesis": "pendulum"}, "synthesis", "'pendulum' is none of flex"),
-        (ChannelSettings, {"input": [1]}, "input", "[1] cannot be used here"),
-        (ChannelSettings, {"output": None}, "output", "there is no value"),
-        (ChannelSettings, {"input_unit": 5}, "input_unit", "5 is not a text"),
+        (ChannelSettings, {"inputs": [[1]]}, "inputs[0]", "[1] cannot be used here"),
+        (ChannelSettings, {"outputs": None}, "outputs", "None is not a list"),
+        (UnitSettings, {"all": 5}, "all", "5 is not a text"),
         (OrderSettings, {"nc": [1, 2, 3]}, "nc", "[1, 2, 3] has not 2 entries"),
         (OrderSettings, {"nc": "ab"}, "nc", "'ab' is not a list"),
         (OrderSettings, {"joint": "aut"}, "joint", "'aut' cannot be used here"),

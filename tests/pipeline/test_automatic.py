@@ -12,6 +12,7 @@ from evopem.config.settings import (
     ChannelSettings,
     DatasetSettings,
     OrderGrid,
+    OrderRanges,
     PreparationSettings,
     RecordedSource,
     SearchSettings,
@@ -41,7 +42,7 @@ def settings_of(file):
         SpectrumSettings(nfft=512),
         OrderGrid(),
         SearchSettings(evaluations=500, max_root_radius=0.9999999),
-        AutomaticSettings(structure="arx", joint=(1, 4)),
+        AutomaticSettings(structure="arx", orders=OrderRanges(joint=(1, 4))),
     )
 
 

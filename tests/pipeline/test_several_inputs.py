@@ -109,8 +109,8 @@ def test_the_written_configuration_gives_the_same_settings(results):
     path, files = results
     keys = yaml.safe_load((path / files.config).read_text())
     again = complete(keys, SCHEMA_PATH).datasets["mixer"]
-    assert again.choices.structure == "armax"
-    assert again.choices.orders.joint == (1, 3)
+    assert again.automatic.structure == "armax"
+    assert again.automatic.orders.joint == (1, 3)
 
 
 def test_orders_and_delays_of_each_input_stay_within_their_ranges(tmp_path, monkeypatch):

@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 
 from evopem.config.defaults import complete
 from evopem.config.schema import schema_file
-from evopem.config.state_space_settings import ChannelLists
+from evopem.config.settings import ChannelSettings
 from evopem.config.yaml_form import yaml_text
 from evopem.errors import InputError
 from evopem.files.json_form import load
@@ -94,7 +94,7 @@ def test_the_channels_of_the_first_file_are_those_of_all(tmp_path):
         str(write(tmp_path / name, "time,a,b", times(), *each))
         for name, each in (("1.csv", first), ("2.csv", second))
     )
-    made, channels = DatasetFiles(str(tmp_path / "x")), ChannelLists((1,), (2,))
+    made, channels = DatasetFiles(str(tmp_path / "x")), ChannelSettings((1,), (2,))
     read_recording(made, files, channels, told=True)
     recording = load_recording(made.recording)
     assert (recording.input_name, recording.sampling_rate) == ("a", pytest.approx(50.0))

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from evopem.config.state_space_settings import ChannelLists
+from evopem.config.settings import ChannelSettings
 from evopem.errors import InputError
 from evopem.files.json_form import load
 from evopem.pipeline.acquisition import read_recording
@@ -109,7 +109,7 @@ def test_the_samples_are_used_as_they_are_and_the_report_says_so(tmp_path, state
     stamps = 1e-3 * stamped(3.0, 10.0, 0.0)
     np.savetxt(file, np.column_stack([stamps, u, y]), "%.17g", ",", header="time,u,y", comments="")
     made = DatasetFiles(str(tmp_path / "x"))
-    channels = ChannelLists(("u",), ("y",), **stated)
+    channels = ChannelSettings(("u",), ("y",), **stated)
     read_recording(made, (str(file),), channels)
     recording, info = load_recording(made.recording), load(RecordingInfo, made.recording_info)
     np.testing.assert_array_equal(recording.output, y)

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from evopem.config.state_space_settings import ChannelLists
+from evopem.config.settings import ChannelSettings
 from evopem.errors import InputError
 from evopem.files.json_form import load
 from evopem.pipeline.acquisition import read_recording
@@ -120,11 +120,11 @@ def written(folder: Path, stamps, name="time") -> Path:
 
 def test_one_channel(tmp_path):
     file = written(tmp_path, EVEN)
-    channels = ChannelLists(("u",), ("y",), time="time")
+    channels = ChannelSettings(("u",), ("y",), time="time")
     made = DatasetFiles(str(tmp_path / "x"))
     with pytest.raises(InputError, match=r"sample 8: the step .* uneven_time: interpolate"):
         read_recording(made, (str(file),), channels)
-    channels = ChannelLists(("u",), ("y",), time="time", uneven_time="interpolate")
+    channels = ChannelSettings(("u",), ("y",), time="time", uneven_time="interpolate")
     read_recording(made, (str(file),), channels)
     recording, info = load_recording(made.recording), load(RecordingInfo, made.recording_info)
     assert (recording.sampling_rate, recording.input.size) == (RATE, EVEN.size)
@@ -134,7 +134,7 @@ def test_one_channel(tmp_path):
 
 def test_several_channels(tmp_path):
     file = written(tmp_path, np.arange(EVEN.size) * 20.0, "time_ms")
-    lists = ChannelLists(("u",), ("y", "w"), time="time_ms", uneven_time="interpolate")
+    lists = ChannelSettings(("u",), ("y", "w"), time="time_ms", uneven_time="interpolate")
     recording, unevenness = read_measured(file, lists)
     assert unevenness.in_gaps == len(LOST)
     assert (recording.sampling_rate, recording.outputs.shape) == (RATE, (EVEN.size, 2))
@@ -148,7 +148,7 @@ def test_times_that_were_told_from_the_file_are_described_too(tmp_path):
     file = tmp_path / "bench.csv"
     np.savetxt(file, table, delimiter=",", header="time,u,y", comments="", fmt="%.9g")
     made = DatasetFiles(str(tmp_path / "x"))
-    channels = ChannelLists(("u",), ("y",), uneven_time="interpolate")
+    channels = ChannelSettings(("u",), ("y",), uneven_time="interpolate")
     read_recording(made, (str(file),), channels)
     (found,) = load(RecordingInfo, made.recording_info).uneven_times
     assert 0.0 < found.largest_shift < 0.05
@@ -156,12 +156,12 @@ def test_times_that_were_told_from_the_file_are_described_too(tmp_path):
 
 def test_the_unit_of_whole_numbers_has_to_be_known_here_too(tmp_path):
     file = written(tmp_path, np.arange(EVEN.size) * 20.0)
-    lists = ChannelLists(("u",), ("y", "w"), time="time", uneven_time="interpolate")
+    lists = ChannelSettings(("u",), ("y", "w"), time="time", uneven_time="interpolate")
     with pytest.raises(InputError, match="set time_unit to one of"):
         read_measured(file, lists)
 
 
 def test_times_are_needed(tmp_path):
-    lists = ChannelLists(("u",), ("y",), sampling_rate=RATE, uneven_time="interpolate")
+    lists = ChannelSettings(("u",), ("y",), sampling_rate=RATE, uneven_time="interpolate")
     with pytest.raises(InputError, match='state time, such as "time", or remove uneven_time'):
         read_measured(written(tmp_path, EVEN), lists)

@@ -11,8 +11,7 @@ from evopem.automatic.multichannel_preparation import (
     apply_multichannel_plan,
     decide_multichannel_preparation,
 )
-from evopem.config.settings import SplitSettings
-from evopem.config.state_space_settings import ChannelLists
+from evopem.config.settings import ChannelSettings, SplitSettings
 from evopem.errors import InputError
 from evopem.files.json_form import load
 from evopem.pipeline.acquisition import read_recording
@@ -28,7 +27,7 @@ from evopem.signals.recording_info import RecordingInfo
 
 LENGTHS = (120, 80, 100)
 NAMES = ("a.csv", "b.csv", "c.csv")
-CHANNELS = ChannelLists(("f_*",), ("acc_*",), sampling_rate=50.0)
+CHANNELS = ChannelSettings(("f_*",), ("acc_*",), sampling_rate=50.0)
 WHOLE = SplitSettings(discard=0, estimation=0.7)
 
 

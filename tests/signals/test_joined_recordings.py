@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from evopem.config.settings import PreparationSettings, SplitSettings
+from evopem.config.settings import ChannelSettings, PreparationSettings, SplitSettings
 from evopem.config.settings import TransformSettings as T
-from evopem.config.state_space_settings import ChannelLists
 from evopem.errors import InputError
 from evopem.files.json_form import load
 from evopem.pipeline.acquisition import read_recording
@@ -57,7 +56,7 @@ def test_files_are_read_as_one_recording_with_the_origin_of_each(tmp_path):
     own = recordings()
     files = [write(tmp_path, each, name) for each, name in zip(own, NAMES, strict=True)]
     made = DatasetFiles(str(tmp_path / "x"))
-    read_recording(made, tuple(files), ChannelLists(("u",), ("y",), 50.0))
+    read_recording(made, tuple(files), ChannelSettings(("u",), ("y",), 50.0))
     read, described = load_recording(made.recording), load(RecordingInfo, made.recording_info)
     assert read.segment_starts == (0, 120, 200)
     assert read.segment_recordings == (0, 1, 2)

@@ -6,7 +6,7 @@ import pytest
 from recorded_files import uff_text
 from scipy.io import savemat
 
-from evopem.config.state_space_settings import ChannelLists, ChannelPlace, Geometry, UnitSettings
+from evopem.config.settings import ChannelPlace, ChannelSettings, Geometry, UnitSettings
 from evopem.errors import InputError
 from evopem.signals.reading import read_measured
 from evopem.signals.recording import load_recording, save_recording
@@ -15,7 +15,7 @@ from evopem.signals.recording_info import check_measured_places, describe_record
 N, RATE = 200, 50.0
 GENERATOR = np.random.default_rng(5)
 SIGNALS = {name: GENERATOR.standard_normal(N) for name in ("u1", "u2", "acc_1", "acc_2", "acc_3")}
-WANTED = ChannelLists(("u1", "u2"), ("acc_*",), sampling_rate=RATE)
+WANTED = ChannelSettings(("u1", "u2"), ("acc_*",), sampling_rate=RATE)
 
 
 def write_csv(path):
@@ -84,7 +84,7 @@ def test_every_format_gives_the_same_samples(name, tmp_path):
 @pytest.mark.parametrize(("name", "write"), [("a.tdms", write_tdms), ("a.uff", write_uff)])
 def test_formats_with_names_of_their_own_are_read_by_numbers(name, write, tmp_path):
     write(tmp_path / name)
-    found = read_measured(tmp_path / name, ChannelLists((1, 2), (3, 4, 5), RATE)).recording
+    found = read_measured(tmp_path / name, ChannelSettings((1, 2), (3, 4, 5), RATE)).recording
     np.testing.assert_allclose(found.outputs[:, 2], SIGNALS["acc_3"], rtol=1e-6, atol=1e-6)
     assert len(set(found.input_names + found.output_names)) == 5
 
@@ -99,7 +99,7 @@ def file(tmp_path):
 
 
 def test_a_pattern_leaves_out_what_is_named(file):
-    channels = ChannelLists(("u1", "u2"), ("*",), time="time")
+    channels = ChannelSettings(("u1", "u2"), ("*",), time="time")
     assert read_measured(file, channels).recording.output_names == ("acc_1", "acc_2", "acc_3")
 
 
@@ -109,12 +109,12 @@ def test_units_by_order_by_name_and_for_all(file):
         (UnitSettings(in_order=("a", "b", "c")), ("a", "b", "c")),
         (UnitSettings(by_name={"acc_2": "b"}), ("", "b", "")),
     ):
-        channels = ChannelLists(("u1",), ("acc_*",), time="time", output_units=units)
+        channels = ChannelSettings(("u1",), ("acc_*",), time="time", output_units=units)
         assert read_measured(file, channels).recording.output_units == expected
 
 
 def test_samples_and_facts_are_kept(file, tmp_path):
-    found = read_measured(file, ChannelLists((), ("acc_*",), time="time")).recording
+    found = read_measured(file, ChannelSettings((), ("acc_*",), time="time")).recording
     save_recording(found, tmp_path / "recording.npz")
     again = load_recording(tmp_path / "recording.npz")
     assert again.inputs.shape == (N, 0)
@@ -128,20 +128,22 @@ def test_samples_and_facts_are_kept(file, tmp_path):
 @pytest.mark.parametrize(
     ("channels", "says"),
     [
-        (ChannelLists(("u1",), ("vel_*",), 1.0), 'no channel matches "vel_*"'),
-        (ChannelLists(("u*",), ("*1",), 1.0), 'matches "*1" and "u*" of input'),
-        (ChannelLists(("u1",), ("acc_1", 4), 1.0), "hold the same values"),
-        (ChannelLists(("u1",), ("acc_1", "acc_9"), 1.0), 'there is no column "acc_9"'),
-        (ChannelLists(("u1",), ("acc_1", "time"), 50.0), "as a time does"),
+        (ChannelSettings(("u1",), ("vel_*",), 1.0), 'no channel matches "vel_*"'),
+        (ChannelSettings(("u*",), ("*1",), 1.0), 'matches "*1" and "u*" of input'),
+        (ChannelSettings(("u1",), ("acc_1", 4), 1.0), "hold the same values"),
+        (ChannelSettings(("u1",), ("acc_1", "acc_9"), 1.0), 'there is no column "acc_9"'),
+        (ChannelSettings(("u1",), ("acc_1", "time"), 50.0), "as a time does"),
         (
-            ChannelLists(("u1",), ("acc_*",), 1.0, output_units=UnitSettings(in_order=("m",))),
+            ChannelSettings(("u1",), ("acc_*",), 1.0, output_units=UnitSettings(in_order=("m",))),
             "1 units and 3 channels",
         ),
         (
-            ChannelLists(("u1",), ("acc_*",), 1.0, output_units=UnitSettings(by_name={"x": "m"})),
+            ChannelSettings(
+                ("u1",), ("acc_*",), 1.0, output_units=UnitSettings(by_name={"x": "m"})
+            ),
             'there is no channel "x"',
         ),
-        (ChannelLists(("u1",), ("acc_*",)), "the sampling rate is not known"),
+        (ChannelSettings(("u1",), ("acc_*",)), "the sampling rate is not known"),
     ],
 )
 def test_misuse_is_refused_in_one_sentence(file, channels, says):
@@ -173,14 +175,14 @@ def test_a_pattern_finds_channels_of_a_group_by_their_own_names(tmp_path):
         ):
             file[name] = values
     for pattern, names in (("acc_*", ("run/acc_1", "run/acc_2")), ("acc*", ("acc",))):
-        lists = ChannelLists(("run/force",), (pattern,), sampling_rate=100.0)
+        lists = ChannelSettings(("run/force",), (pattern,), sampling_rate=100.0)
         assert read_measured(path, lists).recording.output_names == names
 
 
 def test_a_channel_whose_name_holds_a_star_is_no_pattern(tmp_path):
     table = pd.DataFrame(SIGNALS).rename(columns={"acc_2": "acc_*"})
     table.to_csv(tmp_path / "a.csv", index=False)
-    lists = ChannelLists(("u1",), ("acc_*",), sampling_rate=RATE)
+    lists = ChannelSettings(("u1",), ("acc_*",), sampling_rate=RATE)
     assert read_measured(tmp_path / "a.csv", lists).recording.output_names == ("acc_*",)
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from evopem.config.state_space_settings import ChannelLists
+from evopem.config.settings import ChannelSettings
 from evopem.errors import InputError
 from evopem.files.json_form import load
 from evopem.pipeline.acquisition import read_recording
@@ -32,10 +32,10 @@ def test_a_channel_named_as_a_time_gives_the_rate(name, tmp_path):
     file = written(tmp_path, f"{name},u,acc_1,acc_2", STAMPS)
     assert time_told(file, ["u", "acc_1"]) == name
     made = DatasetFiles(str(tmp_path / "x"))
-    read_recording(made, (str(file),), ChannelLists(("u",), ("acc_1",)))
+    read_recording(made, (str(file),), ChannelSettings(("u",), ("acc_1",)))
     info = load(RecordingInfo, made.recording_info)
     assert (info.sampling_rate, info.time_told) == (RATE, name)
-    several = with_time_told(file, ChannelLists(("u",), ("acc_*",)))
+    several = with_time_told(file, ChannelSettings(("u",), ("acc_*",)))
     assert read_measured(file, several).recording.sampling_rate == RATE
 
 
@@ -52,10 +52,10 @@ def test_what_is_not_sure_is_refused_as_before(name, stamps, tmp_path):
     assert time_told(file, ["u", "y"]) is None
     with pytest.raises(InputError, match="give sampling_rate in Hz"):
         read_recording(
-            DatasetFiles(str(tmp_path / "x")), (str(file),), ChannelLists(("u",), ("y",))
+            DatasetFiles(str(tmp_path / "x")), (str(file),), ChannelSettings(("u",), ("y",))
         )
 
 
 def test_a_stated_rate_is_not_questioned(tmp_path):
-    channels = ChannelLists(("u",), ("y",), sampling_rate=50.0)
+    channels = ChannelSettings(("u",), ("y",), sampling_rate=50.0)
     assert with_time_told(written(tmp_path, "time,u,y,w", STAMPS), channels) is channels

@@ -244,7 +244,7 @@ def test_init_writes_a_configuration_that_is_accepted(folder, capsys):
     written = (folder / "config.yaml").read_text()
     settings = complete(yaml.safe_load(written), schema_file()).datasets["data"]
     channels = settings.source.channels
-    assert (channels.input, channels.output, channels.time) == ("u", "y", "time")
+    assert (channels.inputs, channels.outputs, channels.time) == (("u",), ("y",), "time")
     assert "# 100 Hz" in written
     # It is the user's from then on.
     assert main(["init"]) == 1

@@ -101,7 +101,7 @@ def test_other_files_are_left_out_and_named(tmp_path):
 def test_a_channel_of_any_name_is_quoted_where_yaml_needs_it(tmp_path, name):
     np.savez(tmp_path / "data.npz", **{"u": U, name: Y})
     channels = settings_of(configuration_text(tmp_path))["data"].source.channels
-    assert {channels.input, channels.output} == {"u", name}
+    assert {*channels.inputs, *channels.outputs} == {"u", name}
 
 
 def test_a_folder_without_recordings_is_refused(tmp_path):

@@ -2,16 +2,19 @@
 
 from typing import TYPE_CHECKING
 
+from evopem.config.settings import DatasetSettings
 from evopem.files.job import job
+from evopem.files.json_form import from_json
 from evopem.pipeline.batch import identify_batch
-from evopem.pipeline.identification import settings_of
 from evopem.results.layout import DatasetFiles
 
 if TYPE_CHECKING:
     from snakemake.iocontainers import snakemake
 
 results = DatasetFiles.of_log(snakemake.log[0]).folder
-recordings = {name: settings_of(keys) for name, keys in snakemake.params.settings.items()}
+recordings = {
+    name: from_json(DatasetSettings, keys) for name, keys in snakemake.params.settings.items()
+}
 finished = [DatasetFiles(f"{results}/{name}").checksums for name in recordings]
 # The output of the rule is the file of checksums that every job writes about what it has made.
 with job(snakemake.log[0], (), finished) as logger:

@@ -32,7 +32,8 @@ class OrderLimits:
     @classmethod
     def of_search(cls, settings: AutomaticSettings) -> OrderLimits:
         """The limits of the search of any structure."""
-        return cls(None, settings.nk, settings.joint, settings.nc, settings.nd, settings.nb)
+        own = settings.orders
+        return cls(None, own.nk.all, own.joint, own.nc, own.nd, own.nb.all)
 
     @classmethod
     def of_choice(cls, settings: AutomaticSettings) -> OrderLimits:

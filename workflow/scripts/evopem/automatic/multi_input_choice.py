@@ -13,8 +13,7 @@ from evopem.automatic.multichannel_folds import fewest_fitted
 from evopem.automatic.searched_orders import VALUES_PER_PARAMETER
 from evopem.automatic.variant_search import Refit, Variant, VariantSearch, searched_variant
 from evopem.config.constraints import Constraints
-from evopem.config.settings import SearchSettings
-from evopem.config.state_space_settings import OrderRanges
+from evopem.config.settings import OrderRanges, SearchSettings
 from evopem.errors import InputError
 from evopem.estimation.multi_input.estimate import (
     estimate_multi_input,

@@ -14,8 +14,8 @@ from evopem.automatic.state_space_choice import ModelChoice, scores_of
 from evopem.automatic.state_space_chosen import ChosenModel, estimate_as_searched, search_chosen
 from evopem.automatic.variant_search import Refit, Variant, VariantSearch, searched_variant
 from evopem.config.constraints import Constraints
-from evopem.config.settings import SearchSettings
-from evopem.config.state_space_settings import OrderRanges, is_polynomial
+from evopem.config.settings import OrderRanges, SearchSettings
+from evopem.config.structures import is_polynomial
 from evopem.estimation.multi_input.order_limits import OrderLimits, joint_orders
 from evopem.estimation.state_space.estimate import estimates_of_orders
 from evopem.estimation.state_space.local_estimates import StateSpaceEstimate, refitted

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.level_decision import Level, decide_level
 from evopem.automatic.variant_search import Variant, VariantSearch
-from evopem.config.state_space_settings import StateSpaceChoices
+from evopem.config.settings import AutomaticSettings
 
 Array = NDArray[np.float64]
 Purpose = Literal["simulation", "prediction"]
@@ -69,13 +69,13 @@ class StateSpaceChoice:
     decisions: tuple[Decision, ...]
 
 
-def choose(searches: Sequence[VariantSearch], choices: StateSpaceChoices) -> StateSpaceChoice:
+def choose(searches: Sequence[VariantSearch], choices: AutomaticSettings) -> StateSpaceChoice:
     """Choose variant and order for each purpose.
 
     Parameters
     ----------
     searches : sequence of VariantSearch
-    choices : StateSpaceChoices
+    choices : AutomaticSettings
 
     Raises
     ------

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from evopem.automatic.multi_input_choice import EstimatedStructure, estimate_structure
 from evopem.automatic.state_space_choice import ModelChoice
 from evopem.config.constraints import Constraints
-from evopem.config.settings import SearchSettings
-from evopem.config.state_space_settings import OrderRanges, is_polynomial
+from evopem.config.settings import OrderRanges, SearchSettings
+from evopem.config.structures import is_polynomial
 from evopem.estimation.multi_input.order_reduction import TriedOrders
 from evopem.estimation.polynomial_estimate import PolynomialEstimate
 from evopem.estimation.state_space.estimate import estimate_state_space

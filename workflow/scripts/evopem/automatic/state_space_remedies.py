@@ -18,7 +18,7 @@ from evopem.automatic.state_space_choice import ModelChoice
 from evopem.automatic.state_space_chosen import ChosenModel
 from evopem.automatic.trials import DELAY, TOLERATED, Attempt, Budget, tried_in_turn
 from evopem.automatic.variant_search import VariantSearch
-from evopem.config.state_space_settings import OF_SIMULATION
+from evopem.config.structures import OF_SIMULATION
 from evopem.errors import InputError
 from evopem.estimation.multi_input.order_limits import OrderLimits
 from evopem.models.state_space import StateSpaceModel

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.automatic.multichannel_folds import Fold, designs_of, folds_of
-from evopem.config.settings import Objective
-from evopem.config.state_space_settings import ModelForm, OutputWeighting, variant_name
+from evopem.config.settings import ModelForm, Objective, OutputWeighting
+from evopem.config.structures import variant_name
 from evopem.estimation.state_space.noise_model import RISES
 from evopem.estimation.state_space.starting_models import USUAL_ORDER
 from evopem.models.stabilization import OrderModel, OrderModels

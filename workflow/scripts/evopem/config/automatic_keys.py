@@ -93,15 +93,18 @@ def check_automatic_keys(written: Keys, source: str, place: str) -> None:
 def automatic_content(keys: Keys) -> dict[str, Any]:
     """The content of :class:`.AutomaticSettings` of complete keys."""
     orders = keys.get("orders", {})
-    limits = {name: orders.get(name) for name in _ORDERS if orders.get(name) != "auto"}
+    limits = {name: orders[name] for name in _ORDERS if orders.get(name, "auto") != "auto"}
+    if "nb" in limits:
+        limits["nb"] = {"all": limits["nb"]}
+    if "nk" in keys.get("delay", {}):
+        limits["nk"] = {"all": keys["delay"]["nk"]}
     # Constraints are those of the model after the transforms, which must then be known.
     known = "constraints" in keys
     transforms = set(keys.get("transforms", {}))
     return {
         "purpose": keys["purpose"],
         "structure": keys.get("structure"),
-        "nk": keys.get("delay", {}).get("nk"),
-        **limits,
+        "orders": limits,
         "start_given": "discard" in keys["split"],
         "rate_given": "resample" in keys,
         "objective": keys["search"].get("objective"),
@@ -131,8 +134,9 @@ def automatic_keys(settings: DatasetSettings, automatic: AutomaticSettings) -> d
     keys["spectrum"] = to_json(settings.spectrum)
     if automatic.structure is not None:
         keys["structure"] = automatic.structure
-    if automatic.nk is not None:
-        keys["delay"] = {"nk": list(automatic.nk)}
-    limits = {name: getattr(automatic, name) for name in _ORDERS}
+    orders = automatic.orders
+    if orders.nk.all is not None:
+        keys["delay"] = {"nk": list(orders.nk.all)}
+    limits = {"joint": orders.joint, "nc": orders.nc, "nd": orders.nd, "nb": orders.nb.all}
     given = {name: list(limit) for name, limit in limits.items() if limit is not None}
     return keys | ({"orders": given} if given else {}) | {"search": search}

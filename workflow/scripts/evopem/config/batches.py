@@ -8,7 +8,6 @@ from typing import Literal
 
 from evopem.config.resources import recording_seconds
 from evopem.config.settings import DatasetSettings, RunSettings
-from evopem.config.state_space_settings import MultichannelDataset
 from evopem.errors import InputError
 
 SECONDS_OF_A_BATCH = 120.0
@@ -61,7 +60,7 @@ def check_batches(run: RunSettings, source: str) -> None:
 
 
 def batches_of(
-    datasets: Mapping[str, DatasetSettings | MultichannelDataset],
+    datasets: Mapping[str, DatasetSettings],
     per_job: int | Literal["auto"] | None,
 ) -> dict[str, tuple[str, ...]]:
     """Divide data sets into batches of neighbours, numbered from 1; none for None.
@@ -81,7 +80,7 @@ def batches_of(
 
 
 def _by_work(
-    datasets: Mapping[str, DatasetSettings | MultichannelDataset],
+    datasets: Mapping[str, DatasetSettings],
 ) -> Iterator[tuple[str, ...]]:
     most = max(1, len(datasets) // LEAST_BATCHES)
     batch: list[str] = []

@@ -8,7 +8,6 @@ from datetime import UTC, datetime
 from typing import Any
 
 from evopem.config.settings import DatasetSettings, RunSettings
-from evopem.config.state_space_settings import MultichannelDataset
 from evopem.errors import InputError
 
 
@@ -90,7 +89,7 @@ class Configuration:
 
     Attributes
     ----------
-    datasets : dict of str to DatasetSettings or MultichannelDataset
+    datasets : dict of str to DatasetSettings
     run : RunSettings
     order : Positions, optional
         What recordings are ordered by where modes are followed.
@@ -99,7 +98,7 @@ class Configuration:
         each recording has jobs of its own.
     """
 
-    datasets: dict[str, DatasetSettings | MultichannelDataset]
+    datasets: dict[str, DatasetSettings]
     run: RunSettings
     order: Positions | None = None
     batches: dict[str, tuple[str, ...]] = field(default_factory=dict)
@@ -108,10 +107,4 @@ class Configuration:
     def single_channel(self) -> dict[str, DatasetSettings]:
         """The data sets with one input and one output, or an output alone."""
         items = self.datasets.items()
-        return {name: each for name, each in items if isinstance(each, DatasetSettings)}
-
-    @property
-    def multichannel(self) -> dict[str, MultichannelDataset]:
-        """The data sets with several channels."""
-        items = self.datasets.items()
-        return {name: each for name, each in items if not isinstance(each, DatasetSettings)}
+        return {name: each for name, each in items if each.is_single_channel}

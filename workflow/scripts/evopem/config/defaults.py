@@ -29,15 +29,14 @@ from evopem.config.source_keys import check_paths, complete_source
 from evopem.config.split_keys import check_fractions, check_something_left
 from evopem.config.state_space_checks import check_single_channel
 from evopem.config.state_space_keys import (
+    as_single,
     complete_state_space,
-    is_state_space,
     single_channel_defaults,
 )
-from evopem.config.state_space_settings import MultichannelDataset
 from evopem.config.strict_yaml import Keys
 from evopem.config.structures import AUTOMATIC_STRUCTURES, STRUCTURES, has_input, phases_of
 from evopem.config.values import ALL_SAMPLES, normalized
-from evopem.config.yaml_form import ANALYSIS_KEYS, analysis_keys, settings_of
+from evopem.config.yaml_form import ANALYSIS_KEYS, analysis_keys, is_state_space, settings_of
 from evopem.errors import InputError
 from evopem.files.json_form import from_json, to_json
 
@@ -118,12 +117,12 @@ def check_transforms(analysis: Keys, structure: str, source: str, place: str) ->
         )
 
 
-def check_several_recordings(settings: DatasetSettings | MultichannelDataset, source: str) -> None:
+def check_several_recordings(settings: DatasetSettings, source: str) -> None:
     """Refuse keys that have no meaning for several recordings of one data set.
 
     Parameters
     ----------
-    settings : DatasetSettings or MultichannelDataset
+    settings : DatasetSettings
     source : str
         The configuration, for an error to name.
 
@@ -135,8 +134,7 @@ def check_several_recordings(settings: DatasetSettings | MultichannelDataset, so
     if isinstance(recorded, SyntheticSource) or len(recorded.files) == 1:
         return
     place = f"datasets.{settings.name}"
-    own = settings if isinstance(settings, MultichannelDataset) else settings.preparation
-    split = own.split
+    split = settings.preparation.split
     whole_recordings = split.by == "recordings" and not recorded.validation_files
     if whole_recordings and isinstance(split.estimation, int):
         raise InputError(
@@ -145,7 +143,7 @@ def check_several_recordings(settings: DatasetSettings | MultichannelDataset, so
             "give a fraction between 0 and 1, or write by: samples beside it to cut each recording",
             f"{place}.split.estimation",
         )
-    if isinstance(settings, DatasetSettings) and settings.fit.changes_model:
+    if settings.is_single_channel and settings.fit.changes_model:
         key = "constraints" if settings.fit.constraints else "focus"
         raise InputError(
             source,
@@ -228,11 +226,12 @@ def _completed(config: Keys, origin: Origin, source: str) -> Configuration:
 
 def _dataset(
     name: str, entry: Keys, given_defaults: Keys, defaults: Keys, source: str
-) -> DatasetSettings | MultichannelDataset:
+) -> DatasetSettings:
     """Fill in every value of one data set; `defaults` are those of a single channel, completed."""
     given = {key: entry[key] for key in entry if key != "conditions"}
     if is_state_space(given, given_defaults):
         return complete_state_space(name, given, given_defaults, source)
+    given = as_single(given)
     check_single_channel(given, source, f"datasets.{name}")
     written = with_ranges(given)
     if _recipe(written, defaults) == "auto":

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from evopem.config.state_space_settings import ChannelPlace, Geometry, Vector
+from evopem.config.settings import ChannelPlace, Geometry, Vector
 from evopem.config.strict_yaml import Keys
 from evopem.errors import InputError
 

@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from evopem.config.constraints import Constraints
-from evopem.config.fit_keys import given_constraints
-from evopem.config.state_space_settings import is_fitted_for, is_pattern, is_polynomial
+from evopem.config.settings import is_pattern
 from evopem.config.strict_yaml import Keys
+from evopem.config.structures import is_fitted_for, is_polynomial
 from evopem.errors import InputError
-from evopem.files.json_form import from_json
 
-_OF_INPUTS = ("static_gain", "static_gain_bounds")
+GAINS = ("static_gain", "static_gain_bounds")
 # Constraints of one input that models with several do not have, and why.
 _REFUSED = {
     "fixed_coefficients": "orders and delays of each input follow from the recording, and with them"
@@ -95,7 +93,7 @@ def check_input_constraints(
             "remove the key, or identify one input alone",
             f"{place}.stability",
         )
-    for key in _OF_INPUTS:
+    for key in GAINS:
         _check_names(constraints.get(key, {}), inputs, source, f"{place}.{key}")
 
 
@@ -122,7 +120,7 @@ def check_one_input(written: Keys, source: str, place: str) -> None:
     ------
     InputError
     """
-    for key in _OF_INPUTS:
+    for key in GAINS:
         if isinstance(written.get("constraints", {}).get(key), Mapping):
             raise InputError(
                 source,
@@ -130,13 +128,3 @@ def check_one_input(written: Keys, source: str, place: str) -> None:
                 "write the value alone",
                 f"{place}.constraints.{key}",
             )
-
-
-def input_constraints_of(keys: Keys) -> Constraints:
-    """The constraints of checked keys."""
-    return from_json(Constraints, dict(keys))
-
-
-def input_constraint_keys(constraints: Constraints) -> dict[str, Any]:
-    """The keys that give these constraints."""
-    return given_constraints(constraints)

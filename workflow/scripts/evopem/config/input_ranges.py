@@ -7,75 +7,14 @@ and ``nb: {hot: [2, 4], cold: 1}`` for those that are named.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import Any
 
-from evopem.config.settings import Range
+from evopem.config.settings import InputRanges, Range
 from evopem.config.strict_yaml import Keys
 from evopem.errors import InputError
 
 OF_INPUTS = (("delay", "nk"), ("orders", "nb"), ("orders", "nf"))
 """Groups and names of the keys of which each input has its own."""
-
-
-@dataclass(frozen=True)
-class InputRanges:
-    """Ranges of the inputs, both ends included, in one of three ways; what is missing is decided.
-
-    Attributes
-    ----------
-    all : (lower, upper), optional
-        One range of all inputs.
-    in_order : tuple of (lower, upper)
-        One for each input.
-    by_name : dict of str to (lower, upper)
-        By the names of inputs.
-
-    Examples
-    --------
-    >>> InputRanges(by_name={"cold": (1, 1)}).of_inputs(("hot", "cold"))
-    (None, (1, 1))
-    """
-
-    all: Range | None = None
-    in_order: tuple[Range, ...] = ()
-    by_name: dict[str, Range] = field(default_factory=dict)
-
-    def of_inputs(self, names: Sequence[str], key: str = "") -> tuple[Range | None, ...]:
-        """The range of each input; None where none is given.
-
-        Parameters
-        ----------
-        names : sequence of str
-            Of the inputs.
-        key : str
-            Key of the configuration, for an error to name.
-
-        Raises
-        ------
-        InputError
-            When there are other inputs.
-        """
-        if self.in_order and len(self.in_order) != len(names):
-            raise InputError(
-                key,
-                f"there are {len(self.in_order)} ranges and {len(names)} inputs",
-                "give one range for each, one for all, or a mapping from their names",
-            )
-        unknown = [name for name in self.by_name if name not in names]
-        if unknown:
-            raise InputError(
-                key, f"there is no input {unknown[0]}", f"name one of {', '.join(names)}"
-            )
-        if self.in_order:
-            return self.in_order
-        return tuple(self.by_name.get(name, self.all) for name in names)
-
-    @property
-    def given(self) -> tuple[Range, ...]:
-        """All ranges that are given."""
-        every = (self.all,) if self.all else ()
-        return (*every, *self.in_order, *self.by_name.values())
 
 
 def input_ranges_of(written: Any) -> InputRanges:

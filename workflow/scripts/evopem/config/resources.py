@@ -8,8 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from evopem.config.order_grid import max_candidates_per_part, sample_requirements
-from evopem.config.settings import DatasetSettings, RecordedSource
-from evopem.config.state_space_settings import MultichannelDataset, MultichannelSource
+from evopem.config.settings import DatasetSettings, RecordedSource, SyntheticSource
 from evopem.config.structures import phases_of
 
 MARGIN_MINUTES = 10
@@ -20,10 +19,10 @@ SECONDS_OF_CHANNELS = 60.0
 """Processor time of a short recording by the automatic recipe, and of one of several channels."""
 
 
-def recording_bytes(settings: DatasetSettings | MultichannelDataset) -> int:
+def recording_bytes(settings: DatasetSettings) -> int:
     """Size of a data set's recordings, known before any job has run."""
     source = settings.source
-    if not isinstance(source, RecordedSource | MultichannelSource):
+    if isinstance(source, SyntheticSource):
         return 16 * source.samples
     files = [Path(file) for file in source.all_files]
     return sum(file.stat().st_size for file in files if is_file(file))
@@ -45,26 +44,24 @@ def max_samples(settings: DatasetSettings) -> float:
     return source.samples
 
 
-def reading_memory(settings: DatasetSettings | MultichannelDataset, attempt: int) -> int:
+def reading_memory(settings: DatasetSettings, attempt: int) -> int:
     """MB of a job that reads a recording once."""
     return int(attempt * (800 + 40e-6 * recording_bytes(settings)))
 
 
-def reading_time(settings: DatasetSettings | MultichannelDataset, attempt: int) -> int:
+def reading_time(settings: DatasetSettings, attempt: int) -> int:
     """Minutes of a job that reads a recording once."""
     return int(attempt * (5 + 0.25e-6 * recording_bytes(settings)))
 
 
-def estimates_again(settings: DatasetSettings | MultichannelDataset) -> bool:
+def estimates_again(settings: DatasetSettings) -> bool:
     """Whether the completed model is estimated anew, for its focus or constraints."""
-    return isinstance(settings, DatasetSettings) and settings.fit.changes_model
+    return settings.is_single_channel and settings.fit.changes_model
 
 
-def estimation_memory(
-    settings: DatasetSettings | MultichannelDataset, threads: int, attempt: int
-) -> int:
+def estimation_memory(settings: DatasetSettings, threads: int, attempt: int) -> int:
     """MB of Snakemake and of the processes that estimate candidates, or models of channels."""
-    if isinstance(settings, MultichannelDataset):
+    if not settings.is_single_channel:
         return int(attempt * (1200 + 200e-6 * recording_bytes(settings)))
     processes = threads + 1 if threads > 1 else 1
     samples = max_samples(settings)
@@ -73,13 +70,13 @@ def estimation_memory(
     return int(attempt * (400 + processes * each))
 
 
-def recording_seconds(settings: DatasetSettings | MultichannelDataset) -> float:
+def recording_seconds(settings: DatasetSettings) -> float:
     """Processor time of all stages of a recording without figures, roughly.
 
     The text of a sample has more than the 8 bytes of :func:`max_samples`; a few times too many
     samples do no harm here.
     """
-    if isinstance(settings, MultichannelDataset):
+    if not settings.is_single_channel:
         return SECONDS_OF_CHANNELS
     if settings.automatic is not None:
         return SECONDS_OF_RECIPE + 2e-3 * max_samples(settings)
@@ -89,14 +86,14 @@ def recording_seconds(settings: DatasetSettings | MultichannelDataset) -> float:
 
 
 def estimation_time(
-    settings: DatasetSettings | MultichannelDataset,
+    settings: DatasetSettings,
     phase: str | None,
     candidates_per_job: int | str,
     threads: int,
     attempt: int,
 ) -> int:
     """Minutes of a job that estimates the candidates of a phase, or of all phases for None."""
-    if isinstance(settings, MultichannelDataset):
+    if not settings.is_single_channel:
         return int(attempt * (60 + 60e-6 * recording_bytes(settings)))
     count = sum(
         max_candidates_per_part(each, settings.order_grid, candidates_per_job)

@@ -11,7 +11,7 @@ from evopem.config.dataset_names import RESERVED_NAMES, RESULTS_FOLDER
 from evopem.config.settings import SyntheticSource
 from evopem.config.strict_yaml import Keys
 from evopem.config.table import check_locale
-from evopem.config.yaml_form import ANALYSIS_KEYS, FILE_KEYS, SYNTHESIS_KEYS, files_of
+from evopem.config.yaml_form import ANALYSIS_KEYS, FILE_KEYS, NO_INPUT, SYNTHESIS_KEYS, files_of
 from evopem.errors import InputError
 from evopem.files.json_form import to_json
 
@@ -177,7 +177,7 @@ def _completed_file(
         )
     completed = dict.fromkeys(FILE_KEYS) | _CHANNEL_DEFAULTS
     if not with_input:
-        completed |= {"input": None, "output": 1}
+        completed |= {"input": NO_INPUT, "output": 1}
     completed |= {key: written[key] for key in own_keys}
     if with_input and not any(key in written for key in ("input", "output", *_RATE_KEYS)):
         completed |= {"input": None, "output": None}  # told from the file

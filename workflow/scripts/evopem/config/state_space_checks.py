@@ -8,28 +8,25 @@ from typing import Any
 
 from evopem.config.input_constraint_keys import check_one_input
 from evopem.config.input_ranges import check_ends, check_one_range
-from evopem.config.settings import Range
+from evopem.config.settings import Reference, is_pattern
 from evopem.config.split_keys import check_fractions, check_something_left
-from evopem.config.state_space_settings import Reference, is_pattern, is_polynomial
 from evopem.config.strict_yaml import Keys
-from evopem.config.structures import STRUCTURES, has_input
-from evopem.config.yaml_form import files_of
+from evopem.config.structures import STRUCTURES, has_input, is_polynomial
+from evopem.config.yaml_form import (
+    COLUMN_KEYS,
+    OWN_KEYS,
+    RANGES,
+    SEARCH_KEYS,
+    STATE_SPACE_ONLY,
+    STRUCTURE,
+    files_of,
+    listed,
+    range_of,
+)
 from evopem.errors import InputError
-
-STRUCTURE = "state_space"
-NO_INPUT = "none"
-OWN_KEYS = ("form", "weighting", "geometry")
-"""Keys that single-channel structures do not have."""
-
-STATE_SPACE_ONLY = ("form", "weighting")
-"""Keys that polynomial structures do not have."""
 
 CHANNEL_KEYS = ("input", "output")
 UNIT_KEYS = ("input_unit", "output_unit")
-COLUMN_KEYS = (
-    *("sampling_rate", "time", "time_unit", "header_lines", "decimal_mark"),
-    "uneven_time",
-)
 ANALYSIS_KEYS = (
     *("recipe", "purpose", "resample", "split", "structure", "form", "weighting"),
     *("delay", "orders", "search", "geometry", "focus", "constraints"),
@@ -37,23 +34,6 @@ ANALYSIS_KEYS = (
 KEYS = ("file", *CHANNEL_KEYS, *UNIT_KEYS, *COLUMN_KEYS, "validation_file", *ANALYSIS_KEYS)
 OWN_ORDERS = ("nx", "nf")
 """Orders whose ranges single-channel data sets do not have."""
-RANGES = ("nx", "joint", "na", "nc", "nd")
-RANGES_OF_INPUTS = ("nb", "nf")
-SEARCH_KEYS = ("seed", "evaluations", "max_root_radius", "objective")
-
-
-def listed(given: Any) -> tuple[Reference, ...]:
-    """Channels of a list, of one name or number, or of none."""
-    if isinstance(given, list | tuple):
-        return tuple(given)
-    return () if given == NO_INPUT else (given,)
-
-
-def range_of(given: Any) -> Range | None:
-    """Both ends of a range, or of one number; None where it is decided from the recording."""
-    if given is None or given == "auto":
-        return None
-    return (given[0], given[1]) if isinstance(given, list | tuple) else (given, given)
 
 
 def check_single_channel(written: Keys, source: str, place: str) -> None:

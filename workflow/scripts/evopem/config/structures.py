@@ -1,9 +1,11 @@
-"""The polynomial structures: their orders, and the phases in which these are searched."""
+"""The structures of models: their orders and phases, and the forms of state-space models."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from types import MappingProxyType
+
+from evopem.config.settings import DatasetSettings
 
 # The orders that each structure has, in the order of MATLAB's tuples (Ljung 1999, chapter 4).
 STRUCTURES: Mapping[str, tuple[str, ...]] = MappingProxyType(
@@ -112,3 +114,65 @@ def plant_order(structure: str) -> str:
 def structure_name(structure: str) -> str:
     """A structure as it is written before its orders: "ARMAX", "OE", "general"."""
     return structure if structure == "general" else structure.upper()
+
+
+VARIANTS = (
+    ("ss", "determinant"),
+    ("ss_oe", "noise"),
+    ("ss_oe_drift", "noise"),
+    ("ss_bj", "determinant"),
+)
+"""Forms of state-space models with their weightings of the outputs that are searched where nothing
+is given."""
+
+OF_ABSOLUTE_ERRORS = "noise"
+"""Weighting of the outputs by absolute errors, of which no determinant can be taken."""
+
+ONE_OUTPUT = "determinant"
+"""Weighting of polynomial models: of one output there is nothing to weigh."""
+
+OF_SIMULATION = ("ss_oe", "ss_oe_drift", "oe", "fir")
+"""Forms and structures that are fitted to errors of simulation."""
+
+MULTI_INPUT_STRUCTURES = ("arx", "armax", "oe", "bj")
+"""Structures of polynomial models that are searched beside, where there is one output."""
+
+
+def is_polynomial(form: str) -> bool:
+    """Whether a form is a structure of polynomial models."""
+    return form in STRUCTURES
+
+
+def variant_name(form: str, weighting: str) -> str:
+    """The name of a form with its weighting, as in names of files.
+
+    Examples
+    --------
+    >>> variant_name("ss", "noise"), variant_name("armax", "determinant")
+    ('ss_noise', 'armax')
+    """
+    return form if is_polynomial(form) else f"{form}_{weighting}"
+
+
+def searched_variants(dataset: DatasetSettings) -> tuple[tuple[str, str], ...]:
+    """The forms with their weightings that a data set of several channels searches."""
+    own, channels = dataset.automatic, dataset.channels
+    assert own is not None
+    if own.structure is not None and is_polynomial(own.structure):
+        return ((own.structure, ONE_OUTPUT),)
+    forms = [form for form, _ in VARIANTS if own.form in (None, form)]
+    if not channels.inputs:
+        forms = ["ss"]
+    built_in = dict(VARIANTS)
+    if dataset.search.objective == "absolute":
+        built_in = dict.fromkeys(built_in, OF_ABSOLUTE_ERRORS)
+    variants = tuple((form, own.weighting or built_in[form]) for form in forms)
+    undecided = (own.structure, own.form, own.weighting) == (None, None, None)
+    if undecided and channels.inputs and channels.has_one_output:
+        variants += tuple((structure, ONE_OUTPUT) for structure in MULTI_INPUT_STRUCTURES)
+    return tuple(each for each in variants if is_fitted_for(each[0], own.focus))
+
+
+def is_fitted_for(form: str, focus: str | None) -> bool:
+    """Whether a form is fitted to the errors in focus."""
+    return focus is None or (form in OF_SIMULATION) == (focus == "simulation")

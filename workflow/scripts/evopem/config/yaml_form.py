@@ -10,24 +10,40 @@ from typing import Any, TypeVar
 import yaml
 
 from evopem.config.automatic_keys import NO_TRANSFORMS, automatic_content, automatic_keys
-from evopem.config.fit_keys import FIT_KEYS, keys_of_fit
+from evopem.config.fit_keys import FIT_KEYS, given_constraints, keys_of_fit
+from evopem.config.geometry_keys import geometry_keys, geometry_of
+from evopem.config.input_ranges import input_range_keys, input_ranges_of
 from evopem.config.settings import (
+    AutomaticSettings,
     ChannelSettings,
     DatasetSettings,
+    FitSettings,
     OrderGrid,
+    OrderRanges,
     PreparationSettings,
+    Range,
     RecordedSource,
+    Reference,
     SearchSettings,
     SpectrumSettings,
+    SplitSettings,
+    StateSpaceSearchSettings,
     Structure,
     SyntheticSource,
+    TransformSettings,
+    UnitSettings,
+    is_pattern,
 )
 from evopem.config.strict_yaml import Keys
-from evopem.config.structures import phases_of
+from evopem.config.structures import has_input, phases_of
 from evopem.errors import InputError
 from evopem.files.json_form import from_json, to_json
 
-CHANNEL_KEYS = tuple(field.name for field in fields(ChannelSettings))
+COLUMN_KEYS = (
+    *("sampling_rate", "time", "time_unit", "header_lines", "decimal_mark"),
+    "uneven_time",
+)
+CHANNEL_KEYS = ("input", "output", "input_unit", "output_unit", *COLUMN_KEYS)
 FILE_KEYS = ("file", *CHANNEL_KEYS, "validation_file")
 SYNTHESIS_KEYS = tuple(field.name for field in fields(SyntheticSource))
 GRID_KEYS = ("structure", "level", "delay", "orders")
@@ -36,10 +52,48 @@ ANALYSIS_KEYS = (
     *(*GRID_KEYS, "search", *FIT_KEYS),
 )
 
+STRUCTURE = "state_space"
+OWN_KEYS = ("form", "weighting", "geometry")
+"""Keys that single-channel structures do not have."""
+
+STATE_SPACE_ONLY = ("form", "weighting")
+"""Keys that polynomial structures do not have."""
+
+RANGES = ("nx", "joint", "na", "nc", "nd")
+RANGES_OF_INPUTS = ("nb", "nf")
+SEARCH_KEYS = ("seed", "evaluations", "max_root_radius", "objective")
 NO_RESAMPLING = "none"
+NO_INPUT = "none"
 
 Settings = TypeVar("Settings")
 Value = TypeVar("Value")
+
+
+def listed(given: Any) -> tuple[Reference, ...]:
+    """Channels of a list, of one name or number, or of none."""
+    if isinstance(given, list | tuple):
+        return tuple(given)
+    return () if given == NO_INPUT else (given,)
+
+
+def range_of(given: Any) -> Range | None:
+    """Both ends of a range, or of one number; None where it is decided from the recording."""
+    if given is None or given == "auto":
+        return None
+    return (given[0], given[1]) if isinstance(given, list | tuple) else (given, given)
+
+
+def is_state_space(written: Keys, defaults: Keys) -> bool:
+    """Whether a data set has several channels, no input, or keys of state-space models."""
+    structure = written.get("structure", defaults.get("structure"))
+    inputs, outputs = listed(written.get("input", 1)), listed(written.get("output", 2))
+    if structure == STRUCTURE or any(key in written for key in OWN_KEYS):
+        return True
+    if len(inputs) > 1 or len(outputs) != 1 or any(map(is_pattern, (*inputs, *outputs))):
+        return True
+    if "nx" in written.get("orders", {}):
+        return True
+    return not inputs and (structure is None or has_input(structure))
 
 
 def settings_of(name: str, keys: Keys) -> DatasetSettings:
@@ -47,13 +101,19 @@ def settings_of(name: str, keys: Keys) -> DatasetSettings:
 
     Of an automatic recipe, keys that are missing are decided from the recording.
     """
+    if is_state_space(keys, {}):
+        return _state_space_settings(name, keys)
     source: dict[str, Any]
     if "file" in keys:
         # A missing input is none: complete keys have one wherever the structure has.
-        channels = {"input": None} | {key: keys[key] for key in CHANNEL_KEYS if key in keys}
         told = keys.get("output") is None
-        if told:
-            channels |= {"input": 1, "output": 2}
+        channels = {key: keys[key] for key in COLUMN_KEYS if key in keys}
+        if not told:
+            inputs = keys.get("input")
+            channels |= {"inputs": [] if inputs in (None, NO_INPUT) else [inputs]}
+            channels |= {"outputs": [keys["output"]]}
+        for role in ("input", "output"):
+            channels[f"{role}_units"] = {"all": keys.get(f"{role}_unit", "")}
         source = {"channels_from_file": told, "files": files_of(keys["file"]), "channels": channels}
         source["validation_files"] = files_of(keys.get("validation_file"))
     else:
@@ -80,12 +140,20 @@ def settings_of(name: str, keys: Keys) -> DatasetSettings:
 
 def keys_of(settings: DatasetSettings) -> dict[str, Any]:
     """List the keys that give these settings; what is not set is left out."""
+    if not settings.is_single_channel:
+        return _keys_of_state_space(settings)
     source = settings.source
     if isinstance(source, RecordedSource):
-        own = {"file": one_or_list(source.files), **to_json(source.channels)}
-        own["validation_file"] = one_or_list(source.validation_files)
-        if source.channels.input is None:
-            own["input_unit"] = None
+        channels = source.channels
+        own = {
+            "file": one_or_list(source.files),
+            "input": one_or_list(channels.inputs),
+            "output": channels.outputs[0],
+            **{key: getattr(channels, key) for key in COLUMN_KEYS},
+            "input_unit": channels.input_units.all if channels.inputs else None,
+            "output_unit": channels.output_units.all,
+            "validation_file": one_or_list(source.validation_files),
+        }
         if source.channels_from_file:
             own |= {"input": None, "output": None}
     else:
@@ -163,8 +231,13 @@ def read_settings(path: str | Path) -> DatasetSettings:
     InputError
         When the file is missing or holds something else.
     """
-    settings = read_dataset(path, _single_channel_settings)
-    if settings is None:
+    return read_dataset(path, settings_of)
+
+
+def read_single_channel_settings(path: str | Path) -> DatasetSettings:
+    """The same of a data set with one input and one output, or an output alone."""
+    settings = read_settings(path)
+    if not settings.is_single_channel:
         raise InputError(
             str(path),
             "holds a data set with several channels, and one with a single output is needed",
@@ -199,5 +272,106 @@ def read_dataset(path: str | Path, settings_of_keys: Callable[[str, Keys], Setti
         ) from None
 
 
-def _single_channel_settings(name: str, keys: Keys) -> DatasetSettings | None:
-    return None if isinstance(keys.get("output"), list) else settings_of(name, keys)
+def _state_space_settings(name: str, keys: Keys) -> DatasetSettings:
+    """The settings of complete, checked keys."""
+    channels = ChannelSettings(
+        inputs=listed(keys.get("input", 1)),
+        outputs=listed(keys.get("output", 2)),
+        input_units=_units(keys.get("input_unit", "")),
+        output_units=_units(keys.get("output_unit", "")),
+        **{key: keys[key] for key in COLUMN_KEYS if key in keys},
+    )
+    written = keys["search"]
+    search = {key: written[key] for key in SEARCH_KEYS if key in written}
+    search = to_json(StateSpaceSearchSettings()) | search
+    resample = keys.get("resample", "none")
+    given = {key: keys[key] for key in ("structure", "focus", *STATE_SPACE_ONLY) if key in keys}
+    geometry = keys.get("geometry")
+    return DatasetSettings(
+        name=name,
+        source=RecordedSource(
+            tuple(files_of(keys["file"])),
+            channels,
+            tuple(files_of(keys.get("validation_file"))),
+        ),
+        preparation=PreparationSettings(
+            transforms=from_json(TransformSettings, NO_TRANSFORMS),
+            split=from_json(SplitSettings, {"discard": 0, **keys["split"]}),
+            resample=None if resample == "none" else float(resample),
+        ),
+        spectrum=SpectrumSettings(),
+        order_grid=OrderGrid(),
+        search=from_json(SearchSettings, {k: v for k, v in search.items() if v is not None}),
+        automatic=AutomaticSettings(
+            purpose=keys.get("purpose", "auto"),
+            orders=_ranges(keys.get("orders", {}), keys.get("delay", {})),
+            start_given=bool(keys["split"].get("discard")),
+            rate_given="resample" in keys,
+            evaluations=written.get("evaluations"),
+            **given,
+        ),
+        fit=from_json(FitSettings, {k: keys[k] for k in ("constraints",) if k in keys}),
+        geometry=None if geometry is None else geometry_of(geometry),
+    )
+
+
+def _keys_of_state_space(settings: DatasetSettings) -> dict[str, Any]:
+    """List the keys that give these settings; what is decided from the recording is left out."""
+    source, choices, channels = settings.source, settings.automatic, settings.channels
+    assert isinstance(source, RecordedSource)
+    assert choices is not None
+    preparation = settings.preparation
+    orders, nk = _range_keys(choices.orders), input_range_keys(choices.orders.nk)
+    split = ("discard", "estimation", *(["by"] if len(source.files) > 1 else []))
+    keys: dict[str, Any] = {
+        "file": one_or_list(source.files),
+        "input": list(channels.inputs) or NO_INPUT,
+        "output": list(channels.outputs),
+        "input_unit": _unit_keys(channels.input_units),
+        "output_unit": _unit_keys(channels.output_units),
+        **{key: getattr(channels, key) for key in COLUMN_KEYS},
+        "validation_file": one_or_list(source.validation_files),
+        "recipe": "auto",
+        "purpose": choices.purpose,
+        "resample": (preparation.resample or "none") if choices.rate_given else None,
+        "split": {key: getattr(preparation.split, key) for key in split},
+        "structure": choices.structure,
+        "form": choices.form,
+        "focus": choices.focus,
+        "weighting": choices.weighting,
+        "delay": {"nk": nk} if nk else None,
+        "orders": orders or None,
+        "search": {k: v for k, v in to_json(settings.state_space_search).items() if v is not None},
+        "geometry": None if settings.geometry is None else geometry_keys(settings.geometry),
+        "constraints": None
+        if settings.fit.constraints is None
+        else given_constraints(settings.fit.constraints),
+    }
+    return {key: value for key, value in keys.items() if value is not None and value != ""}
+
+
+def _ranges(orders: Keys, delay: Keys) -> OrderRanges:
+    """The ranges of checked keys."""
+    nx, joint, na, nc, nd = (range_of(orders.get(name)) for name in RANGES)
+    nb, nf = (input_ranges_of(orders.get(name)) for name in RANGES_OF_INPUTS)
+    return OrderRanges(nx, joint, na, nc, nd, nb, nf, input_ranges_of(delay.get("nk")))
+
+
+def _range_keys(ranges: OrderRanges) -> dict[str, Any]:
+    """The keys that give the ranges of orders."""
+    limits = {name: getattr(ranges, name) for name in RANGES}
+    keys = {name: each and list(each) for name, each in limits.items()}
+    keys |= {name: input_range_keys(getattr(ranges, name)) for name in RANGES_OF_INPUTS}
+    return {name: each for name, each in keys.items() if each}
+
+
+def _units(given: Any) -> UnitSettings:
+    if isinstance(given, Mapping):
+        return UnitSettings(by_name=dict(given))
+    if isinstance(given, list | tuple):
+        return UnitSettings(in_order=tuple(given))
+    return UnitSettings(all=given)
+
+
+def _unit_keys(units: UnitSettings) -> Any:
+    return units.by_name or list(units.in_order) or units.all

@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.config.constraints import Constraints
-from evopem.config.settings import Focus, ScoringWindow, SearchSettings
-from evopem.config.state_space_settings import StateSpaceSearchSettings
+from evopem.config.settings import Focus, ScoringWindow, SearchSettings, StateSpaceSearchSettings
 from evopem.config.structures import STRUCTURES
 from evopem.errors import InputError
 from evopem.estimation.polynomial_estimate import PolynomialEstimate

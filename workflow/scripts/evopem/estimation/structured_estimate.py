@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from evopem.config.constraints import Constraints
-from evopem.config.settings import ScoringWindow, SearchSettings
-from evopem.config.state_space_settings import OutputWeighting
+from evopem.config.settings import OutputWeighting, ScoringWindow, SearchSettings
 from evopem.estimation.focused_estimate import estimate_focused
 from evopem.estimation.multi_input.estimate import estimate_multi_input
 from evopem.estimation.polynomial_estimate import PolynomialEstimate

@@ -21,8 +21,8 @@ from evopem.results.identity import check_results
 from evopem.results.layout import DatasetFiles
 
 if TYPE_CHECKING:
+    from evopem.config.settings import DatasetSettings
     from evopem.notebook.results import Results
-    from evopem.pipeline.stages import Dataset
 
 VALIDATION = "validation"
 """What the files of the validation recordings are called, as an error calls them."""
@@ -139,8 +139,8 @@ def read_results(folder: str | Path) -> Results:
         When the results are unfinished, or a file is missing, changed or damaged.
     """
     check_packages(FOR_RESULTS, "read_results", "the tables of the results")
+    from evopem.config.yaml_form import read_settings
     from evopem.notebook.results import Results
-    from evopem.pipeline.identification import read_any_settings
 
     files = DatasetFiles(str(folder))
     if not Path(files.config).is_file():
@@ -148,7 +148,7 @@ def read_results(folder: str | Path) -> Results:
             str(folder), "holds no results of a data set", "give a folder such as results/arm"
         )
     check_results(files)
-    return Results.of(files, read_any_settings(files.config))
+    return Results.of(files, read_settings(files.config))
 
 
 def _validation_signals(
@@ -179,7 +179,7 @@ def _settings(
     recorded: Sequence[GivenSignals],
     held_out: Sequence[GivenSignals],
     keys: Mapping[str, Any],
-) -> Dataset:
+) -> DatasetSettings:
     """The settings that a data set of these keys has in a configuration."""
     signals = recorded[0]
     if signals.sampling_rate is None:

@@ -15,7 +15,7 @@ import pandas as pd
 
 from evopem.automatic.decision import Decision
 from evopem.config.settings import DatasetSettings
-from evopem.config.state_space_settings import searched_variants, variant_name
+from evopem.config.structures import searched_variants, variant_name
 from evopem.errors import InputError
 from evopem.figures.chart import Chart
 from evopem.figures.draw import draw, grid_of
@@ -29,7 +29,6 @@ from evopem.models.polynomial import PolynomialModel
 from evopem.models.state_space import StateSpaceModel
 from evopem.notebook.comparison import ModelComparison, pyplot_panels
 from evopem.pipeline.packages import FOR_FIGURES, FOR_REPORT, check_packages
-from evopem.pipeline.stages import Dataset
 from evopem.report.numbers import count, is_number, number, percent, with_error
 from evopem.report.results_text import results_text, state_space_text
 from evopem.report.sentences.about_verdict import verdict
@@ -106,11 +105,11 @@ class Results:
     def of(
         cls,
         files: DatasetFiles,
-        settings: Dataset,
+        settings: DatasetSettings,
         folder: TemporaryDirectory[str] | None = None,
     ) -> Results:
         """Read the results of a data set."""
-        if isinstance(settings, DatasetSettings):
+        if settings.is_single_channel:
             return cls(files, read_dataset_results(files, settings), folder)
         names = [variant_name(*each) for each in searched_variants(settings)]
         return cls(files, read_multichannel_results(files, settings, names), folder)

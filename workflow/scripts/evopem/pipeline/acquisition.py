@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from evopem.config.state_space_settings import ChannelLists, Geometry
+from evopem.config.settings import ChannelSettings, Geometry
 from evopem.files.json_form import load, save
 from evopem.results.layout import DatasetFiles
 from evopem.signals.channel_roles import ChannelRoles, roles_of
@@ -24,7 +24,7 @@ from evopem.signals.recording_info import (
 def read_recording(
     files: DatasetFiles,
     recorded: tuple[str, ...],
-    channels: ChannelLists,
+    channels: ChannelSettings,
     told: bool = False,
     geometry: Geometry | None = None,
     folder: str | Path = "",
@@ -36,7 +36,7 @@ def read_recording(
     files : DatasetFiles
     recorded : tuple of str
         The recorded files, as the settings name them.
-    channels : ChannelLists
+    channels : ChannelSettings
     told : bool
         Whether input, output and time are told from the first file, where it has a time.
     geometry : Geometry, optional
@@ -59,7 +59,7 @@ def read_recording(
 def read_validation_recording(
     files: DatasetFiles,
     recorded: tuple[str, ...],
-    channels: ChannelLists,
+    channels: ChannelSettings,
     told: bool = False,
     folder: str | Path = "",
 ) -> None:
@@ -71,7 +71,10 @@ def read_validation_recording(
 
 
 def _read(
-    recorded: Sequence[str], channels: ChannelLists, roles: ChannelRoles | None, folder: str | Path
+    recorded: Sequence[str],
+    channels: ChannelSettings,
+    roles: ChannelRoles | None,
+    folder: str | Path,
 ) -> tuple[Recording, RecordingInfo]:
     if roles is not None:
         channels = replace(

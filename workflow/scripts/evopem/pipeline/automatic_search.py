@@ -13,8 +13,7 @@ from evopem.automatic.remedies import act_on_checks as act
 from evopem.automatic.structures import Comparison, Purpose
 from evopem.automatic.structures import compare_structures as compare
 from evopem.blas_threads import one_blas_thread
-from evopem.config.input_ranges import InputRanges
-from evopem.config.settings import AutomaticSettings, Range
+from evopem.config.settings import AutomaticSettings, InputRanges, Range
 from evopem.errors import InputError
 from evopem.files.json_form import load, save
 from evopem.pipeline.automatic_preparation import load_record

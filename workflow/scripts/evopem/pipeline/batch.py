@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
+from evopem.config.settings import DatasetSettings
 from evopem.errors import InputError
 from evopem.files.archive import pack
 from evopem.files.atomic import TEMPORARY, files_below, write_text
@@ -18,7 +19,6 @@ from evopem.files.checksums import delete_results
 from evopem.files.job import job
 from evopem.files.unfinished import unfinished_record
 from evopem.pipeline.identification import identify_dataset
-from evopem.pipeline.stages import Dataset
 from evopem.results.layout import IDENTIFICATION, DatasetFiles
 from evopem.results.made_from import MADE_FROM, is_finished, made_from
 
@@ -28,7 +28,7 @@ _SHOWN = 5
 
 def identify_batch(
     folder: str | Path,
-    recordings: Mapping[str, Dataset],
+    recordings: Mapping[str, DatasetSettings],
     code: str,
     log: Log,
     cores: int = 1,
@@ -42,7 +42,7 @@ def identify_batch(
     ----------
     folder : path
         The folder of all results.
-    recordings : mapping of str to DatasetSettings or MultichannelDataset
+    recordings : mapping of str to DatasetSettings
         Settings by the names of the data sets.
     code : str
         Digest of the code that identifies them.
@@ -76,7 +76,7 @@ def identify_batch(
         _explain(failed, len(recordings), folder)
 
 
-def _identify(files: DatasetFiles, settings: Dataset, code: str, cores: int) -> None:
+def _identify(files: DatasetFiles, settings: DatasetSettings, code: str, cores: int) -> None:
     """Take one recording through all stages, and pack what is not looked at every day."""
     with job(files.log(IDENTIFICATION), (), files.batch_results, ends_with_parent=False) as logger:
         delete_results(files.folder)  # nothing of an earlier run is left if this one fails

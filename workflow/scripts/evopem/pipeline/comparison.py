@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from urllib.parse import quote
 
-from evopem.config.yaml_form import read_settings
+from evopem.config.yaml_form import read_single_channel_settings
 from evopem.errors import InputError
 from evopem.files.atomic import write_page
 from evopem.report.comparison_page import build_comparison
@@ -21,7 +21,9 @@ from evopem.results.layout import DatasetFiles
 def compare_datasets(folders: Sequence[str], page: str) -> Comparison:
     """Lay the results of data sets side by side, on a page with links to their reports."""
     found = [_files(folder) for folder in folders]
-    results = [read_dataset_results(files, read_settings(files.config)) for files in found]
+    results = [
+        read_dataset_results(files, read_single_channel_settings(files.config)) for files in found
+    ]
     comparison = Comparison.of(results)
     reports = {
         label: quote(Path(os.path.relpath(files.report, Path(page).parent)).as_posix())

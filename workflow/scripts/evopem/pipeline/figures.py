@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from evopem.automatic.variant_search import Variant
-from evopem.config.state_space_settings import MultichannelDataset
+from evopem.config.settings import DatasetSettings
 from evopem.config.yaml_form import read_settings
 from evopem.figures.registry import draw_all
 from evopem.results.dataset import read_dataset_results
@@ -20,7 +20,7 @@ def draw_figures(files: DatasetFiles) -> None:
 
 
 def draw_channel_figures(
-    files: DatasetFiles, settings: MultichannelDataset, variants: tuple[Variant, ...]
+    files: DatasetFiles, settings: DatasetSettings, variants: tuple[Variant, ...]
 ) -> None:
     """The same of a data set with several channels."""
     results = read_multichannel_results(files, settings, [each.name for each in variants])

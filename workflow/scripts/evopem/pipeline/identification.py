@@ -8,15 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from evopem.config.settings import DatasetSettings
-from evopem.config.state_space_keys import state_space_settings
-from evopem.config.state_space_settings import MultichannelDataset
-from evopem.config.strict_yaml import Keys
-from evopem.config.yaml_form import read_dataset
-from evopem.config.yaml_form import settings_of as single_channel_settings
+from evopem.config.yaml_form import read_settings
 from evopem.errors import InputError
 from evopem.files.json_form import from_json, to_json
 from evopem.pipeline.call import Log, call
-from evopem.pipeline.stages import Dataset, Stage, Task, stages_of
+from evopem.pipeline.stages import Stage, Task, stages_of
 from evopem.results.layout import DatasetFiles
 
 Announce = Callable[[str, int, int], None]
@@ -41,7 +37,9 @@ class StageJob:
         call(stage.function, task.files, arguments, task.values, log, cores, folder)
 
 
-def jobs(settings: Dataset, files: DatasetFiles, with_report: bool = True) -> list[StageJob]:
+def jobs(
+    settings: DatasetSettings, files: DatasetFiles, with_report: bool = True
+) -> list[StageJob]:
     """Every job of a data set, each behind those whose results it reads."""
     whole = Task(settings, files)
     waiting = [
@@ -61,30 +59,6 @@ def _in_order(waiting: list[StageJob]) -> Iterator[StageJob]:
         yield ready
 
 
-def read_any_settings(path: str | Path) -> Dataset:
-    """Read the settings of a data set with any number of channels from its ``config.yaml``.
-
-    Raises
-    ------
-    InputError
-        When the file is missing or holds something else.
-    """
-
-    def settings(name: str, keys: Keys) -> Dataset:
-        if isinstance(keys.get("output"), list):
-            return state_space_settings(name, keys)
-        return single_channel_settings(name, keys)
-
-    return read_dataset(path, settings)
-
-
-def settings_of(content: dict[str, Any]) -> Dataset:
-    """The settings of a data set from their JSON form."""
-    if "choices" in content:
-        return from_json(MultichannelDataset, content)
-    return from_json(DatasetSettings, content)
-
-
 def identify(
     files: DatasetFiles,
     settings: dict[str, Any],
@@ -93,12 +67,12 @@ def identify(
     cores: int = 1,
 ) -> None:
     """Run all stages of a data set, as the job of a rule; settings are in their JSON form."""
-    identify_dataset(files, settings_of(settings), with_report, log, cores)
+    identify_dataset(files, from_json(DatasetSettings, settings), with_report, log, cores)
 
 
 def identify_dataset(
     files: DatasetFiles,
-    settings: Dataset,
+    settings: DatasetSettings,
     with_report: bool,
     log: Log | None = None,
     cores: int = 1,
@@ -110,7 +84,7 @@ def identify_dataset(
     Parameters
     ----------
     files : DatasetFiles
-    settings : DatasetSettings or MultichannelDataset
+    settings : DatasetSettings
     with_report : bool
         Whether figures and report are made.
     log : callable, optional
@@ -156,7 +130,7 @@ def run_stage(name: str, folder: str | Path, log: Log | None = print) -> None:
         When the data set has no such stage.
     """
     files = DatasetFiles(str(folder))
-    listed = jobs(read_any_settings(files.config), files)
+    listed = jobs(read_settings(files.config), files)
     wanted = [job for job in listed if name in (job.name, job.stage.name)]
     if not wanted:
         names = ", ".join(dict.fromkeys(job.stage.name for job in listed))

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from evopem.automatic.variant_search import Variant
-from evopem.config.state_space_settings import MultichannelDataset
+from evopem.config.settings import DatasetSettings
 from evopem.config.yaml_form import read_settings
 from evopem.figures.view import Results
 from evopem.files.atomic import write_text
@@ -53,7 +53,7 @@ def write_report(files: DatasetFiles) -> None:
 
 
 def write_channel_report(
-    files: DatasetFiles, settings: MultichannelDataset, variants: tuple[Variant, ...]
+    files: DatasetFiles, settings: DatasetSettings, variants: tuple[Variant, ...]
 ) -> None:
     """The same of a data set with several channels."""
     results = read_multichannel_results(files, settings, [each.name for each in variants])

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
+from evopem.config.settings import DatasetSettings
 from evopem.files.json_form import to_json
-from evopem.pipeline.stages import PREPARING, STAGES, Dataset, Stage, Task, stages_of
+from evopem.pipeline.stages import PREPARING, STAGES, Stage, Task, stages_of
 from evopem.results.layout import DatasetFiles
 
 if TYPE_CHECKING:
@@ -173,7 +174,7 @@ class RecordingRule:
         return self.provider.time("estimation", wildcards.dataset, None, threads, attempt)
 
 
-def modules_of(datasets: Iterable[Dataset], with_report: bool) -> list[Path]:
+def modules_of(datasets: Iterable[DatasetSettings], with_report: bool) -> list[Path]:
     """The modules with the functions of all stages of some data sets."""
     stages = {stage.module for each in datasets for stage in stages_of(each, with_report)}
     return sorted(stages)

@@ -15,19 +15,21 @@ from pathlib import Path
 from typing import Any, Literal
 
 from evopem.config import order_grid
-from evopem.config.settings import AutomaticSettings, DatasetSettings, SyntheticSource
-from evopem.config.state_space_settings import (
-    ChannelLists,
-    MultichannelDataset,
-    channel_lists,
+from evopem.config.settings import (
+    AutomaticSettings,
+    DatasetSettings,
+    OrderRanges,
+)
+from evopem.config.structures import (
+    AUTOMATIC_STRUCTURES,
+    is_polynomial,
+    searched_structures,
     searched_variants,
     variant_name,
 )
-from evopem.config.structures import AUTOMATIC_STRUCTURES, searched_structures
 from evopem.pipeline.constraint_plan import known_rate
 from evopem.results.layout import DatasetFiles
 
-Dataset = DatasetSettings | MultichannelDataset
 Demand = Literal["small", "reading", "model", "estimation"]
 
 PREPARING = (*("synthesize", "read_recording", "read_validation", "decide_preparation", "prepare"),)
@@ -42,7 +44,7 @@ class Task:
 
     Attributes
     ----------
-    settings : DatasetSettings or MultichannelDataset
+    settings : DatasetSettings
     files : DatasetFiles
     values : dict of str to str
         Values of wildcards by their names, such as ``{"structure": "oe"}``.
@@ -50,7 +52,7 @@ class Task:
         How the candidates of a phase are divided into parts.
     """
 
-    settings: Dataset
+    settings: DatasetSettings
     files: DatasetFiles
     values: Mapping[str, str] = field(default_factory=dict)
     candidates_per_job: int | Literal["auto"] = "auto"
@@ -94,7 +96,7 @@ class Stage:
     name: str
     function: str
     title: str
-    applies: Callable[[Dataset], bool]
+    applies: Callable[[DatasetSettings], bool]
     inputs: tuple[str, ...] = ()
     outputs: tuple[str, ...] = ()
     settings: Mapping[str, Value] = field(default_factory=dict)
@@ -173,51 +175,41 @@ def _value(value: Value, task: Task) -> Any:
     return provided
 
 
-def _is_recorded(settings: Dataset) -> bool:
+def _is_recorded(settings: DatasetSettings) -> bool:
     return bool(settings.source.all_files)
 
 
-def _is_synthetic(settings: Dataset) -> bool:
+def _is_synthetic(settings: DatasetSettings) -> bool:
     return not settings.source.all_files
 
 
-def is_validated(settings: Dataset) -> bool:
+def is_validated(settings: DatasetSettings) -> bool:
     """Whether there is an independent recording for validation."""
-    return bool(getattr(settings.source, "validation_files", ()))
+    return bool(settings.source.validation_files)
 
 
-def _has_one(settings: Dataset) -> bool:
-    return isinstance(settings, DatasetSettings)
+def _has_one(settings: DatasetSettings) -> bool:
+    return settings.is_single_channel
 
 
-def _has_several(settings: Dataset) -> bool:
-    return isinstance(settings, MultichannelDataset)
+def _has_several(settings: DatasetSettings) -> bool:
+    return not settings.is_single_channel
 
 
-def _is_automatic(settings: Dataset) -> bool:
-    return isinstance(settings, DatasetSettings) and settings.automatic is not None
+def _is_automatic(settings: DatasetSettings) -> bool:
+    return settings.is_single_channel and settings.automatic is not None
 
 
-def _is_by_chapter(settings: Dataset) -> bool:
-    return isinstance(settings, DatasetSettings) and settings.automatic is None
-
-
-def _one(task: Task) -> DatasetSettings:
-    assert isinstance(task.settings, DatasetSettings)
-    return task.settings
-
-
-def _several(task: Task) -> MultichannelDataset:
-    assert isinstance(task.settings, MultichannelDataset)
-    return task.settings
+def _is_by_chapter(settings: DatasetSettings) -> bool:
+    return settings.automatic is None
 
 
 def _automatic(task: Task) -> AutomaticSettings:
-    return _one(task).automatic or AutomaticSettings()
+    return task.settings.automatic or AutomaticSettings()
 
 
 def _structures(task: Task) -> tuple[str, ...]:
-    if isinstance(task.settings, MultichannelDataset):
+    if not task.settings.is_single_channel:
         return tuple(variant_name(*each) for each in searched_variants(task.settings))
     return searched_structures(_automatic(task).structure)
 
@@ -233,15 +225,16 @@ def _nested(task: Task) -> tuple[str, ...]:
 
 def _purposes(task: Task) -> tuple[str, ...]:
     """The purpose whose model is kept beside that of the configuration; none without inputs."""
-    if isinstance(task.settings, DatasetSettings):
-        return (_automatic(task).other_purpose,)
-    if not task.settings.source.channels.inputs:
+    own = _automatic(task)
+    if task.settings.is_single_channel:
+        return (own.other_purpose,)
+    if not task.settings.channels.inputs:
         return ()
-    return ("simulation" if task.settings.choices.purpose == "prediction" else "prediction",)
+    return ("simulation" if own.purpose == "prediction" else "prediction",)
 
 
 def _phases(task: Task) -> tuple[str, ...]:
-    return order_grid.phases_of_dataset(_one(task))
+    return order_grid.phases_of_dataset(task.settings)
 
 
 def _parts(task: Task) -> list[str]:
@@ -249,18 +242,18 @@ def _parts(task: Task) -> list[str]:
 
 
 def _part_count(task: Task) -> int:
-    grid = _one(task).order_grid
+    grid = task.settings.order_grid
     return order_grid.part_count(task.values["phase"], grid, task.candidates_per_job)
 
 
 def _previous(task: Task) -> list[str]:
-    structure = _one(task).order_grid.structure
+    structure = task.settings.order_grid.structure
     previous = order_grid.previous_phase(task.values["phase"], structure)
     return [previous] if previous else []
 
 
 def _resonances(task: Task) -> list[str]:
-    counted = order_grid.needs_resonances(task.values["phase"], _one(task).order_grid)
+    counted = order_grid.needs_resonances(task.values["phase"], task.settings.order_grid)
     return ["spectrum_summary"] if counted else []
 
 
@@ -273,12 +266,6 @@ def _is_told(task: Task) -> bool:
     return getattr(task.settings.source, "channels_from_file", False)
 
 
-def _channels(task: Task) -> ChannelLists:
-    source = task.settings.source
-    assert not isinstance(source, SyntheticSource)
-    return channel_lists(source.channels)
-
-
 LISTS: Mapping[str, Callable[[Task], Sequence[str]]] = {
     "structures": _structures,
     "wanted": _wanted,
@@ -286,7 +273,7 @@ LISTS: Mapping[str, Callable[[Task], Sequence[str]]] = {
     "purposes": _purposes,
     "phases": _phases,
     "last": lambda task: _phases(task)[-1:],
-    "compared": lambda task: [order_grid.phase_of_orders_of(_one(task))],
+    "compared": lambda task: [order_grid.phase_of_orders_of(task.settings)],
     "parts": _parts,
     "previous": _previous,
     "resonances": _resonances,
@@ -305,20 +292,27 @@ LISTS: Mapping[str, Callable[[Task], Sequence[str]]] = {
 
 
 def _window(task: Task) -> object:
-    settings = _one(task)
+    settings = task.settings
     return None if settings.automatic else order_grid.scoring_window(settings)
 
 
 def _fit_to_check(task: Task) -> object:
     """Constraints and order grid, where constraints in Hz wait for the sampling rate."""
-    settings = _one(task)
+    settings = task.settings
     waits = settings.fit.constraints is not None and known_rate(settings) is None
     return (settings.fit, settings.order_grid) if waits else None
 
 
 def _variants(task: Task) -> list[dict[str, str]]:
-    listed = searched_variants(_several(task))
+    listed = searched_variants(task.settings)
     return [{"form": form, "weighting": weighting} for form, weighting in listed]
+
+
+def _ranges_of_form(task: Task) -> OrderRanges:
+    """The ranges that the search over the orders of a structure or form depends on."""
+    orders = _automatic(task).orders
+    of_polynomials = is_polynomial(task.values["structure"])
+    return orders.of_polynomials if of_polynomials else orders.of_states
 
 
 def _choices(*names: str) -> Callable[[Task], AutomaticSettings]:
@@ -331,7 +325,6 @@ def _choices(*names: str) -> Callable[[Task], AutomaticSettings]:
     return provide
 
 
-_ORDERS = ("nk", "joint", "nc", "nd", "nb")
 _PREPARED = ("prepared", "transforms")
 _DECIDED = ("stretches", "decision:preparation", *_PREPARED)
 _VALIDATION = (*("validation", "residual_autocorrelation", "cross_correlation", "simulation"),)
@@ -352,16 +345,7 @@ STAGES = (
         "write_settings",
         "configuration:write_configuration",
         "settings",
-        _has_one,
-        outputs=("config",),
-        settings={"settings": ""},
-        demand="small",
-    ),
-    Stage(
-        "write_settings",
-        "configuration:write_multichannel_configuration",
-        "settings",
-        _has_several,
+        lambda _: True,
         outputs=("config",),
         settings={"settings": ""},
         demand="small",
@@ -382,9 +366,9 @@ STAGES = (
         outputs=("recording", "recording_info"),
         settings={
             "recorded": "source.files",
-            "channels": _channels,
+            "channels": "channels",
             "told": _is_told,
-            "geometry": lambda t: getattr(t.settings, "geometry", None),
+            "geometry": "geometry",
         },
         recorded=("files",),
     ),
@@ -397,7 +381,7 @@ STAGES = (
         outputs=("validation_recording", "validation_recording_info"),
         settings={
             "recorded": "source.validation_files",
-            "channels": _channels,
+            "channels": "channels",
             "told": _is_told,
         },
         recorded=("validation_files",),
@@ -411,7 +395,7 @@ STAGES = (
         outputs=("decision:preparation",),
         settings={
             "settings": "preparation",
-            "given": lambda t: order_grid.given_preparation(_one(t).preparation, _automatic(t)),
+            "given": lambda t: order_grid.given_preparation(t.settings.preparation, _automatic(t)),
             "is_validated": lambda t: is_validated(t.settings),
             "recorded": "source.all_files",
         },
@@ -437,7 +421,7 @@ STAGES = (
         outputs=_PREPARED,
         settings={
             "settings": "preparation",
-            "requirements": lambda t: order_grid.sample_requirements(_one(t)),
+            "requirements": lambda t: order_grid.sample_requirements(t.settings),
             "is_validated": lambda t: is_validated(t.settings),
             "fit": _fit_to_check,
             "recorded": "source.all_files",
@@ -452,9 +436,9 @@ STAGES = (
         outputs=(*_PREPARED, "decision:preparation"),
         settings={
             "source": "source",
-            "split": "split",
-            "resample": "resample",
-            "given": lambda t: (bool(_several(t).split.discard), _several(t).rate_given),
+            "split": "preparation.split",
+            "resample": "preparation.resample",
+            "given": lambda t: (_automatic(t).start_given, _automatic(t).rate_given),
         },
         demand="estimation",
     ),
@@ -482,7 +466,7 @@ STAGES = (
         _is_automatic,
         inputs=_DECIDED,
         outputs=("decision:delay",),
-        settings={"limits": "automatic.nk"},
+        settings={"limits": "automatic.orders.nk.all"},
     ),
     Stage(
         "decide_delay",
@@ -491,7 +475,7 @@ STAGES = (
         _has_several,
         inputs=_PREPARED,
         outputs=("decision:delay",),
-        settings={"ranges": "choices.orders.nk"},
+        settings={"ranges": "automatic.orders.nk"},
     ),
     Stage(
         "search_structure",
@@ -500,7 +484,7 @@ STAGES = (
         _is_automatic,
         inputs=("search:{nested}", *_DECIDED, "decision:folds", "decision:delay"),
         outputs=("search:{structure}",),
-        settings={"settings": _choices(*_ORDERS)},
+        settings={"settings": _choices("orders")},
         wildcards={"structure": "structures"},
         demand="estimation",
     ),
@@ -512,8 +496,8 @@ STAGES = (
         inputs=(*_PREPARED, "decision:delay"),
         outputs=("search:{structure}", "models_of_orders:{structure}"),
         settings={
-            "ranges": lambda t: _several(t).choices.orders.of_form(_form(t.values["structure"])),
-            "search": "search",
+            "ranges": _ranges_of_form,
+            "search": "state_space_search",
         },
         wildcards={"structure": "structures"},
         demand="estimation",
@@ -527,7 +511,7 @@ STAGES = (
         outputs=("decision:comparison", "phase:structures"),
         settings={
             "structures": _wanted,
-            "settings": _choices("purpose", "structure", *_ORDERS),
+            "settings": _choices("purpose", "structure", "orders"),
         },
         demand="estimation",
     ),
@@ -538,7 +522,7 @@ STAGES = (
         _has_several,
         inputs=("search:{structures}",),
         outputs=("decision:comparison",),
-        settings={"variants": _variants, "choices": "choices"},
+        settings={"variants": _variants, "choices": _choices("purpose")},
         demand="small",
     ),
     Stage(
@@ -548,7 +532,7 @@ STAGES = (
         _is_automatic,
         inputs=("decision:comparison", *_DECIDED, "decision:folds"),
         outputs=("decision:remedies",),
-        settings={"settings": _choices("purpose", "structure", *_ORDERS)},
+        settings={"settings": _choices("purpose", "structure", "orders")},
         demand="estimation",
     ),
     Stage(
@@ -570,7 +554,7 @@ STAGES = (
         outputs=("part:{phase},{part}",),
         settings={
             "parts": _part_count,
-            "grid": lambda t: order_grid.grid_of_phase(t.values["phase"], _one(t).order_grid),
+            "grid": lambda t: order_grid.grid_of_phase(t.values["phase"], t.settings.order_grid),
             "search": "search",
             "window": _window,
         },
@@ -587,7 +571,9 @@ STAGES = (
         outputs=("phase:{phase}",),
         settings={
             "parts": _part_count,
-            "grid": lambda t: order_grid.grid_of_selection(t.values["phase"], _one(t).order_grid),
+            "grid": lambda t: order_grid.grid_of_selection(
+                t.values["phase"], t.settings.order_grid
+            ),
             "search": "search",
             "window": _window,
         },
@@ -616,9 +602,9 @@ STAGES = (
         outputs=("candidates", "model", "decision:remedies", "model_mat", "frequency_response"),
         settings={
             "variants": _variants,
-            "ranges": "choices.orders",
-            "search": "search",
-            "constraints": "constraints",
+            "ranges": "automatic.orders",
+            "search": "state_space_search",
+            "constraints": "fit.constraints",
         },
         demand="estimation",
     ),
@@ -644,9 +630,9 @@ STAGES = (
         ),
         outputs=("other_model:{purpose}", "other_errors:{purpose}"),
         settings={
-            "ranges": "choices.orders",
-            "search": "search",
-            "constraints": "constraints",
+            "ranges": "automatic.orders",
+            "search": "state_space_search",
+            "constraints": "fit.constraints",
         },
         wildcards={"purpose": "purposes"},
         demand="estimation",
@@ -668,7 +654,7 @@ STAGES = (
         _has_one,
         inputs=("model", *_PREPARED, "phase:{compared}", "spectrum_summary"),
         outputs=(*_VALIDATION, "horizons"),
-        settings={"phase": lambda t: order_grid.phase_of_orders_of(_one(t))},
+        settings={"phase": lambda t: order_grid.phase_of_orders_of(t.settings)},
     ),
     Stage(
         "validate",
@@ -778,19 +764,14 @@ _TITLES = {
 }
 
 
-def _form(variant: str) -> str:
-    """The form in the name of a form with its weighting."""
-    return variant if variant in AUTOMATIC_STRUCTURES else variant.rpartition("_")[0] or variant
-
-
-def stages_of(settings: Dataset, with_report: bool = True) -> list[Stage]:
+def stages_of(settings: DatasetSettings, with_report: bool = True) -> list[Stage]:
     """The stages of a data set, in the order of the table."""
     return [
         stage for stage in STAGES if stage.applies(settings) and (with_report or not stage.is_page)
     ]
 
 
-def results_of(settings: Dataset, files: DatasetFiles, with_report: bool) -> list[str]:
+def results_of(settings: DatasetSettings, files: DatasetFiles, with_report: bool) -> list[str]:
     """Every result of a data set, those that only other stages read among them."""
     whole = Task(settings, files)
     return [

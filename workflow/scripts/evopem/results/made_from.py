@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from evopem.config.settings import DatasetSettings, RecordedSource
-from evopem.config.state_space_settings import MultichannelDataset, MultichannelSource
+from evopem.config.settings import DatasetSettings, RecordedSource
 from evopem.errors import InputError
 from evopem.files.archive import member_of
 from evopem.files.checksums import sha256_of_file, verify_checksums
@@ -26,7 +26,7 @@ from evopem.results.layout import DatasetFiles
 
 
 def mark_replaced_recordings(
-    datasets: Mapping[str, DatasetSettings | MultichannelDataset],
+    datasets: Mapping[str, DatasetSettings],
 ) -> list[str]:
     """Make the outputs of reading a recording older than it, where its content has changed.
 
@@ -35,7 +35,7 @@ def mark_replaced_recordings(
 
     Parameters
     ----------
-    datasets : mapping of str to DatasetSettings or MultichannelDataset
+    datasets : mapping of str to DatasetSettings
 
     Returns
     -------
@@ -56,12 +56,12 @@ def was_read_from(path: str, info: str) -> bool:
 
 
 def _read_files(
-    datasets: Mapping[str, DatasetSettings | MultichannelDataset],
+    datasets: Mapping[str, DatasetSettings],
 ) -> Iterator[tuple[str, str, str]]:
     """List each recorded file with the outputs of reading it: samples and origin."""
     for name, dataset in datasets.items():
         source, files = dataset.source, DatasetFiles.of_dataset(name)
-        if isinstance(source, RecordedSource | MultichannelSource):
+        if isinstance(source, RecordedSource):
             for path in source.files:
                 yield path, files.recording, files.recording_info
             for path in source.validation_files:
@@ -132,7 +132,7 @@ class MadeFrom:
         return json.dumps(asdict(self), indent=2) + "\n"
 
 
-def made_from(settings: DatasetSettings | MultichannelDataset, code: str) -> MadeFrom:
+def made_from(settings: DatasetSettings, code: str) -> MadeFrom:
     """Digest what the results of a data set would be made from now."""
     content = json.dumps(to_json(settings), sort_keys=True)
     digest = hashlib.sha256(content.encode()).hexdigest()
@@ -140,7 +140,7 @@ def made_from(settings: DatasetSettings | MultichannelDataset, code: str) -> Mad
 
 
 def is_finished(
-    files: DatasetFiles, settings: DatasetSettings | MultichannelDataset, code: str
+    files: DatasetFiles, settings: DatasetSettings, code: str
 ) -> bool:
     """Whether a recording has the results of a batch, undamaged and made from what there is now.
 
@@ -164,7 +164,7 @@ def is_finished(
 
 def forget_incomplete_batches(
     batches: Mapping[str, tuple[str, ...]],
-    datasets: Mapping[str, DatasetSettings | MultichannelDataset],
+    datasets: Mapping[str, DatasetSettings],
 ) -> None:
     """Delete what the jobs of batches have written where a recording has to be identified again.
 
@@ -177,7 +177,7 @@ def forget_incomplete_batches(
             output.unlink(missing_ok=True)
 
 
-def _is_outdated(name: str, settings: DatasetSettings | MultichannelDataset) -> bool:
+def _is_outdated(name: str, settings: DatasetSettings) -> bool:
     """Whether results are missing, or a recorded file has another content than was read."""
     files = DatasetFiles.of_dataset(name)
     if not all(map(_exists, (*files.batch_results, files.checksums))):
@@ -208,11 +208,11 @@ def _kept(files: DatasetFiles) -> MadeFrom | None:
         return None
 
 
-def _recorded_files(settings: DatasetSettings | MultichannelDataset) -> list[str]:
+def _recorded_files(settings: DatasetSettings) -> list[str]:
     return list(dict.fromkeys(settings.source.all_files))
 
 
-def _recordings(settings: DatasetSettings | MultichannelDataset) -> dict[str, str]:
+def _recordings(settings: DatasetSettings) -> dict[str, str]:
     return {file: _checksum(file) for file in _recorded_files(settings)}
 
 

@@ -15,7 +15,7 @@ from evopem.automatic.record import OtherModel
 from evopem.automatic.state_space_choice import StateSpaceChoice
 from evopem.automatic.state_space_remedies import RemedyRecord
 from evopem.automatic.variant_search import VariantSearch
-from evopem.config.state_space_settings import MultichannelDataset
+from evopem.config.settings import DatasetSettings
 from evopem.estimation.model_record import ModelRecord
 from evopem.files.checksums import sha256_of_file
 from evopem.files.json_form import load
@@ -64,7 +64,7 @@ class MultichannelResults:
 
     Attributes
     ----------
-    settings : MultichannelDataset
+    settings : DatasetSettings
     config_text : str
         The complete configuration.
     recording_info : RecordingInfo
@@ -81,7 +81,7 @@ class MultichannelResults:
     decisions : DecisionList
     """
 
-    settings: MultichannelDataset
+    settings: DatasetSettings
     config_text: str
     recording_info: RecordingInfo
     validation_recording_info: RecordingInfo | None
@@ -127,14 +127,14 @@ class MultichannelResults:
 
 
 def read_multichannel_results(
-    files: DatasetFiles, settings: MultichannelDataset, variants: Sequence[str]
+    files: DatasetFiles, settings: DatasetSettings, variants: Sequence[str]
 ) -> MultichannelResults:
     """Read the results of one data set with several channels.
 
     Parameters
     ----------
     files : DatasetFiles
-    settings : MultichannelDataset
+    settings : DatasetSettings
     variants : sequence of str
         Names of the variants that were searched.
 

@@ -6,14 +6,14 @@ import re
 from collections.abc import Collection, Sequence
 from pathlib import Path
 
-from evopem.config.state_space_settings import ChannelLists, Reference, is_pattern
+from evopem.config.settings import ChannelSettings, Reference, is_pattern
 from evopem.errors import InputError
 from evopem.signals.measured_files import channel_names
 from evopem.signals.readers.channels import listing
 
 
 def expanded(
-    path: str | Path, channels: ChannelLists
+    path: str | Path, channels: ChannelSettings
 ) -> tuple[tuple[Reference, ...], tuple[Reference, ...]]:
     """Inputs and outputs with every pattern replaced by the numbers of its channels.
 

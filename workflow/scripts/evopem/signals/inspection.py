@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 
 from evopem.config.settings import ChannelSettings
-from evopem.config.state_space_settings import ChannelLists
 from evopem.errors import InputError
 from evopem.signals.measured_files import channel_names, read_channels
 from evopem.signals.readers.channels import Channel, Reference
@@ -111,7 +110,7 @@ def inspect_file(path: str | Path) -> FileContents:
     return FileContents(tuple(signals), time, unread)
 
 
-def may_tell_time(channels: ChannelSettings | ChannelLists) -> bool:
+def may_tell_time(channels: ChannelSettings) -> bool:
     """Whether neither rate nor time nor the form of a text table is stated."""
     stated = (channels.sampling_rate, channels.time, channels.header_lines, channels.decimal_mark)
     return all(each is None for each in stated)

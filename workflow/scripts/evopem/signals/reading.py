@@ -11,8 +11,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.config.settings import UnevenTime
-from evopem.config.state_space_settings import ChannelLists, UnitSettings
+from evopem.config.settings import ChannelSettings, UnevenTime, UnitSettings
 from evopem.errors import InputError
 from evopem.signals.channel_patterns import expanded
 from evopem.signals.even_grid import Unevenness
@@ -87,7 +86,7 @@ def read_recording(
     >>> recording.sampling_rate, recording.output
     (100.0, array([0., 1., 2., 3., 4., 0., 1., 2., 3., 4.]))
     """
-    lists = ChannelLists(
+    lists = ChannelSettings(
         inputs=() if input is None else _listed(input),
         outputs=_listed(output),
         sampling_rate=sampling_rate,
@@ -113,13 +112,13 @@ class MeasuredRecording(NamedTuple):
     unevenness: Unevenness | None
 
 
-def read_measured(path: str | Path, channels: ChannelLists) -> MeasuredRecording:
+def read_measured(path: str | Path, channels: ChannelSettings) -> MeasuredRecording:
     """The same by the settings of a data set.
 
     Parameters
     ----------
     path : str or Path
-    channels : ChannelLists
+    channels : ChannelSettings
 
     Raises
     ------
@@ -153,7 +152,7 @@ def read_measured(path: str | Path, channels: ChannelLists) -> MeasuredRecording
     return MeasuredRecording(recording, columns.unevenness)
 
 
-def with_time_told(path: str | Path, channels: ChannelLists) -> ChannelLists:
+def with_time_told(path: str | Path, channels: ChannelSettings) -> ChannelSettings:
     """Add the channel of time stamps that the file tells, where neither it nor a rate is stated.
 
     Raises
@@ -185,7 +184,9 @@ class Columns(NamedTuple):
     unevenness: Unevenness | None
 
 
-def read_columns(path: str | Path, roles: Mapping[str, Reference], stated: ChannelLists) -> Columns:
+def read_columns(
+    path: str | Path, roles: Mapping[str, Reference], stated: ChannelSettings
+) -> Columns:
     """Read any number of channels that were sampled together, with their sampling rate.
 
     Parameters
@@ -193,7 +194,7 @@ def read_columns(path: str | Path, roles: Mapping[str, Reference], stated: Chann
     path : str or Path
     roles : mapping of str to int or str
         Channels by what an error calls them, such as ``output 2``.
-    stated : ChannelLists
+    stated : ChannelSettings
         Of these the rate, the time stamps and the form of a text table.
 
     Raises

@@ -18,7 +18,6 @@ from evopem.config.defaults import complete
 from evopem.config.environment import check_environment, job_environment
 from evopem.config.schema import schema_file
 from evopem.config.settings import DatasetSettings, SyntheticSource
-from evopem.config.state_space_settings import MultichannelDataset
 from evopem.config.strict_yaml import check_yaml_files
 from evopem.config.yaml_form import one_or_list, read_dataset
 from evopem.errors import InputError
@@ -261,7 +260,7 @@ def _identify(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _settings(arguments: argparse.Namespace) -> DatasetSettings | MultichannelDataset:
+def _settings(arguments: argparse.Namespace) -> DatasetSettings:
     """The settings that a data set of these keys has in a configuration."""
     from evopem.terminal.new_configuration import dataset_name
 
@@ -299,7 +298,7 @@ def _defaults(path: str) -> Any:
     return yaml.safe_load(Path(path).read_text(encoding="utf-8")).get("defaults")
 
 
-def _check_folder(files: DatasetFiles, settings: DatasetSettings | MultichannelDataset) -> None:
+def _check_folder(files: DatasetFiles, settings: DatasetSettings) -> None:
     """Refuse to overwrite the results of another recording."""
     folder = Path(files.folder)
     for each in (folder, *folder.parents):

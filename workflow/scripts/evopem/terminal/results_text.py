@@ -6,7 +6,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from evopem.config.yaml_form import read_settings
+from evopem.config.yaml_form import read_single_channel_settings
 from evopem.files.json_form import load
 from evopem.report.numbers import number, plural
 from evopem.report.results_text import results_text, state_space_text
@@ -55,7 +55,9 @@ def dataset_text(files: DatasetFiles, page: str) -> str:
     """The lines about one data set of any number of channels; `page` is the file to open next."""
     if Path(files.modes_json).exists():
         return state_space_text(load(DatasetSummary, files.summary), files.name, page)
-    return results_text(read_dataset_results(files, read_settings(files.config)), page)
+    return results_text(
+        read_dataset_results(files, read_single_channel_settings(files.config)), page
+    )
 
 
 def _is_packed(name: str) -> bool:

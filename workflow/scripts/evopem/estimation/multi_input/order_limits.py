@@ -6,8 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from evopem.config.settings import Range
-from evopem.config.state_space_settings import OrderRanges
+from evopem.config.settings import OrderRanges, Range
 from evopem.config.structures import STRUCTURES
 from evopem.models.structures import PER_INPUT, Orders
 
@@ -128,7 +127,7 @@ def joint_orders(
     --------
     >>> print(joint_orders("armax", 3, (1, 2)), joint_orders("bj", 6, (1, 2)))
     ARMAX(3,[3 3],3,[1 2]) BJ([6 6],4,4,[6 6],[1 2])
-    >>> from evopem.config.input_ranges import InputRanges
+    >>> from evopem.config.settings import InputRanges
     >>> nb = InputRanges(by_name={"hot": (1, 2)})
     >>> limits = OrderLimits.of(OrderRanges(nb=nb, nc=(1, 1)), ("hot", "cold"))
     >>> print(joint_orders("armax", 3, (1, 2), limits))

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from scipy.linalg import qr
 from scipy.linalg.blas import dgemm
 
-from evopem.config.state_space_settings import OutputWeighting
+from evopem.config.settings import OutputWeighting
 from evopem.estimation.state_space.scaled_recording import ScaledRecording
 from evopem.estimation.state_space.sections import (
     Layout,

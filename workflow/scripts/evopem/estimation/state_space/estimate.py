@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from evopem.blas_threads import one_blas_thread
 from evopem.config.constraints import Constraints
-from evopem.config.settings import SearchSettings
-from evopem.config.state_space_settings import OutputWeighting
+from evopem.config.settings import OutputWeighting, SearchSettings
 from evopem.errors import InputError
 from evopem.estimation.state_space.entry_estimate import Demands, check_demands, meeting
 from evopem.estimation.state_space.local_estimates import (

@@ -17,8 +17,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.config.settings import SearchSettings
-from evopem.config.state_space_settings import OutputWeighting
+from evopem.config.settings import OutputWeighting, SearchSettings
 from evopem.estimation.state_space.local_estimates import (
     StateSpaceEstimate,
     descend_from,

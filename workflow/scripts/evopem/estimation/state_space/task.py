@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import get_args
 
-from evopem.config.settings import OBJECTIVES, SearchSettings
-from evopem.config.state_space_settings import OutputWeighting
+from evopem.config.settings import OBJECTIVES, OutputWeighting, SearchSettings
 from evopem.estimation.state_space.errors import StateSpaceErrors
 from evopem.estimation.state_space.scaled_recording import scaled_recording
 from evopem.models.state_space import PlainStructure, StateSpaceStructure

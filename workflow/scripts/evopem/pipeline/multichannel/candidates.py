@@ -8,7 +8,7 @@ from typing import Any
 from evopem.automatic.record import Trial
 from evopem.automatic.state_space_choice import ModelChoice, scores_of
 from evopem.automatic.variant_search import VariantSearch
-from evopem.config.state_space_settings import is_polynomial
+from evopem.config.structures import is_polynomial
 from evopem.estimation.multi_input.order_reduction import TriedOrders
 
 COLUMNS = (

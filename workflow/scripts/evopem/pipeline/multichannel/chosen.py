@@ -14,7 +14,7 @@ from evopem.automatic.state_space_remedies import RemediedModel, act_on_checks
 from evopem.automatic.variant_search import Variant, VariantSearch
 from evopem.blas_threads import one_blas_thread
 from evopem.config.constraints import Constraints
-from evopem.config.state_space_settings import OrderRanges, StateSpaceSearchSettings
+from evopem.config.settings import OrderRanges, StateSpaceSearchSettings
 from evopem.estimation.model_record import ModelRecord
 from evopem.estimation.multi_input.order_limits import OrderLimits, joint_orders
 from evopem.files.atomic import write_table

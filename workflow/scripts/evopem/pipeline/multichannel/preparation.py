@@ -10,8 +10,7 @@ from evopem.automatic.multichannel_preparation import (
     decide_multichannel_preparation,
 )
 from evopem.blas_threads import one_blas_thread
-from evopem.config.settings import SplitSettings
-from evopem.config.state_space_settings import MultichannelSource
+from evopem.config.settings import RecordedSource, SplitSettings
 from evopem.files.json_form import save
 from evopem.results.layout import DatasetFiles
 from evopem.signals.multichannel_preparation import divide_multichannel, save_multichannel_data
@@ -20,7 +19,7 @@ from evopem.signals.recording import load_recording
 
 def prepare_channels(
     files: DatasetFiles,
-    source: MultichannelSource,
+    source: RecordedSource,
     split: SplitSettings,
     resample: float | None,
     given: tuple[bool, bool],
@@ -30,7 +29,7 @@ def prepare_channels(
     Parameters
     ----------
     files : DatasetFiles
-    source : MultichannelSource
+    source : RecordedSource
     split : SplitSettings
     resample : float, optional
         New sampling rate in Hz.

@@ -10,14 +10,13 @@ from evopem.automatic.multi_input_choice import search_structure, searched_joint
 from evopem.automatic.searched_forms import search_variant
 from evopem.automatic.searched_orders import searched_orders
 from evopem.automatic.variant_search import Variant
-from evopem.config.input_ranges import InputRanges
-from evopem.config.settings import SearchSettings
-from evopem.config.state_space_settings import (
-    ONE_OUTPUT,
+from evopem.config.settings import (
+    InputRanges,
     OrderRanges,
+    SearchSettings,
     StateSpaceSearchSettings,
-    is_polynomial,
 )
+from evopem.config.structures import ONE_OUTPUT, is_polynomial
 from evopem.files.json_form import load, save
 from evopem.pipeline.multichannel.prepared import errors_name_dataset, load_prepared_channels
 from evopem.results.layout import DatasetFiles
