@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from identified import with_model
 
+from evopem.figures.view import view_of
 from evopem.models.polynomial import PolynomialModel
+from evopem.report.sentences.about_modes import mode_lines
 from evopem.report.sentences.about_verdict import DESIRABLE, ESSENTIAL, verdict
 from evopem.validation.checks import Check
 from evopem.validation.mode_evidence import NO_TEST
@@ -178,6 +180,13 @@ def test_nothing_good_is_said_plainly(results, monkeypatch):
     assert verdict(with_validation(results, modes=())).sentence == (
         "This model is good for nothing that was tested."
     )
+
+
+def test_every_mode_has_one_line(results):
+    lines = mode_lines(view_of(results))
+    assert [line.mode.pole for line in lines] == [mode.pole for mode in results.model.modes]
+    trusted = {each.mode.pole for each in results.trusted_modes}
+    assert [line.trusted for line in lines] == [line.mode.pole in trusted for line in lines]
 
 
 def test_reasons_to_doubt_a_mode(results):

@@ -33,20 +33,10 @@ def shown_samples(modes: Sequence[Mode], sampling_rate: float) -> int | None:
     return min(max(round(PERIODS * sampling_rate / lowest), FEWEST_SAMPLES), MOST_SAMPLES)
 
 
-def worst_first(view: View) -> list[Channel]:
-    """The outputs by decreasing error of the simulation, without an input of the prediction."""
-    errors = {
-        id(output): found.simulation if view.has_input else found.prediction
-        for output, found in zip(view.outputs, view.errors, strict=True)
-    }
-    severity = {key: e if np.isfinite(e) else np.inf for key, e in errors.items()}
-    return sorted(view.outputs, key=lambda each: -severity[id(each)])
-
-
 def measured_and_simulated(view: View) -> Chart:
     """First validation samples of every output, the worst one first."""
     computed = "simulated" if view.has_input else "predicted"
-    outputs = worst_first(view)[:MOST_PANELS]
+    outputs = [output for output, _ in view.worst_first[:MOST_PANELS]]
     count = len(outputs)
     columns = [f"{kind}_{o.name}" for o in outputs for kind in ("output", computed)]
     panels = tuple(
@@ -84,7 +74,7 @@ def _first_samples(view: View, columns: list[str]) -> pd.DataFrame:
 
 def simulation(view: View) -> Chart:
     """Measured, simulated and predicted samples, and the errors."""
-    outputs = worst_first(view)[:MOST_OUTPUTS]
+    outputs = [output for output, _ in view.worst_first[:MOST_OUTPUTS]]
     table = _with_errors(view, outputs)
     kept = shown_samples(view.modes, view.sampling_rate)
     until = float(table["time_s"].iloc[: kept or len(table)].max()) if len(table) else 0.0

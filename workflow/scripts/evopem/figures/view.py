@@ -38,6 +38,7 @@ from evopem.validation.checks.residuals import white
 from evopem.validation.checks.state_space import coloured_outputs
 
 if TYPE_CHECKING:
+    from evopem.config.state_space_settings import Geometry
     from evopem.signals.spectral.summary import SpectralPeak
     from evopem.synthesis.truth import Truth
     from evopem.validation.checks import Check
@@ -83,16 +84,12 @@ class Channel:
 
 @dataclass(frozen=True)
 class OutputErrors:
-    """Errors and tests of one output on validation samples; NaN where not known."""
+    """Errors in percent, and tests, of one output on validation samples; NaN where not known."""
 
     name: str
-    unit: str
-    # Percent; of a simulation that sees none of these outputs, and of one from the state that fits
-    # them.
-    prediction: float
-    simulation: float
-    fitted_state: float
-    horizons: tuple[float, ...]  # percent, of predictions at the view's horizons
+    prediction: float  # one step ahead
+    simulation: float  # that sees none of these outputs
+    fitted_state: float  # of a simulation from the state that fits them
     whiteness_p: float
     outliers: float  # percent of the residuals
 
@@ -201,6 +198,8 @@ class View:
     evidence: Mapping[complex, ModeEvidence | JudgedMode]  # of each tested mode, by its pole
     noise_modes: Sequence[Mode] = ()  # of the noise filter alone
     white: bool | None  # whether the residuals are; None where that is not known
+    is_transformed: bool = False  # whether signals are differenced or transformed
+    geometry: Geometry | None = None  # of the structure that the outputs stand on
     input_rests: bool = False  # on the validation samples
     recorded: RecordedErrors | None = None  # in recorded units, where transforms leave these
 
@@ -222,6 +221,16 @@ class View:
     def input_deviations(self) -> np.ndarray:
         """Standard deviations of the inputs on the estimation samples, (m,)."""
         return np.asarray(self.results.prepared.estimation.inputs.std(axis=0))
+
+    @property
+    def worst_first(self) -> list[tuple[Channel, OutputErrors]]:
+        """The outputs by decreasing error of the simulation, without an input of the prediction."""
+
+        def severity(pair: tuple[Channel, OutputErrors]) -> float:
+            error = pair[1].simulation if self.has_input else pair[1].prediction
+            return -error if np.isfinite(error) else -np.inf
+
+        return sorted(zip(self.outputs, self.errors, strict=True), key=severity)
 
     @property
     def trusted_frequencies(self) -> list[float]:
@@ -279,9 +288,11 @@ class PolynomialView(View):
         self.candidates = results.candidates
         validation = results.validation
         self.evidence = {each.mode.pole: each for each in validation.modes}
-        self.noise_modes = results.model.noise_modes
+        shared = {mode.pole for mode in results.model.modes}
+        self.noise_modes = [mode for mode in results.model.noise_modes if mode.pole not in shared]
         self.white = white(validation)
         self.input_rests = input_rests(validation)
+        self.is_transformed = transforms.changes_output or transforms.difference_input > 0
         self.recorded = validation.recorded if transforms.changes_output else None
         self.has_poles_of_orders = (
             self.structure != "fir" if results.decisions is not None else "joint" in results.phases
@@ -387,10 +398,9 @@ class PolynomialView(View):
         found, (output,) = self.results.validation, self.outputs
         return (
             OutputErrors(
-                *(output.prepared, output.prepared_unit),
+                output.prepared,
                 *(found.prediction_error_percent, found.simulation_error_percent),
                 found.fitted_state_error_percent,
-                tuple(each.error_percent for each in found.horizons),
                 *(found.ljung_box.p_value, found.residual_outlier_percent),
             ),
         )
@@ -461,6 +471,7 @@ class ChannelsView(View):
         self.modes = results.modes.modes
         self.trusted = results.modes.trusted
         self.evidence = {each.mode.pole: each for each in results.modes.table.modes}
+        self.geometry = results.settings.geometry
         self.white = not coloured_outputs(results.validation)
 
     @cached_property
@@ -585,9 +596,8 @@ class ChannelsView(View):
         """Of each output."""
         return tuple(
             OutputErrors(
-                *(each.name, each.unit, each.prediction_error_percent),
+                *(each.name, each.prediction_error_percent),
                 *(each.simulation_error_percent, each.fitted_state_error_percent),
-                each.horizon_errors_percent,
                 *(each.ljung_box_p, each.outlier_percent),
             )
             for each in self.results.validation.outputs

@@ -43,15 +43,6 @@ def build_report(
     """One HTML page that loads no other file; `figures` are SVG texts by name, times in seconds."""
     view = view_of(results)
     material = Material(view, figures, wall_clock, config_text, commit)
-    sections = [
-        {
-            "id": section.id,
-            "title": section.title(view),
-            "template": section.template,
-            "content": section.content(material),
-        }
-        for section in SECTIONS
-        if section.applies(view)
-    ]
+    sections = [section.of(material) for section in SECTIONS if section.applies(view)]
     page = environment(template_directory).get_template("report.html.j2")
     return page.render(view=view, results=results, sections=sections)

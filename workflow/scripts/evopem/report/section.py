@@ -11,7 +11,7 @@ from markupsafe import Markup
 
 from evopem.figures.registry import REPORT_FIGURES
 from evopem.figures.report_figure import ReportFigure
-from evopem.figures.view import PolynomialView, View
+from evopem.figures.view import View
 from evopem.report.downloads import MOST_CELLS, Download, csv_download
 from evopem.report.inline_svg import inline_svg
 from evopem.report.sentences.about_figures import sentences_of
@@ -44,14 +44,19 @@ class Section:
     """A part of the page."""
 
     id: str
-    title: Callable[[View], str]  # its heading, of a view
-    content: Callable[[Material], dict[str, Any]]  # what its template shows, of the material
+    title: Callable[[View], str]  # its heading
+    content: Callable[[Material], dict[str, Any]] | None = None  # None for figures alone
     applies: Callable[[View], bool] = lambda _: True  # whether the page has it
 
-    @property
-    def template(self) -> str:
-        """Name of its template."""
-        return f"section_{self.id}.html.j2"
+    def of(self, material: Material) -> dict[str, Any]:
+        """What the page shows: heading, template and content."""
+        content = self.content or (lambda given: {"figures": given.figures_of(self.id)})
+        return {
+            "id": self.id,
+            "title": self.title(material.view),
+            "template": f"section_{self.id if self.content else 'figures'}.html.j2",
+            "content": content(material),
+        }
 
 
 @dataclass(frozen=True)
@@ -88,8 +93,3 @@ def drawn_figure(figure: ReportFigure, view: View, svg: str | None) -> DrawnFigu
         columns=chart.columns,
         for_experts=figure.name not in FOR_ALL,
     )
-
-
-def is_polynomial(view: View) -> bool:
-    """Whether the results are of a polynomial model with one output and at most one input."""
-    return isinstance(view, PolynomialView)

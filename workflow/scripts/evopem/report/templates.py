@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from evopem.report import numbers
+from evopem.report.equations import symbol
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -46,6 +47,7 @@ def environment(folder: Path) -> Environment:
     environment.globals.update(
         with_error=numbers.with_error,
         root=numbers.root,
+        symbol=symbol,
         hertz=numbers.hertz,
         page_script=_script(folder / "page.js"),
         figures_script=_script(

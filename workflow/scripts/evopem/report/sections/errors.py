@@ -6,9 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
-from evopem.figures.view import ChannelsView, OutputErrors, View
+from evopem.figures.view import ChannelsView
 from evopem.report.section import Material, Section
 from evopem.results.multichannel import MultichannelResults
 
@@ -49,22 +47,11 @@ def recording_rows(results: MultichannelResults) -> list[RecordingRow]:
 
 def _content(material: Material) -> dict[str, Any]:
     view = material.view
-    several = isinstance(view, ChannelsView)
     return {
         "figures": material.figures_of("errors"),
-        "outputs": _worst_first(view) if several else None,
-        "recordings": recording_rows(view.results) if several else [],
+        "outputs": [errors for _, errors in view.worst_first],
+        "recordings": recording_rows(view.results) if isinstance(view, ChannelsView) else [],
     }
-
-
-def _worst_first(view: View) -> list[OutputErrors]:
-    """The outputs by decreasing error, unknown errors before all others."""
-
-    def error(each: OutputErrors) -> float:
-        value = each.simulation if view.has_input else each.prediction
-        return value if np.isfinite(value) else np.inf
-
-    return sorted(view.errors, key=error, reverse=True)
 
 
 SECTION = Section(

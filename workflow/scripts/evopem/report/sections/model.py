@@ -8,11 +8,11 @@ from typing import Any
 
 from evopem.config.constraints import Constraints, FixedPole, Prior
 from evopem.estimation.model_record import FitRecord
-from evopem.figures.view import PolynomialView
 from evopem.report import equations
 from evopem.report.numbers import number, percent, plural
 from evopem.report.section import Material, Section
 from evopem.report.sentences.about_recording import transform_effects
+from evopem.signals.preparation import Transforms
 
 
 @dataclass(frozen=True)
@@ -126,21 +126,23 @@ def _prior(prior: Prior) -> str:
 
 
 def _content(material: Material) -> dict[str, Any]:
-    view = material.view
-    if not isinstance(view, PolynomialView):
-        fit = view.results.model.fit
-        return {
-            "equation": None,
-            "constraints": constraint_rows(fit),
-            "fit_sentences": fit_sentences(fit),
-        }
-    record = view.results.model
+    record = material.view.results.model
+    content = {
+        "equation": equations.state_space_equation(record.has_input),
+        "polynomials": [],
+        "constraints": constraint_rows(record.fit),
+        "fit_sentences": fit_sentences(record.fit),
+        "effects": transform_effects(record.transforms)
+        if isinstance(record.transforms, Transforms)
+        else [],
+    }
+    if record.orders is None:
+        return content
     model = record.polynomials
-    return {
+    return content | {
         "equation": equations.equation(model),
         "orders_note": equations.orders_note(model),
         "polynomials": equations.polynomials(model),
-        "difference_equation": equations.difference_equation(model),
         "coefficients": equations.coefficient_table(model),
         "copies": [
             ("text", "Plain text", equations.text(model)),
@@ -148,10 +150,6 @@ def _content(material: Material) -> dict[str, Any]:
             ("python", "Python", equations.python(model)),
             ("json", "JSON", equations.as_json(model)),
         ],
-        "constraints": constraint_rows(record.fit),
-        "fit_sentences": fit_sentences(record.fit),
-        "output_transformed": record.transforms.changes_output,
-        "effects": transform_effects(record.transforms),
     }
 
 

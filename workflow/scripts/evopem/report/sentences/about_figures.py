@@ -246,9 +246,12 @@ def spectrum(results: DatasetResults) -> list[str]:
     ]
 
 
-OF_POLYNOMIALS: dict[str, Callable[[DatasetResults], list[str]]] = {
+OF_EVERY_MODEL: dict[str, Callable[[View], list[str]]] = {
     "poles_zeros": poles,
     "frequency_response": frequency_response,
+    "stabilization": stabilization,
+}
+OF_POLYNOMIALS: dict[str, Callable[[DatasetResults], list[str]]] = {
     "simulation": simulation,
     "horizons": horizons,
     "residuals": residuals,
@@ -262,8 +265,8 @@ OF_POLYNOMIALS: dict[str, Callable[[DatasetResults], list[str]]] = {
 
 def sentences_of(figure: str, view: View) -> list[str]:
     """The paragraphs about a figure; none where the figure and its caption say all."""
-    if figure == "stabilization":
-        return stabilization(view)
+    if figure in OF_EVERY_MODEL:
+        return OF_EVERY_MODEL[figure](view)
     if isinstance(view, PolynomialView) and figure in OF_POLYNOMIALS:
         return OF_POLYNOMIALS[figure](view.results)
     return []
