@@ -38,7 +38,6 @@ from evopem.validation.checks.residuals import white
 from evopem.validation.checks.state_space import coloured_outputs
 
 if TYPE_CHECKING:
-    from evopem.config.state_space_settings import Geometry
     from evopem.signals.spectral.summary import SpectralPeak
     from evopem.synthesis.truth import Truth
     from evopem.validation.checks import Check
@@ -199,7 +198,6 @@ class View:
     noise_modes: Sequence[Mode] = ()  # of the noise filter alone
     white: bool | None  # whether the residuals are; None where that is not known
     is_transformed: bool = False  # whether signals are differenced or transformed
-    geometry: Geometry | None = None  # of the structure that the outputs stand on
     input_rests: bool = False  # on the validation samples
     recorded: RecordedErrors | None = None  # in recorded units, where transforms leave these
 
@@ -471,7 +469,6 @@ class ChannelsView(View):
         self.modes = results.modes.modes
         self.trusted = results.modes.trusted
         self.evidence = {each.mode.pole: each for each in results.modes.table.modes}
-        self.geometry = results.settings.geometry
         self.white = not coloured_outputs(results.validation)
 
     @cached_property

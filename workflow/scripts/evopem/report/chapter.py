@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from evopem.config.settings import DatasetSettings, SyntheticSource
-from evopem.config.state_space_settings import MultichannelDataset
 from evopem.models.structures import armax_orders
 from evopem.report.numbers import number
 from evopem.results.dataset import DatasetResults
@@ -21,10 +20,8 @@ SPECTRAL_PEAKS = "near 2, 5 and 36, a broad one near 17"
 JOINT_ORDER, ORDER_OF_C, COEFFICIENTS_OF_B = 7, 7, 6
 
 
-def stands_in_for_the_chapter(settings: DatasetSettings | MultichannelDataset) -> bool:
+def stands_in_for_the_chapter(settings: DatasetSettings) -> bool:
     """Whether a data set is an ARMAX model of the simulated arm, as the chapter's recording."""
-    if not isinstance(settings, DatasetSettings):
-        return False
     source = settings.source
     of_arm = isinstance(source, SyntheticSource) and source.synthesis == "flexible_arm"
     by_chapter = settings.automatic is None and settings.order_grid.structure == "armax"

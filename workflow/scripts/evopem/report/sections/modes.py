@@ -38,7 +38,7 @@ def _content(material: Material) -> dict[str, Any]:
         "rows": rows,
         "lines": {line.mode.pole: line for line in mode_lines(view)},
         "shapes": _shapes(view) if len(view.outputs) > 1 else [],
-        "geometry": view.geometry is not None,
+        "geometry": view.results.settings.geometry is not None,
         "assurance": _assurance(view) if len(view.modes) > 1 and len(view.outputs) > 1 else None,
         "remarks": mode_remarks(view, rows),
         "has_truth": bool(true_modes),
@@ -47,7 +47,7 @@ def _content(material: Material) -> dict[str, Any]:
 
 
 def _shapes(view: View) -> list[ShapeDrawings]:
-    geometry = view.geometry
+    geometry = view.results.settings.geometry
     outputs = tuple(each.name for each in view.outputs)
     drawing = None if geometry is None else ShapeDrawing(geometry, outputs)
     drawn = []
