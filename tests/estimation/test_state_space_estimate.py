@@ -14,7 +14,7 @@ from evopem.estimation.delays import estimate_delays
 from evopem.estimation.state_space.errors import StateSpaceErrors
 from evopem.estimation.state_space.estimate import estimate_state_space, estimates_of_orders
 from evopem.estimation.state_space.held_out import (
-    continued_errors,
+    errors_simulated_on,
     simulation_errors,
     two_fold_simulation_errors,
 )
@@ -38,6 +38,8 @@ from evopem.estimation.state_space.starting_models import StartingModels
 from evopem.estimation.state_space.starting_points import extended, from_poles, random_poles
 from evopem.estimation.state_space.task import WEIGHTINGS, StateSpaceTask
 from evopem.estimation.vector_autoregression import autoregression_of
+from evopem.models.polynomial import PolynomialModel
+from evopem.models.polynomial_states import simulate_from_first
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.recording import Recording, concatenated
 
@@ -617,15 +619,24 @@ def test_held_out_outputs_determine_no_state_of_a_simulation():
     generator = np.random.default_rng(7)
     u = generator.standard_normal((300, 2))
     y = truth.simulate(u, np.ones(truth.order))
-    held_out = slice(100, 200)
-    constant, free = continued_errors(truth, u, y, held_out)
-    np.testing.assert_allclose([constant, free], 0.0, atol=1e-6)
     disturbance = generator.standard_normal((100, 3))
-    y[held_out] += disturbance
-    spread = np.linalg.norm(y[held_out] - y[held_out].mean(axis=0), axis=0)
-    for found, left in zip(
-        continued_errors(truth, u, y, held_out),
-        (disturbance, disturbance - disturbance.mean(axis=0)),
-        strict=True,
-    ):
-        np.testing.assert_allclose(found, 100.0 * np.linalg.norm(left, axis=0) / spread, rtol=1e-6)
+    y[200:] += disturbance
+    found = errors_simulated_on(truth, u, y, 200)
+    np.testing.assert_allclose(found, disturbance, atol=1e-6)
+    found = errors_simulated_on(truth, u, y, 200, free_level=True)
+    np.testing.assert_allclose(found, disturbance - disturbance.mean(axis=0), atol=1e-6)
+
+
+@pytest.mark.parametrize("robust", [False, True])
+@pytest.mark.parametrize("free_level", [False, True])
+def test_a_polynomial_is_simulated_on_as_its_state_space_form(free_level, robust):
+    one = np.ones(1)
+    model = PolynomialModel(one, (np.array([1.0, 0.5]),), F=(np.array([1.0, -1.6, 0.8]),), nk=(1,))
+    generator = np.random.default_rng(3)
+    u = generator.standard_normal(120)
+    y = model.simulate(u) + 0.3 * generator.standard_normal(120)
+    expected = simulate_from_first(model, u, y, 30, free_level, robust)
+    form = model.plant().state_space()
+    found = form.simulate_from_first(u[:, None], y[:, None], 30, free_level, robust)
+    # Second moments of states before the first sample and behind the last one are those of either.
+    np.testing.assert_allclose(found[:, 0], expected, atol=2e-3)

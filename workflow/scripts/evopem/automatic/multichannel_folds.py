@@ -20,10 +20,11 @@ from evopem.automatic.decision import Decision
 from evopem.automatic.response_parts import REASON, response_parts
 from evopem.config.settings import Objective
 from evopem.estimation.state_space.held_out import (
-    continued_errors,
-    errors_from_first_samples,
+    errors_simulated_on,
     prediction_errors,
+    relative_errors,
 )
+from evopem.models.polynomial_states import first_samples
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.recording import Recording, concatenated
 
@@ -79,8 +80,15 @@ class PartOfRecording:
             predicted = prediction_errors(model, held.inputs, held.outputs, objective)
         if not recording.has_input:
             return _of_prediction(predicted)
-        of_part = slice(self.first, self.stop)
-        simulated = continued_errors(model, recording.inputs, recording.outputs, of_part, objective)
+        u, y = recording.inputs[: self.stop], recording.outputs[: self.stop]
+        simulated = [
+            relative_errors(
+                errors_simulated_on(model, u, y, self.first, free_level, objective),
+                held.outputs,
+                objective,
+            )
+            for free_level in (False, True)
+        ]
         return np.array([*simulated, predicted])
 
 
@@ -199,7 +207,17 @@ def _errors_alone(model: StateSpaceModel, record: Recording, objective: Objectiv
     u, y = record.inputs, record.outputs
     with np.errstate(all="ignore"):
         if record.has_input:
-            constant, free = errors_from_first_samples(model, u, y, objective)
+            known = first_samples(len(y))
+            share = len(y) / (len(y) - known)
+            # As if the samples that determine the state had errors as large as the others.
+            scale = share if objective == "absolute" else np.sqrt(share)
+            constant, free = (
+                scale
+                * relative_errors(
+                    errors_simulated_on(model, u, y, known, free_level, objective), y, objective
+                )
+                for free_level in (False, True)
+            )
             if not model.K.any():
                 # Without a noise model the prediction is the simulation.
                 return np.array([constant, free * _inflation(y, model.outputs), constant])

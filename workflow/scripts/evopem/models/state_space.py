@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from evopem.models.modes import Mode, state_space_modes
 from evopem.models.parameter_covariance import ParameterCovariance
+from evopem.models.polynomial_states import fitted_state
 
 Array = NDArray[np.float64]
 StateSpaceStructure = Literal["ss", "ss_oe", "ss_oe_drift", "ss_bj"]
@@ -198,79 +199,78 @@ class StateSpaceModel:
             response = response @ self.A
         return predicted
 
-    def simulation_state(
-        self, inputs: ArrayLike, outputs: ArrayLike, known: NDArray[np.bool_] | None = None
-    ) -> Array:
+    def simulation_state(self, inputs: ArrayLike, outputs: ArrayLike) -> Array:
         """Initial state with which the simulation fits outputs best, (n,).
 
-        Least squares, each output relative to its spread.
-
-        Parameters
-        ----------
-        inputs : (N, nu) array_like
-        outputs : (N, ny) array_like
-        known : (N,) array of bool, optional
-            Samples whose outputs count, the first ones among them; by default all.
+        Least squares, each output relative to its spread; (N, nu) inputs and (N, ny) outputs.
         """
         _, y = self._signals(inputs, outputs)
-        remainder = y - self.simulate(inputs)
-        return self._fitted_state(self.A, remainder, np.std(y, axis=0), known=known)[0]
-
-    def driven_state(self, inputs: ArrayLike, outputs: ArrayLike, first: int) -> Array:
-        """Initial state of a size to which the inputs drive the states, (n,).
-
-        The most probable one by the first outputs: of normal states with the second moments of a
-        simulation from rest, in noise of the size that :meth:`simulation_state` leaves.
-
-        Parameters
-        ----------
-        inputs : (N, nu) array_like
-        outputs : (N, ny) array_like
-        first : int
-            Samples whose outputs count.
-        """
-        u, y = self._signals(inputs, outputs)
-        driven = _states(self.A, u @ self.B.T, None)
-        remainder = y - (driven @ self.C.T + u @ self.D.T + self.level)
-        best = self._fitted_state(self.A, remainder, np.std(y, axis=0))[0]
-        left = np.std(y - self.simulate(inputs, best), axis=0)
-        moments, directions = np.linalg.eigh(driven.T @ driven / len(driven))
-        directions *= np.sqrt(np.maximum(moments, 0.0))
-        weights = 1.0 / np.where(np.isfinite(left) & (left > 0.0), left, 1.0)
-        responses = self._free_responses(self.A, first) @ directions * weights[:, None]
-        rows = np.vstack([responses.reshape(-1, self.order), np.eye(self.order)])
-        wanted = np.concatenate([(remainder[:first] * weights).ravel(), np.zeros(self.order)])
-        state: Array = directions @ np.linalg.lstsq(rows, wanted)[0]
-        return state
-
-    def levelled(self, inputs: ArrayLike, outputs: ArrayLike) -> tuple[StateSpaceModel, Array]:
-        """The model with the level, and the initial state, of the simulation that fits best.
-
-        As :meth:`simulation_state`, the level estimated along with the state.
-
-        Parameters
-        ----------
-        inputs : (N, nu) array_like
-        outputs : (N, ny) array_like
-        """
-        _, y = self._signals(inputs, outputs)
-        remainder = y - self.simulate(inputs)
-        state, change = self._fitted_state(self.A, remainder, np.std(y, axis=0), free_level=True)
-        return replace(self, level=self.level + change, covariance=None), state
+        free = self._free_responses(self.A, len(y))
+        return _least_squares(free, y - self.simulate(inputs), np.std(y, axis=0))
 
     def prediction_state(self, inputs: ArrayLike, outputs: ArrayLike) -> Array:
         """Initial state with which the one-step prediction fits outputs best, (n,).
 
-        Least squares, each output relative to its noise.
+        Least squares, each output relative to its noise; (N, nu) inputs and (N, ny) outputs.
+        """
+        errors = self.residuals(inputs, outputs)
+        free = self._free_responses(self.predictor, len(errors))
+        return _least_squares(free, errors, np.sqrt(np.abs(np.diag(self.noise_covariance))))
+
+    def simulate_from_fitted_state(
+        self, inputs: ArrayLike, outputs: ArrayLike, free_level: bool = False
+    ) -> Array:
+        """Simulation, (N, ny), from :meth:`simulation_state`, or with a level that fits as well."""
+        _, y = self._signals(inputs, outputs)
+        rest = self.simulate(inputs)
+        free = self._free_responses(self.A, len(y), free_level)
+        return np.asarray(rest + free @ _least_squares(free, y - rest, np.std(y, axis=0)))
+
+    def simulate_from_first(
+        self,
+        inputs: ArrayLike,
+        outputs: ArrayLike,
+        known: int,
+        free_level: bool = False,
+        robust: bool = False,
+    ) -> Array:
+        """Simulation, (N, ny), from the initial state that the first outputs make most probable.
+
+        Of normal states with the second moments of a simulation from rest, in noise of the size
+        that the least-squares state leaves over the first outputs: the rule of
+        :func:`evopem.models.polynomial_states.simulate_from_first`.
 
         Parameters
         ----------
         inputs : (N, nu) array_like
         outputs : (N, ny) array_like
+        known : int
+            Samples whose outputs count, at least 1.
+        free_level : bool
+            Whether a constant is fitted to the first outputs as well.
+        robust : bool
+            Whether the state has the least absolute instead of the least squared errors.
         """
-        errors = self.residuals(inputs, outputs)
-        noise = np.sqrt(np.abs(np.diag(self.noise_covariance)))
-        return self._fitted_state(self.predictor, errors, noise)[0]
+        u, y = self._signals(inputs, outputs)
+        n, ny = self.order, self.outputs
+        with np.errstate(all="ignore"):
+            driven = _states(self.A, u @ self.B.T, None)
+            rest = driven @ self.C.T + u @ self.D.T + self.level
+            free = self._free_responses(self.A, len(y), free_level)
+        if not (np.isfinite(rest).all() and np.isfinite(free).all()):
+            return np.full(y.shape, np.inf)
+        target, columns = (y - rest)[:known], free[:known]
+        left = target - columns @ _least_squares(columns, target, np.std(y[:known], axis=0))
+        freedom = known - free.shape[2] / ny
+        squares = left**2 * known / freedom if ny * freedom >= n else target**2
+        least = 1e-20 * np.mean(target**2, axis=0)
+        noise = np.sqrt(np.maximum(np.mean(squares, axis=0), least))
+        noise[noise == 0.0] = 1.0
+        moments, directions = np.linalg.eigh(driven.T @ driven / len(driven))
+        free[:, :, :n] = free[:, :, :n] @ (directions * np.sqrt(np.maximum(moments, 0.0)))
+        rows = (free[:known] / noise[:, None]).reshape(-1, free.shape[2])
+        prior = np.eye(n, free.shape[2])
+        return np.asarray(rest + free @ fitted_state(rows, (target / noise).ravel(), robust, prior))
 
     def frequency_response(self, frequencies: ArrayLike) -> NDArray[np.complex128]:
         """``G = C (zI - A)^-1 B + D`` with its delays, (..., ny, nu).
@@ -383,42 +383,13 @@ class StateSpaceModel:
             raise ValueError(f"outputs must be ({len(u)}, {self.outputs}), not {y.shape}")
         return u, y
 
-    def _fitted_state(
-        self,
-        dynamics: Array,
-        remainder: Array,
-        spread: Array,
-        free_level: bool = False,
-        known: NDArray[np.bool_] | None = None,
-    ) -> tuple[Array, Array]:
-        """State whose free response through ``dynamics`` fits a remainder, (n,), and its level.
-
-        The level, (ny,), is zero unless it is free.
-        """
-        weights = 1.0 / np.where(np.isfinite(spread) & (spread > 0.0), spread, 1.0)
-        columns = self.order + self.outputs * free_level
-        free = np.empty((len(remainder), self.outputs, columns))
-        free[:, :, self.order :] = np.eye(self.outputs)[:, : columns - self.order]
-        free[:, :, : self.order] = self._free_responses(dynamics, len(remainder))
-        weighted, wanted = free * weights[:, None], remainder * weights
-        if known is not None:
-            weighted, wanted = weighted[known], wanted[known]
-        weighted = weighted.reshape(-1, columns)
-        # States of very different sizes would make the small ones look undetermined.
-        sizes = np.linalg.norm(weighted, axis=0)
-        sizes = np.where(sizes > 0.0, sizes, 1.0)
-        fitted = np.linalg.lstsq(weighted / sizes, wanted.ravel(), STATE_RANK)[0]
-        fitted = fitted / sizes
-        level: Array = np.zeros(self.outputs)
-        level[: columns - self.order] = fitted[self.order :]
-        return fitted[: self.order], level
-
-    def _free_responses(self, dynamics: Array, samples: int) -> Array:
-        """Outputs after an initial state of one at each state, (samples, ny, n)."""
-        responses = np.empty((samples, self.outputs, self.order))
+    def _free_responses(self, dynamics: Array, samples: int, free_level: bool = False) -> Array:
+        """Outputs after an initial state of one at each state, and levels of one, (N, ny, ...)."""
+        responses = np.zeros((samples, self.outputs, self.order + self.outputs * free_level))
+        responses[:, :, self.order :] = np.eye(self.outputs)[:, : self.outputs * free_level]
         response = self.C
         for sample in range(samples):
-            responses[sample] = response
+            responses[sample, :, : self.order] = response
             response = response @ dynamics
         return responses
 
@@ -431,6 +402,17 @@ class StateSpaceModel:
         matrices = z[..., None, None] * np.eye(self.order) - self.A
         solved = np.linalg.solve(matrices, np.broadcast_to(right, (*z.shape, *right.shape)))
         return np.asarray(self.C @ solved, dtype=complex)
+
+
+def _least_squares(columns: Array, target: Array, spread: Array) -> Array:
+    """Coefficients, (k,), of columns, (N, ny, k), that fit a target relative to its spread."""
+    weights = 1.0 / np.where(np.isfinite(spread) & (spread > 0.0), spread, 1.0)
+    rows = (columns * weights[:, None]).reshape(-1, columns.shape[2])
+    # States of very different sizes would make the small ones look undetermined.
+    sizes = np.linalg.norm(rows, axis=0)
+    sizes = np.where(sizes > 0.0, sizes, 1.0)
+    fitted = np.linalg.lstsq(rows / sizes, (target * weights).ravel(), STATE_RANK)[0]
+    return np.asarray(fitted / sizes)
 
 
 def _states(dynamics: Array, drive: Array, initial: ArrayLike | None) -> Array:

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.blas_threads import one_blas_thread
-from evopem.config.settings import Objective
 from evopem.estimation.state_space.local_estimates import span_of
 from evopem.estimation.state_space.point_model import model_of
 from evopem.estimation.state_space.search import FINAL_WIDTH, swept
@@ -20,149 +19,79 @@ from evopem.signals.recording import Recording
 Array = NDArray[np.float64]
 
 
-def simulation_errors(
-    model: StateSpaceModel, inputs: Array, outputs: Array, objective: Objective = "quadratic"
-) -> Array:
-    """``100 ||y - yhat|| / ||y - mean(y)||`` of each output, (ny,), initial state fitted.
-
-    Infinite where the simulation is not finite.
-
-    Parameters
-    ----------
-    model : StateSpaceModel
-    inputs, outputs : (N, nu) and (N, ny) arrays
-    objective : {"quadratic", "absolute"}
-        As of :func:`continued_errors`.
-    """
-    with np.errstate(all="ignore"):
-        if np.abs(model.poles()).max() >= 1.0 + 1e-9:
-            return np.full(model.outputs, np.inf)
-        state = model.simulation_state(inputs, outputs)
-        errors = outputs - model.simulate(inputs, state)
-    return _relative(errors, outputs, objective)
-
-
-def continued_errors(
+def errors_simulated_on(
     model: StateSpaceModel,
     inputs: Array,
     outputs: Array,
-    held_out: slice,
-    objective: Objective = "quadratic",
-) -> tuple[Array, Array]:
-    """Errors of a simulation of held-out samples whose outputs determine no state.
+    known: int,
+    free_level: bool = False,
+    objective: str = "quadratic",
+) -> Array:
+    """Errors, (N - known, l), of a simulation behind the samples that determine its state.
 
-    It runs on from the samples before, with the initial state that fits all samples but the
-    held-out ones.  A state that were fitted to them would take up the noise that a lightly damped
-    or slow mode of the model resembles.
-
-    Parameters
-    ----------
-    model : StateSpaceModel
-    inputs, outputs : (N, nu) and (N, ny) arrays
-    held_out : slice
-        Not from the first sample on.
-    objective : {"quadratic", "absolute"}
-        ``absolute``: mean absolute errors, which outliers among the held-out samples hardly change.
-
-    Returns
-    -------
-    two (ny,) arrays
-        As of :func:`simulation_errors`, with the level of the model, and with one that fits the
-        held-out samples.
+    A state that were fitted to what is scored would take up the noise that a lightly damped or slow
+    mode resembles.  With a free level a constant is fitted to the errors: by their mean, or for the
+    absolute objective, which outliers hardly change, by their median.
     """
-    known = np.ones(len(outputs), dtype=bool)
-    known[held_out] = False
+    if np.abs(model.poles()).max() >= 1.0 + 1e-9:
+        return np.full(outputs[known:].shape, np.inf)
+    robust = objective == "absolute"
+    simulated = model.simulate_from_first(inputs, outputs, known, free_level, robust)
     with np.errstate(all="ignore"):
-        if np.abs(model.poles()).max() >= 1.0 + 1e-9:
-            return np.full(model.outputs, np.inf), np.full(model.outputs, np.inf)
-        state = model.simulation_state(inputs, outputs, known)
-        errors = (outputs - model.simulate(inputs, state))[held_out]
-    scored = outputs[held_out]
-    level = np.median(errors, axis=0) if objective == "absolute" else errors.mean(axis=0)
-    return _relative(errors, scored, objective), _relative(errors - level, scored, objective)
-
-
-def errors_from_first_samples(
-    model: StateSpaceModel, inputs: Array, outputs: Array, objective: Objective = "quadratic"
-) -> tuple[Array, Array]:
-    """Errors of a simulation of a segment by itself, whose first samples alone determine a state.
-
-    For the reason of :func:`continued_errors` the others determine none.  The first ones are not
-    scored.
-
-    Parameters as of :func:`continued_errors`.
-
-    Returns
-    -------
-    two (ny,) arrays
-        As of :func:`simulation_errors`, relative to all outputs, with the level of the model, and
-        with one that fits.
-    """
-    infinite = np.full(model.outputs, np.inf)
-    first = first_samples(len(outputs))
-    with np.errstate(all="ignore"):
-        if np.abs(model.poles()).max() >= 1.0 + 1e-9:
-            return infinite, infinite
-        found = []
-        for each in (model, model.levelled(inputs, outputs)[0]):
-            errors = outputs - each.simulate(inputs, each.driven_state(inputs, outputs, first))
-            errors[:first] = 0.0
-            found.append(
-                _relative(errors, outputs, objective) * _of_all(len(outputs), first, objective)
-            )
-    return found[0], found[1]
-
-
-def _of_all(samples: int, first: int, objective: Objective) -> float:
-    """The factor from errors of all samples but the first to errors of all."""
-    share = samples / (samples - first)
-    return share if objective == "absolute" else float(np.sqrt(share))
+        errors = (outputs - simulated)[known:]
+        centre = np.median(errors, axis=0) if robust else errors.mean(axis=0)
+        return np.asarray(errors - centre if free_level else errors)
 
 
 def simulated_on(
     model: StateSpaceModel, before: Recording | None, record: Recording, free_level: bool
 ) -> Array:
-    """Response to the inputs from a state that the outputs of scored samples do not determine.
+    """Response to the inputs of a record, (N, l), from a state that no scored sample determines.
 
     Those that determine it are NaN.
     """
     u, y = record.inputs, record.outputs
-    if before is None:
-        known = first_samples(len(y))
-        found = model.simulate(u, model.driven_state(u, y, known))
-        found[:known] = np.nan
-    else:
-        state = model.simulation_state(before.inputs, before.outputs)
-        found = model.simulate(np.concatenate([before.inputs, u]), state)[before.samples :]
+    known = before.samples if before else first_samples(len(y))
+    if before is not None:
+        u, y = np.concatenate([before.inputs, u]), np.concatenate([before.outputs, y])
+    found = model.simulate_from_first(u, y, known, free_level)
+    found[:known] = np.nan
     if free_level:
         found = found + np.nanmean(y - found, axis=0)
-    return found
+    return np.asarray(found[-record.samples :])
 
 
 def simulated_from_fitted_state(
     model: StateSpaceModel, record: Recording, free_level: bool
 ) -> Array:
     """Response to the inputs of a record from the state that fits its outputs best."""
-    u, y = record.inputs, record.outputs
-    if free_level:
-        model, state = model.levelled(u, y)
-        return model.simulate(u, state)
-    return model.simulate(u, model.simulation_state(u, y))
+    return model.simulate_from_fitted_state(record.inputs, record.outputs, free_level)
+
+
+def simulation_errors(
+    model: StateSpaceModel, inputs: Array, outputs: Array, objective: str = "quadratic"
+) -> Array:
+    """:func:`relative_errors` of a simulation, initial state fitted, (l,)."""
+    with np.errstate(all="ignore"):
+        if np.abs(model.poles()).max() >= 1.0 + 1e-9:
+            return np.full(model.outputs, np.inf)
+        errors = outputs - model.simulate_from_fitted_state(inputs, outputs)
+    return relative_errors(errors, outputs, objective)
 
 
 def prediction_errors(
-    model: StateSpaceModel, inputs: Array, outputs: Array, objective: Objective = "quadratic"
+    model: StateSpaceModel, inputs: Array, outputs: Array, objective: str = "quadratic"
 ) -> Array:
-    """Errors of one-step predictions in percent, (ny,), initial state fitted.
-
-    Parameters as of :func:`continued_errors`.
-    """
+    """:func:`relative_errors` of one-step predictions, initial state fitted, (l,)."""
     state = model.prediction_state(inputs, outputs)
-    return _relative(model.residuals(inputs, outputs, state), outputs, objective)
+    return relative_errors(model.residuals(inputs, outputs, state), outputs, objective)
 
 
-def _relative(errors: Array, outputs: Array, objective: Objective = "quadratic") -> Array:
-    """``100 ||e|| / ||y - mean(y)||``, or ``100 sum |e| / sum |y - median(y)|``, of each output."""
+def relative_errors(errors: Array, outputs: Array, objective: str = "quadratic") -> Array:
+    """``100 ||e|| / ||y - mean(y)||``, or ``100 sum |e| / sum |y - median(y)|``, of each output.
+
+    Infinite where errors are not finite.
+    """
     if objective == "absolute":
         spread = np.sum(np.abs(outputs - np.median(outputs, axis=0)), axis=0)
         size = np.sum(np.abs(errors), axis=0)
