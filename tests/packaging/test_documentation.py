@@ -19,6 +19,7 @@ ROOT = Path(__file__).parents[2]
 SCRIPTS = ROOT / "workflow" / "scripts"
 PAGES = [
     *("README.md", "CONTRIBUTING.md", "config/README.md", "examples/motor_bench/README.md"),
+    "benchmarks/fletcher_powell/README.md",
     *(path.relative_to(ROOT).as_posix() for path in sorted((ROOT / "docs").rglob("*.md"))),
 ]
 

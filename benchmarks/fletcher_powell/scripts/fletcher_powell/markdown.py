@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
-from evopem.report.numbers import count, fixed, is_number
+from evopem.report.numbers import fixed, is_number
 from fletcher_powell.hypotheses import Hypothesis
-from fletcher_powell.page import COMMAND, VERDICTS, study_rows
+from fletcher_powell.page import COMMAND, study_rows
 from fletcher_powell.settings import Settings
 
 if TYPE_CHECKING:
     import pandas as pd
 
-Row = Mapping[str, Any]
+Row = Mapping[Any, Any]
 Column = tuple[str, Callable[[Row], Any]]
 
 
@@ -29,89 +30,84 @@ def comparison_markdown(
     hypotheses : sequence of Hypothesis
     settings : Settings
     """
-    n = settings.dimension
     parts = [
         "# Searches on the Fletcher-Powell function",
-        f"Written by `{COMMAND}`. [Settings](fletcher_powell_settings.md) describes what is "
-        "compared, and how.",
-        f"## n = {n}, {settings.evaluations} evaluations, gradients by finite differences",
-        "P = log10 f at the end. Expected evaluations to success: all evaluations over the number "
-        "of runs that reached f < 1e-6, with 95 % bootstrap interval.",
+        f"Written by `{COMMAND}`; `benchmarks/fletcher_powell/README.md` says what is compared. "
+        "Expected evaluations: all evaluations over the number of runs that reached f < 1e-6. One "
+        "family of functions, which says nothing of the choice of a model.",
+        f"## n = {settings.dimension}, {settings.evaluations} evaluations, finite differences",
+        "P = log10 f at the end.",
         _table(
             study_rows(summary, "table"),
             LABEL,
-            RUNS,
-            SOLVED,
-            ("mean P", lambda row: f"{fixed(row['P_mean'])} ± {fixed(row['P_standard_error'])}"),
-            ("least", lambda row: fixed(row["P_min"])),
-            ("largest", lambda row: fixed(row["P_max"])),
-            ("chapter: mean (least … largest)", _chapter),
-            ("expected evaluations", _expected),
-        ),
-        f"## n = {n}, analytic gradients, each counted one",
-        _table(
-            study_rows(summary, "precise"),
-            LABEL,
-            RUNS,
-            SOLVED,
+            ("solved", lambda row: f"{row['successes']}/{row['runs']}"),
             ("mean P", lambda row: fixed(row["P_mean"])),
-            ("largest", lambda row: fixed(row["P_max"])),
+            ("chapter", lambda row: _number(row["chapter_mean"], fixed)),
             ("expected evaluations", _expected),
-            COUNTING_N,
         ),
-        "## Growth with the dimension, analytic gradients, stopped at the target",
-        _evaluations(summary, "scale"),
+        "## Growth with the dimension, analytic gradients",
+        "Expected evaluations by n; a gradient counts one. Default search and least squares "
+        "know the residuals.",
+        _by_dimension(study_rows(summary, "scale"), _expected),
         "## The best of them, with more runs",
-        "Analytic gradients, stopped at the target. The default search and the two algorithms on "
-        "least squares know the residuals of f: all residuals count as one value, their "
-        "derivatives as one gradient.",
-        _evaluations(summary, "contest"),
+        "Expected evaluations, with 95 % bootstrap intervals.",
+        _by_dimension(study_rows(summary, "contest"), _expected_with_interval),
         "## Hypotheses",
-        _table(
-            [vars(each) for each in hypotheses],
-            ("hypothesis", lambda row: row["statement"]),
-            ("", lambda row: VERDICTS[row["holds"]]),
-            ("evidence", lambda row: row["evidence"]),
-        ),
+        _verdicts(hypotheses),
     ]
     return "\n\n".join(parts) + "\n"
 
 
-def _evaluations(summary: pd.DataFrame, study: str) -> str:
-    """Table of a study whose runs end at the target, in several dimensions."""
-    return _table(
-        study_rows(summary, study),
-        ("n", lambda row: row["dimension"]),
-        LABEL,
-        RUNS,
-        SOLVED,
-        ("expected evaluations", _expected),
-        COUNTING_N,
+def _by_dimension(rows: Sequence[Row], cell: Callable[[Row], str]) -> str:
+    """One row for each algorithm that ran in every dimension, one column for each dimension."""
+    dimensions = sorted({row["dimension"] for row in rows})
+    algorithms: dict[str, dict[int, Row]] = {}
+    for row in rows:
+        algorithms.setdefault(row["label"], {})[row["dimension"]] = row
+    rows_of_page = [
+        {"label": label, **{n: cell(found) for n, found in each.items()}}
+        for label, each in algorithms.items()
+        if len(each) == len(dimensions)
+    ]
+    return _table(rows_of_page, LABEL, *((str(n), itemgetter(n)) for n in dimensions))
+
+
+def _verdicts(hypotheses: Sequence[Hypothesis]) -> str:
+    """How many hypotheses hold, and in full those that do not."""
+    verdicts = [each.holds for each in hypotheses]
+    rejected = [vars(each) for each in hypotheses if each.holds is False]
+    counts = (
+        f"{verdicts.count(True)} hold, {verdicts.count(None)} are undecided and {len(rejected)} do "
+        "not hold; `report.html` lists all with their numbers."
     )
+    if not rejected:
+        return counts
+    table = _table(
+        rejected,
+        ("does not hold", lambda row: row["statement"]),
+        ("numbers", lambda row: row["evidence"]),
+    )
+    return f"{counts}\n\n{table}"
 
 
-def _chapter(row: Row) -> str:
-    if not is_number(row["chapter_mean"]):
-        return ""
-    least, largest = fixed(row["chapter_min"]), fixed(row["chapter_max"])
-    return f"{fixed(row['chapter_mean'])} ({least} … {largest})"
+def _number(value: float, shown: Callable[[float], str]) -> str:
+    return shown(value) if is_number(value) else "–"
 
 
 def _expected(row: Row) -> str:
-    if not is_number(row["expected_evaluations"]):
-        return "–"
-    low, high = count(row["expected_evaluations_low"]), row["expected_evaluations_high"]
-    high = count(high) if is_number(high) else "∞"
-    return f"{count(row['expected_evaluations'])} ({low} … {high})"
+    return _number(row["expected_evaluations"], _whole)
+
+
+def _expected_with_interval(row: Row) -> str:
+    low, high = row["expected_evaluations_low"], row["expected_evaluations_high"]
+    return f"{_expected(row)} ({_number(low, _whole)}…{_number(high, _whole)})"
+
+
+def _whole(value: float) -> str:
+    return f"{value:.0f}"
 
 
 LABEL: Column = ("algorithm", lambda row: row["label"])
-RUNS: Column = ("runs", lambda row: row["runs"])
-SOLVED: Column = ("solved", lambda row: row["successes"])
-COUNTING_N: Column = (
-    "the same, counting n a gradient",
-    lambda row: count(row["expected_if_differences"]),
-)
 
 
 def _table(rows: Sequence[Row], *columns: Column) -> str:

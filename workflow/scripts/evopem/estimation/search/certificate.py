@@ -73,9 +73,9 @@ class Calibration:
         return float(beta.ppf(0.95, self.wrong + 1, self.certified - self.wrong))
 
 
-# Of benchmarks/search_certificate.py, which writes docs/evidence/certificate.md.
+# Of benchmarks/search_certificate.py, which writes docs/evidence/search.md.
 POLYNOMIALS = Calibration(certified=282, wrong=1, lower_elsewhere=1.2)
-# Of benchmarks/state_space_certificate.py, see docs/evidence/state_space.md.
+# Of benchmarks/state_space_certificate.py, see docs/evidence/search.md.
 STATE_SPACE = Calibration(certified=32, wrong=0, lower_elsewhere=1.4)
 
 

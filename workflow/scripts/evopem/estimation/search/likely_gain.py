@@ -1,7 +1,7 @@
 """How much a search may still gain, as far as it has come, and when that is too little.
 
 The limits were exceeded in 3 to 9 % of the random problems of ``benchmarks/search_certificate.py``,
-half of them of orders twice too large (``docs/evidence/certificate.md``).
+half of them of orders twice too large.
 """
 
 from __future__ import annotations
