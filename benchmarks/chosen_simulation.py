@@ -22,7 +22,7 @@ from threadpoolctl import threadpool_limits
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "workflow" / "scripts"))
 
 from evopem.automatic.identify import Identification, identify
-from evopem.automatic.preparation import prepare_validation
+from evopem.automatic.preparation import prepare
 from evopem.signals.recording import Recording
 
 Array = np.ndarray
@@ -71,7 +71,8 @@ def noise_free_error(found: Identification, u: Array, y: Array, x: Array, sample
     """Error of the simulation of fresh samples in percent of their noise-free deviation."""
     plan, model = found.prepared.plan, found.choice.candidate.model
     (measured,), (clean,) = (
-        prepare_validation(Recording(u, output, 1.0), plan) for output in (y, x)
+        prepare(each, plan.for_others(each)).stretches
+        for each in (Recording(u, output, 1.0) for output in (y, x))
     )
     known = round(samples * measured.samples / len(u))
     a = model.plant_denominator

@@ -20,27 +20,27 @@ def choices(plan):
 
 def test_a_plain_record_is_left_as_it_is():
     u, y, _ = output_error_record(400)
-    plan = decide_preparation([Recording(u, y, 10.0)])
+    plan = decide_preparation(Recording(u, y, 10.0))
     assert choices(plan) == {
         "start": "0",
         "clipping": "none",
+        "stuck samples": "no",
         "decimation": "1",
         "differences": "0",
         "objective": "quadratic",
-        "stuck samples": "no",
     }
 
 
 def test_samples_before_the_first_change_are_left_out():
     u, y, _ = output_error_record(300)
     u, y = np.concatenate([np.zeros(40), u]), np.concatenate([np.full(40, y[0]), y])
-    assert decide_preparation([Recording(u, y, 10.0)]).starts[0] in (28, 29, 30)
+    assert decide_preparation(Recording(u, y, 10.0)).starts[0] in (28, 29, 30)
 
 
 def test_a_step_from_rest_is_not_clipped():
     u = np.concatenate([np.zeros(20), np.ones(60)])
     y = lfilter([0.0, 0.1], [1.0, -0.9], u)
-    plan = decide_preparation([Recording(u, y, 10.0)])
+    plan = decide_preparation(Recording(u, y, 10.0))
     assert choices(plan)["clipping"] == "none"
     assert plan.starts[0] in (9, 10)
 
@@ -49,7 +49,7 @@ def test_missing_samples_are_breaks_and_are_not_filled():
     u, y, _ = output_error_record(400)
     y[100:110] = np.nan
     record = Recording(u, y, 10.0)
-    prepared = prepare([record], decide_preparation([record]))
+    prepared = prepare(record, decide_preparation(record))
     assert [each.samples for each in prepared.stretches] == [100, 290]
 
 
@@ -59,7 +59,7 @@ def test_clipped_samples_are_breaks():
     y = lfilter([0.2], [1.0, -0.9], slow)
     limit = float(np.quantile(y, 0.9))
     clipped = np.minimum(y, limit)
-    plan = decide_preparation([Recording(u, clipped, 10.0)])
+    plan = decide_preparation(Recording(u, clipped, 10.0))
     assert plan.clipped == (-np.inf, limit)
 
 
@@ -67,14 +67,14 @@ def test_a_stuck_sensor_makes_breaks():
     u, y, _ = output_error_record(400)
     y[100:140] = y[100]
     record = Recording(u, y, 10.0)
-    prepared = prepare([record], decide_preparation([record]))
+    prepared = prepare(record, decide_preparation(record))
     assert [each.samples for each in prepared.stretches] == [100, 260]
 
 
 def test_quantised_samples_are_not_stuck():
     u, y, _ = output_error_record(400)
     coarse = np.round(lfilter([0.02], [1.0, -0.98], y), 1)
-    assert not decide_preparation([Recording(u, coarse, 10.0)]).stuck
+    assert not decide_preparation(Recording(u, coarse, 10.0)).stuck
 
 
 def test_decimation_of_an_oversampled_record_is_scored():
@@ -82,7 +82,7 @@ def test_decimation_of_an_oversampled_record_is_scored():
     u = lfilter([0.02], [1.0, -0.98], generator.standard_normal(600))
     y = lfilter([0.0, 0.001], np.poly([0.985 * np.exp(0.05j), 0.985 * np.exp(-0.05j)]).real, u)
     y = noisy(y, generator.standard_normal(600), 3.0)
-    decision = decide_preparation([Recording(u, y, 500.0)]).decisions[2]
+    decision = decide_preparation(Recording(u, y, 500.0)).decisions[3]
     assert decision.subject == "decimation"
     scores = {each.name: each.score for each in decision.alternatives}
     assert len(scores) > 1
@@ -92,7 +92,7 @@ def test_decimation_of_an_oversampled_record_is_scored():
 def test_an_output_that_drifts_is_not_taken_for_oversampled():
     """Nearly all power of the arm's output is drift below 1 Hz; its modes reach up to 37 Hz."""
     recording, _ = flexible_arm(1, 4000)
-    decision = decide_preparation([recording]).decisions[2]
+    decision = decide_preparation(recording).decisions[3]
     assert decision.choice == "1"
     assert "coherent up to 0.4" in decision.sentence
 
@@ -100,8 +100,8 @@ def test_an_output_that_drifts_is_not_taken_for_oversampled():
 def test_a_plan_is_applied_at_the_lower_rate():
     u, y, _ = output_error_record(400)
     record = Recording(u, y, 500.0)
-    plan = replace(decide_preparation([record]), factor=4)
-    prepared = prepare([record], plan)
+    plan = replace(decide_preparation(record), factor=4)
+    prepared = prepare(record, plan)
     assert prepared.sampling_rate == 125.0
     assert prepared.stretches[0].samples == 100
 
@@ -109,28 +109,22 @@ def test_a_plan_is_applied_at_the_lower_rate():
 def test_outliers_call_for_the_absolute_objective():
     u, y, _ = output_error_record(600, percent=5.0)
     y[::60] += 30.0
-    assert decide_preparation([Recording(u, y, 10.0)]).objective == "absolute"
-
-
-def test_recordings_of_different_rates_are_refused():
-    u, y, _ = output_error_record(100)
-    with pytest.raises(InputError, match="sampling rates differ"):
-        decide_preparation([Recording(u, y, 10.0), Recording(u, y, 20.0)])
+    assert decide_preparation(Recording(u, y, 10.0)).objective == "absolute"
 
 
 def test_a_record_of_gaps_alone_is_refused():
     u, y, _ = output_error_record(100)
     y[::7] = np.nan
     with pytest.raises(InputError, match="without a gap"):
-        decide_preparation([Recording(u, y, 10.0)])
+        decide_preparation(Recording(u, y, 10.0))
 
 
 def test_an_output_that_drifts_is_differenced():
     """The arm's drift is a random walk that is summed up once more, and hides its modes."""
     recording, _ = flexible_arm(2, 1200)
-    plan = decide_preparation([recording], GivenPreparation(start=0, objective="quadratic"))
+    plan = decide_preparation(recording, GivenPreparation(start=0, objective="quadratic"))
     assert choices(plan)["differences"] == "2"
-    (stretch,) = prepare([recording], plan).stretches
+    (stretch,) = prepare(recording, plan).stretches
     assert stretch.samples == 1198
     assert abs(stretch.output.mean()) < 1e-12
     assert 0.25 < stretch.output.std() < 2.0
@@ -154,6 +148,38 @@ def test_an_integrating_plant_is_not_differenced():
 
 def test_given_differences_are_not_decided():
     u, y, _ = output_error_record(300)
-    plan = decide_preparation([Recording(u, y, 10.0)], GivenPreparation(differences=0))
+    plan = decide_preparation(Recording(u, y, 10.0), GivenPreparation(differences=0))
     decision = next(each for each in plan.decisions if each.subject == "differences")
     assert decision.criterion == "none"
+
+
+def channels(samples=1200, rest=0, seed=1):
+    """White signals of two inputs and three outputs."""
+    generator = np.random.default_rng(seed)
+    u = generator.standard_normal((samples, 2))
+    y = generator.standard_normal((samples, 3)) + 5.0
+    u[:rest], y[:rest] = 0.0, 5.0
+    return Recording(u, y, 100.0)
+
+
+def test_of_several_channels_a_rest_is_left_out_and_white_signals_keep_their_rate():
+    plan = decide_preparation(channels(rest=60))
+    assert choices(plan) == {"start": "50", "decimation": "1"}
+    assert plan.decisions[1].sentence.endswith("the record is not oversampled.")
+    given = decide_preparation(channels(rest=60), GivenPreparation(start=0, factor=1))
+    assert given.starts == (0,)
+
+
+def test_several_slow_channels_are_scored_at_lower_rates():
+    generator = np.random.default_rng(2)
+    u = lfilter([0.02], [1.0, -0.98], generator.standard_normal((600, 2)), axis=0)
+    b, a = [0.0, 0.001], np.poly([0.985 * np.exp(0.05j), 0.985 * np.exp(-0.05j)]).real
+    y = lfilter(b, a, u @ np.array([[1.0, 0.5], [0.2, -1.0]]), axis=0)
+    y += 0.03 * y.std(axis=0) * generator.standard_normal(y.shape)
+    plan = decide_preparation(Recording(u, y, 500.0))
+    scores = {each.name: each.score for each in plan.decisions[1].alternatives}
+    assert len(scores) > 1
+    assert scores[str(plan.factor)] <= 1.05 * min(scores.values())
+    stretch = prepare(Recording(u, y, 500.0), plan).stretches[0]
+    assert stretch.outputs.shape == (-(-600 // plan.factor), 2)
+    np.testing.assert_allclose(stretch.outputs.mean(axis=0), 0.0, atol=0.2)

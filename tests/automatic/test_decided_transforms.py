@@ -1,6 +1,5 @@
 """Trends and Box-Cox are taken where held-out simulations gain by them, else not."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,9 +16,9 @@ from evopem.config.settings import ChannelSettings
 from evopem.config.yaml_form import yaml_text
 from evopem.files.json_form import load
 from evopem.pipeline.acquisition import read_recording
-from evopem.pipeline.automatic_preparation import apply_preparation, decide_preparation
+from evopem.pipeline.preparation import prepare_samples
 from evopem.results.layout import DatasetFiles
-from evopem.signals.preparation import invert_input, invert_output, load_prepared
+from evopem.signals.prepared_data import load_prepared, measured_inputs, measured_outputs
 from evopem.signals.recording import Segment
 
 SLOPE = 0.03
@@ -117,15 +116,19 @@ def test_decided_transforms_lead_back_to_the_recording(record, kind, tmp_path, m
     channels = ChannelSettings((1,), (2,), 50.0)
     read_recording(files, ("a.csv",), channels)
     preparation = settings_of(recipe="auto").preparation
-    decide_preparation(files, preparation, GivenPreparation(), False)
-    apply_preparation(files, preparation, False)
-    plan = load(PreparationPlan, files.decision("preparation"))
-    assert replace(plan.transforms, decisions=()).changes_samples
+    prepare_samples(files, preparation, False, (), GivenPreparation())
+    decided = {
+        each.subject for each in load(PreparationPlan, files.decision("preparation")).decisions
+    }
+    assert {"trend", "Box-Cox"} <= decided
     data = load_prepared(files.prepared, files.transforms)
     assert data.transforms.changes_output
+    assert data.transforms.has_trend == (kind == "trend")
     for part, begin in (("estimation", 0), ("validation", 480)):
         samples = getattr(data, part)
         known = slice(begin, begin + samples.samples)
-        back = invert_output(data.transforms, samples.output, part)
+        (origin,) = getattr(data.transforms, part)
+        back = measured_outputs(data.transforms, origin, samples.outputs)[:, 0]
         assert back == pytest.approx(y[known], rel=1e-9)
-        assert invert_input(data.transforms, samples.input, part) == pytest.approx(u[known])
+        back = measured_inputs(data.transforms, origin, samples.inputs)[:, 0]
+        assert back == pytest.approx(u[known])

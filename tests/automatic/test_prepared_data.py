@@ -5,16 +5,25 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from evopem.automatic.preparation import PreparationPlan, prepare
-from evopem.automatic.prepared_data import load_stretches, prepared_data, save_stretches
+from evopem.automatic.preparation import PreparationPlan, PreparedRecord, prepare
+from evopem.automatic.prepared_data import prepared_data
 from evopem.config.settings import PreparationSettings, SplitSettings, TransformSettings
+from evopem.errors import InputError
 from evopem.signals.joining import joined
-from evopem.signals.preparation import invert_input, invert_output
 from evopem.signals.preparation import prepare as divide
+from evopem.signals.prepared_data import measured_inputs, measured_outputs
 from evopem.signals.recording import Recording
 
 UNCHANGED = TransformSettings("none", 0, 0)
-NOTHING = PreparationPlan((0,), 1, (-np.inf, np.inf), "quadratic", 0.0, 0.0, 1.0, 1.0, ())
+
+
+def invert_output(transforms, output, part="estimation", place=0):
+    origin = getattr(transforms, part)[place]
+    return measured_outputs(transforms, origin, output[:, None])[:, 0]
+
+
+def invert_input(transforms, values, part="estimation"):
+    return measured_inputs(transforms, getattr(transforms, part)[0], values[:, None])[:, 0]
 
 
 @pytest.fixture
@@ -23,17 +32,31 @@ def recording():
     return Recording(u + 2.0, 100.0 + 7.0 * y, 50.0)
 
 
-def prepared(recording, plan, transforms=UNCHANGED):
-    settings = PreparationSettings(transforms, SplitSettings(0, 0.8))
-    divided = divide(recording, settings)
-    plan = replace(plan, input_offset=0.3, output_offset=-1.5, input_scale=2.0, output_scale=8.0)
-    record = prepare((divided.estimation,), plan)
-    return prepared_data(divided, record, "datasets.a"), record
+OFFSETS = {
+    "input_offsets": (0.3,),
+    "output_offsets": (-1.5,),
+    "input_scales": (2.0,),
+    "output_scales": (8.0,),
+}
+
+
+def prepared(recording, transforms=UNCHANGED, **changes):
+    divided = divide(recording, PreparationSettings(transforms, SplitSettings(0, 0.8)))
+    plan = PreparationPlan.unchanged(divided.estimation, **OFFSETS, **changes)
+    data = prepared_data(divided, plan, "datasets.a")
+    record = PreparedRecord.of(data, plan)
+    known = prepare(divided.estimation, plan)
+    assert record.sampling_rate == known.sampling_rate
+    for one, other in zip(record.stretches, known.stretches, strict=True):
+        assert np.array_equal(one.outputs, other.outputs)
+        assert np.array_equal(one.inputs, other.inputs)
+        assert one.recording == other.recording
+    return data, record
 
 
 def test_samples_lead_back_to_the_recording(recording):
-    data, record = prepared(recording, NOTHING)
-    assert data.contiguous
+    data, record = prepared(recording)
+    assert data.before_validation is data.estimation
     assert invert_output(data.transforms, data.estimation.output) == pytest.approx(
         recording.output[:320]
     )
@@ -46,15 +69,15 @@ def test_samples_lead_back_to_the_recording(recording):
 
 def test_differenced_samples_lead_back_from_a_later_start(recording):
     twice = TransformSettings("none", 2, 2)
-    data, _ = prepared(recording, replace(NOTHING, starts=(30,)), twice)
-    assert data.contiguous
+    data, _ = prepared(recording, twice, starts=(30,))
+    assert data.before_validation is data.estimation
     assert data.transforms.discard == 30
     back = invert_output(data.transforms, data.estimation.output)
     assert back == pytest.approx(recording.output[30 : 30 + len(back)])
 
 
 def test_after_decimation_the_validation_samples_follow_after_a_gap(recording):
-    data, _ = prepared(recording, replace(NOTHING, factor=4))
+    data, _ = prepared(recording, factor=4)
     assert data.transforms.validation_source == "gap"
     assert data.transforms.sampling_rate == data.estimation.sampling_rate == 12.5
     assert data.transforms.resampled_from == 50.0
@@ -64,8 +87,10 @@ def test_after_decimation_the_validation_samples_follow_after_a_gap(recording):
 def test_decided_differences_lead_back_to_the_recording(recording):
     settings = PreparationSettings(UNCHANGED, SplitSettings(0, 0.8))
     divided = divide(recording, settings)
-    plan = replace(NOTHING, starts=(5,), differences=2, output_scale=8.0)
-    data = prepared_data(divided, prepare((divided.estimation,), plan), "datasets.a")
+    plan = PreparationPlan.unchanged(
+        divided.estimation, starts=(5,), differences=2, output_scales=(8.0,)
+    )
+    data = prepared_data(divided, plan, "datasets.a")
     assert data.transforms.difference == data.transforms.difference_input == 2
     assert data.transforms.validation_source == "gap"
     back = invert_output(data.transforms, data.estimation.output)
@@ -80,14 +105,13 @@ def test_decided_differences_lead_back_to_the_recording(recording):
 def test_several_stretches_are_one_record_with_joints(recording):
     recording.output[100:103] = 200.0
     limit = 200.0 - recording.output[:320].mean()  # the means are taken before
-    data, record = prepared(recording, replace(NOTHING, clipped=(-np.inf, limit - 1e-9)))
+    data, record = prepared(recording, clipped=(-np.inf, limit - 1e-9))
     assert [each.samples for each in record.stretches] == [100, 217]
     assert data.estimation.segment_starts == (0, 100)
     assert data.estimation.segment_recordings == (0, 0)  # one level
-    assert [each.first for each in data.transforms.estimation_stretches] == [0, 103]
+    assert [each.first for each in data.transforms.estimation] == [0, 103]
     assert data.transforms.validation_source == "gap"
-    transforms = data.transforms.of_stretches("estimation")[1]
-    back = invert_output(transforms, data.estimation.segments[1].output)
+    back = invert_output(data.transforms, data.estimation.segments[1].output, place=1)
     assert back == pytest.approx(recording.output[103:320])
 
 
@@ -98,27 +122,51 @@ def test_recordings_of_one_system_keep_their_numbers_and_levels(recording):
     ]
     together = joined([recording, *others], ("a", "b", "c"))
     divided = divide(together, PreparationSettings(UNCHANGED, SplitSettings(0, 0.7)))
-    parts = divided.estimation.separated
-    record = prepare(parts, replace(NOTHING, starts=(0, 10), output_offset=-1.5, output_scale=4.0))
-    data = prepared_data(divided, record, "datasets.a")
+    plan = PreparationPlan.unchanged(divided.estimation, starts=(0, 10), **OFFSETS)
+    data = prepared_data(divided, plan, "datasets.a")
     assert data.estimation.segment_recordings == (0, 1)
     assert data.validation.segment_recordings == (2,)
     for part, known in (
         ("estimation", (recording.output, others[0].output[10:])),
         ("validation", (others[1].output,)),
     ):
-        transforms = data.transforms.of_stretches(part)
-        stretches = getattr(data, part).segments
-        for own, stretch, output in zip(transforms, stretches, known, strict=True):
-            assert invert_output(own, stretch.output, part) == pytest.approx(output)
+        for place, output in enumerate(known):
+            stretch = getattr(data, part).segments[place]
+            back = invert_output(data.transforms, stretch.output, part, place)
+            assert back == pytest.approx(output)
 
 
-def test_stretches_are_written_and_read_as_they_are(recording, tmp_path):
-    _, record = prepared(recording, NOTHING)
-    u = record.stretches[0].input
-    parts = (record.stretches[0], replace(record.stretches[0], inputs=u[::-1].copy(), recording=1))
-    save_stretches(parts, tmp_path / "s.npz")
-    for read, written in zip(load_stretches(tmp_path / "s.npz"), parts, strict=True):
-        assert np.array_equal(read.input, written.input)
-        assert np.array_equal(read.output, written.output)
-        assert read.recording == written.recording
+def test_several_channels_lead_back_at_a_lower_rate():
+    generator = np.random.default_rng(4)
+    u, y = generator.standard_normal((600, 2)), generator.standard_normal((600, 3)) + 5.0
+    settings = PreparationSettings(UNCHANGED, SplitSettings(discard=100, estimation=0.5))
+    divided = divide(Recording(u, y, 100.0), settings)
+    assert divided.before_validation is divided.estimation
+    means = y[100:350].mean(axis=0)
+    np.testing.assert_allclose(divided.validation.outputs, y[350:] - means)
+    plan = PreparationPlan.unchanged(divided.estimation, starts=(50,), factor=5)
+    data = prepared_data(divided, plan, "datasets.a")
+    assert data.before_validation is None
+    assert (data.estimation.outputs.shape, data.validation.inputs.shape) == ((40, 3), (50, 2))
+    transforms = data.transforms
+    assert (transforms.sampling_rate, transforms.resampled_from) == (20.0, 100.0)
+    assert (transforms.estimation[0].first, transforms.estimation[0].start) == (30, 1.5)
+    whole = prepare(divided.estimation, replace(plan, factor=1)).stretches[0]
+    np.testing.assert_allclose(whole.outputs + means, y[150:350])
+    np.testing.assert_allclose(transforms.validation[0].output_means, means)
+
+
+@pytest.mark.parametrize("single", [True, False])
+def test_validation_recordings_that_serve_nothing_are_refused(recording, single):
+    if not single:
+        both = np.column_stack([recording.inputs, recording.inputs[::-1]])
+        recording = Recording(both, recording.outputs, 50.0)
+    settings = PreparationSettings(UNCHANGED, SplitSettings(0, 1.0))
+    with pytest.raises(InputError, match="its samples are those of the estimation recording"):
+        divide(recording, settings, recording)
+    few = replace(recording, outputs=recording.outputs[::-1]).between(0, 4)
+    with pytest.raises(InputError, match="there are only 4 samples"):
+        divide(recording, settings, few)
+    other = Recording(np.ones((400, 3)), recording.outputs, 50.0)
+    with pytest.raises(InputError, match="it has 3 inputs and the estimation recording"):
+        divide(recording, settings, other)

@@ -16,7 +16,6 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from evopem.automatic.delays import DelayChoice
-from evopem.automatic.multichannel_preparation import MultichannelPlan
 from evopem.automatic.record import OtherModel
 from evopem.automatic.state_space_choice import StateSpaceChoice
 from evopem.automatic.state_space_remedies import RemedyRecord
@@ -42,8 +41,7 @@ from evopem.models.structures import Orders, armax_orders
 from evopem.results.fleet import DatasetSummary
 from evopem.results.made_from import MadeFrom
 from evopem.results.multichannel import DecisionList
-from evopem.signals.multichannel_preparation import MultichannelTransforms
-from evopem.signals.preparation import Transforms
+from evopem.signals.prepared_data import Transforms
 from evopem.signals.recording_info import RecordingInfo
 from evopem.signals.spectral.summary import SpectrumSummary
 from evopem.synthesis.truth import Truth
@@ -61,8 +59,6 @@ RESULTS = [
     ModelRecord,
     ModesRecord,
     RecordingInfo,
-    MultichannelPlan,
-    MultichannelTransforms,
     MultichannelValidation,
     OrderModels,
     OtherModel,

@@ -26,7 +26,7 @@ from evopem.pipeline.identification import identify_dataset, jobs
 from evopem.results.layout import DatasetFiles
 
 STAGES = (
-    *("write_settings", "read_recording", "decide_preparation", "prepare", "estimate_spectrum"),
+    *("write_settings", "read_recording", "prepare", "estimate_spectrum"),
     *("decide_folds", "decide_delay", "search_structure/arx", "choose", "revise", "estimate"),
     *("complete_model", "complete_other/prediction", "tabulate", "validate", "collect_decisions"),
     *("summarize", "draw_figures", "write_report"),
@@ -68,7 +68,7 @@ def test_clipped_samples_are_breaks_and_the_model_comes_from_all_stretches(clipp
     record = load(DecisionRecord, clipped.decisions)
     assert "stretches with breaks between them" in record.remarks[0]
     model = load(ModelRecord, clipped.model)
-    stretches = model.transforms.estimation_stretches
+    stretches = model.transforms.estimation
     assert len(stretches) > 5
     assert model.transforms.estimation_samples == sum(each.samples for each in stretches)
     assert model.model.poles()[:2] == pytest.approx(np.roots(POLES), abs=0.08)

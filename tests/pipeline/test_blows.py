@@ -14,7 +14,7 @@ from evopem.estimation.model_record import ModelRecord
 from evopem.files.json_form import load
 from evopem.pipeline.identification import identify_dataset
 from evopem.results.layout import DatasetFiles
-from evopem.signals.multichannel_preparation import load_multichannel_data
+from evopem.signals.prepared_data import load_prepared
 from evopem.signals.recording_info import RecordingInfo
 from evopem.validation.checks.state_space import state_space_checks
 from evopem.validation.modes_record import ModesRecord
@@ -56,7 +56,7 @@ def blow(seed, samples=260):
 def identified(path, monkeypatch, keys, lengths=(260, 230, 250, 240)):
     monkeypatch.chdir(path)
     for number, samples in enumerate(lengths, 1):
-        blow(number, samples).to_csv(f"blow_{number}.csv", index=False)
+        blow(number, max(samples, 20))[:samples].to_csv(f"blow_{number}.csv", index=False)
     settings = complete({"datasets": {"frame": BLOWS | keys}}, SCHEMA_PATH).datasets["frame"]
     files = DatasetFiles.of_dataset("frame")
     identify_dataset(files, settings, with_report=True)
@@ -75,8 +75,8 @@ def results(tmp_path_factory):
 def test_the_model_of_all_blows_is_the_truth(results):
     record = load(ModelRecord, results.model)
     assert record.plant_states == 4
-    assert [each.recording for each in record.transforms.estimation_records] == [0, 1, 2]
-    assert [each.recording for each in record.transforms.validation_records] == [3]
+    assert [each.recording for each in record.transforms.estimation] == [0, 1, 2]
+    assert [each.recording for each in record.transforms.validation] == [3]
     modes = load(ModesRecord, results.modes_json)
     assert all(modes.trusted)
     for mode, frequency, shape in zip(modes.modes, FREQUENCIES, SHAPES, strict=True):
@@ -88,7 +88,7 @@ def test_the_model_of_all_blows_is_the_truth(results):
 
 def test_the_held_out_blow_is_simulated_down_to_the_noise(results):
     validation = load(MultichannelValidation, results.validation)
-    data = load_multichannel_data(results.prepared, results.transforms)
+    data = load_prepared(results.prepared, results.transforms)
     assert data.validation.samples == 240
     least = 100.0 * np.mean(NOISE / data.validation.outputs.std(axis=0))
     assert validation.simulation_error_percent == pytest.approx(least, rel=0.1)
@@ -152,7 +152,7 @@ def test_every_structure_takes_several_recordings(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("lengths", "keys", "says"),
     [
-        ((260, 20, 250), {}, r"of blow_2\.csv as prepared\): there are only 20, and"),
+        ((260, 19, 250), {}, r"\(blow_2\.csv\): no stretch for estimation has 20 samples"),
         (
             (260, 30, 250),
             {"split": {"by": "samples"}},

@@ -116,7 +116,7 @@ def test_a_recorded_file_without_a_report(tmp_path, arm, monkeypatch):
 
     from evopem.config.settings import ChannelSettings
     from evopem.files.json_form import load
-    from evopem.signals.preparation import Transforms
+    from evopem.signals.prepared_data import Transforms
     from evopem.signals.recording import load_recording
 
     monkeypatch.chdir(tmp_path)

@@ -6,29 +6,34 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from evopem.automatic.multichannel_preparation import (
-    MultichannelPlan,
-    apply_multichannel_plan,
-    decide_multichannel_preparation,
+from evopem.automatic.preparation import GivenPreparation, PreparationPlan, decide_preparation
+from evopem.automatic.prepared_data import prepared_data
+from evopem.config.settings import (
+    ChannelSettings,
+    PreparationSettings,
+    SplitSettings,
+    TransformSettings,
 )
-from evopem.config.settings import ChannelSettings, SplitSettings
 from evopem.errors import InputError
 from evopem.files.json_form import load
 from evopem.pipeline.acquisition import read_recording
 from evopem.results.layout import DatasetFiles
 from evopem.signals import joining
-from evopem.signals.multichannel_preparation import (
-    divide_multichannel,
-    load_multichannel_data,
-    save_multichannel_data,
-)
+from evopem.signals.preparation import prepare
+from evopem.signals.prepared_data import load_prepared, save_prepared
 from evopem.signals.recording import Recording, concatenated, load_recording
 from evopem.signals.recording_info import RecordingInfo
 
 LENGTHS = (120, 80, 100)
 NAMES = ("a.csv", "b.csv", "c.csv")
 CHANNELS = ChannelSettings(("f_*",), ("acc_*",), sampling_rate=50.0)
+UNCHANGED = TransformSettings("none", 0, 0)
 WHOLE = SplitSettings(discard=0, estimation=0.7)
+
+
+def divide(recordings, split, resample=None, validation=None, files=()):
+    settings = PreparationSettings(UNCHANGED, split, resample)
+    return prepare(recordings, settings, validation, "datasets.x", files)
 
 
 def table(number, samples, outputs=3):
@@ -114,13 +119,13 @@ def test_other_units_and_rates_are_refused(tmp_path):
 
 def test_the_last_recordings_validate_each_without_its_own_means():
     whole, parts = joined()
-    data = divide_multichannel(whole, WHOLE, None, None, "datasets.x")
+    data = divide(whole, WHOLE, None, None)
     assert (data.estimation.segment_starts, data.validation.segment_starts) == ((0, 120), (0,))
     assert data.transforms.validation_source == "recordings"
     for found, own in zip((*data.estimation.separated, data.validation), parts, strict=True):
         np.testing.assert_allclose(found.outputs, own.outputs - own.outputs.mean(axis=0))
         np.testing.assert_allclose(found.inputs, own.inputs - own.inputs.mean(axis=0))
-    origins = (*data.transforms.estimation_records, *data.transforms.validation_records)
+    origins = (*data.transforms.estimation, *data.transforms.validation)
     assert [(each.recording, each.samples) for each in origins] == [(0, 120), (1, 80), (2, 100)]
     np.testing.assert_allclose(origins[2].output_means, parts[2].outputs.mean(axis=0))
 
@@ -128,43 +133,42 @@ def test_the_last_recordings_validate_each_without_its_own_means():
 def test_each_recording_may_be_cut_and_loses_the_means_of_its_first_part():
     whole, parts = joined()
     split = SplitSettings(discard=10, estimation=0.5, by="samples")
-    data = divide_multichannel(whole, split, None, None, "datasets.x")
+    data = divide(whole, split, None, None)
     assert data.estimation.segment_starts == data.validation.segment_starts == (0, 55, 90)
     assert data.transforms.validation_source == "cut"
     second = parts[1].outputs
     means = second[10:45].mean(axis=0)
     np.testing.assert_allclose(data.validation.separated[1].outputs, second[45:] - means)
-    assert data.transforms.validation_records[1].first == 45
+    assert data.transforms.validation[1].first == 45
 
 
 def test_several_recordings_of_other_files_may_validate(tmp_path):
     whole, _ = joined()
     others = concatenated([recording(7, 60), recording(8, 50)])
     split = SplitSettings(discard=0, estimation=1.0)
-    data = divide_multichannel(whole, split, None, others, "datasets.x")
+    data = divide(whole, split, None, others)
     assert (data.estimation.samples, data.validation.segment_starts) == (300, (0, 60))
-    assert [each.recording for each in data.transforms.validation_records] == [3, 4]
+    assert [each.recording for each in data.transforms.validation] == [3, 4]
     np.testing.assert_allclose(data.validation.separated[1].outputs.mean(axis=0), 0.0, atol=1e-12)
-    save_multichannel_data(data, tmp_path / "data.npz", tmp_path / "transforms.json")
-    again = load_multichannel_data(tmp_path / "data.npz", tmp_path / "transforms.json")
+    save_prepared(data, tmp_path / "data.npz", tmp_path / "transforms.json")
+    again = load_prepared(tmp_path / "data.npz", tmp_path / "transforms.json")
     assert again.transforms == data.transforms
     assert again.estimation.segment_starts == data.estimation.segment_starts
 
 
 def test_recordings_are_resampled_and_decimated_each_by_itself():
     whole, parts = joined((600, 400, 500))
-    data = divide_multichannel(whole, WHOLE, 25.0, None, "datasets.x")
-    plan = MultichannelPlan((0, 40), 2, ())
-    found = apply_multichannel_plan(data, plan)
+    data = divide(whole, WHOLE, 25.0)
+    plan = PreparationPlan.unchanged(data.estimation, starts=(0, 40), factor=2)
+    found = prepared_data(data, plan, "datasets.x")
     assert [each.samples for each in found.estimation.separated] == [150, 80]
     # Other samples in the first recording change nothing in the second one.
     other = concatenated([recording(9, 600), *parts[1:]])
-    changed = apply_multichannel_plan(
-        divide_multichannel(other, WHOLE, 25.0, None, "datasets.x"), plan
-    )
+    changed = prepared_data(divide(other, WHOLE, 25.0), plan, "datasets.x")
     one, two = found.estimation.separated[1], changed.estimation.separated[1]
     np.testing.assert_array_equal(one.outputs, two.outputs)
-    assert found.transforms.estimation_records[1].first == 40
+    assert found.transforms.estimation[1].first == 20
+    assert found.transforms.estimation[1].start == 40 / 25.0
 
 
 def test_each_recording_begins_where_its_channels_do():
@@ -176,18 +180,19 @@ def test_each_recording_begins_where_its_channels_do():
         outputs=np.vstack([rest, parts[1].outputs]),
     )
     both = concatenated([parts[0], late])
-    plan = decide_multichannel_preparation(both, False, rate_given=True)
+    plan = decide_preparation(both, GivenPreparation(factor=1))
     assert plan.starts == (0, 50)
     assert plan.decisions[0].choice == "0, 50"
 
 
 def test_what_is_left_of_a_recording_is_named_with_its_file():
-    whole, _ = joined((120, 20, 100))
-    with pytest.raises(InputError, match=r"of b\.csv as prepared\): there are only 20, and"):
-        divide_multichannel(whole, WHOLE, None, None, "datasets.x", NAMES)
+    whole, _ = joined((120, 19, 100))
+    estimation = divide(whole, WHOLE).estimation
+    with pytest.raises(InputError, match=r"^b\.csv: no stretch for estimation has 20 samples"):
+        decide_preparation(estimation, GivenPreparation(), NAMES)
     whole, _ = joined((120, 40, 100))
     split = SplitSettings(discard=0, estimation=0.95, by="samples")
     with pytest.raises(
         InputError, match=r"validation \(the samples of a\.csv as prepared\): there"
     ):
-        divide_multichannel(whole, split, None, None, "datasets.x", NAMES)
+        divide(whole, split, files=NAMES)

@@ -12,11 +12,11 @@ from evopem.files.json_form import load
 from evopem.pipeline.acquisition import read_recording
 from evopem.results.layout import DatasetFiles
 from evopem.signals.joining import joined
-from evopem.signals.preparation import (
-    invert_input,
-    invert_output,
+from evopem.signals.preparation import prepare
+from evopem.signals.prepared_data import (
     load_prepared,
-    prepare,
+    measured_inputs,
+    measured_outputs,
     save_prepared,
 )
 from evopem.signals.recording import Recording, load_recording
@@ -109,7 +109,7 @@ def test_the_last_recordings_validate_and_each_has_its_own_level():
     assert data.transforms.validation_source == "recordings"
     assert data.estimation.segment_starts == (0, 120)
     assert (data.estimation.samples, data.validation.samples) == (200, 100)
-    assert not data.contiguous
+    assert data.before_validation is None
     for stretch in data.estimation.segments:
         assert stretch.input.mean() == pytest.approx(0.0, abs=1e-12)
 
@@ -123,6 +123,8 @@ def test_each_recording_can_be_cut():
         for stretch, other in zip(stretches, alone, strict=True):
             assert np.array_equal(stretch.input, getattr(other, part).input)
             assert np.array_equal(stretch.output, getattr(other, part).output)
+    assert data.before_validation is data.estimation
+    assert data.transforms.several_recordings
 
 
 @pytest.mark.parametrize("by", ["recordings", "samples"])
@@ -132,24 +134,15 @@ def test_every_stretch_leads_back_to_its_recording(by, tmp_path):
     save_prepared(data, tmp_path / "p.npz", tmp_path / "t.json")
     data = load_prepared(tmp_path / "p.npz", tmp_path / "t.json")
     for part in ("estimation", "validation"):
-        origins = getattr(data.transforms, f"{part}_stretches")
-        each_transforms = data.transforms.of_stretches(part)
-        stretches = getattr(data, part).segments
-        for origin, transforms, stretch in zip(origins, each_transforms, stretches, strict=True):
+        origins = getattr(data.transforms, part)
+        for origin, stretch in zip(origins, getattr(data, part).segments, strict=True):
             recorded = own[origin.recording]
-            back = invert_output(transforms, stretch.output, part)
-            known = recorded.output[origin.first - 2 : origin.first + stretch.samples]
+            back = measured_outputs(data.transforms, origin, stretch.outputs)
+            known = recorded.outputs[origin.first - 2 : origin.first + stretch.samples]
             assert back == pytest.approx(known, rel=1e-9)
-            back = invert_input(transforms, stretch.input, part)
-            known = recorded.input[origin.first - 1 : origin.first + stretch.samples]
+            back = measured_inputs(data.transforms, origin, stretch.inputs)
+            known = recorded.inputs[origin.first - 1 : origin.first + stretch.samples]
             assert back == pytest.approx(known, abs=1e-9)
-
-
-def test_one_recording_is_prepared_as_ever():
-    own = recordings()[0]
-    data, alone = prepare(own, settings()), prepare(own, settings())
-    assert data.transforms == alone.transforms
-    assert data.transforms.estimation_stretches == ()
 
 
 def test_several_independent_recordings_validate():

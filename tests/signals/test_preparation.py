@@ -11,14 +11,25 @@ from hypothesis import strategies as st
 
 from evopem.config.settings import PreparationSettings, SplitSettings, TransformSettings
 from evopem.errors import InputError
-from evopem.signals.preparation import (
-    invert_input,
-    invert_output,
+from evopem.signals.preparation import prepare
+from evopem.signals.prepared_data import (
     load_prepared,
-    prepare,
+    measured_inputs,
+    measured_outputs,
     save_prepared,
 )
 from evopem.signals.recording import Recording
+
+
+def invert_output(transforms, output, part="estimation"):
+    origin = getattr(transforms, part)[0]
+    return measured_outputs(transforms, origin, output[:, None])[:, 0]
+
+
+def invert_input(transforms, values, part="estimation"):
+    origin = getattr(transforms, part)[0]
+    return measured_inputs(transforms, origin, values[:, None])[:, 0]
+
 
 PLAIN = {"box_cox": "none", "difference": 0}
 
@@ -97,7 +108,7 @@ def test_order_of_the_steps_against_plain_numpy():
     np.testing.assert_allclose(prepared.validation.output, y[200:] - y[:200].mean(), atol=1e-13)
     np.testing.assert_allclose(prepared.estimation.input, u[:200] - u[:200].mean(), atol=1e-13)
     np.testing.assert_allclose(prepared.validation.input, u[200:] - u[:200].mean(), atol=1e-13)
-    assert prepared.contiguous
+    assert prepared.before_validation is prepared.estimation
     assert prepared.estimation.input_name == "torque"
 
 
@@ -111,12 +122,17 @@ def test_input_and_output_stay_aligned():
         part = prepare(recording, preparation(transforms, split)).estimation
         assert np.corrcoef(part.input[:-3], part.output[3:])[0, 1] == pytest.approx(1.0)
     uneven = prepare(recording, preparation({"difference": 2}, split))
+    (origin,) = uneven.transforms.estimation
     direct = np.diff(recording.output, 2)[5:205]
     np.testing.assert_allclose(
-        uneven.estimation.output + uneven.transforms.output_mean, direct, atol=1e-13
+        uneven.estimation.output + origin.output_means[0],
+        direct,
+        atol=1e-13,
     )
     np.testing.assert_allclose(
-        uneven.estimation.input + uneven.transforms.input_mean, u[7:207], atol=1e-13
+        uneven.estimation.input + origin.input_means[0],
+        u[7:207],
+        atol=1e-13,
     )
 
 
@@ -150,10 +166,10 @@ def stepped(*changes: int) -> Recording:
 def test_the_last_change_of_an_input_that_rests_is_held_out(changes, split, samples):
     recording = stepped(*changes)
     prepared = prepare(recording, preparation(split=split))
-    assert prepared.contiguous
+    assert prepared.before_validation is prepared.estimation
     assert prepared.estimation.samples == samples
     begin = samples + prepared.transforms.discard
-    validation = prepared.validation.input + prepared.transforms.input_mean
+    validation = prepared.validation.input + prepared.transforms.estimation[0].input_means[0]
     np.testing.assert_allclose(validation, recording.input[begin:], atol=1e-12)
 
 
@@ -180,7 +196,7 @@ def test_validation_recording_passes_through_the_same_transforms():
     transforms = {"box_cox": "auto", "difference": 1}
     split = {"discard": 30, "estimation": 1.0}
     prepared = prepare(estimation, preparation(transforms, split), validation)
-    assert not prepared.contiguous
+    assert prepared.before_validation is None
     assert prepared.estimation.samples == 400 - 1 - 30
     assert prepared.validation.samples == 300 - 1 - 30
     np.testing.assert_allclose(
@@ -217,7 +233,7 @@ def test_prepared_data_survive_their_files(tmp_path, validation):
     save_prepared(prepared, *names)
     loaded = load_prepared(*names)
     assert loaded.transforms == prepared.transforms
-    assert loaded.contiguous == prepared.contiguous
+    assert (loaded.before_validation is None) == (prepared.before_validation is None)
     for part in ("estimation", "validation"):
         before, after = getattr(prepared, part), getattr(loaded, part)
         assert after.output.tobytes() == before.output.tobytes()

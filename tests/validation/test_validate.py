@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomial_states import estimate_prediction_states
-from evopem.signals.preparation import PreparedData, Transforms
+from evopem.signals.prepared_data import PreparedData, StretchOrigin, Transforms
 from evopem.signals.recording import Recording
 from evopem.validation.validate import validate
 
@@ -42,19 +42,8 @@ def prepared(u, y, cut, contiguous=True):
     transforms = Transforms(
         sampling_rate=RATE,
         resampled_from=None,
-        box_cox=None,
-        shift=0.0,
-        difference=0,
-        difference_initial=(),
-        difference_input=0,
-        difference_input_initial=(),
-        input_mean=0.0,
-        output_mean=0.0,
-        discard=0,
-        validation_difference_initial=(),
-        validation_difference_input_initial=(),
-        estimation_samples=cut,
-        validation_samples=len(u) - cut,
+        estimation=(StretchOrigin(0, 0, 0.0, cut, (0.0,), (0.0,)),),
+        validation=(StretchOrigin(0, cut, cut / RATE, len(u) - cut, (0.0,), (0.0,)),),
         validation_source="cut" if contiguous else "file",
     )
     return PreparedData(

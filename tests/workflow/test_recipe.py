@@ -110,12 +110,12 @@ def test_nothing_is_left_to_do(again):
     [
         (
             {"purpose": "prediction"},
-            {"decide_preparation", "decide_delay", "search_structure", "estimate_spectrum"},
+            {"prepare", "decide_delay", "search_structure", "estimate_spectrum"},
             {"choose", "revise", "estimate", "complete_model"},
         ),
         (
             {"delay": {"nk": 1}},
-            {"decide_preparation", "prepare", "decide_folds", "estimate_spectrum"},
+            {"prepare", "decide_folds", "estimate_spectrum"},
             {"decide_delay", "search_structure", "choose"},
         ),
         (
@@ -126,7 +126,7 @@ def test_nothing_is_left_to_do(again):
         (
             {"split": {"discard": 10}},
             {"read_recording"},
-            {"decide_preparation", "prepare", "search_structure"},
+            {"prepare", "search_structure"},
         ),
     ],
 )

@@ -13,7 +13,7 @@ from scipy.io import loadmat
 from evopem.estimation.model_record import ModelRecord
 from evopem.files.json_form import load
 from evopem.results.fleet import DatasetSummary
-from evopem.signals.multichannel_preparation import load_multichannel_data
+from evopem.signals.prepared_data import load_prepared
 from evopem.validation.modes_record import ModesRecord
 from evopem.validation.multichannel import MultichannelValidation
 
@@ -131,7 +131,7 @@ def test_the_tables_hold_every_channel(run):
     files = folder.files_of("frame")
     simulation = pd.read_csv(files.simulation)
     record = load(ModelRecord, files.model)
-    data = load_multichannel_data(files.prepared, files.transforms)
+    data = load_prepared(files.prepared, files.transforms)
     before, after = data.estimation, data.validation
     state = record.model.simulation_state(before.inputs, before.outputs)
     inputs = np.concatenate([before.inputs, after.inputs])
@@ -217,7 +217,7 @@ def test_outputs_alone_are_predicted(at_once):
 def test_recordings_under_one_name_have_one_model(at_once):
     files = at_once.files_of("joined")
     record = load(ModelRecord, files.model)
-    assert [each.samples for each in record.transforms.estimation_records] == [SAMPLES] * 2
+    assert [each.samples for each in record.transforms.estimation] == [SAMPLES] * 2
     assert record.transforms.validation_samples == SAMPLES
     modes = load(ModesRecord, files.modes_json)
     for mode, frequency in zip(modes.modes, FREQUENCIES, strict=True):

@@ -23,21 +23,21 @@ STUCK_RUN, MOST_STUCK, REPEATED = 15, 0.5, 0.01
 
 
 def decide_starts(recordings: Sequence[Recording]) -> tuple[tuple[int, ...], Decision]:
-    """Leave out leading samples in which neither signal has begun to change."""
+    """Leave out leading samples in which no channel has begun to change."""
     starts = []
     for each in recordings:
-        u, y = each.input, each.output
-        still = (u == u[0]) & (y == y[0])
-        still |= ~(np.isfinite(u) & np.isfinite(y))
+        signals = np.column_stack([each.inputs, each.outputs])
+        finite = np.isfinite(np.sum(signals, axis=1))
+        still = (signals == signals[0]).all(axis=1) | ~finite
         leading = int(np.argmin(still)) if not still.all() else 0
         kept = max(leading - KEPT_REST, 0)
-        starts.append(kept if np.isfinite(y[kept:leading]).all() else leading)
+        starts.append(kept if finite[kept:leading].all() else leading)
     alternatives = (
         Alternative("0", 0.0),
         *(Alternative(str(start), float(start)) for start in sorted(set(starts)) if start),
     )
     sentence = (
-        "Samples before the first change of either signal are left out."
+        "Samples before the first change of any channel are left out."
         if any(starts)
         else "The record begins with its first sample; the transient belongs to the estimated "
         "initial state."

@@ -11,10 +11,12 @@ from evopem.automatic.decision import Alternative, Decision, lowest
 from evopem.automatic.fit import FOLD_STAGES, FitSettings, fit
 from evopem.automatic.folds import SHORTEST_BLOCK
 from evopem.automatic.simulation import simulated
-from evopem.automatic.stretches import folds_of
+from evopem.automatic.stretches import SHORTEST_STRETCH, folds_of
 from evopem.errors import InputError
+from evopem.estimation.state_space.held_out import two_fold_simulation_errors
+from evopem.estimation.state_space.task import StateSpaceTask
 from evopem.models.structures import Orders
-from evopem.signals.recording import Segment, total_samples
+from evopem.signals.recording import Recording, Segment, total_samples
 from evopem.signals.spectral.frequency_response import multitaper_frequency_response
 
 Array = NDArray[np.float64]
@@ -34,67 +36,58 @@ PROBES, MOST_FACTORS = (2, 4, 6), 3
 MOST_DECIMATED = 20_000
 
 
+CRITERION = "simulation error on held-out samples at the recorded rate, % of the outputs"
+
+
 def decide_decimation(stretches: Sequence[Segment]) -> tuple[int, Decision]:
-    """Decimation by the error of simulations on held-out samples, at the recorded rate."""
-    criterion = "simulation error on held-out samples at the recorded rate, % of the output"
-    edge = power_edge(stretches)
-    samples = total_samples(stretches)
-    largest = 1.0 / (OVERSAMPLED / 2.0 * max(edge, 1e-9))
-    factors = [f for f in FACTORS if f <= largest and samples / f >= LEAST_SAMPLES]
-    coherent = coherence_edge(stretches) if factors else 0.0
-    if factors and factors[0] * coherent > 0.5:
-        sentence = (
-            f"Input and output are coherent up to {coherent:.3g} of the sampling rate, though "
-            f"{100 * POWER_SHARE:g} % of the output's power lie below {edge:.3g} of it: a lower "
-            "rate would lose dynamics."
-        )
-        return not_decimated(sentence, criterion)
-    factors = [f for f in factors if f * coherent <= 0.5][-MOST_FACTORS:]
-    if not factors:
-        sentence = (
-            f"{100 * POWER_SHARE:g} % of the output's power reach up to {edge:.3g} of the sampling "
-            "rate: the record is not oversampled."
-        )
-        return not_decimated(sentence, criterion)
-    alternatives = [Alternative(str(f), _decimated_error(stretches, f)) for f in (1, *factors)]
-    found = (
-        f"{100 * POWER_SHARE:g} % of the output's power lie below {edge:.3g} of the sampling rate."
-    )
-    return best_factor(alternatives, found, criterion)
+    """Decimation by the error of simulations on held-out samples, at the recorded rate.
 
-
-def not_decimated(sentence: str, criterion: str) -> tuple[int, Decision]:
-    """No decimation, without a comparison."""
-    return 1, Decision("decimation", "1", (Alternative("1", np.nan),), criterion, sentence)
-
-
-def best_factor(
-    alternatives: Sequence[Alternative], found: str, criterion: str
-) -> tuple[int, Decision]:
-    """The factor of the lowest error, where it pays.
-
-    Parameters
-    ----------
-    alternatives : sequence of Alternative
-        Factors with their errors, 1 the first.
-    found : str
-        Why the record may be decimated.
-    criterion : str
+    Each recording keeps a stretch that is long enough.
     """
+    edge = power_edge(stretches)
+    below = f"{100 * POWER_SHARE:g} % of the power of each output lie below {edge:.3g}"
+    largest = 1.0 / (OVERSAMPLED / 2.0 * max(edge, 1e-9))
+    longest = dict.fromkeys((each.recording for each in stretches), 0)
+    for each in stretches:
+        longest[each.recording] = max(longest[each.recording], each.samples)
+    largest = min(largest, total_samples(stretches) / LEAST_SAMPLES)
+    largest = min(largest, min(longest.values()) / SHORTEST_STRETCH)
+    factors = [factor for factor in FACTORS if factor <= largest]
+    if not factors:
+        return _not_decimated(f"{below} of the sampling rate: the record is not oversampled.")
+    if not stretches[0].has_input:
+        return _not_decimated("Without an input the rate is kept: nothing tells modes from noise.")
+    coherent = coherence_edge(stretches)
+    factors = [factor for factor in factors if factor * coherent <= 0.5][-MOST_FACTORS:]
+    if not factors:
+        return _not_decimated(
+            f"Inputs and outputs are coherent up to {coherent:.3g} of the sampling rate, though"
+            f" {below} of it: a lower rate would lose dynamics."
+        )
+    alternatives = [Alternative(str(f), _decimated_error(stretches, f)) for f in (1, *factors)]
     chosen = lowest(alternatives, LEAST_GAIN)
-    sentence = f"{found} A factor of {chosen.name} simulates held-out samples best."
-    return int(chosen.name), Decision(
-        "decimation", chosen.name, tuple(alternatives), criterion, sentence
+    sentence = (
+        f"{below} of the sampling rate. A factor of {chosen.name} simulates held-out samples best."
     )
+    return int(chosen.name), Decision(
+        "decimation", chosen.name, tuple(alternatives), CRITERION, sentence
+    )
+
+
+def _not_decimated(sentence: str) -> tuple[int, Decision]:
+    return 1, Decision("decimation", "1", (Alternative("1", np.nan),), CRITERION, sentence)
 
 
 def power_edge(stretches: Sequence[Segment]) -> float:
-    """Frequency below which nearly all power of the output lies, as a share of the rate.
+    """Frequency below which nearly all power of each output lies, as a share of the rate.
 
     The lowest of ``BANDS`` bands is taken for a floor of white noise, and left out of all.
     """
     longest = max(stretches, key=lambda each: each.samples)
-    y = longest.output - longest.output.mean()
+    return max(_power_edge(y - y.mean()) for y in longest.outputs.T)
+
+
+def _power_edge(y: Array) -> float:
     power = np.abs(np.fft.rfft(y * np.hanning(len(y)))) ** 2
     bands = np.array_split(power, min(BANDS, len(power)))
     floor = min(float(np.mean(band)) for band in bands)
@@ -104,19 +97,23 @@ def power_edge(stretches: Sequence[Segment]) -> float:
 
 
 def coherence_edge(stretches: Sequence[Segment]) -> float:
-    """Upper end of the highest band where input and output are coherent, as a share of the rate.
+    """Upper end of the highest band where an input and an output are coherent, of the rate.
 
     A band is coherent where more than half of its lines exceed what independent signals exceed in
     1 %.  An output that drifts has nearly all its power far below the frequencies of
     its modes; coherence does not depend on power.  0 where no band is coherent.
     """
     longest = max(stretches, key=lambda each: each.samples)
+    u = longest.inputs - longest.inputs.mean(axis=0)
+    y = longest.outputs - longest.outputs.mean(axis=0)
+    return max(_coherence_edge(one, other) for one in u.T for other in y.T)
+
+
+def _coherence_edge(u: Array, y: Array) -> float:
+    nfft = max(8192, 1 << (len(y) - 1).bit_length())
     try:
         found = multitaper_frequency_response(
-            longest.input - longest.input.mean(),
-            longest.output - longest.output.mean(),
-            1.0,
-            nfft=max(8192, 1 << (longest.samples - 1).bit_length()),
+            np.ascontiguousarray(u), np.ascontiguousarray(y), 1.0, nfft=nfft
         )
     except InputError:
         return 0.0
@@ -127,21 +124,37 @@ def coherence_edge(stretches: Sequence[Segment]) -> float:
 
 
 def _decimated_error(stretches: Sequence[Segment], factor: int) -> float:
-    """Best error of a few output-error and ARX models at a lower rate; what is lost is added."""
-    lower = [
-        Segment(decimated(s.input, factor), decimated(s.output, factor), s.recording)
-        for s in stretches
-    ]
-    lost = sum(float(np.sum((s.output - smoothed(s.output, factor)) ** 2)) for s in stretches)
-    total = sum(float(np.sum((s.output - s.output.mean()) ** 2)) for s in stretches)
-    settings = FitSettings()
+    """Best error of a few models at a lower rate; what the filter takes is added, in percent."""
+    lower = [decimated_stretch(each, factor) for each in stretches]
+    lost = sum(
+        np.sum((each.outputs - smoothed(each.outputs, factor)) ** 2, axis=0) for each in stretches
+    )
+    total = sum(
+        np.sum((each.outputs - each.outputs.mean(axis=0)) ** 2, axis=0) for each in stretches
+    )
+    has_one_of_each = lower[0].inputs.shape[1] == lower[0].outputs.shape[1] == 1
+    best = _polynomial_error(lower) if has_one_of_each else _state_space_error(lower)
+    return float(100.0 * np.sqrt(best + np.mean(lost / total)))
+
+
+def _state_space_error(stretches: Sequence[Segment]) -> float:
+    """Least mean square error of output-error models, as a share of that of the outputs."""
+    first = stretches[0]
+    recording = Recording(first.inputs, first.outputs, 1.0).with_segments(stretches)
+    task = StateSpaceTask("ss_oe", delays=0, weighting="power")
+    errors = two_fold_simulation_errors(recording, PROBES, task)
+    return float(np.min(errors) / 100.0) ** 2
+
+
+def _polynomial_error(stretches: Sequence[Segment]) -> float:
+    """Least mean square error of output-error and ARX models, as a share of the output's."""
     best = np.inf
     for n in PROBES:
         for orders in (Orders(nb=n, nf=n, nk=0), Orders(na=n, nb=n, nk=0)):
             squares, reference = 0.0, 0.0
-            for fold in folds_of(lower, 2, 1, SHORTEST_BLOCK):
+            for fold in folds_of(stretches, 2, 1, SHORTEST_BLOCK):
                 try:
-                    model = fit(fold.training, orders, settings, stages=FOLD_STAGES).model
+                    model = fit(fold.training, orders, FitSettings(), stages=FOLD_STAGES).model
                 except (ValueError, np.linalg.LinAlgError):
                     squares = np.inf
                     break
@@ -150,28 +163,34 @@ def _decimated_error(stretches: Sequence[Segment], factor: int) -> float:
                     reference += float(np.sum((held.output - held.output.mean()) ** 2))
             if np.isfinite(squares) and reference > 0.0:
                 best = min(best, squares / reference)
-    return float(100.0 * np.sqrt(best + lost / total))
+    return best
 
 
-def decimated(signal: Array, factor: int) -> Array:
-    """A signal at a lower rate, by a zero-phase FIR filter; (ceil(N / factor),)."""
+def decimated_stretch(stretch: Segment, factor: int) -> Segment:
+    """All channels of a stretch at a lower rate."""
+    inputs, outputs = decimated(stretch.inputs, factor), decimated(stretch.outputs, factor)
+    return Segment(inputs, outputs, stretch.recording)
+
+
+def decimated(signals: Array, factor: int) -> Array:
+    """Signals, (N, channels), at a lower rate, by a zero-phase FIR filter."""
     from scipy.signal import decimate
 
-    if factor == 1:
-        return signal
-    mean = float(np.mean(signal))
-    lower: Array = decimate(signal - mean, factor, ftype="fir", zero_phase=True)
+    if factor == 1 or signals.shape[1] == 0:
+        return signals[::factor]
+    mean = signals.mean(axis=0)
+    lower: Array = decimate(signals - mean, factor, ftype="fir", zero_phase=True, axis=0)
     return lower + mean
 
 
-def smoothed(signal: Array, factor: int) -> Array:
-    """What a decimated signal still holds, at the original rate."""
+def smoothed(signals: Array, factor: int) -> Array:
+    """What decimated signals still hold, at the original rate."""
     if factor == 1:
-        return signal
+        return signals
     from scipy.interpolate import make_interp_spline
 
-    lower = decimated(signal, factor)
+    lower = decimated(signals, factor)
     times = np.arange(len(lower)) * factor
     spline: Callable[[Array], Array] = make_interp_spline(times, lower, k=3)
-    inside = np.minimum(np.arange(len(signal)), times[-1])
+    inside = np.minimum(np.arange(len(signals)), times[-1])
     return np.asarray(spline(inside.astype(float)))

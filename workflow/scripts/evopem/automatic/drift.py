@@ -86,10 +86,9 @@ def decide_differences(stretches: Sequence[Segment]) -> tuple[int, Decision]:
 
 
 def differenced(stretch: Segment, times: int) -> Segment:
-    """Both channels differenced, ``times`` samples shorter."""
-    if times == 0:
-        return stretch
-    return Segment(np.diff(stretch.input, times), np.diff(stretch.output, times), stretch.recording)
+    """All channels differenced, ``times`` samples shorter."""
+    inputs, outputs = (np.diff(each, times, axis=0) for each in (stretch.inputs, stretch.outputs))
+    return Segment(inputs, outputs, stretch.recording)
 
 
 def _likeliest(stretches: Sequence[Segment], times: int) -> _LeastSquares | None:

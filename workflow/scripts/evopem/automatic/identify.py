@@ -19,12 +19,9 @@ from evopem.automatic.orders import (
     search_structure,
 )
 from evopem.automatic.preparation import (
-    PreparationPlan,
     PreparedRecord,
     decide_preparation,
     prepare,
-    prepare_validation,
-    undifferenced,
 )
 from evopem.automatic.record import Trial
 from evopem.automatic.remedies import act_on_checks
@@ -32,7 +29,7 @@ from evopem.automatic.simulation import prediction_errors, simulated
 from evopem.automatic.structures import Choice, Purpose, compare_structures
 from evopem.blas_threads import one_blas_thread
 from evopem.models.polynomial import PolynomialModel
-from evopem.signals.recording import Recording, Segment
+from evopem.signals.recording import Recording, Segment, concatenated
 
 Array = NDArray[np.float64]
 
@@ -86,19 +83,20 @@ class Identification:
         At the prepared rate: ``recording`` is prepared as the estimation samples were, but not
         differenced.
         """
-        plan, model = self.prepared.plan, self.choice.candidate.model
+        plan, model = self.prepared.plan.for_others(recording), self.choice.candidate.model
         free = self.choice.level == "state"
         if plan.differences:  # the level of the signals themselves is not known
-            plan, model, free = undifferenced(plan), replace(model, level=0.0), True
+            plan, free = replace(plan.uncentred, differences=0), True
+            model = replace(model, level=0.0)
         parts = [
             simulated(model, each, free, plan.objective == "absolute")
-            for each in prepare_validation(recording, plan)
+            for each in prepare(recording, plan).stretches
         ]
-        return np.concatenate(parts) * plan.output_scale + plan.output_offset
+        return np.concatenate(parts) * plan.output_scales[0] + plan.output_offsets[0]
 
     def validate(self, recording: Recording) -> Errors:
         """Errors on a recording that was not used for estimation, prepared as that one was."""
-        stretches = prepare_validation(recording, self.prepared.plan)
+        stretches = prepare(recording, self.prepared.plan.for_others(recording)).stretches
         return validation_errors(self.choice, stretches)
 
 
@@ -186,9 +184,10 @@ def identify_recordings(
                 log(f"{each.subject}: {each.choice}. {each.sentence}")
 
     with one_blas_thread():
-        plan: PreparationPlan = decide_preparation(recordings)
+        together = concatenated(recordings)
+        plan = decide_preparation(together)
         tell(plan.decisions)
-        prepared = prepare(recordings, plan)
+        prepared = prepare(together, plan)
         folds = decide_folds(prepared.stretches)
         delays = decide_delays(prepared.stretches, ("input",))
         tell((folds.decision, folds.repetition.decision, delays.decision))

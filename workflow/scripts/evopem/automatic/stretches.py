@@ -9,6 +9,8 @@ import numpy as np
 
 from evopem.signals.recording import Segment, total_samples
 
+# A stretch shorter than this is of no use.
+SHORTEST_STRETCH = 20
 # Samples of a record on which delays, orders and structures are compared.
 MOST_SAMPLES = 6000
 
@@ -31,17 +33,13 @@ class Fold:
 
 
 def first_samples(stretches: Sequence[Segment], most: int) -> tuple[Segment, ...]:
-    """The first samples of each stretch, in proportion to its length, ``most`` together.
-
-    Parameters
-    ----------
-    stretches : sequence of Segment
-    most : int
-    """
+    """The first samples of each stretch, in proportion to its length, ``most`` together."""
     total = total_samples(stretches)
     if total <= most:
         return tuple(stretches)
-    kept = [max(each.samples * most // total, min(each.samples, 20)) for each in stretches]
+    kept = [
+        max(each.samples * most // total, min(each.samples, SHORTEST_STRETCH)) for each in stretches
+    ]
     return tuple(each.between(0, n) for each, n in zip(stretches, kept, strict=True))
 
 

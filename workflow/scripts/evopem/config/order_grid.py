@@ -11,10 +11,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from evopem.config.settings import (
-    AutomaticSettings,
     DatasetSettings,
     OrderGrid,
-    PreparationSettings,
     Range,
     SampleRequirements,
     ScoringWindow,
@@ -47,14 +45,14 @@ def phase_of_orders_of(settings: DatasetSettings) -> str:
     return phase_of_orders(settings.order_grid.structure)
 
 
-def given_preparation(
-    preparation: PreparationSettings, automatic: AutomaticSettings
-) -> dict[str, int | str | bool | None]:
-    """What the configuration decides of an automatic preparation.
+def given_preparation(settings: DatasetSettings) -> dict[str, int | str | bool | None] | None:
+    """What the configuration decides of an automatic preparation; None for the chapter's.
 
     Differences are taken back sample by sample, so that differenced signals are not decimated.
     """
-    transforms = preparation.transforms
+    automatic, transforms = settings.automatic, settings.preparation.transforms
+    if automatic is None:
+        return None
     fixed = automatic.rate_given or transforms.difference or transforms.difference_input
     return {
         "start": 0 if automatic.start_given else None,
@@ -62,6 +60,7 @@ def given_preparation(
         "differences": 0 if automatic.differences_given else None,
         "objective": automatic.objective,
         "box_cox": automatic.box_cox_given,
+        "rate_alone": not settings.is_single_channel,
     }
 
 

@@ -8,7 +8,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,8 +27,7 @@ from evopem.models.modes import Mode
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.state_space import StateSpaceModel
 from evopem.models.structures import Orders
-from evopem.signals.multichannel_preparation import MultichannelTransforms
-from evopem.signals.preparation import Transforms
+from evopem.signals.prepared_data import Transforms
 from evopem.signals.recording import Recording
 from evopem.version import __version__
 
@@ -36,10 +35,6 @@ Array = NDArray[np.float64]
 Roots = NDArray[np.complex128]
 Model = PolynomialModel | StateSpaceModel
 Estimate = PolynomialEstimate | StateSpaceEstimate
-if TYPE_CHECKING:
-    AnyTransforms = Any
-else:
-    AnyTransforms = Transforms | MultichannelTransforms
 
 LevelOfSimulation = Literal["constant", "state", "none"]
 
@@ -142,7 +137,7 @@ class ModelRecord:
     parameter_standard_errors : (n,) array, optional
         Of ``[a_1.., b_0.., c_1.., d_1.., f_1..]``, b and f those of all inputs one after the other.
     search : SearchRecord
-    transforms : Transforms or MultichannelTransforms
+    transforms : Transforms
     fit : FitRecord, optional
         Where the model was fitted with a focus or constraints.
     at_upper_ends : tuple of str
@@ -176,7 +171,7 @@ class ModelRecord:
     noise_zeros: Roots
     parameter_standard_errors: Array | None
     search: SearchRecord
-    transforms: AnyTransforms
+    transforms: Transforms
     fit: FitRecord | None
     at_upper_ends: tuple[str, ...]
     evopem: str
@@ -188,7 +183,7 @@ class ModelRecord:
         estimate: Estimate,
         estimation: Recording,
         settings: SearchSettings | StateSpaceSearchSettings,
-        transforms: AnyTransforms,
+        transforms: Transforms,
         level: LevelOfSimulation = "none",
         *,
         model: StateSpaceModel | None = None,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from evopem.signals.preparation import Transforms
+from evopem.signals.prepared_data import Transforms
 
 ORDINALS = {1: "first", 2: "second", 3: "third"}
 

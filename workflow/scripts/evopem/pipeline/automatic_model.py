@@ -24,9 +24,9 @@ from evopem.config.settings import Objective, SearchSettings
 from evopem.estimation.model_record import ModelRecord
 from evopem.estimation.order_selection import complete_estimate
 from evopem.files.json_form import load, save
-from evopem.pipeline.automatic_preparation import load_record
+from evopem.pipeline.preparation import load_record
 from evopem.results.layout import DatasetFiles
-from evopem.signals.preparation import load_prepared
+from evopem.signals.prepared_data import load_prepared
 from evopem.signals.recording import total_samples
 from evopem.signals.recording_info import RecordingInfo
 from evopem.validation.responses import held_out_samples, responses_of

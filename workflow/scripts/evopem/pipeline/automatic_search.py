@@ -16,9 +16,9 @@ from evopem.blas_threads import one_blas_thread
 from evopem.config.settings import AutomaticSettings, InputRanges, Range
 from evopem.errors import InputError
 from evopem.files.json_form import load, save
-from evopem.pipeline.automatic_preparation import load_record
+from evopem.pipeline.preparation import load_record
 from evopem.results.layout import DatasetFiles
-from evopem.signals.preparation import load_prepared
+from evopem.signals.prepared_data import load_prepared
 
 
 def decide_folds(files: DatasetFiles) -> None:

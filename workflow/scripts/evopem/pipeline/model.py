@@ -21,7 +21,7 @@ from evopem.models.response_tables import (
     time_response_table,
 )
 from evopem.results.layout import DatasetFiles
-from evopem.signals.preparation import load_prepared
+from evopem.signals.prepared_data import load_prepared
 
 
 def complete_model(

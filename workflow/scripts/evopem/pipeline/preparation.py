@@ -1,7 +1,26 @@
-"""Preparation: stationary, zero-mean samples, divided for estimation and validation."""
+"""Preparation: stationary samples without means, divided for estimation and validation.
+
+By the chapter's recipe it is given, by the automatic one decided from the estimation samples alone.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from evopem.automatic.multichannel_folds import describe_folds
+from evopem.automatic.preparation import (
+    GivenPreparation,
+    PreparationPlan,
+    PreparedRecord,
+    decide_preparation,
+    stretches_as_recorded,
+)
+from evopem.automatic.prepared_data import prepared_data
+from evopem.automatic.transforms import TransformPlan, decide_transforms
+from evopem.blas_threads import one_blas_thread
 from evopem.config.order_grid import check_samples
 from evopem.config.settings import (
     FitSettings,
@@ -10,51 +29,140 @@ from evopem.config.settings import (
     SampleRequirements,
 )
 from evopem.errors import InputError
+from evopem.files.json_form import load, save
 from evopem.pipeline.constraint_plan import check_fit
 from evopem.results.layout import DatasetFiles
-from evopem.signals.joining import check_independent
-from evopem.signals.preparation import PreparedData, prepare, save_prepared
-from evopem.signals.recording import load_recording
+from evopem.signals.preparation import prepare
+from evopem.signals.prepared_data import PreparedData, load_prepared, save_prepared
+from evopem.signals.recording import Recording, load_recording
 
 
-def prepare_signals(
+def prepare_samples(
     files: DatasetFiles,
     settings: PreparationSettings,
-    requirements: SampleRequirements,
     is_validated: bool,
-    fit: tuple[FitSettings, OrderGrid] | None = None,
     recorded: tuple[str, ...] = (),
+    given: GivenPreparation | None = None,
+    requirements: SampleRequirements | None = None,
+    fit: tuple[FitSettings, OrderGrid] | None = None,
 ) -> None:
-    """Make both signals stationary, and divide them for estimation and validation.
+    """Make all channels stationary, and divide the samples for estimation and validation.
 
     Parameters
     ----------
     files : DatasetFiles
     settings : PreparationSettings
-    requirements : SampleRequirements
     is_validated : bool
+    recorded : tuple of str
+        The recorded files, those for validation last, for errors to name.
+    given : GivenPreparation, optional
+        What is not decided by the automatic recipe; None where all is given.
+    requirements : SampleRequirements, optional
+        Of the order grid of the chapter's recipe.
     fit : (FitSettings, OrderGrid), optional
         Whose constraints are checked with the sampling rate.
-    recorded : sequence of str
-        The recorded files, those for validation last, for errors to name.
 
     Raises
     ------
     InputError
-        When a transform cannot be applied, too few samples are left for the order grid, the
-        constraints contradict the sampling rate of the recording, or the validation recording
-        shares its samples with the estimation recording.
+        When a transform cannot be applied, too few samples are left, the constraints contradict the
+        sampling rate, or a validation recording shares its samples with the recording.
     """
     place = f"datasets.{files.name}"
     recording = load_recording(files.recording)
     validation = load_recording(files.validation_recording) if is_validated else None
-    if validation is not None:
-        check_independent(recording, validation, f"{place}.validation_file")
     prepared = prepare(recording, settings, validation, place, recorded)
-    _check_samples(requirements, prepared, place)
+    if given is not None:
+        with one_blas_thread():
+            try:
+                plan, prepared = _decided(
+                    prepared, (recording, validation), settings, given, recorded
+                )
+            except InputError as error:
+                source = f"{place} ({error.source})"
+                raise InputError(source, error.problem, error.remedy) from None
+            prepared = prepared_data(prepared, plan, place)
+        if given.rate_alone:
+            folds = describe_folds(prepared.estimation)
+            plan = replace(plan, decisions=(*plan.decisions, folds))
+        save(plan, files.decision("preparation"))
+    if requirements is not None:
+        _check_samples(requirements, prepared, place)
     if fit is not None:
         check_fit(*fit, prepared.estimation.sampling_rate, place, "")
     save_prepared(prepared, files.prepared, files.transforms)
+
+
+def load_record(files: DatasetFiles) -> PreparedRecord:
+    """All stretches of the estimation samples, with the plan behind them."""
+    plan = load(PreparationPlan, files.decision("preparation"))
+    return PreparedRecord.of(load_prepared(files.prepared, files.transforms), plan)
+
+
+def _decided(
+    divided: PreparedData,
+    recordings: tuple[Recording, Recording | None],
+    settings: PreparationSettings,
+    given: GivenPreparation,
+    recorded: Sequence[str],
+) -> tuple[PreparationPlan, PreparedData]:
+    """The plan of a preparation, and both parts with the transforms that were decided."""
+    transforms = TransformPlan()
+    if not given.rate_alone:
+        transforms = _decide_transforms(divided, given)
+    if transforms.box_cox is not None:
+        bent = replace(settings.transforms, box_cox=transforms.box_cox)
+        divided = prepare(recordings[0], replace(settings, transforms=bent), recordings[1])
+    elif transforms.has_trend:
+        divided = _without_trend(divided, recordings[0], settings, transforms)
+        given = replace(given, differences=0)  # a slope is no random walk
+    plan = decide_preparation(divided.estimation, given, recorded)
+    return replace(plan, decisions=(*plan.decisions, *transforms.decisions)), divided
+
+
+def _decide_transforms(divided: PreparedData, given: GivenPreparation) -> TransformPlan:
+    """The transforms of the estimation samples, judged in recorded units.
+
+    A trend of one recording says nothing of others.
+    """
+    origins = divided.transforms.estimation
+    recording = divided.estimation.with_segments(
+        [
+            replace(
+                each,
+                inputs=each.inputs + np.array(origin.input_means),
+                outputs=each.outputs + np.array(origin.output_means),
+            )
+            for each, origin in zip(divided.estimation.segments, origins, strict=True)
+        ]
+    )
+    stretches, begins = stretches_as_recorded(recording, given.start)
+    return decide_transforms(
+        stretches,
+        begins,
+        box_cox=given.box_cox,
+        trend=given.differences is not None,
+        continued=len(origins) == 1 and divided.transforms.validation_source == "cut",
+    )
+
+
+def _without_trend(
+    divided: PreparedData, recording: Recording, settings: PreparationSettings, plan: TransformPlan
+) -> PreparedData:
+    """Both parts of one recording whose trends are taken away, from its first sample on."""
+    rate = divided.transforms.sampling_rate
+    slopes = (plan.input_trend * rate,), (plan.output_trend * rate,)  # per second
+    times = np.arange(recording.samples) / recording.sampling_rate
+    # Where they are divided may depend on where the input rests, which a slope hides.
+    split = replace(settings.split, estimation=divided.transforms.estimation_samples)
+    level = replace(
+        recording,
+        inputs=recording.inputs - np.outer(times, slopes[0]),
+        outputs=recording.outputs - np.outer(times, slopes[1]),
+    )
+    found = prepare(level, replace(settings, split=split))
+    transforms = replace(found.transforms, input_trends=slopes[0], output_trends=slopes[1])
+    return replace(found, transforms=transforms)
 
 
 def _check_samples(requirements: SampleRequirements, prepared: PreparedData, place: str) -> None:
@@ -65,10 +173,10 @@ def _check_samples(requirements: SampleRequirements, prepared: PreparedData, pla
     InputError
     """
     estimation, validation = prepared.estimation, prepared.validation
-    lost = (len(estimation.segments) - 1) * (requirements.loss_start + requirements.settling)
+    least = requirements.loss_start + requirements.settling
+    lost = (len(estimation.segments) - 1) * least
     longest = max(each.samples for each in validation.segments)
     check_samples(requirements, estimation.samples - lost, longest, place)
-    least = requirements.loss_start + requirements.settling
     for each in estimation.segments if estimation.is_joined else ():
         if each.samples <= least:
             raise InputError(

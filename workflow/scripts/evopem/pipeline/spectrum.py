@@ -6,7 +6,7 @@ from evopem.config.settings import SpectrumSettings
 from evopem.files.atomic import write_table
 from evopem.files.json_form import save
 from evopem.results.layout import DatasetFiles
-from evopem.signals.preparation import load_prepared
+from evopem.signals.prepared_data import load_prepared
 from evopem.signals.spectral.frequency_response import multitaper_frequency_response
 from evopem.signals.spectral.multitaper import multitaper_spectrum
 from evopem.signals.spectral.peaks import summarize_spectrum

@@ -32,7 +32,7 @@ from evopem.results.layout import DatasetFiles
 
 Demand = Literal["small", "reading", "model", "estimation"]
 
-PREPARING = (*("synthesize", "read_recording", "read_validation", "decide_preparation", "prepare"),)
+PREPARING = (*("synthesize", "read_recording", "read_validation", "prepare"),)
 """Stages that are done for all data sets before any is searched."""
 
 _WORD = re.compile(r"{(\w+)}")
@@ -282,6 +282,7 @@ LISTS: Mapping[str, Callable[[Task], Sequence[str]]] = {
     "validation_info": lambda task: (
         ["validation_recording_info"] if is_validated(task.settings) else []
     ),
+    "plan": lambda task: [] if _is_by_chapter(task.settings) else ["decision:preparation"],
     "truth": lambda task: ["truth"] if _is_synthetic(task.settings) else [],
     "decided": lambda task: (
         ["decision:preparation", "decision:remedies"] if _is_automatic(task.settings) else []
@@ -299,7 +300,8 @@ def _window(task: Task) -> object:
 def _fit_to_check(task: Task) -> object:
     """Constraints and order grid, where constraints in Hz wait for the sampling rate."""
     settings = task.settings
-    waits = settings.fit.constraints is not None and known_rate(settings) is None
+    given = _is_by_chapter(settings) and settings.fit.constraints is not None
+    waits = given and known_rate(settings) is None
     return (settings.fit, settings.order_grid) if waits else None
 
 
@@ -326,7 +328,7 @@ def _choices(*names: str) -> Callable[[Task], AutomaticSettings]:
 
 
 _PREPARED = ("prepared", "transforms")
-_DECIDED = ("stretches", "decision:preparation", *_PREPARED)
+_DECIDED = ("decision:preparation", *_PREPARED)
 _VALIDATION = (*("validation", "residual_autocorrelation", "cross_correlation", "simulation"),)
 _SHOWN: tuple[str, ...] = (
     *("{truth}", "{decisions}", "config", "recording", "recording_info", *_PREPARED, "spectrum"),
@@ -387,58 +389,21 @@ STAGES = (
         recorded=("validation_files",),
     ),
     Stage(
-        "decide_preparation",
-        "automatic_preparation:decide_preparation",
-        "deciding how to prepare the samples",
-        _is_automatic,
+        "prepare",
+        "preparation:prepare_samples",
+        "preparing the samples",
+        lambda settings: True,
         inputs=("recording", "{validation}"),
-        outputs=("decision:preparation",),
+        outputs=(*_PREPARED, "{plan}"),
         settings={
             "settings": "preparation",
-            "given": lambda t: order_grid.given_preparation(t.settings.preparation, _automatic(t)),
             "is_validated": lambda t: is_validated(t.settings),
             "recorded": "source.all_files",
-        },
-    ),
-    Stage(
-        "prepare",
-        "automatic_preparation:apply_preparation",
-        "preparing the samples",
-        _is_automatic,
-        inputs=("recording", "{validation}", "decision:preparation"),
-        outputs=(*_PREPARED, "stretches"),
-        settings={
-            "settings": "preparation",
-            "is_validated": lambda t: is_validated(t.settings),
-        },
-    ),
-    Stage(
-        "prepare",
-        "preparation:prepare_signals",
-        "preparing the samples",
-        _is_by_chapter,
-        inputs=("recording", "{validation}"),
-        outputs=_PREPARED,
-        settings={
-            "settings": "preparation",
-            "requirements": lambda t: order_grid.sample_requirements(t.settings),
-            "is_validated": lambda t: is_validated(t.settings),
+            "given": lambda t: order_grid.given_preparation(t.settings),
+            "requirements": lambda t: (
+                order_grid.sample_requirements(t.settings) if _is_by_chapter(t.settings) else None
+            ),
             "fit": _fit_to_check,
-            "recorded": "source.all_files",
-        },
-    ),
-    Stage(
-        "prepare",
-        "multichannel.preparation:prepare_channels",
-        "preparing the samples",
-        _has_several,
-        inputs=("recording", "{validation}"),
-        outputs=(*_PREPARED, "decision:preparation"),
-        settings={
-            "source": "source",
-            "split": "preparation.split",
-            "resample": "preparation.resample",
-            "given": lambda t: (_automatic(t).start_given, _automatic(t).rate_given),
         },
         demand="estimation",
     ),

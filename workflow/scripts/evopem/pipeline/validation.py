@@ -8,7 +8,7 @@ from evopem.estimation.model_record import ModelRecord
 from evopem.files.atomic import write_table
 from evopem.files.json_form import load, save
 from evopem.results.layout import DatasetFiles
-from evopem.signals.preparation import load_prepared
+from evopem.signals.prepared_data import load_prepared
 from evopem.signals.spectral.summary import SpectrumSummary
 from evopem.validation.validate import validate
 

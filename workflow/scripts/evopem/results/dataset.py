@@ -15,7 +15,7 @@ from evopem.estimation.candidate import Candidate, PhaseSelection
 from evopem.estimation.model_record import ModelRecord
 from evopem.files.json_form import load
 from evopem.results.layout import DatasetFiles
-from evopem.signals.preparation import PreparedData, load_prepared
+from evopem.signals.prepared_data import PreparedData, load_prepared
 from evopem.signals.recording import Recording, load_recording
 from evopem.signals.recording_info import RecordingInfo
 from evopem.signals.spectral.summary import SpectrumSummary

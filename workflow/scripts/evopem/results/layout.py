@@ -159,11 +159,6 @@ class DatasetFiles:
         return self.decision(f"orders/{variant}")
 
     @property
-    def stretches(self) -> str:
-        """Prepared estimation samples of the automatic recipe, between breaks."""
-        return f"{self.folder}/decisions/stretches.npz"
-
-    @property
     def decisions(self) -> str:
         """All decisions of the automatic recipe, and its trials of remedies."""
         return f"{self.folder}/decisions.json"

@@ -26,7 +26,7 @@ from evopem.results.dataset import read_table
 from evopem.results.fleet import GAIN_BANDS, DatasetSummary
 from evopem.results.layout import DatasetFiles
 from evopem.signals.recording import Recording
-from evopem.signals.multichannel_preparation import MultichannelData, load_multichannel_data
+from evopem.signals.prepared_data import PreparedData, load_prepared
 from evopem.signals.recording_info import FileOrigin, RecordingInfo
 from evopem.signals.spectral.multichannel_response import multichannel_response
 from evopem.validation.checks import Check
@@ -70,7 +70,7 @@ class MultichannelResults:
     recording_info : RecordingInfo
     validation_recording_info : RecordingInfo, optional
         Of files for validation.
-    prepared : MultichannelData
+    prepared : PreparedData
     model : ModelRecord
     modes : ModesRecord
     frequency_response, simulation, residual_autocorrelation, cross_correlation : pandas.DataFrame
@@ -85,7 +85,7 @@ class MultichannelResults:
     config_text: str
     recording_info: RecordingInfo
     validation_recording_info: RecordingInfo | None
-    prepared: MultichannelData
+    prepared: PreparedData
     model: ModelRecord
     modes: ModesRecord
     frequency_response: pd.DataFrame
@@ -150,7 +150,7 @@ def read_multichannel_results(
         validation_recording_info=load(RecordingInfo, files.validation_recording_info)
         if settings.source.validation_files
         else None,
-        prepared=load_multichannel_data(files.prepared, files.transforms),
+        prepared=load_prepared(files.prepared, files.transforms),
         model=load(ModelRecord, files.model),
         modes=load(ModesRecord, files.modes_json),
         frequency_response=read_table(files.frequency_response),

@@ -1,23 +1,20 @@
-"""The constant part of an output that responds to an input."""
+"""The constant part of outputs that respond to inputs."""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evopem.blas_threads import one_blas_thread
-
-if TYPE_CHECKING:
-    from evopem.signals.recording import Recording
+from evopem.signals.recording import Recording
 
 Array = NDArray[np.float64]
 
-# Lags of input and output in the regression, and the samples that each of them needs at least.
+# Lags of inputs and output in the regression, and the samples that a coefficient needs at least.
 MOST_LAGS = 30
-SAMPLES_PER_LAG = 20
+SAMPLES_PER_COEFFICIENT = 10
 # Rows of the regression that are held in memory at a time.
 ROWS = 4096
 # Quantile of the normal distribution that an estimate must exceed, two-sided 1 %.
@@ -26,11 +23,11 @@ NORMAL_99 = 2.576
 RANK_TOLERANCE = 1e-10
 
 
-def output_level(recording: Recording) -> float:
-    """Level of the output at which an input at its mean would hold it.
+def output_levels(recording: Recording) -> tuple[float, ...]:
+    """Level of each output at which inputs at their means would hold it, in its unit.
 
-    The mean of the output is this level for a long record only. What the input before the record
-    adds to its beginning, and what the response to its end lacks, shift the mean by about the
+    The mean of an output is this level for a long record only. What the inputs before the record
+    add to its beginning, and what the response to their end lacks, shift the mean by about the
     memory of the system over the number of samples. That counts where the noise is weak: the
     innovations then have a mean that no noise model has, and the zeros of C move towards 1.
 
@@ -38,49 +35,32 @@ def output_level(recording: Recording) -> float:
     (Ljung 1999, section 14.1). Its level takes the place of the mean where its constant differs
     from that of the mean, and its sum of output coefficients from zero, at 1 %: an output that
     drifts has no level.
-
-    Parameters
-    ----------
-    recording : Recording
-        The samples, in any unit.
-
-    Returns
-    -------
-    float
-        In the unit of the output.
-
-    Examples
-    --------
-    A response of the gain 2 to noise, which has settled before the record and goes on after it:
-
-    >>> from evopem.signals.recording import Recording
-    >>> u, e = np.random.default_rng(1).standard_normal((2, 1100))
-    >>> y = 3.0 + 2.0 * np.convolve(u, np.full(10, 0.1))[:1100] + 0.001 * e
-    >>> truth = 3.0 + 2.0 * u[100:].mean()
-    >>> level = output_level(Recording(u[100:], y[100:], 1.0))
-    >>> bool(abs(level - truth) < 0.1 * abs(y[100:].mean() - truth))
-    True
     """
-    mean, deviation = float(recording.output.mean()), float(recording.output.std())
-    lags = min(MOST_LAGS, recording.samples // SAMPLES_PER_LAG)
+    u = recording.inputs - recording.inputs.mean(axis=0)
+    deviations = u.std(axis=0)
+    u = u[:, deviations > 0.0] / deviations[deviations > 0.0]
+    return tuple(_level(u, np.ascontiguousarray(y)) for y in recording.outputs.T)
+
+
+def _level(u: Array, output: Array) -> float:
+    mean, deviation = float(output.mean()), float(output.std())
+    coefficients = 1 + max(u.shape[1], 1)
+    lags = min(MOST_LAGS, len(output) // (coefficients * SAMPLES_PER_COEFFICIENT))
     if lags < 1 or not deviation > 0.0:
         return mean
-    y = (recording.output - mean) / deviation
-    u = recording.input - recording.input.mean()
-    u /= np.std(u) or 1.0
     # The bits must not depend on how many threads the machine's BLAS would take.
     with one_blas_thread():
-        shift = _shift(_triangle(u, y, lags), lags, recording.samples - lags)
-    return mean + deviation * shift
+        triangle = _triangle(u, (output - mean) / deviation, lags)
+        return mean + deviation * _shift(triangle, lags, len(output) - lags)
 
 
 def _triangle(u: Array, y: Array, lags: int) -> Array:
     """R of the QR decomposition of past outputs, present and past inputs, 1 and the output."""
-    triangle = np.empty((0, 2 * lags + 3))
+    triangle = np.empty((0, lags + u.shape[1] * (lags + 1) + 2))
     for first in range(lags, len(y), ROWS):
         stop = min(first + ROWS, len(y))
         columns = [y[first - k : stop - k] for k in range(1, lags + 1)]
-        columns += [u[first - k : stop - k] for k in range(lags + 1)]
+        columns += [signal[first - k : stop - k] for signal in u.T for k in range(lags + 1)]
         columns += [np.ones(stop - first), y[first:stop]]
         rows = np.vstack([triangle, np.column_stack(columns)])
         triangle = np.asarray(np.linalg.qr(rows, mode="r"))

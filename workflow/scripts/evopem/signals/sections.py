@@ -4,20 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evopem.config.settings import SplitSettings, TransformSettings
 from evopem.errors import InputError
+from evopem.signals.prepared_data import Source
 from evopem.signals.recording import Recording
-from evopem.signals.transforms import box_cox, difference, likeliest_box_cox, positive_shift
+from evopem.signals.transforms import box_cox, likeliest_box_cox, positive_shift
 
 Range = tuple[int, int, int]
 """A recording, its first sample and the one after its last."""
-
-Source = Literal["cut", "gap", "file", "recordings"]
 
 
 @dataclass(frozen=True)
@@ -137,8 +135,8 @@ def divided_ranges(
 
     if own == len(lengths) == 1:
         _, start, stop = cut(0)
-        if split.estimation == SplitSettings().estimation and records[0].inputs.shape[1] == 1:
-            stop = lost + before_last_change(records[0].input[lost:], start - lost, stop - lost)
+        if split.estimation == SplitSettings().estimation and records[0].has_input:
+            stop = lost + before_last_change(records[0].inputs[lost:], start - lost, stop - lost)
         return Ranges([(0, start, stop)], [(0, stop, lengths[0])], "cut")
     if own < len(lengths):
         estimation = [cut(0, False)] if len(lengths) == 2 else [whole(n) for n in every[:own]]
@@ -149,28 +147,22 @@ def divided_ranges(
             [whole(n) for n in every[:kept]], [whole(n) for n in every[kept:]], "recordings"
         )
     estimation = [cut(n) for n in every]
-    return Ranges(estimation, [(n, stop, lengths[n]) for n, _, stop in estimation], "gap")
+    return Ranges(estimation, [(n, stop, lengths[n]) for n, _, stop in estimation], "cut")
 
 
-def before_last_change(signal: NDArray[np.float64], first: int, stop: int) -> int:
-    """Where the validation samples begin when the built-in share is to test the input's response.
+def before_last_change(inputs: NDArray[np.float64], first: int, stop: int) -> int:
+    """Where the validation samples begin when the built-in share is to test the inputs' response.
 
-    That is `stop`, unless the input rests from there on. Then it is a tenth of the samples before
-    the input's last change, so that the state before it can be told from the response to it. At
-    least half of the samples have to remain for estimation, and the input has to change among them:
-    of a sequence of steps the last one is held out. After a single step or blow it stays `stop`.
-
-    Parameters
-    ----------
-    signal : (N,) array
-        The input.
-    first, stop : int
-        First estimation sample and the one after the last, by the built-in share.
+    That is `stop`, the sample after the last estimation sample by the built-in share, unless all
+    inputs, (N, m), rest from there on. Then it is a tenth of the samples before their last change,
+    so that the state before it can be told from the response to it. At least half of the samples
+    have to remain for estimation, and an input has to change among them: of a sequence of steps the
+    last one is held out. After a single step or blow it stays `stop`.
     """
-    if np.ptp(signal[stop:]) > 0.0:
+    if np.ptp(inputs[stop:], axis=0).any():
         return stop
-    changes = first + np.flatnonzero(np.diff(signal[first : stop + 1]))
-    available = signal.size - first
+    changes = first + np.flatnonzero(np.diff(inputs[first : stop + 1], axis=0).any(axis=1))
+    available = len(inputs) - first
     begin = int(changes[-1]) - available // 10 if changes.size else first
     if 2 * (begin - first) < available or changes[0] + 1 >= begin:
         return stop
@@ -222,6 +214,13 @@ def transform_outputs(
     """
     if setting == "none":
         return records, None, 0.0
+    outputs = records[0].outputs.shape[1]
+    if outputs > 1:
+        raise InputError(
+            source,
+            f"the Box-Cox transform bends the scale of one output, and there are {outputs}",
+            "use box_cox: none",
+        )
     shift = positive_shift(*(record.output for record in records))
     if setting == "auto":
         known = [records[number].output[start:stop] for number, start, stop in estimation]
@@ -237,17 +236,3 @@ def transform_outputs(
         for record in records
     ]
     return transformed, parameter, shift
-
-
-def section(
-    record: Recording, start: int, stop: int, counts: tuple[int, int]
-) -> tuple[Recording, tuple[tuple[float, ...], tuple[float, ...]]]:
-    """Differenced samples `start` to `stop`, and the start values of input and output.
-
-    The differences begin as many samples before `start` as they cost, so that input and
-    output of the section stay aligned.
-    """
-    output_count, input_count = counts
-    u, u_initial = difference(record.input[start - input_count : stop], input_count)
-    y, y_initial = difference(record.output[start - output_count : stop], output_count)
-    return record.with_signals(u, y), (u_initial, y_initial)

@@ -147,53 +147,36 @@ def likeliest_box_cox(signal: NDArray[np.float64], shift: float, source: str = "
 
 
 def difference(
-    signal: NDArray[np.float64], times: int
-) -> tuple[NDArray[np.float64], tuple[float, ...]]:
-    """Difference a signal `times` times, keeping what the inverse needs.
+    signals: NDArray[np.float64], times: int
+) -> tuple[NDArray[np.float64], tuple[tuple[float, ...], ...]]:
+    """Difference signals, (N, channels), `times` times, keeping what the inverse needs.
 
-    Parameters
-    ----------
-    signal : ndarray, shape (N,)
-    times : int
-        0 or more, and less than N.
-
-    Returns
-    -------
-    differenced : ndarray, shape (N - times,)
-    initial : tuple of float
-        First value of the signal, of its first difference, … (`times` values).
+    `times` is less than N.  The second value holds the first sample of the signals, of their first
+    differences, … (`times` rows).
 
     Examples
     --------
-    >>> difference(np.array([1.0, 4.0, 9.0, 16.0]), times=2)
-    (array([2., 2.]), (1.0, 3.0))
+    >>> difference(np.array([[1.0], [4.0], [9.0], [16.0]]), times=2)
+    (array([[2.],
+           [2.]]), ((1.0,), (3.0,)))
     """
     initial = []
-    differenced = np.array(signal, dtype=np.float64)
+    differenced = np.array(signals, dtype=np.float64)
     for _ in range(times):
-        initial.append(float(differenced[0]))
-        differenced = np.diff(differenced)
+        initial.append(tuple(differenced[0].tolist()))
+        differenced = np.diff(differenced, axis=0)
     return differenced, tuple(initial)
 
 
 def invert_difference(
-    differenced: NDArray[np.float64], initial: tuple[float, ...]
+    differenced: NDArray[np.float64], initial: tuple[tuple[float, ...], ...]
 ) -> NDArray[np.float64]:
-    """Undo `difference`: sum up once for every initial value, the last one first.
+    """Undo `difference`: sum up once for every row of initial values, the last one first.
 
-    Returns
-    -------
-    ndarray, shape (N,)
-        As many samples more than `differenced` as there are initial values. Rounding
-        errors add up with each summation: about ``eps * N**times`` of the largest
-        difference.
-
-    Examples
-    --------
-    >>> invert_difference(np.array([2.0, 2.0]), initial=(1.0, 3.0))
-    array([ 1.,  4.,  9., 16.])
+    There are as many samples more than in `differenced` as there are rows. Rounding errors add up
+    with each summation: about ``eps * N**times`` of the largest difference.
     """
-    signal = np.array(differenced, dtype=np.float64)
+    signals = np.array(differenced, dtype=np.float64)
     for first in reversed(initial):
-        signal = np.cumsum(np.concatenate(([first], signal)))
-    return signal
+        signals = np.cumsum(np.vstack([first, signals]), axis=0)
+    return signals

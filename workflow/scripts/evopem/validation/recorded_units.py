@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.signals.preparation import Transforms, invert_output
+from evopem.signals.prepared_data import StretchOrigin, Transforms, measured_outputs
 from evopem.signals.transforms import box_cox, invert_box_cox
 from evopem.validation.scores import error_percent
 
@@ -58,10 +58,10 @@ def recorded_series(
     output, predicted, simulated : (N,) arrays
         Prepared validation samples; NaN where there is none.
     """
-    stretches = transforms.of_stretches("validation")
-    ends = np.cumsum([each.samples for each in transforms.validation_stretches], dtype=int)[:-1]
+    ends = np.cumsum([each.samples for each in transforms.validation], dtype=int)[:-1]
     split = [np.split(each, ends) for each in (output, predicted, simulated)]
-    found = [_recorded(*each) for each in zip(stretches, *split, strict=True)]
+    stretches = zip(transforms.validation, *split, strict=True)
+    found = [_recorded(transforms, *each) for each in stretches]
     return RecordedSeries(
         np.concatenate([each.output for each in found]),
         np.concatenate([each.predicted for each in found]),
@@ -70,11 +70,14 @@ def recorded_series(
 
 
 def _recorded(
-    transforms: Transforms, output: Array, predicted: Array, simulated: Array
+    transforms: Transforms, origin: StretchOrigin, output: Array, predicted: Array, simulated: Array
 ) -> RecordedSeries:
     """One stretch in the units of the recording."""
-    first = transforms.difference
-    measured = invert_output(transforms, output, "validation")[first:]
+
+    def recorded(signal: Array) -> Array:
+        return measured_outputs(transforms, origin, signal[:, None])[transforms.difference :, 0]
+
+    measured = recorded(output)
     level = measured
     if transforms.box_cox is not None:
         level = box_cox(measured, transforms.box_cox, transforms.shift)
@@ -82,7 +85,7 @@ def _recorded(
     if transforms.box_cox is not None:
         prediction = invert_box_cox(prediction, transforms.box_cox, transforms.shift)
     known = np.where(np.isfinite(simulated), simulated, output)
-    simulation = invert_output(transforms, known, "validation")[first:]
+    simulation = recorded(known)
     simulation[~np.isfinite(simulated)] = np.nan
     return RecordedSeries(measured, prediction, simulation)
 

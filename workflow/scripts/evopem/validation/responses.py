@@ -18,7 +18,7 @@ from evopem.models.polynomial_states import (
     simulate_from_first,
     simulate_with_fitted_level,
 )
-from evopem.signals.preparation import PreparedData
+from evopem.signals.prepared_data import PreparedData
 from evopem.signals.recording import Segment
 from evopem.validation.recorded_units import RecordedSeries
 
@@ -70,19 +70,20 @@ def held_out_samples(
 
     With a free level each validation stretch has one of its own, fitted along with its states.
     """
-    estimation, validation = prepared.estimation, prepared.validation
-    if prepared.contiguous:
-        return (
+    before, validation = prepared.before_validation, prepared.validation
+    if before is not None:
+        return tuple(
             HeldOutSamples(
                 model,
-                np.concatenate([estimation.input, validation.input]),
-                np.concatenate([estimation.output, validation.output]),
-                estimation.samples,
-                validation.samples,
-                estimate_prediction_states(model, estimation.input, estimation.output),
-            ),
+                np.concatenate([known.input, held_out.input]),
+                np.concatenate([known.output, held_out.output]),
+                known.samples,
+                held_out.samples,
+                estimate_prediction_states(model, known.input, known.output),
+            )
+            for known, held_out in zip(before.segments, validation.segments, strict=True)
         )
-    own_level = free_level and bool(prepared.transforms.validation_stretches)
+    own_level = free_level and prepared.transforms.several_recordings
     return tuple(_held_out(model, each, own_level) for each in validation.segments)
 
 
@@ -107,14 +108,14 @@ def responses_of(
     recordings the first samples determine the state, and are not scored.  With a free level a
     constant is fitted to the scored samples.
     """
-    validation = prepared.validation
+    validation, is_continued = prepared.validation, prepared.before_validation is not None
     predicted = [
         each.model.predict(each.input, each.output, 1, *each.states)[-each.samples :]
         for each in held_out
     ]
     fitted = [_fitted(model, each, free_level) for each in validation.segments]
     unscored = [
-        0 if prepared.contiguous else max(unscored_samples(model), first_samples(s.samples))
+        0 if is_continued else max(unscored_samples(model), first_samples(s.samples))
         for s in held_out
     ]
     simulated = [

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from evopem.config.settings import OBJECTIVES, SpectrumSettings
 from evopem.errors import InputError, check_choice
 from evopem.models.polynomial import PolynomialModel
-from evopem.signals.preparation import PreparedData
+from evopem.signals.prepared_data import PreparedData
 from evopem.signals.recording import Recording
 from evopem.signals.spectral.frequency_response import (
     FrequencyResponse,
@@ -169,7 +169,7 @@ def validate(
     use the longest.
 
     The simulation of the validation samples sees none of their output, but for a level where one is
-    fitted.  When they continue the estimation samples (``prepared.contiguous``) it runs on from
+    fitted.  When they continue the estimation samples (``before_validation``) it runs on from
     these, which determine its state; else the first tenth of a recording does, and is not scored.
     A second simulation starts from the initial state that fits the validation samples best, as
     MATLAB's ``compare`` has it (``fitted_state_error_percent``): poles near the unit circle that

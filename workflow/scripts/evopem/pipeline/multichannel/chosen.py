@@ -27,7 +27,7 @@ from evopem.pipeline.multichannel.prepared import errors_name_dataset, load_prep
 from evopem.pipeline.multichannel.search import estimation_settings
 from evopem.results.layout import DatasetFiles
 from evopem.results.multichannel import frequency_response_rows
-from evopem.signals.multichannel_preparation import MultichannelData
+from evopem.signals.prepared_data import PreparedData
 from evopem.validation.multichannel import mean_errors
 
 Log = Callable[[str], None]
@@ -95,7 +95,7 @@ def complete_other_state_space(
 
 def _searched_forms(
     files: DatasetFiles,
-    data: MultichannelData,
+    data: PreparedData,
     variants: Sequence[Variant],
     ranges: OrderRanges,
     search: StateSpaceSearchSettings,
@@ -119,7 +119,7 @@ def _searched_forms(
 
 def _record(
     found: ChosenModel,
-    data: MultichannelData,
+    data: PreparedData,
     choice: ModelChoice,
     search: StateSpaceSearchSettings,
     constraints: Constraints | None,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from evopem.automatic.delays import DelayChoice
-from evopem.automatic.multichannel_preparation import MultichannelPlan
+from evopem.automatic.preparation import PreparationPlan
 from evopem.automatic.record import OtherModel
 from evopem.automatic.state_space_choice import StateSpaceChoice
 from evopem.automatic.state_space_remedies import RemedyRecord
@@ -14,7 +14,7 @@ from evopem.results.multichannel import DecisionList
 
 def collect_state_space_decisions(files: DatasetFiles) -> None:
     """Put all decisions of a data set into one file."""
-    preparation = load(MultichannelPlan, files.decision("preparation"))
+    preparation = load(PreparationPlan, files.decision("preparation"))
     delays = load(DelayChoice, files.decision("delay"))
     choice = load(StateSpaceChoice, files.decision("comparison"))
     decisions = (*preparation.decisions, delays.decision, *choice.decisions)

@@ -7,12 +7,12 @@ from contextlib import contextmanager
 
 from evopem.errors import InputError
 from evopem.results.layout import DatasetFiles
-from evopem.signals.multichannel_preparation import MultichannelData, load_multichannel_data
+from evopem.signals.prepared_data import PreparedData, load_prepared
 
 
-def load_prepared_channels(files: DatasetFiles) -> MultichannelData:
+def load_prepared_channels(files: DatasetFiles) -> PreparedData:
     """The prepared samples of a data set, for estimation and for validation."""
-    return load_multichannel_data(files.prepared, files.transforms)
+    return load_prepared(files.prepared, files.transforms)
 
 
 @contextmanager

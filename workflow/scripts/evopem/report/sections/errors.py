@@ -27,8 +27,8 @@ class RecordingRow:
 def recording_rows(results: MultichannelResults) -> list[RecordingRow]:
     """One row for each recording, in their order; none where there is only one."""
     transforms, has_input = results.model.transforms, bool(results.model.input_names)
-    used = {each.recording: each.samples for each in transforms.estimation_records}
-    held_out = {each.recording: each.samples for each in transforms.validation_records}
+    used = {each.recording: each.samples for each in transforms.estimation}
+    held_out = {each.recording: each.samples for each in transforms.validation}
     errors = {
         number: each.simulation_error_percent if has_input else each.prediction_error_percent
         for number, each in zip(held_out, results.validation.recordings, strict=False)
@@ -41,7 +41,7 @@ def recording_rows(results: MultichannelResults) -> list[RecordingRow]:
             held_out.get(number, 0),
             errors.get(number, math.nan),
         )
-        for number, file in enumerate(results.files if used else ())
+        for number, file in enumerate(results.files if transforms.several_recordings else ())
     ]
 
 

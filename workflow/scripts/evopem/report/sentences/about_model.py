@@ -15,7 +15,7 @@ from evopem.models.modes import Mode
 from evopem.report.mode_table import ModeRow
 from evopem.report.numbers import THIN, count, enumeration, fixed, hertz, number, plural
 from evopem.report.sentences.about_recording import difference_gain
-from evopem.signals.preparation import Transforms
+from evopem.signals.prepared_data import Transforms
 
 # Below this number of time constants of a mode in the estimation samples, its asymptotic standard
 # errors are too small (docs/evidence/coverage.md: 87 to 94 % coverage at 1.5, 94 to 96 % at 14).

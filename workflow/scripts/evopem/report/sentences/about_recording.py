@@ -17,7 +17,7 @@ from evopem.report.numbers import (
 )
 from evopem.results.dataset import DatasetResults
 from evopem.signals.even_grid import Unevenness
-from evopem.signals.preparation import Transforms
+from evopem.signals.prepared_data import Transforms
 from evopem.signals.recording_info import RecordingInfo
 
 
@@ -76,7 +76,7 @@ def _interpolated(times: Sequence[Unevenness]) -> list[str]:
 
 
 def _means(transforms: Transforms) -> str:
-    if not transforms.validation_stretches:
+    if not transforms.several_recordings:
         return (
             "The mean of the input and the level of the output in the estimation samples are"
             " subtracted from all samples."
@@ -106,7 +106,7 @@ def _contents(info: RecordingInfo) -> str:
 
 
 def _output_steps(transforms: Transforms) -> list[str]:
-    steps = ["freed of a linear trend"] if transforms.output_trend else []
+    steps = ["freed of a linear trend"] if any(transforms.output_trends) else []
     if transforms.box_cox is not None:
         if transforms.shift:
             steps.append(f"shifted by {number(transforms.shift)} to be positive")
@@ -117,7 +117,7 @@ def _output_steps(transforms: Transforms) -> list[str]:
 
 
 def _division(transforms: Transforms) -> str:
-    if transforms.validation_stretches:
+    if transforms.several_recordings:
         return _division_of_recordings(transforms)
     lead = "The first "
     if transforms.discard:
@@ -135,14 +135,14 @@ def _division(transforms: Transforms) -> str:
 
 
 def _division_of_recordings(transforms: Transforms) -> str:
-    used = {each.recording for each in transforms.estimation_stretches}
-    others = {each.recording for each in transforms.validation_stretches}
+    used = {each.recording for each in transforms.estimation}
+    others = {each.recording for each in transforms.validation}
     estimation = plural(transforms.estimation_samples, "sample")
     validation = plural(transforms.validation_samples, "sample")
     discarded = ""
     if transforms.discard:
         discarded = f"The first {plural(transforms.discard, 'sample')} of each are discarded. "
-    if transforms.validation_source == "gap":
+    if transforms.validation_source in ("cut", "gap"):
         return (
             f"{discarded}Of each, the first samples are used for estimation, together {estimation},"
             f" and the last for validation, together {validation}."

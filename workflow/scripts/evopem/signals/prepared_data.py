@@ -1,0 +1,167 @@
+"""The samples a model is estimated and validated on, and the way back to measured ones."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evopem.files.json_form import load, save
+from evopem.files.npz import load_arrays, save_arrays
+from evopem.signals.recording import (
+    Recording,
+    recording_arrays,
+    recording_from_arrays,
+    recording_names,
+)
+from evopem.signals.transforms import invert_box_cox, invert_difference
+
+Array = NDArray[np.float64]
+Rows = tuple[tuple[float, ...], ...]
+Source = Literal["cut", "gap", "file", "recordings"]
+
+
+@dataclass(frozen=True)
+class StretchOrigin:
+    """Where consecutive prepared samples come from, and what was taken from their channels."""
+
+    recording: int  # number, from 0; the files for validation go on counting
+    first: int  # first sample in the recording, at the prepared rate
+    start: float  # its time in the recording (s)
+    samples: int
+    input_means: tuple[float, ...]
+    output_means: tuple[float, ...]  # levels of the outputs, see `output_level`
+    input_initial: Rows = ()  # values that each difference starts from, one for each channel
+    output_initial: Rows = ()
+
+
+@dataclass(frozen=True)
+class Transforms:
+    """Every parameter that takes prepared samples back to measured ones.
+
+    ``validation_source`` is ``cut`` where the validation samples of each recording follow its
+    estimation samples, ``gap`` where they follow later, ``file`` where they come from other files,
+    and ``recordings`` where the last recordings of the data set validate.
+    """
+
+    sampling_rate: float  # of the prepared samples (Hz)
+    resampled_from: float | None  # rate of the recording (Hz) where it was another
+    estimation: tuple[StretchOrigin, ...]
+    validation: tuple[StretchOrigin, ...]
+    validation_source: Source
+    box_cox: float | None = None  # parameter λ of the only output
+    shift: float = 0.0  # added to the output before
+    difference: int = 0  # how many times the outputs were differenced
+    difference_input: int = 0
+    input_trends: tuple[float, ...] = ()  # slopes taken from the channels, units per second
+    output_trends: tuple[float, ...] = ()
+
+    @property
+    def estimation_samples(self) -> int:
+        """Number of prepared samples for estimation."""
+        return sum(each.samples for each in self.estimation)
+
+    @property
+    def validation_samples(self) -> int:
+        """Number of prepared samples for validation."""
+        return sum(each.samples for each in self.validation)
+
+    @property
+    def discard(self) -> int:
+        """Samples left out at the start of the first recording, after the differences."""
+        return self.estimation[0].first - max(self.difference, self.difference_input)
+
+    @property
+    def several_recordings(self) -> bool:
+        """Whether there is more than one recording for either part; each has means of its own."""
+        parts = self.estimation, self.validation
+        most = max(len({each.recording for each in part}) for part in parts)
+        return most > 1 or self.validation_source == "recordings"
+
+    @property
+    def has_trend(self) -> bool:
+        """Whether a slope was taken from a channel."""
+        return any((*self.input_trends, *self.output_trends))
+
+    @property
+    def changes_output(self) -> bool:
+        """Whether the prepared outputs differ from the recorded ones by more than a level."""
+        return self.box_cox is not None or self.difference > 0 or any(self.output_trends)
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedData:
+    """Samples without means, divided for estimation and validation, and what was done to them."""
+
+    estimation: Recording
+    validation: Recording
+    transforms: Transforms
+
+    @property
+    def before_validation(self) -> Recording | None:
+        """The samples that the validation samples continue, one segment for each segment of them.
+
+        None where there is a gap, or the validation samples are of other recordings.
+        """
+        return self.estimation if self.transforms.validation_source == "cut" else None
+
+
+def measured_outputs(transforms: Transforms, origin: StretchOrigin, outputs: Array) -> Array:
+    """Take prepared outputs back to the measured unit, (n + difference, l).
+
+    Parameters
+    ----------
+    transforms : Transforms
+    origin : StretchOrigin
+        Of the stretch with whose first sample the outputs begin.
+    outputs : (n, l) array
+        The stretch itself, or, after a cut, estimation and validation samples joined.
+
+    Returns
+    -------
+    (n + difference, l) array
+        At the prepared rate; the first ``difference`` samples are those just before. Rounding
+        errors grow with the summation, see `invert_difference`; resampling is not undone.
+    """
+    measured = invert_difference(outputs + origin.output_means, origin.output_initial)
+    if transforms.box_cox is not None:
+        measured = invert_box_cox(measured, transforms.box_cox, transforms.shift)
+    return measured + _trend(transforms, transforms.output_trends, origin, len(measured))
+
+
+def measured_inputs(transforms: Transforms, origin: StretchOrigin, inputs: Array) -> Array:
+    """Take prepared inputs back to the measured unit, (n + difference_input, m)."""
+    measured = invert_difference(inputs + origin.input_means, origin.input_initial)
+    return measured + _trend(transforms, transforms.input_trends, origin, len(measured))
+
+
+def _trend(
+    transforms: Transforms, slopes: tuple[float, ...], origin: StretchOrigin, samples: int
+) -> Array | float:
+    if not any(slopes):
+        return 0.0
+    return np.outer(origin.start + np.arange(samples) / transforms.sampling_rate, slopes)
+
+
+def save_prepared(prepared: PreparedData, arrays: str | Path, transforms: str | Path) -> None:
+    """Write the samples to one ``.npz`` and the transforms to a JSON file."""
+    save_arrays(
+        arrays,
+        recording_arrays(prepared.estimation, "estimation_")
+        | recording_arrays(prepared.validation, "validation_"),
+    )
+    save(prepared.transforms, transforms)
+
+
+def load_prepared(arrays: str | Path, transforms: str | Path) -> PreparedData:
+    """Read what `save_prepared` wrote; `InputError` when a file is missing or damaged."""
+    names = recording_names("estimation_") + recording_names("validation_")
+    stored = load_arrays(arrays, names)
+    return PreparedData(
+        estimation=recording_from_arrays(stored, "estimation_"),
+        validation=recording_from_arrays(stored, "validation_"),
+        transforms=load(Transforms, transforms),
+    )
