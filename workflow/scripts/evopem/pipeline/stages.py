@@ -392,7 +392,7 @@ STAGES = (
         "prepare",
         "preparation:prepare_samples",
         "preparing the samples",
-        lambda settings: True,
+        lambda _: True,
         inputs=("recording", "{validation}"),
         outputs=(*_PREPARED, "{plan}"),
         settings={
