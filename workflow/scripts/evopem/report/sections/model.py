@@ -12,7 +12,7 @@ from evopem.report import equations
 from evopem.report.numbers import number, percent, plural
 from evopem.report.section import Material, Section
 from evopem.report.sentences.about_recording import transform_effects
-from evopem.signals.preparation import Transforms
+from evopem.signals.prepared_data import Transforms
 
 
 @dataclass(frozen=True)
