@@ -14,15 +14,10 @@ from evopem.models.structures import Orders
 class OrderLimits:
     """Lowest and highest orders of a search; None where there is no limit.
 
-    Attributes
-    ----------
-    structure : str, optional
-        The only structure that may be chosen.
-    nk, joint, nc, nd, nb : (lower, upper), optional
-        ``joint`` is that of the degree of A or F.  A structure without an order has no limit of it.
+    ``joint`` is the degree of A or F.  A structure without an order has no limit of it.
     """
 
-    structure: str | None = None
+    structure: str | None = None  # the only structure that may be chosen
     nk: Range | None = None
     joint: Range | None = None
     nc: Range | None = None
