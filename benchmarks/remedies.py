@@ -21,16 +21,16 @@ from typing import Any, NamedTuple
 from unittest.mock import patch
 
 import numpy as np
+from evopem.automatic.searched_forms import SearchedForms, search_variant
+from evopem.automatic.searched_orders import searched_orders
+from evopem.automatic.state_space_choice import choose
+from evopem.automatic.variant_search import Variant
 from state_space_choice import coloured, held, light_plant, recording_of, slow_plant
 from threadpoolctl import threadpool_limits
 
 from evopem.automatic import identify as recipe
 from evopem.automatic import state_space_remedies as of_several
 from evopem.automatic.limits import OrderLimits
-from evopem.automatic.searched_forms import SearchedForms, search_variant
-from evopem.automatic.searched_orders import searched_orders
-from evopem.automatic.state_space_choice import choose
-from evopem.automatic.variant_search import Variant
 from evopem.config.settings import AutomaticSettings, OrderRanges
 from evopem.config.structures import VARIANTS
 from evopem.estimation.delays import estimate_delays

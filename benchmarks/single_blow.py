@@ -21,15 +21,15 @@ from typing import NamedTuple
 from unittest.mock import patch
 
 import numpy as np
+from evopem.automatic.searched_forms import search_variant
+from evopem.automatic.state_space_choice import choose
+from evopem.automatic.variant_search import Variant
 from state_space_choice import Plant, held, light_plant, recording_of, slow_plant
 from threadpoolctl import threadpool_limits
 
 from evopem.automatic import folds, multichannel_folds
 from evopem.automatic.identify import identify
 from evopem.automatic.response_parts import response_parts
-from evopem.automatic.searched_forms import search_variant
-from evopem.automatic.state_space_choice import choose
-from evopem.automatic.variant_search import Variant
 from evopem.config.settings import AutomaticSettings
 from evopem.estimation.state_space.task import QUADRATIC
 from evopem.models.modes import Mode

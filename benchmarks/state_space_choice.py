@@ -229,6 +229,7 @@ def search_record(folder: Path, name: str, made: dict[str, np.ndarray]) -> None:
     from evopem.automatic.searched_forms import search_variant
     from evopem.automatic.searched_orders import searched_orders
     from evopem.automatic.variant_search import Variant
+
     from evopem.config.structures import VARIANTS
     from evopem.estimation.delays import estimate_delays
     from evopem.estimation.state_space.task import QUADRATIC
@@ -337,9 +338,10 @@ class Scored:
 
 def scored_candidates(content: dict, made: dict) -> tuple[list[Scored], str]:  # type: ignore[type-arg]
     """All candidates of a record, and whether simulations fit a level to other samples."""
-    from evopem.automatic.level_decision import decide_level
     from evopem.automatic.state_space_choice import CLEAR_GAIN, scores_of
     from evopem.automatic.variant_search import VariantSearch
+
+    from evopem.automatic.level_decision import decide_level
     from evopem.files.json_form import from_json
 
     searches = [from_json(VariantSearch, each) for each in content["searches"]]
@@ -494,6 +496,7 @@ def drift_row(content: dict) -> tuple[bool, float, float, float]:  # type: ignor
     """
     from evopem.automatic.state_space_choice import choose
     from evopem.automatic.variant_search import VariantSearch
+
     from evopem.config.settings import AutomaticSettings
     from evopem.files.json_form import from_json
 

@@ -3,9 +3,9 @@
 import numpy as np
 from scipy.signal import lfilter
 
+from evopem.automatic.candidates import Scorer
 from evopem.automatic.fit import FitSettings
 from evopem.automatic.folds import decide_folds
-from evopem.automatic.orders import Scorer
 from evopem.automatic.remedies import act_on_checks
 from evopem.automatic.structures import Choice
 from evopem.models.structures import Orders

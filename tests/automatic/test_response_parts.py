@@ -6,10 +6,9 @@ from records import output_error_record
 from scipy.signal import lfilter
 
 from evopem.automatic.folds import SHORTEST_BLOCK, decide_folds
-from evopem.automatic.multichannel_folds import describe_folds
 from evopem.automatic.response_parts import REASON, response_parts
 from evopem.automatic.stretches import folds_of
-from evopem.signals.recording import Recording, Segment
+from evopem.signals.recording import Segment
 
 SAMPLES, DECAY = 1000, np.array([1.0, -2.0 * 0.985 * np.cos(0.4), 0.985**2])
 
@@ -62,11 +61,9 @@ def test_the_folds_of_one_input_always_fit_the_blow():
 
 
 def test_several_channels_say_by_which_parts_they_are_scored():
-    def described(u, y):
-        names = ("force",), ("a", "b"), ("",), ("", "")
-        return describe_folds(Recording(u, np.hstack([y, -y]), 1.0, *names))
-
-    about = described(*blow(40))
-    assert (about.choice, about.sentence) == ("2 parts and 5 parts", REASON)
+    u, y = blow(40)
+    about = decide_folds((Segment(u, np.hstack([y, -y])),)).decision
+    assert (about.choice, about.sentence) == ("2 folds of 1 block and 5 folds of 1 block", REASON)
     ordinary, answer, _ = output_error_record(SAMPLES)
-    assert "equal length" in described(ordinary[:, None], answer[:, None]).sentence
+    plan = decide_folds((Segment(ordinary, np.column_stack([answer, -answer])),))
+    assert (plan.designs, plan.by_energy) == (((5, 1),), False)

@@ -16,10 +16,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from evopem.automatic.delays import DelayChoice
-from evopem.automatic.record import OtherModel
-from evopem.automatic.state_space_choice import StateSpaceChoice
-from evopem.automatic.state_space_remedies import RemedyRecord
-from evopem.automatic.variant_search import VariantSearch
+from evopem.automatic.record import DecisionRecord, OtherModel
 from evopem.config import settings
 from evopem.config.settings import (
     ChannelSettings,
@@ -40,7 +37,6 @@ from evopem.models.state_space import StateSpaceModel
 from evopem.models.structures import Orders, armax_orders
 from evopem.results.fleet import DatasetSummary
 from evopem.results.made_from import MadeFrom
-from evopem.results.multichannel import DecisionList
 from evopem.signals.prepared_data import Transforms
 from evopem.signals.recording_info import RecordingInfo
 from evopem.signals.spectral.summary import SpectrumSummary
@@ -53,7 +49,7 @@ SCRIPTS = Path(__file__).parents[2] / "workflow" / "scripts"
 RESULTS = [
     Candidate,
     DatasetSummary,
-    DecisionList,
+    DecisionRecord,
     DelayChoice,
     MadeFrom,
     ModelRecord,
@@ -62,12 +58,9 @@ RESULTS = [
     MultichannelValidation,
     OrderModels,
     OtherModel,
-    StateSpaceChoice,
-    VariantSearch,
     Orders,
     PhaseSelection,
     PolynomialModel,
-    RemedyRecord,
     SpectrumSummary,
     Transforms,
     Truth,

@@ -7,18 +7,24 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.special import chdtrc, ndtri
 
 from evopem.automatic.fit import NOISE_RADIUS, PLANT_RADIUS, FitSettings
+from evopem.automatic.simulation import Model, prediction_errors
+from evopem.config.structures import OF_SIMULATION
+from evopem.estimation.criteria import lies_at_bound
 from evopem.estimation.pem.stretch_errors import StretchErrors
 from evopem.estimation.polynomial_estimate import covariance_of, roots_at_bound
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
 from evopem.signals.recording import Segment
+from evopem.validation.checks.check import SIGNIFICANCE
 from evopem.validation.checks.excitation import EXCITATION_ADEQUATE
 from evopem.validation.checks.residuals import (
     INDEPENDENT_OF_INPUT,
+    MIN_CROSS_CORRELATION_SHARE,
     WHITE,
-    WITHOUT_NOISE_MODEL,
     are_independent,
     are_white,
 )
@@ -36,51 +42,58 @@ from evopem.validation.residual_tests import (
     whiteness_test,
 )
 
+Array = NDArray[np.float64]
+
 # A coefficient of so few standard errors may be 0: the BIC of a model without it then decides.
 SMALL = 3.0
+# Largest lag of the correlations of models of several channels.
+LAGS = 100
 
 
 @dataclass(frozen=True, eq=False)
 class CandidateChecks:
-    """What the checks say of a model on its estimation samples.
+    """What the checks say of a model on its estimation samples."""
 
-    Attributes
-    ----------
-    failed : tuple of str
-        Names of checks, as the report has them.
-    whiteness : float
-        p-value of the Ljung-Box test, the fit taken into account.
-    correlation : float
-        Largest cross-correlation of residuals and input, in its 95 % bounds.
-    later, shorter : bool
-        Whether the first, or the last, coefficient of B may be 0.
-    """
-
-    failed: tuple[str, ...]
-    whiteness: float
-    correlation: float
-    later: bool
-    shorter: bool
+    failed: tuple[str, ...]  # names of checks, as the report has them
+    whiteness: float  # lowest p-value of the Ljung-Box tests, the fit taken into account
+    correlation: float  # largest cross-correlation of residuals and input, in its 95 % bounds
+    later: bool = False  # whether the first coefficient of B may be 0
+    shorter: bool = False  # whether the last coefficient of B may be 0
+    earlier_delays: tuple[int, ...] = ()  # where residuals depend on samples before the delay
 
 
 def check_model(
-    model: PolynomialModel, structure: str, stretches: Sequence[Segment], settings: FitSettings
+    model: Model,
+    structure: str,
+    stretches: Sequence[Segment],
+    settings: FitSettings,
+    delays: tuple[int, ...] = (),
 ) -> CandidateChecks:
     """Judge a model that is at or near an optimum of the stretches.
 
     Parameters
     ----------
-    model : PolynomialModel
+    model : PolynomialModel or StateSpaceModel
     structure : str
         What the model is called: some structures claim nothing of the noise.
     stretches : sequence of Segment
     settings : FitSettings
+    delays : tuple of int
+        Of the inputs of a state-space model.
 
     Raises
     ------
     ValueError
         When no stretch is long enough for the orders.
     """
+    if isinstance(model, PolynomialModel) and model.inputs <= 1:
+        return _of_one_input(model, structure, stretches, settings)
+    return _of_several_channels(model, structure, stretches, settings, delays)
+
+
+def _of_one_input(
+    model: PolynomialModel, structure: str, stretches: Sequence[Segment], settings: FitSettings
+) -> CandidateChecks:
     orders = replace(model.orders, structure=structure)
     errors = StretchErrors(
         *(stretches, orders, settings.objective, PLANT_RADIUS, NOISE_RADIUS, settings.level)
@@ -90,7 +103,7 @@ def check_model(
     failed, whiteness, correlation = [], 1.0, 0.0
     if len(residuals) > 2 and np.ptp(residuals) > 0.0:
         whiteness, white = _whiteness(errors, point)
-        if not white and structure not in WITHOUT_NOISE_MODEL:
+        if not white and structure not in OF_SIMULATION:
             failed.append(WHITE)
         if np.ptp(inputs) > 0.0:
             found = correlation_with_input(residuals, inputs)
@@ -113,7 +126,7 @@ def check_model(
     return CandidateChecks(tuple(failed), whiteness, correlation, later, shorter)
 
 
-def _whiteness(errors: StretchErrors, point: np.ndarray) -> tuple[float, bool]:
+def _whiteness(errors: StretchErrors, point: Array) -> tuple[float, bool]:
     residuals, orders = errors.residuals(point), errors.orders
     correlation = autocorrelation_of(residuals)
     largest = int(correlation.lag[-1])
@@ -125,7 +138,7 @@ def _whiteness(errors: StretchErrors, point: np.ndarray) -> tuple[float, bool]:
     return test.p_value, are_white(test.p_value, share, largest) is not False
 
 
-def _covariance(errors: StretchErrors, point: np.ndarray) -> ParameterCovariance | None:
+def _covariance(errors: StretchErrors, point: Array) -> ParameterCovariance | None:
     try:
         return covariance_of(
             *(errors, point, errors.residuals(point), errors.scored_outputs()),
@@ -152,3 +165,75 @@ def _is_insignificant(
     gradient[0, model.part("b").start + coefficient] = 1.0
     spread = float(covariance.standard_errors(gradient)[0])
     return bool(abs(model.b[coefficient]) < SMALL * spread)
+
+
+def _of_several_channels(
+    model: Model,
+    structure: str,
+    stretches: Sequence[Segment],
+    settings: FitSettings,
+    delays: tuple[int, ...],
+) -> CandidateChecks:
+    """Tests of each output, and of each pair of input and output, with Bonferroni's bound."""
+    parts = [prediction_errors(model, each) for each in stretches]
+    inputs = np.concatenate(
+        [s.inputs[s.samples - len(e) :] for s, e in zip(stretches, parts, strict=True)]
+    )
+    residuals, bounds = np.concatenate(parts), np.cumsum([0, *map(len, parts)]).tolist()
+    states = model if not isinstance(model, PolynomialModel) else model.state_space()
+    radius = float(np.abs(np.concatenate([states.poles(), states.predictor_poles()])).max())
+    failed, whiteness, correlation, earlier = [], 1.0, 0.0, delays
+    if lies_at_bound(radius, settings.max_root_radius):
+        failed.append(INSIDE_BOUND)
+    if len(residuals) > 2 and np.isfinite(residuals).all():
+        tests = [_ljung_box(e, bounds, states.order) for e in residuals.T]
+        whiteness = min(tests)
+        if structure not in OF_SIMULATION and whiteness < SIGNIFICANCE / len(tests):
+            failed.append(WHITE)
+        pairs = [
+            correlation_with_input(e, u, LAGS, bounds)
+            for u in inputs.T
+            for e in residuals.T
+            if np.ptp(u) > 0.0 and np.ptp(e) > 0.0
+        ]
+        allowed = _allowed(sum(len(each.lag) for each in pairs))
+        correlation = max((each.largest_ratio for each in pairs), default=0.0)
+        least_share = min((each.share_inside for each in pairs), default=1.0)
+        if correlation > allowed or least_share < MIN_CROSS_CORRELATION_SHARE:
+            failed.append(INDEPENDENT_OF_INPUT)
+        earlier = _earlier_delays(residuals, inputs, bounds, delays)
+    return CandidateChecks(tuple(failed), whiteness, correlation, earlier_delays=earlier)
+
+
+def _allowed(count: int) -> float:
+    """The largest of some correlations that is not significant, in 95 % bounds."""
+    return math.inf if count == 0 else float(ndtri(1 - SIGNIFICANCE / (2 * count)) / ndtri(0.975))
+
+
+def _ljung_box(residuals: Array, bounds: Sequence[int], fitted: int) -> float:
+    """p-value with as many degrees of freedom as lags, less what was fitted."""
+    samples = len(residuals)
+    lags = ljung_box_lags(samples, fitted, min(LAGS, samples // 3))
+    if lags < 1 or not np.ptp(residuals) > 0.0:
+        return 1.0
+    rho = autocorrelation_of(residuals, lags, bounds).values[1:]
+    k = np.arange(1, lags + 1)
+    statistic = samples * (samples + 2) * float(np.sum(rho**2 / (samples - k)))
+    return float(chdtrc(max(lags - fitted, 1), statistic))
+
+
+def _earlier_delays(
+    residuals: Array, inputs: Array, bounds: Sequence[int], delays: tuple[int, ...]
+) -> tuple[int, ...]:
+    """The delays, earlier where residuals depend on samples of an input before its delay.
+
+    A dependence on later samples is one of the response, and no fault of the delay.
+    """
+    allowed, earlier = _allowed(residuals.shape[1] * sum(delays)), list(delays)
+    for column, delay in enumerate(delays):
+        for e in residuals.T if delay else ():
+            found = correlation_with_input(e, inputs[:, column], max(delay, 1), bounds)
+            large = np.abs(found.values) > allowed * found.bound95
+            before = found.lag[large & (found.lag >= 0) & (found.lag < delay)]
+            earlier[column] = min([earlier[column], *before.tolist()])
+    return tuple(earlier)

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from evopem.automatic.candidates import Candidate as ScoredCandidate
 from evopem.automatic.fit import NOISE_RADIUS, fit_at
-from evopem.automatic.orders import Candidate as ScoredCandidate
 from evopem.automatic.preparation import PreparedRecord
 from evopem.automatic.remedies import Remedied
 from evopem.automatic.structures import Choice
@@ -104,7 +104,7 @@ def estimate_chosen(
     """
     chosen = remedied.choice.candidate
     orders = _named_orders(chosen)
-    searched, model = orders, chosen.model
+    searched, model = orders, _polynomials(chosen)
     if remedied.plant_kept:
         searched = Orders(
             nb=orders.single.nb, nf=orders.single.nf, nk=orders.single.nk, structure="oe"
@@ -116,9 +116,10 @@ def estimate_chosen(
     if not is_certified(result.diagnostics):
         longer = replace(search, evaluations=REPEAT_FACTOR * search.evaluations)
         result = _searched(errors, result, longer, 2, log)
-    best = fit_at(errors, result.point, searched.structure).model
+    best = _model_at(errors, result.point, searched.structure)
     if remedied.plant_kept:
-        best = replace(best, C=chosen.model.C, D=chosen.model.D, structure=orders.structure)
+        noise = _polynomials(chosen)
+        best = replace(best, C=noise.C, D=noise.D, structure=orders.structure)
     candidate = _described_by_search(record.in_its_units(best), orders, result, search, data)
     lower = known.value - result.value
     reason = f"{orders} was chosen among all structures, and searched globally: " + (
@@ -151,8 +152,8 @@ def estimate_choice(
     """
     orders = _named_orders(choice.candidate)
     errors = _errors_of(record, orders, search)
-    known = _nearest_optimum(errors, choice.candidate.model, search)
-    model = record.in_its_units(fit_at(errors, known.point, orders.structure).model)
+    known = _nearest_optimum(errors, _polynomials(choice.candidate), search)
+    model = record.in_its_units(_model_at(errors, known.point, orders.structure))
     return _described_by_search(model, orders, known, search, data)
 
 
@@ -230,7 +231,7 @@ def _described(
     scored: ScoredCandidate, record: PreparedRecord, data: Recording, first_scored: int
 ) -> Candidate:
     """A candidate of a structure's search with its criteria on the prepared samples."""
-    model = record.in_its_units(scored.model)
+    model = record.in_its_units(_polynomials(scored))
     objective = record.plan.objective
     start = max(first_scored, scored.orders.first_residual)
     levels: tuple[float, ...] = (model.level,)
@@ -262,6 +263,17 @@ def _described(
         diagnostics=SearchDiagnostics.none(),
         further_levels=levels[1:],
     )
+
+
+def _model_at(errors: StretchErrors, point: Array, structure: str) -> PolynomialModel:
+    model = fit_at(errors, point, structure).model
+    assert isinstance(model, PolynomialModel)
+    return model
+
+
+def _polynomials(scored: ScoredCandidate) -> PolynomialModel:
+    assert scored.polynomials is not None
+    return scored.polynomials
 
 
 def _named_orders(scored: ScoredCandidate) -> Orders:

@@ -159,7 +159,7 @@ def _polynomial_error(stretches: Sequence[Segment]) -> float:
                     squares = np.inf
                     break
                 for held in fold.held_out:
-                    squares += float(np.sum((simulated(model, held) - held.output) ** 2))
+                    squares += float(np.sum((simulated(model, held) - held.outputs) ** 2))
                     reference += float(np.sum((held.output - held.output.mean()) ** 2))
             if np.isfinite(squares) and reference > 0.0:
                 best = min(best, squares / reference)

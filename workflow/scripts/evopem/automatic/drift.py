@@ -41,7 +41,10 @@ def decide_differences(stretches: Sequence[Segment]) -> tuple[int, Decision]:
     the input is most of the output nevertheless, nothing is differenced: the model describes the
     drift, and differences would weight it by high frequencies.
 
-    `stretches`: Centred.
+    Parameters
+    ----------
+    stretches : sequence of Segment
+        Centred.
     """
     criterion = "BIC of ARX models on the same samples, not divided by their number"
     found = [_likeliest(stretches, d) for d in range(MOST_DIFFERENCES + 1)]
@@ -132,6 +135,6 @@ def _least_squares(
 def _left_over(model: PolynomialModel, stretches: Sequence[Segment]) -> float:
     """Share of the output's mean square that the simulation of a model leaves over."""
     with np.errstate(all="ignore"):
-        errors = np.concatenate([simulated(model, s, True) - s.output for s in stretches])
+        errors = np.concatenate([simulated(model, s, True) - s.outputs for s in stretches])
         output = np.concatenate([s.output - s.output.mean() for s in stretches])
         return float(np.mean(errors**2) / np.mean(output**2))

@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from evopem.automatic.simulation import Model
+from evopem.config.settings import OutputWeighting
 from evopem.estimation.pem.stretch_errors import StretchErrors
 from evopem.estimation.search.staged_descent import Stage
 from evopem.estimation.search.stretch_problem import SWEEP_STAGES, StretchProblem
@@ -28,74 +30,52 @@ FOLD_STAGES = (Stage(0.1, 1e-7, 1e-4),)
 class FitSettings:
     """What all fits of one record have in common.
 
-    Attributes
-    ----------
-    objective : {"absolute", "quadratic"}
-    level : bool
-        Whether a constant is estimated for each recording.
+    The last three are those of models of several channels and of state-space models.
     """
 
     objective: str = "quadratic"
-    level: bool = True
+    level: bool = True  # whether a constant is estimated for each recording
+    weighting: OutputWeighting | None = None  # of the outputs; by structure where it is None
+    max_root_radius: float = 0.9999
+    seed: int = 1
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A model fitted to stretches.
+    """A model fitted to stretches."""
 
-    Attributes
-    ----------
-    model : PolynomialModel
-        Its level is that of the first recording.
-    levels : tuple of float
-        One for each recording.
-    residuals : tuple of (M,) arrays
-        Of each stretch, from the first residual on.
-    objective : float
-        Percent.
-    """
-
-    model: PolynomialModel
-    levels: tuple[float, ...]
-    residuals: tuple[Array, ...] = field(repr=False)
-    objective: float
-
-    @property
-    def orders(self) -> Orders:
-        """Orders of the model."""
-        return self.model.orders
-
-    @property
-    def parameters(self) -> int:
-        """Coefficients and levels."""
-        return self.orders.parameters + len(self.levels)
+    model: Model  # its level is that of the first recording
+    parameters: int  # coefficients and levels
+    residuals: tuple[Array, ...] = field(repr=False)  # (M, l) of each stretch
+    first: int  # sample of the first residual of each stretch
+    levels: tuple[float, ...] = ()  # one for each recording
 
     def residuals_from(self, first: int = 0) -> Array:
-        """The residuals from sample ``first`` of each stretch on."""
-        start = self.orders.first_residual
-        return np.concatenate([each[max(first - start, 0) :] for each in self.residuals])
+        """The residuals from sample ``first`` of each stretch on, (M, l)."""
+        return np.concatenate([each[max(first - self.first, 0) :] for each in self.residuals])
 
 
 def log_loss(errors: Array, objective: str) -> float:
-    """Twice the smallest negative log-likelihood of an error, over the scale of its distribution.
+    """Twice the smallest negative log-likelihood of errors, (N,) or (N, l), for each sample.
 
-    Of the normal distribution for the quadratic objective, of Laplace's for the absolute one: twice
-    the logarithm of the root mean square, or mean absolute, error and a constant.
-
-    Parameters
-    ----------
-    errors : (N,) array
-    objective : {"absolute", "quadratic"}
+    Over the scale of its distribution: the normal one, correlated between the outputs, for the
+    quadratic objective, Laplace's for the absolute one.  For one output twice the logarithm of the
+    root mean square, or mean absolute, error and a constant.
     """
     tiny, huge = np.finfo(float).tiny, np.finfo(float).max
+    errors = errors.reshape(len(errors), -1)
     with np.errstate(all="ignore"):
         if objective == "absolute":
-            size, constant = float(np.mean(np.abs(errors))), 2.0 * np.log(2.0) + 2.0
+            sizes, constant = np.mean(np.abs(errors), axis=0), 2.0 * np.log(2.0) + 2.0
         else:
-            size = float(np.sqrt(np.mean(errors**2)))
-            constant = float(np.log(2.0 * np.pi)) + 1.0
-    size = size if np.isfinite(size) else huge
-    return 2.0 * float(np.log(max(size, tiny))) + constant
+            sizes, constant = np.sqrt(np.mean(errors**2, axis=0)), np.log(2.0 * np.pi) + 1.0
+    sizes = np.maximum(np.where(np.isfinite(sizes), sizes, huge), tiny)
+    total = float(np.sum(2.0 * np.log(sizes) + constant))
+    if objective == "quadratic" and errors.shape[1] > 1 and np.isfinite(errors).all():
+        scaled = errors / sizes
+        sign, log_determinant = np.linalg.slogdet(scaled.T @ scaled / len(scaled))
+        total += float(log_determinant) if sign > 0 else 0.0
+    return total
 
 
 def fit(
@@ -112,6 +92,7 @@ def fit(
     Parameters
     ----------
     stretches : sequence of Segment
+        With one input, or none, and one output.
     orders : Orders
     settings : FitSettings
     models : sequence of PolynomialModel
@@ -143,16 +124,16 @@ def fit(
 
 def fit_at(errors: StretchErrors, point: Array, structure: str) -> Fit:
     """The fit that a point of a problem stands for."""
-    parts = errors.parts()
+    parts, orders = errors.parts(), errors.orders
     a, c, d, f = (np.concatenate([[1.0], point[parts[name]]]) for name in "acdf")
-    residuals = tuple(errors.residuals_of_stretches(point))
-    together = np.concatenate(residuals)
-    levels = point[parts["level"]]
+    residuals = tuple(each[:, None] for each in errors.residuals_of_stretches(point))
+    together = np.concatenate(residuals)[:, 0]
+    levels = tuple(map(float, point[parts["level"]]))
     model = PolynomialModel(
-        *(a, point[parts["b"]].copy(), c, d, f, errors.orders.single.nk),
-        level=float(levels[0]) if len(levels) else 0.0,
+        *(a, point[parts["b"]].copy(), c, d, f, orders.single.nk),
+        level=levels[0] if levels else 0.0,
         noise_variance=float(together @ together) / max(len(together) - len(point), 1),
         structure=structure,
     )
-    value = float(errors.values(point[None, :])[0])
-    return Fit(model, tuple(map(float, levels)), residuals, value)
+    count = orders.parameters + len(levels)
+    return Fit(model, count, residuals, orders.first_residual, levels)

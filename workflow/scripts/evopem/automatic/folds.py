@@ -9,10 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.automatic.decision import Alternative, Decision
-from evopem.automatic.fit import FOLD_STAGES, FitSettings, fit
 from evopem.automatic.repetition import Repetition, decide_repetition
 from evopem.automatic.response_parts import REASON, response_parts
-from evopem.automatic.simulation import errors_simulated_on, prediction_errors
+from evopem.automatic.simulation import (
+    Model,
+    errors_simulated_on,
+    in_state_space,
+    prediction_errors,
+)
 from evopem.automatic.stretches import Fold, folds_of
 from evopem.models.polynomial import PolynomialModel
 from evopem.signals.recording import Segment, total_samples
@@ -22,11 +26,15 @@ Array = NDArray[np.float64]
 # Designs of folds: number of folds, and blocks of each.  Long blocks show errors of the gain and of
 # slow poles, many folds leave more samples to fit, interleaved blocks compare like with like.
 DESIGNS = ((2, 1), (5, 1), (2, 3))
+# Of several channels, whose models take longer to fit, and of large records of these.
+OF_SEVERAL, OF_LARGE = ((5, 1),), ((2, 1),)
 # For records whose excitation moves over the bands, such as a chirp.
 INTERLEAVED = ((2, 3), (2, 6))
 # For the response to a single blow.
 OF_RESPONSE = ((2, 1), (5, 1))
 SHORTEST_BLOCK = 25
+# Values of all channels of a large and of a long record, whose searches are shortened.
+LARGE, LONG = 100_000, 40_000
 # Least share of a part's input spectrum that the rest of the record must have as well.
 LEAST_OVERLAP = 0.4
 BANDS = 24
@@ -36,74 +44,78 @@ LARGEST_ERROR = 1e3
 
 @dataclass(frozen=True)
 class FoldPlan:
-    """What models of all structures are compared on.
+    """What models of all structures are compared on."""
 
-    Attributes
-    ----------
-    designs : tuple of (int, int)
-        How held-out samples are divided: folds, and blocks of each fold.
-    decision : Decision
-    repetition : Repetition
-        How many of the samples are independent.
-    by_energy : bool
-        Whether the folds divide the energy of the response to a single blow.
-    """
-
-    designs: tuple[tuple[int, int], ...]
+    designs: tuple[tuple[int, int], ...]  # folds, and blocks of each fold
     decision: Decision
-    repetition: Repetition
-    by_energy: bool = False
+    repetition: Repetition  # how many of the samples are independent
+    by_energy: bool = False  # whether the folds divide the energy of the response to a single blow
+
+    def least_training(self, samples: int) -> int:
+        """Samples of the smallest training part of all folds, about."""
+        folds = min(count for count, _ in self.designs)
+        return samples - -(-samples // folds)
 
 
 @dataclass(frozen=True)
 class HeldOutScores:
-    """Errors on held-out samples, relative to the output's deviation from its mean, in percent.
+    """Errors on held-out samples in percent of the outputs' deviation from their means.
 
     Root mean square errors for the quadratic objective, mean absolute ones for the absolute; the
-    geometric mean over the designs of folds.  Simulations run on from the samples before
-    (:func:`.errors_simulated_on`); sums are divided by the samples less what was fitted to them.
-
-    Attributes
-    ----------
-    simulation : float
-        With the level of the training samples.
-    free_level : float
-        With a level that is fitted to the held-out samples.
-    prediction : float
-        One step ahead.
-    simulation_folds, free_level_folds : tuple of float
-        Logarithms of the errors of each fold of each design.
+    geometric mean over the designs of folds of the mean over the outputs.  Simulations run on from
+    the samples before (:func:`.errors_simulated_on`), with the level of the training samples, or
+    with one that is fitted to the held-out samples; predictions are one step ahead.  Sums are
+    divided by the samples less what was fitted to them.  Infinite where there is none.
     """
 
     simulation: float
-    free_level: float
+    fitted_level: float
     prediction: float
-    simulation_folds: tuple[float, ...]
-    free_level_folds: tuple[float, ...]
+    simulation_folds: tuple[float, ...] = ()  # logarithms of the errors of each fold
+    fitted_level_folds: tuple[float, ...] = ()
+    prediction_folds: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         # JSON has no infinity: what could not be computed comes back as NaN, which has no order.
-        for name in ("simulation", "free_level", "prediction"):
+        for name in KINDS:
             if np.isnan(getattr(self, name)):
                 object.__setattr__(self, name, np.inf)
 
     @staticmethod
     def none() -> HeldOutScores:
         """Scores of a model that could not be fitted."""
-        return HeldOutScores(np.inf, np.inf, np.inf, (), ())
+        return HeldOutScores(np.inf, np.inf, np.inf)
+
+
+KINDS = ("simulation", "fitted_level", "prediction")
+"""The errors on held-out samples, as attributes of the scores."""
+
+
+def is_large(segments: Sequence[Segment]) -> bool:
+    """Whether a record has so many values that searches over orders are shortened."""
+    return _values(segments) > LARGE
+
+
+def is_long(segments: Sequence[Segment]) -> bool:
+    """Whether a record has so many values that descents on folds are shortened."""
+    return _values(segments) > LONG
+
+
+def _values(segments: Sequence[Segment]) -> int:
+    return sum(each.inputs.size + each.outputs.size for each in segments)
 
 
 def decide_folds(stretches: Sequence[Segment]) -> FoldPlan:
-    """Choose the designs of folds whose parts have common input spectra, and judge repetitions.
-
-    Parameters
-    ----------
-    stretches : sequence of Segment
-    """
+    """Choose the designs of folds whose parts have common input spectra, and judge repetitions."""
     samples = total_samples(stretches)
-    possible = [d for d in DESIGNS if samples >= d[0] * d[1] * SHORTEST_BLOCK] or [(2, 1)]
+    channels = stretches[0].inputs.shape[1], stretches[0].outputs.shape[1]
+    designs: tuple[tuple[int, int], ...] = DESIGNS
+    if channels != (1, 1):
+        designs = OF_LARGE if is_large(stretches) else OF_SEVERAL
+    possible = [d for d in designs if samples >= d[0] * d[1] * SHORTEST_BLOCK] or [(2, 1)]
     overlaps = {
-        d: _overlap(folds_of(stretches, *d, 1)) for d in dict.fromkeys([*DESIGNS, *possible])
+        d: _overlap(folds_of(stretches, *d, shortest=1))
+        for d in dict.fromkeys([*designs, *possible])
     }
     kept = [d for d in possible if overlaps[d] >= LEAST_OVERLAP]
     of_response = [d for d in OF_RESPONSE if _response_edges(stretches, d[0]) is not None]
@@ -134,8 +146,8 @@ def decide_folds(stretches: Sequence[Segment]) -> FoldPlan:
 def _response_edges(stretches: Sequence[Segment], count: int) -> list[int] | None:
     """Ends of the parts of the response to a single blow; None for other records."""
     inputs, outputs = (
-        np.concatenate([getattr(each, name) for each in stretches])[:, None]
-        for name in ("input", "output")
+        np.concatenate([getattr(each, name) for each in stretches])
+        for name in ("inputs", "outputs")
     )
     return response_parts(inputs, outputs, count, SHORTEST_BLOCK)
 
@@ -143,47 +155,18 @@ def _response_edges(stretches: Sequence[Segment], count: int) -> list[int] | Non
 def held_out_scores(
     stretches: Sequence[Segment],
     plan: FoldPlan,
-    model: PolynomialModel,
-    settings: FitSettings,
-) -> HeldOutScores:
-    """Fit a model's orders to the training part of each fold and score it on the rest.
-
-    Parameters
-    ----------
-    stretches : sequence of Segment
-    plan : FoldPlan
-    model : PolynomialModel
-        Fitted to all stretches; the descents start there.
-    settings : FitSettings
-    """
-
-    def refitted(training: Sequence[Segment]) -> PolynomialModel:
-        return fit(
-            *(training, model.orders, settings, [model]), *(False, model.structure, FOLD_STAGES)
-        ).model
-
-    return scores_of(stretches, plan, refitted, settings.objective == "absolute")
-
-
-def scores_of(
-    stretches: Sequence[Segment],
-    plan: FoldPlan,
-    estimate: Callable[[Sequence[Segment]], PolynomialModel],
+    estimate: Callable[[Sequence[Segment]], Model],
     absolute: bool,
 ) -> HeldOutScores:
     """Score what a method estimates from the training part of each fold on the rest.
 
-    Parameters
-    ----------
-    stretches : sequence of Segment
-    plan : FoldPlan
-    estimate : callable
-        From the training part to a model; it may raise ValueError or LinAlgError.
-    absolute : bool
-        Whether errors are absolute instead of squared.
+    ``estimate`` may raise ValueError or LinAlgError; errors are absolute instead of squared with
+    ``absolute``.
     """
-    output = np.concatenate([each.output for each in stretches])
-    scale = float(np.mean(np.abs(output - output.mean())) if absolute else np.std(output)) or 1.0
+    outputs = np.concatenate([each.outputs for each in stretches])
+    centred = outputs - outputs.mean(axis=0)
+    scale = np.mean(np.abs(centred), axis=0) if absolute else np.std(outputs, axis=0)
+    scale = np.where(scale > 0.0, scale, 1.0)
     shortest = min(SHORTEST_BLOCK, total_samples(stretches) // 4)
     logarithms, of_folds = [], []
     for folds, blocks in plan.designs:
@@ -191,51 +174,61 @@ def scores_of(
         edges = _response_edges(stretches, folds) if plan.by_energy else None
         for fold in folds_of(stretches, folds, blocks, shortest, edges):
             try:
-                found = estimate(fold.training)
+                model = estimate(fold.training)
             except (ValueError, np.linalg.LinAlgError):
                 return HeldOutScores.none()
-            parts = zip(fold.before, fold.held_out, strict=True)
-            of_design.append(np.sum([_errors_on(found, *part, absolute) for part in parts], axis=0))
+            parts = list(zip(fold.before, fold.held_out, strict=True))
+            # The beginning of a recording alone determines state and level poorly.
+            settled = [each for each in parts if each[0].samples or each[1].samples >= shortest]
+            of_design.append(
+                np.sum([_errors_on(model, *part, absolute) for part in settled or parts], axis=0)
+            )
         sums, counts = np.sum(of_design, axis=0)
-        if not (counts > 0).all():
+        if not (counts[2] > 0).all():
             return HeldOutScores.none()
         logarithms.append(_logarithms(sums, counts, scale, absolute))
         of_folds += [_logarithms(errors[0], errors[1], scale, absolute) for errors in of_design]
-    simulation, free_level, prediction = 100.0 * np.exp(np.mean(logarithms, axis=0))
-    by_kind = np.transpose(of_folds)
-    return HeldOutScores(
-        float(simulation),
-        float(free_level),
-        float(prediction),
-        tuple(map(float, by_kind[0])),
-        tuple(map(float, by_kind[1])),
-    )
+    simulation, fitted_level, prediction = 100.0 * np.exp(np.mean(logarithms, axis=0))
+    by_kind = [tuple(map(float, row)) for row in np.transpose(of_folds)]
+    if not stretches[0].has_input:
+        simulation = fitted_level = np.inf
+    return HeldOutScores(float(simulation), float(fitted_level), float(prediction), *by_kind)
 
 
-def _logarithms(sums: Array, counts: Array, scale: float, absolute: bool) -> Array:
-    """Logarithms of root mean squares or mean absolute values, relative to a scale and bounded."""
+def _logarithms(sums: Array, counts: Array, scale: Array, absolute: bool) -> Array:
+    """Logarithms of the errors of each kind, (3,), mean over the outputs, bounded."""
     with np.errstate(all="ignore"):
         means = sums / counts
         ratios = (means if absolute else np.sqrt(means)) / scale
-    return np.log(np.clip(np.nan_to_num(ratios, nan=LARGEST_ERROR), 1e-12, LARGEST_ERROR))
+    ratios = np.clip(np.nan_to_num(ratios, nan=LARGEST_ERROR), 1e-12, LARGEST_ERROR)
+    return np.log(ratios.mean(axis=1))
 
 
-def _errors_on(model: PolynomialModel, before: Segment, stretch: Segment, absolute: bool) -> Array:
-    """Sums of squared or absolute errors of the three kinds, and samples less what was fitted."""
+def _errors_on(model: Model, before: Segment, stretch: Segment, absolute: bool) -> Array:
+    """Sums of squared or absolute errors, and samples less what was fitted, (2, 3, l)."""
 
-    def total(errors: Array) -> float:
-        return float(np.sum(np.abs(errors)) if absolute else errors @ errors)
+    def total(errors: Array) -> Array:
+        return np.asarray(np.sum(np.abs(errors) if absolute else errors**2, axis=0))
 
-    n = stretch.samples
-    sums, counts = np.zeros(3), np.zeros(3)
-    for kind, free_level in enumerate((False, True)):
-        errors = errors_simulated_on(model, before, stretch, free_level, absolute)
-        sums[kind], counts[kind] = total(errors), len(errors) - int(free_level)
-    errors = prediction_errors(model, stretch)
-    remaining = len(errors) - model.orders.single.nf - model.orders.noise_states
-    if remaining > n // 4:
-        sums[2], counts[2] = total(errors), remaining
+    outputs = stretch.outputs.shape[1]
+    sums, counts = np.zeros((3, outputs)), np.zeros((3, outputs))
+    with np.errstate(all="ignore"):
+        for kind, fitted_level in enumerate((False, True) if stretch.has_input else ()):
+            errors = errors_simulated_on(model, before, stretch, fitted_level, absolute)
+            sums[kind], counts[kind] = total(errors), len(errors) - int(fitted_level)
+        errors = prediction_errors(model, stretch)
+        remaining = len(errors) - _states(model) / outputs
+        if remaining > stretch.samples // 4:
+            sums[2], counts[2] = total(errors), remaining
     return np.array([sums, counts])
+
+
+def _states(model: Model) -> int:
+    """Initial states that a prediction fits."""
+    if isinstance(model, PolynomialModel) and in_state_space(model) is None:
+        return model.orders.single.nf + model.orders.noise_states
+    states = in_state_space(model)
+    return 0 if states is None else states.order
 
 
 def _overlap(folds: Sequence[Fold]) -> float:
@@ -247,16 +240,25 @@ def _overlap(folds: Sequence[Fold]) -> float:
 
 
 def _spectrum(stretches: Sequence[Segment]) -> Array:
-    """Power of the input in equally wide bands, summing to 1."""
-    power = np.zeros(BANDS)
-    mean = np.mean(np.concatenate([each.input for each in stretches])) if stretches else 0.0
-    for each in stretches:
-        if each.samples > 2:
-            line = np.abs(np.fft.rfft((each.input - mean) * np.hanning(each.samples))) ** 2
-            band = np.minimum(np.arange(len(line)) * BANDS // len(line), BANDS - 1)
-            power += np.bincount(band, line, BANDS)
-    total = power.sum()
-    return power / total if total > 0 else np.full(BANDS, 1.0 / BANDS)
+    """Power of the inputs in equally wide bands, (m, BANDS), each input with the same share of 1.
+
+    Of the outputs, where there is no input.
+    """
+    if not stretches:
+        return np.full((1, BANDS), 1.0 / BANDS)
+    driven = stretches[0].has_input
+    signals = [each.inputs if driven else each.outputs for each in stretches]
+    mean, power = np.mean(np.concatenate(signals), axis=0), np.zeros((signals[0].shape[1], BANDS))
+    for each in signals:
+        if len(each) > 2:
+            windowed = (each - mean) * np.hanning(len(each))[:, None]
+            lines = np.abs(np.fft.rfft(windowed, axis=0)) ** 2
+            band = np.minimum(np.arange(len(lines)) * BANDS // len(lines), BANDS - 1)
+            power += [np.bincount(band, line, BANDS) for line in lines.T]
+    totals = power.sum(axis=1, keepdims=True)
+    with np.errstate(all="ignore"):
+        shares = np.where(totals > 0, power / totals, 1.0 / BANDS)
+    return np.asarray(shares / len(shares))
 
 
 def _name(design: tuple[int, int]) -> str:

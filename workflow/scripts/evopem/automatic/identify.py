@@ -9,15 +9,11 @@ from typing import get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from evopem.automatic.candidates import Scorer, StructureSearch
 from evopem.automatic.decision import Decision
 from evopem.automatic.delays import decide_delays
 from evopem.automatic.folds import decide_folds
-from evopem.automatic.orders import (
-    NESTED,
-    Scorer,
-    StructureSearch,
-    search_structure,
-)
+from evopem.automatic.orders import NESTED, search_structure
 from evopem.automatic.preparation import (
     PreparedRecord,
     decide_preparation,
@@ -83,13 +79,14 @@ class Identification:
         At the prepared rate: ``recording`` is prepared as the estimation samples were, but not
         differenced.
         """
-        plan, model = self.prepared.plan.for_others(recording), self.choice.candidate.model
-        free = self.choice.level == "state"
+        plan, model = self.prepared.plan.for_others(recording), self.choice.candidate.polynomials
+        assert model is not None
+        fitted = self.choice.level == "state"
         if plan.differences:  # the level of the signals themselves is not known
-            plan, free = replace(plan.uncentred, differences=0), True
+            plan, fitted = replace(plan.uncentred, differences=0), True
             model = replace(model, level=0.0)
         parts = [
-            simulated(model, each, free, plan.objective == "absolute")
+            simulated(model, each, fitted, plan.objective == "absolute")[:, 0]
             for each in prepare(recording, plan).stretches
         ]
         return np.concatenate(parts) * plan.output_scales[0] + plan.output_offsets[0]
@@ -102,10 +99,10 @@ class Identification:
 
 def validation_errors(choice: Choice, stretches: Sequence[Segment]) -> Errors:
     """Simulation and one-step errors of a chosen model on prepared stretches, percent."""
-    model, free = choice.candidate.model, choice.level == "state"
+    model, fitted = choice.candidate.model, choice.level == "state"
     measured = np.concatenate([each.output for each in stretches])
     scale = float(np.linalg.norm(measured - measured.mean()))
-    of_simulation = np.concatenate([simulated(model, s, free) - s.output for s in stretches])
+    of_simulation = np.concatenate([simulated(model, s, fitted) - s.outputs for s in stretches])
     of_prediction = np.concatenate([prediction_errors(model, s) for s in stretches])
     return Errors(
         100.0 * float(np.linalg.norm(of_simulation)) / scale,
@@ -191,17 +188,19 @@ def identify_recordings(
         folds = decide_folds(prepared.stretches)
         delays = decide_delays(prepared.stretches, ("input",))
         tell((folds.decision, folds.repetition.decision, delays.decision))
-        scorer = Scorer(prepared.stretches, folds, prepared.settings)
+        scorer = Scorer(prepared.stretches, folds, prepared.settings, delays=delays.delays)
         searches: dict[str, StructureSearch] = {}
         for structure in NESTED:
-            searches[structure] = search_structure(scorer, structure, delays.delays[0], searches)
+            searches[structure] = search_structure(scorer, structure, searches)
             tell((searches[structure].decision,))
         comparison = compare_structures(scorer, tuple(searches.values()))
         tell(comparison.decisions)
         remedied = act_on_checks(scorer, comparison.choice(purpose))
     choice = remedied.choice
+    model = choice.candidate.polynomials
+    assert model is not None
     return Identification(
-        model=prepared.in_its_units(choice.candidate.model),
+        model=prepared.in_its_units(model),
         choice=choice,
         others=tuple(each for each in comparison.choices if each.purpose != choice.purpose),
         prepared=prepared,

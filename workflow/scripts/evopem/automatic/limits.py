@@ -3,62 +3,70 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
-from evopem.config.settings import AutomaticSettings, Range
-from evopem.config.structures import ORDER_NAMES, STRUCTURES, varied_order
-from evopem.models.structures import Orders
+from evopem.config.settings import AutomaticSettings, OrderRanges, Range
+from evopem.config.structures import STRUCTURES, varied_order
+from evopem.models.structures import PER_INPUT, Orders
 
 
 @dataclass(frozen=True)
 class OrderLimits:
-    """Lowest and highest orders of a search; None where there is no limit.
-
-    ``joint`` is the degree of A or F.  A structure without an order has no limit of it.
-    """
+    """Lowest and highest orders of a search; a structure without an order has no limit of it."""
 
     structure: str | None = None  # the only structure that may be chosen
-    nk: Range | None = None
-    joint: Range | None = None
-    nc: Range | None = None
-    nd: Range | None = None
-    nb: Range | None = None
+    ranges: OrderRanges = field(default_factory=OrderRanges)
+    names: tuple[str, ...] = ("input",)  # of the inputs
 
     @classmethod
     def of_search(cls, settings: AutomaticSettings) -> OrderLimits:
         """The limits of the search of any structure."""
-        own = settings.orders
-        return cls(None, own.nk.all, own.joint, own.nc, own.nd, own.nb.all)
+        return cls(None, settings.orders)
 
     @classmethod
     def of_choice(cls, settings: AutomaticSettings) -> OrderLimits:
         """The limits of the model that is chosen."""
-        own = cls.of_search(settings)
-        return cls(settings.structure, own.nk, own.joint, own.nc, own.nd, own.nb)
+        return replace(cls.of_search(settings), structure=settings.structure)
 
-    def allow(self, structure: str, orders: Orders) -> bool:
-        """Whether orders of a structure may be chosen."""
+    def allow(self, structure: str, orders: Orders | None) -> bool:
+        """Whether a structure, with orders if it is a polynomial one, may be chosen."""
         if self.structure not in (None, structure):
             return False
-        return self._clamped(structure, orders) == orders
+        return orders is None or self._clamped(structure, orders) == orders
 
     def within(self, structure: str, path: Iterable[list[Orders]]) -> Iterator[list[Orders]]:
         """A path of orders moved inside the limits, without repetitions."""
         known: set[Orders] = set()
         for step in path:
             moved = dict.fromkeys(self._clamped(structure, orders) for orders in step)
-            own = [orders for orders in moved if orders not in known]
-            known.update(own)
-            if own:
-                yield own
+            new = [orders for orders in moved if orders not in known]
+            known.update(new)
+            if new:
+                yield new
 
     def _clamped(self, structure: str, orders: Orders) -> Orders:
-        given = {name: getattr(orders.single, name) for name in ORDER_NAMES}
-        for name, limit in self._by_order(structure).items():
-            if limit is not None and name in STRUCTURES[structure]:
-                given[name] = min(max(given[name], limit[0]), limit[1])
+        given = {name: getattr(orders, name) for name in STRUCTURES["general"]}
+        for name in STRUCTURES[structure]:
+            if name in PER_INPUT:
+                limits = self._of_inputs(structure, name, orders.inputs)
+                pairs = zip(given[name], limits, strict=True)
+                given[name] = tuple(_nearest(*pair) for pair in pairs)
+            else:
+                given[name] = _nearest(given[name], self._of_degree(structure, name))
         return Orders(**given)
 
-    def _by_order(self, structure: str) -> dict[str, Range | None]:
-        own = {"nk": self.nk, "nc": self.nc, "nd": self.nd, "nb": self.nb}
-        return own if structure == "fir" else own | {varied_order("joint", structure): self.joint}
+    def _of_inputs(self, structure: str, name: str, inputs: int) -> tuple[Range | None, ...]:
+        names = self.names if len(self.names) == inputs else tuple(map(str, range(inputs)))
+        own = getattr(self.ranges, name).of_inputs(names)
+        joint = self._of_degree(structure, name) if name == "nf" else None
+        return tuple(each or joint for each in own)
+
+    def _of_degree(self, structure: str, name: str) -> Range | None:
+        """The limit of a degree; that of the plant follows the joint one."""
+        varied = structure != "fir" and name == varied_order("joint", structure)
+        own = None if name == "nf" else getattr(self.ranges, name)
+        return own or (self.ranges.joint if varied else None)
+
+
+def _nearest(order: int, limits: Range | None) -> int:
+    return order if limits is None else min(max(order, limits[0]), limits[1])

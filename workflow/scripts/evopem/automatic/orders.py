@@ -3,263 +3,180 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
 
 import numpy as np
 
-from evopem.automatic.candidate_checks import CandidateChecks, check_model
+from evopem.automatic.candidates import (
+    LARGEST_ORDER,
+    Candidate,
+    Scorer,
+    StructureSearch,
+)
 from evopem.automatic.decision import Alternative, Decision
-from evopem.automatic.fit import Fit, FitSettings, fit, log_loss
-from evopem.automatic.folds import FoldPlan, HeldOutScores, held_out_scores
-from evopem.automatic.limits import OrderLimits
-from evopem.automatic.simulation import simulated
-from evopem.automatic.stretches import MOST_SAMPLES, first_samples
-from evopem.config.structures import AUTOMATIC_STRUCTURES, ORDER_NAMES
+from evopem.automatic.state_space import (
+    Log,
+    fits_in_state_space,
+    fits_of_several_inputs,
+    polynomial_settings,
+)
+from evopem.config.settings import OrderRanges
+from evopem.config.structures import AUTOMATIC_STRUCTURES, ORDER_NAMES, is_polynomial
+from evopem.errors import InputError
+from evopem.estimation.multi_input.order_limits import OrderLimits, joint_orders
+from evopem.estimation.multi_input.order_reduction import reduced_orders
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.structures import Orders
-from evopem.signals.recording import Segment, total_samples
 
 # Orders tried one after the other, as long as one of the last PATIENCE has brought something.
-PATH = (1, 2, 3, 4, 5, 6, 8, 10, 12, 15, 20)
+PATH = (1, 2, 3, 4, 5, 6, 8, 10, 12, 15, LARGEST_ORDER)
 LONG_PATH = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128)
 PATIENCE = 3
 # A criterion must fall by this share (simulation) or by this much (BIC) to count as a gain.
 GAIN, BIC_GAIN = 0.005, 0.002
-# Samples for each parameter.
-SAMPLES_PER_PARAMETER = 8
 # Samples times parameters of all candidates of a structure, and of a refinement: the cost of a fit
 # with its folds is about proportional to it.  Long records stop at lower orders.
 MOST_WORK = 1_100_000
-# Candidates whose errors, one step ahead and of simulations, are both this much above the lowest of
-# all (a factor of 3 in the criterion's logarithm of squares) are not scored on folds.
-REACH = 2.0 * np.log(3.0)
 # Structures whose optima serve as starts of others.
 NESTED: Mapping[str, tuple[str, ...]] = AUTOMATIC_STRUCTURES
-
-
-@dataclass(frozen=True)
-class Candidate:
-    """A model of some orders with what it reaches.
-
-    Attributes
-    ----------
-    structure : str
-    orders : Orders
-    parameters : int
-        Coefficients and levels.
-    bic : float
-        On the one-step residuals from a common sample on.
-    simulation_bic : float
-        The same formula with the errors of a simulation of the estimation part, whose initial
-        states and levels are fitted.
-    scores : HeldOutScores
-    model : PolynomialModel
-        Fitted to the whole estimation part.
-    """
-
-    structure: str
-    orders: Orders
-    parameters: int
-    bic: float
-    simulation_bic: float
-    scores: HeldOutScores
-    model: PolynomialModel
-
-    @property
-    def name(self) -> str:
-        """Structure and orders in a few letters."""
-        named = [
-            f"{n}={getattr(self.orders.single, n)}" for n in ("na", "nb", "nc", "nd", "nf", "nk")
-        ]
-        shown = [text for text in named if not text.endswith("=0") or text.startswith("nk")]
-        return f"{self.structure} {' '.join(shown)}"
-
-
-@dataclass(frozen=True)
-class StructureSearch:
-    """All candidates of one structure."""
-
-    structure: str
-    candidates: tuple[Candidate, ...]
-    decision: Decision
-
-
-class Scorer:
-    """Fits and scores models of one record, each orders once.
-
-    Structures and orders of a long record are compared on its first ``MOST_SAMPLES`` samples;
-    :meth:`on_all_samples` fits what was chosen to all.
-
-    Parameters
-    ----------
-    stretches : sequence of Segment
-    plan : FoldPlan
-    settings : FitSettings
-    limits : OrderLimits
-        Other orders have no candidates.
-    """
-
-    def __init__(
-        self,
-        stretches: Sequence[Segment],
-        plan: FoldPlan,
-        settings: FitSettings,
-        limits: OrderLimits = OrderLimits(),  # noqa: B008 - frozen
-    ) -> None:
-        self.whole, self.plan, self.settings = tuple(stretches), plan, settings
-        self.limits = limits
-        self.stretches = first_samples(stretches, MOST_SAMPLES)
-        self.samples = total_samples(self.stretches)
-        self.window = min(4 * max(PATH), min(each.samples for each in self.stretches) // 4)
-        self._known: dict[tuple[str, Orders], Candidate] = {}
-        self._checked: dict[Candidate, CandidateChecks] = {}
-
-    @property
-    def most_parameters(self) -> int:
-        """Most parameters that the record carries."""
-        return max(4, round(self.independent_samples) // SAMPLES_PER_PARAMETER)
-
-    @property
-    def independent_samples(self) -> float:
-        """Samples that tell something new, where residuals repeat with the input."""
-        return self.samples * self.plan.repetition.independent
-
-    def penalty(self, parameters: int) -> float:
-        """What the BIC of a sample adds for parameters."""
-        count = self.samples - self.window * len(self.stretches)
-        independent = count * self.plan.repetition.independent
-        return float(parameters * np.log(independent) / independent)
-
-    def candidate(
-        self,
-        structure: str,
-        orders: Orders,
-        models: Sequence[PolynomialModel] = (),
-        own_starts: bool = True,
-    ) -> Candidate | None:
-        """The candidate of these orders; None where the record does not carry them.
-
-        Parameters
-        ----------
-        structure : str
-        orders : Orders
-        models : sequence of PolynomialModel
-            Descents start from them, and with ``own_starts`` from estimates by linear algebra.
-        own_starts : bool
-        """
-        key = (structure, orders)
-        if key not in self._known:
-            if not self.limits.allow(structure, orders):
-                return None
-            if orders.parameters + orders.single.nf + orders.noise_states > self.most_parameters:
-                return None
-            try:
-                found = fit(self.stretches, orders, self.settings, models, own_starts, structure)
-            except (ValueError, np.linalg.LinAlgError):
-                return None
-            described = self._described(structure, found)
-            if self._within_reach(described):
-                scores = held_out_scores(self.stretches, self.plan, found.model, self.settings)
-                described = replace(described, scores=scores)
-            self._known[key] = described
-        return self._known[key]
-
-    def _within_reach(self, candidate: Candidate) -> bool:
-        """Whether one of the criteria is near enough to the best of all to be worth folds."""
-        known = [*self._known.values(), candidate]
-        return (
-            candidate.bic <= min(each.bic for each in known) + REACH
-            or candidate.simulation_bic <= min(each.simulation_bic for each in known) + REACH
-        )
-
-    def checks(self, candidate: Candidate) -> CandidateChecks:
-        """What the checks of the report say of a candidate, on the compared samples.
-
-        Parameters
-        ----------
-        candidate : Candidate
-        """
-        if candidate not in self._checked:
-            self._checked[candidate] = check_model(
-                candidate.model, candidate.structure, self.stretches, self.settings
-            )
-        return self._checked[candidate]
-
-    def on_all_samples(self, candidate: Candidate) -> Candidate:
-        """The same orders, fitted to the whole record where the scores come from a part of it."""
-        if self.samples == total_samples(self.whole):
-            return candidate
-        models = [candidate.model]
-        try:
-            found = fit(
-                *(self.whole, candidate.orders, self.settings, models),
-                *(False, candidate.structure),
-            )
-        except (ValueError, np.linalg.LinAlgError):
-            return candidate
-        return replace(candidate, model=found.model)
-
-    def remember(self, candidates: Sequence[Candidate]) -> None:
-        """Take candidates as known that were scored before, with the same settings."""
-        for each in candidates:
-            self._known.setdefault((each.structure, each.orders), each)
-
-    def _described(self, structure: str, found: Fit) -> Candidate:
-        penalty = self.penalty(found.parameters)
-        objective = self.settings.objective
-        robust = objective == "absolute"
-        simulation_errors = np.concatenate(
-            [simulated(found.model, s, True, robust) - s.output for s in self.stretches]
-        )
-        return Candidate(
-            structure,
-            found.orders,
-            found.parameters,
-            log_loss(found.residuals_from(self.window), objective) + penalty,
-            log_loss(simulation_errors, objective) + penalty,
-            HeldOutScores.none(),
-            found.model,
-        )
+# Of polynomials of several inputs: largest order, and largest number of coefficients of B_i, in
+# steps of two, of a model without poles.
+MOST_POLES, MOST_TAPS = 10, 40
+# Largest number of states, and the one above which they are tried in steps of two.
+MOST_STATES, SINGLE_STEPS = 40, 10
+# Output values of the smallest training part for each parameter of models of several channels.
+VALUES_PER_PARAMETER = 5
 
 
 def search_structure(
-    scorer: Scorer, structure: str, delay: int, smaller: Mapping[str, StructureSearch]
+    scorer: Scorer, structure: str, smaller: Mapping[str, StructureSearch], log: Log | None = None
 ) -> StructureSearch:
-    """Orders of one structure, growing from 1 as long as they bring something.
+    """Orders of one structure, from small to large as long as they bring something.
 
     Parameters
     ----------
     scorer : Scorer
     structure : str
-        A key of :data:`NESTED`.
-    delay : int
-        Samples.
+        Of polynomials or in state space.
     smaller : mapping of str to StructureSearch
         The searches of ``NESTED[structure]``, whose models are starts.
+    log : callable, optional
+
+    Raises
+    ------
+    InputError
+        When the record is too short for any order of state-space models or of several inputs.
     """
+    if is_polynomial(structure) and scorer.is_single:
+        candidates = _along_path(scorer, structure, smaller)
+    else:
+        candidates = _order_by_order(scorer, structure, log)
+    return StructureSearch(structure, tuple(candidates), _decision(structure, candidates))
+
+
+def _along_path(
+    scorer: Scorer, structure: str, smaller: Mapping[str, StructureSearch]
+) -> list[Candidate]:
+    """Candidates of one input, as long as their scores or their BIC fall."""
     candidates: list[Candidate] = []
     without_gain, work, best, best_bic = 0, 0, np.inf, np.inf
     previous: list[PolynomialModel] = []
-    for orders_of_step in scorer.limits.within(structure, _path(structure, delay)):
-        found: list[Candidate] = []
+    for orders_of_step in scorer.limits.within(structure, _path(structure, scorer.delays[0])):
+        tried: list[Candidate] = []
         for orders in orders_of_step:
             starts = [*previous, *_same_plant(orders, structure, smaller)]
             candidate = scorer.candidate(structure, orders, starts)
             if candidate is not None:
-                found.append(candidate)
-        if not found:
+                tried.append(candidate)
+        if not tried:
             break
-        candidates.extend(found)
-        work += scorer.samples * sum(each.parameters for each in found)
-        previous = [min(found, key=lambda each: each.bic).model]
-        score = min(min(each.scores.simulation, each.scores.free_level) for each in found)
-        bic = min(each.bic for each in found)
-        gained = score < (1.0 - GAIN) * best or bic < best_bic - BIC_GAIN
-        best, best_bic = min(best, score), min(best_bic, bic)
+        candidates.extend(tried)
+        work += scorer.samples * sum(each.parameters for each in tried)
+        likeliest = min(tried, key=lambda each: each.bic)
+        previous = [likeliest.polynomials] if likeliest.polynomials else []
+        score = min(min(each.scores.simulation, each.scores.fitted_level) for each in tried)
+        gained = score < (1.0 - GAIN) * best or likeliest.bic < best_bic - BIC_GAIN
+        best, best_bic = min(best, score), min(best_bic, likeliest.bic)
         without_gain = 0 if gained else without_gain + 1
         if without_gain >= PATIENCE or work >= MOST_WORK:
             break
-    return StructureSearch(structure, tuple(candidates), _decision(structure, candidates))
+    return candidates
+
+
+def _order_by_order(scorer: Scorer, structure: str, log: Log | None) -> list[Candidate]:
+    """Candidates until their BIC rises, with scores up to the order of the lowest one.
+
+    Errors that are not white raise the order of BIC, but never lower it.
+    """
+    delays, settings = scorer.delays, scorer.settings
+    if is_polynomial(structure):
+        orders = orders_of_several_inputs(scorer, structure)
+        fits = fits_of_several_inputs(scorer.stretches, orders, settings, log)
+    else:
+        states = numbers_of_states(scorer)
+        fits = fits_in_state_space(scorer.stretches, structure, states, delays, settings, log)
+    candidates = [scorer.described(structure, found, order) for order, found in fits]
+    if not candidates:
+        return []
+    last = min(candidates, key=lambda each: each.bic).order
+    scored = []
+    for each in candidates:
+        if each.order <= last and log is not None:
+            log(f"{each.name}: errors on held-out samples")
+        scored.append(scorer.scored(each) if each.order <= last else each)
+    return scored
+
+
+def numbers_of_states(scorer: Scorer) -> tuple[int, ...]:
+    """The numbers of states that are tried: all that the record can determine.
+
+    In steps of two where there are many.
+    """
+    first = scorer.stretches[0]
+    nu, ny, samples = first.inputs.shape[1], first.outputs.shape[1], scorer.samples
+    limits = scorer.limits.ranges.nx
+    low, high = limits or (1, MOST_STATES)
+    # Each stretch has an initial state of its own.
+    values = scorer.plan.least_training(samples) * ny // VALUES_PER_PARAMETER
+    affordable = min(values // (nu + 2 * ny + len(scorer.stretches)), samples // 12)
+    if affordable < low:
+        raise InputError(
+            "orders.nx",
+            f"{samples} estimation samples are too few for {low} state{'s' if low > 1 else ''} with"
+            f" {nu} inputs and {ny} outputs",
+            "record longer, lower orders.nx, or leave channels out",
+        )
+    high = min(high, affordable)
+    if limits is None and high > SINGLE_STEPS:
+        return tuple(range(2, high + 1, 2))
+    return tuple(range(low, high + 1))
+
+
+def orders_of_several_inputs(scorer: Scorer, structure: str) -> dict[int, Orders]:
+    """The orders that are tried, by a number k that all of them follow within their limits."""
+    ranges, delays = scorer.limits.ranges, scorer.delays
+    limits = OrderLimits.of(ranges, scorer.limits.names)
+    without_poles = structure == "fir"
+    low, high = ranges.joint or (1, max(MOST_TAPS if without_poles else MOST_POLES, limits.largest))
+    steps = 2 if without_poles and ranges == OrderRanges(nk=ranges.nk) else 1
+    tried: dict[int, Orders] = {}
+    for k in range(max(low, steps), high + 1, steps):
+        orders = joint_orders(structure, k, delays, limits)
+        # Each further stretch has initial states of its own.
+        states = (sum(orders.nf) + orders.noise_states) * (len(scorer.stretches) - 1)
+        values = VALUES_PER_PARAMETER * (orders.parameters + states)
+        if values > scorer.plan.least_training(scorer.samples):
+            break
+        if orders not in tried.values():
+            tried[k] = orders
+    if not tried:
+        inputs = len(delays)
+        raise InputError(
+            "orders.joint",
+            f"{scorer.samples} estimation samples are too few for joint order {low} with"
+            f" {inputs} input{'s' * (inputs > 1)}",
+            "record longer, or lower orders.joint and the lower ends of other orders",
+        )
+    return tried
 
 
 def _decision(structure: str, candidates: Sequence[Candidate]) -> Decision:
@@ -303,11 +220,12 @@ def _same_plant(
     """Models of nested structures with as many poles."""
     poles = max(orders.na, orders.single.nf)
     return [
-        candidate.model
+        candidate.polynomials
         for name in NESTED[structure]
         if name in smaller
         for candidate in smaller[name].candidates
-        if max(candidate.orders.na, candidate.orders.single.nf) == poles
+        if candidate.polynomials is not None
+        and max(candidate.orders.na, candidate.orders.single.nf) == poles
     ]
 
 
@@ -316,14 +234,12 @@ def refine_orders(
 ) -> list[Candidate]:
     """Change one order after the other as long as a score falls; all that was tried, best last.
 
-    Parameters
-    ----------
-    scorer : Scorer
-    start : Candidate
-    score : callable
-        Smaller is better.
-    rounds : int
+    Of several inputs those of lower BIC (:func:`.reduced_orders`); the number of states stays.
     """
+    if start.polynomials is None:
+        return [start]
+    if not scorer.is_single:
+        return [start, *_reduced(scorer, start)]
     best, tried, work = start, [start], 0
     for _ in range(rounds):
         found: list[Candidate] = []
@@ -331,7 +247,8 @@ def refine_orders(
             if orders.structure != best.orders.structure or work >= MOST_WORK:
                 continue
             work += scorer.samples * orders.parameters
-            candidate = scorer.candidate(best.structure, orders, [best.model], own_starts=False)
+            models = [best.polynomials] if best.polynomials else []
+            candidate = scorer.candidate(best.structure, orders, models, own_starts=False)
             if candidate is not None:
                 found.append(candidate)
         tried.extend(found)
@@ -342,6 +259,18 @@ def refine_orders(
             break
         best = lowest
     return [*tried, best]
+
+
+def _reduced(scorer: Scorer, start: Candidate) -> list[Candidate]:
+    """The candidate with smaller orders of lower BIC, each input its own, if there is one."""
+    limits = OrderLimits.of(scorer.limits.ranges, scorer.limits.names)
+    inputs, outputs = zip(*((each.inputs, each.outputs) for each in scorer.stretches), strict=True)
+    settings = polynomial_settings(scorer.settings)
+    reduced = reduced_orders(inputs, outputs, start.orders, settings, limits).orders
+    if reduced == start.orders:
+        return []
+    fits = fits_of_several_inputs(scorer.stretches, {start.order: reduced}, scorer.settings)
+    return [scorer.scored(scorer.described(start.structure, found)) for _, found in fits]
 
 
 def _neighbours(o: Orders) -> list[Orders]:

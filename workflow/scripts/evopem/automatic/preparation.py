@@ -15,8 +15,7 @@ from evopem.automatic.decision import Decision, given_by_configuration
 from evopem.automatic.drift import decide_differences, differenced
 from evopem.automatic.fit import FitSettings
 from evopem.automatic.objective import decide_objective
-from evopem.automatic.orders import MOST_SAMPLES
-from evopem.automatic.stretches import SHORTEST_STRETCH, first_samples
+from evopem.automatic.stretches import MOST_SAMPLES, SHORTEST_STRETCH, first_samples
 from evopem.errors import InputError
 from evopem.estimation.criteria import power_of_two_scale
 from evopem.models.polynomial import PolynomialModel
@@ -139,7 +138,19 @@ def decide_preparation(
     Breaks, differences and the objective are decided for polynomial models of one output that
     responds to one input: a break of one channel would be one of all.
 
-    `recording`: Samples that are not finite are breaks. `given`: What is not decided here.
+    Parameters
+    ----------
+    recording : Recording
+        Samples that are not finite are breaks.
+    given : GivenPreparation
+        What is not decided here.
+    names : sequence of str
+        Files of the recordings, for an error to name.
+
+    Raises
+    ------
+    InputError
+        When no stretch without breaks of a recording is long enough.
     """
     records = recording.separated
     if given.start is None:

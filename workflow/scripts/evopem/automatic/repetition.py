@@ -32,20 +32,36 @@ SIGNIFICANT = 2.6
 
 @dataclass(frozen=True)
 class Repetition:
-    """How far residuals repeat with the input."""
+    """How far residuals repeat with the input.
 
-    # samples after which the input repeats, as it is or with the opposite sign; 0 for none
+    Attributes
+    ----------
+    lag : int
+        Samples after which the input repeats, as it is or with the opposite sign; 0 for none.
+    correlation : float
+        Of residuals whole lags apart, with the sign of the input's.
+    independent : float
+        Share of the samples that are independent: ``1 / (1 + 2 r sum_k (1 - k lag / N))`` with
+        that correlation r (the design effect; Kish 1965).
+    decision : Decision
+    """
+
     lag: int
-    correlation: float  # of residuals whole lags apart, with the sign of the input's
-    # share of the samples that are independent: ``1 / (1 + 2 r sum_k (1 - k lag / N))`` with that
-    # correlation r (the design effect; Kish 1965)
+    correlation: float
     independent: float
     decision: Decision
 
 
 def decide_repetition(stretches: Sequence[Segment]) -> Repetition:
-    """Judge the residuals of ARX models of the longest stretch."""
+    """Judge the residuals of ARX models of the longest stretch.
+
+    Parameters
+    ----------
+    stretches : sequence of Segment
+    """
     stretch = max(stretches, key=lambda each: each.samples)
+    if stretch.inputs.shape[1] != 1 or stretch.outputs.shape[1] != 1:
+        return _of(0, 0.0, 1.0, "Of several channels every sample counts.")
     lag = repetition_lag(stretch.input)
     if lag == 0:
         return _of(0, 0.0, 1.0, "The input does not repeat: every sample counts.")
@@ -80,7 +96,9 @@ def _of(lag: int, correlation: float, independent: float, sentence: str) -> Repe
 def repetition_lag(signal: Array) -> int:
     """Samples after which a signal repeats, as it is or with the opposite sign; 0 for none.
 
-    `signal`, (N,).
+    Parameters
+    ----------
+    signal : (N,) array
     """
     n = len(signal)
     longest = int(LONGEST_LAG * n)
@@ -109,7 +127,13 @@ def repetition_lag(signal: Array) -> int:
 def repeated_correlation(residuals: Array, signal: Array, lag: int) -> float:
     """Mean correlation of residuals 1, 2, ... lags apart, each with the sign of the input's.
 
-    `residuals`, (M,): Of the last M samples. `signal`, (N,): The input.
+    Parameters
+    ----------
+    residuals : (M,) array
+        Of the last M samples.
+    signal : (N,) array
+        The input.
+    lag : int
     """
     e = residuals - residuals.mean()
     u = (signal - signal.mean())[-len(e) :]
@@ -125,7 +149,12 @@ def repeated_correlation(residuals: Array, signal: Array, lag: int) -> float:
 
 
 def arx_residuals(stretch: Segment) -> Array:
-    """Residuals of the ARX model of the lowest BIC, (M,), of the last M samples."""
+    """Residuals of the ARX model of the lowest BIC, (M,), of the last M samples.
+
+    Parameters
+    ----------
+    stretch : Segment
+    """
     u, y, n = stretch.input, stretch.output, stretch.samples
     first = max(ORDERS)
     best, residuals = np.inf, y[first:] - y[first:].mean()

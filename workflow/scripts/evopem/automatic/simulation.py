@@ -12,72 +12,84 @@ from evopem.models.polynomial_states import (
     fitted_state,
     simulate_from_first,
 )
+from evopem.models.state_space import StateSpaceModel
 from evopem.signals.recording import Segment
 
 Array = NDArray[np.float64]
 
+Model = PolynomialModel | StateSpaceModel
+
+# A pole of a larger radius makes a simulation grow without bound.
+STABLE = 1.0 + 1e-9
+
+
+def in_state_space(model: Model) -> StateSpaceModel | None:
+    """The model in state space where it has several channels; None for one input at most."""
+    if isinstance(model, StateSpaceModel):
+        return model
+    return model.state_space() if model.inputs > 1 else None
+
 
 def errors_simulated_on(
-    model: PolynomialModel,
+    model: Model,
     before: Segment,
     held_out: Segment,
-    free_level: bool = False,
+    fitted_level: bool = False,
     robust: bool = False,
 ) -> Array:
-    """Errors of a simulation of held-out samples whose outputs determine no state.
+    """Errors of a simulation of held-out samples whose outputs determine no state, (M, l).
 
     It runs on from the samples before, which determine its initial state; without any, the first
     tenth of the held-out samples do, and are not scored.  A state that were fitted to what is
-    scored would draw slow waves through drifts with poles near the unit circle.
-
-    Parameters
-    ----------
-    model : PolynomialModel
-    before, held_out : Segment
-        Consecutive samples.
-    free_level : bool
-        Whether a constant is fitted to the scored errors.
-    robust : bool
-        As of :func:`simulated`.
-
-    Returns
-    -------
-    (M,) array
-        Simulated less measured output of the scored samples.
+    scored would draw slow waves through drifts with poles near the unit circle.  With
+    ``fitted_level`` a constant is fitted to the scored errors; ``robust`` takes its median.
     """
     known = before.samples or first_samples(held_out.samples)
-    whole = Segment(
-        np.concatenate([before.inputs, held_out.inputs]),
-        np.concatenate([before.outputs, held_out.outputs]),
-        held_out.recording,
-    )
-    computed = simulate_from_first(model, whole.input, whole.output, known, free_level, robust)
+    inputs = np.concatenate([before.inputs, held_out.inputs])
+    outputs = np.concatenate([before.outputs, held_out.outputs])
+    states = in_state_space(model)
     with np.errstate(all="ignore"):
-        errors = (computed - whole.output)[known:]
-        if free_level:
-            errors = errors - (np.median(errors) if robust else np.mean(errors))
+        if isinstance(model, PolynomialModel) and states is None:
+            single = Segment(inputs, outputs)
+            computed = simulate_from_first(
+                model, single.input, single.output, known, fitted_level, robust
+            )[:, None]
+        else:
+            assert states is not None
+            computed = np.full(outputs.shape, np.inf)
+            if np.abs(states.poles()).max(initial=0.0) < STABLE:
+                computed = states.simulate_from_first(inputs, outputs, known, fitted_level, robust)
+        errors = (computed - outputs)[known:]
+        if fitted_level:
+            centre = np.median if robust else np.mean
+            errors = errors - centre(errors, axis=0)
     return np.asarray(errors)
 
 
 def simulated(
-    model: PolynomialModel,
-    stretch: Segment,
-    free_level: bool = False,
-    robust: bool = False,
+    model: Model, stretch: Segment, fitted_level: bool = False, robust: bool = False
 ) -> Array:
-    """Simulation from the initial state that fits the stretch, (N,).
+    """Simulation from the initial state that fits the stretch, (N, l).
 
-    The level is filtered through 1/A from rest instead of being added as ``level / A(1)``: the
-    initial state takes up the difference, and a pole at 1 makes no division by zero.
+    With ``fitted_level`` the level is fitted to the stretch as well; ``robust`` takes the least
+    absolute instead of the least squared errors, for one channel.
+    """
+    states = in_state_space(model)
+    if isinstance(model, PolynomialModel) and states is None:
+        return _simulated_polynomials(model, stretch, fitted_level, robust)[:, None]
+    assert states is not None
+    with np.errstate(all="ignore"):
+        if np.abs(states.poles()).max(initial=0.0) >= STABLE:
+            return np.full(stretch.outputs.shape, np.inf)
+        return states.simulate_from_fitted_state(stretch.inputs, stretch.outputs, fitted_level)
 
-    Parameters
-    ----------
-    model : PolynomialModel
-    stretch : Segment
-    free_level : bool
-        Whether the level belongs to the state and is fitted to the stretch as well.
-    robust : bool
-        Whether the state has the least absolute instead of the least squared errors.
+
+def _simulated_polynomials(
+    model: PolynomialModel, stretch: Segment, fitted_level: bool, robust: bool
+) -> Array:
+    """The level is filtered through 1/A from rest instead of being added as ``level / A(1)``.
+
+    The initial state takes up the difference, and a pole at 1 makes no division by zero.
     """
     from scipy.signal import lfilter
 
@@ -88,7 +100,7 @@ def simulated(
     impulse[0] = 1.0
     decay = lfilter([1.0], model.plant_denominator, impulse)
     count = min(model.state_dimension, n - 1)
-    columns = np.zeros((n, count + int(free_level)))
+    columns = np.zeros((n, count + int(fitted_level)))
     for k in range(count):
         columns[k:, k] = decay[: n - k]
     columns[:, count:] = 1.0
@@ -100,10 +112,19 @@ def simulated(
     return np.asarray(response)
 
 
-def prediction_errors(model: PolynomialModel, stretch: Segment) -> Array:
-    """One-step prediction errors with fitted initial states, from the first residual on."""
-    if stretch.samples <= model.orders.first_residual + 1:
-        return np.empty(0)
-    states = estimate_prediction_states(model, stretch.input, stretch.output)
-    errors = model.residuals(stretch.input, stretch.output, *states)
-    return errors[model.orders.first_residual :]
+def prediction_errors(model: Model, stretch: Segment) -> Array:
+    """One-step prediction errors with fitted initial states, (M, l), of the last M samples."""
+    states = in_state_space(model)
+    if isinstance(model, PolynomialModel) and states is None:
+        first = model.orders.first_residual
+        if stretch.samples <= first + 1:
+            return np.empty((0, 1))
+        initial = estimate_prediction_states(model, stretch.input, stretch.output)
+        return model.residuals(stretch.input, stretch.output, *initial)[first:, None]
+    assert states is not None
+    first = max(states.input_delays, default=0)
+    if stretch.samples <= first + 1:
+        return np.empty((0, states.outputs))
+    with np.errstate(all="ignore"):
+        state = states.prediction_state(stretch.inputs, stretch.outputs)
+        return states.residuals(stretch.inputs, stretch.outputs, state)[first:]

@@ -1,23 +1,32 @@
-"""Estimation of the state-space models that were chosen."""
+"""The chosen model in state space, or of polynomials with several inputs, searched globally."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from evopem.automatic.multi_input_choice import EstimatedStructure, estimate_structure
-from evopem.automatic.state_space_choice import ModelChoice
+from evopem.automatic.candidates import Candidate
+from evopem.automatic.fit import FitSettings
+from evopem.automatic.limits import OrderLimits
+from evopem.automatic.state_space import (
+    polynomial_settings,
+    search_settings,
+    task_of,
+    weighting_of,
+)
 from evopem.config.constraints import Constraints
-from evopem.config.settings import OrderRanges, SearchSettings
-from evopem.config.structures import is_polynomial
-from evopem.estimation.multi_input.order_reduction import TriedOrders
+from evopem.errors import InputError
+from evopem.estimation.multi_input.estimate import estimate_multi_input
+from evopem.estimation.multi_input.order_limits import OrderLimits as InputLimits
+from evopem.estimation.multi_input.order_limits import joint_orders
 from evopem.estimation.polynomial_estimate import PolynomialEstimate
 from evopem.estimation.state_space.estimate import estimate_state_space
 from evopem.estimation.state_space.local_estimates import StateSpaceEstimate, descend_from
 from evopem.estimation.state_space.noise_model import with_noise_model
-from evopem.estimation.state_space.task import StateSpaceTask
+from evopem.models.constraint_checks import check_constraints
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.state_space import StateSpaceModel
+from evopem.models.structures import Orders
 from evopem.signals.recording import Recording
 
 Log = Callable[[str], None]
@@ -25,63 +34,37 @@ Log = Callable[[str], None]
 
 @dataclass(frozen=True, eq=False)
 class ChosenModel:
-    """A chosen model.
+    """A chosen model."""
 
-    Attributes
-    ----------
-    estimate : StateSpaceEstimate or PolynomialEstimate
-        What was searched: the plant alone in output-error form.
-    model : StateSpaceModel
-        With the noise model beside an output-error plant; of a polynomial model its innovations
-        form.
-    polynomials : PolynomialModel, optional
-    tried : tuple of TriedOrders
-        Orders of a polynomial model that were tried after the joint order.
-    at_upper_ends : tuple of str
-        Its orders at the upper end of a range of the configuration.
-    """
-
-    estimate: StateSpaceEstimate | PolynomialEstimate
+    estimate: StateSpaceEstimate | PolynomialEstimate  # of the plant alone in output-error form
+    # With the noise model beside an output-error plant; of polynomials their innovations form.
     model: StateSpaceModel
     polynomials: PolynomialModel | None = None
-    tried: tuple[TriedOrders, ...] = ()
-    at_upper_ends: tuple[str, ...] = ()
-
-    @property
-    def at_bound(self) -> bool:
-        """Whether a root lies at the largest radius allowed."""
-        return self.estimate.at_stability_bound
-
-    @classmethod
-    def of_polynomials(cls, found: EstimatedStructure) -> ChosenModel:
-        """A chosen polynomial model."""
-        model = found.estimate.model
-        return cls(found.estimate, model.state_space(), model, found.tried, found.at_upper_ends)
+    at_upper_ends: tuple[str, ...] = ()  # its orders at the upper end of a range that is given
 
 
-def search_chosen(
-    choice: ModelChoice,
-    searched: StateSpaceModel,
+def estimate_candidate(
+    candidate: Candidate,
     estimation: Recording,
-    delays: Sequence[int],
-    settings: SearchSettings,
-    ranges: OrderRanges | None = None,
+    settings: FitSettings,
+    limits: OrderLimits,
     constraints: Constraints | None = None,
+    evaluations: int | None = None,
     log: Log | None = None,
 ) -> ChosenModel:
-    """Search a chosen model globally, the one of the search over orders among the starts.
+    """A candidate with its covariance and noise model, its own model among the starts.
 
     Parameters
     ----------
-    choice : ModelChoice
-    searched : StateSpaceModel
-        Of the search over orders.
+    candidate : Candidate
     estimation : Recording
-    delays : sequence of int
-    settings : SearchSettings
-    ranges : OrderRanges, optional
-        Of the orders of a polynomial model.
+    settings : FitSettings
+    limits : OrderLimits
     constraints : Constraints, optional
+        The search over orders does not know of them.  Where orders that were reduced by BIC
+        contradict them, those of before are taken.
+    evaluations : int, optional
+        0 for the optimum next to that of the search over orders, without a global search.
     log : callable, optional
 
     Raises
@@ -91,68 +74,68 @@ def search_chosen(
     ValueError
         When the record is too short.
     """
-    form = choice.variant.form
-    if is_polynomial(form):
-        return ChosenModel.of_polynomials(
-            estimate_structure(
-                estimation, form, choice.order, delays, settings, ranges, constraints, log=log
-            )
+    if candidate.polynomials is not None:
+        return _polynomials(candidate, estimation, settings, limits, constraints, evaluations, log)
+    structure, model = candidate.structure, candidate.state_space
+    assert model is not None
+    start = replace(
+        model,
+        sampling_rate=estimation.sampling_rate,
+        input_names=estimation.input_names,
+        output_names=estimation.output_names,
+    )
+    search = search_settings(settings, evaluations)
+    if evaluations == 0 and constraints is None:
+        task = task_of(estimation, structure, candidate.delays, settings)
+        estimate = descend_from(start, estimation, task)
+    else:
+        estimate = estimate_state_space(
+            estimation,
+            candidate.order,
+            structure=structure,  # type: ignore[arg-type]
+            delays=candidate.delays,
+            weighting=weighting_of(structure, settings),
+            settings=search,
+            constraints=constraints,
+            starts=(start,),
+            log=log,
         )
-    estimate = estimate_state_space(
-        estimation,
-        choice.order,
-        structure=form,  # type: ignore[arg-type]
-        delays=tuple(delays),
-        weighting=choice.variant.weighting,
-        settings=settings,
+    found = estimate.model
+    if found.structure == "ss_oe":
+        found = with_noise_model(found, estimation, search)
+    return ChosenModel(estimate, found)
+
+
+def _polynomials(
+    candidate: Candidate,
+    estimation: Recording,
+    settings: FitSettings,
+    limits: OrderLimits,
+    constraints: Constraints | None,
+    evaluations: int | None,
+    log: Log | None,
+) -> ChosenModel:
+    ends = InputLimits.of(limits.ranges, estimation.input_names)
+    orders, structure = candidate.orders, candidate.structure
+    if constraints is not None and not _allowed(constraints, orders, estimation):
+        orders = joint_orders(structure, candidate.order, candidate.delays, ends)
+    estimate = estimate_multi_input(
+        *(estimation.segment_inputs, estimation.segment_outputs, orders, structure),
+        estimation.sampling_rate,
+        settings=polynomial_settings(settings, evaluations),
         constraints=constraints,
-        starts=(searched,),
+        input_names=estimation.input_names,
+        output_name=estimation.output_names[0],
         log=log,
     )
-    return _completed(estimate, estimation, settings)
+    at_ends = ends.at_upper_ends(replace(orders, structure=structure), estimation.input_names)
+    return ChosenModel(estimate, estimate.model.state_space(), estimate.model, at_ends)
 
 
-def estimate_as_searched(
-    choice: ModelChoice,
-    searched: StateSpaceModel,
-    estimation: Recording,
-    delays: Sequence[int],
-    settings: SearchSettings,
-    ranges: OrderRanges | None = None,
-    constraints: Constraints | None = None,
-) -> ChosenModel:
-    """The optimum that the search over orders found, with its covariance and noise model.
-
-    Parameters and errors as of :func:`search_chosen`.
-    """
-    form = choice.variant.form
-    if is_polynomial(form):
-        return ChosenModel.of_polynomials(
-            estimate_structure(
-                *(estimation, form, choice.order, delays, settings, ranges, constraints),
-                globally=False,
-            )
-        )
-    if constraints is not None:
-        quick = replace(settings, evaluations=0)
-        return search_chosen(*(choice, searched, estimation, delays, quick, ranges, constraints))
-    task = StateSpaceTask.of(
-        estimation,
-        form,  # type: ignore[arg-type]
-        delays,
-        weighting=choice.variant.weighting,
-        settings=settings,
-    )
-    return _completed(descend_from(searched, estimation, task), estimation, settings)
-
-
-def _completed(
-    estimate: StateSpaceEstimate,
-    estimation: Recording,
-    settings: SearchSettings,
-) -> ChosenModel:
-    """A noise model stands beside an output-error plant whose residuals are not white."""
-    model = estimate.model
-    if model.structure == "ss_oe":
-        model = with_noise_model(model, estimation, settings)
-    return ChosenModel(estimate, model)
+def _allowed(constraints: Constraints, orders: Orders, estimation: Recording) -> bool:
+    """Whether a model of some orders may meet constraints."""
+    try:
+        check_constraints(constraints, orders, estimation.sampling_rate, estimation.input_names)
+    except InputError:
+        return False
+    return True

@@ -7,69 +7,22 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.automatic.candidates import Candidate, Scorer, StructureSearch
 from evopem.automatic.decision import Alternative, Decision
-from evopem.automatic.fit import log_loss
+from evopem.automatic.folds import HeldOutScores
 from evopem.automatic.level_decision import Level, decide_level
-from evopem.automatic.orders import Candidate, Scorer, StructureSearch, refine_orders
-from evopem.automatic.peer import against_peer
-from evopem.automatic.simulation import prediction_errors
-from evopem.models.polynomial import PolynomialModel
-from evopem.signals.recording import Segment
+from evopem.automatic.noise_properties import feedback_probability, heaviness
+from evopem.automatic.orders import refine_orders
+from evopem.automatic.subspace_comparison import with_subspace_estimate
 from evopem.validation.checks.residuals import INDEPENDENT_OF_INPUT
 
-Array = NDArray[np.float64]
-
-
-def heaviness(model: PolynomialModel, stretches: Sequence[Segment]) -> float:
-    """How much likelier a residual is under Laplace's distribution than under a normal one.
-
-    The mean logarithm of the ratio, each distribution at its likeliest scale.
-    """
-    e = _residuals(model, stretches)
-    return 0.5 * (log_loss(e, "quadratic") - log_loss(e, "absolute"))
-
-
-def feedback_probability(model: PolynomialModel, stretches: Sequence[Segment]) -> float:
-    """Probability that the input depends so much on past residuals by chance.
-
-    The input is regressed on its own past without and with past residuals (an F test; Granger
-    1969), in the longest stretch.
-    """
-    from scipy.stats import f
-
-    stretch = max(stretches, key=lambda each: each.samples)
-    e = prediction_errors(model, stretch)
-    u = stretch.input[len(stretch.input) - len(e) :]
-    n, lags = len(e), min(10, len(e) // 15)
-    if lags < 1:
-        return 1.0
-    own = [np.ones(n - lags), *(u[lags - k : n - k] for k in range(1, lags + 1))]
-    other = [e[lags - k : n - k] for k in range(1, lags + 1)]
-    target = u[lags:]
-    without = _sum_of_squares(np.column_stack(own), target)
-    with_residuals = _sum_of_squares(np.column_stack([*own, *other]), target)
-    freedom = len(target) - 2 * lags - 1
-    if not with_residuals > 0.0 or freedom < 1:
-        return 1.0
-    statistic = (without - with_residuals) / lags / (with_residuals / freedom)
-    return float(f.sf(statistic, lags, freedom))
-
-
-def _residuals(model: PolynomialModel, stretches: Sequence[Segment]) -> Array:
-    return np.concatenate([prediction_errors(model, each) for each in stretches])
-
-
-def _sum_of_squares(regressors: Array, target: Array) -> float:
-    e = target - regressors @ np.linalg.lstsq(regressors, target, rcond=None)[0]
-    return float(e @ e)
-
-
 Purpose = Literal["simulation", "prediction", "modes", "auto"]
+Kind = Literal["simulation", "fitted_level", "prediction"]
+Score = Callable[[Candidate], float]
 
-# Models whose simulation errors are within one standard error of the lowest, and within this share,
-# are as good.
+# Models whose errors are within one standard error of the lowest, and within this share, are as
+# good.
 AS_GOOD = 0.1
 # Folds that are independent of each other, of those in all designs.
 INDEPENDENT_FOLDS = 4
@@ -95,18 +48,18 @@ STRONG, CLEAR_GAIN = 6.0, 0.02
 class Choice:
     """The model for one purpose.
 
-    Attributes
-    ----------
-    purpose : {"simulation", "prediction", "modes"}
-    candidate : Candidate
-    level : {"constant", "state"}
-        Whether the level of other samples is that of the estimation samples, or belongs to the
-        state that is fitted to them.
+    The level of other samples is that of the estimation samples, ``constant``, or belongs to the
+    ``state`` that is fitted to them.
     """
 
     purpose: Purpose
     candidate: Candidate
     level: Level
+
+    @property
+    def kind(self) -> Kind:
+        """The errors on held-out samples that decide."""
+        return kind_of(self.purpose, self.level)
 
 
 @dataclass(frozen=True)
@@ -118,9 +71,20 @@ class Comparison:
     decisions: tuple[Decision, ...]
 
     def choice(self, purpose: Purpose) -> Choice:
-        """The choice for a purpose; ``auto`` is simulation."""
-        wanted = "simulation" if purpose == "auto" else purpose
-        return next(each for each in self.choices if each.purpose == wanted)
+        """The choice for a purpose; ``auto``, and what there is none for, is the first one."""
+        return next((each for each in self.choices if each.purpose == purpose), self.choices[0])
+
+
+def kind_of(purpose: Purpose, level: Level) -> Kind:
+    """The errors on held-out samples that decide for a purpose."""
+    if purpose == "prediction":
+        return "prediction"
+    return "fitted_level" if level == "state" else "simulation"
+
+
+def score_of(kind: Kind) -> Score:
+    """The error of a candidate on held-out samples."""
+    return lambda each: float(getattr(each.scores, kind))
 
 
 def compare_structures(scorer: Scorer, searches: Sequence[StructureSearch]) -> Comparison:
@@ -128,13 +92,8 @@ def compare_structures(scorer: Scorer, searches: Sequence[StructureSearch]) -> C
 
     Simulation: the lowest error of simulations of held-out samples; of the models that are as good,
     the lowest BIC, of one-step errors where these are white, else of simulation errors.
-    Prediction: the lowest one-step error on held-out samples.  Modes: the lowest BIC of models with
-    poles.
-
-    Parameters
-    ----------
-    scorer : Scorer
-    searches : sequence of StructureSearch
+    Prediction: the same with one-step errors on held-out samples.  Modes: the lowest BIC of models
+    with poles.  Without an input there is no simulation.
 
     Raises
     ------
@@ -145,24 +104,34 @@ def compare_structures(scorer: Scorer, searches: Sequence[StructureSearch]) -> C
     if not candidates:
         raise ValueError("the record is too short for a model of any structure")
     scorer.remember(candidates)
+    if not scorer.has_input:
+        prediction, about_prediction = _for_prediction(scorer, candidates)
+        modes, about_modes = _for_modes(candidates)
+        choices = (
+            Choice("prediction", prediction, "constant"),
+            Choice("modes", modes, "constant"),
+        )
+        return Comparison(choices, tuple(candidates), (about_prediction, about_modes))
     level, about_level = decide_level(
         min(each.scores.simulation for each in candidates),
-        min(each.scores.free_level for each in candidates),
+        min(each.scores.fitted_level for each in candidates),
+        CLEAR_GAIN,
     )
-    score = _score_of(level)
-    finalists = _best_of_structures(candidates, score)[:FINALISTS]
-    for finalist in finalists:
+    score = score_of(kind_of("simulation", level))
+    for finalist in _finalists(scorer, candidates, score):
         candidates.extend(refine_orders(scorer, finalist, score))
     candidates = list(dict.fromkeys(candidates))
     simulation, about_simulation = _for_simulation(scorer, candidates, level)
     level, about_level = _level_of(simulation, level, about_level)
-    about_peer = against_peer(
-        *(scorer.stretches, scorer.plan, scorer.settings.objective, simulation.name),
-        *(simulation.scores, level == "state"),
-    )
-    prediction = min(candidates, key=lambda each: each.scores.prediction)
-    with_poles = [each for each in candidates if each.orders.na + each.orders.single.nf >= 2]
-    modes = min(with_poles or candidates, key=lambda each: each.bic)
+    prediction, about_prediction = _for_prediction(scorer, candidates)
+    modes, about_modes = _for_modes(candidates)
+    decisions = [about_level, about_simulation, about_prediction, about_modes]
+    if scorer.is_single:
+        about = with_subspace_estimate(
+            *(scorer.stretches, scorer.plan, scorer.settings.objective, simulation.name),
+            *(simulation.scores, level == "state"),
+        )
+        decisions.append(about)
     return Comparison(
         (
             Choice("simulation", scorer.on_all_samples(simulation), level),
@@ -170,23 +139,8 @@ def compare_structures(scorer: Scorer, searches: Sequence[StructureSearch]) -> C
             Choice("modes", scorer.on_all_samples(modes), "constant"),
         ),
         tuple(candidates),
-        (
-            about_level,
-            about_simulation,
-            _named(
-                *("structure for prediction", prediction, candidates),
-                *(lambda each: each.scores.prediction, "one-step error on held-out samples, %"),
-            ),
-            _named("structure for modes", modes, candidates, lambda each: each.bic, "BIC"),
-            about_peer,
-        ),
+        tuple(decisions),
     )
-
-
-def _score_of(level: Level) -> Callable[[Candidate], float]:
-    if level == "state":
-        return lambda each: each.scores.free_level
-    return lambda each: each.scores.simulation
 
 
 def _level_of(candidate: Candidate, level: Level, decision: Decision) -> tuple[Level, Decision]:
@@ -195,51 +149,70 @@ def _level_of(candidate: Candidate, level: Level, decision: Decision) -> tuple[L
     A level passes through 1/A: where A has roots near 1, its small error in the equation is a large
     one in simulations.
     """
-    constant, free = candidate.scores.simulation, candidate.scores.free_level
-    if level == "state" or not free < (1.0 - CLEAR_GAIN) * constant:
+    constant, fitted = candidate.scores.simulation, candidate.scores.fitted_level
+    if level == "state" or not fitted < (1.0 - CLEAR_GAIN) * constant:
         return level, decision
     sentence = (
         f"{candidate.name} simulates held-out samples better when their level is fitted to them "
         "with the initial state."
     )
-    alternatives = (Alternative("constant", constant), Alternative("state", free))
+    alternatives = (Alternative("constant", constant), Alternative("state", fitted))
     return "state", replace(decision, choice="state", alternatives=alternatives, sentence=sentence)
 
 
-def _best_of_structures(
-    candidates: Sequence[Candidate], score: Callable[[Candidate], float]
-) -> list[Candidate]:
+def _finalists(scorer: Scorer, candidates: Sequence[Candidate], score: Score) -> list[Candidate]:
+    """The best of the best structures; of several inputs the best polynomials as well."""
     names = dict.fromkeys(each.structure for each in candidates)
-    best = [min((c for c in candidates if c.structure == n), key=score) for n in names]
-    return sorted(best, key=score)
+    best = sorted(
+        (min((c for c in candidates if c.structure == n), key=score) for n in names), key=score
+    )
+    finalists = best[:FINALISTS]
+    if not scorer.is_single:
+        finalists += [each for each in best[FINALISTS:] if each.polynomials is not None][:1]
+    return finalists
+
+
+def _for_prediction(scorer: Scorer, candidates: Sequence[Candidate]) -> tuple[Candidate, Decision]:
+    best = min(candidates, key=score_of("prediction"))
+    chosen, sentence = _likeliest_as_good(scorer, candidates, best, "prediction")
+    return chosen, _named(
+        *("structure for prediction", chosen, candidates, score_of("prediction")),
+        *("one-step error on held-out samples, %", sentence),
+    )
+
+
+def _for_modes(candidates: Sequence[Candidate]) -> tuple[Candidate, Decision]:
+    with_poles = [each for each in candidates if each.has_poles]
+    modes = min(with_poles or candidates, key=lambda each: each.bic)
+    return modes, _named("structure for modes", modes, candidates, lambda each: each.bic, "BIC")
 
 
 def _for_simulation(
     scorer: Scorer, candidates: Sequence[Candidate], level: Level
 ) -> tuple[Candidate, Decision]:
-    score = _score_of(level)
-    best = min(candidates, key=score)
+    kind = kind_of("simulation", level)
+    best = min(candidates, key=score_of(kind))
     chosen, sentence = (
-        _under_heavy_tails(scorer, candidates, score)
-        or _by_likelihood(scorer, candidates, level)
-        or _by_simulation(scorer, candidates, best, level)
+        _under_heavy_tails(scorer, candidates, score_of(kind))
+        or _by_likelihood(scorer, candidates, kind)
+        or _likeliest_as_good(scorer, candidates, best, kind)
     )
     decision = _named(
         *("structure for simulation", chosen, candidates),
-        *(score, "simulation error on held-out samples, %", sentence),
+        *(score_of(kind), "simulation error on held-out samples, %", sentence),
     )
     return chosen, decision
 
 
 def _under_heavy_tails(
-    scorer: Scorer, candidates: Sequence[Candidate], score: Callable[[Candidate], float]
+    scorer: Scorer, candidates: Sequence[Candidate], score: Score
 ) -> tuple[Candidate, str] | None:
     """The lowest BIC, where heavy-tailed disturbances pass through the poles of the plant."""
     likeliest = min(candidates, key=lambda each: each.bic)
     lowest_score = min(map(score, candidates))
     if (
         scorer.settings.objective != "absolute"
-        or likeliest.orders.na == 0
+        or not _passes_through_plant(likeliest)
         or heaviness(likeliest.model, scorer.stretches) < HEAVY
         or not score(likeliest) < MOST_UNDER_HEAVY_TAILS * lowest_score
     ):
@@ -249,7 +222,8 @@ def _under_heavy_tails(
         f"errors are not robust against them. {likeliest.name} has the lowest BIC, of the absolute "
         "one-step errors."
     )
-    near = [each for each in _without_evidence(scorer, candidates, likeliest) if each.orders.na]
+    near = _without_evidence(scorer, candidates, likeliest)
+    near = [each for each in near if _passes_through_plant(each)]
     smallest = min(_fewest_failures(scorer, near), key=lambda each: (each.parameters, each.bic))
     if smallest is likeliest:
         return likeliest, sentence
@@ -257,6 +231,13 @@ def _under_heavy_tails(
         f"{sentence} {smallest.name}, against which the BIC gives no strong evidence, fails fewer "
         "checks or has fewer parameters."
     )
+
+
+def _passes_through_plant(candidate: Candidate) -> bool:
+    """Whether noise and input have poles in common."""
+    if candidate.polynomials is None:
+        return candidate.structure == "ss"
+    return candidate.orders.na > 0
 
 
 def _fewest_failures(scorer: Scorer, candidates: Sequence[Candidate]) -> list[Candidate]:
@@ -276,7 +257,7 @@ def _without_evidence(
 
 
 def _by_likelihood(
-    scorer: Scorer, candidates: Sequence[Candidate], level: Level
+    scorer: Scorer, candidates: Sequence[Candidate], kind: Kind
 ) -> tuple[Candidate, str] | None:
     """The model of the lowest BIC, where nothing speaks against it.
 
@@ -284,7 +265,7 @@ def _by_likelihood(
     unbiased under feedback.  Simulation errors contain the noise as a whole; where it is narrow in
     frequency, they differ by chance by far more than the models do.
     """
-    score = _score_of(level)
+    score = score_of(kind)
     likeliest = min(candidates, key=lambda each: each.bic)
     ratio = score(likeliest) / min(map(score, candidates))
     checks = scorer.checks(likeliest)
@@ -306,7 +287,7 @@ def _by_likelihood(
     )
     near = _without_evidence(scorer, candidates, likeliest)
     best = min(near, key=score)
-    equal = _fewest_failures(scorer, [each for each in near if as_good(each, best, level)])
+    equal = _fewest_failures(scorer, [each for each in near if as_good(each, best, kind)])
     chosen = min(equal, key=lambda each: each.bic)
     if chosen is likeliest:
         return likeliest, sentence
@@ -316,15 +297,18 @@ def _by_likelihood(
     )
 
 
-def _by_simulation(
-    scorer: Scorer, candidates: Sequence[Candidate], best: Candidate, level: Level
+def _likeliest_as_good(
+    scorer: Scorer, candidates: Sequence[Candidate], best: Candidate, kind: Kind
 ) -> tuple[Candidate, str]:
-    """The lowest BIC of those that simulate held-out samples as well as the best."""
-    equal = [each for each in candidates if as_good(each, best, level)]
+    """The lowest BIC of those that do as well on held-out samples as the best."""
+    does = "predicts" if kind == "prediction" else "simulates"
+    equal = list(candidates)
+    if np.isfinite(score_of(kind)(best)):
+        equal = [each for each in candidates if as_good(each, best, kind)]
     equal = _fewest_failures(scorer, equal)
     chosen = min(equal, key=lambda each: each.bic)
     reason = "has the lowest BIC of those that fail the fewest checks, and white residuals"
-    if scorer.checks(chosen).whiteness < BY_CHANCE:
+    if kind != "prediction" and scorer.checks(chosen).whiteness < BY_CHANCE:
         # No model of these describes the noise, so that one-step errors say little of the plant.
         chosen = min(equal, key=lambda each: each.simulation_bic)
         reason = (
@@ -332,42 +316,37 @@ def _by_simulation(
             "residuals are not white"
         )
     if chosen is best:
-        return best, f"{best.name} simulates held-out samples with the lowest error."
+        return best, f"{best.name} {does} held-out samples with the lowest error."
     return chosen, (
-        f"{chosen.name} simulates held-out samples as well as {best.name}, within a standard error,"
+        f"{chosen.name} {does} held-out samples as well as {best.name}, within a standard error,"
         f" and {reason}."
     )
 
 
-def as_good(candidate: Candidate, best: Candidate, level: Level) -> bool:
-    """Whether a model simulates held-out samples as well as another.
+def as_good(candidate: Candidate, best: Candidate, kind: Kind) -> bool:
+    """Whether a model does as well on held-out samples as another.
 
     Within one standard error of the mean difference of the folds, and within 10 %.
-
-    Parameters
-    ----------
-    candidate, best : Candidate
-    level : {"constant", "state"}
     """
 
-    def folds(each: Candidate) -> tuple[float, ...]:
-        scores = each.scores
-        return scores.free_level_folds if level == "state" else scores.simulation_folds
+    def folds(scores: HeldOutScores) -> tuple[float, ...]:
+        return tuple(getattr(scores, f"{kind}_folds"))
 
-    score = _score_of(level)
-    if len(folds(candidate)) != len(folds(best)) or not np.isfinite(score(candidate)):
+    score, both = score_of(kind), (folds(candidate.scores), folds(best.scores))
+    if len(both[0]) != len(both[1]) or not np.isfinite(score(candidate)):
         return candidate is best
-    differences = np.subtract(folds(candidate), folds(best))
-    standard_error = float(np.std(differences, ddof=1)) / np.sqrt(INDEPENDENT_FOLDS)
-    difference = float(np.log(score(candidate) / score(best)))
-    return difference <= min(standard_error, AS_GOOD)
+    largest = AS_GOOD
+    if len(both[0]) > 1:
+        deviation = float(np.std(np.subtract(*both), ddof=1))
+        largest = min(deviation / np.sqrt(INDEPENDENT_FOLDS), AS_GOOD)
+    return float(np.log(score(candidate) / score(best))) <= largest
 
 
 def _named(
     subject: str,
     chosen: Candidate,
     candidates: Sequence[Candidate],
-    score: Callable[[Candidate], float],
+    score: Score,
     criterion: str,
     sentence: str = "",
 ) -> Decision:

@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 
 from evopem.automatic.decision import Alternative, Decision, given_by_configuration
 from evopem.automatic.fit import FOLD_STAGES, FitSettings, fit
-from evopem.automatic.orders import MOST_SAMPLES
 from evopem.automatic.simulation import simulated
-from evopem.automatic.stretches import first_samples, folds_of
+from evopem.automatic.stretches import MOST_SAMPLES, first_samples, folds_of
 from evopem.errors import InputError
 from evopem.estimation.criteria import power_of_two_scale
 from evopem.models.structures import Orders
@@ -59,10 +58,19 @@ LEAST_CURVATURE = 0.1
 
 @dataclass(frozen=True)
 class TransformPlan:
-    """The transforms that are taken."""
+    """The transforms that are taken.
 
-    box_cox: float | None = None  # parameter of the output's Box-Cox transform
-    input_trend: float = 0.0  # slopes that are taken from the channels, in their units per sample
+    Attributes
+    ----------
+    box_cox : float, optional
+        Parameter of the output's Box-Cox transform.
+    input_trend, output_trend : float
+        Slopes that are taken from the channels, in their units per sample.
+    decisions : tuple of Decision
+    """
+
+    box_cox: float | None = None
+    input_trend: float = 0.0
     output_trend: float = 0.0
     decisions: tuple[Decision, ...] = ()
 
@@ -86,9 +94,16 @@ def decide_transforms(
 ) -> TransformPlan:
     """Decide the transforms of recorded stretches.
 
-    `stretches`: Samples between breaks, in recorded units. `begins`: First sample of each in its
-    recording. `box_cox`, `trend`: Whether the configuration says what is done. `continued`: Whether
-    the validation samples continue the estimation samples, and their trend.
+    Parameters
+    ----------
+    stretches : sequence of Segment
+        Samples between breaks, in recorded units.
+    begins : sequence of int
+        First sample of each in its recording.
+    box_cox, trend : bool
+        Whether the configuration says what is done.
+    continued : bool
+        Whether the validation samples continue the estimation samples, and their trend.
     """
     kept = first_samples(stretches, MOST_SAMPLES)
     folds = _folds(kept)
@@ -252,6 +267,10 @@ def spread_test(stretches: Sequence[Segment]) -> float:
     """p-value of a rank correlation between the size of ARX residuals and the predicted output.
 
     NaN where there are too few samples.
+
+    Parameters
+    ----------
+    stretches : sequence of Segment
     """
     from scipy.stats import spearmanr
 
@@ -261,10 +280,10 @@ def spread_test(stretches: Sequence[Segment]) -> float:
     except (ValueError, np.linalg.LinAlgError):
         return float("nan")
     sizes, predicted = [], []
-    longer = [each for each in scaled if each.samples > found.orders.first_residual + 1]
+    longer = [each for each in scaled if each.samples > found.first + 1]
     for stretch, residuals in zip(longer, found.residuals, strict=False):
-        sizes.append(np.abs(residuals))
-        predicted.append(stretch.output[-len(residuals) :] - residuals)
+        sizes.append(np.abs(residuals[:, 0]))
+        predicted.append(stretch.output[-len(residuals) :] - residuals[:, 0])
     return float(spearmanr(np.concatenate(sizes), np.concatenate(predicted)).pvalue)
 
 
@@ -301,7 +320,7 @@ def _as_recorded(
     orders: Orders, training: Sequence[Segment], held_out: Sequence[Segment]
 ) -> list[Array]:
     model = fit(training, orders, FitSettings(), stages=FOLD_STAGES).model
-    return [simulated(model, each, free_level=True) - each.output for each in held_out]
+    return [(simulated(model, each, fitted_level=True) - each.outputs)[:, 0] for each in held_out]
 
 
 def _box_cox(parameter: float, shift: float) -> Simulate:
@@ -319,7 +338,7 @@ def _box_cox(parameter: float, shift: float) -> Simulate:
         for each in held_out:
             target = transformed(each)
             target = replace(target, outputs=target.output - mean)
-            computed = simulated(model, target, free_level=True) + mean
+            computed = simulated(model, target, fitted_level=True)[:, 0] + mean
             found.append(invert_box_cox(computed, parameter, shift) - each.output)
         return found
 

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from evopem.automatic.state_space_choice import scores_of
 from evopem.config.structures import plant_order, structure_name
 from evopem.errors import InputError
 from evopem.figures.signal_labels import (
@@ -474,15 +473,16 @@ class ChannelsView(View):
     @cached_property
     def scores(self) -> pd.DataFrame:
         """Errors on held-out samples by structure and order, the choice selected."""
-        choice = self.results.choice.model
-        kind = scores_of(choice.purpose, choice.level)
+        choice = self.results.choice
+        chosen = choice.candidate.structure, choice.candidate.order
         rows = [
             (
-                *(structure_words(each.variant.form), order, error),
-                (each.variant, order) == (choice.variant, choice.order),
+                *(structure_words(each.structure), each.order, getattr(each.scores, choice.kind)),
+                (each.structure, each.order) == chosen,
             )
-            for each in self.results.searches
-            for order, error in zip(each.orders, getattr(each, kind), strict=True)
+            for search in self.results.searches
+            for each in search.candidates
+            if each.is_scored
         ]
         return pd.DataFrame(rows, columns=["structure", "order", "error_percent", "selected"])
 

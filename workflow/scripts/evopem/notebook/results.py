@@ -15,7 +15,7 @@ import pandas as pd
 
 from evopem.automatic.decision import Decision
 from evopem.config.settings import DatasetSettings
-from evopem.config.structures import searched_variants, variant_name
+from evopem.config.structures import searched_variants
 from evopem.errors import InputError
 from evopem.figures.chart import Chart
 from evopem.figures.draw import draw, grid_of
@@ -111,7 +111,7 @@ class Results:
         """Read the results of a data set."""
         if settings.is_single_channel:
             return cls(files, read_dataset_results(files, settings), folder)
-        names = [variant_name(*each) for each in searched_variants(settings)]
+        names = [structure for structure, _ in searched_variants(settings)]
         return cls(files, read_multichannel_results(files, settings, names), folder)
 
     @property

@@ -14,11 +14,11 @@ from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.delays import DelayChoice
 from evopem.automatic.folds import FoldPlan
 from evopem.automatic.orders import StructureSearch
-from evopem.automatic.peer import SUBJECT
 from evopem.automatic.preparation import PreparationPlan
 from evopem.automatic.record import DecisionRecord, OtherModel
 from evopem.automatic.remedies import Remedied
 from evopem.automatic.structures import Comparison, Purpose
+from evopem.automatic.subspace_comparison import SUBJECT
 from evopem.blas_threads import one_blas_thread
 from evopem.config.settings import Objective, SearchSettings
 from evopem.estimation.model_record import ModelRecord

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from evopem.automatic.candidates import Scorer, StructureSearch
 from evopem.automatic.chosen import select_structure
 from evopem.automatic.delays import DelayChoice, decide_delays
 from evopem.automatic.folds import FoldPlan
 from evopem.automatic.folds import decide_folds as decide_common_folds
 from evopem.automatic.limits import OrderLimits
-from evopem.automatic.orders import NESTED, Scorer, StructureSearch
+from evopem.automatic.orders import NESTED
 from evopem.automatic.orders import search_structure as search
 from evopem.automatic.remedies import act_on_checks as act
 from evopem.automatic.structures import Comparison, Purpose
@@ -36,10 +37,9 @@ def decide_delay(files: DatasetFiles, limits: Range | None) -> None:
 def search_structure(files: DatasetFiles, structure: str, settings: AutomaticSettings) -> None:
     """Search the orders of one structure, from the optima of those nested in it."""
     smaller = {each: load(StructureSearch, files.search(each)) for each in NESTED[structure]}
-    delay = load(DelayChoice, files.decision("delay")).delays[0]
     with one_blas_thread():
         scorer = _scorer(files, OrderLimits.of_search(settings))
-        save(search(scorer, structure, delay, smaller), files.search(structure))
+        save(search(scorer, structure, smaller), files.search(structure))
 
 
 def compare_structures(
@@ -83,4 +83,5 @@ def act_on_checks(files: DatasetFiles, settings: AutomaticSettings) -> None:
 def _scorer(files: DatasetFiles, limits: OrderLimits) -> Scorer:
     record = load_record(files)
     folds = load(FoldPlan, files.decision("folds"))
-    return Scorer(record.stretches, folds, record.settings, limits)
+    delays = load(DelayChoice, files.decision("delay")).delays
+    return Scorer(record.stretches, folds, record.settings, limits, delays)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from evopem.automatic.variant_search import Variant
 from evopem.config.settings import DatasetSettings
 from evopem.config.yaml_form import read_settings
 from evopem.figures.registry import draw_all
@@ -20,8 +19,8 @@ def draw_figures(files: DatasetFiles) -> None:
 
 
 def draw_channel_figures(
-    files: DatasetFiles, settings: DatasetSettings, variants: tuple[Variant, ...]
+    files: DatasetFiles, settings: DatasetSettings, structures: tuple[str, ...]
 ) -> None:
     """The same of a data set with several channels."""
-    results = read_multichannel_results(files, settings, [each.name for each in variants])
+    results = read_multichannel_results(files, settings, structures)
     draw_all(results, Path(files.figures[0]).parent)

@@ -10,7 +10,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from evopem.automatic.multichannel_folds import describe_folds
 from evopem.automatic.preparation import (
     GivenPreparation,
     PreparationPlan,
@@ -48,9 +47,25 @@ def prepare_samples(
 ) -> None:
     """Make all channels stationary, and divide the samples for estimation and validation.
 
-    `given`: What is not decided by the automatic recipe; None where all is given. `requirements`:
-    Of the order grid of the chapter's recipe. `fit`: Whose constraints are checked with the
-    sampling rate.
+    Parameters
+    ----------
+    files : DatasetFiles
+    settings : PreparationSettings
+    is_validated : bool
+    recorded : tuple of str
+        The recorded files, those for validation last, for errors to name.
+    given : GivenPreparation, optional
+        What is not decided by the automatic recipe; None where all is given.
+    requirements : SampleRequirements, optional
+        Of the order grid of the chapter's recipe.
+    fit : (FitSettings, OrderGrid), optional
+        Whose constraints are checked with the sampling rate.
+
+    Raises
+    ------
+    InputError
+        When a transform cannot be applied, too few samples are left, the constraints contradict the
+        sampling rate, or a validation recording shares its samples with the recording.
     """
     place = f"datasets.{files.name}"
     recording = load_recording(files.recording)
@@ -66,9 +81,6 @@ def prepare_samples(
                 source = f"{place} ({error.source})"
                 raise InputError(source, error.problem, error.remedy) from None
             prepared = prepared_data(prepared, plan, place)
-        if given.rate_alone:
-            folds = describe_folds(prepared.estimation)
-            plan = replace(plan, decisions=(*plan.decisions, folds))
         save(plan, files.decision("preparation"))
     if requirements is not None:
         _check_samples(requirements, prepared, place)
@@ -150,7 +162,12 @@ def _without_trend(
 
 
 def _check_samples(requirements: SampleRequirements, prepared: PreparedData, place: str) -> None:
-    """Refuse samples that are too few for some candidate; each stretch has states of its own."""
+    """Refuse samples that are too few for some candidate; each stretch has states of its own.
+
+    Raises
+    ------
+    InputError
+    """
     estimation, validation = prepared.estimation, prepared.validation
     least = requirements.loss_start + requirements.settling
     lost = (len(estimation.segments) - 1) * least

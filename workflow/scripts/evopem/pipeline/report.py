@@ -6,7 +6,6 @@ import subprocess
 from collections.abc import Mapping
 from pathlib import Path
 
-from evopem.automatic.variant_search import Variant
 from evopem.config.settings import DatasetSettings
 from evopem.config.yaml_form import read_settings
 from evopem.figures.view import Results
@@ -53,10 +52,10 @@ def write_report(files: DatasetFiles) -> None:
 
 
 def write_channel_report(
-    files: DatasetFiles, settings: DatasetSettings, variants: tuple[Variant, ...]
+    files: DatasetFiles, settings: DatasetSettings, structures: tuple[str, ...]
 ) -> None:
     """The same of a data set with several channels."""
-    results = read_multichannel_results(files, settings, [each.name for each in variants])
+    results = read_multichannel_results(files, settings, structures)
     write_text(files.report, report_page(files, results, _figures(files)))
 
 

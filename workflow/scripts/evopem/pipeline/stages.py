@@ -25,7 +25,6 @@ from evopem.config.structures import (
     is_polynomial,
     searched_structures,
     searched_variants,
-    variant_name,
 )
 from evopem.pipeline.constraint_plan import known_rate
 from evopem.results.layout import DatasetFiles
@@ -210,7 +209,7 @@ def _automatic(task: Task) -> AutomaticSettings:
 
 def _structures(task: Task) -> tuple[str, ...]:
     if not task.settings.is_single_channel:
-        return tuple(variant_name(*each) for each in searched_variants(task.settings))
+        return tuple(structure for structure, _ in searched_variants(task.settings))
     return searched_structures(_automatic(task).structure)
 
 
@@ -303,11 +302,6 @@ def _fit_to_check(task: Task) -> object:
     given = _is_by_chapter(settings) and settings.fit.constraints is not None
     waits = given and known_rate(settings) is None
     return (settings.fit, settings.order_grid) if waits else None
-
-
-def _variants(task: Task) -> list[dict[str, str]]:
-    listed = searched_variants(task.settings)
-    return [{"form": form, "weighting": weighting} for form, weighting in listed]
 
 
 def _ranges_of_form(task: Task) -> OrderRanges:
@@ -425,6 +419,14 @@ STAGES = (
         outputs=("decision:folds",),
     ),
     Stage(
+        "decide_folds",
+        "multichannel.search:decide_channel_folds",
+        "choosing the held-out samples",
+        _has_several,
+        inputs=_PREPARED,
+        outputs=("decision:folds",),
+    ),
+    Stage(
         "decide_delay",
         "automatic_search:decide_delay",
         "searching the delay",
@@ -455,14 +457,15 @@ STAGES = (
     ),
     Stage(
         "search_structure",
-        "multichannel.search:search_state_space",
+        "multichannel.search:search_channel_structure",
         "searching the orders of {structure} models",
         _has_several,
-        inputs=(*_PREPARED, "decision:delay"),
+        inputs=(*_PREPARED, "decision:folds", "decision:delay"),
         outputs=("search:{structure}", "models_of_orders:{structure}"),
         settings={
             "ranges": _ranges_of_form,
-            "search": "state_space_search",
+            "search_settings": "state_space_search",
+            "weighting": "automatic.weighting",
         },
         wildcards={"structure": "structures"},
         demand="estimation",
@@ -472,7 +475,7 @@ STAGES = (
         "automatic_search:compare_structures",
         "comparing the structures",
         _is_automatic,
-        inputs=("search:{wanted}", *_DECIDED, "decision:folds"),
+        inputs=("search:{wanted}", *_DECIDED, "decision:folds", "decision:delay"),
         outputs=("decision:comparison", "phase:structures"),
         settings={
             "structures": _wanted,
@@ -482,20 +485,40 @@ STAGES = (
     ),
     Stage(
         "choose",
-        "multichannel.choice:choose_state_space",
+        "multichannel.search:choose_channel_structure",
         "comparing the structures",
         _has_several,
-        inputs=("search:{structures}",),
+        inputs=("search:{structures}", *_PREPARED, "decision:folds", "decision:delay"),
         outputs=("decision:comparison",),
-        settings={"variants": _variants, "choices": _choices("purpose")},
-        demand="small",
+        settings={
+            "structures": _structures,
+            "ranges": "automatic.orders",
+            "search_settings": "state_space_search",
+            "weighting": "automatic.weighting",
+        },
+        demand="estimation",
+    ),
+    Stage(
+        "revise",
+        "multichannel.search:act_on_channel_checks",
+        "acting on failed checks",
+        _has_several,
+        inputs=("decision:comparison", *_PREPARED, "decision:folds", "decision:delay"),
+        outputs=("decision:remedies",),
+        settings={
+            "purpose": "automatic.purpose",
+            "ranges": "automatic.orders",
+            "search_settings": "state_space_search",
+            "weighting": "automatic.weighting",
+        },
+        demand="estimation",
     ),
     Stage(
         "revise",
         "automatic_search:act_on_checks",
         "acting on failed checks",
         _is_automatic,
-        inputs=("decision:comparison", *_DECIDED, "decision:folds"),
+        inputs=("decision:comparison", *_DECIDED, "decision:folds", "decision:delay"),
         outputs=("decision:remedies",),
         settings={"settings": _choices("purpose", "structure", "orders")},
         demand="estimation",
@@ -560,15 +583,12 @@ STAGES = (
         "multichannel.chosen:estimate_chosen_state_space",
         "searching the chosen model globally",
         _has_several,
-        inputs=(
-            *(*_PREPARED, "decision:delay", "decision:comparison"),
-            *("models_of_orders:{structures}", "search:{structures}"),
-        ),
-        outputs=("candidates", "model", "decision:remedies", "model_mat", "frequency_response"),
+        inputs=(*_PREPARED, "decision:remedies"),
+        outputs=("model", "model_mat", "frequency_response"),
         settings={
-            "variants": _variants,
             "ranges": "automatic.orders",
             "search": "state_space_search",
+            "weighting": "automatic.weighting",
             "constraints": "fit.constraints",
         },
         demand="estimation",
@@ -589,14 +609,12 @@ STAGES = (
         "multichannel.chosen:complete_other_state_space",
         "model for the other purpose",
         _has_several,
-        inputs=(
-            *(*_PREPARED, "decision:delay", "decision:comparison"),
-            "models_of_orders:{structures}",
-        ),
+        inputs=(*_PREPARED, "decision:comparison"),
         outputs=("other_model:{purpose}", "other_errors:{purpose}"),
         settings={
             "ranges": "automatic.orders",
             "search": "state_space_search",
+            "weighting": "automatic.weighting",
             "constraints": "fit.constraints",
         },
         wildcards={"purpose": "purposes"},
@@ -610,6 +628,16 @@ STAGES = (
         inputs=("phase:{phases}",),
         outputs=("candidates",),
         settings={"phases": _phases},
+        demand="small",
+    ),
+    Stage(
+        "tabulate",
+        "multichannel.candidates:tabulate_channel_candidates",
+        "table of candidates",
+        _has_several,
+        inputs=("search:{structures}", "decision:comparison", "decision:remedies"),
+        outputs=("candidates",),
+        settings={"structures": _structures},
         demand="small",
     ),
     Stage(
@@ -649,10 +677,11 @@ STAGES = (
         "decisions",
         _has_several,
         inputs=(
-            *("decision:preparation", "decision:delay", "decision:comparison"),
-            *("decision:remedies", "other_errors:{purposes}"),
+            *("decision:preparation", "decision:folds", "decision:delay", "search:{structures}"),
+            *("decision:comparison", "decision:remedies", "other_errors:{purposes}"),
         ),
         outputs=("decisions",),
+        settings={"structures": _structures, "others": _purposes},
         demand="small",
     ),
     Stage(
@@ -702,7 +731,7 @@ STAGES = (
         _has_several,
         inputs=_SHOWN_CHANNELS,
         outputs=("figures",),
-        settings={"settings": "", "variants": _variants},
+        settings={"settings": "", "structures": _structures},
         is_page=True,
     ),
     Stage(
@@ -712,7 +741,7 @@ STAGES = (
         _has_several,
         inputs=(*_SHOWN_CHANNELS, "figures"),
         outputs=("report",),
-        settings={"settings": "", "variants": _variants},
+        settings={"settings": "", "structures": _structures},
         is_page=True,
     ),
 )

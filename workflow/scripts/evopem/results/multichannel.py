@@ -10,11 +10,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from evopem.automatic.decision import Decision
-from evopem.automatic.record import OtherModel
-from evopem.automatic.state_space_choice import StateSpaceChoice
-from evopem.automatic.state_space_remedies import RemedyRecord
-from evopem.automatic.variant_search import VariantSearch
+from evopem.automatic.candidates import StructureSearch
+from evopem.automatic.record import DecisionRecord
+from evopem.automatic.remedies import Remedied
+from evopem.automatic.structures import Choice
 from evopem.config.settings import DatasetSettings
 from evopem.estimation.model_record import ModelRecord
 from evopem.files.checksums import sha256_of_file
@@ -37,27 +36,6 @@ from evopem.validation.multichannel import MultichannelValidation
 NFFT = 1024
 
 
-@dataclass(frozen=True)
-class DecisionList:
-    """Every decision of a data set, in their order.
-
-    Attributes
-    ----------
-    purpose : {"simulation", "prediction"}
-        What the model is for.
-    decisions : tuple of Decision
-    remedies : RemedyRecord
-        What was tried where checks failed.
-    other : OtherModel, optional
-        The model for the other purpose; None without inputs.
-    """
-
-    purpose: str
-    decisions: tuple[Decision, ...]
-    remedies: RemedyRecord
-    other: OtherModel | None
-
-
 @dataclass(frozen=True, eq=False)
 class MultichannelResults:
     """The results of one data set with several channels, as typed objects and tables.
@@ -76,9 +54,9 @@ class MultichannelResults:
     frequency_response, simulation, residual_autocorrelation, cross_correlation : pandas.DataFrame
         As in ``frequency_response.csv`` and the other files of these names.
     validation : MultichannelValidation
-    searches : tuple of VariantSearch
-    choice : StateSpaceChoice
-    decisions : DecisionList
+    searches : tuple of StructureSearch
+    choice : Choice
+    decisions : DecisionRecord
     """
 
     settings: DatasetSettings
@@ -93,9 +71,9 @@ class MultichannelResults:
     residual_autocorrelation: pd.DataFrame
     cross_correlation: pd.DataFrame
     validation: MultichannelValidation
-    searches: tuple[VariantSearch, ...]
-    choice: StateSpaceChoice
-    decisions: DecisionList
+    searches: tuple[StructureSearch, ...]
+    choice: Choice
+    decisions: DecisionRecord
 
     @property
     def name(self) -> str:
@@ -112,13 +90,14 @@ class MultichannelResults:
     def checks(self) -> list[Check]:
         """The checks of the model."""
         return state_space_checks(
-            self.model, self.validation, self.choice.model.order, self.tried, self.recording_info
+            self.model, self.validation, self.choice.candidate.order, self.tried, self.recording_info
         )
 
     @property
     def tried(self) -> tuple[int, ...]:
-        """The orders of the chosen variant that were searched."""
-        return next(each.tried for each in self.searches if each.variant == self.choice.model.variant)
+        """The orders of the chosen structure that were searched."""
+        structure = self.choice.candidate.structure
+        return next(each.orders for each in self.searches if each.structure == structure)
 
     @property
     def trusted_modes(self) -> list[Mode]:
@@ -127,7 +106,7 @@ class MultichannelResults:
 
 
 def read_multichannel_results(
-    files: DatasetFiles, settings: DatasetSettings, variants: Sequence[str]
+    files: DatasetFiles, settings: DatasetSettings, structures: Sequence[str]
 ) -> MultichannelResults:
     """Read the results of one data set with several channels.
 
@@ -135,8 +114,8 @@ def read_multichannel_results(
     ----------
     files : DatasetFiles
     settings : DatasetSettings
-    variants : sequence of str
-        Names of the variants that were searched.
+    structures : sequence of str
+        That were searched.
 
     Raises
     ------
@@ -158,12 +137,9 @@ def read_multichannel_results(
         residual_autocorrelation=read_table(files.residual_autocorrelation),
         cross_correlation=read_table(files.cross_correlation),
         validation=load(MultichannelValidation, files.validation),
-        searches=tuple(load(VariantSearch, files.search(name)) for name in variants),
-        choice=replace(
-            load(StateSpaceChoice, files.decision("comparison")),
-            model=load(RemedyRecord, files.decision("remedies")).choice,
-        ),
-        decisions=load(DecisionList, files.decisions),
+        searches=tuple(load(StructureSearch, files.search(name)) for name in structures),
+        choice=load(Remedied, files.decision("remedies")).choice,
+        decisions=load(DecisionRecord, files.decisions),
     )
 
 
@@ -173,8 +149,8 @@ def summarize_multichannel(files: DatasetFiles) -> DatasetSummary:
     validation = load(MultichannelValidation, files.validation)
     info = load(RecordingInfo, files.recording_info)
     modes = load(ModesRecord, files.modes_json)
-    choice = load(RemedyRecord, files.decision("remedies")).choice
-    tried = load(VariantSearch, files.search(choice.variant.name)).tried
+    chosen = load(Remedied, files.decision("remedies")).choice.candidate
+    tried = load(StructureSearch, files.search(chosen.structure)).orders
     return DatasetSummary(
         file=info.files[0].path,
         sha256=info.files[0].sha256,
@@ -187,7 +163,7 @@ def summarize_multichannel(files: DatasetFiles) -> DatasetSummary:
         prediction_error_percent=validation.prediction_error_percent,
         simulation_error_percent=validation.simulation_error_percent,
         fitted_state_error_percent=validation.fitted_state_error_percent,
-        checks=tuple(state_space_checks(record, validation, choice.order, tried, info)),
+        checks=tuple(state_space_checks(record, validation, chosen.order, tried, info)),
         modes=modes.modes,
         trusted=modes.trusted,
         shapes=tuple(tuple(map(complex, mode.shape)) for mode in modes.modes),

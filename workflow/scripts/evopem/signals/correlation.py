@@ -12,10 +12,18 @@ from evopem.errors import InputError
 
 @dataclass(frozen=True)
 class Correlation:
-    """A normalised correlation function."""
+    """A normalised correlation function.
 
-    lags: NDArray[np.int64]  # (M,) in samples
-    values: NDArray[np.float64]  # (M,) between -1 and 1
+    Attributes
+    ----------
+    lags : ndarray of int, shape (M,)
+        In samples.
+    values : ndarray of float64, shape (M,)
+        Between -1 and 1.
+    """
+
+    lags: NDArray[np.int64]
+    values: NDArray[np.float64]
 
 
 def autocorrelation(signal: NDArray[np.float64], lags: int) -> Correlation:
@@ -24,7 +32,21 @@ def autocorrelation(signal: NDArray[np.float64], lags: int) -> Correlation:
     ``r(k) = sum (x[t + k] - m) (x[t] - m) / sum (x[t] - m)**2``, m the mean (Ljung 1999,
     section 6.1): positive semi-definite, and never above 1.
 
-    `signal`, (N,). `lags`: Largest lag, less than N. Returns lags 0 … `lags`.
+    Parameters
+    ----------
+    signal : ndarray, shape (N,)
+    lags : int
+        Largest lag, less than N.
+
+    Returns
+    -------
+    Correlation
+        Lags 0 … `lags`.
+
+    Raises
+    ------
+    InputError
+        When there are not more samples than lags, or the signal is constant.
     """
     both = cross_correlation(signal, signal, lags)
     return Correlation(both.lags[lags:], both.values[lags:])
@@ -39,7 +61,22 @@ def cross_correlation(
     the residuals first and the input second, positive lags hold what the model has left
     unused of past inputs; negative lags show feedback.
 
-    `first`, `second`, (N,). `lags`: Largest lag, less than N. Returns lags -`lags` … `lags`.
+    Parameters
+    ----------
+    first, second : ndarray, shape (N,)
+    lags : int
+        Largest lag, less than N.
+
+    Returns
+    -------
+    Correlation
+        Lags -`lags` … `lags`.
+
+    Raises
+    ------
+    InputError
+        When the lengths differ, there are not more samples than lags, or a signal is
+        constant.
     """
     from scipy.fft import irfft, next_fast_len, rfft
 

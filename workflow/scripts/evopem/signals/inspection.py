@@ -20,31 +20,60 @@ MOST_INCREASE = 0.95
 
 @dataclass(frozen=True)
 class SignalColumn:
-    """A channel that may be an input or an output."""
+    """A channel that may be an input or an output.
 
-    reference: Reference  # its name where that is unique in the file, else its number from 1
-    unit: str  # as the file states it; empty when it does not
+    Attributes
+    ----------
+    reference : int or str
+        Its name where that is unique in the file, else its number from 1.
+    unit : str
+        As the file states it; empty when it does not.
+    samples : int
+    sampling_rate : float, optional
+        Hz, where the file states one for this channel.
+    """
+
+    reference: Reference
+    unit: str
     samples: int
-    sampling_rate: float | None  # Hz, where the file states one for this channel
+    sampling_rate: float | None
 
 
 @dataclass(frozen=True)
 class TimeColumn:
-    """A channel of uniform time stamps."""
+    """A channel of uniform time stamps.
+
+    Attributes
+    ----------
+    reference : int or str
+    sampling_rate : float, optional
+        Hz; None where the unit of the stamps is not certain.
+    problem : str
+        Why the rate is not certain, in a sentence; empty where it is.
+    """
 
     reference: Reference
-    sampling_rate: float | None  # Hz; None where the unit of the stamps is not certain
-    problem: str  # why the rate is not certain, in a sentence; empty where it is
+    sampling_rate: float | None
+    problem: str
 
 
 @dataclass(frozen=True)
 class FileContents:
-    """What a measured file holds."""
+    """What a measured file holds.
 
-    # channels of finite real numbers that are not constant, in the order of the file
+    Attributes
+    ----------
+    signals : tuple of SignalColumn
+        Channels of finite real numbers that are not constant, in the order of the file.
+    time : TimeColumn, optional
+        The first channel of time stamps.
+    unread : str
+        Why the first channel that cannot be read cannot; empty where all can.
+    """
+
     signals: tuple[SignalColumn, ...]
-    time: TimeColumn | None  # the first channel of time stamps
-    unread: str = ""  # why the first channel that cannot be read cannot; empty where all can
+    time: TimeColumn | None
+    unread: str = ""
 
 
 def inspect_file(path: str | Path) -> FileContents:
@@ -53,6 +82,11 @@ def inspect_file(path: str | Path) -> FileContents:
     A channel that increases by the same step from sample to sample, or holds dates, or increases
     and is named as a time, is taken for a time. A channel that cannot be read, or holds text or a
     constant, is left out.
+
+    Raises
+    ------
+    InputError
+        When the file cannot be read as its format.
     """
     names = channel_names(path)
     signals: list[SignalColumn] = []
@@ -87,7 +121,16 @@ def time_told(path: str | Path, signals: Sequence[Reference]) -> Reference | Non
 
     It has a word for time in its name, uniform stamps and a unit that is known.
 
-    `signals`: The channels that are read, of which none is the time.
+    Parameters
+    ----------
+    path : str or Path
+    signals : sequence of int or str
+        The channels that are read, of which none is the time.
+
+    Raises
+    ------
+    InputError
+        When the file cannot be read as its format, or there is no such channel.
     """
     first = read_channels(path, signals[:1])[0]
     if first.sampling_rate is not None:

@@ -19,42 +19,74 @@ from evopem.signals.recording_checks import saturated_share
 
 @dataclass(frozen=True)
 class ChannelInfo:
-    """What is known of a channel."""
+    """What is known of a channel.
+
+    Attributes
+    ----------
+    name, unit : str
+    saturated_percent : float
+        Percentage of samples that rest at the channel's smallest or largest value.
+    """
 
     name: str
     unit: str
-    # percentage of samples that rest at the channel's smallest or largest value
     saturated_percent: float
 
 
 @dataclass(frozen=True)
 class FileOrigin:
-    """The file that a recording was read from."""
+    """The file that a recording was read from.
+
+    Attributes
+    ----------
+    path, sha256 : str
+    bytes : int
+        Size of the file.
+    format : str
+    inputs, outputs : tuple of int or str
+        The channels as they were asked for.
+    samples : int
+    """
 
     path: str
     sha256: str
-    bytes: int  # size of the file
+    bytes: int
     format: str
-    inputs: tuple[Reference, ...]  # the channels as they were asked for
+    inputs: tuple[Reference, ...]
     outputs: tuple[Reference, ...]
     samples: int
 
 
 @dataclass(frozen=True)
 class RecordingInfo:
-    """Origin and properties of a recording."""
+    """Origin and properties of a recording.
+
+    Attributes
+    ----------
+    kind : {"file", "synthesis"}
+    samples : int
+    sampling_rate : float
+        Hz.
+    inputs, outputs : tuple of ChannelInfo
+    files : tuple of FileOrigin
+        One for each recording, in their order; none for a synthetic recording.
+    roles : ChannelRoles, optional
+        Where input, output and time were told from the first file.
+    time_told : int or str, optional
+        The channel of time stamps of the first file, where it alone was told from the file.
+    uneven_times : tuple of Unevenness
+        Of the stamps of each file, where signals were brought to an even grid, or the clock is
+        coarse.
+    """
 
     kind: Literal["file", "synthesis"]
     samples: int
-    sampling_rate: float  # Hz
+    sampling_rate: float
     inputs: tuple[ChannelInfo, ...]
     outputs: tuple[ChannelInfo, ...]
-    # one for each recording, in their order; none for a synthetic recording
     files: tuple[FileOrigin, ...] = ()
-    roles: ChannelRoles | None = None  # where input, output and time were told from the first file
-    # the channel of time stamps of the first file, where it alone was told from the file
+    roles: ChannelRoles | None = None
     time_told: Reference | None = None
-    # of the stamps of each file, where signals were brought to an even grid, or the clock is coarse
     uneven_times: tuple[Unevenness, ...] = ()
 
 
@@ -101,8 +133,15 @@ def describe_file(
 ) -> FileOrigin:
     """Origin of a recording that was read from a file.
 
-    `name`: What the settings call the file. `inputs`, `outputs`: The channels as they were asked
-    for. `folder`: What a relative name is relative to; the working directory by default.
+    Parameters
+    ----------
+    name : path
+        What the settings call the file.
+    samples : int
+    inputs, outputs : tuple of int or str
+        The channels as they were asked for.
+    folder : path
+        What a relative name is relative to; the working directory by default.
     """
     path = Path(folder) / name
     size = local_path(path).stat().st_size
@@ -114,7 +153,17 @@ def describe_file(
 def check_measured_places(geometry: Geometry | None, names: Iterable[str], place: str) -> None:
     """Refuse a geometry with a channel that is no output.
 
-    `names`: The outputs.
+    Parameters
+    ----------
+    geometry : Geometry, optional
+    names : iterable of str
+        The outputs.
+    place : str
+        Configuration key of the geometry, for an error to name.
+
+    Raises
+    ------
+    InputError
     """
     outputs = list(names)
     for channel in geometry.channels if geometry else ():

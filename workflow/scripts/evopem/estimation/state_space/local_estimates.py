@@ -59,6 +59,8 @@ class StateSpaceEstimate:
     coloured_bic : float
         The same of the innovations of a vector autoregression of the errors, whose coefficients
         are counted as parameters: it compares models with and without a noise model.
+    parameters : int
+        Independent ones, with the level.
     residuals : tuple of (N, l) arrays
         One for each segment; NaN at first samples whose delayed inputs are not known.
     initial_states : (segments, n) array
@@ -82,6 +84,7 @@ class StateSpaceEstimate:
     fit_percent: Array
     bic: float
     coloured_bic: float
+    parameters: int
     residuals: tuple[Array, ...] = field(repr=False)
     initial_states: Array = field(repr=False)
     segment_levels: Array = field(repr=False)
@@ -201,5 +204,6 @@ def criteria_of(
         "fit_percent": fit,
         "bic": log_loss(e, objective) + float(penalty),
         "coloured_bic": float(whitened.bic + penalty),
+        "parameters": parameters,
         "residuals": tuple(residuals),
     }

@@ -2,29 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Callable
 
-from evopem.automatic.delays import DelayChoice
+from evopem.automatic.fit import FitSettings
+from evopem.automatic.limits import OrderLimits
 from evopem.automatic.record import OtherModel
-from evopem.automatic.searched_forms import SearchedForms
-from evopem.automatic.state_space_choice import ModelChoice, StateSpaceChoice
-from evopem.automatic.state_space_chosen import ChosenModel
-from evopem.automatic.state_space_remedies import RemediedModel, act_on_checks
-from evopem.automatic.variant_search import Variant, VariantSearch
+from evopem.automatic.remedies import Remedied
+from evopem.automatic.state_space import weighting_of
+from evopem.automatic.state_space_chosen import ChosenModel, estimate_candidate
+from evopem.automatic.structures import Choice, Comparison, Purpose
 from evopem.blas_threads import one_blas_thread
 from evopem.config.constraints import Constraints
-from evopem.config.settings import OrderRanges, StateSpaceSearchSettings
+from evopem.config.settings import (
+    OrderRanges,
+    OutputWeighting,
+    StateSpaceSearchSettings,
+)
 from evopem.estimation.model_record import ModelRecord
-from evopem.estimation.multi_input.order_limits import OrderLimits, joint_orders
 from evopem.files.atomic import write_table
 from evopem.files.json_form import load, save
 from evopem.models.matlab import save_model_mat
-from evopem.models.stabilization import OrderModels
-from evopem.models.state_space import StateSpaceModel
-from evopem.pipeline.multichannel.candidates import candidates_table
 from evopem.pipeline.multichannel.prepared import errors_name_dataset, load_prepared_channels
-from evopem.pipeline.multichannel.search import estimation_settings
+from evopem.pipeline.multichannel.search import fit_settings
 from evopem.results.layout import DatasetFiles
 from evopem.results.multichannel import frequency_response_rows
 from evopem.signals.prepared_data import PreparedData
@@ -35,9 +34,9 @@ Log = Callable[[str], None]
 
 def estimate_chosen_state_space(
     files: DatasetFiles,
-    variants: tuple[Variant, ...],
     ranges: OrderRanges,
     search: StateSpaceSearchSettings,
+    weighting: OutputWeighting | None = None,
     constraints: Constraints | None = None,
     log: Log | None = None,
 ) -> None:
@@ -49,15 +48,16 @@ def estimate_chosen_state_space(
         When the record is too short, or no model of the order meets the constraints.
     """
     data = load_prepared_channels(files)
-    choice = load(StateSpaceChoice, files.decision("comparison")).model
-    forms = _searched_forms(files, data, variants, ranges, search, constraints)
+    choice = load(Remedied, files.decision("remedies")).choice
+    settings, limits = _settings(data, ranges, search, weighting)
     with errors_name_dataset(files):
-        remedied = act_on_checks(forms, choice, log)
-    found = remedied.model
-    record = _record(found, data, remedied.record.choice, search, constraints)
+        found = estimate_candidate(
+            *(choice.candidate, data.estimation, settings, limits, constraints),
+            search.evaluations,
+            log,
+        )
+    record = _record(found, data, choice, search, settings, constraints)
     save(record, files.model)
-    save(remedied.record, files.decision("remedies"))
-    write_table(files.candidates, _candidates(forms, choice, remedied))
     save_model_mat(record.model, files.model_mat)
     with one_blas_thread():
         write_table(files.frequency_response, frequency_response_rows(record, data.estimation))
@@ -65,8 +65,10 @@ def estimate_chosen_state_space(
 
 def complete_other_state_space(
     files: DatasetFiles,
+    purpose: Purpose,
     ranges: OrderRanges,
     search: StateSpaceSearchSettings,
+    weighting: OutputWeighting | None = None,
     constraints: Constraints | None = None,
 ) -> None:
     """Keep the model for the other purpose, with its errors on the validation samples.
@@ -79,13 +81,14 @@ def complete_other_state_space(
         When the record is too short.
     """
     data = load_prepared_channels(files)
-    choice = load(StateSpaceChoice, files.decision("comparison")).other
-    assert choice is not None  # only data sets with inputs have another purpose
+    choice = load(Comparison, files.decision("comparison")).choice(purpose)
+    settings, limits = _settings(data, ranges, search, weighting)
     with one_blas_thread():
-        forms = _searched_forms(files, data, (), ranges, search, constraints)
         with errors_name_dataset(files):
-            found = forms.as_searched(choice)
-        record = _record(found, data, choice, search, constraints)
+            found = estimate_candidate(
+                *(choice.candidate, data.estimation, settings, limits, constraints), 0
+            )
+        record = _record(found, data, choice, search, settings, constraints)
         errors = mean_errors(
             record.state_space, data.validation, choice.level == "state", data.before_validation
         )
@@ -93,55 +96,33 @@ def complete_other_state_space(
     save(OtherModel(choice.purpose, record.text, *errors), files.other_errors(choice.purpose))
 
 
-def _searched_forms(
-    files: DatasetFiles,
+def _settings(
     data: PreparedData,
-    variants: Sequence[Variant],
     ranges: OrderRanges,
     search: StateSpaceSearchSettings,
-    constraints: Constraints | None,
-) -> SearchedForms:
-    """What the search over the orders of some forms has left."""
-
-    def start(variant: Variant, order: int) -> StateSpaceModel:
-        return load(OrderModels, files.models_of_orders(variant.name)).of_order(order)
-
-    return SearchedForms(
-        data.estimation,
-        load(DelayChoice, files.decision("delay")).delays,
-        tuple(load(VariantSearch, files.search(variant.name)) for variant in variants),
-        start,
-        estimation_settings(search),
-        ranges,
-        constraints,
-    )
+    weighting: OutputWeighting | None,
+) -> tuple[FitSettings, OrderLimits]:
+    limits = OrderLimits(None, ranges, data.estimation.input_names)
+    return fit_settings(search, weighting), limits
 
 
 def _record(
     found: ChosenModel,
     data: PreparedData,
-    choice: ModelChoice,
+    choice: Choice,
     search: StateSpaceSearchSettings,
+    settings: FitSettings,
     constraints: Constraints | None,
 ) -> ModelRecord:
     """Everything that is known of a model."""
+    structure = choice.candidate.structure
+    weighting = "determinant"
+    if choice.candidate.polynomials is None:
+        weighting = weighting_of(structure, settings)
     return ModelRecord.of(
         *(found.estimate, data.estimation, search, data.transforms, choice.level),
         model=None if found.polynomials else found.model,
-        variant=(choice.variant.form, choice.variant.weighting),
+        variant=(structure, weighting),
         constraints=constraints,
         at_upper_ends=found.at_upper_ends,
     )
-
-
-def _candidates(
-    forms: SearchedForms, choice: ModelChoice, remedied: RemediedModel
-) -> dict[str, list[Any]]:
-    """The table of all candidates."""
-    limits = OrderLimits.of(forms.ranges, forms.estimation.input_names)
-
-    def orders_of(structure: str, order: int) -> str:
-        return str(joint_orders(structure, order, forms.delays, limits))
-
-    tried, trials = remedied.model.tried, remedied.record.trials
-    return candidates_table(forms.searches, choice, orders_of, tried, trials)

@@ -1,27 +1,44 @@
-"""Delays of the inputs, and the search over the orders of each form with a weighting."""
+"""Delays, orders, structure and remedies for several channels: one file for each decision."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
+from evopem.automatic.candidates import (
+    Scorer,
+    StructureSearch,
+    order_models,
+    without_covariances,
+)
 from evopem.automatic.delays import DelayChoice, decide_delays
-from evopem.automatic.multi_input_choice import search_structure, searched_joint_orders
-from evopem.automatic.searched_forms import search_variant
-from evopem.automatic.searched_orders import searched_orders
-from evopem.automatic.variant_search import Variant
+from evopem.automatic.fit import FitSettings
+from evopem.automatic.folds import FoldPlan
+from evopem.automatic.folds import decide_folds as decide_common_folds
+from evopem.automatic.limits import OrderLimits
+from evopem.automatic.orders import search_structure as search
+from evopem.automatic.remedies import act_on_checks as act
+from evopem.automatic.structures import Comparison
+from evopem.automatic.structures import compare_structures as compare
+from evopem.blas_threads import one_blas_thread
 from evopem.config.settings import (
     InputRanges,
     OrderRanges,
-    SearchSettings,
+    OutputWeighting,
     StateSpaceSearchSettings,
 )
-from evopem.config.structures import ONE_OUTPUT, is_polynomial
 from evopem.files.json_form import load, save
 from evopem.pipeline.multichannel.prepared import errors_name_dataset, load_prepared_channels
 from evopem.results.layout import DatasetFiles
+from evopem.signals.recording import Recording
 
 Log = Callable[[str], None]
+
+
+def decide_channel_folds(files: DatasetFiles) -> None:
+    """Decide how held-out samples are divided."""
+    with one_blas_thread():
+        stretches = load_prepared_channels(files).estimation.segments
+        save(decide_common_folds(stretches), files.decision("folds"))
 
 
 def decide_input_delays(files: DatasetFiles, ranges: InputRanges) -> None:
@@ -38,47 +55,83 @@ def decide_input_delays(files: DatasetFiles, ranges: InputRanges) -> None:
     save(choice, files.decision("delay"))
 
 
-def search_state_space(
+def search_channel_structure(
     files: DatasetFiles,
     structure: str,
     ranges: OrderRanges,
-    search: StateSpaceSearchSettings,
+    search_settings: StateSpaceSearchSettings,
+    weighting: OutputWeighting | None = None,
     log: Log | None = None,
 ) -> None:
-    """Estimate all orders of a form with a weighting, and score them on held-out samples.
+    """Estimate all orders of a structure, and score them on held-out samples.
 
     Raises
     ------
     InputError
         When the record is too short.
     """
-    variant = variant_named(structure)
     estimation = load_prepared_channels(files).estimation
-    settings = estimation_settings(search)
-    delays = load(DelayChoice, files.decision("delay")).delays
-    with errors_name_dataset(files):
-        if is_polynomial(variant.form):
-            joint = searched_joint_orders(estimation, variant.form, delays, ranges)
-            found, models = search_structure(estimation, variant, joint, settings, log)
-        else:
-            orders = searched_orders(estimation, ranges.nx)
-            found, models = search_variant(estimation, variant, delays, orders, settings, log)
-    save(found, files.search(variant.name))
-    save(models, files.models_of_orders(variant.name))
+    scorer = _scorer(files, estimation, ranges, search_settings, weighting)
+    with errors_name_dataset(files), one_blas_thread():
+        found = search(scorer, structure, {}, log)
+    save(without_covariances(found), files.search(structure))
+    save(order_models(found, estimation), files.models_of_orders(structure))
 
 
-def variant_named(name: str) -> Variant:
-    """A form with its weighting, by the name of its file."""
-    form, _, weighting = name.rpartition("_")
-    own = (name, ONE_OUTPUT) if is_polynomial(name) else (form, weighting)
-    return Variant(*own)  # type: ignore[arg-type]
+def choose_channel_structure(
+    files: DatasetFiles,
+    structures: tuple[str, ...],
+    ranges: OrderRanges,
+    search_settings: StateSpaceSearchSettings,
+    weighting: OutputWeighting | None = None,
+) -> None:
+    """Choose a model for each purpose among the candidates of all structures."""
+    searches = [load(StructureSearch, files.search(each)) for each in structures]
+    estimation = load_prepared_channels(files).estimation
+    scorer = _scorer(files, estimation, ranges, search_settings, weighting)
+    with errors_name_dataset(files), one_blas_thread():
+        save(compare(scorer, searches), files.decision("comparison"))
 
 
-def estimation_settings(search: StateSpaceSearchSettings) -> SearchSettings:
-    """The settings of a search as the estimation takes them."""
-    settings = SearchSettings(
-        objective=search.objective, seed=search.seed, max_root_radius=search.max_root_radius
+def act_on_channel_checks(
+    files: DatasetFiles,
+    purpose: str,
+    ranges: OrderRanges,
+    search_settings: StateSpaceSearchSettings,
+    weighting: OutputWeighting | None = None,
+) -> None:
+    """Apply remedies to the model for the purpose until its checks hold or nothing helps."""
+    comparison = load(Comparison, files.decision("comparison"))
+    estimation = load_prepared_channels(files).estimation
+    scorer = _scorer(files, estimation, ranges, search_settings, weighting)
+    choice = comparison.choice(purpose)  # type: ignore[arg-type]
+    with errors_name_dataset(files), one_blas_thread():
+        save(act(scorer, choice, comparison.candidates), files.decision("remedies"))
+
+
+def fit_settings(
+    search_settings: StateSpaceSearchSettings, weighting: OutputWeighting | None
+) -> FitSettings:
+    """What all fits have in common."""
+    return FitSettings(
+        search_settings.objective,
+        weighting=weighting,
+        max_root_radius=search_settings.max_root_radius,
+        seed=search_settings.seed,
     )
-    if search.evaluations is None:
-        return settings
-    return replace(settings, evaluations=search.evaluations)
+
+
+def _scorer(
+    files: DatasetFiles,
+    estimation: Recording,
+    ranges: OrderRanges,
+    search_settings: StateSpaceSearchSettings,
+    weighting: OutputWeighting | None,
+) -> Scorer:
+    return Scorer(
+        estimation.segments,
+        load(FoldPlan, files.decision("folds")),
+        fit_settings(search_settings, weighting),
+        OrderLimits(None, ranges, estimation.input_names),
+        load(DelayChoice, files.decision("delay")).delays,
+    )

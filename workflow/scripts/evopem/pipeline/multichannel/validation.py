@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from evopem.automatic.state_space_remedies import RemedyRecord
+from evopem.automatic.remedies import Remedied
 from evopem.blas_threads import one_blas_thread
 from evopem.estimation.model_record import ModelRecord
 from evopem.files.atomic import write_table
@@ -37,13 +37,8 @@ def validate_state_space(files: DatasetFiles) -> None:
 
 def _judged_modes(files: DatasetFiles, record: ModelRecord, validation: Recording) -> ModesRecord:
     """The modes of the model and of the other orders of its form, with their evidence."""
-    choice = load(RemedyRecord, files.decision("remedies")).choice
-    searched = load(OrderModels, files.models_of_orders(choice.variant.name))
-    own = OrderModel.of(choice.order, record.bic, record.plant)
-    table = table_of_models(
-        searched.with_model(own).models,
-        choice.order,
-        validation,
-        0,
-    )
+    chosen = load(Remedied, files.decision("remedies")).choice.candidate
+    searched = load(OrderModels, files.models_of_orders(chosen.structure))
+    completed = OrderModel.of(chosen.order, chosen.bic, record.plant)
+    table = table_of_models(searched.with_model(completed).models, chosen.order, validation, 0)
     return ModesRecord.of(table, record.input_names, record.output_names)

@@ -158,10 +158,9 @@ def _content(material: Material) -> dict[str, Any]:
         "candidates": [],
     }
     if isinstance(view, ChannelsView):
-        remedies = results.decisions.remedies
         return content | {
-            "remarks": [*_absolute(results.model), *remedies.statements],
-            "trials": remedies.trials,
+            "remarks": [*_absolute(results.model), *results.decisions.remarks],
+            "trials": results.decisions.trials,
             "without": "without a global search of its own",
         }
     assert isinstance(view, PolynomialView)

@@ -18,7 +18,14 @@ from evopem.signals.readers.channels import (
 
 
 def read(path: Path, references: Sequence[Reference]) -> list[Channel]:
-    """Read columns by name or by number."""
+    """Read columns by name or by number.
+
+    Raises
+    ------
+    InputError
+        When the file is damaged or no Parquet, pyarrow is missing, a value is missing, or
+        there is no such column.
+    """
     arrow = library("pyarrow", path)
     parquet = library("pyarrow.parquet", path)
     with path.open("rb") as stream:
@@ -52,7 +59,13 @@ def read(path: Path, references: Sequence[Reference]) -> list[Channel]:
 
 
 def names(path: Path) -> list[str]:
-    """Names of all columns in the order of their numbers."""
+    """Names of all columns in the order of their numbers.
+
+    Raises
+    ------
+    InputError
+        As for :func:`read`.
+    """
     arrow = library("pyarrow", path)
     parquet = library("pyarrow.parquet", path)
     try:

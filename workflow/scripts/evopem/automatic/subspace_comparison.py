@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.automatic.decision import Alternative, Decision
-from evopem.automatic.folds import FoldPlan, HeldOutScores, scores_of
+from evopem.automatic.folds import FoldPlan, HeldOutScores, held_out_scores
 from evopem.estimation.search.starting_polynomials import subspace_denominator
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomials import reflect_into_disc
@@ -20,17 +20,17 @@ SUBJECT = "comparison with a short method"
 ORDERS = (1, 2, 3, 4, 6, 8, 12)
 SAMPLES_PER_ORDER = 30
 LARGEST_RADIUS = 0.99999
-# A simulation error that is larger by this share than the peer's is said to be worse.
+# A simulation error that is larger by this share than the subspace estimate's is said to be worse.
 CLEARLY = 0.1
 
 
-def against_peer(
+def with_subspace_estimate(
     stretches: Sequence[Segment],
     plan: FoldPlan,
     objective: str,
     name: str,
     scores: HeldOutScores,
-    free_level: bool,
+    fitted_level: bool,
 ) -> Decision:
     """Score a subspace estimate on the same held-out samples as the chosen model.
 
@@ -39,29 +39,28 @@ def against_peer(
     stretches : sequence of Segment
     plan : FoldPlan
     objective : {"absolute", "quadratic"}
-    name : str
+    name, scores : str, HeldOutScores
         Of the chosen model.
-    scores : HeldOutScores
-        Of the chosen model.
-    free_level : bool
+    fitted_level : bool
         Whether the level is fitted to held-out samples.
     """
     order = _order(stretches)
-    found = scores_of(
+    of_estimate = held_out_scores(
         stretches, plan, lambda training: _subspace(training, order)[0], objective == "absolute"
     )
-    own, peer = (s.free_level if free_level else s.simulation for s in (scores, found))
-    peer_name = f"subspace estimate of order {order}"
-    alternatives = (Alternative(name, own), Alternative(peer_name, peer))
-    worse = own > (1.0 + CLEARLY) * peer
+    chosen, estimated = (
+        s.fitted_level if fitted_level else s.simulation for s in (scores, of_estimate)
+    )
+    estimate = f"subspace estimate of order {order}"
+    alternatives = (Alternative(name, chosen), Alternative(estimate, estimated))
+    worse = chosen > (1.0 + CLEARLY) * estimated
     sentence = (
-        f"Held-out samples are simulated with {own:.3g} % by {name} and with {peer:.3g} % by a "
-        f"{peer_name}, whose numerator is fitted by least squares"
+        f"Held-out samples are simulated with {chosen:.3g} % by {name} and with {estimated:.3g} %"
+        f" by a {estimate}, whose numerator is fitted by least squares"
         + (": the chosen model simulates clearly worse than this short method." if worse else ".")
     )
     criterion = "simulation error on held-out samples, %"
-    better = peer_name if worse else name
-    return Decision(SUBJECT, better, alternatives, criterion, sentence)
+    return Decision(SUBJECT, estimate if worse else name, alternatives, criterion, sentence)
 
 
 def _order(stretches: Sequence[Segment]) -> int:

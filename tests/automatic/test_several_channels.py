@@ -1,0 +1,295 @@
+"""Search, choice and remedies for several channels, against known systems."""
+
+from dataclasses import replace
+from functools import partial
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from evopem.automatic.candidates import Candidate, Scorer
+from evopem.automatic.delays import decide_delays
+from evopem.automatic.fit import FitSettings
+from evopem.automatic.folds import HeldOutScores, decide_folds, held_out_scores
+from evopem.automatic.limits import OrderLimits
+from evopem.automatic.orders import numbers_of_states, search_structure
+from evopem.automatic.remedies import act_on_checks
+from evopem.automatic.state_space import until_bic_rises
+from evopem.automatic.state_space_chosen import estimate_candidate
+from evopem.automatic.structures import Choice, as_good, compare_structures
+from evopem.config.constraints import Constraints
+from evopem.config.settings import InputRanges, OrderRanges
+from evopem.errors import InputError
+from evopem.estimation.state_space.held_out import simulation_errors
+from evopem.models.state_space import StateSpaceModel
+from evopem.signals.recording import Recording, Segment
+from evopem.validation.checks.residuals import INDEPENDENT_OF_INPUT, WHITE
+
+NOISE = 0.1
+TRUTH = StateSpaceModel(
+    A=np.array([[0.9, 0.3], [-0.3, 0.9]]),
+    B=np.array([[1.0], [0.5]]),
+    C=np.eye(2),
+    D=np.zeros((2, 1)),
+    K=np.zeros((2, 2)),
+    sampling_rate=1.0,
+    level=np.zeros(2),
+    noise_covariance=NOISE**2 * np.eye(2),
+    structure="ss_oe",
+)
+ONE_MODE, TWO_MODES = (np.convolve([1.0, -1.5, 0.8], each) for each in ([1.0], [1.0, 0.2, 0.7]))
+
+
+def simulated(samples, seed, number=0):
+    generator = np.random.default_rng(seed)
+    u = generator.standard_normal((samples, 1))
+    y = TRUTH.simulate(u, generator.standard_normal(2))
+    return Segment(u, y + NOISE * generator.standard_normal(y.shape), number)
+
+
+def scorer_of(segments, delays=None, **ranges):
+    nu = segments[0].inputs.shape[1]
+    limits = OrderLimits(None, OrderRanges(**ranges), tuple(f"u{k + 1}" for k in range(nu)))
+    delays = (1,) * nu if delays is None else delays
+    return Scorer(segments, decide_folds(segments), FitSettings(), limits, delays)
+
+
+# Held-out samples.
+
+
+@pytest.mark.parametrize("objective", ["quadratic", "absolute"])
+def test_the_truth_leaves_the_noise(objective):
+    segments = [simulated(400, 1), simulated(300, 2, 1)]
+    absolute = objective == "absolute"
+    scores = held_out_scores(segments, decide_folds(segments), lambda _: TRUTH, absolute)
+    y = np.concatenate([each.outputs for each in segments])
+    size = np.abs(y - y.mean(axis=0)).mean(axis=0) if absolute else y.std(axis=0)
+    noise = NOISE * np.sqrt(2.0 / np.pi) if absolute else NOISE
+    expected = 100.0 * np.mean(noise / size)
+    for score in (scores.simulation, scores.fitted_level, scores.prediction):
+        assert score == pytest.approx(expected, rel=0.1)
+
+
+def test_an_unstable_model_simulates_nothing():
+    segments = [simulated(300, 1)]
+    unstable = replace(TRUTH, A=1.2 * TRUTH.A)
+    scores = held_out_scores(segments, decide_folds(segments), lambda _: unstable, False)
+    assert scores.simulation > 1e4
+
+
+def test_surplus_modes_gain_nothing_by_the_states_they_begin_with():
+    """Noise of the measured force rings in a light mode, and modes beside it resemble that."""
+
+    def with_modes(*angles):
+        n = 2 * len(angles)
+        A = np.zeros((n, n))
+        for k, angle in enumerate(angles):
+            turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+            A[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = 0.999 * turn
+        B = np.tile(TRUTH.B / len(angles), (len(angles), 1))
+        C = np.tile(np.eye(2), len(angles))
+        return replace(TRUTH, A=A, B=B, C=C, K=np.zeros((n, 2)))
+
+    truth, surplus = with_modes(0.3), with_modes(0.2995, 0.3, 0.3005)
+    absorbed, scored = [], []
+    for seed in range(5):
+        generator = np.random.default_rng(seed)
+        force = np.zeros((600, 1))
+        force[100] = 1.0
+        outputs = truth.simulate(force)
+        measured = force + 0.02 * generator.standard_normal(force.shape)
+        absorbed.append([simulation_errors(m, measured, outputs).mean() for m in (truth, surplus)])
+        segments = [Segment(measured, outputs)]
+        plan = replace(decide_folds(segments), designs=((5, 1),), by_energy=False)
+        scores = [
+            held_out_scores(segments, plan, lambda _, m=m: m, False) for m in (truth, surplus)
+        ]
+        scored.append([each.simulation for each in scores])
+    of_truth, of_surplus = np.mean(absorbed, axis=0)
+    assert of_surplus < 0.9 * of_truth
+    of_truth, of_surplus = np.mean(scored, axis=0)
+    assert of_surplus > 0.99 * of_truth
+
+
+# Orders.
+
+
+@pytest.mark.parametrize(
+    ("orders", "bic", "coloured", "last"),
+    [
+        # Two rises end a search; a single one does not.
+        (range(2, 21, 2), (9, 8, 8.5, 7, 7.5, 7.2, 3, 2, 1, 0), (0,) * 10, 12),
+        # Beyond 20 states the first one does, of either criterion.
+        (range(16, 31, 2), (9, 8, 7, 6, 5, 5.5, 4, 3), (9, 8, 7, 6, 5, 4, 3, 2), 26),
+        (range(16, 31, 2), (9, 8, 7, 6, 5, 4, 3, 2), (9, 8, 7, 6, 6.5, 6, 5, 4), 24),
+        # Errors that stay coloured alike do not add states without end.
+        (range(16, 31, 2), (9, 8, 7, 6, 5, 4, 3, 2), (5, 6, 7, 8, 9, 9, 9, 9), 20),
+        ((30,), (1,), (1,), 30),
+    ],
+)
+def test_a_search_over_orders_ends_where_bic_rises(orders, bic, coloured, last):
+    scores = zip(orders, bic, coloured, strict=True)
+    estimates = ((order, SimpleNamespace(bic=b, coloured_bic=c)) for order, b, c in scores)
+    assert max(until_bic_rises(estimates)) == last
+
+
+def noise(samples, nu=2, ny=3):
+    generator = np.random.default_rng(2)
+    return [Segment(*(generator.standard_normal((samples, n)) for n in (nu, ny)))]
+
+
+def test_orders_follow_the_length_of_the_record():
+    assert numbers_of_states(scorer_of(noise(5000))) == tuple(range(2, 41, 2))
+    assert numbers_of_states(scorer_of(noise(100))) == (1, 2, 3)
+    assert numbers_of_states(scorer_of(noise(5000), nx=(3, 5))) == (3, 4, 5)
+    with pytest.raises(InputError, match="30 estimation samples are too few"):
+        numbers_of_states(scorer_of(noise(30), nx=(4, 4)))
+
+
+def test_delays_stay_within_their_limits():
+    (given,) = noise(300)
+    y = given.outputs.copy()
+    y[3:, 0] += 5.0 * given.inputs[:-3, 0]
+    y[1:, 1] += 5.0 * given.inputs[:-1, 1]
+    decided = partial(decide_delays, [Segment(given.inputs, y)], ("u1", "u2"))
+    assert decided().delays == (3, 1)
+    assert decided(InputRanges((0, 2))).delays == (2, 1)
+    assert decided(InputRanges((1, 1))).delays == (1, 1)
+
+
+# The choice.
+
+
+def scored(error, folds=(), bic=0.0):
+    logarithms = tuple(np.log(np.asarray(folds) * error)) if folds else ()
+    scores = HeldOutScores(error, error, error, logarithms, logarithms, logarithms)
+    return Candidate("ss", 2, (1,), 9, bic, bic, scores, None, TRUTH)
+
+
+def test_models_within_a_standard_error_are_as_good():
+    best = scored(10.0, (0.9, 1.1, 0.95, 1.05))
+    assert as_good(scored(10.05, (1.0, 1.0, 0.97, 1.03)), best, "simulation")
+    assert not as_good(scored(12.0, (0.5, 1.5, 0.5, 1.5)), best, "simulation")  # 10 % at most
+    assert not as_good(scored(10.5, (0.9, 1.1, 0.95, 1.05)), best, "simulation")
+    assert not as_good(scored(np.inf, (0.9, 1.1, 0.95, 1.05)), best, "simulation")
+
+
+@pytest.fixture(scope="module")
+def two_outputs():
+    scorer = scorer_of([simulated(500, 3)], nx=(1, 5))
+    searches = [search_structure(scorer, each, {}) for each in ("ss", "ss_oe")]
+    return scorer, compare_structures(scorer, searches)
+
+
+def test_the_smallest_model_that_does_as_well_is_chosen(two_outputs):
+    scorer, comparison = two_outputs
+    chosen = comparison.choice("auto").candidate
+    assert (chosen.structure, chosen.order) == ("ss_oe", 2)
+    assert scorer.checks(chosen).failed == ()
+    assert comparison.choice("prediction").candidate.order == 2
+    poles = np.sort_complex(np.linalg.eigvals(chosen.state_space.A))
+    np.testing.assert_allclose(poles, np.sort_complex(np.linalg.eigvals(TRUTH.A)), atol=0.01)
+
+
+def test_without_an_input_there_is_no_simulation():
+    e = np.random.default_rng(5).standard_normal((600, 2))
+    y = np.column_stack([lfilter([1.0], ONE_MODE, e[:, 0]), lfilter([1.0, 0.3], ONE_MODE, e[:, 0])])
+    segments = [Segment(np.zeros((600, 0)), y + 0.1 * e)]
+    scorer = scorer_of(segments, nx=(1, 4))
+    comparison = compare_structures(scorer, [search_structure(scorer, "ss", {})])
+    assert [each.purpose for each in comparison.choices] == ["prediction", "modes"]
+    chosen = comparison.choice("auto").candidate
+    assert chosen.order >= 2
+    assert np.isinf(chosen.scores.simulation)
+
+
+# Remedies.
+
+
+def recording(a=TWO_MODES, delay=1, samples=600, seed=2):
+    """Two inputs and one output, the same delay of both, and 10 % noise that drives the poles."""
+    generator = np.random.default_rng(seed)
+    u, e = generator.standard_normal((samples, 2)), generator.standard_normal(samples)
+    clean = lfilter(np.r_[np.zeros(delay), 1.0, 0.5], a, u[:, 0])
+    clean += lfilter(np.r_[np.zeros(delay), -0.7], a, u[:, 1])
+    shaped = lfilter([1.0], a, e)
+    y = clean + 0.1 * clean.std() / shaped.std() * shaped
+    return Recording(u, y[:, None], 10.0, ("u1", "u2"), ("y",))
+
+
+def searched(estimation, orders, delays=(1, 1), **ranges):
+    scorer = scorer_of(estimation.segments, delays, nx=orders, **ranges)
+    return scorer, search_structure(scorer, "ss", {}).candidates
+
+
+def choice_of(candidates, order):
+    return Choice("simulation", next(c for c in candidates if c.order == order), "constant")
+
+
+@pytest.fixture(scope="module")
+def innovations():
+    return searched(recording(), (2, 4))
+
+
+def test_a_model_whose_checks_hold_is_left_alone(innovations):
+    scorer, candidates = innovations
+    found = act_on_checks(scorer, choice_of(candidates, 4), candidates)
+    assert found.trials == found.failed == found.statements == ()
+    assert found.choice.candidate.order == 4
+
+
+def test_an_order_that_is_too_small_is_raised(innovations):
+    scorer, candidates = innovations
+    kept = [each for each in candidates if each.order != 3]
+    found = act_on_checks(scorer, choice_of(candidates, 2), kept)
+    (trial,) = found.trials
+    assert (trial.remedy, trial.taken, found.choice.candidate.order) == ("larger order", True, 4)
+    assert {WHITE, INDEPENDENT_OF_INPUT} == set(trial.check.split(" and "))
+    poles = np.linalg.eigvals(found.choice.candidate.state_space.A)
+    assert np.allclose(np.sort_complex(poles), np.sort_complex(np.roots(TWO_MODES)), atol=0.03)
+
+
+def test_what_no_model_mends_stays_failed_and_is_said(innovations):
+    scorer, candidates = innovations
+    found = act_on_checks(scorer, choice_of(candidates, 2), ())
+    assert found.trials == ()
+    assert WHITE in found.failed
+    assert f"“{WHITE}” failed, and no remedy for it was tried." in found.statements
+
+
+def test_larger_errors_on_held_out_samples_are_no_remedy(innovations):
+    scorer, candidates = innovations
+    small, large = choice_of(candidates, 2), choice_of(candidates, 4).candidate
+    worse = replace(large, scores=HeldOutScores(1e3, 1e3, 1e3))
+    found = act_on_checks(scorer, small, (worse,))
+    assert [each.taken for each in found.trials] == [False]
+    assert found.choice.candidate is small.candidate
+
+
+def test_a_delay_that_is_too_long_is_found_in_the_residuals():
+    scorer, candidates = searched(recording(ONE_MODE), (2, 2), (1, 3))
+    found = act_on_checks(scorer, choice_of(candidates, 2), candidates)
+    assert (found.trials[0].remedy, found.trials[0].taken) == ("earlier delays", True)
+    assert found.choice.candidate.delays == (1, 1)
+    assert found.failed == ()
+
+
+def test_delays_of_the_configuration_stay():
+    given = InputRanges((3, 3))
+    scorer, candidates = searched(recording(ONE_MODE), (2, 2), (3, 3), nk=given)
+    found = act_on_checks(scorer, choice_of(candidates, 2), candidates)
+    assert "earlier delays" not in [each.remedy for each in found.trials]
+
+
+@pytest.mark.parametrize("evaluations", [0, 20])
+def test_a_chosen_model_meets_constraints(innovations, evaluations):
+    scorer, candidates = innovations
+    limits = Constraints(static_gain={"u1": 4.0})
+    found = estimate_candidate(
+        *(choice_of(candidates, 4).candidate, recording(), scorer.settings, scorer.limits),
+        *(limits, evaluations),
+    )
+    gains = found.model.frequency_response(0.0)[0].real
+    assert gains[0] == pytest.approx(4.0)
+    assert found.estimate.constraints.active == ("static_gain",)

@@ -1,0 +1,305 @@
+"""Candidates: models of some structure and orders, with the scores that they are compared by."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from evopem.automatic.candidate_checks import CandidateChecks, check_model
+from evopem.automatic.decision import Decision
+from evopem.automatic.fit import FOLD_STAGES, Fit, FitSettings, fit, log_loss
+from evopem.automatic.folds import FoldPlan, HeldOutScores, held_out_scores
+from evopem.automatic.limits import OrderLimits
+from evopem.automatic.simulation import Model, simulated
+from evopem.automatic.state_space import refit
+from evopem.automatic.stretches import MOST_SAMPLES, first_samples
+from evopem.estimation.search.stretch_problem import SWEEP_STAGES
+from evopem.models.polynomial import PolynomialModel
+from evopem.models.stabilization import OrderModel, OrderModels
+from evopem.models.state_space import StateSpaceModel
+from evopem.models.structures import Orders
+from evopem.signals.recording import Recording, Segment, total_samples
+
+# Largest order of the paths of polynomial structures: criteria count the samples behind its past.
+LARGEST_ORDER = 20
+# Samples for each parameter.
+SAMPLES_PER_PARAMETER = 8
+# Candidates whose errors, one step ahead and of simulations, are both this much above the lowest of
+# all (a factor of 3 in the criterion's logarithm of squares) are not scored on folds.
+REACH = 2.0 * np.log(3.0)
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A model of some structure and orders with what it reaches.
+
+    ``bic`` is that of the one-step residuals from a common sample on; ``simulation_bic`` the same
+    formula with the errors of a simulation of the estimation part, whose initial states and levels
+    are fitted, infinite without an input.  The model is fitted to the whole estimation part.
+    """
+
+    structure: str
+    order: int  # states, or the largest degree of A and F, or coefficients of B without poles
+    delays: tuple[int, ...]  # of the inputs
+    parameters: int  # coefficients and levels
+    bic: float
+    simulation_bic: float
+    scores: HeldOutScores
+    polynomials: PolynomialModel | None = None  # one of both models
+    state_space: StateSpaceModel | None = None
+
+    @property
+    def model(self) -> Model:
+        """The model, in the form of its structure."""
+        model = self.polynomials or self.state_space
+        assert model is not None
+        return model
+
+    @property
+    def orders(self) -> Orders:
+        """Orders of the polynomials."""
+        assert self.polynomials is not None
+        return self.polynomials.orders
+
+    @property
+    def is_scored(self) -> bool:
+        """Whether there are scores on held-out samples."""
+        return bool(np.isfinite(self.scores.prediction))
+
+    @property
+    def has_poles(self) -> bool:
+        """Whether the plant may oscillate."""
+        if self.polynomials is None:
+            return self.order >= 2
+        return self.orders.na + max(self.orders.nf, default=0) >= 2
+
+    @property
+    def name(self) -> str:
+        """Structure and orders in a few letters."""
+        if self.polynomials is None:
+            return f"{self.structure}, {self.order} state{'s' * (self.order > 1)}"
+        orders = self.orders
+        if orders.inputs > 1:
+            return str(orders)
+        shown = {n: getattr(orders.single, n) for n in ("na", "nb", "nc", "nd", "nf", "nk")}
+        words = [f"{n}={order}" for n, order in shown.items() if order or n == "nk"]
+        return f"{self.structure} {' '.join(words)}"
+
+
+@dataclass(frozen=True)
+class StructureSearch:
+    """All candidates of one structure, by ascending orders."""
+
+    structure: str
+    candidates: tuple[Candidate, ...]
+    decision: Decision
+
+    @property
+    def orders(self) -> tuple[int, ...]:
+        """The orders that were tried."""
+        return tuple(dict.fromkeys(each.order for each in self.candidates))
+
+
+def order_models(search: StructureSearch, estimation: Recording) -> OrderModels:
+    """The plants of a search in state space, in the names and at the rate of a recording."""
+    models = []
+    for each in search.candidates:
+        plant = each.state_space
+        if each.polynomials is not None:
+            plant = each.polynomials.plant().state_space()
+        assert plant is not None
+        named = replace(
+            plant,
+            sampling_rate=estimation.sampling_rate,
+            input_names=estimation.input_names,
+            output_names=estimation.output_names,
+        )
+        models.append(OrderModel.of(each.order, each.bic, named))
+    return OrderModels(tuple(models))
+
+
+def without_covariances(search: StructureSearch) -> StructureSearch:
+    """A search with models without their covariances, which are large."""
+    kept = []
+    for each in search.candidates:
+        if each.state_space is not None:
+            each = replace(each, state_space=replace(each.state_space, covariance=None))
+        elif each.polynomials is not None:
+            each = replace(each, polynomials=replace(each.polynomials, covariance=None))
+        kept.append(each)
+    return replace(search, candidates=tuple(kept))
+
+
+class Scorer:
+    """Fits and scores models of one record, each orders once.
+
+    Structures and orders of a long record of one channel are compared on its first ``MOST_SAMPLES``
+    samples; :meth:`on_all_samples` fits what was chosen to all.
+
+    Parameters
+    ----------
+    stretches : sequence of Segment
+    plan : FoldPlan
+    settings : FitSettings
+    limits : OrderLimits
+        Other orders have no candidates.
+    delays : tuple of int
+        Of the inputs, for structures whose orders have none.
+    """
+
+    def __init__(
+        self,
+        stretches: Sequence[Segment],
+        plan: FoldPlan,
+        settings: FitSettings,
+        limits: OrderLimits = OrderLimits(),  # noqa: B008 - frozen
+        delays: tuple[int, ...] = (),
+    ) -> None:
+        self.whole, self.plan, self.settings = tuple(stretches), plan, settings
+        self.limits, self.delays = limits, delays
+        inputs, outputs = stretches[0].inputs.shape[1], stretches[0].outputs.shape[1]
+        self.has_input, self.is_single = inputs > 0, (inputs, outputs) == (1, 1)
+        self.stretches = first_samples(stretches, MOST_SAMPLES) if self.is_single else self.whole
+        self.samples = total_samples(self.stretches)
+        self.window = min(4 * LARGEST_ORDER, min(each.samples for each in self.stretches) // 4)
+        self._known: dict[tuple[str, Orders | int], Candidate] = {}
+        self._checked: dict[Candidate, CandidateChecks] = {}
+
+    @property
+    def most_parameters(self) -> int:
+        """Most parameters of an output that the record carries."""
+        return max(4, round(self.independent_samples) // SAMPLES_PER_PARAMETER)
+
+    @property
+    def independent_samples(self) -> float:
+        """Samples that tell something new, where residuals repeat with the input."""
+        return self.samples * self.plan.repetition.independent
+
+    @property
+    def absolute(self) -> bool:
+        """Whether errors are absolute instead of squared."""
+        return self.settings.objective == "absolute"
+
+    def penalty(self, parameters: int) -> float:
+        """What the BIC of a sample adds for parameters."""
+        count = self.samples - self.window * len(self.stretches)
+        independent = count * self.plan.repetition.independent
+        return float(parameters * np.log(independent) / independent)
+
+    def candidate(
+        self,
+        structure: str,
+        orders: Orders,
+        models: Sequence[PolynomialModel] = (),
+        own_starts: bool = True,
+    ) -> Candidate | None:
+        """The candidate of these orders; None where the record does not carry them.
+
+        Descents start from the models, and with ``own_starts`` from estimates by linear algebra.
+        """
+        key = (structure, orders)
+        if key not in self._known:
+            if not self.limits.allow(structure, orders):
+                return None
+            if orders.parameters + orders.single.nf + orders.noise_states > self.most_parameters:
+                return None
+            try:
+                found = fit(self.stretches, orders, self.settings, models, own_starts, structure)
+            except (ValueError, np.linalg.LinAlgError):
+                return None
+            described = self.described(structure, found)
+            if self._within_reach(described):
+                described = self.scored(described)
+            self._known[key] = described
+        return self._known[key]
+
+    def _within_reach(self, candidate: Candidate) -> bool:
+        """Whether one of the criteria is near enough to the best of all to be worth folds."""
+        known = [*self._known.values(), candidate]
+        return (
+            candidate.bic <= min(each.bic for each in known) + REACH
+            or candidate.simulation_bic <= min(each.simulation_bic for each in known) + REACH
+        )
+
+    def described(self, structure: str, found: Fit, order: int = 0) -> Candidate:
+        """The candidate of a fit, without scores on held-out samples.
+
+        Parameters
+        ----------
+        structure : str
+        found : Fit
+        order : int
+            Number of states of the plant of a state-space model.
+        """
+        penalty, objective = self.penalty(found.parameters), self.settings.objective
+        simulation_loss = np.inf
+        if self.has_input:
+            errors = [
+                simulated(found.model, s, True, self.absolute) - s.outputs for s in self.stretches
+            ]
+            simulation_loss = log_loss(np.concatenate(errors), objective)
+        polynomials = found.model if isinstance(found.model, PolynomialModel) else None
+        return Candidate(
+            structure,
+            order or (polynomials.orders.plant if polynomials is not None else 0),
+            self.delays if polynomials is None else polynomials.orders.nk,
+            found.parameters,
+            log_loss(found.residuals_from(self.window), objective) + penalty,
+            simulation_loss + penalty,
+            HeldOutScores.none(),
+            polynomials,
+            found.model if isinstance(found.model, StateSpaceModel) else None,
+        )
+
+    def scored(self, candidate: Candidate) -> Candidate:
+        """A candidate with its scores on held-out samples."""
+
+        def refitted(training: Sequence[Segment]) -> Model:
+            return self._refitted(candidate, training, on_folds=True)
+
+        scores = held_out_scores(self.stretches, self.plan, refitted, self.absolute)
+        return replace(candidate, scores=scores)
+
+    def _refitted(
+        self, candidate: Candidate, stretches: Sequence[Segment], on_folds: bool = False
+    ) -> Model:
+        """The optimum of other stretches that a descent from a candidate's model ends at."""
+        model, structure = candidate.model, candidate.structure
+        if isinstance(model, PolynomialModel) and model.inputs <= 1:
+            stages = FOLD_STAGES if on_folds else SWEEP_STAGES
+            return fit(
+                *(stretches, model.orders, self.settings, [model], False, structure, stages)
+            ).model
+        return refit(model, structure, stretches, candidate.delays, self.settings, self.stretches)
+
+    def checks(self, candidate: Candidate) -> CandidateChecks:
+        """What the checks of the report say of a candidate, on the compared samples."""
+        if candidate not in self._checked:
+            self._checked[candidate] = check_model(
+                candidate.model,
+                candidate.structure,
+                self.stretches,
+                self.settings,
+                candidate.delays,
+            )
+        return self._checked[candidate]
+
+    def on_all_samples(self, candidate: Candidate) -> Candidate:
+        """The same orders, fitted to the whole record where the scores come from a part of it."""
+        if self.samples == total_samples(self.whole):
+            return candidate
+        try:
+            model = self._refitted(candidate, self.whole)
+        except (ValueError, np.linalg.LinAlgError):
+            return candidate
+        if isinstance(model, PolynomialModel):
+            return replace(candidate, polynomials=model)
+        return replace(candidate, state_space=model)
+
+    def remember(self, candidates: Sequence[Candidate]) -> None:
+        """Take candidates as known that were scored before, with the same settings."""
+        for each in candidates:
+            key = each.order if each.polynomials is None else each.orders
+            self._known.setdefault((each.structure, key), each)

@@ -1,0 +1,183 @@
+"""Models that are estimated order by order: in state space, and polynomials of several inputs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import TypeVar
+
+import numpy as np
+
+from evopem.automatic.fit import Fit, FitSettings
+from evopem.automatic.folds import is_large, is_long
+from evopem.automatic.simulation import Model
+from evopem.config.settings import OutputWeighting, SearchSettings
+from evopem.config.structures import OF_ABSOLUTE_ERRORS, VARIANTS
+from evopem.estimation.multi_input.estimate import multi_input_estimates, refitted_multi_input
+from evopem.estimation.multi_input.search import SETTINGS
+from evopem.estimation.polynomial_estimate import PolynomialEstimate
+from evopem.estimation.state_space.estimate import estimates_of_orders
+from evopem.estimation.state_space.local_estimates import StateSpaceEstimate, refitted
+from evopem.estimation.state_space.noise_model import RISES
+from evopem.estimation.state_space.problem import STEPS
+from evopem.estimation.state_space.search import FINAL_WIDTH
+from evopem.estimation.state_space.starting_models import USUAL_ORDER
+from evopem.estimation.state_space.task import StateSpaceTask
+from evopem.models.polynomial import PolynomialModel
+from evopem.models.structures import Orders
+from evopem.signals.recording import Recording, Segment
+
+Log = Callable[[str], None]
+Estimate = TypeVar("Estimate", StateSpaceEstimate, PolynomialEstimate)
+
+# Estimates of each order that are descended from on large records, whose estimates are good ones,
+# and steps of these descents; also of those on folds of long records, from the optimum of all.
+LARGE_WIDTH, LARGE_STEPS = 2, 12
+
+
+def search_settings(settings: FitSettings, evaluations: int | None = None) -> SearchSettings:
+    """The settings of a search in state space; of its size where no evaluations are given."""
+    search = SearchSettings(
+        objective=settings.objective,  # type: ignore[arg-type]
+        seed=settings.seed,
+        max_root_radius=settings.max_root_radius,
+    )
+    return search if evaluations is None else replace(search, evaluations=evaluations)
+
+
+def polynomial_settings(settings: FitSettings, evaluations: int | None = None) -> SearchSettings:
+    """The settings of the searches of polynomial structures with several inputs."""
+    search = search_settings(settings)
+    return replace(
+        SETTINGS,
+        objective=search.objective,
+        seed=search.seed,
+        max_root_radius=search.max_root_radius,
+        evaluations=SETTINGS.evaluations if evaluations is None else evaluations,
+    )
+
+
+def weighting_of(structure: str, settings: FitSettings) -> OutputWeighting:
+    """The weighting of the outputs of a structure in state space."""
+    built_in = dict(VARIANTS)[structure]
+    if settings.objective == "absolute":
+        built_in = OF_ABSOLUTE_ERRORS
+    return settings.weighting or built_in  # type: ignore[return-value]
+
+
+def recording_of(stretches: Sequence[Segment]) -> Recording:
+    """Stretches as a recording at 1 Hz."""
+    whole = Recording(stretches[0].inputs, stretches[0].outputs, 1.0)
+    return whole.with_segments(stretches)
+
+
+def fits_in_state_space(
+    stretches: Sequence[Segment],
+    structure: str,
+    orders: Sequence[int],
+    delays: tuple[int, ...],
+    settings: FitSettings,
+    log: Log | None = None,
+) -> Iterator[tuple[int, Fit]]:
+    """Fits of ascending numbers of states until their BIC rises.
+
+    None of ``ss_bj`` of large records, where a descent takes too long.
+    """
+    large, estimation = is_large(stretches), recording_of(stretches)
+    if structure == "ss_bj" and large:
+        return
+    estimates = estimates_of_orders(
+        estimation,
+        orders,
+        structure=structure,  # type: ignore[arg-type]
+        delays=delays,
+        weighting=weighting_of(structure, settings),
+        settings=search_settings(settings),
+        width=LARGE_WIDTH if large else FINAL_WIDTH,
+        steps=LARGE_STEPS if large else STEPS,
+        log=log,
+    )
+    first = max(delays, default=0)
+    for order, each in until_bic_rises((each.order, each) for each in estimates).items():
+        residuals = tuple(e[np.isfinite(e).all(axis=1)] for e in each.residuals)
+        yield order, Fit(each.model, each.parameters, residuals, first)
+
+
+def fits_of_several_inputs(
+    stretches: Sequence[Segment],
+    orders: Mapping[int, Orders],
+    settings: FitSettings,
+    log: Log | None = None,
+) -> Iterator[tuple[int, Fit]]:
+    """Fits of polynomials of several inputs, of ascending orders until their BIC rises."""
+    inputs, outputs = [each.inputs for each in stretches], [each.outputs for each in stretches]
+    search = polynomial_settings(settings)
+    estimates = multi_input_estimates(inputs, outputs, orders, search, log)
+    ends = np.cumsum([each.samples for each in stretches])[:-1]
+    for order, each in until_bic_rises(estimates).items():
+        residuals = tuple(
+            e[np.isfinite(e)][:, None] for e in np.split(np.asarray(each.residuals), ends)
+        )
+        count = each.model.orders.parameters + len(each.levels or (0,))
+        yield order, Fit(each.model, count, residuals, each.window.residual_start, each.levels)
+
+
+def until_bic_rises(estimates: Iterable[tuple[int, Estimate]]) -> dict[int, Estimate]:
+    """The estimates by ascending order, up to where the BIC has risen so often that a search ends.
+
+    From the usual largest order on it ends with the first rise, also of the BIC with the colour of
+    the errors: states that only describe coloured errors would be added without end.
+    """
+    found: dict[int, Estimate] = {}
+    lowest = lowest_coloured = np.inf
+    rises = 0
+    for order, estimate in estimates:
+        found[order] = estimate
+        rises = 0 if estimate.bic < lowest else rises + 1
+        falls = rises == 0 and estimate.coloured_bic < lowest_coloured
+        if rises >= RISES or (order >= USUAL_ORDER and not falls):
+            break
+        lowest = min(lowest, estimate.bic)
+        lowest_coloured = min(lowest_coloured, estimate.coloured_bic)
+    return found
+
+
+def refit(
+    model: Model,
+    structure: str,
+    stretches: Sequence[Segment],
+    delays: tuple[int, ...],
+    settings: FitSettings,
+    whole: Sequence[Segment],
+) -> Model:
+    """The optimum of stretches, parts of whole ones, that a descent from a model ends at.
+
+    Raises
+    ------
+    ValueError
+        When they are too short, or the descent finds no stable model.
+    """
+    if isinstance(model, PolynomialModel):
+        inputs, outputs = [each.inputs for each in stretches], [each.outputs for each in stretches]
+        return refitted_multi_input(model, inputs, outputs, polynomial_settings(settings))
+    estimation = recording_of(stretches)
+    steps = LARGE_STEPS if is_long(whole) else STEPS
+    task = task_of(recording_of(whole), structure, delays, settings)
+    return refitted(replace(model, covariance=None), estimation, task, steps)
+
+
+def task_of(
+    whole: Recording,
+    structure: str,
+    delays: tuple[int, ...],
+    settings: FitSettings,
+    evaluations: int | None = None,
+) -> StateSpaceTask:
+    """What is estimated of a structure in state space."""
+    return StateSpaceTask.of(
+        whole,
+        structure,  # type: ignore[arg-type]
+        delays,
+        weighting=weighting_of(structure, settings),
+        settings=search_settings(settings, evaluations),
+    )
