@@ -9,8 +9,6 @@ from evopem.automatic import identify
 from evopem.config import order_grid
 from evopem.files import json_form
 from evopem.models import polynomial, structures
-from evopem.signals import transforms
-from evopem.signals.spectral import frequency_response, multitaper
 from evopem.synthesis import armax, flexible_arm, synthesize
 
 METHODS = (
@@ -31,9 +29,6 @@ FUNCTIONS = [
     structures.orders_of,
     polynomial.PolynomialModel,
     *(getattr(polynomial.PolynomialModel, name) for name in METHODS),
-    *(value for _, value in inspect.getmembers(transforms, inspect.isfunction)),
-    multitaper.multitaper_spectrum,
-    frequency_response.multitaper_frequency_response,
     order_grid.candidate_orders,
     order_grid.scoring_window,
     json_form.to_json,

@@ -212,11 +212,6 @@ class Recording(_Channels):
             segment_recordings=tuple(each.recording for each in segments),
         )
 
-    def with_signals(self, input: Array, output: Array) -> Recording:  # noqa: A002
-        """The same single channels with other samples; without an input it stays without."""
-        inputs = input if self.has_input else np.empty((len(output), 0))
-        return replace(self, inputs=inputs, outputs=output)
-
     def between(self, first: int, stop: int) -> Recording:
         """The samples from one to before another, counted from 0, as one segment."""
         return replace(
@@ -225,30 +220,6 @@ class Recording(_Channels):
             outputs=self.outputs[first:stop],
             segment_starts=(0,),
             segment_recordings=(0,),
-        )
-
-    def first_samples(self, most: int) -> Recording:
-        """The first samples of each segment, in proportion to its length, ``most`` together."""
-        if self.samples <= most:
-            return self
-        return self.with_segments(
-            [
-                each.between(0, max(each.samples * most // self.samples, MINIMUM_SAMPLES))
-                for each in self.segments
-            ]
-        )
-
-    def channel(self, output: int, input: int | None = None) -> Recording:  # noqa: A002
-        """One output, alone or with one input."""
-        inputs = [] if input is None else [input]
-        return replace(
-            self,
-            inputs=self.inputs[:, inputs],
-            outputs=self.outputs[:, [output]],
-            input_names=tuple(self.input_names[n] for n in inputs),
-            output_names=(self.output_names[output],),
-            input_units=tuple(self.input_units[n] for n in inputs),
-            output_units=(self.output_units[output],),
         )
 
     @property
