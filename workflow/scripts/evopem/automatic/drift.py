@@ -41,10 +41,7 @@ def decide_differences(stretches: Sequence[Segment]) -> tuple[int, Decision]:
     the input is most of the output nevertheless, nothing is differenced: the model describes the
     drift, and differences would weight it by high frequencies.
 
-    Parameters
-    ----------
-    stretches : sequence of Segment
-        Centred.
+    `stretches`: Centred.
     """
     criterion = "BIC of ARX models on the same samples, not divided by their number"
     found = [_likeliest(stretches, d) for d in range(MOST_DIFFERENCES + 1)]

@@ -138,19 +138,7 @@ def decide_preparation(
     Breaks, differences and the objective are decided for polynomial models of one output that
     responds to one input: a break of one channel would be one of all.
 
-    Parameters
-    ----------
-    recording : Recording
-        Samples that are not finite are breaks.
-    given : GivenPreparation
-        What is not decided here.
-    names : sequence of str
-        Files of the recordings, for an error to name.
-
-    Raises
-    ------
-    InputError
-        When no stretch without breaks of a recording is long enough.
+    `recording`: Samples that are not finite are breaks. `given`: What is not decided here.
     """
     records = recording.separated
     if given.start is None:

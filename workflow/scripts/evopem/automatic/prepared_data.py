@@ -22,18 +22,7 @@ Array = NDArray[np.float64]
 def prepared_data(divided: PreparedData, plan: PreparationPlan, place: str) -> PreparedData:
     """The stretches of both parts as a plan prepares them, and the way back.
 
-    Parameters
-    ----------
-    divided : PreparedData
-        Both parts before the decisions; means are taken from them already.
-    plan : PreparationPlan
-    place : str
-        Configuration key of the data set, for an error to name.
-
-    Raises
-    ------
-    InputError
-        When too few validation samples are left.
+    `divided`: Both parts before the decisions; means are taken from them already.
     """
     before = divided.transforms
     estimation, origins = _part(divided.estimation, before.estimation, plan)

@@ -32,33 +32,19 @@ SIGNIFICANT = 2.6
 
 @dataclass(frozen=True)
 class Repetition:
-    """How far residuals repeat with the input.
+    """How far residuals repeat with the input."""
 
-    Attributes
-    ----------
-    lag : int
-        Samples after which the input repeats, as it is or with the opposite sign; 0 for none.
-    correlation : float
-        Of residuals whole lags apart, with the sign of the input's.
-    independent : float
-        Share of the samples that are independent: ``1 / (1 + 2 r sum_k (1 - k lag / N))`` with
-        that correlation r (the design effect; Kish 1965).
-    decision : Decision
-    """
-
+    # samples after which the input repeats, as it is or with the opposite sign; 0 for none
     lag: int
-    correlation: float
+    correlation: float  # of residuals whole lags apart, with the sign of the input's
+    # share of the samples that are independent: ``1 / (1 + 2 r sum_k (1 - k lag / N))`` with that
+    # correlation r (the design effect; Kish 1965)
     independent: float
     decision: Decision
 
 
 def decide_repetition(stretches: Sequence[Segment]) -> Repetition:
-    """Judge the residuals of ARX models of the longest stretch.
-
-    Parameters
-    ----------
-    stretches : sequence of Segment
-    """
+    """Judge the residuals of ARX models of the longest stretch."""
     stretch = max(stretches, key=lambda each: each.samples)
     if stretch.inputs.shape[1] != 1 or stretch.outputs.shape[1] != 1:
         return _of(0, 0.0, 1.0, "Of several channels every sample counts.")
@@ -96,9 +82,7 @@ def _of(lag: int, correlation: float, independent: float, sentence: str) -> Repe
 def repetition_lag(signal: Array) -> int:
     """Samples after which a signal repeats, as it is or with the opposite sign; 0 for none.
 
-    Parameters
-    ----------
-    signal : (N,) array
+    `signal`, (N,).
     """
     n = len(signal)
     longest = int(LONGEST_LAG * n)
@@ -127,13 +111,7 @@ def repetition_lag(signal: Array) -> int:
 def repeated_correlation(residuals: Array, signal: Array, lag: int) -> float:
     """Mean correlation of residuals 1, 2, ... lags apart, each with the sign of the input's.
 
-    Parameters
-    ----------
-    residuals : (M,) array
-        Of the last M samples.
-    signal : (N,) array
-        The input.
-    lag : int
+    `residuals`, (M,): Of the last M samples. `signal`, (N,): The input.
     """
     e = residuals - residuals.mean()
     u = (signal - signal.mean())[-len(e) :]
@@ -149,12 +127,7 @@ def repeated_correlation(residuals: Array, signal: Array, lag: int) -> float:
 
 
 def arx_residuals(stretch: Segment) -> Array:
-    """Residuals of the ARX model of the lowest BIC, (M,), of the last M samples.
-
-    Parameters
-    ----------
-    stretch : Segment
-    """
+    """Residuals of the ARX model of the lowest BIC, (M,), of the last M samples."""
     u, y, n = stretch.input, stretch.output, stretch.samples
     first = max(ORDERS)
     best, residuals = np.inf, y[first:] - y[first:].mean()

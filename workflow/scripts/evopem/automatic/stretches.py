@@ -17,18 +17,12 @@ MOST_SAMPLES = 6000
 
 @dataclass(frozen=True, eq=False)
 class Fold:
-    """What a model is fitted to, and what it is scored on.
-
-    Attributes
-    ----------
-    training, held_out : tuple of Segment
-    before : tuple of Segment
-        Samples before each held-out segment, at most as many as it has; none at the beginning of a
-        stretch.
-    """
+    """What a model is fitted to, and what it is scored on."""
 
     training: tuple[Segment, ...]
     held_out: tuple[Segment, ...]
+    # samples before each held-out segment, at most as many as it has; none at the beginning of a
+    # stretch
     before: tuple[Segment, ...]
 
 
@@ -56,17 +50,9 @@ def folds_of(
     blocks; what remains of a stretch between them is a stretch of the training part.  A remainder
     with fewer than ``shortest`` samples is left out of the training.
 
-    Parameters
-    ----------
-    stretches : sequence of Segment
-    count : int
-        Number of folds, at least 2.
-    blocks_per_fold : int
-        1 gives contiguous folds, more interleaved ones.
-    shortest : int
-        Samples that a training stretch has at least.
-    edges : sequence of int, optional
-        Ends of the parts of a response, each a fold; the first is never held out.
+    `count`: Number of folds, at least 2. `blocks_per_fold`: 1 gives contiguous folds, more
+    interleaved ones. `shortest`: Samples that a training stretch has at least. `edges`: Ends of the
+    parts of a response, each a fold; the first is never held out.
     """
     total, blocks = total_samples(stretches), count * blocks_per_fold
     held_out = range(count)

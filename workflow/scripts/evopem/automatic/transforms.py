@@ -58,19 +58,10 @@ LEAST_CURVATURE = 0.1
 
 @dataclass(frozen=True)
 class TransformPlan:
-    """The transforms that are taken.
+    """The transforms that are taken."""
 
-    Attributes
-    ----------
-    box_cox : float, optional
-        Parameter of the output's Box-Cox transform.
-    input_trend, output_trend : float
-        Slopes that are taken from the channels, in their units per sample.
-    decisions : tuple of Decision
-    """
-
-    box_cox: float | None = None
-    input_trend: float = 0.0
+    box_cox: float | None = None  # parameter of the output's Box-Cox transform
+    input_trend: float = 0.0  # slopes that are taken from the channels, in their units per sample
     output_trend: float = 0.0
     decisions: tuple[Decision, ...] = ()
 
@@ -94,16 +85,9 @@ def decide_transforms(
 ) -> TransformPlan:
     """Decide the transforms of recorded stretches.
 
-    Parameters
-    ----------
-    stretches : sequence of Segment
-        Samples between breaks, in recorded units.
-    begins : sequence of int
-        First sample of each in its recording.
-    box_cox, trend : bool
-        Whether the configuration says what is done.
-    continued : bool
-        Whether the validation samples continue the estimation samples, and their trend.
+    `stretches`: Samples between breaks, in recorded units. `begins`: First sample of each in its
+    recording. `box_cox`, `trend`: Whether the configuration says what is done. `continued`: Whether
+    the validation samples continue the estimation samples, and their trend.
     """
     kept = first_samples(stretches, MOST_SAMPLES)
     folds = _folds(kept)
@@ -267,10 +251,6 @@ def spread_test(stretches: Sequence[Segment]) -> float:
     """p-value of a rank correlation between the size of ARX residuals and the predicted output.
 
     NaN where there are too few samples.
-
-    Parameters
-    ----------
-    stretches : sequence of Segment
     """
     from scipy.stats import spearmanr
 

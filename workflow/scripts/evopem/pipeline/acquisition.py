@@ -31,23 +31,9 @@ def read_recording(
 ) -> None:
     """Read the input and output channels of a recorded file, or of several that are one data set.
 
-    Parameters
-    ----------
-    files : DatasetFiles
-    recorded : tuple of str
-        The recorded files, as the settings name them.
-    channels : ChannelSettings
-    told : bool
-        Whether input, output and time are told from the first file, where it has a time.
-    geometry : Geometry, optional
-        Its channels must be outputs.
-    folder : path
-        What relative paths are relative to; the working directory by default.
-
-    Raises
-    ------
-    InputError
-        When a file cannot be read, or the recordings are not of the same channels and rate.
+    `recorded`: The recorded files, as the settings name them. `told`: Whether input, output and
+    time are told from the first file, where it has a time. `geometry`: Its channels must be
+    outputs. `folder`: What relative paths are relative to; the working directory by default.
     """
     roles = roles_of(Path(folder) / recorded[0]) if told else None
     recording, info = _read(recorded, channels, roles, folder)

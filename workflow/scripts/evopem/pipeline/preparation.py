@@ -47,25 +47,9 @@ def prepare_samples(
 ) -> None:
     """Make all channels stationary, and divide the samples for estimation and validation.
 
-    Parameters
-    ----------
-    files : DatasetFiles
-    settings : PreparationSettings
-    is_validated : bool
-    recorded : tuple of str
-        The recorded files, those for validation last, for errors to name.
-    given : GivenPreparation, optional
-        What is not decided by the automatic recipe; None where all is given.
-    requirements : SampleRequirements, optional
-        Of the order grid of the chapter's recipe.
-    fit : (FitSettings, OrderGrid), optional
-        Whose constraints are checked with the sampling rate.
-
-    Raises
-    ------
-    InputError
-        When a transform cannot be applied, too few samples are left, the constraints contradict the
-        sampling rate, or a validation recording shares its samples with the recording.
+    `given`: What is not decided by the automatic recipe; None where all is given. `requirements`:
+    Of the order grid of the chapter's recipe. `fit`: Whose constraints are checked with the
+    sampling rate.
     """
     place = f"datasets.{files.name}"
     recording = load_recording(files.recording)
@@ -162,12 +146,7 @@ def _without_trend(
 
 
 def _check_samples(requirements: SampleRequirements, prepared: PreparedData, place: str) -> None:
-    """Refuse samples that are too few for some candidate; each stretch has states of its own.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse samples that are too few for some candidate; each stretch has states of its own."""
     estimation, validation = prepared.estimation, prepared.validation
     least = requirements.loss_start + requirements.settling
     lost = (len(estimation.segments) - 1) * least

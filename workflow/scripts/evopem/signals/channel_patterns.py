@@ -19,11 +19,6 @@ def expanded(
 
     A pattern stands for all channels whose names it matches and that no other entry names.  The
     very name of a channel is no pattern, whatever it holds.
-
-    Raises
-    ------
-    InputError
-        When a pattern matches nothing, or two match the same channel.
     """
     written = {"input": channels.inputs, "output": channels.outputs}
     everything = [*channels.inputs, *channels.outputs]

@@ -28,20 +28,13 @@ SIGNIFICANCE = 0.001
 
 @dataclass(frozen=True)
 class CausalityTest:
-    """Whether the past of one channel improves predictions of the other, in both directions.
+    """Whether the past of one channel improves predictions of the other, in both directions."""
 
-    Attributes
-    ----------
-    forward, backward : float
-        p-values of the first channel's past in predictions of the second, and the reverse; NaN
-        where the recording is too short.
-    lags : int
-        Order of the regressions.
-    """
-
+    # p-values of the first channel's past in predictions of the second, and the reverse; NaN where
+    # the recording is too short
     forward: float
     backward: float
-    lags: int
+    lags: int  # order of the regressions
 
     @property
     def direction(self) -> int:
@@ -59,16 +52,7 @@ def causality_test(first: Array, second: Array) -> CausalityTest:
     An input that no feedback reaches is predicted from its own past as well as from both, and an
     output is not (Granger 1969).  BIC of both regressions together chooses their order.
 
-    Parameters
-    ----------
-    first, second : (N,) arrays
-
-    Examples
-    --------
-    >>> u, e = np.random.default_rng(1).standard_normal((2, 400))
-    >>> y = np.convolve(u, [0.0, 1.0, 0.5])[:400] + e
-    >>> causality_test(u, y).direction, causality_test(y, u).direction
-    (1, -1)
+    `first`, `second`, (N,).
     """
     from scipy.special import fdtrc
 
@@ -143,19 +127,12 @@ OUTPUT_NAMES = frozenset(
 
 @dataclass(frozen=True)
 class ChannelRoles:
-    """The channels of a file by what they are, and how that was told.
-
-    Attributes
-    ----------
-    input, output, time : int or str
-    test : CausalityTest, optional
-        From the input to the output; None where the names tell.
-    """
+    """The channels of a file by what they are, and how that was told."""
 
     input: Reference
     output: Reference
     time: Reference
-    test: CausalityTest | None = None
+    test: CausalityTest | None = None  # from the input to the output; None where the names tell
 
     @property
     def sentence(self) -> str:
@@ -174,11 +151,6 @@ def roles_of(path: str | Path) -> ChannelRoles | None:
     """Tell the channels of a file with a time and two signals; None where there is no time.
 
     By the words of their names, else by a test of causality.
-
-    Raises
-    ------
-    InputError
-        When there are not two other channels, or they cannot be told apart.
     """
     contents = inspect_file(path)
     if contents.time is None:

@@ -19,21 +19,11 @@ _HALVINGS = 60
 
 @dataclass(frozen=True)
 class CoarseClock:
-    """A clock whose ticks are all that keeps the stamps of even samples from being even.
+    """A clock whose ticks are all that keeps the stamps of even samples from being even."""
 
-    Attributes
-    ----------
-    tick : float
-        Resolution of the clock, in the unit of the stamps.
-    step : float
-        Of the even times from which every stamp is less than a tick away.
-    relative_error : float
-        The step is known to this share of itself: a tick over the whole time.
-    """
-
-    tick: float
-    step: float
-    relative_error: float
+    tick: float  # resolution of the clock, in the unit of the stamps
+    step: float  # of the even times from which every stamp is less than a tick away
+    relative_error: float  # the step is known to this share of itself: a tick over the whole time
 
 
 def coarse_clock(times: NDArray[np.float64]) -> CoarseClock | None:
@@ -45,10 +35,7 @@ def coarse_clock(times: NDArray[np.float64]) -> CoarseClock | None:
     around even times. Samples that are lost or repeated irregularly leave that band. Regular ones
     would not, so that a tick of more than half the usual step has to show in many steps.
 
-    Parameters
-    ----------
-    times : (N,) array
-        From the first stamp on.
+    `times`, (N,): From the first stamp on.
     """
     steps = np.diff(times)
     shortest, longest = float(steps.min(initial=np.inf)), float(steps.max(initial=0.0))

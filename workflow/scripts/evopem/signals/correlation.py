@@ -12,18 +12,10 @@ from evopem.errors import InputError
 
 @dataclass(frozen=True)
 class Correlation:
-    """A normalised correlation function.
+    """A normalised correlation function."""
 
-    Attributes
-    ----------
-    lags : ndarray of int, shape (M,)
-        In samples.
-    values : ndarray of float64, shape (M,)
-        Between -1 and 1.
-    """
-
-    lags: NDArray[np.int64]
-    values: NDArray[np.float64]
+    lags: NDArray[np.int64]  # (M,) in samples
+    values: NDArray[np.float64]  # (M,) between -1 and 1
 
 
 def autocorrelation(signal: NDArray[np.float64], lags: int) -> Correlation:
@@ -32,21 +24,7 @@ def autocorrelation(signal: NDArray[np.float64], lags: int) -> Correlation:
     ``r(k) = sum (x[t + k] - m) (x[t] - m) / sum (x[t] - m)**2``, m the mean (Ljung 1999,
     section 6.1): positive semi-definite, and never above 1.
 
-    Parameters
-    ----------
-    signal : ndarray, shape (N,)
-    lags : int
-        Largest lag, less than N.
-
-    Returns
-    -------
-    Correlation
-        Lags 0 … `lags`.
-
-    Raises
-    ------
-    InputError
-        When there are not more samples than lags, or the signal is constant.
+    `signal`, (N,). `lags`: Largest lag, less than N. Returns lags 0 … `lags`.
     """
     both = cross_correlation(signal, signal, lags)
     return Correlation(both.lags[lags:], both.values[lags:])
@@ -61,22 +39,7 @@ def cross_correlation(
     the residuals first and the input second, positive lags hold what the model has left
     unused of past inputs; negative lags show feedback.
 
-    Parameters
-    ----------
-    first, second : ndarray, shape (N,)
-    lags : int
-        Largest lag, less than N.
-
-    Returns
-    -------
-    Correlation
-        Lags -`lags` … `lags`.
-
-    Raises
-    ------
-    InputError
-        When the lengths differ, there are not more samples than lags, or a signal is
-        constant.
+    `first`, `second`, (N,). `lags`: Largest lag, less than N. Returns lags -`lags` … `lags`.
     """
     from scipy.fft import irfft, next_fast_len, rfft
 

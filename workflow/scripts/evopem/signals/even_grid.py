@@ -31,67 +31,33 @@ Values = TypeVar("Values", bound=np.generic)
 
 @dataclass(frozen=True)
 class Unevenness:
-    """How far time stamps are from even ones.
+    """How far time stamps are from even ones."""
 
-    Attributes
-    ----------
-    in_gaps : int
-        Missing samples: between stamps that are more than :data:`GAP` usual steps apart.
-    longest_gap : float
-        Largest distance of two neighbouring stamps, in steps.
-    largest_shift : float
-        Largest distance of a stamp from the nearest sample, in steps.
-    tick : float
-        Resolution of a coarse clock whose stamps are otherwise even, in steps; 0.0 for others.
-    """
-
-    in_gaps: int
-    longest_gap: float
-    largest_shift: float
+    in_gaps: int  # missing samples: between stamps that are more than :data:`GAP` usual steps apart
+    longest_gap: float  # largest distance of two neighbouring stamps, in steps
+    largest_shift: float  # largest distance of a stamp from the nearest sample, in steps
+    # resolution of a coarse clock whose stamps are otherwise even, in steps; 0.0 for others
     tick: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
 class EvenGrid:
-    """An even grid from the first of uneven time stamps to the last.
+    """An even grid from the first of uneven time stamps to the last."""
 
-    Attributes
-    ----------
-    step : float
-        In the unit of the stamps, from the first one to the last a whole number of times.
-    samples : int
-    unevenness : Unevenness
-    stamps : (N,) array
-        The stamps, in steps from the first one.
-    """
-
-    step: float
+    step: float  # in the unit of the stamps, from the first one to the last a whole number of times
     samples: int
     unevenness: Unevenness
-    stamps: NDArray[np.float64] = field(repr=False)
+    stamps: NDArray[np.float64] = field(repr=False)  # (N,) the stamps, in steps from the first one
 
     def interpolated(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """A signal on the grid, linear between the two stamps around each sample.
-
-        Parameters
-        ----------
-        values : (stamps,) array
-        """
+        """A signal on the grid, linear between the two stamps around each sample."""
         return np.interp(np.arange(self.samples), self.stamps, values)
 
 
 def coarseness(stamps: NDArray[Values], source: str, name: str) -> Unevenness | None:
     """How uneven a coarse clock makes the stamps of even samples; None for other stamps.
 
-    Parameters
-    ----------
-    stamps, source, name
-        As of :func:`even_grid`.
-
-    Raises
-    ------
-    InputError
-        When the stamps are too few or not finite.
+    `stamps`, `source`, `name`: As of :func:`even_grid`.
     """
     times = elapsed(stamps, source, name)
     clock = clock_of_uneven(times)
@@ -106,18 +72,7 @@ def _of_clock(clock: CoarseClock, times: NDArray[np.float64]) -> Unevenness:
 def even_grid(stamps: NDArray[Values], source: str, name: str) -> EvenGrid:
     """The grid of the usual step of time stamps, some of which may be late or missing.
 
-    Parameters
-    ----------
-    stamps : (N,) array
-        Numbers, dates (datetime64) or durations (timedelta64), increasing.
-    source, name : str
-        File and channel that an error names.
-
-    Raises
-    ------
-    InputError
-        When the stamps do not increase, their rate changes, or too many samples are missing,
-        together or in one place.
+    `stamps`, (N,): Numbers, dates (datetime64) or durations (timedelta64), increasing.
     """
     times = elapsed(stamps, source, name)
     steps = np.diff(times)

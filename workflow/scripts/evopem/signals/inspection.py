@@ -20,60 +20,31 @@ MOST_INCREASE = 0.95
 
 @dataclass(frozen=True)
 class SignalColumn:
-    """A channel that may be an input or an output.
+    """A channel that may be an input or an output."""
 
-    Attributes
-    ----------
-    reference : int or str
-        Its name where that is unique in the file, else its number from 1.
-    unit : str
-        As the file states it; empty when it does not.
-    samples : int
-    sampling_rate : float, optional
-        Hz, where the file states one for this channel.
-    """
-
-    reference: Reference
-    unit: str
+    reference: Reference  # its name where that is unique in the file, else its number from 1
+    unit: str  # as the file states it; empty when it does not
     samples: int
-    sampling_rate: float | None
+    sampling_rate: float | None  # Hz, where the file states one for this channel
 
 
 @dataclass(frozen=True)
 class TimeColumn:
-    """A channel of uniform time stamps.
-
-    Attributes
-    ----------
-    reference : int or str
-    sampling_rate : float, optional
-        Hz; None where the unit of the stamps is not certain.
-    problem : str
-        Why the rate is not certain, in a sentence; empty where it is.
-    """
+    """A channel of uniform time stamps."""
 
     reference: Reference
-    sampling_rate: float | None
-    problem: str
+    sampling_rate: float | None  # Hz; None where the unit of the stamps is not certain
+    problem: str  # why the rate is not certain, in a sentence; empty where it is
 
 
 @dataclass(frozen=True)
 class FileContents:
-    """What a measured file holds.
+    """What a measured file holds."""
 
-    Attributes
-    ----------
-    signals : tuple of SignalColumn
-        Channels of finite real numbers that are not constant, in the order of the file.
-    time : TimeColumn, optional
-        The first channel of time stamps.
-    unread : str
-        Why the first channel that cannot be read cannot; empty where all can.
-    """
-
+    # channels of finite real numbers that are not constant, in the order of the file
     signals: tuple[SignalColumn, ...]
-    time: TimeColumn | None
-    unread: str = ""
+    time: TimeColumn | None  # the first channel of time stamps
+    unread: str = ""  # why the first channel that cannot be read cannot; empty where all can
 
 
 def inspect_file(path: str | Path) -> FileContents:
@@ -82,11 +53,6 @@ def inspect_file(path: str | Path) -> FileContents:
     A channel that increases by the same step from sample to sample, or holds dates, or increases
     and is named as a time, is taken for a time. A channel that cannot be read, or holds text or a
     constant, is left out.
-
-    Raises
-    ------
-    InputError
-        When the file cannot be read as its format.
     """
     names = channel_names(path)
     signals: list[SignalColumn] = []
@@ -121,16 +87,7 @@ def time_told(path: str | Path, signals: Sequence[Reference]) -> Reference | Non
 
     It has a word for time in its name, uniform stamps and a unit that is known.
 
-    Parameters
-    ----------
-    path : str or Path
-    signals : sequence of int or str
-        The channels that are read, of which none is the time.
-
-    Raises
-    ------
-    InputError
-        When the file cannot be read as its format, or there is no such channel.
+    `signals`: The channels that are read, of which none is the time.
     """
     first = read_channels(path, signals[:1])[0]
     if first.sampling_rate is not None:

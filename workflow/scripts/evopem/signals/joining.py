@@ -21,21 +21,8 @@ def check_independent(
 ) -> None:
     """Refuse a recording that is a copy of another one, or of a part.
 
-    Parameters
-    ----------
-    estimation, validation : Recording
-        Of several stretches, each is compared with each.
-    source : str
-        Configuration key of the validation file, for an error to name.
-    other : str
-        What the estimation recording is called.
-    remedy : str
-        What to do.
-
-    Raises
-    ------
-    InputError
-        When all samples of the shorter recording follow each other in the longer one.
+    `estimation`, `validation`: Of several stretches, each is compared with each. `other`: What the
+    estimation recording is called. `remedy`: What to do.
     """
     for one, two in itertools.product(estimation.segments, validation.segments):
         problem = _shared(one, two, other)
@@ -60,9 +47,7 @@ def _shared(estimation: Segment, validation: Segment, other: str) -> str:
 def shared_start(one: NDArray[np.float64], other: NDArray[np.float64]) -> int | None:
     """Find where all rows of the shorter array stand in the longer one; None where nowhere.
 
-    Parameters
-    ----------
-    one, other : ndarray, shape (n, channels) and (m, channels)
+    `one`, `other`, (n, channels).
     """
     shorter, longer = sorted((one + 0.0, other + 0.0), key=len)  # no -0.0, whose bits differ
     # Searching bytes takes a time proportional to their number, however often samples repeat.
@@ -88,17 +73,7 @@ _TWICE = "give every recording of the data set once"
 def joined(recordings: Sequence[Recording], sources: Sequence[str]) -> Recording:
     """Recordings of one system as one, each with its own number.
 
-    Parameters
-    ----------
-    recordings : sequence of Recording
-        Each of one segment.
-    sources : sequence of str
-        Their files, for an error to name.
-
-    Raises
-    ------
-    InputError
-        When channels, units or sampling rates differ, or one holds the samples of another.
+    `recordings`: Each of one segment.
     """
     _check_alike(recordings, sources)
     _check_independent(recordings, sources)
@@ -117,12 +92,7 @@ def _check_independent(recordings: Sequence[Recording], sources: Sequence[str]) 
 
 
 def check_alike(first: Recording, other: Recording, first_source: str, source: str) -> None:
-    """Refuse a recording of other channels, units or rate than the first one of a data set.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse a recording of other channels, units or rate than the first one of a data set."""
     found = _in_common(other)
     for (what, key), expected in _in_common(first).items():
         own = found.get((what, key))

@@ -54,11 +54,6 @@ def channel_names(path: str | Path) -> list[str]:
     """Names of all channels of a measured file, in the order of their numbers.
 
     A channel without a name has an empty one.
-
-    Raises
-    ------
-    InputError
-        When the file cannot be read as its format.
     """
     return _read(Path(path), lambda reader, local: reader.names(local))
 
@@ -71,18 +66,7 @@ def read_channels(
 ) -> list[Channel]:
     """Read channels of a measured file as the file holds them, without any check of their values.
 
-    Parameters
-    ----------
-    path : str or Path
-    references : sequence of int or str
-    header_lines, decimal_mark : optional
-        As of :func:`.read_recording`.
-
-    Raises
-    ------
-    InputError
-        When the file cannot be read as its format, there is no such channel, or the form of a text
-        table is stated for another file.
+    `header_lines`, `decimal_mark`: As of :func:`.read_recording`.
     """
     path = Path(path)
     options = _text_options(format_of(path), str(path), header_lines, decimal_mark)
@@ -96,13 +80,7 @@ def sha256(path: str | Path) -> str:
 
 
 def format_of(path: Path) -> str:
-    """The format of a file, one of the values of `FORMATS`, by its extension.
-
-    Raises
-    ------
-    InputError
-        When the extension is not known.
-    """
+    """The format of a file, one of the values of `FORMATS`, by its extension."""
     extension = path.suffix.lower()
     if extension not in FORMATS:
         raise InputError(

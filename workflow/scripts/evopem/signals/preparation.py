@@ -45,25 +45,9 @@ def prepare(
     and each is freed of its own means and levels. Without a validation recording the last
     recordings validate, or, with ``split.by`` of ``samples``, the last samples of each.
 
-    Parameters
-    ----------
-    recording : Recording
-        The measured signals, with one segment for each recording; not modified.
-    settings : PreparationSettings
-        With a validation recording, ``split.estimation`` of 1.0 takes all samples.
-    validation_recording : Recording, optional
-        One or several independent recordings to validate on.
-    place : str, optional
-        Configuration key of the data set, such as ``datasets.arm``, for errors to name.
-    recorded : sequence of str
-        Files of the recordings, those for validation last, for errors to name.
-
-    Raises
-    ------
-    InputError
-        When a setting is not of its kind, the split goes beyond the end, a transform
-        cannot be applied or leaves nothing that varies, or a validation recording has another
-        rate, other channels or the samples of the recording.
+    `recording`: The measured signals, with one segment for each recording; not modified.
+    `settings`: With a validation recording, ``split.estimation`` of 1.0 takes all samples.
+    `validation_recording`: One or several independent recordings to validate on.
     """
     key = f"{place}." if place else ""
     given = recording.separated

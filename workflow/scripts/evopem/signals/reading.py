@@ -41,50 +41,15 @@ def read_recording(
 ) -> Recording:
     """Read input and output channels of a measured file.
 
-    Parameters
-    ----------
-    path : str or Path
-        A file of one of `FORMATS`; the extension decides.
-    input, output : int or str, or sequence of them
-        The channels: a number counted from 1, or a column, variable or channel name, in which a
-        ``*`` stands for all that match.  Without an input, None.
-    sampling_rate : float, optional
-        Hz. Left out, it is taken from `time`, else from the file where its format states one.
-    time : int or str, optional
-        Channel of time stamps, which must be uniform (see `sampling_rate_of`).
-    input_unit, output_unit : str, optional
-        Units; left out, those that the file states.
-    time_unit : str, optional
-        Unit of the time stamps, one of `TIME_UNITS`; left out, the one that the file states.
-    header_lines : int, optional
-        Of a text table, the number of lines above the first row of numbers.
-    decimal_mark : str, optional
-        Of a text table, "." or ",".
-    uneven_time : {"refuse", "interpolate"}
-        What is done with time stamps that are not uniform: signals may be brought to an even grid
-        (:func:`.even_grid`).
-
-    Returns
-    -------
-    Recording
-
-    Raises
-    ------
-    InputError
-        When the file cannot be read as its format; a channel is not there or not a signal
-        of finite numbers; input, output and time are not three different signals; or the
-        sampling rate is unknown or contradicted by the time stamps.
-
-    Examples
-    --------
-    >>> from tempfile import TemporaryDirectory
-    >>> with TemporaryDirectory() as folder:
-    ...     file = Path(folder) / "data.csv"
-    ...     samples = [f"{i / 100},{i % 3},{i % 5}" for i in range(10)]
-    ...     _ = file.write_text("\\n".join(["time,u,y", *samples]))
-    ...     recording = read_recording(file, "u", "y", time="time")
-    >>> recording.sampling_rate, recording.output
-    (100.0, array([0., 1., 2., 3., 4., 0., 1., 2., 3., 4.]))
+    `path`: A file of one of `FORMATS`; the extension decides. `input`, `output`: The channels: a
+    number counted from 1, or a column, variable or channel name, in which a ``*`` stands for all
+    that match.  Without an input, None. `sampling_rate`: Hz. Left out, it is taken from `time`,
+    else from the file where its format states one. `time`: Channel of time stamps, which must be
+    uniform (see `sampling_rate_of`). `input_unit`, `output_unit`: Units; left out, those that the
+    file states. `time_unit`: Unit of the time stamps, one of `TIME_UNITS`; left out, the one that
+    the file states. `header_lines`: Of a text table, the number of lines above the first row of
+    numbers. `decimal_mark`: Of a text table, "." or ",". `uneven_time`: What is done with time
+    stamps that are not uniform: signals may be brought to an even grid (:func:`.even_grid`).
     """
     lists = ChannelSettings(
         inputs=() if input is None else _listed(input),
@@ -113,18 +78,7 @@ class MeasuredRecording(NamedTuple):
 
 
 def read_measured(path: str | Path, channels: ChannelSettings) -> MeasuredRecording:
-    """The same by the settings of a data set.
-
-    Parameters
-    ----------
-    path : str or Path
-    channels : ChannelSettings
-
-    Raises
-    ------
-    InputError
-        As :func:`read_recording`, and when units do not fit the channels.
-    """
+    """The same by the settings of a data set."""
     source = str(Path(path))
     _check_rate(channels.sampling_rate, source)
     inputs, outputs = expanded(path, channels)
@@ -153,13 +107,7 @@ def read_measured(path: str | Path, channels: ChannelSettings) -> MeasuredRecord
 
 
 def with_time_told(path: str | Path, channels: ChannelSettings) -> ChannelSettings:
-    """Add the channel of time stamps that the file tells, where neither it nor a rate is stated.
-
-    Raises
-    ------
-    InputError
-        As :func:`.time_told`, and where a pattern matches nothing.
-    """
+    """Add the channel of time stamps that the file tells, where neither it nor a rate is stated."""
     if not may_tell_time(channels):
         return channels
     inputs, outputs = expanded(path, channels)
@@ -167,20 +115,11 @@ def with_time_told(path: str | Path, channels: ChannelSettings) -> ChannelSettin
 
 
 class Columns(NamedTuple):
-    """Channels of a file that were sampled together.
+    """Channels of a file that were sampled together."""
 
-    Attributes
-    ----------
-    channels : dict of str to Channel
-        By role, without the time stamps; values are float64.
-    sampling_rate : float
-        Hz.
-    unevenness : Unevenness, optional
-        Of the time stamps, where the channels were brought to an even grid.
-    """
-
-    channels: dict[str, Channel]
-    sampling_rate: float
+    channels: dict[str, Channel]  # by role, without the time stamps; values are float64
+    sampling_rate: float  # Hz
+    # of the time stamps, where the channels were brought to an even grid
     unevenness: Unevenness | None
 
 
@@ -189,18 +128,8 @@ def read_columns(
 ) -> Columns:
     """Read any number of channels that were sampled together, with their sampling rate.
 
-    Parameters
-    ----------
-    path : str or Path
-    roles : mapping of str to int or str
-        Channels by what an error calls them, such as ``output 2``.
-    stated : ChannelSettings
-        Of these the rate, the time stamps and the form of a text table.
-
-    Raises
-    ------
-    InputError
-        As :func:`read_recording`.
+    `roles`: Channels by what an error calls them, such as ``output 2``. `stated`: Of these the
+    rate, the time stamps and the form of a text table.
     """
     path = Path(path)
     source = str(path)

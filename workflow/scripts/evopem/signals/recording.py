@@ -36,43 +36,23 @@ class _Channels:
 
     @property
     def input(self) -> Array:
-        """The only input, (N,); zeros without an input.
-
-        Raises
-        ------
-        ValueError
-            When there are several.
-        """
+        """The only input, (N,); zeros without an input."""
         return _single(self.inputs) if self.has_input else np.zeros(self.samples)
 
     @property
     def output(self) -> Array:
-        """The only output, (N,).
-
-        Raises
-        ------
-        ValueError
-            When there are several.
-        """
+        """The only output, (N,)."""
         return _single(self.outputs)
 
 
 @dataclass(frozen=True, eq=False)
 class Segment(_Channels):
-    """Consecutive samples of one recording.
+    """Consecutive samples of one recording."""
 
-    Attributes
-    ----------
-    inputs : (N, m) array
-        One-dimensional arrays become a single column; m = 0 without an input.
-    outputs : (N, l) array
-    recording : int
-        Number of the recording, from 0.  Segments of one recording share their level; each segment
-        has its own initial state.
-    """
-
-    inputs: Array
-    outputs: Array
+    inputs: Array  # (N, m) one-dimensional arrays become a single column; m = 0 without an input
+    outputs: Array  # (N, l)
+    # number of the recording, from 0.  Segments of one recording share their level; each segment
+    # has its own initial state.
     recording: int = 0
 
     def __post_init__(self) -> None:
@@ -240,13 +220,7 @@ def recording_of(
     output: ArrayLike | None,
     sampling_rate: float,
 ) -> Recording:
-    """Signals as a user gives them, as one recording; one is returned as it is.
-
-    Raises
-    ------
-    ValueError
-        When a signal is missing, complex, or of another length, or the rate is no number of Hz.
-    """
+    """Signals as a user gives them, as one recording; one is returned as it is."""
     if isinstance(input, Recording):
         if output is not None:
             raise ValueError("a Recording holds its outputs; give nothing as output")
@@ -263,13 +237,7 @@ def recording_of(
 
 
 def real_signal(signal: ArrayLike, name: str) -> Array:
-    """A signal as floats.
-
-    Raises
-    ------
-    ValueError
-        When it is complex.
-    """
+    """A signal as floats."""
     array = np.asarray(signal)
     if np.iscomplexobj(array):
         raise ValueError(f"the {name} is complex; give its real part or another channel")
@@ -320,13 +288,7 @@ def save_recording(recording: Recording, path: str | Path) -> None:
 
 
 def load_recording(path: str | Path) -> Recording:
-    """Read a recording that `save_recording` wrote.
-
-    Raises
-    ------
-    InputError
-        When the file is missing or damaged.
-    """
+    """Read a recording that `save_recording` wrote."""
     return recording_from_arrays(load_arrays(path, recording_names()))
 
 

@@ -34,22 +34,8 @@ def check_recording(
 ) -> None:
     """Refuse a recording from which no model can be identified.
 
-    Parameters
-    ----------
-    recording : Recording
-        The recording to check.
-    source : str
-        The file or configuration key that an error names.
-    constant_input : bool
-        Whether inputs may rest: after a step or a blow a model can still be validated by its
-        free response.
-
-    Raises
-    ------
-    InputError
-        When the numbers of samples differ, there are fewer than `MINIMUM_SAMPLES` samples, a sample
-        is not finite (the first one is named, counted from 1), a channel never changes, or is too
-        large or too small to be squared, or the sampling rate is not a positive number.
+    `constant_input`: Whether inputs may rest: after a step or a blow a model can still be validated
+    by its free response.
     """
     if len(recording.inputs) != recording.samples:
         raise InputError(
@@ -111,18 +97,7 @@ def check_measured(recording: Recording, source: str) -> None:
 
     An input may have two levels only. An output that hardly ever changes is refused.
 
-    Parameters
-    ----------
-    recording : Recording
-        A recording that `check_recording` accepts.
-    source : str
-        The file that an error names.
-
-    Raises
-    ------
-    InputError
-        When a sample is one of `OVERFLOW_CODES`, or more than `LARGEST_STUCK_SHARE` of an output
-        lies at one value or at its two limits.
+    `recording`: A recording that `check_recording` accepts.
     """
     for place, signal in recording.signals.items():
         codes = np.isin(np.abs(signal), OVERFLOW_CODES)

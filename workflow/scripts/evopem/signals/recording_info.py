@@ -19,74 +19,42 @@ from evopem.signals.recording_checks import saturated_share
 
 @dataclass(frozen=True)
 class ChannelInfo:
-    """What is known of a channel.
-
-    Attributes
-    ----------
-    name, unit : str
-    saturated_percent : float
-        Percentage of samples that rest at the channel's smallest or largest value.
-    """
+    """What is known of a channel."""
 
     name: str
     unit: str
+    # percentage of samples that rest at the channel's smallest or largest value
     saturated_percent: float
 
 
 @dataclass(frozen=True)
 class FileOrigin:
-    """The file that a recording was read from.
-
-    Attributes
-    ----------
-    path, sha256 : str
-    bytes : int
-        Size of the file.
-    format : str
-    inputs, outputs : tuple of int or str
-        The channels as they were asked for.
-    samples : int
-    """
+    """The file that a recording was read from."""
 
     path: str
     sha256: str
-    bytes: int
+    bytes: int  # size of the file
     format: str
-    inputs: tuple[Reference, ...]
+    inputs: tuple[Reference, ...]  # the channels as they were asked for
     outputs: tuple[Reference, ...]
     samples: int
 
 
 @dataclass(frozen=True)
 class RecordingInfo:
-    """Origin and properties of a recording.
-
-    Attributes
-    ----------
-    kind : {"file", "synthesis"}
-    samples : int
-    sampling_rate : float
-        Hz.
-    inputs, outputs : tuple of ChannelInfo
-    files : tuple of FileOrigin
-        One for each recording, in their order; none for a synthetic recording.
-    roles : ChannelRoles, optional
-        Where input, output and time were told from the first file.
-    time_told : int or str, optional
-        The channel of time stamps of the first file, where it alone was told from the file.
-    uneven_times : tuple of Unevenness
-        Of the stamps of each file, where signals were brought to an even grid, or the clock is
-        coarse.
-    """
+    """Origin and properties of a recording."""
 
     kind: Literal["file", "synthesis"]
     samples: int
-    sampling_rate: float
+    sampling_rate: float  # Hz
     inputs: tuple[ChannelInfo, ...]
     outputs: tuple[ChannelInfo, ...]
+    # one for each recording, in their order; none for a synthetic recording
     files: tuple[FileOrigin, ...] = ()
-    roles: ChannelRoles | None = None
+    roles: ChannelRoles | None = None  # where input, output and time were told from the first file
+    # the channel of time stamps of the first file, where it alone was told from the file
     time_told: Reference | None = None
+    # of the stamps of each file, where signals were brought to an even grid, or the clock is coarse
     uneven_times: tuple[Unevenness, ...] = ()
 
 
@@ -133,15 +101,8 @@ def describe_file(
 ) -> FileOrigin:
     """Origin of a recording that was read from a file.
 
-    Parameters
-    ----------
-    name : path
-        What the settings call the file.
-    samples : int
-    inputs, outputs : tuple of int or str
-        The channels as they were asked for.
-    folder : path
-        What a relative name is relative to; the working directory by default.
+    `name`: What the settings call the file. `inputs`, `outputs`: The channels as they were asked
+    for. `folder`: What a relative name is relative to; the working directory by default.
     """
     path = Path(folder) / name
     size = local_path(path).stat().st_size
@@ -153,17 +114,7 @@ def describe_file(
 def check_measured_places(geometry: Geometry | None, names: Iterable[str], place: str) -> None:
     """Refuse a geometry with a channel that is no output.
 
-    Parameters
-    ----------
-    geometry : Geometry, optional
-    names : iterable of str
-        The outputs.
-    place : str
-        Configuration key of the geometry, for an error to name.
-
-    Raises
-    ------
-    InputError
+    `names`: The outputs.
     """
     outputs = list(names)
     for channel in geometry.channels if geometry else ():

@@ -25,20 +25,7 @@ def resample_recording(recording: Recording, sampling_rate: float, source: str) 
     They pass the same filter (see `resample_signal`), so their relations, delay included,
     are unchanged below the pass band's edge. An equal rate returns the recording as it is.
 
-    Parameters
-    ----------
-    recording : Recording
-    sampling_rate : float
-        New rate (Hz), at most the recording's own.
-    source : str
-        Configuration key that an error names.
-
-    Raises
-    ------
-    InputError
-        When the new rate is not positive or above the old one (upsampling would leave an
-        empty band that no model can be fitted to), or the ratio of the two is not that of
-        whole numbers up to `LARGEST_FACTOR`.
+    `sampling_rate`: New rate (Hz), at most the recording's own.
     """
     old = recording.sampling_rate
     if not (np.isfinite(sampling_rate) and sampling_rate > 0):
@@ -78,15 +65,7 @@ def resample_signal(signal: NDArray[np.float64], ratio: Fraction) -> NDArray[np.
     odd reflection, which keeps its level and slope; within half the filter's length of
     either end (about 60 new samples) the values rest on that continuation.
 
-    Parameters
-    ----------
-    signal : ndarray, shape (N,) or (N, channels)
-    ratio : Fraction
-        New rate over old rate, below 1.
-
-    Returns
-    -------
-    ndarray, shape (ceil(N * ratio),) or (ceil(N * ratio), channels)
+    `signal`, (N,). `ratio`: New rate over old rate, below 1. Returns (N * ratio).
     """
     from scipy.signal import resample_poly
 

@@ -16,19 +16,11 @@ from evopem.signals.timestamps import names_time, sampling_rate_of
 
 
 class Sampled(NamedTuple):
-    """Signals at a constant rate.
+    """Signals at a constant rate."""
 
-    Attributes
-    ----------
-    signals : dict of str to (N,) array
-    rate : float
-        Hz.
-    unevenness : Unevenness, optional
-        Of the time stamps, where the signals were brought to an even grid or the clock is coarse.
-    """
-
-    signals: dict[str, NDArray[np.float64]]
-    rate: float
+    signals: dict[str, NDArray[np.float64]]  # (N,)
+    rate: float  # Hz
+    # of the time stamps, where the signals were brought to an even grid or the clock is coarse
     unevenness: Unevenness | None
 
 
@@ -42,23 +34,8 @@ def sampled(
 ) -> Sampled:
     """The signals at the rate that is stated, else that of the time stamps, else the file's own.
 
-    Parameters
-    ----------
-    signals : dict of str to (N,) array
-        By role; without the time stamps.
-    channels : dict of str to Channel
-        What the file holds, the time stamps as ``time``.
-    stated_rate : float, optional
-        Hz.
-    time_unit : str, optional
-    uneven_time : {"refuse", "interpolate"}
-    source : str
-        The file that an error names.
-
-    Raises
-    ------
-    InputError
-        When the rate is unknown or contradicted by the time stamps, or these are too uneven.
+    `signals`, (N,): By role; without the time stamps. `channels`: What the file holds, the time
+    stamps as ``time``. `stated_rate`: Hz.
     """
     if uneven_time == "refuse":
         rate = _sampling_rate(channels, stated_rate, time_unit, source)

@@ -34,14 +34,8 @@ class Ranges:
 def prepared_samples(place: str, recorded: Sequence[str], number: int) -> str:
     """What an error calls the prepared samples of a recording, by its file where it is known.
 
-    Parameters
-    ----------
-    place : str
-        The part that they belong to, such as ``datasets.arm.validation``.
-    recorded : sequence of str
-        Files of the recordings, those for validation last.
-    number : int
-        Of the recording, from 0.
+    `place`: The part that they belong to, such as ``datasets.arm.validation``. `recorded`: Files of
+    the recordings, those for validation last. `number`: Of the recording, from 0.
     """
     name = recorded[number] if recorded else f"recording {number + 1}"
     return f"{place} (the samples of {name} as prepared)"
@@ -92,15 +86,7 @@ def estimation_range(
 
 
 def held_out_recordings(samples: Sequence[int], share: float) -> int:
-    """How many of the last recordings hold about a share of all samples; at least one.
-
-    Examples
-    --------
-    >>> held_out_recordings([100, 100, 100, 100, 100], 0.2)
-    1
-    >>> held_out_recordings([500, 50, 60], 0.2)
-    2
-    """
+    """How many of the last recordings hold about a share of all samples; at least one."""
     held = np.cumsum(samples[:0:-1])
     return int(np.argmin(np.abs(held - share * sum(samples)))) + 1
 
@@ -110,17 +96,8 @@ def divided_ranges(
 ) -> Ranges:
     """The samples of recordings for estimation and for validation.
 
-    Parameters
-    ----------
-    records : sequence of Recording
-        Those of other files for validation stand last.
-    own : int
-        Number of recordings of the data set itself.
-    split : SplitSettings
-    lost : int
-        First samples of each recording that its differences cost.
-    key : str
-        Configuration key of the division, for errors to name.
+    `records`: Those of other files for validation stand last. `own`: Number of recordings of the
+    data set itself. `lost`: First samples of each recording that its differences cost.
     """
     lengths = [each.samples for each in records]
     every = range(len(lengths))
@@ -203,14 +180,7 @@ def transform_outputs(
 ) -> tuple[list[Recording], float | None, float]:
     """Box-Cox transform the outputs of all records alike: records, parameter, shift.
 
-    Parameters
-    ----------
-    records : list of Recording
-    setting : float or {"auto", "none"}
-    estimation : sequence of (record, start, stop)
-        The samples from which an automatic parameter is found.
-    source : str
-        Configuration key that an error names.
+    `estimation`: The samples from which an automatic parameter is found.
     """
     if setting == "none":
         return records, None, 0.0

@@ -84,26 +84,11 @@ def sampling_rate_of(
     last. Or they are those of even times but for the ticks of a coarse clock
     (:func:`.coarse_clock`), which neighbouring samples may share.
 
-    Parameters
-    ----------
-    stamps : ndarray, shape (N,)
-        Numbers, dates (datetime64) or durations (timedelta64).
-    source, name : str
-        File and channel that an error names.
-    unit : str
-        The unit that the file states; empty when it states none.
-    stated_rate : float, optional
-        Rate (Hz) stated elsewhere. When the stamps agree with it, it is returned.
-    time_unit : str, optional
-        One of `TIME_UNITS`, as the user states it.
-    step : float, optional
-        Of the even grid that uneven stamps are brought to, in their unit: they need not be uniform.
-
-    Raises
-    ------
-    InputError
-        When the stamps are too few, not finite, not increasing, not uniform (the first bad
-        sample is named, counted from 1), of an unknown unit, or contradict the stated rate.
+    `stamps`, (N,): Numbers, dates (datetime64) or durations (timedelta64). `unit`: The unit that
+    the file states; empty when it states none. `stated_rate`: Rate (Hz) stated elsewhere. When the
+    stamps agree with it, it is returned. `time_unit`: One of `TIME_UNITS`, as the user states it.
+    `step`: Of the even grid that uneven stamps are brought to, in their unit: they need not be
+    uniform.
     """
     place = _place(name)
     if time_unit is not None and time_unit not in TIME_UNITS:
@@ -145,17 +130,7 @@ def sampling_rate_of(
 def elapsed(stamps: NDArray, source: str, name: str) -> NDArray[np.float64]:
     """Time since the first stamp, in the unit of the stamps; of dates in seconds.
 
-    Parameters
-    ----------
-    stamps : ndarray, shape (N,)
-        As of :func:`sampling_rate_of`.
-    source, name : str
-        File and channel that an error names.
-
-    Raises
-    ------
-    InputError
-        When the stamps are too few or not finite.
+    `stamps`, (N,): As of :func:`sampling_rate_of`.
     """
     return _from_first(_ticks(stamps, source, _place(name)), stamps)
 
@@ -220,10 +195,7 @@ def _ticks(stamps: NDArray, source: str, place: str) -> NDArray:
 def clock_of_uneven(times: NDArray[np.float64]) -> CoarseClock | None:
     """The coarse clock of times whose steps are not uniform; None for uniform steps, or none such.
 
-    Parameters
-    ----------
-    times : (N,) array
-        From the first stamp on.
+    `times`, (N,): From the first stamp on.
     """
     steps = np.diff(times)
     usual = float(np.median(steps))
@@ -236,18 +208,8 @@ def refuse_same_times(
 ) -> NoReturn:
     """Refuse times that do not increase, and name the first two samples and how many there are.
 
-    Parameters
-    ----------
-    times : (N,) array
-    closest : float
-        Two times closer than this are the same.
-    source, place : str
-    unit : str
-        What follows a number of times.
-
-    Raises
-    ------
-    InputError
+    `times`, (N,). `closest`: Two times closer than this are the same. `unit`: What follows a number
+    of times.
     """
     steps = np.diff(times)
     found = np.flatnonzero(steps <= closest) + 1

@@ -18,17 +18,7 @@ def positive_shift(*signals: NDArray[np.float64]) -> float:
     zero: a rule free of units, and far enough from the transform's singularity at zero
     that no single sample dominates.
 
-    Parameters
-    ----------
-    *signals : ndarray, shape (N,)
-        The output to transform, then any other record that shares its transform.
-
-    Examples
-    --------
-    >>> positive_shift(np.array([1.0, 2.0]))
-    0.0
-    >>> positive_shift(np.array([-1.0, 1.0]))  # 1 and the standard deviation
-    2.0
+    `signals`, (N,): The output to transform, then any other record that shares its transform.
     """
     smallest = min(float(signal.min()) for signal in signals)
     if smallest > 0.0:
@@ -43,26 +33,7 @@ def box_cox(
 
     Box & Cox (1964); the logarithm at parameter 0.
 
-    Parameters
-    ----------
-    signal : ndarray, shape (N,)
-    parameter : float
-        The transform's λ.
-    shift : float
-        Added first, in the signal's unit.
-    source : str
-        Configuration key that an error names.
-
-    Raises
-    ------
-    InputError
-        When a shifted sample is not positive, or the transform overflows or loses the
-        signal's digits, so that it could not be undone.
-
-    Examples
-    --------
-    >>> box_cox(np.array([1.0, 2.0, 3.0]), parameter=2.0, shift=0.0)
-    array([0. , 1.5, 4. ])
+    `signal`, (N,). `parameter`: The transform's λ. `shift`: Added first, in the signal's unit.
     """
     from scipy.special import boxcox
 
@@ -93,13 +64,7 @@ def box_cox(
 def invert_box_cox(
     signal: NDArray[np.float64], parameter: float, shift: float
 ) -> NDArray[np.float64]:
-    """Undo `box_cox`; NaN where a value lies outside the transform's range.
-
-    Examples
-    --------
-    >>> invert_box_cox(np.array([0.0, 1.5, 4.0]), parameter=2.0, shift=0.0)
-    array([1., 2., 3.])
-    """
+    """Undo `box_cox`; NaN where a value lies outside the transform's range."""
     from scipy.special import inv_boxcox
 
     # boxcox takes the logarithm below 1e-19, inv_boxcox the exponential at zero only.
@@ -110,19 +75,6 @@ def likeliest_box_cox(signal: NDArray[np.float64], shift: float, source: str = "
     """The Box-Cox parameter of largest likelihood for a normal distribution.
 
     Box & Cox (1964), searched between the bounds of `BOX_COX_RANGE`.
-
-    Raises
-    ------
-    InputError
-        When the likelihood has no maximum there.
-
-    Examples
-    --------
-    The logarithm, parameter 0, makes a lognormal signal normal:
-
-    >>> signal = np.random.default_rng(1).lognormal(size=5000)
-    >>> abs(likeliest_box_cox(signal, shift=0.0)) < 0.05
-    True
     """
     from scipy.optimize import minimize_scalar
     from scipy.stats import boxcox_normmax
@@ -153,12 +105,6 @@ def difference(
 
     `times` is less than N.  The second value holds the first sample of the signals, of their first
     differences, … (`times` rows).
-
-    Examples
-    --------
-    >>> difference(np.array([[1.0], [4.0], [9.0], [16.0]]), times=2)
-    (array([[2.],
-           [2.]]), ((1.0,), (3.0,)))
     """
     initial = []
     differenced = np.array(signals, dtype=np.float64)

@@ -56,22 +56,8 @@ def channels_of(
     A channel's sampling rate is the single number named as in `RATE_NAMES` in the channel's own
     group, else in the nearest group around it. Groups are separated by points or slashes.
 
-    Parameters
-    ----------
-    path : Path
-    arrays : mapping of str to array
-    references : sequence of int or str
-    kind : str
-        What the format calls an array.
-    units : mapping of str to str, optional
-        Units of arrays and attributes by name.
-    attributes : mapping of str to object, optional
-        Attributes of groups and arrays by their path in the file.
-
-    Raises
-    ------
-    InputError
-        When there is no such channel, or a matrix is named without its column.
+    `kind`: What the format calls an array. `units`: Units of arrays and attributes by name.
+    `attributes`: Attributes of groups and arrays by their path in the file.
     """
     units = units or {}
     rates = _stated_rates({**arrays, **(attributes or {})}, units)

@@ -22,49 +22,22 @@ LONGEST_LIST = 20
 
 @dataclass(frozen=True)
 class Channel:
-    """One column or channel, as its file holds it.
+    """One column or channel, as its file holds it."""
 
-    Attributes
-    ----------
-    name : str
-        What the file calls it; empty when the file has no names.
-    values : ndarray, shape (N,)
-        Numbers, or dates (datetime64).
-    unit : str
-        As the file states it; empty when it does not.
-    sampling_rate : float or None
-        Hz, when the file states one for this channel.
-    rate_problem : str
-        Why a rate that the file states is not used, in a clause.
-    start : float or None
-        Time (s) of the first sample, when the file states one.
-    """
-
-    name: str
-    values: NDArray[Any]
-    unit: str = ""
-    sampling_rate: float | None = None
-    rate_problem: str = ""
-    start: float | None = None
+    name: str  # what the file calls it; empty when the file has no names
+    values: NDArray[Any]  # (N,) numbers, or dates (datetime64)
+    unit: str = ""  # as the file states it; empty when it does not
+    sampling_rate: float | None = None  # Hz, when the file states one for this channel
+    rate_problem: str = ""  # why a rate that the file states is not used, in a clause
+    start: float | None = None  # time (s) of the first sample, when the file states one
 
 
 def find_channel(path: Path, reference: Reference, names: Sequence[str], kind: str) -> int:
     """Index (from 0) of the channel that a reference stands for.
 
-    Parameters
-    ----------
-    path : Path
-    reference : int or str
-        A number from 1, or one of the names.
-    names : sequence of str
-        The file's channels in order; empty strings for channels without a name.
-    kind : str
-        What this format calls a channel ("column", "variable", …).
-
-    Raises
-    ------
-    InputError
-        When there is no such channel, or the name stands more than once.
+    `reference`: A number from 1, or one of the names. `names`: The file's channels in order; empty
+    strings for channels without a name. `kind`: What this format calls a channel ("column",
+    "variable", …).
     """
     here = f"choose one of {listing(names)}" if any(names) else f"choose 1 to {len(names)}"
     if isinstance(reference, int) and not isinstance(reference, bool):
@@ -96,13 +69,7 @@ def listing(names: Sequence[str]) -> str:
 
 
 def library(module: str, path: Path) -> ModuleType:
-    """Import the library that reads a format.
-
-    Raises
-    ------
-    InputError
-        When it is not installed, with the command that installs it.
-    """
+    """Import the library that reads a format."""
     try:
         return importlib.import_module(module)
     except ModuleNotFoundError:

@@ -22,25 +22,13 @@ _COMPLEX_FIELDS = ("real", "imag")
 
 @dataclass(frozen=True)
 class StoredDataset:
-    """A dataset, or one field of its records, that is read when it is asked for.
+    """A dataset, or one field of its records, that is read when it is asked for."""
 
-    Attributes
-    ----------
-    path : Path
-        The file that an error names.
-    dataset : h5py.Dataset
-    field : str or None
-        A field of a dataset of records.
-    transposed : bool
-        Whether the dimensions are stored in reverse order, as MATLAB does.
-    is_numeric : bool
-        False for numbers that stand for something else, such as the codes of characters.
-    """
-
-    path: Path
+    path: Path  # the file that an error names
     dataset: Any
-    field: str | None = None
-    transposed: bool = False
+    field: str | None = None  # A field of a dataset of records
+    transposed: bool = False  # whether the dimensions are stored in reverse order, as MATLAB does
+    # false for numbers that stand for something else, such as the codes of characters
     is_numeric: bool = True
 
     @property
@@ -62,13 +50,7 @@ class StoredDataset:
         return dtype if self.field is None else dtype[self.field].base
 
     def __getitem__(self, index: tuple[()]) -> NDArray[Any]:
-        """All values.
-
-        Raises
-        ------
-        InputError
-            When values are missing from the file or stored outside it, or need a conversion.
-        """
+        """All values."""
         refuse_incomplete(self.path, self.dataset)
         values = np.asarray(self.dataset[()] if self.field is None else self.dataset[self.field])
         if values.dtype.names == _COMPLEX_FIELDS:
@@ -83,12 +65,6 @@ def read(path: Path, references: Sequence[Reference]) -> list[Channel]:
     A field of a dataset of records is named ``dataset.field``. The attribute ``unit`` or
     ``units`` of a dataset is its unit. The sampling rate is a single-number dataset or an
     attribute named as in `RATE_NAMES`, of the dataset or of a group around it.
-
-    Raises
-    ------
-    InputError
-        When the file is damaged or no HDF5, h5py is missing, there is no such dataset, or the
-        values of one are missing or stored in another file.
     """
     wanted = [one.lstrip("/") if isinstance(one, str) else one for one in references]
     return _in_file(
@@ -100,13 +76,7 @@ def read(path: Path, references: Sequence[Reference]) -> list[Channel]:
 
 
 def names(path: Path) -> list[str]:
-    """Paths of all channels in the order of their numbers.
-
-    Raises
-    ------
-    InputError
-        As for :func:`read`.
-    """
+    """Paths of all channels in the order of their numbers."""
     return _in_file(path, lambda arrays, *_: names_of(arrays))
 
 
@@ -172,11 +142,6 @@ def refuse_incomplete(path: Path, dataset: Any) -> None:
 
     HDF5 gives the fill value, mostly 0, for what was never written and for virtual datasets
     whose source is missing. Values in other files are not covered by the file's checksum.
-
-    Raises
-    ------
-    InputError
-        With the name of the dataset.
     """
     problem = ""
     if dataset.external:

@@ -26,24 +26,12 @@ def read(path: Path, references: Sequence[Reference]) -> list[Channel]:
 
     The two versions are told apart by content. Fields of a structure are named with points, as
     in ``motor.speed``.
-
-    Raises
-    ------
-    InputError
-        When the file is damaged or no MATLAB file, h5py is needed and missing, or there is
-        no such variable.
     """
     return _in_file(path, lambda variables: channels_of(path, variables, references, "variable"))
 
 
 def names(path: Path) -> list[str]:
-    """Names of all channels in the order of their numbers.
-
-    Raises
-    ------
-    InputError
-        As for :func:`read`.
-    """
+    """Names of all channels in the order of their numbers."""
     return _in_file(path, names_of)
 
 

@@ -18,11 +18,6 @@ def read(path: Path, references: Sequence[Reference]) -> list[Channel]:
 
     An ``.npy`` file holds one array: a matrix of columns known by number, or a structured
     array whose fields have names.
-
-    Raises
-    ------
-    InputError
-        When the file is damaged, of another format, or there is no such array.
     """
     return channels_of(path, _arrays(path), references, "array")
 

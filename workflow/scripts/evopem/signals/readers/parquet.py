@@ -18,14 +18,7 @@ from evopem.signals.readers.channels import (
 
 
 def read(path: Path, references: Sequence[Reference]) -> list[Channel]:
-    """Read columns by name or by number.
-
-    Raises
-    ------
-    InputError
-        When the file is damaged or no Parquet, pyarrow is missing, a value is missing, or
-        there is no such column.
-    """
+    """Read columns by name or by number."""
     arrow = library("pyarrow", path)
     parquet = library("pyarrow.parquet", path)
     with path.open("rb") as stream:
@@ -59,13 +52,7 @@ def read(path: Path, references: Sequence[Reference]) -> list[Channel]:
 
 
 def names(path: Path) -> list[str]:
-    """Names of all columns in the order of their numbers.
-
-    Raises
-    ------
-    InputError
-        As for :func:`read`.
-    """
+    """Names of all columns in the order of their numbers."""
     arrow = library("pyarrow", path)
     parquet = library("pyarrow.parquet", path)
     try:

@@ -25,12 +25,6 @@ def read(path: Path, references: Sequence[Reference]) -> list[Channel]:
     The sampling rate comes from the waveform property ``wf_increment`` (in the unit of
     ``wf_xunit_string``), the unit from ``unit_string``, the start from ``wf_start_time`` and
     ``wf_start_offset``.
-
-    Raises
-    ------
-    InputError
-        When the file is damaged, breaks off or is no TDMS, nptdms is missing, or there is
-        no such channel.
     """
     stored = _stored(path)
     full_names = _full_names(stored)
@@ -55,13 +49,7 @@ def read(path: Path, references: Sequence[Reference]) -> list[Channel]:
 
 
 def names(path: Path) -> list[str]:
-    """``group/channel`` of all channels in the order of their numbers.
-
-    Raises
-    ------
-    InputError
-        As for :func:`read`.
-    """
+    """``group/channel`` of all channels in the order of their numbers."""
     return _full_names(_stored(path))
 
 

@@ -39,27 +39,9 @@ def read(
 ) -> list[Channel]:
     """Read columns of a text table by their number or their heading.
 
-    Parameters
-    ----------
-    path : Path
-    references : sequence of int or str
-    header_lines : int, optional
-        Number of lines above the first row of numbers. Left out, it is found, and a row above
-        that may be a sample is refused.
-    decimal_mark : str, optional
-        "." or ",". Left out, it is found, and an ambiguous one is refused.
-
-    Returns
-    -------
-    list of Channel
-        In the order of the references; dates come as datetime64.
-
-    Raises
-    ------
-    InputError
-        When the file is not text or holds no table; a row has another number of fields; a
-        field that is needed is not a finite number; a line may be a heading or a comment as
-        well as a sample; the decimal mark is ambiguous; or there is no such column.
+    `header_lines`: Number of lines above the first row of numbers. Left out, it is found, and a row
+    above that may be a sample is refused. `decimal_mark`: "." or ",". Left out, it is found, and an
+    ambiguous one is refused. Returns in the order of the references; dates come as datetime64.
     """
     table = _table(path, references, header_lines, decimal_mark)
     dialect, data, columns = table.dialect, table.data, table.names
@@ -76,13 +58,7 @@ def read(
 
 
 def names(path: Path) -> list[str]:
-    """Headings of all columns in their order; empty texts for columns without one.
-
-    Raises
-    ------
-    InputError
-        As for :func:`read`, apart from what is wrong with the values.
-    """
+    """Headings of all columns in their order; empty texts for columns without one."""
     return _table(path, [], None, None).names
 
 

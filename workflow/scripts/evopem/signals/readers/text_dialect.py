@@ -23,18 +23,10 @@ _BLANK_SEPARATED = re.compile(r'"([^"]*)"|(\S+)')
 
 @dataclass(frozen=True)
 class Dialect:
-    """How the fields of a row are separated and numbers are written.
+    """How the fields of a row are separated and numbers are written."""
 
-    Attributes
-    ----------
-    separator : str or None
-        None stands for any run of blanks and tabs.
-    decimal_mark : str
-        "." or ",".
-    """
-
-    separator: str | None
-    decimal_mark: str
+    separator: str | None  # None stands for any run of blanks and tabs
+    decimal_mark: str  # "." or ","
 
     def split(self, line: str) -> list[str]:
         """The fields of a line. A field in double quotation marks may hold separators."""
@@ -95,12 +87,7 @@ def choose_dialect(
     follow in this order. Blanks are taken only where no other separator makes most fields
     numbers, so that blanks within a single field do not decide on the whole table.
 
-    Parameters
-    ----------
-    sample : sequence of Row
-        Rows of numbers.
-    separator, decimal_mark : str, optional
-        What is known already.
+    `sample`: Rows of numbers. `separator`, `decimal_mark`: What is known already.
     """
     quoted = any('"' in line for _, line in sample)
     decimals = (decimal_mark,) if decimal_mark else (".", ",")
@@ -131,11 +118,6 @@ def refuse_ambiguous_thousands(
     Commas are ambiguous when every number with a comma has groups of three digits after it.
     Points are when, in addition, other numbers of the column are whole and fields are separated
     by semicolons, as in the countries that write 1.234 for a thousand.
-
-    Raises
-    ------
-    InputError
-        With the first such number.
     """
     mark = dialect.decimal_mark
     pattern = _COMMA_THOUSANDS if mark == "," else _POINT_THOUSANDS
@@ -164,11 +146,6 @@ def refuse_split_decimals(
     The signs, in a table of whole numbers with an even number of columns: the line above it has
     half as many fields; or there are fields such as "-0" before and "05" after a comma; or the
     same commas in every row are followed by a blank, and others are not.
-
-    Raises
-    ------
-    InputError
-        At the first row of numbers.
     """
     if dialect.separator != "," or dialect.decimal_mark != "." or width % 2:
         return

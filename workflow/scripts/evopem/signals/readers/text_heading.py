@@ -36,18 +36,10 @@ _BRACKETED = re.compile(r"\[[^\[\]]*\]|\([^()]*\)")
 
 @dataclass(frozen=True)
 class Heading:
-    """What stands above the numbers of a table.
+    """What stands above the numbers of a table."""
 
-    Attributes
-    ----------
-    start : int
-        Index of the first row of numbers among the rows.
-    names, units : list of str
-        One text a column; both empty when the table has no headings.
-    """
-
-    start: int
-    names: list[str]
+    start: int  # index of the first row of numbers among the rows
+    names: list[str]  # one text a column; both empty when the table has no headings
     units: list[str]
 
 
@@ -68,24 +60,9 @@ def find_heading(
     Every other row between the headings and the numbers might be a sample and is refused, unless
     `header_lines` says that it is none.
 
-    Parameters
-    ----------
-    path : Path
-    lines : Lines
-    sample : sequence of Row
-        Rows out of the part of the file that certainly holds numbers.
-    dialect : Dialect
-    width : int
-        Number of columns.
-    references : sequence of int or str
-        The columns that are asked for.
-    header_lines : int, optional
-        Number of lines of the file above the first row of numbers.
-
-    Raises
-    ------
-    InputError
-        When there is no row of numbers, or a row above may be a heading as well as a sample.
+    `sample`: Rows out of the part of the file that certainly holds numbers. `width`: Number of
+    columns. `references`: The columns that are asked for. `header_lines`: Number of lines of the
+    file above the first row of numbers.
     """
     search = _Search(path, lines.rows, dialect, width, _value_columns(sample, dialect, width))
     if header_lines is not None:

@@ -27,24 +27,14 @@ _OPENING_QUOTE = re.compile(r'(^|[,;\t])\s*"')
 
 @dataclass(frozen=True)
 class Lines:
-    """The lines of a text file, sorted by what they are.
+    """The lines of a text file, sorted by what they are."""
 
-    Attributes
-    ----------
-    rows : list of Row
-        Lines that are neither blank nor comments: preamble, headings and samples.
-    comments : list of Row
-        Lines that begin with one of `COMMENT_MARKS`.
-    blanks : list of int
-        Numbers of the blank lines.
-    separator : str or None
-        The separator that a first line such as ``sep=;`` states.
-    """
-
+    # lines that are neither blank nor comments: preamble, headings and samples
     rows: list[Row] = field(default_factory=list)
+    # lines that begin with one of `COMMENT_MARKS`
     comments: list[Row] = field(default_factory=list)
-    blanks: list[int] = field(default_factory=list)
-    separator: str | None = None
+    blanks: list[int] = field(default_factory=list)  # numbers of the blank lines
+    separator: str | None = None  # the separator that a first line such as ``sep=;`` states
 
 
 def read_lines(path: Path) -> Lines:
@@ -52,11 +42,6 @@ def read_lines(path: Path) -> Lines:
 
     An error value of a spreadsheet, such as ``#N/A``, at the beginning of a line is part of a
     row and not a comment. Rows at the end that consist of separators only are left out.
-
-    Raises
-    ------
-    InputError
-        When the file is not text or has no rows.
     """
     text = _decode(path).replace("\r\n", "\n").replace("\r", "\n")
     lines = Lines(separator=_stated_separator(text))

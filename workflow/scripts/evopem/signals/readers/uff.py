@@ -31,12 +31,6 @@ def read(path: Path, references: Sequence[Reference]) -> list[Channel]:
     A name is any of the five identification lines, the response entity's name, the
     ordinate's label, or node and direction as in ``12:Z+``; it must mean one dataset only.
     The sampling rate comes from the abscissa.
-
-    Raises
-    ------
-    InputError
-        When the file is damaged, breaks off or holds no dataset 58, pyuff is missing, the
-        dataset is no real time record, or there is no such dataset.
     """
     file, sets, known = _datasets(path)
     channels = []
@@ -51,13 +45,7 @@ def read(path: Path, references: Sequence[Reference]) -> list[Channel]:
 
 
 def names(path: Path) -> list[str]:
-    """The most telling name of each dataset of type 58, in the order of their numbers.
-
-    Raises
-    ------
-    InputError
-        As for :func:`read`.
-    """
+    """The most telling name of each dataset of type 58, in the order of their numbers."""
     return [every[0] for every in _datasets(path)[2]]
 
 

@@ -24,31 +24,16 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class FrequencyResponse:
-    """Empirical frequency response from input to output.
+    """Empirical frequency response from input to output."""
 
-    Attributes
-    ----------
-    frequencies : ndarray, shape (nfft // 2 + 1,)
-        Hz.
-    response : ndarray of complex, same shape
-        The H1 estimate (output unit / input unit).
-    gain, gain_lower, gain_upper : ndarray, same shape
-        Its modulus and 95 % band.
-    phase_deg : ndarray, same shape
-        Its phase in (-180, 180].
-    coherence : ndarray, same shape
-        Squared coherence, 0 to 1.
-    degrees_of_freedom : ndarray, same shape
-        Twice the number of independent eigencoefficients behind each value.
-    """
-
-    frequencies: Floats
-    response: NDArray[np.complex128]
-    gain: Floats
+    frequencies: Floats  # Hz
+    response: NDArray[np.complex128]  # the H1 estimate (output unit / input unit)
+    gain: Floats  # its modulus and 95 % band
     gain_lower: Floats
     gain_upper: Floats
-    phase_deg: Floats
-    coherence: Floats
+    phase_deg: Floats  # its phase in (-180, 180]
+    coherence: Floats  # squared coherence, 0 to 1
+    # twice the number of independent eigencoefficients behind each value
     degrees_of_freedom: Floats
 
     def coherence_limit(self, probability: float) -> Floats:
@@ -79,34 +64,9 @@ def multitaper_frequency_response(
     freedom (Bendat & Piersol 2010, section 9.2, for the modulus alone), cut off at 0.
     Signals longer than `nfft` are divided into segments as in `multitaper_spectrum`.
 
-    Parameters
-    ----------
-    input, output : ndarray, shape (N,)
-    sampling_rate : float
-        Hz.
-    time_halfbandwidth : float
-        NW, at least 1.5 (two tapers): with a single estimate every coherence is 1.
-    nfft : int
-        Length of the transforms, more than 2NW.
-
-    Returns
-    -------
-    FrequencyResponse
-
-    Raises
-    ------
-    InputError
-        When the settings do not fit each other or the signals, or a signal is constant.
-
-    Examples
-    --------
-    >>> from evopem.synthesis.armax import armax, true_model
-    >>> recording, _ = armax(seed=1, samples=4000)
-    >>> found = multitaper_frequency_response(recording.input, recording.output, 100.0, nfft=512)
-    >>> frequency = found.frequencies[100]
-    >>> gain = abs(true_model().frequency_response(frequency))
-    >>> bool(found.gain_lower[100] < gain < found.gain_upper[100])
-    True
+    `input`, `output`, (N,). `sampling_rate`: Hz. `time_halfbandwidth`: NW, at least 1.5 (two
+    tapers): with a single estimate every coherence is 1. `nfft`: Length of the transforms, more
+    than 2NW.
     """
     from scipy.stats import t as student
 

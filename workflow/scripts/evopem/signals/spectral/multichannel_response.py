@@ -18,21 +18,11 @@ SEGMENTS_PER_INPUT, LEAST_SEGMENTS = 4, 8
 
 @dataclass(frozen=True, eq=False)
 class MultichannelResponse:
-    """Empirical responses ``S_yu S_uu^-1`` (Bendat & Piersol 2010, section 7.4).
+    """Empirical responses ``S_yu S_uu^-1`` (Bendat & Piersol 2010, section 7.4)."""
 
-    Attributes
-    ----------
-    frequencies : (m,) array
-        Hz.
-    response : (m, ny, nu) complex array
-        NaN where the inputs are linearly dependent.
-    coherence : (m, ny) array
-        Multiple coherence of each output with all inputs, 0 to 1.
-    """
-
-    frequencies: Array
-    response: NDArray[np.complex128]
-    coherence: Array
+    frequencies: Array  # (m,) hz
+    response: NDArray[np.complex128]  # (m, ny, nu) naN where the inputs are linearly dependent
+    coherence: Array  # (m, ny) multiple coherence of each output with all inputs, 0 to 1
 
 
 def multichannel_response(recording: Recording, nfft: int) -> MultichannelResponse:
@@ -40,11 +30,7 @@ def multichannel_response(recording: Recording, nfft: int) -> MultichannelRespon
 
     A segment is of one recording; those that are shorter than it have none.
 
-    Parameters
-    ----------
-    recording : Recording
-    nfft : int
-        Length of the transforms, an even number; longest segment.
+    `nfft`: Length of the transforms, an even number; longest segment.
     """
     u, y = recording.inputs, recording.outputs
     segments = max(LEAST_SEGMENTS, SEGMENTS_PER_INPUT * u.shape[1])

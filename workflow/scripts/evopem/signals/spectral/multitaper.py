@@ -22,38 +22,19 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Spectrum:
-    """One-sided power spectral density with its 95 % confidence band.
+    """One-sided power spectral density with its 95 % confidence band."""
 
-    Attributes
-    ----------
-    frequencies : ndarray, shape (nfft // 2 + 1,)
-        Hz, from 0 to the Nyquist frequency.
-    density, lower, upper : ndarray, same shape
-        Unit² / Hz; the density's sum times the frequency step is the signal's variance.
-    degrees_of_freedom : ndarray, same shape
-        Of the chi-square distribution behind the band.
-    time_halfbandwidth : float
-        NW.
-    tapers : int
-        K = 2NW - 1.
-    nfft : int
-        Length of the transforms.
-    segments : int
-        Segments of the signal; 1 unless it is longer than `nfft`.
-    halfbandwidth_hz : float
-        W: the density at a frequency is an average over ± W.
-    """
-
-    frequencies: Floats
+    frequencies: Floats  # Hz, from 0 to the Nyquist frequency
+    # unit² / Hz; the density's sum times the frequency step is the signal's variance
     density: Floats
-    lower: Floats
+    lower: Floats  # unit² / Hz; the density's sum times the frequency step is the signal's variance
     upper: Floats
-    degrees_of_freedom: Floats
-    time_halfbandwidth: float
-    tapers: int
-    nfft: int
-    segments: int
-    halfbandwidth_hz: float
+    degrees_of_freedom: Floats  # of the chi-square distribution behind the band
+    time_halfbandwidth: float  # NW
+    tapers: int  # K = 2NW - 1
+    nfft: int  # length of the transforms
+    segments: int  # segments of the signal; 1 unless it is longer than `nfft`
+    halfbandwidth_hz: float  # W: the density at a frequency is an average over ± W
 
     @property
     def resolution_hz(self) -> float:
@@ -81,35 +62,8 @@ def multitaper_spectrum(
     The whole density is scaled (by a few per cent at most for a stationary signal) so that
     its integral equals the variance.
 
-    Parameters
-    ----------
-    signal : ndarray, shape (N,)
-    sampling_rate : float
-        Hz.
-    time_halfbandwidth : float
-        NW, at least 1; K = 2NW - 1 tapers are used.
-    nfft : int
-        Length of the transforms, more than 2NW.
-
-    Returns
-    -------
-    Spectrum
-
-    Raises
-    ------
-    InputError
-        When the settings do not fit each other or the signal, or the signal is constant.
-
-    Examples
-    --------
-    >>> from evopem.synthesis.armax import armax
-    >>> recording, _ = armax(seed=1, samples=1000)
-    >>> spectrum = multitaper_spectrum(recording.output, 100.0, nfft=1024)
-    >>> spectrum.tapers, spectrum.resolution_hz
-    (7, 0.8)
-    >>> integral = spectrum.density.sum() * spectrum.frequencies[1]
-    >>> bool(np.isclose(integral, np.var(recording.output)))
-    True
+    `signal`, (N,). `sampling_rate`: Hz. `time_halfbandwidth`: NW, at least 1; K = 2NW - 1 tapers
+    are used. `nfft`: Length of the transforms, more than 2NW.
     """
     layout = Tapering.of(signal.size, sampling_rate, time_halfbandwidth, nfft)
     centred = signal - signal.mean()

@@ -36,25 +36,7 @@ def spectral_peaks(spectrum: Spectrum) -> list[SpectralPeak]:
     zero and of the Nyquist frequency the density is held at its value W away, because
     the removal of the mean lowers it there.
 
-    Parameters
-    ----------
-    spectrum : Spectrum
-
-    Returns
-    -------
-    list of SpectralPeak
-        By rising frequency.
-
-    Examples
-    --------
-    >>> from evopem.signals.spectral.multitaper import multitaper_spectrum
-    >>> from evopem.synthesis.armax import armax
-    >>> recording, truth = armax(seed=1, samples=4000)
-    >>> peaks = spectral_peaks(multitaper_spectrum(recording.output, 100.0, nfft=4096))
-    >>> [round(mode.frequency_hz) for mode in truth.modes]
-    [5, 17, 37]
-    >>> [round(peak.frequency_hz) for peak in peaks]
-    [5, 17, 37]
+    Returns by rising frequency.
     """
     from scipy.ndimage import uniform_filter1d
 
@@ -88,13 +70,6 @@ def line_spacing(frequencies: Sequence[float]) -> float | None:
 
     Lines are more than ten peaks of which four fifths follow each other at a distance within 30 %
     of the median one.
-
-    Examples
-    --------
-    >>> line_spacing([1.0 * k for k in range(1, 13)])
-    1.0
-    >>> line_spacing([5.36, 16.65, 37.0]) is None
-    True
     """
     gaps = np.diff(np.sort(np.asarray(frequencies, dtype=float)))
     if gaps.size < MIN_LINES:

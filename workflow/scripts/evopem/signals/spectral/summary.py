@@ -11,37 +11,18 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class SpectralPeak:
-    """A local maximum of the density that noise alone does not explain.
-
-    Attributes
-    ----------
-    frequency_hz : float
-    density, lower, upper : float
-        Density at the peak and its 95 % band (unit² / Hz).
-    prominence_db : float
-        Height above the higher of the two valleys between it and higher maxima.
-    """
+    """A local maximum of the density that noise alone does not explain."""
 
     frequency_hz: float
-    density: float
-    prominence_db: float
-    lower: float
+    density: float  # density at the peak and its 95 % band (unit² / Hz)
+    prominence_db: float  # height above the higher of the two valleys between it and higher maxima
+    lower: float  # density at the peak and its 95 % band (unit² / Hz)
     upper: float
 
 
 @dataclass(frozen=True)
 class SpectrumSummary:
-    """What the order search and the report need of a spectrum.
-
-    Attributes
-    ----------
-    time_halfbandwidth : float
-    tapers, nfft, segments : int
-    resolution_hz : float
-    peaks : tuple of SpectralPeak
-    resonances : int
-        Peaks that may be resonances; 0 where they are the lines of a periodic input.
-    """
+    """What the order search and the report need of a spectrum."""
 
     time_halfbandwidth: float
     tapers: int
@@ -49,4 +30,4 @@ class SpectrumSummary:
     segments: int
     resolution_hz: float
     peaks: tuple[SpectralPeak, ...]
-    resonances: int
+    resonances: int  # peaks that may be resonances; 0 where they are the lines of a periodic input
