@@ -4,18 +4,15 @@ from dataclasses import replace
 
 import pytest
 
+from evopem.figures.view import view_of
 from evopem.report.numbers import count, percent
 from evopem.report.sentences import about_figures
 
 
-def with_search(results, at_stability_bound=False, **changes):
+def with_search(results, **changes):
     """The results, with other diagnostics of the search for the selected model."""
     record = results.model.search
-    changed = replace(
-        record,
-        diagnostics=replace(record.diagnostics, **changes),
-        at_stability_bound=at_stability_bound,
-    )
+    changed = replace(record, diagnostics=replace(record.diagnostics, **changes))
     return replace(results, model=replace(results.model, search=changed))
 
 
@@ -44,43 +41,26 @@ def with_search(results, at_stability_bound=False, **changes):
             {"convergence": ((100, 5.0), (250, 3.002), (900, 3.0))},
             "within 0.1 % of its final objective after 250 of 900 evaluations",
         ),
-        ({"at_stability_bound": True}, "the bound determines it, and not the data"),
+        (
+            {"generations": 0, "n_multistart": 0, "restart_minima": (3.0, 3.0), "n_confirming": 1},
+            "fitted by descents from 2 points; 1 beside the best ended at the same optimum",
+        ),
     ],
 )
 def test_diagnostics_of_the_search_in_words(results, changes, sentence):
-    (text,) = about_figures.search(with_search(results, **changes))
+    (text,) = about_figures.search(view_of(with_search(results, **changes)))
     assert sentence in text
-    (unchanged,) = about_figures.search(results)
+    (unchanged,) = about_figures.search(view_of(results))
     assert sentence not in unchanged
 
 
 def test_the_search_of_all_candidates_in_words(results):
-    (text,) = about_figures.search(results)
+    (text,) = about_figures.search(view_of(results))
     table = results.candidates
     assert text.startswith(
         f"The search of {len(table)} candidates took"
-        f" {count(int(table['evaluations'].sum()))} evaluations"
+        f" {count(int(table['evaluations'].sum()))} evaluations of the objective;"
+        f" {table['n_confirming'].gt(0).sum()} of them were confirmed by another restart."
     )
     assert f"The state before the first residual ({results.model.orders.nc} values)" in text
-    assert f"is {percent(results.model.objective, 4)}, and the fit" in text
-    confirmed, bound = table["n_confirming"].gt(0), table["at_stability_bound"]
-    assert bound.dtype == bool
-    assert (
-        f"Of all {len(table)} candidates, {confirmed.sum()} were confirmed by another restart, and"
-        f" {bound.sum()} have a root at the stability bound."
-    ) in text.replace("1 has", "1 have")
-    one = table.assign(
-        n_confirming=[1] + (len(table) - 1) * [0],
-        at_stability_bound=[True] + (len(table) - 1) * [False],
-    )
-    (text,) = about_figures.search(replace(results, candidates=one))
-    assert "1 was confirmed by another restart, and 1 has a root" in text
-    assert (
-        "left before the end"
-        not in about_figures.search(replace(results, candidates=table.assign(pruned="")))[0]
-    )
-    (text,) = about_figures.search(
-        replace(results, candidates=table.assign(pruned=["far"] + (len(table) - 1) * [None]))
-    )
-    assert "1 candidate unlikely to be selected" in text
-    assert "was left before the end of the search" in text
+    assert f"is {percent(results.model.objective, 4)}." in text

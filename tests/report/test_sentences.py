@@ -67,7 +67,7 @@ def test_missed_modes_of_truth_and_chapter_share_a_row():
 
 
 def test_recording_and_division(results):
-    (text,) = about_recording.recording(results)
+    (text,) = about_recording.recording(view_of(results))
     assert text.startswith(
         f"The recording has {count(1500)} samples of one input and one output at 100{THIN}Hz,"
         f" 15{THIN}s in total."
@@ -78,18 +78,23 @@ def test_recording_and_division(results):
 
 
 def test_recording_with_names_units_and_a_validation_recording(results):
+    whole = replace(results.model.transforms.estimation[0], first=1)
     changed = with_transforms(
-        results, validation_source="file", discard=0, difference_input=1, resampled_from=200.0
+        results,
+        validation_source="file",
+        estimation=(whole,),
+        difference_input=1,
+        resampled_from=200.0,
     )
     named = renamed_channels(results.recording_info, "torque", "tip")
-    (text,) = about_recording.recording(replace(changed, recording_info=named))
+    (text,) = about_recording.recording(view_of(replace(changed, recording_info=named)))
     assert "samples of torque (input) and tip (output)" in text
     assert f"resampled from 200{THIN}Hz to 100{THIN}Hz" in text
     assert "The output was not transformed. The input was differenced once." in text
     assert f"The first {count(1000)} samples are used for estimation" in text
     assert "those of an independent recording" in text
     shifted = with_transforms(results, box_cox=0.5, shift=2.5)
-    (text,) = about_recording.recording(shifted)
+    (text,) = about_recording.recording(view_of(shifted))
     assert "shifted by 2.5 to be positive and Box-Cox transformed with λ = 0.5." in text
 
 
@@ -204,7 +209,8 @@ def test_missed_modes_get_a_sentence(results):
 
 def test_a_mode_that_outlasts_the_recording_gets_a_sentence(results):
     slow, quick = mode(5.36, damping=0.0091), mode(20.0, damping=0.05)
-    short = with_transforms(results, estimation_samples=500)
+    stretch = replace(results.model.transforms.estimation[0], samples=500)
+    short = with_transforms(results, estimation=(stretch,))
     (text,) = about_model.modes(view_of(short), mode_rows([slow, quick], [], []))
     # 2π · 5.36 Hz · 0.0091 · 5 s = 1.53
     assert "last only 1.5 time constants of mode 1" in text

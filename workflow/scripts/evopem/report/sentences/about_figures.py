@@ -5,8 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 
-import pandas as pd
-
 from evopem.config.structures import plant_order, structure_name, varied_order
 from evopem.estimation.search.problem import SearchDiagnostics
 from evopem.figures.orders import tied_text
@@ -32,40 +30,41 @@ from evopem.signals.spectral.peaks import line_spacing
 NEAR = 1.001
 
 
-def search(results: DatasetResults) -> list[str]:
+def search(view: View) -> list[str]:
     """Evaluations of all searches, and the diagnostics of the search for the selected model."""
-    model = results.model
-    diagnostics = model.search.diagnostics
-    evaluations = int(results.candidates["evaluations"].sum())
-    sentences = [
-        f"The search of {plural(len(results.candidates), 'candidate')} took {count(evaluations)}"
-        " evaluations of the objective.",
-        *([] if _descents_only(diagnostics) else _convergence(diagnostics)),
-        f"Its objective (“{model.search.settings.objective}”) is"
-        f" {percent(model.objective, 4)}, and the fit on the estimation samples"
-        f" {percent(model.fit_percent[0], 4)}.",
-        _restarts(diagnostics),
-        "The descents that converged ended at"
-        f" {plural(diagnostics.n_local_optima, 'local optimum', 'distinct local optima')}.",
-        *([] if _descents_only(diagnostics) else [_multistart(diagnostics)]),
-    ]
-    if model.search.at_stability_bound and not model.may_be_unstable:
+    record = view.results.model
+    found, candidates = record.search.diagnostics, view.candidates
+    sentences = []
+    if candidates is not None:
         sentences.append(
-            "A root of A, C, D or F lies at the stability bound, the largest radius allowed: the"
-            " bound determines it, and not the data."
+            f"The search of {plural(len(candidates), 'candidate')} took"
+            f" {count(int(candidates['evaluations'].sum()))} evaluations of the objective;"
+            f" {count(int((candidates['n_confirming'] > 0).sum()))} of them were confirmed by"
+            " another restart. The objective of the others may lie above its minimum."
         )
-    if model.initial_states.size:
+    if found.generations or found.n_multistart:
+        sentences += [*_convergence(found), _restarts(found), _multistart(found)]
+    else:
+        sentences.append(
+            f"The model was fitted by descents from {plural(found.n_restarts, 'point')};"
+            f" {found.n_confirming} beside the best ended at the same optimum."
+        )
+    sentences.append(
+        "The descents that converged ended at"
+        f" {plural(found.n_local_optima, 'local optimum', 'distinct local optima')}."
+        f" Its objective (“{record.search.settings.objective}”) is {percent(record.objective, 4)}."
+    )
+    if record.initial_states.size:
         sentences.append(
             "The state before the first residual"
-            f" ({plural(model.initial_states.size, 'value')}) was estimated with the coefficients,"
+            f" ({plural(record.initial_states.size, 'value')}) was estimated with the coefficients,"
             " so no initial transient adds to the residuals."
         )
-    sentences.append(_all_candidates(results.candidates))
     return [" ".join(sentences)]
 
 
-def _convergence(diagnostics: SearchDiagnostics) -> list[str]:
-    history = diagnostics.convergence
+def _convergence(found: SearchDiagnostics) -> list[str]:
+    history = found.convergence
     if not history or history[-1][1] <= 0:
         return []
     spent, final = history[-1]
@@ -76,52 +75,23 @@ def _convergence(diagnostics: SearchDiagnostics) -> list[str]:
     ]
 
 
-def _descents_only(diagnostics: SearchDiagnostics) -> bool:
-    """Whether a model was fitted without a search of its own, from one that was found before."""
-    return diagnostics.generations == 0 and diagnostics.n_multistart == 0
-
-
-def _restarts(diagnostics: SearchDiagnostics) -> str:
-    others = diagnostics.n_restarts - 1
-    if _descents_only(diagnostics):
-        return (
-            "The model was then fitted for its focus and constraints by descents from"
-            f" {plural(diagnostics.n_restarts, 'point')};"
-            f" {diagnostics.n_confirming} beside the best ended at the same optimum."
-        )
+def _restarts(found: SearchDiagnostics) -> str:
+    others = found.n_restarts - 1
     if others < 1:
         return "The search had a single restart, so no other restart confirms the optimum."
     return (
-        f"The search had {diagnostics.n_restarts} independent restarts;"
-        f" {diagnostics.n_confirming} of the {others} beside the best ended at the same optimum."
+        f"The search had {found.n_restarts} independent restarts;"
+        f" {found.n_confirming} of the {others} beside the best ended at the same optimum."
     )
 
 
-def _multistart(diagnostics: SearchDiagnostics) -> str:
-    if diagnostics.n_multistart == 0 or not is_number(diagnostics.undiscovered_probability):
+def _multistart(found: SearchDiagnostics) -> str:
+    if found.n_multistart == 0 or not is_number(found.undiscovered_probability):
         return "There were no descents from random points alone."
     return (
-        "Some of them were batches of descents from"
-        f" {count(diagnostics.n_multistart)} random points: the estimated probability that a"
-        " further descent leads to an undiscovered local optimum is"
-        f" {number(100.0 * diagnostics.undiscovered_probability, 2)} %."
-    )
-
-
-def _all_candidates(candidates: pd.DataFrame) -> str:
-    confirmed = int((candidates["n_confirming"] > 0).sum())
-    bound = int(candidates["at_stability_bound"].sum())
-    left = int(candidates["pruned"].astype("string").fillna("").ne("").sum())
-    pruned = (
-        f" {plural(left, 'candidate')} unlikely to be selected"
-        f" {'was' if left == 1 else 'were'} left before the end of the search."
-    )
-    return (
-        f"Of all {plural(len(candidates), 'candidate')}, {count(confirmed)}"
-        f" {'was' if confirmed == 1 else 'were'} confirmed by another restart, and"
-        f" {count(bound)} {'has' if bound == 1 else 'have'} a root at the stability bound. The"
-        " objective of a candidate that was not confirmed may lie above its global minimum, and its"
-        " criteria with it." + (pruned if left else "")
+        f"There were batches of descents from {count(found.n_multistart)} random points: the"
+        " estimated probability that a further descent leads to an undiscovered local optimum is"
+        f" {number(100.0 * found.undiscovered_probability, 2)} %."
     )
 
 
@@ -250,16 +220,16 @@ OF_EVERY_MODEL: dict[str, Callable[[View], list[str]]] = {
     "poles_zeros": poles,
     "frequency_response": frequency_response,
     "stabilization": stabilization,
+    "convergence": search,
+    "record": recording,
 }
 OF_POLYNOMIALS: dict[str, Callable[[DatasetResults], list[str]]] = {
     "simulation": simulation,
     "horizons": horizons,
     "residuals": residuals,
-    "record": recording,
     "spectrum": spectrum,
     "delay": delay,
     "phases": phases,
-    "convergence": search,
 }
 
 

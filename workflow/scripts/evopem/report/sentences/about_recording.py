@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from evopem.figures.view import View
 from evopem.report.numbers import (
     THIN,
     count,
@@ -15,38 +16,40 @@ from evopem.report.numbers import (
     superscript,
     times,
 )
-from evopem.results.dataset import DatasetResults
 from evopem.signals.even_grid import Unevenness
 from evopem.signals.prepared_data import Transforms
 from evopem.signals.recording_info import RecordingInfo
 
+# Channels of a role that are named.
+MOST_NAMED = 6
 
-def recording(results: DatasetResults) -> list[str]:
+
+def recording(view: View) -> list[str]:
     """What was recorded and how it was prepared."""
-    transforms = results.model.transforms
-    sentences = [_contents(results.recording_info)]
-    if results.recording_info.roles is not None:
-        sentences.append(results.recording_info.roles.sentence)
-    if results.recording_info.time_told is not None:
-        sentences.append(sampling_rate_told(results.recording_info.time_told))
-    sentences += uneven_stamps(results.recording_info.uneven_times)
+    transforms, info = view.results.model.transforms, view.results.recording_info
+    sentences = [_contents(info)]
+    if info.roles is not None:
+        sentences.append(info.roles.sentence)
+    if info.time_told is not None:
+        sentences.append(
+            f"The sampling rate is that of the time stamps “{info.time_told}”, which were told by"
+            " name."
+        )
+    sentences += uneven_stamps(info.uneven_times)
     if transforms.resampled_from is not None:
         sentences.append(
             f"It was resampled from {hertz(transforms.resampled_from)} to"
             f" {hertz(transforms.sampling_rate)}."
         )
-    steps = _output_steps(transforms)
-    sentences.append(f"The output was {enumeration(steps) or 'not transformed'}.")
+    steps = enumeration(_output_steps(transforms)) or "not transformed"
+    outputs = "output was" if len(view.outputs) == 1 else "outputs were"
+    sentences.append(f"The {outputs} {steps}.")
     if transforms.difference_input:
-        sentences.append(f"The input was differenced {times(transforms.difference_input)}.")
+        inputs = "input was" if len(view.inputs) == 1 else "inputs were"
+        sentences.append(f"The {inputs} differenced {times(transforms.difference_input)}.")
     sentences.append(_division(transforms))
-    sentences.append(_means(transforms))
+    sentences.append(_means(transforms, info))
     return [" ".join(sentences)]
-
-
-def sampling_rate_told(time: int | str) -> str:
-    """Where the sampling rate comes from, when the configuration does not say it."""
-    return f"The sampling rate is that of the time stamps “{time}”, which were told by name."
 
 
 def uneven_stamps(times: Sequence[Unevenness]) -> list[str]:
@@ -75,34 +78,38 @@ def _interpolated(times: Sequence[Unevenness]) -> list[str]:
     ]
 
 
-def _means(transforms: Transforms) -> str:
+def _means(transforms: Transforms, info: RecordingInfo) -> str:
+    inputs = "The mean of each input" if len(info.inputs) > 1 else "The mean of the input"
+    outputs = "the level of each output" if len(info.outputs) > 1 else "the level of the output"
+    levels = f"{inputs} and {outputs}" if info.inputs else f"T{outputs[1:]}"
     if not transforms.several_recordings:
-        return (
-            "The mean of the input and the level of the output in the estimation samples are"
-            " subtracted from all samples."
-        )
+        return f"{levels} in the estimation samples are subtracted from all samples."
     return (
-        "The mean of the input and the level of the output of each recording are subtracted from"
-        " its samples. Each recording has an initial state of its own, and nothing is predicted"
-        " from one to the next."
+        f"{levels} in each recording are subtracted from its samples. Each recording has an initial"
+        " state of its own, and nothing is predicted from one to the next."
     )
 
 
 def _contents(info: RecordingInfo) -> str:
     inputs, outputs = ([each.name for each in role] for role in (info.inputs, info.outputs))
-    names = f"{enumeration(inputs)} (input) and {enumeration(outputs)} (output)"
-    if (inputs, outputs) == (["input"], ["output"]):
-        names = "one input and one output"
-    if not inputs:
-        names = enumeration(outputs) if outputs != ["output"] else "one output"
+    names = [_role(inputs, "input"), _role(outputs, "output")]
     recordings = "The recording has"
     if len(info.files) > 1:
         recordings = f"{len(info.files)} recordings of one system are one data set. They have"
     return (
-        f"{recordings} {count(info.samples)} samples of {names} at"
+        f"{recordings} {count(info.samples)} samples of {' and '.join(filter(None, names))} at"
         f" {hertz(info.sampling_rate)},"
         f" {number(info.samples / info.sampling_rate)}{THIN}s in total."
     )
+
+
+def _role(names: Sequence[str], role: str) -> str:
+    """The channels of a role by their names, where these say more than the role."""
+    if len(names) > MOST_NAMED:
+        return f"{len(names)} {role}s"
+    if list(names) == [role]:
+        return f"one {role}"
+    return f"{enumeration(list(names))} ({role}{'s' * (len(names) > 1)})" if names else ""
 
 
 def _output_steps(transforms: Transforms) -> list[str]:
