@@ -23,8 +23,8 @@ from evidence_section import replace_section
 from evopem.config.settings import ScoringWindow, SearchSettings
 from evopem.estimation.polynomial_estimate import describe
 from evopem.estimation.polynomial_search import prediction_errors
+from evopem.estimation.search.polynomial_problem import PolynomialProblem
 from evopem.estimation.search.problem import descended
-from evopem.estimation.search.stretch_problem import StretchProblem
 from evopem.models.polynomial import PolynomialModel
 from evopem.signals.recording import Recording, Segment
 
@@ -65,7 +65,7 @@ def estimated(truth: PolynomialModel, stretches: list[Segment]) -> PolynomialMod
     settings = SearchSettings(objective="quadratic")
     data = Recording(stretches[0].input, stretches[0].output, 1.0).with_segments(stretches)
     errors = prediction_errors(data, orders, settings, window, True)
-    problem = StretchProblem(errors, [truth], own_starts=False)
+    problem = PolynomialProblem(errors, [truth], own_starts=False)
     return describe(errors, descended(problem, problem.starts()[0]), 1.0).model
 
 

@@ -10,8 +10,8 @@ from evopem.config.settings import ScoringWindow, SearchSettings
 from evopem.estimation.order_selection import estimate_candidates, reoptimize_from
 from evopem.estimation.polynomial_estimate import describe
 from evopem.estimation.polynomial_search import estimate_polynomial, prediction_errors
+from evopem.estimation.search.polynomial_problem import PolynomialProblem
 from evopem.estimation.search.problem import descended
-from evopem.estimation.search.stretch_problem import StretchProblem
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.structures import Orders, armax_orders
 from evopem.signals.recording import Recording, Segment
@@ -74,7 +74,7 @@ def local_fit(stretches):
     window = ScoringWindow(orders.first_residual, orders.first_residual)
     errors = prediction_errors(joined(stretches), orders, QUICK, window, True)
     truth = PolynomialModel(np.array(A), np.array(B[1:]), np.array(C), nk=1, structure="armax")
-    problem = StretchProblem(errors, [truth], own_starts=False)
+    problem = PolynomialProblem(errors, [truth], own_starts=False)
     return describe(errors, descended(problem, problem.starts()[0]), 1.0).model
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from evopem.estimation.pem.robust_covariance import coloured_covariance
+from evopem.estimation.pem.covariance import coloured_covariance
 
 COEFFICIENTS = np.array([1.0, 0.5])
 RECORDS, SAMPLES = 400, 800

@@ -11,7 +11,6 @@ from evopem.estimation.polynomial_search import prediction_errors, scaled_errors
 from evopem.estimation.search.armax_problem import ArmaxProblem
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
 from evopem.estimation.search.section_coordinates import SectionCoordinates
-from evopem.estimation.search.stretch_problem import StretchProblem
 from evopem.models.structures import armax_orders, orders_of
 from evopem.signals.recording import Segment
 from evopem.synthesis.armax import armax
@@ -41,7 +40,9 @@ def joined(objective="quadratic"):
     stretches = [Segment(record.input[part], record.output[part], 0) for part in parts]
     orders = orders_of("oe", (4, 4, 3))
     window = ScoringWindow(10, 20)
-    return StretchProblem(StretchErrors(stretches, orders, objective, RADIUS, RADIUS, True, window))
+    return PolynomialProblem(
+        StretchErrors(stretches, orders, objective, RADIUS, RADIUS, True, window)
+    )
 
 
 @pytest.mark.parametrize("order", [1, 2, 5, 6])

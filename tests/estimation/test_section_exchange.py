@@ -19,7 +19,6 @@ from evopem.estimation.search.common_sections import (
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
 from evopem.estimation.search.section_exchange import SectionExchange
 from evopem.estimation.search.section_gains import gains, grid
-from evopem.estimation.search.stretch_problem import StretchProblem
 from evopem.models.structures import armax_orders, orders_of
 from evopem.signals.recording import Segment
 from evopem.synthesis.armax import armax
@@ -53,7 +52,7 @@ def joined(structure, orders):
     errors = StretchErrors(
         stretches, orders, "quadratic", 0.9999, 0.9999, False, ScoringWindow(10, 20)
     )
-    return StretchProblem(errors)
+    return PolynomialProblem(errors)
 
 
 def optimum(searched):

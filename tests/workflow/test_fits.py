@@ -8,8 +8,8 @@ import pytest
 
 from evopem.config.settings import SearchSettings
 from evopem.estimation.candidate import PhaseSelection
-from evopem.estimation.focused_estimate import estimate_focused
 from evopem.estimation.model_record import ModelRecord
+from evopem.estimation.polynomial_search import estimate_polynomial
 from evopem.files.json_form import load
 from evopem.models.polynomial import PolynomialModel
 from evopem.results.fleet import DatasetSummary
@@ -95,7 +95,7 @@ def test_a_focus_is_that_of_the_python_interface(run):
     record = load(ModelRecord, files.model)
     assert (record.fit.focus, record.fit.constraints) == ("simulation", None)
     data = load_prepared(files.prepared, files.transforms).estimation
-    direct = estimate_focused(
+    direct = estimate_polynomial(
         data,
         record.orders,
         settings=SearchSettings(objective="quadratic"),

@@ -15,7 +15,7 @@ from evopem.automatic.limits import OrderLimits
 from evopem.automatic.simulation import Model, simulated
 from evopem.automatic.state_space import refit
 from evopem.automatic.stretches import MOST_SAMPLES, first_samples
-from evopem.estimation.search.stretch_problem import SWEEP_STAGES
+from evopem.estimation.search.polynomial_starts import SWEEP_STAGES
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.stabilization import OrderModel, OrderModels
 from evopem.models.state_space import StateSpaceModel

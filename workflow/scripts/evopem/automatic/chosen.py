@@ -24,13 +24,13 @@ from evopem.estimation.pem.stretch_errors import StretchErrors
 from evopem.estimation.polynomial_estimate import describe
 from evopem.estimation.search.certificate import is_certified
 from evopem.estimation.search.global_search import global_search
+from evopem.estimation.search.polynomial_problem import PolynomialProblem
 from evopem.estimation.search.problem import (
     SearchDiagnostics,
     SearchResult,
     descended,
     pooled,
 )
-from evopem.estimation.search.stretch_problem import StretchProblem
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomial_states import estimate_prediction_states
 from evopem.models.structures import Orders
@@ -168,14 +168,14 @@ def _nearest_optimum(
     errors: StretchErrors, model: PolynomialModel, search: SearchSettings
 ) -> SearchResult:
     """The optimum that a descent from a model reaches."""
-    starts = StretchProblem(errors, [model], own_starts=False).starts()
+    starts = PolynomialProblem(errors, [model], own_starts=False).starts()
     if len(starts) == 0:
         raise InputError(
             "search.max_root_radius",
             f"the chosen model has a root of a radius above {search.max_root_radius:g}",
             "raise it",
         )
-    return descended(StretchProblem(errors), starts[0])
+    return descended(PolynomialProblem(errors), starts[0])
 
 
 def _searched(
@@ -186,7 +186,7 @@ def _searched(
     log: Callable[[str], None] | None,
 ) -> SearchResult:
     """A global search, combined with an earlier one; its draws are keyed by orders and number."""
-    problem, o = StretchProblem(errors), errors.orders
+    problem, o = PolynomialProblem(errors), errors.orders
     key = (o.na, o.single.nb, o.nc, o.nd, o.single.nf, o.single.nk, number)
     generator = np.random.default_rng(np.random.SeedSequence(search.seed, spawn_key=key))
     found = global_search(

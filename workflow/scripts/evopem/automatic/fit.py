@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from evopem.automatic.simulation import Model
 from evopem.config.settings import OutputWeighting
 from evopem.estimation.pem.stretch_errors import StretchErrors
+from evopem.estimation.search.polynomial_problem import PolynomialProblem
+from evopem.estimation.search.polynomial_starts import SWEEP_STAGES
 from evopem.estimation.search.staged_descent import Stage
-from evopem.estimation.search.stretch_problem import SWEEP_STAGES, StretchProblem
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.structures import Orders
 from evopem.signals.recording import Segment
@@ -113,7 +114,7 @@ def fit(
         *(stretches, orders, settings.objective),
         *(PLANT_RADIUS, NOISE_RADIUS, settings.level),
     )
-    problem = StretchProblem(errors, models, own_starts)
+    problem = PolynomialProblem(errors, models, own_starts)
     starts = problem.starts()
     if len(starts) == 0:
         raise ValueError(f"no start of {orders} has finite prediction errors")

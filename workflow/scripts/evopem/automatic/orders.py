@@ -18,12 +18,13 @@ from evopem.automatic.state_space import (
     fits_in_state_space,
     fits_of_several_inputs,
     polynomial_settings,
+    recording_of,
 )
 from evopem.config.settings import OrderRanges
 from evopem.config.structures import AUTOMATIC_STRUCTURES, ORDER_NAMES, is_polynomial
 from evopem.errors import InputError
-from evopem.estimation.multi_input.order_limits import OrderLimits, joint_orders
-from evopem.estimation.multi_input.order_reduction import reduced_orders
+from evopem.estimation.order_limits import OrderLimits, joint_orders
+from evopem.estimation.order_scan import reduced_orders
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.structures import Orders
 
@@ -264,9 +265,9 @@ def refine_orders(
 def _reduced(scorer: Scorer, start: Candidate) -> list[Candidate]:
     """The candidate with smaller orders of lower BIC, each input its own, if there is one."""
     limits = OrderLimits.of(scorer.limits.ranges, scorer.limits.names)
-    inputs, outputs = zip(*((each.inputs, each.outputs) for each in scorer.stretches), strict=True)
     settings = polynomial_settings(scorer.settings)
-    reduced = reduced_orders(inputs, outputs, start.orders, settings, limits).orders
+    stretches = recording_of(scorer.stretches)
+    reduced = reduced_orders(stretches, start.orders, settings, limits).orders
     if reduced == start.orders:
         return []
     fits = fits_of_several_inputs(scorer.stretches, {start.order: reduced}, scorer.settings)

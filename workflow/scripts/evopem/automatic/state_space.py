@@ -13,8 +13,7 @@ from evopem.automatic.folds import is_large, is_long
 from evopem.automatic.simulation import Model
 from evopem.config.settings import OutputWeighting, SearchSettings
 from evopem.config.structures import OF_ABSOLUTE_ERRORS, VARIANTS
-from evopem.estimation.multi_input.estimate import multi_input_estimates, refitted_multi_input
-from evopem.estimation.multi_input.search import SETTINGS
+from evopem.estimation import order_scan
 from evopem.estimation.polynomial_estimate import PolynomialEstimate
 from evopem.estimation.state_space.estimate import estimates_of_orders
 from evopem.estimation.state_space.local_estimates import StateSpaceEstimate, refitted
@@ -33,6 +32,8 @@ Estimate = TypeVar("Estimate", StateSpaceEstimate, PolynomialEstimate)
 # Estimates of each order that are descended from on large records, whose estimates are good ones,
 # and steps of these descents; also of those on folds of long records, from the optimum of all.
 LARGE_WIDTH, LARGE_STEPS = 2, 12
+# Evaluations of the search of a polynomial model of several inputs.
+POLYNOMIAL_EVALUATIONS = 10_000
 
 
 def search_settings(settings: FitSettings, evaluations: int | None = None) -> SearchSettings:
@@ -47,14 +48,7 @@ def search_settings(settings: FitSettings, evaluations: int | None = None) -> Se
 
 def polynomial_settings(settings: FitSettings, evaluations: int | None = None) -> SearchSettings:
     """The settings of the searches of polynomial structures with several inputs."""
-    search = search_settings(settings)
-    return replace(
-        SETTINGS,
-        objective=search.objective,
-        seed=search.seed,
-        max_root_radius=search.max_root_radius,
-        evaluations=SETTINGS.evaluations if evaluations is None else evaluations,
-    )
+    return search_settings(settings, POLYNOMIAL_EVALUATIONS if evaluations is None else evaluations)
 
 
 def weighting_of(structure: str, settings: FitSettings) -> OutputWeighting:
@@ -110,16 +104,16 @@ def fits_of_several_inputs(
     log: Log | None = None,
 ) -> Iterator[tuple[int, Fit]]:
     """Fits of polynomials of several inputs, of ascending orders until their BIC rises."""
-    inputs, outputs = [each.inputs for each in stretches], [each.outputs for each in stretches]
     search = polynomial_settings(settings)
-    estimates = multi_input_estimates(inputs, outputs, orders, search, log)
+    estimates = order_scan.scanned_orders(recording_of(stretches), orders, search, log)
     ends = np.cumsum([each.samples for each in stretches])[:-1]
     for order, each in until_bic_rises(estimates).items():
         residuals = tuple(
             e[np.isfinite(e)][:, None] for e in np.split(np.asarray(each.residuals), ends)
         )
-        count = each.model.orders.parameters + len(each.levels or (0,))
-        yield order, Fit(each.model, count, residuals, each.window.residual_start, each.levels)
+        levels = each.levels or (each.model.level,)
+        count = each.model.orders.parameters + len(levels)
+        yield order, Fit(each.model, count, residuals, each.window.residual_start, levels)
 
 
 def until_bic_rises(estimates: Iterable[tuple[int, Estimate]]) -> dict[int, Estimate]:
@@ -158,8 +152,8 @@ def refit(
         When they are too short, or the descent finds no stable model.
     """
     if isinstance(model, PolynomialModel):
-        inputs, outputs = [each.inputs for each in stretches], [each.outputs for each in stretches]
-        return refitted_multi_input(model, inputs, outputs, polynomial_settings(settings))
+        search = polynomial_settings(settings)
+        return order_scan.refitted(model, recording_of(stretches), search)
     estimation = recording_of(stretches)
     steps = LARGE_STEPS if is_long(whole) else STEPS
     task = task_of(recording_of(whole), structure, delays, settings)

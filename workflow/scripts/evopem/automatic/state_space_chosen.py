@@ -16,10 +16,10 @@ from evopem.automatic.state_space import (
 )
 from evopem.config.constraints import Constraints
 from evopem.errors import InputError
-from evopem.estimation.multi_input.estimate import estimate_multi_input
-from evopem.estimation.multi_input.order_limits import OrderLimits as InputLimits
-from evopem.estimation.multi_input.order_limits import joint_orders
+from evopem.estimation.order_limits import OrderLimits as InputLimits
+from evopem.estimation.order_limits import joint_orders
 from evopem.estimation.polynomial_estimate import PolynomialEstimate
+from evopem.estimation.polynomial_search import estimate_polynomial
 from evopem.estimation.state_space.estimate import estimate_state_space
 from evopem.estimation.state_space.local_estimates import StateSpaceEstimate, descend_from
 from evopem.estimation.state_space.noise_model import with_noise_model
@@ -119,13 +119,12 @@ def _polynomials(
     orders, structure = candidate.orders, candidate.structure
     if constraints is not None and not _allowed(constraints, orders, estimation):
         orders = joint_orders(structure, candidate.order, candidate.delays, ends)
-    estimate = estimate_multi_input(
-        *(estimation.segment_inputs, estimation.segment_outputs, orders, structure),
-        estimation.sampling_rate,
+    estimate = estimate_polynomial(
+        estimation,
+        replace(orders, structure=structure),
         settings=polynomial_settings(settings, evaluations),
+        level=True,
         constraints=constraints,
-        input_names=estimation.input_names,
-        output_name=estimation.output_names[0],
         log=log,
     )
     at_ends = ends.at_upper_ends(replace(orders, structure=structure), estimation.input_names)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -22,63 +23,62 @@ Array = NDArray[np.float64]
 def constrained_parameters(
     constraints: Constraints,
     orders: Orders,
-    level: bool,
     sampling_rate: float,
-    stability_radius: float,
-    b_scale: float = 1.0,
-    level_value: float | None = None,
+    radius: float,
+    names: Sequence[str] = (),
+    b_scales: Sequence[float] | Array = (),
+    rest: int = 0,
+    levels: Sequence[float] | Array = (),
 ) -> ConstrainedParameters:
-    """Coordinates of the models of some orders that meet constraints.
+    """Coordinates of the points that meet checked constraints.
 
     Parameters
     ----------
     constraints : Constraints
-        Checked.
     orders : Orders
-    level : bool
     sampling_rate : float
         Hz.
-    stability_radius : float
+    radius : float
         Largest radius of poles where stability is required.
-    b_scale : float
-        What B of a point is to be multiplied by, for the units of the constraints.
-    level_value : float, optional
-        A level that is fixed, in the units of a point.
+    names : sequence of str
+        Of the inputs.
+    b_scales : (m,) sequence
+        What B_i of a point are to be multiplied by, for the units of the constraints; 1 by default.
+    rest : int
+        Levels and states of a point.
+    levels : sequence of float
+        Those of them that are fixed, in the units of a point.
 
     Raises
     ------
     InputError
         When no polynomial has the fixed poles and coefficients, or no pole the frequencies.
     """
-    plant = {
-        name: plant_polynomial(name, constraints, orders, sampling_rate, stability_radius)
-        for name in "af"
-    }
-    noise = {name: _linear(np.ones(1), *_fixed(name, constraints, orders)) for name in "cd"}
-    numerator, gain = numerator_of(constraints, orders, b_scale)
-    rest = int(level) + orders.single.nf + orders.noise_states
-    offset, basis = np.zeros(rest), np.eye(rest)
-    if level and level_value is not None:
-        offset[0], basis = level_value, basis[:, 1:]
-    polynomials = {"a": plant["a"], "b": numerator, **noise, "f": plant["f"]}
-    polynomials["rest"] = Linear(offset, basis)
-    return ConstrainedParameters(polynomials, {} if gain is None else {"b": gain})
+    o = orders
+    names = tuple(names) or ("",) * o.inputs
+    paths = [(constraints.of_input(name), o.of_input(k)) for k, name in enumerate(names)]
+    polynomials: dict[str, Sections | Linear] = {}
+    gains: dict[str, GivenGain] = {}
+    first = paths[0] if paths else (constraints, o)
+    polynomials["a"] = plant_polynomial("a", *first, sampling_rate, radius)
+    for k, path in enumerate(paths):
+        scale = float(b_scales[k]) if len(b_scales) else 1.0
+        polynomials[f"b{k}"], gain = _numerator(*path, scale, f"f{k}")
+        if gain is not None:
+            gains[f"b{k}"] = gain
+    for name in "cd":
+        polynomials[name] = _linear(np.ones(1), *_fixed(name, constraints, o))
+    for k, path in enumerate(paths):
+        polynomials[f"f{k}"] = plant_polynomial("f", *path, sampling_rate, radius)
+    offset = np.concatenate([levels, np.zeros(rest - len(levels))])
+    polynomials["rest"] = Linear(offset, np.eye(rest)[:, len(levels) :])
+    return ConstrainedParameters(polynomials, gains)
 
 
-def numerator_of(
-    constraints: Constraints, orders: Orders, b_scale: float, f: str = "f"
+def _numerator(
+    constraints: Constraints, orders: Orders, b_scale: float, f: str
 ) -> tuple[Linear, GivenGain | None]:
-    """The coefficients of a numerator, and the static gain that determines them.
-
-    Parameters
-    ----------
-    constraints : Constraints
-    orders : Orders
-    b_scale : float
-        As of :func:`constrained_parameters`.
-    f : str
-        Name of the denominator.
-    """
+    """A numerator of one path, and the static gain that determines it; ``f`` names its F."""
     free, values = _fixed("b", constraints, orders)
     basis = np.eye(orders.single.nb)[:, free]
     gain = _gain(constraints, b_scale)
@@ -106,10 +106,11 @@ def priors_of(
     parameters: ConstrainedParameters,
     orders: Orders,
     sampling_rate: float,
-    b_scale: float = 1.0,
+    b_scales: Sequence[float] | Array = (),
 ) -> Priors:
-    """The priors among constraints, in the units of a point; ``b_scale`` as above."""
+    """The priors among constraints, in the units of a point; ``b_scales`` as above."""
     terms = []
+    b_scale = float(b_scales[0]) if len(b_scales) else 1.0
     for prior in constraints.priors:
         scale = 1.0
         if prior.quantity in ("static_gain", "frequency", "damping"):
@@ -122,7 +123,7 @@ def priors_of(
             assert found is not None
             name, position = found
             scale = b_scale if name == "b" else 1.0
-            index, quantity, near = parameters.parts[name].start + position, "coefficient", 0.0
+            index, quantity, near = orders.part(name).start + position, "coefficient", 0.0
         terms.append(
             PriorTerm(quantity, prior.mean / scale, prior.standard_deviation / scale, index, near)
         )
@@ -136,7 +137,7 @@ def plant_polynomial(
     sampling_rate: float,
     stability_radius: float,
 ) -> Sections | Linear:
-    """A or F, ``name``; parameters and errors as of :func:`constrained_parameters`."""
+    """A or F of one path, ``name``; errors as of :func:`constrained_parameters`."""
     order = getattr(orders.single, f"n{name}")
     factor = np.ones(1)
     if order and name == ("f" if orders.single.nf else "a"):
@@ -216,7 +217,7 @@ def _monic(pole: FixedPole, sampling_rate: float) -> Array:
 
 def _fixed(name: str, constraints: Constraints, orders: Orders) -> tuple[NDArray[np.bool_], Array]:
     """Which coefficients of a polynomial are free, and the values of the others."""
-    count = getattr(orders.single, f"n{name}")
+    count = orders.part(name).stop - orders.part(name).start
     free, values = np.ones(count, dtype=bool), np.zeros(count)
     for key, value in constraints.fixed_coefficients.items():
         found = coefficient_index(key, orders)

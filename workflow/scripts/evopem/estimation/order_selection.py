@@ -14,7 +14,6 @@ from evopem.estimation.candidate import (
     select_order,
 )
 from evopem.estimation.delay_refinement import Fit, refine_delay
-from evopem.estimation.focused_estimate import estimate_focused
 from evopem.estimation.order_race import race
 from evopem.estimation.polynomial_estimate import PolynomialEstimate
 from evopem.estimation.polynomial_search import (
@@ -164,7 +163,7 @@ def complete_estimate(
     """
     orders, level = candidate.orders, candidate.with_level
     if fit is not None and fit.changes_model:
-        return estimate_focused(
+        return estimate_polynomial(
             data,
             orders,
             settings=settings,

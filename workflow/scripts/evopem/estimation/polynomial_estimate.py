@@ -10,19 +10,19 @@ from numpy.typing import NDArray
 
 from evopem.config.settings import ScoringWindow
 from evopem.estimation.criteria import Criteria, criteria_of, lies_at_bound
-from evopem.estimation.pem.autoregression import autoregression
 from evopem.estimation.pem.covariance import (
+    coloured_covariance,
     estimate_covariance,
     innovation_variance,
+    is_coloured,
     pseudo_inverse_factor,
 )
 from evopem.estimation.pem.least_squares import triangle_of
 from evopem.estimation.pem.polynomial_objective import PolynomialErrors
-from evopem.estimation.pem.robust_covariance import MOST_COLOURING, coloured_covariance
 from evopem.estimation.pem.stretch_errors import StretchErrors
 from evopem.estimation.search.problem import SearchResult
 from evopem.models.parameter_covariance import ParameterCovariance
-from evopem.models.polynomial import PolynomialModel
+from evopem.models.polynomial import PolynomialModel, model_of
 from evopem.models.polynomials import max_root_radius
 
 Array = NDArray[np.float64]
@@ -147,7 +147,6 @@ def describe(
         found = minimum_norm_point(errors, point, triangle)
         if not np.array_equal(found, point):
             point, triangle = found, triangle_of(errors.jacobian_blocks(found))
-    a, c, d, f = (np.concatenate([[1.0], point[parts[name]]]) for name in "acdf")
     of_stretches = errors.of_stretches(point)
     residuals = [own.residuals(at) for own, at in of_stretches]
     window = ScoringWindow(of_stretches[0][0].residual_start, of_stretches[0][0].loss_start)
@@ -157,12 +156,13 @@ def describe(
         each[: window.residual_start] = np.nan
     levels = tuple(point[parts["level"]].tolist())
     counts = [len(each) - window.loss_start for each in residuals]
-    model = PolynomialModel(
-        *(a, point[parts["b"]].copy(), c, d, f, errors.orders.single.nk, sampling_rate),
+    model = model_of(
+        errors.orders,
+        point,
+        sampling_rate=sampling_rate,
         level=levels[0] if levels else 0.0,
         noise_variance=innovation_variance(counted, errors.dimension),
         covariance=covariance_of(errors, point, counted, outputs, counts, triangle),
-        structure=errors.orders.structure,
     )
     criteria = criteria_of(counted, outputs, errors.objective, errors.parameters)
     return PolynomialEstimate(
@@ -215,8 +215,8 @@ def minimum_norm_point(errors: Errors, point: Array, triangle: Array) -> Array:
 def roots_at_bound(errors: Errors, model: PolynomialModel) -> bool:
     """Whether a root of A, F, C or D lies at the bound of the search."""
     plant, noise = (
-        max(max_root_radius(one[1:]), max_root_radius(other[1:]))
-        for one, other in ((model.a, model.f), (model.c, model.d))
+        max(max_root_radius(each[1:]) for each in polynomials)
+        for polynomials in ((model.A, *model.F), (model.C, model.D))
     )
     return lies_at_bound(plant, errors.plant_radius) or lies_at_bound(noise, errors.noise_radius)
 
@@ -243,7 +243,7 @@ def covariance_of(
         R of the QR decomposition of the Jacobian, where it is known.
     """
     orders = errors.orders
-    if orders.structure in WITHOUT_NOISE_MODEL and _is_coloured(residuals):
+    if orders.structure in WITHOUT_NOISE_MODEL and is_coloured(residuals):
         return coloured_covariance(
             errors.jacobian(point),
             residuals,
@@ -259,7 +259,3 @@ def covariance_of(
     return estimate_covariance(
         triangle, residuals, output, orders.parameters, of_noise, errors.objective
     )
-
-
-def _is_coloured(residuals: Array) -> bool:
-    return len(autoregression(residuals - residuals.mean(), MOST_COLOURING)) > 1

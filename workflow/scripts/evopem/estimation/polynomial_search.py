@@ -4,31 +4,40 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TypeVar, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from evopem.blas_threads import one_blas_thread
+from evopem.config.constraints import Constraints
 from evopem.config.settings import ScoringWindow, SearchSettings
-from evopem.estimation.criteria import power_of_two_scale
-from evopem.estimation.pem.polynomial_objective import PolynomialErrors
 from evopem.estimation.pem.stretch_errors import StretchErrors
-from evopem.estimation.polynomial_estimate import Errors, PolynomialEstimate, describe
-from evopem.estimation.requirements import check_search_settings, check_signals, check_window
+from evopem.estimation.polynomial_estimate import PolynomialEstimate, describe
+from evopem.estimation.prediction_errors import (
+    Errors,
+    checked_errors,
+    in_scaled_units,
+    prediction_errors,
+    scaled_errors,
+)
+from evopem.estimation.prediction_estimate import (
+    EstimationTask,
+    from_estimates,
+    prediction_estimate,
+    search_key,
+)
 from evopem.estimation.search.armax_problem import ArmaxProblem
 from evopem.estimation.search.global_search import continued_search
 from evopem.estimation.search.likely_gain import Aim
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
 from evopem.estimation.search.problem import SearchResult, descended, pooled
-from evopem.estimation.search.stretch_problem import StretchProblem
+from evopem.estimation.simulation_estimate import simulation_estimate
+from evopem.models.constraint_checks import Focus, check_fit
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.structures import Orders
 from evopem.signals.recording import Recording
-from evopem.signals.recording_checks import LARGEST
 
 Array = NDArray[np.float64]
-SomeErrors = TypeVar("SomeErrors", bound=Errors)
 
 
 def estimate_polynomial(
@@ -38,180 +47,117 @@ def estimate_polynomial(
     settings: SearchSettings | None = None,
     window: ScoringWindow | None = None,
     level: bool = False,
+    focus: Focus = "prediction",
+    constraints: Constraints | None = None,
     earlier: SearchResult | None = None,
+    optimum: SearchResult | None = None,
     log: Callable[[str], None] | None = None,
     aim: Aim | None = None,
 ) -> PolynomialEstimate:
-    """Find the polynomial model of given orders with the smallest prediction errors, globally.
+    """Find the polynomial model of given orders with the smallest errors in focus, globally.
 
     Parameters
     ----------
     data : Recording
-        At most one input, and one output.  One objective over all segments; each has an initial
-        state of the plant and of the noise filter, and each recording a level where one is
-        estimated.
+        With one output.  One objective over all segments; each has an initial state of the plant
+        and of the noise filter, and each recording a level where one is estimated.
     orders : Orders
     settings : SearchSettings, optional
         Objective, seed, bounds and size of the search.  Its draws come from
-        ``SeedSequence(seed, spawn_key=(na, nb, nc, nd, nf, nk, level))``, without nd, nf and level
-        for ARMAX models of one segment, with the number of its restarts appended to the key when
-        the search continues an earlier one.  Only the latter use ``initialization`` and
-        ``n_initial_discard``: the first population of the others holds estimates of several kinds.
+        ``SeedSequence(seed, spawn_key=(na, *nb, nc, nd, *nf, *nk, level))``, without nd, nf and
+        level for ARMAX models of one input and segment, with the number of its restarts appended to
+        the key when the search continues an earlier one.  Only the latter use ``initialization``
+        and ``n_initial_discard``: the first population of the others holds estimates of several
+        kinds.
     window : ScoringWindow, optional
-        By default that of :func:`default_window`, of each segment.
+        By default that of :func:`.default_window`, of each segment.
     level : bool
         Whether a constant is estimated: ``A y = (B/F) u + (C/D) e + level``.
+    focus : {"prediction", "simulation"} or int
+        Errors of one step, of simulation, or of predictions that many samples ahead.
+    constraints : Constraints, optional
     earlier : SearchResult, optional
         Result of an earlier search of the same problem, to be combined with this one.
+    optimum : SearchResult, optional
+        Of one-step prediction without constraints, where these or a focus are given: to start from
+        instead of searching it.
     log : callable, optional
         Receives one line a generation.
     aim : Aim, optional
         What the search is made for: it ends once it is unlikely to get so low.
 
+    Returns
+    -------
+    PolynomialEstimate
+        ``criteria`` and ``residuals`` are those of one step; ``focus_objective`` is that of the
+        errors in focus.  The covariance is zero across active constraints, counts priors as
+        observations, and allows for the colour of k-step and simulation errors by the noise model.
+        It is None for these errors under the absolute objective.  Intervals near a bound that is
+        not active do not know of it.
+
     Raises
     ------
+    InputError
+        When constraints contradict each other, the structure or the focus.
     ValueError
         When the record is too short for the orders, or a setting is outside its range.
     """
-    o, settings = orders, settings or SearchSettings()
+    settings = settings or SearchSettings()
+    rate, names = data.sampling_rate, data.input_names
     # The bits of a result must not depend on how many threads the machine's BLAS would take.
     with one_blas_thread():
         errors = checked_errors(data, orders, settings, window, level)
-        scaled, scales = scaled_errors(errors)
-        problem = problem_of(scaled, settings.initialization)
-        key: tuple[int, ...] = (o.na, o.single.nb, o.nc, o.single.nk)
-        recombine = None
-        if isinstance(problem, PolynomialProblem):
-            recombine = problem.recombine
-            key = (o.na, o.single.nb, o.nc, o.nd, o.single.nf, o.single.nk, int(level))
-        found = continued_search(problem, scales, key, settings, earlier, log, recombine, aim)
-        del problem, scaled  # their tables are as large as those that follow
-        return describe(errors, found, data.sampling_rate, shortest=True)
-
-
-def default_window(orders: Orders, settings: SearchSettings) -> ScoringWindow:
-    """The window of an estimate that is not compared with models of other orders.
-
-    The first residual is the first that has all its measured past.  All residuals count, but those
-    of ARMAX models, which have at least nc before them, without the first
-    ``settings.n_initial_discard``.
-
-    Examples
-    --------
-    >>> default_window(Orders(na=7, nb=6, nc=7, nk=3), SearchSettings(n_initial_discard=50))
-    ScoringWindow(residual_start=8, loss_start=58)
-    """
-    if orders.structure != "armax":
-        return ScoringWindow(orders.first_residual, orders.first_residual)
-    first = max(orders.first_residual, orders.nc)
-    return ScoringWindow(first, first + max(settings.n_initial_discard, orders.nc))
-
-
-def prediction_errors(
-    data: Recording, orders: Orders, settings: SearchSettings, window: ScoringWindow, level: bool
-) -> Errors:
-    """The prediction-error problem of a recording, orders and settings.
-
-    Raises
-    ------
-    ValueError
-        When none of several segments is long enough for the orders.
-    """
-    radius = settings.max_root_radius
-    if data.is_joined:
-        return StretchErrors(
-            *(data.segments, orders, settings.objective, radius, radius, level), window=window
-        )
-    return PolynomialErrors(
-        data.input,
-        data.output,
-        orders,
-        settings.objective,
-        window.residual_start,
-        window.loss_start,
-        radius,
-        radius,
-        level,
-    )
-
-
-def checked_errors(
-    data: Recording,
-    orders: Orders,
-    settings: SearchSettings,
-    window: ScoringWindow | None,
-    level: bool,
-) -> Errors:
-    """The prediction-error problem of a recording as a user gives it.
-
-    Raises
-    ------
-    ValueError
-        When the record is too short for the orders, or a setting is outside its range.
-    """
-    check_search_settings(settings)
-    alone = orders.structure == "armax" and not level and not data.is_joined
-    if window is None:
-        whole = ScoringWindow(orders.first_residual, orders.first_residual)
-        window = default_window(orders, settings) if alone else whole
-    if not data.has_input and orders.single.nb:
-        raise ValueError(
-            f"structure {orders.structure!r} with nb = {orders.single.nb} needs an input"
-        )
-    if not data.is_joined:
-        first = max(orders.first_residual, orders.nc if alone else 0)
-        check_window(window, first, orders)
-        states = 0 if alone else orders.single.nf + orders.noise_states
-        _check_record(data, orders, window, orders.parameters + states)
-    return prediction_errors(data, orders, settings, window, level)
-
-
-def _check_record(data: Recording, orders: Orders, window: ScoringWindow, estimated: int) -> None:
-    """Refuse a record that no model of the orders can be estimated from."""
-    check_signals(data.input, data.output)
-    for name, signal in (("input", data.input), ("output", data.output)):
-        largest = float(np.max(np.abs(signal)))
-        if largest and not 1.0 / LARGEST < largest < LARGEST:
-            raise ValueError(
-                f"the largest magnitude of the {name} is {largest:g}; scale it between "
-                f"{1.0 / LARGEST:g} and {LARGEST:g}"
+        horizon = check_fit(focus, constraints, orders, rate, names)
+        if constraints is None and focus == "prediction":
+            found = _searched(errors, settings, earlier, log, aim, rate)
+        else:
+            if earlier is not None:
+                raise ValueError("an earlier search is not continued with a focus or constraints")
+            given = constraints or Constraints()
+            task = EstimationTask(errors, rate, settings, given, names, log, optimum)
+            found = (
+                simulation_estimate(task)
+                if horizon is None
+                else prediction_estimate(task, horizon)[0]
             )
-    counted = data.samples - window.loss_start
-    if counted <= estimated:
-        raise ValueError(
-            f"{orders} needs more than {estimated} residuals for its coefficients and initial "
-            f"states; {data.samples} samples less the first {window.loss_start} leave {counted}"
-        )
-    if not np.any(data.output[window.loss_start :]):
-        raise ValueError("the output is zero throughout")
+    effect = found.constraints if constraints is not None else None
+    model = replace(found.model, input_names=names, output_name=data.output_names[0])
+    return replace(found, model=model, focus=focus, constraints=effect)
 
 
-def scaled_errors(errors: SomeErrors) -> tuple[SomeErrors, Array]:
-    """The problem with signals scaled to moderate size, and the scales of its parameters.
-
-    Powers of two leave every bit of signals and points unchanged.
-    """
-    input_scale, output_scale = (power_of_two_scale(each) for each in errors.signals)
-    scales, parts = np.ones(errors.dimension), errors.parts()
-    scales[parts["b"]] = output_scale / input_scale
-    for name in ("level", "plant", "noise"):
-        scales[parts[name]] = output_scale
-    return cast(SomeErrors, errors.scaled(input_scale, output_scale)), scales
+def _searched(
+    errors: Errors,
+    settings: SearchSettings,
+    earlier: SearchResult | None,
+    log: Callable[[str], None] | None,
+    aim: Aim | None,
+    sampling_rate: float,
+) -> PolynomialEstimate:
+    """The optimum of one-step prediction without constraints."""
+    scaled, scales = scaled_errors(errors)
+    problem = problem_of(scaled, settings.initialization)
+    o, recombine = errors.orders, None
+    if isinstance(problem, PolynomialProblem):
+        recombine, key = problem.recombine, search_key(errors)
+    else:
+        key = (o.na, o.single.nb, o.nc, o.single.nk)
+    if isinstance(problem, PolynomialProblem) and o.inputs > 1 and earlier is None:
+        earlier = from_estimates(problem)
+        earlier = earlier and replace(earlier, point=earlier.point * scales)
+        if settings.evaluations == 0 and earlier is not None:
+            return describe(errors, earlier, sampling_rate, shortest=True)
+    found = continued_search(problem, scales, key, settings, earlier, log, recombine, aim)
+    del problem, scaled  # their tables are as large as those that follow
+    return describe(errors, found, sampling_rate, shortest=True)
 
 
 def problem_of(errors: Errors, initialization: str = "arx") -> ArmaxProblem | PolynomialProblem:
-    """The search problem of prediction errors: that of the chapter for ARMAX models.
+    """The search problem of prediction errors: that of the chapter for its ARMAX models.
 
-    Parameters
-    ----------
-    errors : PolynomialErrors or StretchErrors
-    initialization : {"arx", "incremental_order"}
-        Of ARMAX models of one segment without a level.
+    ``initialization``, "arx" or "incremental_order", is that of the latter.
     """
-    if isinstance(errors, StretchErrors):
-        return StretchProblem(errors)
-    of_armax = errors.orders.structure == "armax" and errors.orders.single.nb > 0
-    if of_armax and not errors.level:
+    of_armax = errors.orders.structure == "armax" and errors.orders.inputs == 1
+    if of_armax and not errors.level and not isinstance(errors, StretchErrors):
         return ArmaxProblem(errors, initialization)
     return PolynomialProblem(errors)
 
@@ -256,7 +202,9 @@ def descended_from(
         if not isinstance(start, PolynomialModel):
             point: Array | None = np.asarray(start) / scales
         elif isinstance(scaled, StretchErrors):
-            point = _adapted(start, scaled, scales)
+            models = [in_scaled_units(start, scaled, scales)]
+            starts = PolynomialProblem(scaled, models, own_starts=False).starts()
+            point = starts[0] if len(starts) else None
         else:
             raise TypeError("of one segment, start from a point")
         if point is None:
@@ -264,12 +212,3 @@ def descended_from(
         ended = descended(problem, point)
         ended = replace(ended, point=ended.point * scales)
         return describe(errors, pooled(earlier, ended), data.sampling_rate, shortest=True)
-
-
-def _adapted(model: PolynomialModel, scaled: StretchErrors, scales: Array) -> Array | None:
-    """The best point of a scaled problem next to a model in the units of the signals."""
-    of_b = scales[scaled.parts()["b"]]
-    own = tuple(b / of_b[0] for b in model.B) if len(of_b) else model.B
-    in_its_units = replace(model, B=own, covariance=None)
-    starts = StretchProblem(scaled, [in_its_units], own_starts=False).starts()
-    return starts[0] if len(starts) else None

@@ -7,95 +7,166 @@ each moved into the region, in coordinates that cannot leave the region.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evopem.config.constraints import Constraints
+from evopem.config.settings import SearchSettings
 from evopem.errors import InputError
 from evopem.estimation.constrained_model import constrained_parameters, equalities, priors_of
-from evopem.estimation.estimation_task import (
-    EstimationTask,
-    coefficient_covariance,
-    errors_ahead,
-    objective_of,
-    prior_weight_of,
-    scored_residuals,
-    with_plant_radius,
-)
 from evopem.estimation.pem.constrained_parameters import ConstrainedParameters
-from evopem.estimation.pem.focus_covariance import (
+from evopem.estimation.pem.covariance import (
     Fitted,
     loss_deviation,
+    of_coefficients,
     tangent_covariance,
 )
 from evopem.estimation.pem.k_step_errors import KStepErrors
 from evopem.estimation.pem.pole_region import UNBOUNDED_RADIUS
-from evopem.estimation.pem.polynomial_objective import PolynomialErrors
 from evopem.estimation.pem.priors import Priors
-from evopem.estimation.polynomial_estimate import (
-    ConstraintEffect,
-    PolynomialEstimate,
-    describe,
-)
-from evopem.estimation.polynomial_search import scaled_errors
+from evopem.estimation.polynomial_estimate import ConstraintEffect, PolynomialEstimate, describe
+from evopem.estimation.prediction_errors import Errors, scaled_errors
 from evopem.estimation.search.constrained_errors import ConstrainedErrors
 from evopem.estimation.search.global_search import global_search
-from evopem.estimation.search.linear_completion import LINEAR_STEPS, solve_linear
 from evopem.estimation.search.multistart import multistart
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
-from evopem.estimation.search.problem import SearchResult, descended
+from evopem.estimation.search.problem import SearchResult, descended, pooled
+from evopem.estimation.search.staged_descent import LINEAR_STEPS, solve_linear
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomials import roots
+from evopem.models.structures import Orders
 
 Array = NDArray[np.float64]
+Log = Callable[[str], None]
 
 # Random starts of the descents under constraints and of k-step errors.
 RANDOM_STARTS = 24
+# Estimates of a record with several inputs that a search begins with.
+ESTIMATES = 8
 # Random draws from which starts that meet fixed coefficients are taken.
 DRAWS = 512
 # Relative distance within which a point counts as one that meets the constraints.
 MEETS = 1e-9
 
 
+@dataclass(frozen=True)
+class EstimationTask:
+    """A record, orders and settings, checked.
+
+    ``optimum`` is that of one-step prediction without constraints, where it is known already.
+    """
+
+    errors: Errors
+    sampling_rate: float
+    settings: SearchSettings
+    constraints: Constraints
+    names: Sequence[str] = ()  # of the inputs
+    log: Log | None = None
+    optimum: SearchResult | None = None
+
+    @property
+    def orders(self) -> Orders:
+        """Orders of the model."""
+        return self.errors.orders
+
+    def generator(self, purpose: int) -> np.random.Generator:
+        """Random draws of one purpose: 0 is the search without constraints."""
+        key = search_key(self.errors)
+        key = (*key, purpose) if purpose else key
+        return np.random.default_rng(np.random.SeedSequence(self.settings.seed, spawn_key=key))
+
+
+def search_key(errors: Errors) -> tuple[int, ...]:
+    """Key of the draws of a problem: its orders, and whether a level is estimated."""
+    o = errors.orders
+    nb, nf, nk = (each or (0,) for each in (o.nb, o.nf, o.nk))
+    return (o.na, *nb, o.nc, o.nd, *nf, *nk, int(errors.level))
+
+
+def from_estimates(problem: PolynomialProblem) -> SearchResult | None:
+    """The lowest optimum that descents from estimates of the record lead to.
+
+    Searches of several inputs begin with it: random points hardly ever lead to their optimum.
+    """
+    starts = problem.starts()[:ESTIMATES]
+    if not len(starts):
+        return None
+    return multistart(problem.errors, starts, float(np.min(problem.values(starts))))
+
+
+def errors_ahead(errors: Errors, horizon: int) -> Errors | KStepErrors:
+    return errors if horizon == 1 else KStepErrors(errors, horizon)
+
+
+def without_plant_radius(errors: Errors) -> Errors:
+    """The same problem where roots of A and F are held by the coordinates alone."""
+    return errors.within_radius(UNBOUNDED_RADIUS, errors.noise_radius)
+
+
+def scored_residuals(errors: Errors | KStepErrors, point: Array) -> Array:
+    return errors.residuals(point)[errors.loss_start :]
+
+
+def coordinates_of(
+    task: EstimationTask,
+    errors: Errors,
+    constraints: Constraints,
+    scales: Array | None = None,
+    radius: float | None = None,
+    levels: Sequence[float] | Array = (),
+) -> tuple[ConstrainedParameters, Priors]:
+    """Coordinates and priors of a problem; ``scales`` are the units of its points."""
+    o, rate = errors.orders, task.sampling_rate
+    b_scales: Array | tuple[()] = ()
+    if scales is not None:
+        b_scales = np.array([scales[o.part("b", place)][0] for place in range(o.inputs)])
+    rest = errors.dimension - o.parameters
+    radius = errors.plant_radius if radius is None else radius
+    parameters = constrained_parameters(
+        constraints, o, rate, radius, task.names, b_scales, rest, levels
+    )
+    return parameters, priors_of(constraints, parameters, o, rate, b_scales)
+
+
+def weight_of_priors(errors: Errors, priors: Priors, residuals: Array) -> float:
+    """What a squared deviation adds to the objective: as much as one more observation."""
+    if not priors.terms:
+        return 0.0
+    deviation = loss_deviation(residuals, errors.dimension, errors.objective)
+    if not np.isfinite(deviation):
+        raise ValueError(
+            "the weight of the priors is not known: the residuals have no density at 0"
+        )
+    if errors.objective == "quadratic":
+        return errors.loss_factor * deviation**2
+    return 0.5 * errors.loss_factor * deviation
+
+
 def prediction_estimate(task: EstimationTask, horizon: int) -> tuple[PolynomialEstimate, Fitted]:
     """The estimate for errors of k steps, and what its covariance follows from."""
     scaled, scales = scaled_errors(task.errors)
     problem = PolynomialProblem(scaled)
-    b_scale = float(scales[scaled.parts()["b"]][0]) if task.orders.single.nb else 1.0
     k_errors = errors_ahead(scaled, horizon)
     # Before the search, because it refuses constraints that no model meets.
-    parameters = constrained_parameters(
-        task.constraints,
-        task.orders,
-        scaled.level,
-        task.sampling_rate,
-        scaled.plant_radius,
-        b_scale,
-    )
-    priors = priors_of(task.constraints, parameters, task.orders, task.sampling_rate, b_scale)
-    free = _unconstrained(task, problem, horizon, b_scale, scales)
-    k_residuals = scored_residuals(k_errors, free.point)
-    deviation = loss_deviation(k_residuals, scaled.dimension, scaled.objective)
-    if priors.terms and not np.isfinite(deviation):
-        raise ValueError(
-            "the weight of the priors is not known: the residuals have no density at 0"
-        )
-    weight = prior_weight_of(scaled, deviation) if priors.terms else 0.0
+    parameters, priors = coordinates_of(task, scaled, task.constraints, scales)
+    free = _unconstrained(task, problem, horizon, scales)
+    weight = weight_of_priors(scaled, priors, scored_residuals(k_errors, free.point))
     found, active, tangent = _constrained_optimum(
         *(task, problem, horizon, free, parameters, priors, weight)
     )
     prior_rows = priors.deviations(found.point)[1]
-    covariance = _covariance(scaled, k_errors, found.point, tangent, prior_rows, horizon)
+    fitted = Fitted(k_errors.jacobian(found.point), tangent, prior_rows, scaled.residual_counts())
+    covariance = _covariance(scaled, k_errors, found.point, fitted)
     objective, without = (
-        objective_of(scaled, scored_residuals(k_errors, point))
+        _objective_of(scaled, scored_residuals(k_errors, point))
         for point in (found.point, free.point)
     )
     unscaled = replace(found, point=found.point * scales)
     result = describe(task.errors, unscaled, task.sampling_rate)
-    coefficients = task.orders.parameters
-    covariance = covariance and coefficient_covariance(covariance, scales, coefficients)
+    covariance = covariance and of_coefficients(covariance, task.orders.parameters, scales)
     if found is free and not active and horizon == 1:
         covariance = result.model.covariance
     estimate = replace(
@@ -104,7 +175,12 @@ def prediction_estimate(task: EstimationTask, horizon: int) -> tuple[PolynomialE
         focus_objective=objective,
         constraints=ConstraintEffect(objective, without, (*equalities(task.constraints), *active)),
     )
-    return estimate, Fitted(k_errors.jacobian(found.point), tangent, prior_rows)
+    return estimate, fitted
+
+
+def _objective_of(errors: Errors, residuals: Array) -> float:
+    losses = np.abs(residuals) if errors.objective == "absolute" else residuals**2
+    return float(errors.loss_factor * np.sum(losses))
 
 
 def _constrained_optimum(
@@ -124,7 +200,7 @@ def _constrained_optimum(
     nearest = parameters.point(bounded)[0]
     if not priors.terms and _meets(parameters, bounded, free.point, nearest):
         return free, *parameters.active(parameters.unbounded(bounded, 0.0))
-    wide = with_plant_radius(problem.errors, UNBOUNDED_RADIUS)
+    wide = without_plant_radius(problem.errors)
     constrained = ConstrainedErrors(errors_ahead(wide, horizon), parameters, priors, weight)
     starts = _starts(task, problem, constrained, free.point)
     found = multistart(constrained, starts, max(free.value, 1e-300))
@@ -136,7 +212,7 @@ def _constrained_optimum(
 
 
 def _unconstrained(
-    task: EstimationTask, problem: PolynomialProblem, horizon: int, b_scale: float, scales: Array
+    task: EstimationTask, problem: PolynomialProblem, horizon: int, scales: Array
 ) -> SearchResult:
     """The optimum without constraints, but with unstable plants where these are allowed."""
     found = _one_step_optimum(task, problem, scales)
@@ -154,17 +230,9 @@ def _unconstrained(
     if task.constraints.stability == "required":
         # k-step errors are not linear in the states and B alone: descents follow at once.
         return multistart(k_errors, scaled.repair(starts), found.value)
-    alone = Constraints(stability="free")
-    parameters = constrained_parameters(
-        alone, task.orders, scaled.level, task.sampling_rate, scaled.plant_radius, b_scale
-    )
-    wide = with_plant_radius(scaled, UNBOUNDED_RADIUS)
-    constrained = ConstrainedErrors(
-        errors_ahead(wide, horizon),
-        parameters,
-        Priors((), parameters.parts, task.sampling_rate),
-        0.0,
-    )
+    parameters, priors = coordinates_of(task, scaled, Constraints(stability="free"), scales)
+    wide = without_plant_radius(scaled)
+    constrained = ConstrainedErrors(errors_ahead(wide, horizon), parameters, priors, 0.0)
     starts = np.concatenate([starts, _least_squares_start(wide)])
     z = np.array([parameters.unbounded(parameters.coordinates(point)) for point in starts])
     found = multistart(constrained, z, found.value)
@@ -176,20 +244,23 @@ def _one_step_optimum(
 ) -> SearchResult:
     """The optimum of one-step prediction: searched, or refined where it is known."""
     if task.optimum is None:
-        return global_search(
-            problem, task.settings, task.generator(0), task.log, recombine=problem.recombine
+        known = from_estimates(problem) if task.orders.inputs > 1 else None
+        if known is not None and task.settings.evaluations == 0:
+            return known
+        lowest = np.inf if known is None else known.value
+        found = global_search(
+            *(problem, task.settings, task.generator(0), task.log, lowest, problem.recombine)
         )
+        return found if known is None else pooled(known, found)
     # The search of ARMAX models counts other first residuals.
     ended = descended(problem, task.optimum.point / scales)
     return replace(ended, diagnostics=task.optimum.diagnostics)
 
 
-def _least_squares_start(errors: PolynomialErrors) -> Array:
+def _least_squares_start(errors: Errors) -> Array:
     """The ARX model of least squares, its poles wherever they are, (1, n)."""
+    linear = ~errors.linear("c", "d", "f", "plant")
     point = np.zeros((1, errors.dimension))
-    linear = np.ones(errors.dimension, dtype=bool)
-    for name in ("c", "d", "f", "plant"):
-        linear[errors.parts()[name]] = False
     return solve_linear(errors, point, linear, LINEAR_STEPS[errors.objective])
 
 
@@ -234,8 +305,7 @@ def _with_expected_modes(point: Array, priors: Priors) -> Array:
     for term in priors.terms:
         if term.quantity not in ("frequency", "damping"):
             continue
-        for name in "af":
-            part = priors.parts[name]
+        for part in priors.denominators:
             poles = list(roots(point[part]))
             if len(poles) < 2:
                 continue
@@ -262,20 +332,14 @@ def _meets(parameters: ConstrainedParameters, bounded: Array, point: Array, near
 
 
 def _covariance(
-    errors: PolynomialErrors,
-    k_errors: PolynomialErrors | KStepErrors,
-    point: Array,
-    tangent: Array,
-    prior_rows: Array,
-    horizon: int,
+    errors: Errors, k_errors: Errors | KStepErrors, point: Array, fitted: Fitted
 ) -> ParameterCovariance | None:
-    if horizon > 1 and errors.objective == "absolute":
+    ahead = isinstance(k_errors, KStepErrors)
+    if ahead and errors.objective == "absolute":
         return None
-    innovations = errors.residuals(point)[errors.loss_start :]
-    deviation = loss_deviation(innovations, tangent.shape[1], errors.objective)
+    innovations = scored_residuals(errors, point)
+    deviation = loss_deviation(innovations, fitted.tangent.shape[1], errors.objective)
     if not np.isfinite(deviation):
         return None
     weights = k_errors.weights(point) if isinstance(k_errors, KStepErrors) else np.ones(1)
-    return tangent_covariance(
-        k_errors.jacobian(point), tangent, prior_rows, (weights, np.ones(1)), deviation
-    )
+    return tangent_covariance(fitted, (weights, np.ones(1)), deviation)

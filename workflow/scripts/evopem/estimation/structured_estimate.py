@@ -11,8 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from evopem.config.constraints import Constraints
 from evopem.config.settings import OutputWeighting, ScoringWindow, SearchSettings
-from evopem.estimation.focused_estimate import estimate_focused
-from evopem.estimation.multi_input.estimate import estimate_multi_input
 from evopem.estimation.polynomial_estimate import PolynomialEstimate
 from evopem.estimation.polynomial_search import estimate_polynomial
 from evopem.estimation.search.likely_gain import Aim
@@ -103,20 +101,19 @@ def estimate(
         ``ss_oe``, ``ss_oe_drift`` or ``ss_bj``.
     settings : SearchSettings, optional
     window : ScoringWindow, optional
-        Of a polynomial model with at most one input.
+        Of a polynomial model.
     level : bool
-        Whether a constant is estimated along, for each recording; with several inputs always.
+        Whether a constant is estimated along, for each recording.
     focus : {"prediction", "simulation"} or int
         The errors to be small: of one step, of simulation, or of predictions that many samples
         ahead.
     weighting : {"determinant", "noise", "power"}
         Of the outputs of a state-space model; see :func:`.estimate_state_space`.
     constraints : Constraints, optional
-        What the model must meet, and priors.  With several inputs, or several segments, those that
-        both know.
+        What the model must meet, and priors.
     earlier : SearchResult, optional
         Result of an earlier search of the same problem, to be combined with this one; as `aim` of a
-        polynomial model with at most one input.
+        polynomial model.
     log : callable, optional
         Receives one line a generation.
     aim : Aim, optional
@@ -177,47 +174,22 @@ def estimate(
             f"a polynomial model has one output, and there are {len(recording.output_names)};"
             " estimate one for each, or a state-space model (structure='ss') of all"
         )
-    several = recording.is_joined
-    if len(recording.input_names) > 1 or (several and constraints is not None):
-        _refuse(expert, "models of several inputs are estimated with all initial states and levels")
-        return _several_inputs(recording, orders, structure, settings, focus, constraints, log)
     if not level:
         _warn_of_level(recording.output)
     if structure == "armax" and not recording.has_input:
         raise ValueError("structure 'armax' needs an input; without one, use 'arma'")
-    known = orders_of(structure, orders)
-    if focus == "prediction" and constraints is None:
-        return estimate_polynomial(
-            recording,
-            known,
-            settings=settings,
-            window=window,
-            level=level,
-            earlier=earlier,
-            log=log,
-            aim=aim,
-        )
-    if several:
-        raise ValueError(_FOCUS)
-    if earlier is not None:
-        raise ValueError("an earlier search is not continued with a focus or constraints")
-    return estimate_focused(
+    return estimate_polynomial(
         recording,
-        known,
+        orders_of(structure, orders, max(len(recording.input_names), 1)),
         settings=settings,
         window=window,
         level=level,
         focus=focus,
         constraints=constraints,
+        earlier=earlier,
         log=log,
+        aim=aim,
     )
-
-
-_FOCUS = (
-    "errors of several steps, or of simulation, beside a noise model are those of one recording and"
-    " one input: of several estimate a state-space model (structure='ss'), or structure='oe', whose"
-    " prediction is a simulation"
-)
 
 
 def _warn_of_level(output: Array) -> None:
@@ -235,36 +207,3 @@ def _warn_of_level(output: Array) -> None:
 def _refuse(expert: Sequence[str], why: str) -> None:
     if expert:
         raise ValueError(f"{' and '.join(expert)} cannot be given: {why}")
-
-
-def _several_inputs(
-    recording: Recording,
-    orders: Orders | Mapping[str, Any] | Sequence[Any],
-    structure: str,
-    settings: SearchSettings | None,
-    focus: str | int,
-    constraints: Constraints | None,
-    log: Callable[[str], None] | None,
-) -> PolynomialEstimate:
-    """Of any number of inputs and recordings, each recording with a level of its own."""
-    if not recording.has_input:
-        raise ValueError(
-            "constraints of several recordings are those of the paths from inputs, and there is no"
-            " input; give one recording"
-        )
-    if focus == "simulation" and structure in ("oe", "fir"):
-        focus = "prediction"
-    if focus != "prediction":
-        raise ValueError(_FOCUS)
-    return estimate_multi_input(
-        recording.segment_inputs,
-        recording.segment_outputs,
-        orders,
-        structure,
-        recording.sampling_rate,
-        settings=settings,
-        constraints=constraints,
-        input_names=recording.input_names,
-        output_name=recording.output_names[0],
-        log=log,
-    )

@@ -42,4 +42,4 @@ def _check_region(
     # Imports numpy, which only a configuration with constraints needs before its first job.
     from evopem.estimation.constrained_model import constrained_parameters
 
-    constrained_parameters(constraints, orders, False, rate, settings.search.max_root_radius)
+    constrained_parameters(constraints, orders, rate, settings.search.max_root_radius)

@@ -1,10 +1,19 @@
-"""Covariance of prediction-error estimates."""
+"""Covariance of prediction-error estimates: white and coloured errors, constraints and priors.
+
+With J the derivatives of the errors by everything estimated, the estimates are in error by
+``(J'J)^-1 sum psi s``, psi the rows of J and s the *scores*: the residuals, or of the absolute
+objective their signs over twice their density at zero (Bassett & Koenker 1978).
+"""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from evopem.estimation.pem.autoregression import autoregression
 from evopem.models.parameter_covariance import ParameterCovariance
 
 Array = NDArray[np.float64]
@@ -17,6 +26,8 @@ COMPONENT_TOLERANCE = 1e-8
 # Residuals smaller than this share of the output are rounding errors: they carry no information
 # about the noise model.
 RESIDUAL_ROUNDING = 1e-12
+# Largest order of the autoregression that describes coloured residuals.
+MOST_COLOURING = 50
 
 
 def estimate_covariance(
@@ -27,61 +38,234 @@ def estimate_covariance(
     of_noise: NDArray[np.intp],
     objective: str,
 ) -> ParameterCovariance | None:
-    """Asymptotic covariance of the n parameters, the noise state being estimated as well.
+    """Covariance of the first estimates, for white residuals: ``s^2 (J'J)^-1``.
 
-    None where the density of the residuals at zero, which that of the absolute objective needs,
-    cannot be estimated.
-
-    ``sigma^2 (J'J)^-1`` for the quadratic objective (Ljung 1999, eq. 9.17), and
-    ``(J'J)^-1 / (2 f(0))^2`` for the absolute one, f the density of the residuals (Bassett &
-    Koenker 1978).  The number of estimates, noise state included, is subtracted from the number
-    of residuals.  Null vectors of J are unidentifiable directions.
+    s as of :func:`loss_deviation` (Ljung 1999, eq. 9.17); None where that is not known.  Null
+    vectors of J are unidentifiable directions.
 
     Parameters
     ----------
     triangle : (m, m) array
-        R of the QR decomposition of the Jacobian by parameters and states.
+        R of the QR decomposition of J.
     residuals, output : (N,) arrays
         The scored ones.
     parameters : int
-        n.
+        Coefficients, the first of the estimates.
     of_noise : (k,) array of int
         Places of the coefficients of C and D.  Where the residuals are rounding errors of the
         output, these are not identifiable.
     objective : {"absolute", "quadratic"}
     """
-    n, estimated = parameters, triangle.shape[1]
+    estimated = triangle.shape[1]
     inverse, null_space = pseudo_inverse_factor(triangle)
     if np.linalg.norm(residuals) <= RESIDUAL_ROUNDING * np.linalg.norm(output):
-        unknown = np.eye(estimated)[:, of_noise]
-        null_space = np.hstack([null_space, unknown])
-    null_space = null_space[:n]
-    null_space = null_space[:, np.any(null_space != 0.0, axis=0)]
-    if objective == "quadratic":
-        deviation = np.sqrt(innovation_variance(residuals, estimated))
-    else:
-        density = density_at_zero(residuals, estimated)
-        if not density > 0.0:
-            return None
-        deviation = 1.0 / (2.0 * density)
-    return ParameterCovariance(deviation * inverse[:n], null_space)
+        null_space = np.hstack([null_space, np.eye(estimated)[:, of_noise]])
+    deviation = loss_deviation(residuals, estimated, objective)
+    if not np.isfinite(deviation):
+        return None
+    return of_coefficients(ParameterCovariance(deviation * inverse, null_space), parameters)
 
 
-def pseudo_inverse_factor(triangle: Array) -> tuple[Array, Array]:
-    """A factor F of the pseudo-inverse ``F F'`` of ``R'R``, and a basis of R's null space.
+def coloured_covariance(
+    jacobian: Array,
+    residuals: Array,
+    parameters: int,
+    objective: str,
+    input_alone: bool,
+    counts: Sequence[int] = (),
+) -> ParameterCovariance | None:
+    """Covariance of the first estimates for residuals of any colour (Ljung 1999, eq. 9.9-9.11).
 
-    Columns of R are scaled to unit length first.
+    Where the gradient psi depends on the inputs alone (``input_alone``), as that of an output-error
+    model, the scores s are independent of it and the covariance of ``sum psi s`` is ``v sum psi~
+    psi~'`` with ``psi~_t = sum_i h_i psi_(t+i)``, h the impulse response of a noise filter of s and
+    v the variance of its innovations (eq. 9.41 and 9.42).  The filter is an autoregression; its
+    order, chosen by BIC, is 0 for white residuals.  Where psi depends on past outputs as well, it
+    is the sum of sample autocovariances with the weights of Newey and West (1987).
 
     Parameters
     ----------
-    triangle : (m, n) array
-        R.
+    jacobian : (N, n) array
+        Of the residuals that count, (N,), by everything estimated.
+    parameters : int
+        Coefficients, the first of the estimates.
+    counts : sequence of int
+        Residuals of each of several stretches, between which there is no correlation.
 
     Returns
     -------
-    factor : (n, r) array
-        r is the rank of R.
-    null_space : (n, n - r) array
+    ParameterCovariance or None
+        None where the density at zero cannot be estimated.
+    """
+    from scipy.signal import lfilter
+
+    samples, estimated = jacobian.shape
+    joints = np.cumsum(np.asarray(counts, dtype=int))[:-1]
+    score = residuals
+    if objective == "absolute":
+        score = np.sign(residuals) * loss_deviation(residuals, estimated, objective)
+        if not np.isfinite(score).all():
+            return None
+    triangle = np.asarray(np.linalg.qr(jacobian, mode="r"))
+    inverse, null_space = pseudo_inverse_factor(triangle)
+    if input_alone:
+        whitening = autoregression(score - score.mean(), MOST_COLOURING)
+        innovations = np.convolve(score - score.mean(), whitening, mode="valid")
+        # The innovations of signs are as large as those of residuals: their mean square.
+        variance = float(innovations @ innovations) / max(len(innovations) - estimated, 1)
+        parts = np.split(jacobian, joints)
+        filtered = np.concatenate([lfilter([1.0], whitening, p[::-1], axis=0) for p in parts])
+        half = np.sqrt(variance) * np.asarray(np.linalg.qr(filtered, mode="r")).T
+        meat = half @ half.T
+    else:
+        scores = np.split(jacobian * score[:, None], joints)
+        meat = sum(map(_newey_west, scores)) * samples / max(samples - estimated, 1)
+    bread = inverse @ inverse.T
+    eigenvalues, vectors = np.linalg.eigh(bread @ meat @ bread.T)
+    factor = vectors * np.sqrt(np.maximum(eigenvalues, 0.0))
+    return of_coefficients(ParameterCovariance(factor, null_space), parameters)
+
+
+def is_coloured(residuals: Array) -> bool:
+    """Whether BIC prefers an autoregression of the residuals to white noise."""
+    return len(autoregression(residuals - residuals.mean(), MOST_COLOURING)) > 1
+
+
+def _newey_west(scores: Array) -> Array:
+    """Covariance of the sum of a series of vectors, (N, n), with Bartlett weights.
+
+    The number of lags grows with the third root of the length.
+    """
+    samples = len(scores)
+    lags = min(int(4.0 * samples ** (1.0 / 3.0)), samples - 1)
+    total: Array = scores.T @ scores
+    for lag in range(1, lags + 1):
+        shifted = scores[lag:].T @ scores[:-lag]
+        total += (1.0 - lag / (lags + 1.0)) * (shifted + shifted.T)
+    return total
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """A fit: its errors' derivatives, the directions it was free in, and its priors."""
+
+    jacobian: Array  # (N, n), of the samples that count
+    tangent: Array  # (n, k), directions that active constraints leave free
+    prior_rows: Array  # (p, n), derivatives of the deviations from priors
+    counts: Sequence[int] = ()  # residuals of each of several stretches
+
+    def response(
+        self, noise_filter: tuple[Array, Array], deviation: float
+    ) -> tuple[Array, Array, Array]:
+        """Errors of the estimates by unit innovations, (n, N), by unit priors, and a null space."""
+        samples, count = len(self.jacobian), len(self.tangent)
+        if self.tangent.shape[1] == 0:
+            return np.zeros((count, samples)), np.zeros((count, 0)), np.zeros((count, 0))
+        along = self.jacobian @ self.tangent
+        priors = deviation * (self.prior_rows @ self.tangent)
+        triangle = np.asarray(np.linalg.qr(np.concatenate([along, priors]), mode="r"))
+        inverse, null_space = pseudo_inverse_factor(triangle)
+        solve = self.tangent @ inverse @ inverse.T
+        backwards = self._backwards(along, noise_filter)
+        return -solve @ backwards.T, -solve @ priors.T, self.tangent @ null_space
+
+    def _backwards(self, along: Array, noise_filter: tuple[Array, Array]) -> Array:
+        """Columns filtered backwards in time, each stretch alone."""
+        from scipy.signal import lfilter
+
+        if len(noise_filter[0]) == 1 and len(noise_filter[1]) == 1:
+            return along
+        joints = np.cumsum(np.asarray(self.counts, dtype=int))[:-1]
+        parts = np.split(along, joints)
+        return np.concatenate([lfilter(*noise_filter, each[::-1], axis=0)[::-1] for each in parts])
+
+
+def tangent_covariance(
+    fitted: Fitted, noise_filter: tuple[Array, Array], deviation: float
+) -> ParameterCovariance:
+    """Covariance of a point, zero across active constraints.
+
+    With T the free directions, J the derivatives of the errors and L those of the priors'
+    deviations, the coordinates along T have ``s^2 M^-1 (V'V + s^2 (LT)'(LT)) M^-1``, ``M = (JT)'JT
+    + s^2 (LT)'(LT)``; V is JT filtered backwards in time through the noise filter (numerator,
+    denominator) that makes the errors from white innovations of deviation s (Ljung 1999, section
+    9.4; Söderström & Stoica 1989, section 7.5).  White errors give ``s^2 M^-1``.
+    """
+    innovations, priors, null_space = fitted.response(noise_filter, deviation)
+    responses = np.hstack([innovations, priors])
+    factor = np.asarray(np.linalg.qr(responses.T, mode="r")).T
+    return ParameterCovariance(deviation * factor, null_space)
+
+
+def two_stage_covariance(
+    first: Fitted,
+    second: Fitted,
+    noise_filter: tuple[Array, Array],
+    to_second: Array,
+    crossed: Array,
+    deviation: float,
+) -> ParameterCovariance:
+    """Joint covariance of a plant fitted to coloured errors, and of C and D fitted given the plant.
+
+    To first order the estimates of the second stage are in error by their own response to the
+    innovations, and by that to what the errors of the first stage add to the residuals.
+
+    Parameters
+    ----------
+    first, second : Fitted
+    noise_filter : (numerator, denominator)
+        From the innovations to the errors of the first stage.
+    to_second : (m, n) array
+        Derivatives of the m parameters of the plant, as the second stage holds them, by the n of
+        the first.
+    crossed : (N, m) array
+        Derivatives of the errors of the second stage by those m parameters.
+    deviation : float
+        Of the innovations.
+
+    Returns
+    -------
+    ParameterCovariance
+        Of the m parameters of the plant, then of those of the second stage.
+    """
+    plant, plant_priors, plant_null = (
+        to_second @ part for part in first.response(noise_filter, deviation)
+    )
+    noise, noise_priors, noise_null = second.response((np.ones(1), np.ones(1)), deviation)
+    # noise responds to any addition to the residuals; crossed @ plant is such an addition.
+    passed = noise @ crossed
+    innovations = np.concatenate([plant, noise + passed @ plant])
+    priors = np.block(
+        [
+            [plant_priors, np.zeros((len(plant), noise_priors.shape[1]))],
+            [passed @ plant_priors, noise_priors],
+        ]
+    )
+    null_space = np.block(
+        [
+            [plant_null, np.zeros((len(plant), noise_null.shape[1]))],
+            [np.zeros((len(noise), plant_null.shape[1])), noise_null],
+        ]
+    )
+    responses = np.hstack([innovations, priors])
+    factor = np.asarray(np.linalg.qr(responses.T, mode="r")).T
+    return ParameterCovariance(deviation * factor, null_space)
+
+
+def of_coefficients(
+    covariance: ParameterCovariance, count: int, units: Array | None = None
+) -> ParameterCovariance:
+    """The covariance of the first entries alone, times their units, (n,)."""
+    scale = np.ones((count, 1)) if units is None else units[:count, None]
+    null_space = covariance.null_space[:count] * scale
+    null_space = null_space[:, np.any(null_space != 0.0, axis=0)]
+    return ParameterCovariance(covariance.factor[:count] * scale, null_space)
+
+
+def pseudo_inverse_factor(triangle: Array) -> tuple[Array, Array]:
+    """A factor F (n, r) of the pseudo-inverse ``F F'`` of ``R'R``, and a basis of R's null space.
+
+    R (m, n) of rank r, its columns scaled to unit length first.
     """
     scale = np.linalg.norm(triangle, axis=0)
     scale[scale == 0.0] = 1.0
@@ -90,6 +274,18 @@ def pseudo_inverse_factor(triangle: Array) -> tuple[Array, Array]:
     factor = vectors[:rank].T / singular_values[:rank] / scale[:, None]
     null_vectors = np.where(np.abs(vectors[rank:]) > COMPONENT_TOLERANCE, vectors[rank:], 0.0)
     return factor, null_vectors.T / scale[:, None]
+
+
+def loss_deviation(residuals: Array, estimated: int, objective: str) -> float:
+    """Deviation s with which the covariance of a fit to white residuals is ``s^2 (J'J)^-1``.
+
+    The standard deviation for the quadratic objective, ``1 / (2 f(0))`` for the absolute one, f
+    the density of the residuals; NaN where that is not known.
+    """
+    if objective == "quadratic":
+        return float(np.sqrt(innovation_variance(residuals, estimated)))
+    density = density_at_zero(residuals, estimated)
+    return 1.0 / (2.0 * density) if density > 0.0 else float("nan")
 
 
 def innovation_variance(residuals: Array, estimated: int) -> float:

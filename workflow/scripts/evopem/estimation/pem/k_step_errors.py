@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from evopem.estimation.pem.kernels import stability_barriers
 from evopem.estimation.pem.polynomial_objective import DENSITY_BANDWIDTH, PolynomialErrors
+from evopem.estimation.pem.stretch_errors import StretchErrors
 
 Array = NDArray[np.float64]
 
@@ -23,20 +24,18 @@ Array = NDArray[np.float64]
 class KStepErrors:
     """Objective, gradient and curvature of the k-step prediction errors.
 
-    Parameters
-    ----------
-    errors : PolynomialErrors
-        The one-step problem; samples that count, states and stability are the same.
-    horizon : int
-        k, samples.
+    Samples that count, states and stability are those of the one-step problem.
     """
 
-    def __init__(self, errors: PolynomialErrors, horizon: int) -> None:
+    loss_start = 0
+
+    def __init__(self, errors: PolynomialErrors | StretchErrors, horizon: int) -> None:
         self.one_step, self.horizon = errors, horizon
         self.objective = errors.objective
         # Errors before the ones that count enter W_k.
-        self._all = errors.with_loss_start(errors.residual_start)
-        self._first = errors.loss_start - errors.residual_start
+        self._stretches = [
+            (each, each.with_loss_start(each.residual_start), at) for each, at in errors.places()
+        ]
 
     def weights(self, point: Array) -> Array:
         """The first k terms of the impulse response of H, (k,)."""
@@ -47,29 +46,44 @@ class KStepErrors:
         return response
 
     def residuals(self, point: Array) -> Array:
-        """k-step errors that count, (N - loss_start,)."""
-        e = self.one_step.residuals(point)[self.one_step.residual_start :]
-        return np.asarray(_filtered(self.weights(point), e)[self._first :], dtype=float)
+        """k-step errors that count, of all stretches one after the other."""
+        weights = self.weights(point)
+        return np.concatenate(
+            [
+                _filtered(weights, each.residuals(point[at])[each.residual_start :])[
+                    each.loss_start - each.residual_start :
+                ]
+                for each, _, at in self._stretches
+            ]
+        )
 
     def jacobian(self, point: Array) -> Array:
-        """Derivatives of :meth:`residuals` by a point, (N - loss_start, n)."""
+        """Derivatives of :meth:`residuals` by a point, (N, n)."""
+        blocks = []
+        for each, of_all, at in self._stretches:
+            own = self._jacobian(each, of_all, point[at])
+            block = np.zeros((len(own), len(point)))
+            block[:, at] = own
+            blocks.append(block)
+        return np.concatenate(blocks)
+
+    def _jacobian(self, errors: PolynomialErrors, of_all: PolynomialErrors, point: Array) -> Array:
         from scipy.signal import lfilter
 
         a, c, d = self._noise_model(point)
         ad, impulse = np.convolve(a, d), self._impulse()
         weights = lfilter(c, ad, impulse)
-        e = self.one_step.residuals(point)[self.one_step.residual_start :]
-        jacobian = _filtered(weights, self._all.jacobian(point))
+        e = errors.residuals(point)[errors.residual_start :]
+        jacobian = _filtered(weights, of_all.jacobian(point))
         by_c = lfilter([1.0], ad, impulse)
         by_a, by_d = -lfilter([1.0], a, weights), -lfilter([1.0], d, weights)
-        parts = self.one_step.parts()
         for name, response in (("a", by_a), ("c", by_c), ("d", by_d)):
-            part = parts[name]
+            part = errors.orders.part(name)
             # The j-th derivative has k - j terms, delayed by j samples.
             for j in range(1, min(part.stop - part.start + 1, self.horizon)):
                 through = _filtered(response[: self.horizon - j], e)
                 jacobian[j:, part.start + j - 1] += through[: len(e) - j]
-        return np.asarray(jacobian[self._first :], dtype=float)
+        return np.asarray(jacobian[errors.loss_start - errors.residual_start :], dtype=float)
 
     def values(self, points: Array) -> Array:
         """Objective of each row, (M,), in percent; infeasible rows are inf."""
@@ -134,19 +148,17 @@ class KStepErrors:
     def _barrier(self, point: Array) -> tuple[float, Array, Array]:
         size, total = len(point), 0.0
         gradient, curvature = np.zeros(size), np.zeros((size, size))
-        for name, part in self.one_step.parts().items():
-            if name in "acdf" and part.stop > part.start:
-                radius = self.one_step.radius_of(name)
-                value, slope, bend = stability_barriers(
-                    np.ascontiguousarray(point[None, part]), radius
-                )
-                total += float(value[0])
-                gradient[part], curvature[part, part] = slope[0], bend[0]
+        for name, part in self.one_step.polynomials():
+            value, slope, bend = stability_barriers(
+                np.ascontiguousarray(point[None, part]), self.one_step.radius_of(name)
+            )
+            total += float(value[0])
+            gradient[part], curvature[part, part] = slope[0], bend[0]
         return total, gradient, curvature
 
     def _noise_model(self, point: Array) -> tuple[Array, Array, Array]:
-        parts = self.one_step.parts()
-        a, c, d = (np.concatenate([[1.0], point[parts[name]]]) for name in "acd")
+        part = self.one_step.orders.part
+        a, c, d = (np.append(1.0, point[part(name)]) for name in "acd")
         return a, c, d
 
     def _impulse(self) -> Array:

@@ -1,18 +1,10 @@
-"""The prediction-error problem of a polynomial model on one record, for whole populations at once.
-
-A *point* is a parameter vector ``[a, b, c, d, f]`` (chapter eq. 18), b and f those of all inputs
-one after the other, the level where one is estimated, the plant states (nf entries each) and the
-noise state (``max(nc, nd)`` entries).  The states are what the unknown past adds to the first
-equations of ``F_i x_i = -B_i u_i + g_i`` and ``C e = D v + s``.  Estimated along, they leave no
-transient, however slow the roots of C; a fixed zero would, and on a twice-differenced record, whose
-C has roots close to the unit circle, that transient would decide between the orders.  A population
-is an (M, n) array.
-"""
+"""Prediction errors of a polynomial model on one stretch, for whole populations at once."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +13,7 @@ from evopem.estimation.pem import kernels
 from evopem.estimation.pem.jacobian import jacobian_blocks
 from evopem.estimation.pem.kernels.bfgs import State
 from evopem.estimation.pem.losses import mean_residuals, slopes_of, total_loss
-from evopem.estimation.pem.root_repair import repaired
+from evopem.estimation.pem.polynomial_points import Places, PolynomialPoints
 from evopem.models.structures import Orders
 
 Array = NDArray[np.float64]
@@ -37,8 +29,8 @@ DENSITY_BANDWIDTH = 0.3
 PLANT_STATE_WEIGHT = 1e-6
 
 
-class PolynomialErrors:
-    """Objective, gradient, curvature and feasibility of polynomial models on one record.
+class PolynomialErrors(PolynomialPoints):
+    """Objective, gradient, curvature and feasibility of polynomial models on one stretch.
 
     Parameters
     ----------
@@ -72,12 +64,12 @@ class PolynomialErrors:
         noise_radius: float,
         level: bool = False,
     ) -> None:
-        self.input, self.output, self.orders = input, output, orders
-        self.objective = objective
         self.samples = len(output)
+        self.inputs = input.reshape(self.samples, -1)[:, : orders.inputs]  # (N, m)
+        self.output, self.orders, self.objective = output, orders, objective
         self.residual_start, self.loss_start = residual_start, loss_start
         self.plant_radius, self.noise_radius = plant_radius, noise_radius
-        self.level = level
+        self.levels = int(level)
         absolute = objective == "absolute"
         self._scale = total_loss(output[loss_start:], objective)
         self.scored_samples = self.samples - loss_start
@@ -100,7 +92,7 @@ class PolynomialErrors:
         o = self.orders
         return kernels.record_of(
             self.output,
-            self._inputs,
+            self.inputs,
             (o.na, o.nb, o.nc, o.nd, o.nf, o.nk),
             self.level,
             self.residual_start,
@@ -116,52 +108,49 @@ class PolynomialErrors:
         return kernels.lag_sums_for(self._record)
 
     @property
-    def _inputs(self) -> Array:
-        """The inputs that the orders have, (N, m)."""
-        return self.input.reshape(self.samples, -1)[:, : self.orders.inputs]
+    def input(self) -> Array:
+        """The first input, (N,); zeros without one."""
+        return self.inputs[:, 0] if self.orders.inputs else np.zeros(self.samples)
+
+    @property
+    def signals(self) -> tuple[Array, Array]:
+        """All inputs, (N, m), and the output."""
+        return self.inputs, self.output
 
     def of_orders(self, orders: Orders) -> PolynomialErrors:
-        """The same problem for other orders that have residuals from ``residual_start`` on."""
-        return self._with(orders=orders)
+        """The problem of other orders, whose residuals may have to start later."""
+        first = orders.first_residual
+        return self._with(
+            orders=orders,
+            residual_start=max(self.residual_start, first),
+            loss_start=max(self.loss_start, first),
+        )
 
     def with_loss_start(self, loss_start: int) -> PolynomialErrors:
         """The same problem with another first residual that counts."""
         return self._with(loss_start=loss_start)
 
-    def within_radius(self, radius: float) -> PolynomialErrors:
-        """The same problem with another allowed radius of all roots."""
-        return self._with(radius=radius)
+    def within_radius(self, radius: float, noise_radius: float | None = None) -> PolynomialErrors:
+        """The same problem with another allowed radius of all roots, or of C and D another one."""
+        return self._with(plant_radius=radius, noise_radius=noise_radius or radius)
 
-    @property
-    def signals(self) -> tuple[Array, Array]:
-        """All inputs and all outputs."""
-        return self.input, self.output
+    def scaled(self, input_scales: Array, output_scale: float) -> PolynomialErrors:
+        """The same problem with divided signals; one scale for each input."""
+        return self._with(input=self.inputs / input_scales, output=self.output / output_scale)
 
-    def scaled(self, input_scale: float, output_scale: float) -> PolynomialErrors:
-        """The same problem with divided signals."""
-        return PolynomialErrors(
-            *(self.input / input_scale, self.output / output_scale, self.orders, self.objective),
-            *(self.residual_start, self.loss_start, self.plant_radius, self.noise_radius),
-            self.level,
-        )
-
-    def _with(
-        self,
-        orders: Orders | None = None,
-        loss_start: int | None = None,
-        radius: float | None = None,
-    ) -> PolynomialErrors:
-        return PolynomialErrors(
-            self.input,
-            self.output,
-            self.orders if orders is None else orders,
-            self.objective,
-            self.residual_start,
-            self.loss_start if loss_start is None else loss_start,
-            self.plant_radius if radius is None else radius,
-            self.noise_radius if radius is None else radius,
-            self.level,
-        )
+    def _with(self, **changes: Any) -> PolynomialErrors:
+        given: dict[str, Any] = {
+            "input": self.inputs,
+            "output": self.output,
+            "orders": self.orders,
+            "objective": self.objective,
+            "residual_start": self.residual_start,
+            "loss_start": self.loss_start,
+            "plant_radius": self.plant_radius,
+            "noise_radius": self.noise_radius,
+            "level": self.level,
+        }
+        return PolynomialErrors(**(given | changes))
 
     @property
     def loss_factor(self) -> float:
@@ -174,27 +163,6 @@ class PolynomialErrors:
         weights[parts["plant"]] = self._objective.plant_state_weight
         weights[parts["noise"]] = self._objective.noise_state_weight
         return weights
-
-    def radius_of(self, name: str) -> float:
-        """Largest allowed radius of the roots of a polynomial, "a", "c", "d" or "f"."""
-        return self.plant_radius if name in "af" else self.noise_radius
-
-    @property
-    def dimension(self) -> int:
-        """Length of a point: coefficients, level, plant state and noise state."""
-        return self.parameters + sum(self.orders.nf) + self.orders.noise_states
-
-    @property
-    def parameters(self) -> int:
-        """Number of parameters: coefficients and level, without the states."""
-        return self.orders.parameters + int(self.level)
-
-    def parts(self) -> dict[str, slice]:
-        """Where the parts of a point stand: a, b, c, d, f, level, plant and noise."""
-        o = self.orders
-        lengths = {"a": o.na, "b": sum(o.nb), "c": o.nc, "d": o.nd, "f": sum(o.nf)}
-        lengths |= {"level": int(self.level), "plant": sum(o.nf), "noise": o.noise_states}
-        return consecutive(lengths)
 
     def values(self, points: Array) -> Array:
         """Objective of each row of an (M, n) population, in percent; infeasible rows are inf.
@@ -265,10 +233,6 @@ class PolynomialErrors:
         residuals[self.residual_start :] = found
         return residuals
 
-    def jacobian(self, point: Array) -> Array:
-        """Derivatives of the residuals that count by a point, (N - loss_start, n)."""
-        return np.concatenate(list(self.jacobian_blocks(point)))
-
     def jacobian_blocks(self, point: Array) -> Iterator[Array]:
         """Its rows in consecutive blocks, which long records need."""
         record, work = self._record, self._workspace
@@ -282,7 +246,7 @@ class PolynomialErrors:
         signals = (xs, v, e)
         missing = self.loss_start - self.residual_start
         for block in jacobian_blocks(
-            self.orders, point, self.level, self.output, self._inputs, signals
+            self.orders, point, self.level, self.output, self.inputs, signals
         ):
             if len(block) > missing:
                 yield block[missing:]
@@ -293,8 +257,12 @@ class PolynomialErrors:
         residuals = self.residuals(point)
         return residuals, slopes_of(residuals, self.objective, self.loss_start)
 
+    def places(self) -> list[tuple[PolynomialErrors, Places]]:
+        """The errors of each stretch alone, and where its point stands: one stretch here."""
+        return [(self, np.arange(self.dimension))]
+
     def of_stretches(self, point: Array) -> list[tuple[PolynomialErrors, Array]]:
-        """The errors of each stretch alone, and its point: one stretch here."""
+        """The errors of each stretch alone, and its point."""
         return [(self, point)]
 
     def feasible(self, points: Array) -> NDArray[np.bool_]:
@@ -303,19 +271,6 @@ class PolynomialErrors:
             self._record, self._objective, _rows(points)
         )
         return feasible
-
-    def repair(self, points: Array) -> Array:
-        """Move the roots of infeasible rows inside; see :func:`.repaired`."""
-        return repaired(self, points, "acdf")
-
-
-def consecutive(lengths: Mapping[str, int]) -> dict[str, slice]:
-    """Where parts of some lengths stand, one after the other."""
-    parts, first = {}, 0
-    for name, length in lengths.items():
-        parts[name] = slice(first, first + length)
-        first += length
-    return parts
 
 
 def _rows(points: Array) -> Array:

@@ -16,42 +16,27 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class PriorTerm:
-    """One prior, in the units of a point.
+    """One prior, in the units of a point; frequencies in Hz."""
 
-    Attributes
-    ----------
-    quantity : {"coefficient", "static_gain", "frequency", "damping"}
-    mean, standard_deviation : float
-        Frequencies in Hz.
-    index : int
-        Entry of the point that a coefficient is.
-    mode_hz : float
-        The mode nearest to this frequency is meant.
-    """
-
-    quantity: str
+    quantity: str  # "coefficient", "static_gain", "frequency" or "damping"
     mean: float
     standard_deviation: float
-    index: int = 0
-    mode_hz: float = 0.0
+    index: int = 0  # entry of the point that a coefficient is
+    mode_hz: float = 0.0  # the mode nearest to this frequency is meant
 
 
 class Priors:
     """Deviations of a point from its priors, in standard deviations.
 
-    Parameters
-    ----------
-    terms : tuple of PriorTerm
-    parts : mapping of str to slice
-        Where a, b and f stand in a point.
-    sampling_rate : float
-        Hz.
+    ``parts`` says where a, b0, ... and f0, ... stand in a point.
     """
 
     def __init__(
         self, terms: tuple[PriorTerm, ...], parts: Mapping[str, slice], sampling_rate: float
     ) -> None:
         self.terms, self.parts, self.sampling_rate = terms, parts, sampling_rate
+        # Where the polynomials stand whose roots are poles of the plant.
+        self.denominators = [part for name, part in parts.items() if name[0] in "af"]
 
     def deviations(self, point: Array) -> tuple[Array, Array]:
         """Deviations (m,) and their derivatives by the point, (m, n)."""
@@ -69,28 +54,30 @@ class Priors:
             gradient[term.index] = 1.0
             return float(point[term.index]), gradient
         if term.quantity == "static_gain":
-            b = float(np.sum(point[self.parts["b"]]))
-            a, f = (1.0 + float(np.sum(point[self.parts[name]])) for name in "af")
-            gradient[self.parts["b"]] = 1.0 / (a * f)
-            gradient[self.parts["a"]] = -b / (a * a * f)
-            gradient[self.parts["f"]] = -b / (a * f * f)
+            of_b, of_a, of_f = (self.parts[name] for name in ("b0", "a", "f0"))
+            b = float(np.sum(point[of_b]))
+            a, f = (1.0 + float(np.sum(point[part])) for part in (of_a, of_f))
+            gradient[of_b] = 1.0 / (a * f)
+            gradient[of_a] = -b / (a * a * f)
+            gradient[of_f] = -b / (a * f * f)
             return b / (a * f), gradient
-        name, pole = self._mode(term, point)
-        values, slopes = pole_mode(point[self.parts[name]], pole, self.sampling_rate)
+        part, pole = self._mode(term, point)
+        values, slopes = pole_mode(point[part], pole, self.sampling_rate)
         row = 0 if term.quantity == "frequency" else 1
-        gradient[self.parts[name]] = slopes[row]
+        gradient[part] = slopes[row]
         return float(values[row]), gradient
 
-    def _mode(self, term: PriorTerm, point: Array) -> tuple[str, complex]:
+    def _mode(self, term: PriorTerm, point: Array) -> tuple[slice, complex]:
         """The pole nearest in natural frequency: a mode where there is one, or a real pole."""
         modes = [
-            (abs(mode.frequency_hz - term.mode_hz), name, mode.pole)
-            for name in "af"
-            for mode in modes_of(point[self.parts[name]], self.sampling_rate)
+            (abs(mode.frequency_hz - term.mode_hz), part, mode.pole)
+            for part in self.denominators
+            for mode in modes_of(point[part], self.sampling_rate)
         ]
         if modes:
-            _, name, pole = min(modes, key=lambda each: each[0])
-            return name, pole
-        real = [(name, z) for name in "af" for z in roots(point[self.parts[name]]) if z != 0.0]
+            _, part, pole = min(modes, key=lambda each: each[0])
+            return part, pole
+        real = [(part, z) for part in self.denominators for z in roots(point[part]) if z != 0.0]
         wanted = np.exp(2j * np.pi * term.mode_hz / self.sampling_rate)
-        return min(real, key=lambda each: abs(each[1] - wanted), default=("f", 0j))
+        without = (self.denominators[-1], 0j)
+        return min(real, key=lambda each: abs(each[1] - wanted), default=without)

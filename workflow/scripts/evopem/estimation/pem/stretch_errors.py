@@ -1,8 +1,4 @@
-"""The prediction-error problem of several stretches with one model: shared coefficients.
-
-A point is ``[a, b, c, d, f]``, one level for each recording, the plant state of each stretch and
-the noise state of each stretch.
-"""
+"""The prediction-error problem of several stretches with one model: shared coefficients."""
 
 from __future__ import annotations
 
@@ -13,8 +9,8 @@ from numpy.typing import NDArray
 
 from evopem.config.settings import ScoringWindow
 from evopem.estimation.pem.losses import mean_residuals, total_loss
-from evopem.estimation.pem.polynomial_objective import PolynomialErrors, consecutive
-from evopem.estimation.pem.root_repair import repaired
+from evopem.estimation.pem.polynomial_objective import PolynomialErrors
+from evopem.estimation.pem.polynomial_points import Places, PolynomialPoints
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.structures import Orders
 from evopem.signals.recording import Segment
@@ -22,20 +18,18 @@ from evopem.signals.recording import Segment
 Array = NDArray[np.float64]
 
 
-class StretchErrors:
+class StretchErrors(PolynomialPoints):
     """Objective, gradient and curvature over several stretches.
 
-    It answers what :class:`evopem.estimation.pem.polynomial_objective.PolynomialErrors` answers,
-    so that the same descents and the same search serve both.
+    It answers what :class:`.polynomial_objective.PolynomialErrors` answers, so that the same
+    descents and the same search serve both.
 
     Parameters
     ----------
     stretches : sequence of Segment
-        Those too short for the orders are left out.
-    orders : Orders
-    objective : {"absolute", "quadratic"}
-    plant_radius, noise_radius : float
-        Largest allowed radius of the roots of A and F, and of those of C and D.
+        With one output; those too short for the orders are left out.
+    orders, objective, plant_radius, noise_radius
+        As of :class:`.polynomial_objective.PolynomialErrors`.
     level : bool
         Whether a constant is estimated for each recording.
     window : ScoringWindow, optional
@@ -62,17 +56,21 @@ class StretchErrors:
     ) -> None:
         self.window = window or ScoringWindow(orders.first_residual, orders.first_residual)
         first = self.window.loss_start
-        needed = first + orders.single.nf + orders.noise_states
+        needed = first + sum(orders.nf) + orders.noise_states
         self.stretches = tuple(each for each in stretches if each.samples > needed)
         if not self.stretches:
             raise ValueError(f"no stretch has the {needed + 1} samples that {orders} needs")
-        self.orders, self.objective, self.level = orders, objective, level
+        self.orders, self.objective = orders, objective
         self.plant_radius, self.noise_radius = plant_radius, noise_radius
+        # Numbers of the recordings, in the order of their levels.
+        self.recordings = tuple(dict.fromkeys(each.recording for each in self.stretches))
+        self.levels = len(self.recordings) if level else 0
+        self.stretches_count = len(self.stretches)
         longest = max(self.stretches, key=lambda each: each.samples)
-        self.input, self.output, self.samples = longest.input, longest.output, longest.samples
+        self.inputs, self.output, self.samples = longest.inputs, longest.output, longest.samples
         self._errors = [
             PolynomialErrors(
-                np.ascontiguousarray(each.input),
+                np.ascontiguousarray(each.inputs),
                 np.ascontiguousarray(each.output),
                 orders,
                 objective,
@@ -92,81 +90,75 @@ class StretchErrors:
 
     @property
     def signals(self) -> tuple[Array, Array]:
-        """All inputs and all outputs, of one stretch after the other."""
-        inputs = np.concatenate([each.input for each in self.stretches])
+        """All inputs, (N, m), and all outputs, of one stretch after the other."""
+        inputs = np.concatenate([each.inputs for each in self.stretches])
         return inputs, np.concatenate([each.output for each in self.stretches])
 
-    def scaled(self, input_scale: float, output_scale: float) -> StretchErrors:
-        """The same problem with divided signals."""
+    def scaled(self, input_scales: Array, output_scale: float) -> StretchErrors:
+        """The same problem with divided signals; one scale for each input."""
         stretches = [
-            Segment(each.input / input_scale, each.output / output_scale, each.recording)
+            Segment(each.inputs / input_scales, each.outputs / output_scale, each.recording)
             for each in self.stretches
         ]
-        return StretchErrors(
-            *(stretches, self.orders, self.objective, self.plant_radius, self.noise_radius),
-            self.level,
-            self.window,
-        )
+        return self._with(stretches=stretches)
 
-    def within_radius(self, radius: float) -> StretchErrors:
-        """The same problem with another allowed radius of all roots."""
-        return StretchErrors(
-            *(self.stretches, self.orders, self.objective, radius, radius, self.level), self.window
-        )
+    def of_orders(self, orders: Orders) -> StretchErrors:
+        """The problem of other orders, whose residuals may have to start later."""
+        return self._with(orders=orders, window=self.window.from_first(orders.first_residual))
 
-    def radius_of(self, name: str) -> float:
-        """Largest allowed radius of the roots of a polynomial, "a", "c", "d" or "f"."""
-        return self.plant_radius if name in "af" else self.noise_radius
+    def within_radius(self, radius: float, noise_radius: float | None = None) -> StretchErrors:
+        """The same problem with another allowed radius of all roots, or of C and D another one."""
+        return self._with(plant_radius=radius, noise_radius=noise_radius or radius)
 
-    @property
-    def recordings(self) -> tuple[int, ...]:
-        """Numbers of the recordings, in the order of their levels."""
-        return tuple(dict.fromkeys(each.recording for each in self.stretches))
+    def _with(self, **changes: object) -> StretchErrors:
+        given = {
+            "stretches": self.stretches,
+            "orders": self.orders,
+            "objective": self.objective,
+            "plant_radius": self.plant_radius,
+            "noise_radius": self.noise_radius,
+            "level": self.level,
+            "window": self.window,
+        }
+        return StretchErrors(**(given | changes))  # type: ignore[arg-type]
 
-    @property
-    def parameters(self) -> int:
-        """Number of parameters: coefficients and levels, without the states."""
-        return self.orders.parameters + (len(self.recordings) if self.level else 0)
-
-    @property
-    def dimension(self) -> int:
-        """Length of a point."""
-        o = self.orders
-        return self.parameters + len(self.stretches) * (o.single.nf + o.noise_states)
-
-    def parts(self) -> dict[str, slice]:
-        """Where the parts of a point stand: a, b, c, d, f, level, plant and noise."""
-        o, count = self.orders, len(self.stretches)
-        lengths = {"a": o.na, "b": o.single.nb, "c": o.nc, "d": o.nd, "f": o.single.nf}
-        lengths["level"] = len(self.recordings) if self.level else 0
-        lengths |= {"plant": count * o.single.nf, "noise": count * o.noise_states}
-        return consecutive(lengths)
-
-    def _points_of_stretches(self) -> list[NDArray[np.intp]]:
+    def _points_of_stretches(self) -> list[Places]:
         """Where the point of each stretch alone stands in the point of all."""
         parts, o = self.parts(), self.orders
-        found = []
+        nf, states, found = sum(o.nf), o.noise_states, []
         for number, stretch in enumerate(self.stretches):
             level = [parts["level"].start + self.recordings.index(stretch.recording)]
-            plant, noise = parts["plant"].start, parts["noise"].start
-            found.append(
-                np.concatenate(
-                    [
-                        np.arange(o.parameters),
-                        level if self.level else [],
-                        np.arange(plant + number * o.single.nf, plant + (number + 1) * o.single.nf),
-                        np.arange(
-                            noise + number * o.noise_states, noise + (number + 1) * o.noise_states
-                        ),
-                    ]
-                ).astype(np.intp)
-            )
+            plant = parts["plant"].start + number * nf
+            noise = parts["noise"].start + number * states
+            own = [np.arange(o.parameters), np.array(level if self.level else [])]
+            own += [np.arange(plant, plant + nf), np.arange(noise, noise + states)]
+            found.append(np.concatenate(own).astype(np.intp))
         return found
+
+    def places(self) -> list[tuple[PolynomialErrors, Places]]:
+        """The errors of each stretch alone, and where its point stands in the point of all."""
+        return list(zip(self._errors, self._positions, strict=True))
+
+    def of_stretches(self, point: Array) -> list[tuple[PolynomialErrors, Array]]:
+        """The errors of each stretch alone, and its point."""
+        return [(errors, point[at]) for errors, at in self.places()]
+
+    @property
+    def loss_factor(self) -> float:
+        """What the objective multiplies the sum of losses by."""
+        return 100.0 / float(np.sum(self._scales))
+
+    def state_weights(self) -> Array:
+        """Weights of the squares of a point's entries in the objective, (n,): of its states."""
+        weights = np.zeros(self.dimension)
+        for (errors, at), weight in zip(self.places(), self._weights, strict=True):
+            weights[at] += weight * errors.state_weights()
+        return weights
 
     def values(self, points: Array) -> Array:
         """Objective of each row of an (M, n) population, in percent; infeasible rows are inf."""
         total = np.zeros(len(points))
-        for errors, at, weight in zip(self._errors, self._positions, self._weights, strict=True):
+        for (errors, at), weight in zip(self.places(), self._weights, strict=True):
             total += weight * errors.values(points[:, at])
         return total
 
@@ -175,7 +167,7 @@ class StretchErrors:
     ) -> tuple[Array, Array]:
         """Smoothed objective of each row and its gradient; infeasible rows are inf and 0."""
         total, gradients = np.zeros(len(points)), np.zeros(points.shape)
-        for errors, at, weight in zip(self._errors, self._positions, self._weights, strict=True):
+        for (errors, at), weight in zip(self.places(), self._weights, strict=True):
             value, gradient = errors.values_and_gradients(points[:, at], smoothing, barriers)
             total += weight * value
             gradients[:, at] += weight * gradient
@@ -185,7 +177,7 @@ class StretchErrors:
         """Gauss-Newton approximation of the Hessian of the smoothed objective, (M, n, n)."""
         n = points.shape[1]
         matrices = np.zeros((len(points), n, n))
-        for errors, at, weight in zip(self._errors, self._positions, self._weights, strict=True):
+        for (errors, at), weight in zip(self.places(), self._weights, strict=True):
             matrix = errors.curvatures(points[:, at], smoothing, barriers)
             matrices[:, at[:, None], at] += weight * matrix
         return matrices
@@ -205,53 +197,34 @@ class StretchErrors:
             errors.residuals(own)[errors.loss_start :] for errors, own in self.of_stretches(point)
         ]
 
-    def of_stretches(self, point: Array) -> list[tuple[PolynomialErrors, Array]]:
-        """The errors of each stretch alone, and its point."""
-        return [(e, point[at]) for e, at in zip(self._errors, self._positions, strict=True)]
-
-    def residual_counts(self) -> list[int]:
-        """Number of residuals that count in each stretch."""
-        return [errors.scored_samples for errors in self._errors]
-
     def scored_outputs(self) -> Array:
         """The outputs of the residuals that count, of all stretches one after the other."""
         return np.concatenate([errors.output[errors.loss_start :] for errors in self._errors])
 
     def scored_inputs(self) -> Array:
-        """The inputs of the residuals that count."""
+        """The first input of the residuals that count."""
         return np.concatenate([errors.input[errors.loss_start :] for errors in self._errors])
 
     def completed_by_states(self, model: PolynomialModel) -> Array:
-        """The point of a model, with the levels and states of least squared residuals.
-
-        Residuals are linear in these.
-        """
-        point, parts = np.zeros(self.dimension), self.parts()
+        """The point of a model, with the levels and states of least squared residuals."""
+        point = np.zeros(self.dimension)
         point[: self.orders.parameters] = model.parameters
-        linear = slice(parts["level"].start, None)
+        linear = slice(self.orders.parameters, None)
         columns = self.jacobian(point)[:, linear]
         if columns.shape[1]:
             point[linear] = np.linalg.lstsq(columns, -self.residuals(point), rcond=1e-10)[0]
         return point
 
-    def jacobian(self, point: Array) -> Array:
-        """Derivatives of the residuals that count by a point."""
-        return np.concatenate(list(self.jacobian_blocks(point)))
-
     def jacobian_blocks(self, point: Array) -> Iterator[Array]:
-        """Its rows in consecutive blocks, which long records need."""
-        for errors, at in zip(self._errors, self._positions, strict=True):
+        """Consecutive rows of the derivatives of the residuals that count."""
+        for errors, at in self.places():
             for own in errors.jacobian_blocks(point[at]):
                 block = np.zeros((len(own), self.dimension))
                 block[:, at] = own
                 yield block
 
     def feasible(self, points: Array) -> NDArray[np.bool_]:
-        """Whether all roots of A, C, D and F of each row lie within their radii."""
+        """Whether all roots of A, C, D and F_i of each row lie within their radii."""
         return self._errors[0].feasible(points[:, self._positions[0]]) & np.all(
             np.isfinite(points), axis=1
         )
-
-    def repair(self, points: Array) -> Array:
-        """Move the roots of infeasible rows inside; see :func:`.repaired`."""
-        return repaired(self, points, "acdf")

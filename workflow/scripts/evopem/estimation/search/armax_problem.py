@@ -12,7 +12,6 @@ from evopem.estimation.pem.arx import fit_arx
 from evopem.estimation.pem.batch_bfgs import Descent
 from evopem.estimation.pem.polynomial_objective import PolynomialErrors
 from evopem.estimation.search.incremental_order import random_pairs, smaller_orders, with_factor
-from evopem.estimation.search.linear_completion import solve_linear
 from evopem.estimation.search.root_recombination import Sections, product_of, sections_of
 from evopem.estimation.search.section_coordinates import descend_in_sections
 from evopem.estimation.search.section_hopping import (
@@ -30,6 +29,7 @@ from evopem.estimation.search.staged_descent import (
     coarse_descent,
     polish,
     promised_values,
+    solve_linear,
     staged_descent,
 )
 from evopem.models.structures import Orders

@@ -48,7 +48,8 @@ class PartedErrors(Protocol):
 def growth(orders: Orders) -> list[tuple[Orders, str]]:
     """Orders in steps of one common section up to some orders, with what shares the section.
 
-    The first are the smallest, and share nothing; orders too small for smaller ones are alone.
+    The first are the smallest, and share nothing; orders too small for smaller ones, and those of
+    several inputs, are alone.
 
     Examples
     --------
@@ -57,7 +58,7 @@ def growth(orders: Orders) -> list[tuple[Orders, str]]:
     [('ARMAX(2,2,2,1)', ''), ('ARMAX(4,4,4,1)', 'abc')]
     """
     steps: list[tuple[Orders, str]] = []
-    while True:
+    while orders.inputs <= 1:
         before = len(steps)
         for shared in SHARING:
             smaller = with_fewer_sections(orders, shared)
@@ -65,7 +66,8 @@ def growth(orders: Orders) -> list[tuple[Orders, str]]:
                 steps.append((orders, shared))
                 orders = smaller
         if len(steps) == before:
-            return [(orders, ""), *reversed(steps)]
+            break
+    return [(orders, ""), *reversed(steps)]
 
 
 def with_fewer_sections(orders: Orders, shared: str) -> Orders | None:

@@ -38,8 +38,8 @@ DRAWN_IN = (1e-8, 1e-7, 1e-6, 1e-5)
 class BoundedErrors(PredictionErrors, Protocol):
     """Prediction errors of points with parts, and the allowed radii of their roots."""
 
-    def parts(self) -> dict[str, slice]:
-        """Where the polynomials "a", "b", "c", "d" and "f" and the states stand in a point."""
+    def polynomials(self) -> list[tuple[str, slice]]:
+        """Letter and place in a point of each of A, C, D and F_i."""
 
     def radius_of(self, name: str) -> float:
         """Largest allowed radius of the roots of a polynomial."""
@@ -58,11 +58,7 @@ class SectionCoordinates:
 
     def __init__(self, errors: BoundedErrors) -> None:
         self._errors = errors.within_radius(ASKED_WITHIN)
-        self._polynomials = [
-            (part, errors.radius_of(name))
-            for name, part in errors.parts().items()
-            if name in "acdf" and part.stop > part.start
-        ]
+        self._polynomials = [(part, errors.radius_of(name)) for name, part in errors.polynomials()]
 
     def of_points(self, points: Array) -> Array:
         """Coordinates of feasible points, (M, n); roots on the edge go a little inside."""

@@ -146,7 +146,7 @@ def _slopes_and_signals(errors: StretchScores, point: Array, shared: str) -> lis
     signals = [slopes]
     if "c" in shared:
         signals.append(_filtered(residuals, np.ones(1), c))
-    if "b" in shared and errors.orders.single.nb:
+    if "b" in shared and errors.orders.inputs:
         signals.append(_filtered(errors.input, d, np.convolve(c, f)))
     return signals
 

@@ -1,12 +1,13 @@
 """Denominators and noise models from which descents of a polynomial model start.
 
-All of them are estimates by linear algebra on one record.  They give the coefficients of F (or A),
-C and D alone; numerator, level and states follow by linear least squares.
+All of them are estimates by linear algebra on one record, of inputs u (N, m), and orders nb and nk
+of each.  They give the coefficients of F (or A), C and D alone; numerators, level and states follow
+by linear least squares.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,48 +25,56 @@ STEIGLITZ_MCBRIDE_STEPS = 20
 HANKEL_ROWS, MOST_HANKEL_ROWS = 3, 40
 
 
-def arx_denominator(u: Array, y: Array, order: int, nb: int, nk: int) -> Array:
+def arx_denominator(u: Array, y: Array, order: int, nb: Sequence[int], nk: Sequence[int]) -> Array:
     """A of the ARX model of least squares, (order,)."""
     return _arx(u, y, order, nb, nk)[:order]
 
 
 def steiglitz_mcbride(
-    u: Array, y: Array, order: int, nb: int, nk: int, radius: float
+    u: Array, y: Array, order: int, nb: Sequence[int], nk: Sequence[int], radius: float
 ) -> Iterator[Array]:
     """Denominators of the iteration by Steiglitz & McBride (1965), one a step, (order,) each.
 
-    ARX models of input and output, both filtered through the denominator before.
+    ARX models of inputs and output, all filtered through the denominator before.
     """
     denominator = np.zeros(order)
     for _ in range(STEIGLITZ_MCBRIDE_STEPS):
-        filtered = np.stack([u, y])
-        filter_rows(filtered, np.concatenate([[1.0], denominator]), np.zeros((2, order)))
-        found = _arx(filtered[0], filtered[1], order, nb, nk)[:order]
+        filtered = np.stack([*u.T, y])
+        filter_rows(filtered, np.append(1.0, denominator), np.zeros((len(filtered), order)))
+        found = _arx(filtered[:-1].T, filtered[-1], order, nb, nk)[:order]
         if not np.isfinite(found).all():
             return
         denominator = reflect_into_disc(found[None, :], radius)[0]
         yield denominator
 
 
-def reduced_arx_denominator(u: Array, y: Array, order: int, long_order: int, nk: int) -> Array:
-    """Denominator of a long ARX model's plant, reduced by a singular value decomposition.
+def long_arx_responses(u: Array, y: Array, order: int, nk: Sequence[int]) -> Array | None:
+    """Impulse responses (m, 8 order) of a long ARX model; None where they are not finite."""
+    inputs = u.shape[1]
+    theta = _arx(u, y, order, (order,) * inputs, nk)
+    a = reflect_into_disc(theta[None, :order], 0.9999)[0]
+    responses = np.zeros((inputs, 8 * order))
+    responses[:, :order] = theta[order:].reshape(inputs, order)
+    filter_rows(responses, np.append(1.0, a), np.zeros((inputs, order)))
+    # So long a polynomial from its roots need not be stable.
+    return responses if np.isfinite(responses).all() else None
 
-    The Hankel matrix of its impulse response gives the poles (Kung 1978), (order,).
+
+def reduced_denominator(responses: Array, order: int) -> Array:
+    """Common denominator, (order,), of impulse responses (m, L), by Kung (1978).
+
+    A singular value decomposition of their Hankel matrices.
     """
-    theta = _arx(u, y, long_order, long_order, nk)
-    a = reflect_into_disc(theta[None, :long_order], 0.9999)[0]
-    length = 8 * long_order
-    response = np.zeros((1, length))
-    response[0, :long_order] = theta[long_order:]
-    filter_rows(response, np.concatenate([[1.0], a]), np.zeros((1, long_order)))
-    response = response[0]
-    if not np.isfinite(response).all():
-        return np.zeros(order)  # so long a polynomial from its roots need not be stable
+    length = responses.shape[1]
     rows = length // 2
-    hankel = np.lib.stride_tricks.sliding_window_view(response[1:], length - rows)[: rows - 1]
+    hankel = np.hstack(
+        [
+            np.lib.stride_tricks.sliding_window_view(each[1:], length - rows)[: rows - 1]
+            for each in responses
+        ]
+    )
     left, singular, _ = np.linalg.svd(hankel, full_matrices=False)
-    observability = left[:, :order] * np.sqrt(singular[:order])
-    return _poles_of(observability, order)
+    return _poles_of(left[:, :order] * np.sqrt(singular[:order]), order)
 
 
 def subspace_denominator(u: Array, y: Array, order: int) -> Array:
@@ -73,17 +82,18 @@ def subspace_denominator(u: Array, y: Array, order: int) -> Array:
 
     Verhaegen (1994); (order,).
     """
+    u = u.reshape(len(y), -1)
     rows = int(np.clip(HANKEL_ROWS * order, order + 2, min(MOST_HANKEL_ROWS, len(y) // 8)))
     columns = len(y) - 2 * rows + 1
     windows = [
-        np.lib.stride_tricks.sliding_window_view(signal, columns)[: 2 * rows] for signal in (u, y)
+        np.lib.stride_tricks.sliding_window_view(signal, columns)[: 2 * rows]
+        for signal in (*u.T, y)
     ]
-    past_u, future_u = windows[0][:rows], windows[0][rows:]
-    past_y, future_y = windows[1][:rows], windows[1][rows:]
-    stacked = np.concatenate([future_u, past_u, past_y, future_y])
+    past, future = [each[:rows] for each in windows], [each[rows:] for each in windows]
+    stacked = np.concatenate([*future[:-1], *past, future[-1]])
     lower = np.asarray(np.linalg.qr(stacked.T, mode="r")).T
-    block = lower[3 * rows :, rows : 3 * rows]
-    left, singular, _ = np.linalg.svd(block, full_matrices=False)
+    of_inputs, before = u.shape[1] * rows, (2 * u.shape[1] + 1) * rows
+    left, singular, _ = np.linalg.svd(lower[before:, of_inputs:before], full_matrices=False)
     return _poles_of(left[:, :order] * np.sqrt(singular[:order]), order)
 
 
@@ -130,16 +140,22 @@ def noise_model(v: Array, nc: int, nd: int) -> tuple[Array, Array]:
     return theta[nd:], theta[:nd]
 
 
-def _arx(u: Array, y: Array, na: int, nb: int, nk: int) -> Array:
-    """``[a, b]`` of the ARX model of least squares, (na + nb,)."""
-    if na + nb == 0:
+def _arx(u: Array, y: Array, na: int, nb: Sequence[int], nk: Sequence[int]) -> Array:
+    """``[a, b_1 ... b_m]`` of the ARX model of least squares, (na + sum(nb),)."""
+    if na + sum(nb) == 0:
         return np.empty(0)
-    first = max(na, nk + nb - 1, 0)
-    regressors = np.column_stack(
-        [-y[first - i : len(y) - i] for i in range(1, na + 1)]
-        + [u[first - nk - j : len(y) - nk - j] for j in range(nb)]
-    )
+    regressors, first = _arx_regressors(u, y, na, nb, nk)
     return _least_squares(regressors, y[first:])
+
+
+def _arx_regressors(
+    u: Array, y: Array, na: int, nb: Sequence[int], nk: Sequence[int]
+) -> tuple[Array, int]:
+    first = max(na, *(k + n - 1 for k, n in zip(nk, nb, strict=True)), 0)
+    columns = [-y[first - i : len(y) - i] for i in range(1, na + 1)]
+    for signal, count, delay in zip(u.T, nb, nk, strict=True):
+        columns += [signal[first - delay - j : len(y) - delay - j] for j in range(count)]
+    return np.column_stack(columns), first
 
 
 def _lagged(signal: Array, count: int, shortest: int) -> Array:

@@ -1,1 +1,0 @@
-"""Estimation of polynomial models with several inputs and one output."""

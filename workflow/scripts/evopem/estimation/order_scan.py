@@ -1,0 +1,280 @@
+"""Estimates of ascending orders, smaller orders of lower BIC, and fits of a model to other records.
+
+All have a level for each recording, and descend from estimates and from models of other orders,
+without the generations of a search.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evopem.blas_threads import one_blas_thread
+from evopem.config.settings import ScoringWindow, SearchSettings
+from evopem.config.structures import STRUCTURES
+from evopem.estimation.order_limits import OrderLimits
+from evopem.estimation.pem.polynomial_points import PolynomialPoints
+from evopem.estimation.polynomial_estimate import PolynomialEstimate, describe
+from evopem.estimation.prediction_errors import (
+    Errors,
+    checked_errors,
+    in_scaled_units,
+    scaled_errors,
+)
+from evopem.estimation.search.polynomial_problem import PolynomialProblem
+from evopem.estimation.search.problem import SearchDiagnostics, SearchResult
+from evopem.estimation.vector_autoregression import autoregression_of, limited
+from evopem.models.polynomial import PolynomialModel, model_of
+from evopem.models.polynomials import roots
+from evopem.models.structures import Orders
+from evopem.signals.recording import Recording
+
+Array = NDArray[np.float64]
+Log = Callable[[str], None]
+
+# Starts that are descended from on the way to a larger order, and those of a last one.
+WIDTH, FINAL_WIDTH = 3, 8
+
+
+@dataclass(frozen=True)
+class TriedOrders:
+    """Smaller orders that were tried, their BIC, and that of the orders they would replace."""
+
+    orders: Orders
+    bic: float
+    bic_before: float
+
+    @property
+    def taken(self) -> bool:
+        """Whether BIC fell."""
+        return self.bic < self.bic_before
+
+
+@dataclass(frozen=True)
+class ReducedOrders:
+    """The orders of lowest BIC, and all that were tried on the way."""
+
+    orders: Orders
+    tried: tuple[TriedOrders, ...]
+
+
+def scanned_orders(
+    recording: Recording,
+    orders: Mapping[int, Orders],
+    settings: SearchSettings,
+    log: Log | None = None,
+) -> Iterator[tuple[int, PolynomialEstimate]]:
+    """Estimates of ascending orders, each from linear estimates and from smaller models.
+
+    All are scored on the same samples, by BIC of Laplace's distribution where the objective is
+    absolute.  ``coloured_bic`` is that of the innovations of an autoregression of the errors.
+    """
+    start = orders[max(orders)].first_residual
+    smaller: list[PolynomialModel] = []
+    for order, wanted in orders.items():
+        with one_blas_thread():
+            errors = _errors_of(recording, wanted, settings, start)
+            scaled, scales = scaled_errors(errors)
+            found = _descended(scaled, smaller[-2:], WIDTH)
+            if found is None:
+                continue
+            smaller.append(model_of(wanted, found.point))
+            result = replace(found, point=found.point * scales)
+            estimate = _with_bic(describe(errors, result, recording.sampling_rate), errors)
+        if log is not None:
+            log(f"{wanted}: {estimate.objective:.9g} %")
+        yield order, estimate
+
+
+def refitted(
+    model: PolynomialModel, recording: Recording, settings: SearchSettings
+) -> PolynomialModel:
+    """The optimum of another recording that a descent from a model ends at.
+
+    Raises
+    ------
+    ValueError
+        When the recording is too short, or no errors are finite.
+    """
+    with one_blas_thread():
+        errors = _errors_of(recording, model.orders, settings, model.orders.first_residual)
+        scaled, scales = scaled_errors(errors)
+        models = [in_scaled_units(model, scaled, scales)]
+        starts = PolynomialProblem(scaled, models, own_starts=False).starts()[:1]
+        if not len(starts):
+            raise ValueError("the descent found no finite errors")
+        point = PolynomialProblem(scaled).descend(starts).points[0] * scales
+        residuals = errors.residuals(point)[errors.loss_start :]
+        level = point[errors.parts()["level"]]
+        return model_of(
+            model.orders,
+            point,
+            sampling_rate=model.sampling_rate,
+            level=float(level[0]),
+            noise_variance=float(np.mean(residuals**2)),
+        )
+
+
+def reduced_orders(
+    recording: Recording,
+    orders: Orders,
+    settings: SearchSettings,
+    limits: OrderLimits | None = None,
+    log: Log | None = None,
+) -> ReducedOrders:
+    """Smaller orders of lower BIC within limits, each input its own, and its delay.
+
+    One coefficient of B_i at either end, one of another polynomial, a pole with a zero, or a factor
+    of A and all B_i is left out at a time, as long as BIC falls.  All are scored on the same
+    samples.
+    """
+    tried: list[TriedOrders] = []
+    with one_blas_thread():
+        errors, _ = scaled_errors(_errors_of(recording, orders, settings, orders.first_residual))
+        found = _descended(errors, (), FINAL_WIDTH)
+        if found is None:
+            return ReducedOrders(orders, ())
+        point, best, falls = found.point, _bic(errors, found.point), True
+        while falls:
+            falls = False
+            for smaller in _smaller(orders):
+                if limits is not None and not limits.allow(smaller):
+                    continue
+                own = errors.of_orders(smaller)
+                optimum = _nearest_optimum(own, point, orders)
+                bic = np.inf if optimum is None else _bic(own, optimum)
+                tried.append(TriedOrders(smaller, bic, best))
+                if optimum is not None and bic < best:
+                    best, orders, point, falls = bic, smaller, optimum, True
+                    break
+    if log is not None:
+        log(f"orders of lowest BIC: {orders}")
+    return ReducedOrders(orders, tuple(tried))
+
+
+def _errors_of(
+    recording: Recording, orders: Orders, settings: SearchSettings, start: int
+) -> Errors:
+    return checked_errors(recording, orders, settings, ScoringWindow(start, start), level=True)
+
+
+def _descended(
+    errors: Errors, models: Sequence[PolynomialModel], width: int
+) -> SearchResult | None:
+    """The lowest optimum from the best estimates and the best starts by models, if any."""
+    problem = PolynomialProblem(errors)
+    starts = [problem.starts()[:width]]
+    if models:
+        starts.append(PolynomialProblem(errors, models, own_starts=False).starts()[:width])
+    points = np.concatenate(starts)
+    if not len(points):
+        return None
+    descents = problem.descend(points)
+    best = int(np.argmin(descents.values))
+    value = float(descents.values[best])
+    diagnostics = SearchDiagnostics.of_descents(value, descents.evaluations, len(points))
+    return SearchResult(descents.points[best], value, diagnostics)
+
+
+def _bic(errors: Errors, point: Array) -> float:
+    residuals = errors.residuals(point)[errors.loss_start :]
+    return _log_loss(residuals, errors.objective) + _penalty(errors)
+
+
+def _log_loss(residuals: Array, objective: str) -> float:
+    """Minus twice the log-likelihood of a residual, but for a constant.
+
+    Of normal residuals, or of Laplace's distribution for the absolute objective.
+    """
+    absolute = objective == "absolute"
+    size = float(np.mean(np.abs(residuals)) ** 2 if absolute else np.mean(residuals**2))
+    return float(np.log(size)) if size > 0.0 else -np.inf
+
+
+def _penalty(errors: PolynomialPoints) -> float:
+    samples = sum(errors.residual_counts())
+    return float(errors.parameters * np.log(samples) / samples)
+
+
+def _with_bic(estimate: PolynomialEstimate, errors: Errors) -> PolynomialEstimate:
+    """The estimate with the BIC of its errors, as they are and whitened."""
+    residuals = estimate.residuals[np.isfinite(estimate.residuals)]
+    bounds = np.concatenate([[0], np.cumsum(errors.residual_counts())]).astype(np.int64)
+    columns = residuals[:, None]
+    whitened = autoregression_of(
+        limited(columns) if errors.objective == "absolute" else columns, bounds
+    )
+    penalty = _penalty(errors)
+    bic = _log_loss(residuals, errors.objective) + penalty
+    return replace(
+        estimate,
+        criteria=replace(estimate.criteria, bic=bic),
+        coloured_bic=float(whitened.bic + penalty),
+    )
+
+
+def _nearest_optimum(errors: Errors, point: Array, orders: Orders) -> Array | None:
+    """The optimum next to a point of neighbouring orders.
+
+    A polynomial that is shorter by one loses its last coefficient, or one of its real roots.
+    """
+    o, base = errors.orders, np.zeros(errors.dimension)
+    shorter = []
+    for letter, place in [("a", 0), ("c", 0), ("d", 0), *(("f", i) for i in range(o.inputs))]:
+        part, coefficients = o.part(letter, place), point[orders.part(letter, place)]
+        base[part] = coefficients[: part.stop - part.start]
+        if part.stop - part.start == len(coefficients) - 1:
+            found = roots(coefficients)
+            real = [k for k in range(len(found)) if found[k].imag == 0.0]
+            without = [np.atleast_1d(np.real(np.poly(np.delete(found, k))))[1:] for k in real]
+            shorter.append([(part, each) for each in (coefficients[:-1], *without)])
+    starts = []
+    for choice in product(*shorter):
+        start = base.copy()
+        for part, coefficients in choice:
+            start[part] = coefficients
+        starts.append(start)
+    problem = PolynomialProblem(errors)
+    points, _ = problem.completed(np.array(starts))
+    values = problem.values(points)
+    best = int(np.argmin(values))
+    return problem.sweep_descent(points[[best]]).points[0] if np.isfinite(values[best]) else None
+
+
+def _smaller(orders: Orders) -> Iterator[Orders]:
+    """Orders with one coefficient less, or with one pole and one zero less."""
+    names = STRUCTURES[orders.structure]
+    noise = [name for name in ("nc", "nd") if getattr(orders, name) > 0]
+    if orders.na > 0 and min(orders.nb) > 1:
+        # A factor of A and all B_i, which C has as well, or 1/D in its place.
+        factored = replace(orders, na=orders.na - 1, nb=tuple(nb - 1 for nb in orders.nb))
+        if orders.nc > 0:
+            yield replace(factored, nc=orders.nc - 1)
+        if "nd" in names:
+            yield factored
+    # A pole that a zero cancels goes with it.
+    if len(noise) > 1:
+        yield replace(orders, nc=orders.nc - 1, nd=orders.nd - 1)
+    for name in noise:
+        yield replace(orders, **{name: getattr(orders, name) - 1})
+    for i in range(orders.inputs):
+        nb, nf, nk = orders.nb[i], orders.nf[i], orders.nk[i]
+        fewer_b = _with(orders.nb, i, nb - 1)
+        if nf > 0:
+            fewer_f = _with(orders.nf, i, nf - 1)
+            if nb > 1:
+                yield replace(orders, nf=fewer_f, nb=fewer_b)
+            yield replace(orders, nf=fewer_f)
+        if nb > 1:
+            yield replace(orders, nb=fewer_b)
+            yield replace(orders, nb=fewer_b, nk=_with(orders.nk, i, nk + 1))
+    if "na" in names and orders.na > 0:
+        yield replace(orders, na=orders.na - 1)
+
+
+def _with(values: tuple[int, ...], place: int, value: int) -> tuple[int, ...]:
+    return (*values[:place], value, *values[place + 1 :])

@@ -1,0 +1,174 @@
+"""The prediction-error problem of a recording, orders and settings, checked and scaled."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TypeVar, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evopem.config.settings import OBJECTIVES, ScoringWindow, SearchSettings
+from evopem.estimation.criteria import power_of_two_scale
+from evopem.estimation.pem.polynomial_objective import PolynomialErrors
+from evopem.estimation.pem.stretch_errors import StretchErrors
+from evopem.estimation.search.armax_problem import INITIALIZATIONS
+from evopem.estimation.search.memetic import REFINE
+from evopem.models.polynomial import PolynomialModel
+from evopem.models.structures import Orders
+from evopem.signals.recording import Recording
+from evopem.signals.recording_checks import LARGEST
+
+Array = NDArray[np.float64]
+Errors = PolynomialErrors | StretchErrors
+SomeErrors = TypeVar("SomeErrors", bound=Errors)
+
+
+def default_window(orders: Orders, settings: SearchSettings) -> ScoringWindow:
+    """The window of an estimate that is not compared with models of other orders.
+
+    The first residual is the first that has all its measured past.  All residuals count, but those
+    of ARMAX models, which have at least nc before them, without the first
+    ``settings.n_initial_discard``.
+
+    Examples
+    --------
+    >>> default_window(Orders(na=7, nb=6, nc=7, nk=3), SearchSettings(n_initial_discard=50))
+    ScoringWindow(residual_start=8, loss_start=58)
+    """
+    if orders.structure != "armax":
+        return ScoringWindow(orders.first_residual, orders.first_residual)
+    first = max(orders.first_residual, orders.nc)
+    return ScoringWindow(first, first + max(settings.n_initial_discard, orders.nc))
+
+
+def is_chapters(orders: Orders, level: bool, data: Recording) -> bool:
+    """Whether it is the ARMAX problem of the chapter: one input, one segment and no level."""
+    return orders.structure == "armax" and orders.inputs == 1 and not level and not data.is_joined
+
+
+def prediction_errors(
+    data: Recording, orders: Orders, settings: SearchSettings, window: ScoringWindow, level: bool
+) -> Errors:
+    """The prediction-error problem of a recording, orders and settings.
+
+    Raises
+    ------
+    ValueError
+        When none of several segments is long enough for the orders.
+    """
+    radius = settings.max_root_radius
+    if data.is_joined:
+        return StretchErrors(
+            *(data.segments, orders, settings.objective, radius, radius, level), window=window
+        )
+    starts = window.residual_start, window.loss_start
+    return PolynomialErrors(
+        *(data.inputs, data.output, orders, settings.objective, *starts, radius, radius, level)
+    )
+
+
+def checked_errors(
+    data: Recording,
+    orders: Orders,
+    settings: SearchSettings,
+    window: ScoringWindow | None,
+    level: bool,
+) -> Errors:
+    """The prediction-error problem of a recording as a user gives it.
+
+    Raises
+    ------
+    ValueError
+        When the record is too short for the orders, or a setting is outside its range.
+    """
+    check_search_settings(settings)
+    if orders.inputs and data.inputs.shape[1] != orders.inputs:
+        raise ValueError(
+            f"structure {orders.structure!r} with nb = {orders.nb[0]} needs an input"
+            if not data.has_input
+            else f"{orders} is of {orders.inputs} inputs; the recording has {data.inputs.shape[1]}"
+        )
+    alone = is_chapters(orders, level, data)
+    first = orders.first_residual
+    if window is None:
+        window = default_window(orders, settings) if alone else ScoringWindow(first, first)
+    first = max(first, orders.nc if alone else 0)
+    if window.residual_start < first:
+        raise ValueError(f"{orders} has no residual before sample {first}")
+    if window.loss_start < window.residual_start:
+        raise ValueError(f"the loss starts at {window.loss_start}, before the first residual")
+    _check_signals(data)
+    _check_length(data, orders, window, 0 if alone else sum(orders.nf) + orders.noise_states)
+    return prediction_errors(data, orders, settings, window, level)
+
+
+def _check_signals(data: Recording) -> None:
+    signals = {"input": data.inputs, "output": data.outputs}
+    if not all(np.isfinite(signal).all() for signal in signals.values()):
+        raise ValueError("input and output must be finite")
+    for name, signal in signals.items():
+        largest = float(np.max(np.abs(signal), initial=0.0))
+        if largest and not 1.0 / LARGEST < largest < LARGEST:
+            raise ValueError(
+                f"the largest magnitude of the {name} is {largest:g}; scale it between "
+                f"{1.0 / LARGEST:g} and {LARGEST:g}"
+            )
+
+
+def _check_length(data: Recording, orders: Orders, window: ScoringWindow, states: int) -> None:
+    """Refuse a record that no model of the orders can be estimated from."""
+    first = window.loss_start
+    kept = [each for each in data.segments if each.samples > first + states or not data.is_joined]
+    counted = sum(each.samples - first for each in kept)
+    estimated = orders.parameters + states * len(kept)
+    if counted <= estimated and kept:
+        raise ValueError(
+            f"{orders} needs more than {estimated} residuals for its coefficients and initial "
+            f"states; {data.samples} samples less the first {first} leave {counted}"
+        )
+    if not any(np.any(each.output[first:]) for each in kept) and kept:
+        raise ValueError("the output is zero throughout")
+
+
+def check_search_settings(settings: SearchSettings) -> None:
+    """Refuse words that no search knows, and a radius outside the unit circle.
+
+    Raises
+    ------
+    ValueError
+    """
+    for name, known in (
+        ("objective", OBJECTIVES),
+        ("refine", REFINE),
+        ("initialization", INITIALIZATIONS),
+    ):
+        value = getattr(settings, name)
+        if value not in known:
+            raise ValueError(f"{name} must be one of {known}, not {value!r}")
+    if not 0.0 < settings.max_root_radius < 1.0:
+        raise ValueError(
+            f"max_root_radius must lie between 0 and 1, not {settings.max_root_radius}"
+        )
+
+
+def scaled_errors(errors: SomeErrors) -> tuple[SomeErrors, Array]:
+    """The problem with signals scaled to moderate size, and the scales of its parameters.
+
+    Powers of two leave every bit of signals and points unchanged.
+    """
+    inputs, outputs = errors.signals
+    output_scale = power_of_two_scale(outputs)
+    input_scales = np.array([power_of_two_scale(each) for each in inputs.T])
+    scales, parts = np.ones(errors.dimension), errors.parts()
+    scales[parts["b"]] = output_scale / np.repeat(input_scales, errors.orders.nb)
+    for name in ("level", "plant", "noise"):
+        scales[parts[name]] = output_scale
+    return cast(SomeErrors, errors.scaled(input_scales, output_scale)), scales
+
+
+def in_scaled_units(model: PolynomialModel, errors: Errors, scales: Array) -> PolynomialModel:
+    """A model in the units of a scaled problem, whose numerators are divided by their scales."""
+    part = errors.orders.part
+    of_inputs = tuple(b / scales[part("b", i)][0] for i, b in enumerate(model.B))
+    return replace(model, B=of_inputs, covariance=None)
