@@ -263,10 +263,11 @@ def test_the_fit_is_relative_to_the_mean():
     assert found.criteria.fit_percent == pytest.approx(expected)
 
 
-def test_settings_and_constraints_that_have_no_place_are_refused():
+def test_several_recordings_without_input_meet_constraints():
     y = np.random.default_rng(0).standard_normal(200)
     joined = Recording(
         np.empty((200, 0)), y, 1.0, segment_starts=(0, 100), segment_recordings=(0, 1)
     )
-    with pytest.raises(ValueError, match="there is no input"):
-        estimate(joined, orders=(1, 1), structure="arma", constraints=Constraints())
+    fixed = Constraints(fixed_coefficients={"a1": 0.25})
+    found = estimate(joined, orders=(1, 1), structure="arma", constraints=fixed)
+    assert found.model.A[1] == 0.25
