@@ -1,4 +1,4 @@
-"""The absolute objective of several channels; writes docs/evidence/outliers_of_channels.md.
+"""The absolute objective of several channels; writes its sections of docs/evidence/outliers.md.
 
     python benchmarks/absolute_channels.py errors [--records 10]
     python benchmarks/absolute_channels.py optimum [--records 12]
@@ -14,11 +14,10 @@ from __future__ import annotations
 
 import argparse
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
-from evidence_section import replace_section
+from evidence import write_section
 from scipy.optimize import linprog
 from scipy.signal import lfilter
 from scipy.sparse import csr_array, eye_array, hstack, vstack
@@ -32,10 +31,10 @@ from evopem.estimation.state_space.estimate import estimate_state_space  # noqa:
 from evopem.models.state_space import StateSpaceModel  # noqa: E402
 from evopem.signals.recording import Recording  # noqa: E402
 
-TARGET = ROOT / "docs" / "evidence" / "outliers_of_channels.md"
 OBJECTIVES = ("absolute", "quadratic")
 SHAPES, COVERED = ((2, 2, 2), (1, 6, 3)), ((2, 2, 2),)
 FORMS = ("ss_oe", "ss")
+NAMES = {"ss_oe": "output error", "ss": "innovations"}
 SHARES = (0.0, 0.01, 0.03, 0.1)
 SAMPLES, NOISE, SIZE = 1000, 0.1, 10.0
 SMALL = ((2, 2, 2), (3, 3, 2))
@@ -64,36 +63,28 @@ def nearest(model: StateSpaceModel, mode):
     return min(model.modes(), key=lambda each: abs(each.frequency_hz - mode.frequency_hz))
 
 
-def errors(records: int) -> list[str]:
-    lines = [
-        f"`python benchmarks/absolute_channels.py errors`: medians over {records} records of",
-        f"{SAMPLES} samples, noise of {100 * NOISE:.0f} % of the outputs, in innovations form",
-        "coloured by the system itself, and outliers of ten standard deviations of each output on",
-        "the measured samples. Each output weighed by its noise, true orders, descents from",
-        "estimates. Error of the simulation against the noise-free outputs, and the largest errors",
-        "over the modes, all in percent; seconds of one estimate.",
-        "",
-        "| channels | order | form | share | objective | simulation | frequency | damping | s |",
-        "|---|---|---|---|---|---|---|---|---|",
-    ]
+def errors(records: int) -> None:
+    rows = []
     for nu, ny, modes in SHAPES:
         for form in FORMS:
             true = truth(nu, ny, modes, form)
+            cells = []
             for share in SHARES:
-                rows = np.array([_errors_of(true, share, seed) for seed in range(records)])
-                for place, objective in enumerate(OBJECTIVES):
-                    cells = " | ".join(f"{v:.2g}" for v in np.median(rows[:, place], axis=0))
-                    lines.append(
-                        f"| {nu} × {ny} | {true.order} | {form.replace('_', ' ')} | "
-                        f"{100 * share:.0f} % | {objective} | {cells} |"
-                    )
-                    print(lines[-1], flush=True)
-    lines += [
-        "",
-        "Output-error form bears outliers on the measured samples: they are errors of one sample.",
-        "In innovations form they enter the predictor and disturb some errors after them, too.",
-    ]
-    return lines
+                each = np.array([_errors_of(true, share, seed) for seed in range(records)])
+                medians = np.median(each, axis=0)
+                print(nu, ny, form, share, medians, flush=True)
+                cells.append("/".join(f"{simulation:.2g}" for simulation in medians[:, 0]))
+            rows.append([f"{nu}×{ny}", NAMES[form], *cells])
+    write_section(
+        "outliers",
+        "State-space models",
+        f"The same for {records} records of {SAMPLES} samples, true orders, noise of "
+        f"{100 * NOISE:.0f} %, outliers of ten standard deviations of each output on the measured\n"
+        "samples. In innovations form outliers enter the predictor and disturb later errors, too.",
+        "benchmarks/absolute_channels.py errors",
+        ("channels", "form", *(f"{100 * share:.0f} %" for share in SHARES)),
+        rows,
+    )
 
 
 def _errors_of(true: StateSpaceModel, share: float, seed: int) -> list[list[float]]:
@@ -101,9 +92,7 @@ def _errors_of(true: StateSpaceModel, share: float, seed: int) -> list[list[floa
     clean = true.simulate(u)
     rows = []
     for objective in OBJECTIVES:
-        begun = time.process_time()
         model = estimated(u, spiked(y, share, seed), true, objective).model
-        spent = time.process_time() - begun
         deviation = (model.simulate(u) - model.level - clean)[200:]
         relative = np.linalg.norm(deviation, axis=0) / np.linalg.norm(clean[200:], axis=0)
         pairs = [(nearest(model, mode), mode) for mode in true.modes()]
@@ -112,59 +101,49 @@ def _errors_of(true: StateSpaceModel, share: float, seed: int) -> list[list[floa
                 100.0 * float(relative.mean()),
                 100.0 * max(abs(m.frequency_hz / t.frequency_hz - 1.0) for m, t in pairs),
                 100.0 * max(abs(m.damping_ratio / t.damping_ratio - 1.0) for m, t in pairs),
-                spent,
             ]
         )
     return rows
 
 
-def optimum(starts: int) -> list[str]:
-    lines = [
-        "`python benchmarks/absolute_channels.py optimum`: records of 200 samples, 3 % outliers.",
-        f"{starts} independent starts, at random poles or at the truth with entries changed by 2,",
-        "10 or 30 %, are descended from by successive linear programmes over all entries, which",
-        "are redundant; so is evopem's optimum. Objectives in percent of the mean absolute",
-        "outputs, evopem's less the best one, relative to it.",
-        "",
-        "| channels | order | form | evopem | linear programmes | difference | to the continued |"
-        " starts within 1e-6 | evopem | programmes |",
-        "|---|---|---|---|---|---|---|---|---|---|",
-    ]
+def optimum(starts: int) -> None:
+    rows = []
     for nu, ny, modes in SMALL:
         for form in FORMS:
             true = truth(nu, ny, modes, form)
             u, y = recorded(true, 200, 0.3, 1)
             y = spiked(y, 0.03, 1)
-            begun = time.process_time()
-            settings = SearchSettings(objective="absolute", evaluations=2000)
             found = estimate_state_space(
                 Recording(u, y, RATE),
                 true.order,
                 structure=form,
                 weighting="noise",
-                settings=settings,
+                settings=SearchSettings(objective="absolute", evaluations=2000),
             )
-            spent = time.process_time() - begun
-            begun = time.process_time()
             problem = FreeEntries(u, y, true.order, form == "ss")
             ends = [descended(problem, each) for each in _starts(problem, true, starts)]
-            peer = time.process_time() - begun
-            own = problem.start(found.model)
-            own[problem.ends[-2] :] = np.concatenate(
+            best = min(ends)
+            point = problem.start(found.model)
+            point[problem.ends[-2] :] = np.concatenate(
                 [found.segment_levels[0], found.initial_states[0]]
             )
-            value = percent(problem, problem.errors(own)[0])
-            continued = descended(problem, own)
-            best = min(ends)
+            value = percent(problem, problem.errors(point)[0])
+            continued = descended(problem, point)
             near = sum(end < best * (1.0 + 1e-6) for end in ends)
-            lines.append(
-                f"| {nu} × {ny} | {true.order} | {form.replace('_', ' ')} | {value:.6f} | "
-                f"{best:.6f} | {(value - best) / best:+.1e} | "
-                f"{(value - continued) / continued:+.1e} | {near} of {starts} | "
-                f"{spent:.1f} s | {peer:.0f} s |"
-            )
-            print(lines[-1], flush=True)
-    return lines
+            differences = [f"{value / each - 1.0:+.1e}" for each in (best, continued)]
+            rows.append([f"{nu}×{ny}", NAMES[form], *differences, f"{near}/{starts}"])
+            print(rows[-1], flush=True)
+    write_section(
+        "outliers",
+        "Optimum of state-space models",
+        f"200 samples, 3 % outliers. The reference: the best of {starts} descents by successive "
+        "linear programmes over all entries of the matrices, from\nrandom poles or the changed "
+        "truth. Differences of the objective, relative; *continued*: to the reference's descent "
+        "from evopem's optimum.",
+        "benchmarks/absolute_channels.py optimum",
+        ("channels", "form", "to the reference", "continued", "within 10⁻⁶"),
+        rows,
+    )
 
 
 def percent(problem: FreeEntries, e: np.ndarray) -> float:
@@ -227,34 +206,26 @@ def _linear_step(e: np.ndarray, J: np.ndarray, radius: float) -> np.ndarray:
 NOISES = ("Laplace", "normal with 3 % outliers", "Laplace, coloured")
 
 
-def coverage(records: int) -> list[str]:
-    lines = [
-        f"`python benchmarks/absolute_channels.py coverage`: {records} records of {SAMPLES}",
-        "samples, noise of 10 % of the outputs, true orders, absolute objective. How often 95 %",
-        "intervals contain the truth, in percent: those of all modes, and of the real and",
-        "imaginary parts of the frequency responses of all pairs at five frequencies.",
-        "",
-        "| channels | order | form | noise | frequency | damping | responses |",
-        "|---|---|---|---|---|---|---|",
-    ]
+def coverage(records: int) -> None:
+    rows = []
     for nu, ny, modes in COVERED:
         for form in FORMS:
             for noise in NOISES if form == "ss_oe" else NOISES[:1]:
                 true = truth(nu, ny, modes, form)
                 hits = [_hits(true, noise, seed) for seed in range(records)]
-                cells = " | ".join(
-                    f"{100 * np.mean(np.concatenate(each)):.1f}" for each in zip(*hits, strict=True)
-                )
-                lines.append(
-                    f"| {nu} × {ny} | {true.order} | {form.replace('_', ' ')} | {noise} | {cells} |"
-                )
-                print(lines[-1], flush=True)
-    lines += [
-        "",
-        "The intervals of Laplace noise are too wide rather than too narrow: a kernel estimate of",
-        "the density at zero lies below the cusp of that distribution.",
-    ]
-    return lines
+                shares = [100 * np.mean(np.concatenate(each)) for each in zip(*hits, strict=True)]
+                rows.append([f"{nu}×{ny}", NAMES[form], noise, *(f"{each:.1f}" for each in shares)])
+                print(rows[-1], flush=True)
+    write_section(
+        "outliers",
+        "Intervals of state-space models",
+        f"Coverage of 95 % intervals, percent: {records} records of {SAMPLES} samples, absolute "
+        "objective. Intervals of Laplace noise are rather too wide:\nthe kernel estimate of the "
+        "density at zero lies below its cusp.",
+        "benchmarks/absolute_channels.py coverage",
+        ("channels", "form", "noise", "frequency", "damping", "responses"),
+        rows,
+    )
 
 
 def _hits(true: StateSpaceModel, noise: str, seed: int) -> tuple[np.ndarray, ...]:
@@ -300,11 +271,7 @@ def _response_errors(model: StateSpaceModel, at: np.ndarray) -> np.ndarray:
     return np.asarray(model.covariance.standard_errors(np.array(slopes).T))
 
 
-SECTIONS = {
-    "errors": ("Errors", errors, 10),
-    "optimum": ("The optimum", optimum, 12),
-    "coverage": ("Intervals", coverage, 100),
-}
+SECTIONS = {"errors": (errors, 10), "optimum": (optimum, 12), "coverage": (coverage, 100)}
 
 
 def main() -> None:
@@ -312,8 +279,8 @@ def main() -> None:
     parser.add_argument("section", choices=SECTIONS)
     parser.add_argument("--records", type=int)
     arguments = parser.parse_args()
-    title, measured, records = SECTIONS[arguments.section]
-    replace_section(TARGET, title, measured(arguments.records or records))
+    measure, records = SECTIONS[arguments.section]
+    measure(arguments.records or records)
 
 
 if __name__ == "__main__":

@@ -5,9 +5,8 @@ Run from the project folder: PYTHONPATH=workflow/scripts python benchmarks/const
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
+from evidence import write_section
 from numpy.typing import NDArray
 
 from evopem import Constraints, SearchSettings, estimate
@@ -55,28 +54,25 @@ def covered(constraints: Constraints, seed: int) -> tuple[bool, NDArray[np.float
 
 
 def main() -> None:
-    """Write docs/evidence/constraints.md."""
-    lines = [
-        "# Intervals under constraints",
-        "",
-        f"Written by `benchmarks/constraint_coverage.py`: {RECORDS} records of {SAMPLES} samples",
-        "of a Box-Jenkins model (nb = 2, nc = 2, nf = 2), noise 20 % of the output's standard",
-        "deviation, quadratic objective.  Every bound is the truth's own number, so that an",
-        "inequality is active on about half of the records.  Coverage of nominal 95 % intervals of",
-        "the free coefficients, with its standard error, where a constraint is active.",
-        "",
-        "| constraint | active on | coverage |",
-        "|---|---|---|",
-    ]
+    rows = []
     for name, constraints in CASES.items():
         results = [covered(constraints, seed) for seed in range(RECORDS)]
         chosen = [inside for active, inside in results if active]
         shares = np.array([np.nanmean(inside) for inside in chosen])
         error = float(np.std(shares)) / np.sqrt(len(shares))
         count = sum(active for active, _ in results)
-        lines.append(f"| {name} | {count} | {100 * np.mean(shares):.1f} ± {100 * error:.1f} % |")
-        print(lines[-1], flush=True)
-    Path("docs/evidence/constraints.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
+        rows.append([name, str(count), f"{100 * np.mean(shares):.1f}±{100 * error:.1f}"])
+        print(rows[-1], flush=True)
+    write_section(
+        "coverage",
+        "Under constraints",
+        f"{RECORDS} records of {SAMPLES} samples of a Box-Jenkins model, noise {NOISE:.0f} %; each "
+        "bound is the truth's own number, so that an inequality is active on\nabout half of the "
+        "records. Coverage of the free coefficients where it is active.",
+        "benchmarks/constraint_coverage.py",
+        ("constraint", "active on", "coverage"),
+        rows,
+    )
 
 
 if __name__ == "__main__":

@@ -2,7 +2,7 @@
 
     python benchmarks/input_delays.py [--records 34] [--first 1000]
 
-Records of the kinds of ``state_space_choice.py``, in which every input acts one sample later,
+Records of the kinds of ``random_plants.py``, in which every input acts one sample later,
 shifted so that each input acts after 0 to 5 samples, by chance.  Nothing but the delays is
 decided, as the workflow decides them, from the first samples of each record.  A delay that is too
 short costs states; one that is too long leaves out lags that act.
@@ -15,7 +15,7 @@ from collections import defaultdict
 from collections.abc import Iterator
 
 import numpy as np
-from state_space_choice import KINDS, record, recording_of
+from random_plants import KINDS, record, recording_of
 from threadpoolctl import threadpool_limits
 
 from evopem.estimation.delays import estimate_delays

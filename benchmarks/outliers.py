@@ -19,6 +19,7 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
+from evidence import FOLDER, write_section
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
@@ -79,18 +80,6 @@ def main() -> None:
     parser.add_argument("--records", type=int, default=40)
     parser.add_argument("--processes", type=int, default=2)
     arguments = parser.parse_args()
-    lines = [
-        "# Outliers: absolute or quadratic objective",
-        "",
-        f"Written by `python benchmarks/outliers.py`: medians over {arguments.records} records of",
-        f"{SAMPLES} samples of the ARMAX(7,6,7,3) truth at its orders, innovations 10 % of the",
-        "output, outliers of ten standard deviations of the innovations, spikes of ten of the",
-        "output. Simulation error against the noise-free output; largest error over three modes.",
-        "All in percent.",
-        "",
-        "| outliers in | share | objective | simulation error | frequency | damping |",
-        "|---|---|---|---|---|---|",
-    ]
     medians = {}
     with ProcessPoolExecutor(arguments.processes) as pool:
         for place in PLACES:
@@ -98,15 +87,34 @@ def main() -> None:
                 run = partial(errors_of, place=place, share=share)
                 errors = np.array(list(pool.map(run, range(arguments.records))))
                 for column, objective in enumerate(OBJECTIVES):
-                    median = np.median(errors[:, column], axis=0)
-                    medians[place, share, objective] = median
-                    cells = " | ".join(f"{value:.3g}" for value in median)
-                    lines.append(f"| {place} | {100 * share:.0f} % | {objective} | {cells} |")
-                    print(lines[-1], flush=True)
-    lines += ["", "![Simulation error against the share of outliers](outliers.svg)"]
-    target = ROOT / "docs" / "evidence" / "outliers.md"
-    target.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    draw(medians, target.with_suffix(".svg"))
+                    medians[place, share, objective] = np.median(errors[:, column], axis=0)
+                print(
+                    place, share, [medians[place, share, each] for each in OBJECTIVES], flush=True
+                )
+    rows = [
+        [
+            place,
+            *(
+                "/".join(f"{medians[place, share, each][0]:.3g}" for each in OBJECTIVES)
+                for share in SHARES
+            ),
+        ]
+        for place in PLACES
+    ]
+    write_section(
+        "outliers",
+        "Polynomial models",
+        "Median simulation error against the noise-free output, percent, absolute/quadratic "
+        f"objective; {arguments.records} records of {SAMPLES} samples of\nARMAX(7,6,7,3) at its "
+        "orders, innovations 10 % of the output. A share of the samples has outliers of ten "
+        "standard deviations of the\ninnovations, *spikes* of ten of the output; smaller ones "
+        "were not tested.",
+        "benchmarks/outliers.py",
+        ("outliers in", *(f"{100 * share:.0f} %" for share in SHARES)),
+        rows,
+        "![Simulation error against the share of outliers](outliers.svg)",
+    )
+    draw(medians, FOLDER / "outliers.svg")
 
 
 def draw(medians: dict[tuple[str, float, str], Array], file: Path) -> None:

@@ -26,7 +26,7 @@ from threadpoolctl import threadpool_limits
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
 
-from evidence_section import replace_section  # noqa: E402
+from evidence import write_section  # noqa: E402
 from filtered_polynomials import FilteredPolynomials  # noqa: E402
 from polynomial_structures import QUADRATIC, TRUTHS, named  # noqa: E402
 
@@ -181,25 +181,27 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--records", type=int, default=5)
     chosen = parser.parse_args()
-    lines = [
-        f"{chosen.records} records of {SAMPLES} samples a structure at the true orders, noise",
-        f"{NOISE:g} %; evopem's whole global search against one local run of the other, processor",
-        "time in one run (`benchmarks/polynomial_peers.py`). Objective of evopem relative to",
-        "theirs, less 1, states fitted to each model: negative where evopem's is lower.",
-        "",
-        "| structure | compared with | evopem, s | theirs, s | time ratio | objective, smallest "
-        "and largest |",
-        "|---|---|---|---|---|---|",
-    ]
+    rows = []
     with threadpool_limits(1, "blas"):
         for name, method, structures in PEERS:
             for structure in structures:
-                lines.append(compared(name, method, structure, chosen.records))
-                print(lines[-1], flush=True)
-    replace_section(ROOT / "docs" / "evidence" / "structures.md", "Other packages", lines)
+                rows.append(compared(name, method, structure, chosen.records))
+                print(rows[-1], flush=True)
+    write_section(
+        "structures",
+        "Other packages",
+        f"{chosen.records} records of {SAMPLES} samples a structure at the true orders, noise "
+        f"{NOISE:g} %: the whole global search against one local run of the other package.\n"
+        "Objective relative to theirs, less 1: negative where evopem's is lower.",
+        "benchmarks/polynomial_peers.py",
+        ("structure", "other", "s", "theirs, s", "objective, range"),
+        rows,
+    )
 
 
-def compared(name: str, method: Callable[..., Coefficients], structure: str, records: int) -> str:
+def compared(
+    name: str, method: Callable[..., Coefficients], structure: str, records: int
+) -> list[str]:
     truth = truths()[structure]
     o = truth.orders
     sizes = (o.na, o.single.nb, o.nc, o.nd, o.single.nf, o.single.nk)
@@ -220,10 +222,10 @@ def compared(name: str, method: Callable[..., Coefficients], structure: str, rec
             continue
         gaps.append(objective(filtered, own) / value - 1.0)
     ours, their = np.mean(own_seconds), np.mean(their_seconds)
-    span = f"{min(gaps):+.1e} to {max(gaps):+.1e}" if gaps else "–"
+    span = f"{min(gaps):+.1e}…{max(gaps):+.1e}" if gaps else "–"
     if failed:
-        span += f" ({failed} of {records} theirs failed or unstable)"
-    return f"| {structure} | {name} | {ours:.2f} | {their:.2f} | {ours / their:.2g} | {span} |"
+        span += f" ({failed} of {records} failed)"
+    return [structure, name, f"{ours:.2f}", f"{their:.2f}", span]
 
 
 if __name__ == "__main__":

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-import time
 from collections import Counter
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
@@ -24,7 +23,7 @@ from threadpoolctl import threadpool_limits
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
 
-from evidence_section import replace_section  # noqa: E402
+from evidence import write_section  # noqa: E402
 from polynomial_structures import TRUTHS, named  # noqa: E402
 
 from evopem import PolynomialModel, SearchSettings, estimate  # noqa: E402
@@ -126,31 +125,26 @@ def main() -> None:
     parser.add_argument("--records", type=int, default=60)
     parser.add_argument("--processes", type=int, default=2)
     chosen = parser.parse_args()
-    lines = [
-        f"{chosen.records} records of {SAMPLES} samples a structure, noise {NOISE:g} % of the",
-        "output's standard deviation. BIC chose among the true orders and one less and one more",
-        "of the plant's and of the noise's (`benchmarks/polynomial_selection.py`). Coverage of",
-        f"nominal 95 % intervals in percent, of {len(FREQUENCIES)} frequencies of the response,",
-        "± its Monte Carlo standard error; a mode that was not found counts as not covered.",
-        "",
-        "| structure | true orders chosen | frequency | damping | gain | phase |",
-        "|---|---|---|---|---|---|",
-    ]
+    rows = []
     with ProcessPoolExecutor(chosen.processes) as pool:
         for structure in STRUCTURES:
-            began = time.monotonic()
             found = list(pool.map(partial(limited, structure), range(chosen.records)))
             shares = np.array([share for _, share in found])
             orders = Counter(order for order, _ in found)
             true = orders[str(tuple(named(truth_of(structure).orders).values()))]
-            lines.append(
-                f"| {structure} | {true} of {chosen.records} | "
-                + " | ".join(percent(column) for column in shares.T)
-                + " |"
-            )
-            print(lines[-1], orders, f"{time.monotonic() - began:.0f} s", flush=True)
-    target = ROOT / "docs" / "evidence" / "structures.md"
-    replace_section(target, "Intervals after the choice of orders", lines)
+            cells = [percent(column).replace(" ", "") for column in shares.T]
+            rows.append([structure, f"{true}/{chosen.records}", *cells])
+            print(rows[-1], orders, flush=True)
+    write_section(
+        "structures",
+        "Intervals after the choice of orders",
+        f"{chosen.records} records of {SAMPLES} samples a structure, noise {NOISE:g} %; BIC chose "
+        "among the true orders and one less and one more. Coverage of 95 % intervals ±\nstandard "
+        "error; a mode that was not found counts as not covered.",
+        "benchmarks/polynomial_selection.py",
+        ("structure", "true orders", "frequency", "damping", "gain", "phase"),
+        rows,
+    )
 
 
 if __name__ == "__main__":

@@ -18,6 +18,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+from evidence import write_section
 
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
@@ -139,86 +140,64 @@ def recover_armax(seed: int, objective: str) -> RecoveredArmax:
     )
 
 
-def arm_table(results: list[RecoveredArm], objective: str) -> list[str]:
+def write_arms(results: list[RecoveredArm]) -> None:
     delays = sum(result.orders.single.nk == result.delay for result in results)
-    lines = [
-        f"### Flexible arm, {objective} objective",
-        "",
-        f"{len(results)} records (seeds {results[0].seed} to {results[-1].seed}); the delay "
-        f"of {results[0].delay} samples was selected in {delays}.",
-        "",
-        "| true mode | found in | frequency error, median (largest) | damping error, median "
-        "(largest) |",
-        "|---|---|---|---|",
-    ]
+    orders = " and ".join(map(str, sorted({result.orders for result in results})))
+    rows = []
     for index, mode in enumerate(results[0].modes):
         f, d = mode.truth.frequency_hz, mode.truth.damping_ratio
         found = [each.modes[index].nearest for each in results if each.modes[index].found]
-        row = f"| {f:g} Hz, {100 * d:.2f} % | {len(found)} of {len(results)} | "
-        if found:
-            ef = [100.0 * abs(nearest.frequency_hz / f - 1.0) for nearest in found]
-            ed = [100.0 * abs(nearest.damping_ratio / d - 1.0) for nearest in found]
-            row += (
-                f"{np.median(ef):.2f} % ({max(ef):.2f} %) | {np.median(ed):.1f} % ({max(ed):.1f} %)"
-            )
-        else:
-            row += "– | –"
-        lines.append(row + " |")
-    orders = ", ".join(map(str, sorted({result.orders for result in results})))
-    return [*lines, "", f"Orders selected: {orders}.", ""]
+        errors = [
+            [100.0 * abs(nearest.frequency_hz / f - 1.0) for nearest in found],
+            [100.0 * abs(nearest.damping_ratio / d - 1.0) for nearest in found],
+        ]
+        cells = [
+            f"{np.median(each):.{digits}f} ({max(each):.{digits}f})" if each else "–"
+            for each, digits in zip(errors, (2, 1), strict=True)
+        ]
+        rows.append([f"{f:g} Hz, {100 * d:.2f} %", str(len(found)), *cells])
+    write_section(
+        "truth",
+        "Flexible arm",
+        f"{len(results)} simulated records, absolute objective: the delay of {results[0].delay} "
+        f"samples was selected in {delays}; orders {orders}. Errors: median\n(largest). "
+        "Differencing removes the 2 Hz mode.",
+        "benchmarks/recover_truth.py",
+        ("true mode", "found in", "frequency error, %", "damping error, %"),
+        rows,
+    )
 
 
-def armax_table(results: list[RecoveredArmax], objective: str) -> list[str]:
+def write_armax(results: list[RecoveredArmax]) -> None:
     exact = sum(result.exact for result in results)
-    others = [result for result in results if not result.exact]
-    smaller = [result for result in others if result.bic < result.bic_of_truth]
-    neither = [result for result in others if result.bic >= result.bic_of_truth]
-    lines = [
-        f"### ARMAX(7,6,7,3), {objective} objective",
-        "",
-        f"{len(results)} records of 4500 samples: the exact orders in {exact}, other orders of "
-        f"smaller BIC in {len(smaller)}, neither in {len(neither)}.",
-        "",
-    ]
-    lines += [
-        f"- seed {result.seed}: {result.orders}, BIC {result.bic:.5f} against "
-        f"{result.bic_of_truth:.5f} of the true orders"
-        for result in smaller + neither
-    ]
-    return [*lines, ""]
+    smaller = sum(not each.exact and each.bic < each.bic_of_truth for each in results)
+    write_section(
+        "truth",
+        "ARMAX(7,6,7,3)",
+        f"{len(results)} records of 4500 samples, quadratic objective: the exact orders in {exact},"
+        f" other orders of smaller BIC in {smaller}, neither in {len(results) - exact - smaller}.",
+        "benchmarks/recover_truth.py",
+    )
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--arms", type=int, default=20)
-    parser.add_argument("--records", type=int, default=50)
+    parser.add_argument("--records", type=int, default=20)
     parser.add_argument("--processes", type=int, default=2)
-    parser.add_argument("--arm-objectives", nargs="+", default=["absolute"])
-    parser.add_argument("--record-objectives", nargs="+", default=["quadratic"])
     arguments = parser.parse_args()
-    lines = [
-        "# Recovery of known truths",
-        "",
-        "Written by `python benchmarks/recover_truth.py`; every record goes through the delay",
-        "search and the three phases with the built-in configuration.",
-        "",
-    ]
-    target = ROOT / "docs" / "evidence" / "truth.md"
-    target.parent.mkdir(parents=True, exist_ok=True)
     stages = (
-        (recover_arm, arm_table, arguments.arms, arguments.arm_objectives),
-        (recover_armax, armax_table, arguments.records, arguments.record_objectives),
+        (partial(recover_arm, objective="absolute"), write_arms, arguments.arms),
+        (partial(recover_armax, objective="quadratic"), write_armax, arguments.records),
     )
     with ProcessPoolExecutor(arguments.processes) as pool:
-        for recover, table, count, objectives in stages:
-            for objective in objectives if count else []:
-                run = partial(recover, objective=objective)
-                results = []
-                for result in pool.map(run, range(1, count + 1)):
-                    results.append(result)
-                    print(objective, result, flush=True)
-                lines += table(results, objective)
-                target.write_text("\n".join(lines).rstrip() + "\n", encoding="utf-8")
+        for recover, write, count in stages:
+            results = []
+            for result in pool.map(recover, range(1, count + 1)):
+                results.append(result)
+                print(result, flush=True)
+            if results:
+                write(results)
 
 
 if __name__ == "__main__":

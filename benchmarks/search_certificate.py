@@ -1,4 +1,4 @@
-"""How often is a certified search wrong?  Writes docs/evidence/certificate.md.
+"""How often is a certified search wrong?  Writes its section of docs/evidence/search.md.
 
     python benchmarks/search_certificate.py FILE [--problems 500] [--earlier FILE]
 
@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from evidence import write_section
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
@@ -183,17 +184,13 @@ def excess(row: Row, kind: str) -> float:
 
 
 def rates(rows: list[Row], kind: str) -> str:
-    """Cells of one row of the table."""
+    """Certified searches, wrong ones, uncertified ones above the best value, the most of these."""
     certified = [excess(row, kind) for row in rows if row[kind]["certified"]]
     others = [excess(row, kind) for row in rows if not row[kind]["certified"]]
     wrong = sum(each > WRONG for each in certified)
     above = sum(each > WRONG for each in others)
-    quantiles = np.quantile(others, [0.5, 0.95, 1.0]) if others else []
-    return (
-        f"{len(rows)} | {len(certified)} ({100 * len(certified) / len(rows):.0f} %) | {wrong} "
-        f"| {above} of {len(others)} | "
-        + (" | ".join(f"{100 * each:.2g}" for each in quantiles) or "– | – | –")
-    )
+    most = f"{100 * max(others):.2g}" if others else "–"
+    return f"{len(certified)}/{len(rows)}, {wrong}, {above}/{len(others)}, {most}"
 
 
 def gain_from(row: Row, value: float) -> float:
@@ -226,44 +223,27 @@ def gains_by_stage(rows: list[Row]) -> list[str]:
     ]
 
 
-def page(rows: list[Row]) -> list[str]:
-    lines = [
-        "# Is a certified search right?",
-        "",
-        "Written by `python benchmarks/search_certificate.py`.",
-        "",
-        f"{len(rows)} random problems: ARMAX (half), OE, BJ, ARMA, ARARX and ARARMAX models with",
-        "random roots, records of 200 to 4000 samples, noise of 5 and 50 %, orders true or all",
-        "twice as large. A search is *wrong* where its objective is more than 1e-6 above the best",
-        f"of it, of searches with another seed and {REFERENCE_FACTOR} times the evaluations that",
-        "the default search spent, and of earlier calibrations of other searches. The last three",
-        "columns: how far the searches without a certificate ended above it, percent.",
-        "",
-        "| orders | objective | evaluations | problems | certified | of them wrong | others above "
-        "| median | 95 % | most |",
-        "|---|---|---|---|---|---|---|---|---|---|",
-    ]
-    for larger in (False, True):
+def write_page(rows: list[Row]) -> None:
+    cells = []
+    for larger, orders in ((False, "true"), (True, "twice")):
         for objective in OBJECTIVES:
-            own = [r for r in rows if r["larger"] == larger and r["objective"] == objective]
-            for kind, count in (("default", 1), ("repeated", REPEAT_FACTOR)):
-                lines.append(
-                    f"| {'twice too large' if larger else 'true'} | {objective} "
-                    f"| {count * EVALUATIONS} | {rates(own, kind)} |"
-                )
-    lines.append(f"| all | both | {REPEAT_FACTOR * EVALUATIONS} | {rates(rows, 'repeated')} |")
-    lines += [
-        "",
-        "## What a search may still gain",
-        "",
-        "By how much BIC falls from a stage of the search to the best known value, in n/N. The",
-        "race of the candidates leaves one whose lack is larger than the limit.",
-        "",
-        "| after | problems | limit | above it | most |",
-        "|---|---|---|---|---|",
-        *gains_by_stage(rows),
-    ]
-    return lines
+            of_case = [r for r in rows if r["larger"] == larger and r["objective"] == objective]
+            cells.append(
+                [f"{orders}, {objective}", *(rates(of_case, k) for k in ("default", "repeated"))]
+            )
+    write_section(
+        "search",
+        "Certificates: polynomial models",
+        f"{len(rows)} random problems: ARMAX (half), OE, BJ, ARMA, ARARX and ARARMAX, 200 to 4000 "
+        "samples, noise of 5 and 50 %. *Wrong*: the objective is more\nthan 10⁻⁶ above the best of "
+        "it, of searches with another seed and of ten times the evaluations; a reference that is "
+        "not the lowest hides errors.\nCells: certified searches, wrong ones, searches without a "
+        "certificate above it, and the most of these, percent.",
+        "benchmarks/search_certificate.py",
+        ("orders, objective", f"{EVALUATIONS} evaluations", str(REPEAT_FACTOR * EVALUATIONS)),
+        [*cells, ["all", "–", rates(rows, "repeated")]],
+    )
+    print("| after | problems | limit | above it | most |", *gains_by_stage(rows), sep="\n")
 
 
 def read(file: Path | None) -> list[Row]:
@@ -289,8 +269,7 @@ def main() -> None:
                 rows.append(run(case_of(index), known.get(index, np.inf)))
                 with arguments.file.open("a") as sink:
                     sink.write(json.dumps(rows[-1]) + "\n")
-    target = ROOT / "docs" / "evidence" / "certificate.md"
-    target.write_text("\n".join(page(rows)) + "\n", encoding="utf-8")
+    write_page(rows)
 
 
 if __name__ == "__main__":

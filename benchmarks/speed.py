@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import csv
 import os
-import platform
 import subprocess
 import sys
 import tempfile
@@ -20,6 +19,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from evidence import write_section
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
@@ -135,8 +135,8 @@ def one_pass() -> list[str]:
     kernel = 1e6 * kernels / 20 / LANES
     value = 1e6 * filters / 20
     return [
-        f"| value and gradient of one candidate, eight at a time: {kernel:.1f} µs "
-        f"| `scipy.signal.lfilter`, value alone: {value:.0f} µs | {kernel / value:.2f} |"
+        f"| value and gradient: {kernel:.1f} µs "
+        f"| `lfilter`, value alone: {value:.0f} µs | {kernel / value:.2f} |"
     ]
 
 
@@ -287,7 +287,7 @@ def whole_searches() -> list[str]:
     sampled = [sippy(1, orders)[1] for orders in SAMPLE]
     theirs = float(np.mean(sampled)) * len(candidates)
     rows.append(
-        f"| the chapter's {len(candidates)} candidates, every one a global search: {own:.0f} s "
+        f"| the chapter's {len(candidates)} candidates: {own:.0f} s "
         f"| SIPPY `OPT`, extrapolated from {len(SAMPLE)} of them: {theirs:.0f} s "
         f"| {own / theirs:.3g} |"
     )
@@ -326,7 +326,7 @@ def order_searches() -> list[str]:
     orders, evaluations, seconds = order_search(prune=True)
     other, in_full, longer = order_search(prune=False)
     return [
-        f"| delay search and three phases with the built-in grids, {evaluations} evaluations: "
+        f"| order search, built-in grids, {evaluations} evaluations: "
         f"{seconds:.1f} s; chosen {orders} | every candidate in full (`prune: false`), {in_full} "
         f"evaluations: {longer:.1f} s; chosen {other} | {seconds / longer:.3g} |"
     ]
@@ -366,7 +366,7 @@ print(taken / evaluations * 1e6, tracemalloc.get_traced_memory()[1] / {samples})
 """
 
 
-def scaling() -> list[str]:
+def scaling() -> list[list[str]]:
     """Processor time of an evaluation and memory of an estimate, over N and over n."""
     rows = []
     cases = [(samples, (8, 8, 8, 1)) for samples in (10**3, 10**4, 10**5, 10**6)]
@@ -378,8 +378,12 @@ def scaling() -> list[str]:
         ).stdout
         microseconds, each = map(float, printed.split())
         rows.append(
-            f"| {samples} | {sum(orders[:3])} | {microseconds:.1f} "
-            f"| {1000 * microseconds / samples:.2f} | {each:.0f} |"
+            [
+                str(samples),
+                str(sum(orders[:3])),
+                f"{1000 * microseconds / samples:.2f}",
+                f"{each:.0f}",
+            ]
         )
     return rows
 
@@ -425,9 +429,9 @@ def start_up() -> list[str]:
         measured = [(seconds(fit), seconds(floor)) for _ in range(5)]
     later, least = (float(np.median(taken)) for taken in zip(*measured, strict=True))
     return [
-        f"| from process start to the end of a first fit: {later:.2f} s | imports and one cached "
+        f"| process start to first fit: {later:.2f} s | imports and one "
         f"function of numba: {least:.2f} s | {later / least:.3g} |",
-        f"| the same after an installation, when the kernels are compiled: {compiling:.1f} s "
+        f"| the same, compiling the kernels: {compiling:.1f} s "
         f"| every later process: {later:.2f} s | {compiling / later:.3g} |",
     ]
 
@@ -435,36 +439,32 @@ def start_up() -> list[str]:
 def main() -> None:
     with threadpool_limits(limits=1):
         estimate(*np.random.default_rng(1).standard_normal((2, 300)), (2, 2, 2, 1), 1.0)  # compile
-        passes = one_pass()
-        print("\n".join(passes), flush=True)
-        searches = [*whole_searches(), *order_searches(), *start_up()]
-        print("\n".join(searches), flush=True)
-    lines = [
-        "# Speed",
-        "",
-        f"Written by `make bench` on {platform.machine()}, {os.cpu_count()} cores shared with",
-        "other work: the ratios are the result, the seconds (processor time) only their make-up.",
-        f"Records of the ARMAX(7,6,7,3) truth, {SAMPLES} samples, quadratic objective; whole",
-        f"searches are means over {len(RECORDS)} records, of medians of {ROUNDS} runs.",
-        "",
-        "| evopem | compared with | ratio |",
-        "|---|---|---|",
-        *passes,
-        *searches,
-        "",
-        "## Time and memory against length and order",
-        "",
-        "Whole estimates with the built-in settings, everything counted. The memory is the most",
-        "that their arrays take at a time, beside the record; up to 70 MB of it do not grow.",
-        "",
-        "| samples | n | µs an evaluation | ns a sample and evaluation | bytes a sample |",
-        "|---|---|---|---|---|",
-        *scaling(),
-    ]
-    keep_history([*passes, *searches])
-    target = ROOT / "docs" / "evidence" / "speed.md"
-    target.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    print("\n".join(lines[12:]))
+        compared = [*one_pass(), *whole_searches(), *order_searches(), *start_up()]
+        print("\n".join(compared), flush=True)
+    keep_history(compared)
+    write_section(
+        "speed",
+        "Against alternatives",
+        f"ARMAX(7,6,7,3), {SAMPLES} samples, quadratic objective; searches are means over "
+        f"{len(RECORDS)} records of medians of {ROUNDS} runs. Ratios are the result: seconds "
+        "(processor time)\nvary with the machine.",
+        "make bench",
+        ("evopem", "compared with", "ratio"),
+        [row.strip("| ").split(" | ") for row in compared],
+    )
+    columns = scaling()
+    write_section(
+        "speed",
+        "Length and order",
+        "Whole estimates by samples and parameters: ns a sample and evaluation, and bytes a sample "
+        "that their arrays take at most beside the record.",
+        "make bench",
+        ("samples", *(column[0] for column in columns)),
+        [
+            [name, *(column[place] for column in columns)]
+            for place, name in enumerate(("parameters", "ns", "bytes"), 1)
+        ],
+    )
 
 
 if __name__ == "__main__":
