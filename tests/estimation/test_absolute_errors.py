@@ -7,9 +7,8 @@ from least_absolute import descended, loss
 from evopem import SearchSettings, estimate
 from evopem.estimation.pem.polynomial_objective import PolynomialErrors
 from evopem.estimation.state_space.absolute import AbsoluteStateSpaceErrors
-from evopem.estimation.state_space.errors import StateSpaceErrors
+from evopem.estimation.state_space.errors import StateSpaceErrors, scaled_recording
 from evopem.estimation.state_space.estimate import estimate_state_space
-from evopem.estimation.state_space.scaled_recording import scaled_recording
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.recording import Recording, concatenated
 

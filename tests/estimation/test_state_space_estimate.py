@@ -11,20 +11,20 @@ from scipy.signal import lfilter
 
 from evopem.config.settings import SearchSettings
 from evopem.estimation.delays import estimate_delays
-from evopem.estimation.state_space.errors import StateSpaceErrors
+from evopem.estimation.state_space.errors import StateSpaceErrors, scaled_recording
 from evopem.estimation.state_space.estimate import estimate_state_space, estimates_of_orders
 from evopem.estimation.state_space.held_out import (
     errors_simulated_on,
     simulation_errors,
     two_fold_simulation_errors,
 )
-from evopem.estimation.state_space.kernels import section_responses
 from evopem.estimation.state_space.local_estimates import descend_from, described
 from evopem.estimation.state_space.point_model import PointModel, model_of, parameter_covariance
 from evopem.estimation.state_space.problem import descend, descended
-from evopem.estimation.state_space.scaled_recording import scaled_recording
 from evopem.estimation.state_space.search import Rung, converted, reductions, searched
+from evopem.estimation.state_space.section_signals import SectionSignals
 from evopem.estimation.state_space.sections import (
+    Layout,
     inside,
     largest_radius,
     moved,
@@ -323,13 +323,9 @@ def test_descents_of_long_records_race_to_the_same_optimum(monkeypatch):
 
 
 def test_decayed_responses_leave_no_subnormal_numbers():
-    responses = section_responses(
-        *(np.array([value]) for value in (0.5, 0.3, -0.3)),
-        np.array([0]),
-        np.ones((1, 1)),
-        np.zeros((3000, 1)),
-        np.array([0, 3000]),
-    )
+    layout = Layout(2, 1)
+    signals = SectionSignals(layout, np.empty((3000, 0)), np.array([0, 3000]))
+    responses = signals.responses(sections_of(layout, np.array([0.5, -0.09, 1.0, 0.0])))
     assert not responses[2000:].any()
     assert np.abs(responses[responses != 0.0]).min() > np.finfo(float).tiny
 

@@ -14,16 +14,18 @@ those signals, whose size does not depend on the number of outputs, gives the no
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import qr
+from scipy.linalg import block_diag, qr
 from scipy.linalg.blas import dgemm
 
 from evopem.config.settings import OutputWeighting
-from evopem.estimation.state_space.scaled_recording import ScaledRecording
+from evopem.estimation.state_space.section_signals import SectionSignals, StateDerivatives
 from evopem.estimation.state_space.sections import (
     Layout,
     Sections,
@@ -35,8 +37,8 @@ from evopem.estimation.state_space.sections import (
     sections_of,
     state_matrix,
 )
-from evopem.estimation.state_space.state_derivatives import SectionSignals, StateDerivatives
 from evopem.models.state_space import PlainStructure
+from evopem.signals.recording import Recording
 
 Array = NDArray[np.float64]
 
@@ -51,31 +53,146 @@ EDGE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Projection:
-    """Errors of a point with the best output matrices.
+class ScaledRecording:
+    """Scaled signals of a recording with m inputs and l outputs, in segments.
 
-    Attributes
-    ----------
-    sections : Sections
-    states : (N, n) array
-    regressors : (N, q) array
-        States, inputs with feedthrough, a constant for each level, and the drift.
-    basis : (N, rank) array
-        Orthonormal basis of the regressors.
-    linear : (q, ny) array
-        Least-squares coefficients: C, D, constants and drift, transposed.
-    errors : (N, ny) array
-    covariance : (ny, ny) array
-        ``errors' errors / N``.
+    Each segment has an initial state of its own.
     """
 
+    recording: Recording  # that they are made from, for its rate and names
+    delays: tuple[int, ...]  # nk of each input: with 0 it has a column of D
+    inputs: Array  # (N, m), shifted by their delays, over input_scales
+    outputs: Array  # (N, l), (y - output_offsets) / output_scales: of unit mean square
+    bounds: NDArray[np.int64]  # (segments + 1,): first sample of each segment, and N
+    level_of: NDArray[np.intp]  # (segments,): level of each segment, one for each recording
+    input_scales: Array
+    output_scales: Array
+    output_offsets: Array
+    drift: Array  # (N, k): slow changes of the outputs that the model does not explain
+
+    @property
+    def segments(self) -> int:
+        """Number of segments."""
+        return len(self.bounds) - 1
+
+    @property
+    def samples(self) -> int:
+        """Samples N of all segments."""
+        return len(self.outputs)
+
+    @property
+    def levels(self) -> int:
+        """Number of levels: of recordings, or none."""
+        return int(self.level_of.max(initial=-1)) + 1
+
+    @cached_property
+    def level_shares(self) -> Array:
+        """Share of the samples that have each level, (levels,)."""
+        lengths = np.diff(self.bounds)[: len(self.level_of)]
+        return np.bincount(self.level_of, lengths, self.levels) / self.samples
+
+    @property
+    def constants(self) -> Array:
+        """Regressors of the levels, (N, levels)."""
+        if not self.levels:
+            return np.empty((self.samples, 0))
+        regressors: Array = np.eye(self.levels)[np.repeat(self.level_of, np.diff(self.bounds))]
+        return regressors
+
+    @property
+    def feedthrough(self) -> NDArray[np.bool_]:
+        """Whether each input acts on the output of the same sample, (m,)."""
+        return np.array([delay == 0 for delay in self.delays], dtype=bool)
+
+    @property
+    def shifts(self) -> tuple[int, ...]:
+        """Samples by which each input is shifted."""
+        return tuple(max(delay - 1, 0) for delay in self.delays)
+
+
+def scaled_recording(
+    recording: Recording,
+    delays: int | Sequence[int] = 1,
+    level: bool = True,
+    drift_period: float | None = None,
+) -> ScaledRecording:
+    """Shift and scale the signals of a recording.
+
+    Inputs with nk > 1 are not known at the first samples of a segment, which are left out.
+    ``level``: whether each recording has one; ``drift_period``: shortest one of the drift, samples.
+
+    Raises
+    ------
+    ValueError
+        When the delays do not fit the recording, or its signals cannot be used.
+    """
+    count = recording.inputs.shape[1]
+    nk = (delays,) * count if isinstance(delays, int) else tuple(delays)
+    if len(nk) != count or any(delay < 0 for delay in nk):
+        raise ValueError(f"{count} inputs need {count} delays of at least 0, not {nk}")
+    segments = recording.segments
+    shortest = min(each.samples for each in segments)
+    if shortest <= max(nk, default=0) + 10:
+        raise ValueError(f"a segment of {shortest} samples is too short")
+    for name, values in recording.signals.items():
+        if not np.isfinite(values).all():
+            raise ValueError(f"{name} must be finite")
+    if not recording.outputs.any(axis=0).all():
+        raise ValueError("an output is zero throughout")
+    shifts = [max(delay - 1, 0) for delay in nk]
+    lost = max(shifts, default=0)
+    u = np.concatenate([_shifted(each.inputs, shifts, lost) for each in segments])
+    y = np.concatenate([each.outputs[lost:] for each in segments])
+    offsets = y.mean(axis=0) if level else np.zeros(y.shape[1])
+    y_scale, u_scale = _sizes(y - offsets), _sizes(u)
+    lengths = [each.samples - lost for each in segments]
+    numbers = np.unique(recording.segment_recordings, return_inverse=True)[1]
+    return ScaledRecording(
+        recording=recording,
+        delays=nk,
+        inputs=np.ascontiguousarray(u / u_scale),
+        outputs=np.ascontiguousarray((y - offsets) / y_scale),
+        bounds=np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64),
+        level_of=numbers if level else np.empty(0, dtype=np.intp),
+        input_scales=u_scale,
+        output_scales=y_scale,
+        output_offsets=offsets,
+        drift=block_diag(*(_slow_cosines(samples, drift_period) for samples in lengths)),
+    )
+
+
+def _shifted(inputs: Array, shifts: Sequence[int], lost: int) -> Array:
+    """Inputs of a segment less the first samples of it, each shifted, (N - lost, m)."""
+    stop = len(inputs)
+    columns = [inputs[lost - shift : stop - shift, k] for k, shift in enumerate(shifts)]
+    return np.column_stack(columns) if columns else np.empty((stop - lost, 0))
+
+
+def _sizes(signals: Array) -> Array:
+    """Root mean squares of signals, 1 for one of zeros."""
+    sizes = np.sqrt(np.mean(signals**2, axis=0))
+    return np.where(sizes > 0.0, sizes, 1.0)
+
+
+def _slow_cosines(samples: int, shortest: float | None) -> Array:
+    """Cosines over a segment of periods down to the shortest, (samples, k); without a mean."""
+    count = 0 if shortest is None else round(2 * samples / shortest)
+    phase = np.pi * (np.arange(samples) + 0.5) / samples
+    return np.cos(phase[:, None] * np.arange(1, count + 1))
+
+
+@dataclass(frozen=True, eq=False)
+class Projection:
+    """Errors of a point with the best output matrices."""
+
+    point: Array
     sections: Sections
-    states: Array
-    regressors: Array
-    basis: Array
-    linear: Array
-    errors: Array
-    covariance: Array
+    states: Array  # (N, n)
+    regressors: Array  # (N, q): states, inputs with feedthrough, constants of levels, and drift
+    basis: Array  # (N, rank): orthonormal, of the regressors
+    linear: Array  # (q, ny): least-squares C, D, constants and drift, transposed
+    errors: Array  # (N, ny)
+    covariance: Array  # (ny, ny): errors' errors / N
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,16 +210,7 @@ class StateSpaceErrors:
     (``determinant``: maximum likelihood for white errors), the sum of the logarithms of their
     variances (``noise``: each output weighed by its own noise, iterated to agreement), or the sum
     of the variances relative to the power of the outputs (``power``).
-
-    Parameters
-    ----------
-    data : ScaledRecording
-    order : int
-        Number of states.
-    structure : {"ss", "ss_oe"}
-    weighting : {"determinant", "noise", "power"}
-    radius : float
-        Largest allowed radius of the eigenvalues of A and of ``A - K C``.
+    ``radius`` is the largest one allowed of the eigenvalues of A and of ``A - K C``.
     """
 
     def __init__(
@@ -155,16 +263,19 @@ class StateSpaceErrors:
 
     def of_order(self, order: int) -> StateSpaceErrors:
         """The same problem for another order."""
-        return StateSpaceErrors(self.data, order, self.structure, self.weighting, self.radius)
+        return self._changed(order=order)
 
     def with_outputs(self, outputs: Array) -> StateSpaceErrors:
         """The same problem for other scaled outputs, (N, ny)."""
-        data = replace(self.data, outputs=outputs)
-        return StateSpaceErrors(data, self.order, self.structure, self.weighting, self.radius)
+        return self._changed(data=replace(self.data, outputs=outputs))
 
     def of_structure(self, structure: PlainStructure) -> StateSpaceErrors:
         """The same problem for another form."""
-        return StateSpaceErrors(self.data, self.order, structure, self.weighting, self.radius)
+        return self._changed(structure=structure)
+
+    def _changed(self, **changes: Any) -> StateSpaceErrors:
+        names = ("data", "order", "structure", "weighting", "radius")
+        return StateSpaceErrors(**{name: getattr(self, name) for name in names} | changes)
 
     def projection(self, point: Array) -> Projection:
         """Errors with the best C, D and constants."""
@@ -180,15 +291,8 @@ class StateSpaceErrors:
         along = basis.T @ y
         linear = (right[kept].T / singular[kept]) @ along / sizes[:, None]
         errors = y - basis @ along
-        return Projection(
-            sections,
-            states,
-            regressors,
-            basis,
-            linear,
-            errors,
-            errors.T @ errors / len(y),
-        )
+        covariance = errors.T @ errors / len(y)
+        return Projection(point, sections, states, regressors, basis, linear, errors, covariance)
 
     def with_linear(self, point: Array, linear: Array) -> Projection:
         """Errors with given C, D and constants, (q, ny) as those of a projection; no basis."""
@@ -196,7 +300,7 @@ class StateSpaceErrors:
         errors = self.data.outputs - regressors @ linear
         basis = np.empty((len(errors), 0))
         covariance = errors.T @ errors / len(errors)
-        return Projection(sections, states, regressors, basis, linear, errors, covariance)
+        return Projection(point, sections, states, regressors, basis, linear, errors, covariance)
 
     def _regression(self, point: Array) -> tuple[Sections, Array, Array]:
         """Sections of a point, the states, and all regressors."""

@@ -1,7 +1,6 @@
-"""Compiled recursions of sections ``p+ = sigma p + back r + z, r+ = coupling p + sigma r``.
+"""Compiled recursions of state-space models, without arrays in between.
 
-z is the signal that drives a section.  Each recursion writes what is needed of p and r, without
-arrays in between: those of a long recording do not fit into a processor's cache.
+Those of a long recording do not fit into a processor's cache.
 """
 
 from __future__ import annotations
@@ -42,52 +41,11 @@ def _advance(p, r, sigma, coupling, back, z):
 
 
 @cached_njit
-def section_responses(sigma, coupling, back, driven_by, pulses, signals, bounds):
-    """Responses of sections to signals.
-
-    Parameters
-    ----------
-    sigma, coupling, back : (S,) arrays
-        One entry for each section and signal that drives it.
-    driven_by : (S,) integer array
-        Column of ``signals`` that is z.
-    pulses : (segments, S) array
-        p at the first sample of each segment; r is zero there.
-    signals : (N, Z) array
-    bounds : (segments + 1,) integer array
-        First sample of each segment, and N.
-
-    Returns
-    -------
-    (N, 2 S) array
-        p in the first S columns, r in the others.
-    """
-    out = np.empty((len(signals), 2 * len(sigma)))
-    for segment in range(len(bounds) - 1):
-        first, stop = bounds[segment], bounds[segment + 1]
-        _respond(out, first, stop, sigma, coupling, back, driven_by, pulses[segment], signals)
-    return out
-
-
-@cached_njit
 def section_states(sigma, coupling, back, ratio, pulses, drives, bounds, order):
-    """States of sections that signals drive at their first and at their second state.
+    """States, (N, order), of S sections that are driven at their first and second state.
 
-    Parameters
-    ----------
-    sigma, coupling, back, ratio : (S,) arrays
-        Of the pairs of poles, then of the single one of an odd order.
-    pulses : (segments, 2 S) array
-        What drives the first states, then the second ones, before the first sample of each segment.
-    drives : (N, 2 S) array
-        What drives them at each sample.
-    bounds : (segments + 1,) integer array
-    order : int
-
-    Returns
-    -------
-    (N, order) array
-        Both states of each pair, one after the other, then that of the single pole.
+    ``pulses``, (segments, 2 S), drive the first states, then the second ones, before the first
+    sample of each segment, ``drives``, (N, 2 S), at each sample.
     """
     count, pairs = len(sigma), order // 2
     out = np.empty((len(drives), order))
@@ -111,22 +69,14 @@ def section_states(sigma, coupling, back, ratio, pulses, drives, bounds, order):
 def derivative_signals(
     sigma, coupling, back, driven_by, pulses, signals, of_state, ratio, states, bounds
 ):
-    """The signals of which derivatives of the states of sections consist.
+    """The signals of which derivatives of the n states of sections consist.
 
-    Parameters
-    ----------
-    sigma, coupling, back, driven_by, pulses, signals, bounds
-        As of :func:`section_responses`.
-    of_state : (n,) integer array
-        Entry of the first three of the section of each state.
-    ratio : (S,) array
-    states : (N, n) array
+    The first three, (S,), hold an entry for each section and signal that drives it, the column
+    ``driven_by`` of ``signals``; ``pulses``, (segments, S), are p at the first sample of each
+    segment.  ``of_state``, (n,), is the entry of the section of each of the ``states``, (N, n).
 
-    Returns
-    -------
-    (N, 2 S + 4 (n // 2) + n % 2) array
-        The responses of the sections, the derivatives of both states of each pair by sigma and by
-        delta, then that of the single pole's state.
+    (N, 2 S + 4 (n // 2) + n % 2): the responses p, then r, of the sections; the derivatives of both
+    states of each pair by sigma and by delta; that of the single pole's state.
     """
     order = len(of_state)
     pairs, extra = order // 2, 2 * len(sigma)
@@ -154,20 +104,11 @@ def derivative_signals(
 
 @cached_njit
 def entry_derivatives(A, B, K, C, D, R, initial, kinds, rows, columns, u, y, regressors, bounds):
-    """One-step errors of ``x+ = A x + B u + K e, y = C x + D u + R r + e`` and their derivatives.
+    """One-step errors, (N, l), of ``x+ = A x + B u + K e, y = C x + D u + R r + e``.
 
-    Parameters
-    ----------
-    A, B, K, C, D, R : arrays
-    initial : (n, segments) array
-    kinds, rows, columns : (p,) integer arrays
-        Entries: of A (0), B (1), K (2), the initial states (3), C (4), D (5), R (6).
-    u, y, regressors : (N, m), (N, l) and (N, q) arrays
-    bounds : (segments + 1,) integer array
-
-    Returns
-    -------
-    (N, l) and (N, l, p) arrays
+    And their derivatives, (N, l, p), by the entries ``rows``, ``columns`` of A (kind 0), B (1),
+    K (2), the initial states, (n, segments), (3), C (4), D (5) and R (6).  The regressors r are
+    (N, q), ``bounds`` the first samples of the segments, and N.
     """
     n, outputs, count = len(A), len(C), len(kinds)
     errors = np.empty(y.shape)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -11,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.signal import oaconvolve
 
 from evopem.estimation.state_space.errors import Projection, StateSpaceErrors
-from evopem.estimation.state_space.sections import state_matrix
+from evopem.estimation.state_space.sections import input_matrix, sections_of, state_matrix
 from evopem.estimation.vector_autoregression import coloured_autocovariances
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.state_space import StateSpaceModel
@@ -22,6 +20,8 @@ Array = NDArray[np.float64]
 # Condition of the states' responses at the outputs, scaled to one, above which another basis of the
 # states is taken, and doublings of the number of samples that they are seen over.
 ILL_CONDITIONED, DOUBLINGS = 1e4, 20
+# Of derivatives: far below any rounding, because nothing is subtracted.
+COMPLEX_STEP = 1e-30
 
 
 def model_of(errors: StateSpaceErrors, projection: Projection) -> StateSpaceModel:
@@ -37,52 +37,24 @@ def degrees_of_freedom(errors: StateSpaceErrors) -> float:
 
 
 class PointModel:
-    """Matrices of the model of a point for scaled signals.
-
-    The states are those of the sections times ``basis``.
-
-    Parameters
-    ----------
-    errors : StateSpaceErrors
-    projection : Projection
-        Of the point.
-    """
+    """Matrices of the model of a point; the states are those of the sections times a basis."""
 
     def __init__(self, errors: StateSpaceErrors, projection: Projection) -> None:
         self._errors, self._projection = errors, projection
-        data, n = errors.data, errors.order
-        m, outputs = data.inputs.shape[1], data.outputs.shape[1]
-        direct = int(data.feedthrough.sum())
-        linear = projection.linear
-        sections, C = state_matrix(projection.sections, errors.layout), linear[:n].T
-        self._basis = _basis_of(sections, C)
+        sections = state_matrix(projection.sections, errors.layout)
+        self._basis = _basis_of(sections, projection.linear[: errors.order].T)
         self._inverse = np.linalg.inv(self._basis)
-        self._drives = self._basis @ errors.drive_matrix(projection)
-        self._predictor = self._basis @ sections @ self._inverse
-        self._K, self._C = self._basis @ errors.gain(projection), C @ self._inverse
-        self._D = np.zeros((outputs, m))
-        self._D[:, data.feedthrough] = linear[n : n + direct].T
-        self._constants = linear[n + direct : n + direct + data.levels]
-        self._resolvent = np.linalg.inv(np.eye(n) - self._predictor)
-        self._closed = np.eye(outputs) - self._C @ self._resolvent @ self._K
-        self._level = self._level_of(data.level_shares @ self._constants)
+        self._matrices = self._scaled(projection.point, projection.linear)
 
     def model(self) -> StateSpaceModel:
         """The model in the units of the recording, without covariance."""
         data = self._errors.data
-        u, y = data.input_scales, data.output_scales
+        y = data.output_scales
         degrees = degrees_of_freedom(self._errors)
         noise = self._projection.covariance * np.outer(y, y) * data.samples / degrees
-        inputs = self._drives[:, : data.inputs.shape[1]]
+        A, B, C, D, K, level = self._entries(*self._matrices)
         return StateSpaceModel(
-            A=self._predictor + self._K @ self._C,
-            B=(inputs + self._K @ self._D) / u,
-            C=self._C * y[:, None],
-            D=self._D * y[:, None] / u,
-            K=self._K / y,
-            level=data.output_offsets + y * self._level,
-            sampling_rate=data.recording.sampling_rate,
-            noise_covariance=0.5 * (noise + noise.T),
+            *(A, B, C, D, K, data.recording.sampling_rate, level, 0.5 * (noise + noise.T)),
             input_delays=data.shifts if any(data.shifts) else (),
             structure=self._errors.structure,
             input_names=data.recording.input_names,
@@ -94,7 +66,8 @@ class PointModel:
         data = self._errors.data
         if not data.levels:
             return np.zeros((data.segments, data.outputs.shape[1]))
-        levels = np.array([self._level_of(constant) for constant in self._constants])
+        predictor, _, K, C, _, constants = self._matrices
+        levels = np.array([self._level(predictor, K, C, constant) for constant in constants])
         return np.asarray(data.output_offsets + data.output_scales * levels)[data.level_of]
 
     def initial_states(self) -> Array:
@@ -102,99 +75,55 @@ class PointModel:
 
         A constant of the predictor's states belongs to the level: ``y - level`` drives the model.
         """
-        data = self._errors.data
-        pulses = self._drives[:, self._errors.driving :].T
+        data, (predictor, drives, K, *_) = self._errors.data, self._matrices
         offsets = (self.levels() - data.output_offsets) / data.output_scales
-        return np.asarray(pulses - offsets @ (self._resolvent @ self._K).T)
+        at_rest = np.linalg.solve(np.eye(len(predictor)) - predictor, K)
+        return np.asarray(drives[:, self._errors.driving :].T - offsets @ at_rest.T)
 
     def jacobian(self) -> Array:
         """Derivatives of ``[A, B, C, D, K, level]`` by coordinates and linear coefficients.
 
-        Linear coefficients stand output by output.
+        Linear coefficients stand output by output.  By complex steps, s of each section held.
         """
-        changes = [*self._of_coordinates(), *self._of_coefficients()]
-        return np.array([self._changed(each) for each in changes]).T
+        point, linear = self._projection.point, self._projection.linear
+        columns = []
+        for k in range(point.size + linear.size):
+            moved = np.concatenate([point, linear.T.ravel()]).astype(complex)
+            moved[k] += 1j * COMPLEX_STEP
+            coefficients = moved[point.size :].reshape(linear.shape[::-1]).T
+            entries = self._entries(*self._scaled(moved[: point.size], coefficients))
+            columns.append(np.concatenate([each.ravel() for each in entries]).imag / COMPLEX_STEP)
+        return np.array(columns).T
 
-    def _level_of(self, constant: Array) -> Array:
+    def _scaled(self, point: NDArray, linear: NDArray) -> tuple[NDArray, ...]:
+        """Predictor, columns of the drives, K, C, D and constants (levels, l), scaled signals."""
+        errors, data, n = self._errors, self._errors.data, self._errors.order
+        m, outputs = data.inputs.shape[1], data.outputs.shape[1]
+        sections = sections_of(errors.layout, point, self._projection.sections.coupling)
+        drives = self._basis @ input_matrix(sections, errors.layout)
+        K = drives[:, m : errors.driving] if errors.innovations else np.zeros((n, outputs))
+        D = np.zeros((outputs, m), dtype=linear.dtype)
+        ends = np.cumsum([n, data.feedthrough.sum(), data.levels])
+        D[:, data.feedthrough] = linear[n : ends[1]].T
+        predictor = self._basis @ state_matrix(sections, errors.layout) @ self._inverse
+        return predictor, drives, K, linear[:n].T @ self._inverse, D, linear[ends[1] : ends[2]]
+
+    def _entries(
+        self, predictor: NDArray, drives: NDArray, K: NDArray, C: NDArray, D: NDArray, c: NDArray
+    ) -> tuple[NDArray, ...]:
+        """A, B, C, D, K and level in the units of the recording."""
+        data = self._errors.data
+        u, y = data.input_scales, data.output_scales
+        B = drives[:, : data.inputs.shape[1]] + K @ D
+        level = data.output_offsets + y * self._level(predictor, K, C, data.level_shares @ c)
+        return predictor + K @ C, B / u, C * y[:, None], D * y[:, None] / u, K / y, level
+
+    def _level(self, predictor: NDArray, K: NDArray, C: NDArray, constant: NDArray) -> NDArray:
         """Mean of scaled outputs at rest from the constant of the predictor."""
         if not self._errors.innovations:
             return constant
-        return np.asarray(np.linalg.lstsq(self._closed, constant, rcond=None)[0])
-
-    def _changed(self, change: _Change) -> Array:
-        """Changes of all entries, one matrix after the other."""
-        data, K, C, D = self._errors.data, self._K, self._C, self._D
-        u, y, resolvent = data.input_scales, data.output_scales, self._resolvent
-        dP, dC = self._basis @ change.predictor @ self._inverse, change.outputs @ self._inverse
-        dB, dK = self._basis @ change.inputs, self._basis @ change.gain
-        dD = change.feedthrough
-        dA = dP + dK @ C + K @ dC
-        dBu = dB + dK @ D + K @ dD
-        dfeedback = dC @ resolvent @ K + C @ resolvent @ (dK + dP @ resolvent @ K)
-        dconstant = change.constant + dfeedback @ self._level
-        dlevel = np.linalg.lstsq(self._closed, dconstant, rcond=None)[0]
-        parts = (dA, dBu / u, dC * y[:, None], dD * y[:, None] / u, dK / y, y * dlevel)
-        return np.concatenate([part.ravel() for part in parts])
-
-    def _of_coordinates(self) -> Iterator[_Change]:
-        """Changes by the coordinates: poles of the predictor, inputs and gain of its sections."""
-        errors = self._errors
-        layout, m = errors.layout, errors.data.inputs.shape[1]
-        for at in range(layout.dimension):
-            change = _Change.none(errors)
-            section, place = divmod(at, layout.pair_length)
-            single = section >= layout.pairs
-            if single:
-                section, place = layout.pairs, at - layout.pairs * layout.pair_length
-            first = 2 * section
-            if place == 0:
-                change.predictor[first, first] = 1.0
-                if not single:
-                    change.predictor[first + 1, first + 1] = 1.0
-            elif place == 1 and not single:
-                coupling = self._projection.sections.coupling[section]
-                change.predictor[first + 1, first] = 1.0 / coupling
-            else:
-                row, drive = divmod(place - (1 if single else 2), layout.drives)
-                if drive < m:
-                    change.inputs[first + row, drive] = 1.0
-                elif drive < errors.driving:
-                    change.gain[first + row, drive - m] = 1.0
-            yield change
-
-    def _of_coefficients(self) -> Iterator[_Change]:
-        """Changes by the linear coefficients: C, D and constants; drift changes no entry."""
-        data, n = self._errors.data, self._errors.order
-        direct = np.flatnonzero(data.feedthrough)
-        for output in range(data.outputs.shape[1]):
-            for place in range(self._projection.regressors.shape[1]):
-                change = _Change.none(self._errors)
-                if place < n:
-                    change.outputs[output, place] = 1.0
-                elif place < n + len(direct):
-                    change.feedthrough[output, direct[place - n]] = 1.0
-                elif place < n + len(direct) + data.levels:
-                    change.constant[output] = data.level_shares[place - n - len(direct)]
-                yield change
-
-
-@dataclass(frozen=True, eq=False)
-class _Change:
-    """Changes of what a point holds: in the states of the sections, and for scaled signals."""
-
-    predictor: Array
-    inputs: Array
-    gain: Array
-    outputs: Array
-    feedthrough: Array
-    constant: Array
-
-    @classmethod
-    def none(cls, errors: StateSpaceErrors) -> _Change:
-        """No change yet."""
-        n, m, outputs = errors.order, errors.data.inputs.shape[1], errors.data.outputs.shape[1]
-        shapes = ((n, n), (n, m), (n, outputs), (outputs, n), (outputs, m), (outputs,))
-        return cls(*map(np.zeros, shapes))
+        at_rest = np.linalg.solve(np.eye(len(predictor)) - predictor, K)
+        return np.asarray(np.linalg.solve(np.eye(len(C)) - C @ at_rest, constant))
 
 
 def _basis_of(predictor: Array, C: Array) -> Array:
@@ -233,14 +162,8 @@ def parameter_covariance(
     innovations form the errors are white.  Those of an output-error form need not be: S then
     takes their autocovariances, independent of the inputs (Ljung 1999, eq. 9.42).  The free
     choice of the states, n directions of H, is left out.
-
-    Parameters
-    ----------
-    errors : StateSpaceErrors
-    projection : Projection
-        Its errors are those of the gradient: of another objective than squares its scores.
-    weights : (ny, ny) array
-        Of the outputs.
+    The errors of ``projection`` are those of the gradient: of another objective than squares its
+    scores; ``weights``, (ny, ny), are those of the outputs.
     """
     hessian = _information(errors, projection, weights)
     score = _score_covariance(errors, projection, weights)
@@ -248,15 +171,9 @@ def parameter_covariance(
 
 
 def sandwich(hessian: Array, score: Array, mapping: Array, redundant: int) -> ParameterCovariance:
-    """``M H^-1 S H^-1 M'`` in factored form.
+    """``M H^-1 S H^-1 M'`` in factored form, of (n, n) H and S and (entries, n) M.
 
-    Parameters
-    ----------
-    hessian, score : (n, n) arrays
-    mapping : (entries, n) array
-        M.
-    redundant : int
-        Directions of H that change no model.
+    ``redundant`` directions of H change no model.
     """
     scale = np.sqrt(np.diag(hessian))
     unseen = scale == 0.0

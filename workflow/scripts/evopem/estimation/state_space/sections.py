@@ -33,14 +33,8 @@ class Layout:
     """Where the coordinates of a model of some order stand in a point.
 
     A point holds ``[sigma, delta, b1 (drives), b2 (drives)]`` for each pair, then
-    ``[sigma, b (drives)]`` of the real pole of an odd order.
-
-    Attributes
-    ----------
-    order : int
-    drives : int
-        Signals that drive the states: inputs, for innovations form outputs, and a pulse for the
-        initial state of each segment.
+    ``[sigma, b (drives)]`` of the real pole of an odd order.  Drives are inputs, for innovations
+    form outputs, and a pulse for the initial state of each segment.
     """
 
     order: int
@@ -82,24 +76,13 @@ class Layout:
 
 @dataclass(frozen=True, eq=False)
 class Sections:
-    """The sections of a point as arrays; the single pole is one without coupling.
-
-    Attributes
-    ----------
-    sigma, coupling, back : (sections,) arrays
-        State matrix ``[[sigma, back], [coupling, sigma]]`` of (p, r) as the kernel has them:
-        ``coupling = s`` and ``back = delta / s``.
-    ratio : (sections,) array
-        ``delta / s**2``, between -1 and 1.
-    b1, b2 : (sections, drives) arrays
-        Input matrix of each section.
-    """
+    """The sections of a point as arrays, (sections,); the single pole is one without coupling."""
 
     sigma: Array
-    coupling: Array
-    back: Array
-    ratio: Array
-    b1: Array
+    coupling: Array  # s
+    back: Array  # delta / s
+    ratio: Array  # delta / s**2, between -1 and 1
+    b1: Array  # (sections, drives): input matrix of the first states
     b2: Array
 
 
@@ -108,11 +91,11 @@ def scale_of(delta: Array) -> Array:
     return np.sqrt(np.maximum(np.abs(delta), SMALLEST_DELTA))
 
 
-def sections_of(layout: Layout, point: Array) -> Sections:
-    """Read the sections of a point."""
+def sections_of(layout: Layout, point: Array, coupling: Array | None = None) -> Sections:
+    """Read the sections of a point; their s may be given."""
     pairs, drives = layout.pair_rows(point), layout.drives
     sigma, delta = pairs[:, 0], pairs[:, 1]
-    coupling = scale_of(delta)
+    coupling = scale_of(delta) if coupling is None else coupling[: layout.pairs]
     b1, b2 = pairs[:, 2 : 2 + drives], pairs[:, 2 + drives :]
     back = delta / coupling
     ratio = back / coupling
@@ -197,7 +180,7 @@ def inside(layout: Layout, point: Array, radius: float) -> Array:
 
 def state_matrix(sections: Sections, layout: Layout) -> Array:
     """Block-diagonal state matrix of a point, (n, n)."""
-    A = np.zeros((layout.order, layout.order))
+    A = np.zeros((layout.order, layout.order), dtype=sections.sigma.dtype)
     for m in range(layout.pairs):
         i = 2 * m
         A[i, i] = A[i + 1, i + 1] = sections.sigma[m]
@@ -210,7 +193,7 @@ def state_matrix(sections: Sections, layout: Layout) -> Array:
 
 def input_matrix(sections: Sections, layout: Layout) -> Array:
     """Columns by which the drives enter the states, (n, drives)."""
-    B = np.zeros((layout.order, layout.drives))
+    B = np.zeros((layout.order, layout.drives), dtype=sections.b1.dtype)
     B[0 : 2 * layout.pairs : 2] = sections.b1[: layout.pairs]
     B[1 : 2 * layout.pairs : 2] = sections.b2[: layout.pairs]
     if layout.single:
@@ -235,14 +218,7 @@ def separated(poles: Complex) -> Complex:
 
 
 def poles_only(layout: Layout, poles: Complex) -> Array:
-    """A point with some poles and no inputs.
-
-    Parameters
-    ----------
-    layout : Layout
-    poles : (order,) array
-        Complex ones in conjugate pairs.
-    """
+    """A point with some poles, (order,), complex ones in conjugate pairs, and no inputs."""
     upper, real = grouped_poles(separated(poles))
     point = np.zeros(layout.dimension)
     if layout.single:

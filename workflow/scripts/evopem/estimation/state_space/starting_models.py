@@ -16,8 +16,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.estimation.state_space.errors import StateSpaceErrors
-from evopem.estimation.state_space.scaled_recording import ScaledRecording
+from evopem.estimation.state_space.errors import ScaledRecording, StateSpaceErrors
 from evopem.estimation.state_space.starting_points import from_matrices, from_poles
 
 Array = NDArray[np.float64]

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from typing import get_args
 
 from evopem.config.settings import OBJECTIVES, OutputWeighting, SearchSettings
-from evopem.estimation.state_space.errors import StateSpaceErrors
-from evopem.estimation.state_space.scaled_recording import scaled_recording
+from evopem.estimation.state_space.errors import StateSpaceErrors, scaled_recording
 from evopem.models.state_space import PlainStructure, StateSpaceStructure
 from evopem.signals.recording import Recording
 
